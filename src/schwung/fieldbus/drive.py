@@ -1,0 +1,231 @@
+"""A drive that can be commanded and sampled: the protocol every driver fulfils, in SI units.
+
+The border runs here: on this side rad, rad/s, N·m and seconds; on the other side counts, registers and frames.
+Who moves a machine (commissioning) sees nothing but this file.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+from typing import Any, Literal, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from schwung.motion import Array
+
+OperatingMode = Literal["csp", "pp"]
+RawValue = int | float | str | bytes
+
+
+@dataclass(frozen=True)
+class DriveIdentity:
+    """Who answers: object 1018 and 1008 on CANopen."""
+
+    node_id: int
+    vendor_id: int
+    product_code: int
+    revision: int
+    serial: int
+    name: str = ""
+
+
+@dataclass(frozen=True)
+class DriveLimits:
+    """What the drive enforces by itself; None where it cannot say. SI, motor side."""
+
+    position_min_rad: float | None  # 607D:01
+    position_max_rad: float | None  # 607D:02
+    speed_max_rad_s: float | None  # 6080
+    torque_max_nm: float | None  # 6072
+    rated_torque_nm: float | None  # 6076
+    following_error_rad: float | None  # 6065
+    following_error_time_s: float | None  # 6066
+
+
+@dataclass(frozen=True)
+class Resolution:
+    """SI value of one count of each quantity that is exchanged cyclically."""
+
+    position_rad: float
+    speed_rad_s: float
+    torque_nm: float
+    torque_added_nm: float
+
+
+@dataclass(frozen=True)
+class DriveState:
+    """A look at the drive, without changing it."""
+
+    nmt: str  # "PRE-OPERATIONAL", "OPERATIONAL", …
+    cia402: str  # "Switch on disabled", "Operation enabled", "Fault", …
+    position_rad: float
+    error: str = ""  # decoded error code where the drive reports one
+
+
+@dataclass(frozen=True)
+class Capability:
+    """One thing that commissioning wants of a drive, and whether profile and drive offer it."""
+
+    name: str  # "cyclic position", "torque injection", "sampling by SYNC", "table feed-forward", …
+    available: bool
+    reason: str
+
+
+@dataclass(frozen=True)
+class Parameter:
+    """One parameter of a drive: an object of the dictionary (CANopen)."""
+
+    index: int
+    subindex: int
+    type: str  # CiA 301 name: "UNSIGNED32", "INTEGER16", "REAL32", "VISIBLE_STRING", "DOMAIN"
+    name: str = ""
+
+    @property
+    def label(self) -> str:
+        """As people write it: 0x6065:00 Following error window."""
+        return f"0x{self.index:04X}:{self.subindex:02X} {self.name}".rstrip()
+
+
+@dataclass(frozen=True)
+class ParameterValue:
+    """A parameter and the raw value that it has, or that it shall get."""
+
+    parameter: Parameter
+    raw: RawValue
+
+
+@dataclass(frozen=True)
+class Acquisition:
+    """How a motion shall be commanded and sampled."""
+
+    mode: OperatingMode
+    sample_rate_hz: float
+    heartbeat_s: float = 0.1  # the drive stops by itself when we have been silent for three of these
+
+
+@dataclass(frozen=True)
+class Move:
+    """One stroke for drives that make their own profile (PP): a trapezoid."""
+
+    at_index: int
+    target_rad: float
+    peak_speed_rad_s: float
+    acceleration_rad_s2: float
+
+
+@dataclass(frozen=True, eq=False)
+class Setpoints:
+    """What to play, one value per SYNC: absolute position demand and injected torque, (n,)."""
+
+    sample_rate_hz: float
+    position_rad: Array
+    torque_added_nm: Array
+    moves: tuple[Move, ...] = ()
+
+
+@dataclass(frozen=True)
+class SyncTiming:
+    """How evenly SYNC came, measured on receive times against the ideal grid."""
+
+    producer: str  # "kernel", "thread", "lockstep"
+    period_s: float
+    rms_s: float
+    p99_s: float
+    max_s: float
+
+
+@dataclass(frozen=True, eq=False)
+class Recording:
+    """What came back, one row per SYNC, (n,). Rows in `lost` hold NaN: nothing is bridged."""
+
+    sample_rate_hz: float
+    sync_count: NDArray[np.int64]
+    receive_time_s: Array
+    statusword: NDArray[np.int64]
+    position_rad: Array
+    speed_rad_s: Array
+    torque_nm: Array
+    position_demand_rad: Array
+    torque_added_nm: Array
+    lost: NDArray[np.int64]  # indices of SYNCs of which not every TPDO came
+    timing: SyncTiming
+    notes: tuple[str, ...] = field(default=())
+
+
+#: Called with the number of samples done and the number of samples in all.
+Progress = Callable[[int, int], None]
+
+
+class Drive(Protocol):
+    """One drive on its bus. Methods raise errors of the DriveError family, never a library's own.
+
+    Order of use: connect (constructor) → look (identity, limits, resolution, …) → write what `setup` asks for
+    → start → enable → play … → disable → stop → write back → close. `halt` may be called at any time, from any
+    thread, more than once, and never raises.
+    """
+
+    @property
+    def identity(self) -> DriveIdentity: ...
+
+    def state(self) -> DriveState: ...
+
+    def limits(self) -> DriveLimits: ...
+
+    def resolution(self) -> Resolution: ...
+
+    def capabilities(self) -> tuple[Capability, ...]: ...
+
+    def bus_load(self, acquisition: Acquisition) -> float:
+        """Share of the bus time taken by the cyclic frames, worst-case stuffed; 0…1 and above."""
+        ...
+
+    def parameter(self, index: int, subindex: int = 0) -> Parameter:
+        """Look up a parameter. Raises InputError when the dictionary does not have it."""
+        ...
+
+    def read(self, parameter: Parameter) -> ParameterValue: ...
+
+    def write(self, values: Sequence[ParameterValue]) -> None:
+        """Write parameters, in the order and NMT state that the standard demands (PDO objects: CiA 301 7.5.2.36)."""
+        ...
+
+    def setup(self, acquisition: Acquisition) -> list[ParameterValue]:
+        """What has to be written (and later restored) for such an acquisition: PDOs, heartbeats, mode, reactions."""
+        ...
+
+    def start(self, acquisition: Acquisition) -> None:
+        """Heartbeats on, node operational, PDO exchange ready; the power stage stays off."""
+        ...
+
+    def enable(self) -> None:
+        """Power stage on, holding the present position (CiA 402: Operation enabled)."""
+        ...
+
+    def play(self, setpoints: Setpoints, progress: Progress | None = None) -> Recording:
+        """Play setpoints and record. A lost node, fault or bus error stops the drive and raises; what was
+        recorded until then is in the exception's `recording` attribute."""
+        ...
+
+    def halt(self) -> None:
+        """Quick stop, now. Never raises."""
+        ...
+
+    def disable(self) -> None:
+        """Power stage off after standstill."""
+        ...
+
+    def stop(self) -> None:
+        """End PDO exchange and heartbeats; node pre-operational."""
+        ...
+
+    def store(self) -> None:
+        """Save parameters in the drive's memory (1010). Raises SdoError where it refuses."""
+        ...
+
+    def describe(self) -> dict[str, Any]:
+        """JSON-ready: identity, profile, units, bus, as stored with a session."""
+        ...
+
+    def close(self) -> None: ...

@@ -1,0 +1,151 @@
+"""Rest-to-rest motions: what the axis is asked to do.
+
+Every profile is a normalised stroke s(u), u = t/duration in 0…1, s in 0…1, with its first two derivatives.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+from pydantic import BaseModel, ConfigDict, Field
+
+Array = NDArray[np.float64]
+MotionKind = Literal["third", "poly5", "scurve", "cosine"]
+
+
+@dataclass(frozen=True)
+class Demand:
+    """Demanded position (rad), speed (rad/s) and acceleration (rad/s²), each (n,)."""
+
+    position_rad: Array
+    speed_rad_s: Array
+    acceleration_rad_s2: Array
+
+
+@dataclass(frozen=True)
+class _Stroke:
+    position: Array
+    speed: Array
+    acceleration: Array
+
+
+def _third(u: Array) -> _Stroke:
+    """1/3 trapezoid: accelerate, cruise and brake for one third each; peak speed 1.5, acceleration 4.5."""
+    position = np.where(
+        u < 1 / 3, 2.25 * u**2, np.where(u < 2 / 3, 0.25 + 1.5 * (u - 1 / 3), 1 - 2.25 * (1 - u) ** 2)
+    )
+    speed = np.where(u < 1 / 3, 4.5 * u, np.where(u < 2 / 3, 1.5, 4.5 * (1 - u)))
+    acceleration = np.where(u < 1 / 3, 4.5, np.where(u < 2 / 3, 0.0, -4.5))
+    return _Stroke(position, speed, acceleration)
+
+
+def _poly5(u: Array) -> _Stroke:
+    """Fifth-order polynomial with zero speed and acceleration at both ends; peak speed 1.875."""
+    return _Stroke(
+        u**3 * (10 - 15 * u + 6 * u**2), 30 * u**2 * (1 - u) ** 2, 60 * u * (1 - u) * (1 - 2 * u)
+    )
+
+
+def _scurve(u: Array) -> _Stroke:
+    """1/3 profile with sine-squared accelerations: jerk-limited; peak speed 1.5, acceleration 9."""
+    w = 6 * np.pi  # one full sine-squared bump per third
+    up, down = np.minimum(u, 1 / 3), np.maximum(u - 2 / 3, 0.0)
+
+    def bump_speed(v: Array) -> Array:
+        return 4.5 * (v - np.sin(w * v) / w)
+
+    def bump_position(v: Array) -> Array:
+        return 4.5 * (v**2 / 2 + (np.cos(w * v) - 1) / w**2)
+
+    cruise = np.clip(u - 1 / 3, 0.0, None)
+    position = bump_position(up) + 1.5 * cruise - bump_position(down)
+    speed = bump_speed(up) - bump_speed(down)
+    acceleration = 4.5 * (1 - np.cos(w * u)) * np.where(u < 1 / 3, 1.0, np.where(u < 2 / 3, 0.0, -1.0))
+    return _Stroke(position, speed, acceleration)
+
+
+def _cosine(u: Array) -> _Stroke:
+    """Half a cosine: lowest peak acceleration of the smooth ones, with steps of it at both ends."""
+    return _Stroke(
+        (1 - np.cos(np.pi * u)) / 2, np.pi / 2 * np.sin(np.pi * u), np.pi**2 / 2 * np.cos(np.pi * u)
+    )
+
+
+_STROKES: dict[str, Callable[[Array], _Stroke]] = {
+    "third": _third,
+    "poly5": _poly5,
+    "scurve": _scurve,
+    "cosine": _cosine,
+}
+
+
+class Motion(BaseModel):
+    """A rest-to-rest motion, as stored in a run's `motion` attribute.
+
+    The axis rests for `start_time_s`, moves `distance_rad` (signed) within `duration_s`, rests for `dwell_s`,
+    and, where it `returns`, moves back and rests for `dwell_s` again.
+    """
+
+    model_config = ConfigDict(frozen=True, extra="allow")
+
+    kind: MotionKind = "third"
+    distance_rad: float = Field(allow_inf_nan=False)
+    duration_s: float = Field(gt=0, allow_inf_nan=False)
+    start_time_s: float = Field(default=0.1, ge=0, allow_inf_nan=False)
+    returns: bool = True
+    dwell_s: float = Field(default=0.1, ge=0, allow_inf_nan=False)
+
+    @property
+    def stroke_starts_s(self) -> tuple[float, ...]:
+        """When each stroke starts, in the run's time (s)."""
+        first = self.start_time_s
+        return (first, first + self.duration_s + self.dwell_s) if self.returns else (first,)
+
+    @property
+    def end_s(self) -> float:
+        """When the last stroke has come to rest (s)."""
+        return self.stroke_starts_s[-1] + self.duration_s
+
+    @property
+    def total_s(self) -> float:
+        """Length of a run: the last dwell included (s)."""
+        return self.end_s + self.dwell_s
+
+    @property
+    def peak_speed_rad_s(self) -> float:
+        """Highest demanded speed, unsigned."""
+        return float(np.max(np.abs(self._fine().speed_rad_s)))
+
+    @property
+    def peak_acceleration_rad_s2(self) -> float:
+        """Highest demanded acceleration, unsigned."""
+        return float(np.max(np.abs(self._fine().acceleration_rad_s2)))
+
+    def _fine(self) -> Demand:
+        return self.demand(self.start_time_s + self.duration_s * np.linspace(0.0, 1.0, 2001))
+
+    def time(self, sample_rate_hz: float) -> Array:
+        """Sample instants of a whole run, 0 at the start trigger (s), (n,)."""
+        return np.arange(round(self.total_s * sample_rate_hz) + 1) / sample_rate_hz
+
+    def moving(self, time: Array) -> NDArray[np.bool_]:
+        """True where the demand is within a stroke, (n,)."""
+        starts = self.stroke_starts_s
+        return np.any([(time >= s) & (time <= s + self.duration_s) for s in starts], axis=0)
+
+    def demand(self, time: Array) -> Demand:
+        """Demand at the given instants (s), relative to where the axis rests at first."""
+        position, speed, acceleration = (np.zeros_like(time, dtype=float) for _ in range(3))
+        for start, sign in zip(self.stroke_starts_s, (1.0, -1.0), strict=False):
+            u = (time - start) / self.duration_s
+            stroke = _STROKES[self.kind](np.clip(u, 0.0, 1.0))
+            inside = (u >= 0) & (u < 1)
+            scale = sign * self.distance_rad
+            position += scale * stroke.position
+            speed += np.where(inside, scale * stroke.speed / self.duration_s, 0.0)
+            acceleration += np.where(inside, scale * stroke.acceleration / self.duration_s**2, 0.0)
+        return Demand(position, speed, acceleration)

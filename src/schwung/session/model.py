@@ -1,0 +1,116 @@
+"""What was recorded: one Run per motion, a Session of them. Plain values, checked when they are made."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any, Literal
+
+import numpy as np
+
+from schwung.errors import InputError
+from schwung.motion import Array, Excitation, Motion
+
+Role = Literal["reference", "excited"]
+Axis = Literal["rotary", "linear"]
+
+#: The tolerated deviation of a sample instant from the uniform grid, in samples (files.md).
+UNIFORMITY_SAMPLES = 0.01
+
+
+@dataclass(frozen=True, eq=False)
+class Run:
+    """One recorded motion; every array is (n,), float64, finite, on a uniform time base that starts at 0.
+
+    Raises InputError, naming the dataset and the sample, where that does not hold.
+    """
+
+    role: Role
+    repeat: int
+    sample_rate_hz: float
+    time_s: Array
+    position_rad: Array
+    speed_rad_s: Array
+    torque_nm: Array
+    position_demand_rad: Array | None = None
+    torque_added_nm: Array | None = None
+    motion: Motion | None = None
+    excitation: Excitation | None = None
+    name: str = ""
+    extra: Mapping[str, Any] = field(default_factory=dict)  # further attributes, kept as they are
+
+    def __post_init__(self) -> None:
+        place = self.name or "run"
+        if self.role not in ("reference", "excited"):
+            raise InputError(place, f'role is "{self.role}"', 'Use "reference" or "excited".')
+        if not (np.isfinite(self.sample_rate_hz) and self.sample_rate_hz > 0):
+            raise InputError(place, f"sample_rate_hz is {self.sample_rate_hz}", "Give a positive rate in Hz.")
+        if self.role == "excited" and self.excitation is None:
+            raise InputError(place, "an excited run without excitation", "Add its excitation attribute.")
+        for name, values in self.datasets().items():
+            if values.ndim != 1 or values.dtype != np.float64:
+                raise InputError(f"{place}/{name}", f"is {values.dtype} with {values.ndim} dimensions",
+                                 "Store float64 with one dimension.")  # fmt: skip
+            if values.size != self.time_s.size:
+                raise InputError(f"{place}/{name}", f"has {values.size} samples, time has {self.time_s.size}",
+                                 "All datasets of a run have one length.")  # fmt: skip
+            bad = np.flatnonzero(~np.isfinite(values))
+            if bad.size:
+                raise InputError(f"{place}/{name}", f"sample {bad[0]} is {values[bad[0]]}",
+                                 "Record again, or cut the run before it.")  # fmt: skip
+        self._check_time(place)
+
+    def _check_time(self, place: str) -> None:
+        time = self.time_s
+        if time.size < 2:
+            raise InputError(f"{place}/time", f"has {time.size} samples", "A run needs two at the least.")
+        step = np.diff(time)
+        if np.any(step <= 0):
+            worst = int(np.flatnonzero(step <= 0)[0])
+            raise InputError(f"{place}/time", f"does not increase at sample {worst + 1}",
+                             "Sort or cut the recording.")  # fmt: skip
+        grid = time[0] + np.arange(time.size) / self.sample_rate_hz
+        off = np.abs(time - grid) * self.sample_rate_hz
+        if np.any(off > UNIFORMITY_SAMPLES):
+            worst = int(np.flatnonzero(off > UNIFORMITY_SAMPLES)[0])
+            raise InputError(
+                f"{place}/time",
+                f"leaves the uniform {self.sample_rate_hz:g} Hz grid at sample {worst} by {off[worst]:.3g} samples",
+                "Resample it, or split the run where samples are missing.",
+            )
+
+    def datasets(self) -> dict[str, Array]:
+        """The arrays that are present, by the names that the file uses."""
+        named = {
+            "time": self.time_s,
+            "position": self.position_rad,
+            "speed": self.speed_rad_s,
+            "torque": self.torque_nm,
+            "position_demand": self.position_demand_rad,
+            "torque_added": self.torque_added_nm,
+        }
+        return {name: values for name, values in named.items() if values is not None}
+
+    def __len__(self) -> int:
+        return int(self.time_s.size)
+
+
+@dataclass(frozen=True, eq=False)
+class Session:
+    """Every run of one commissioning session, in the order in which they were recorded."""
+
+    runs: tuple[Run, ...]
+    created: str
+    source: str
+    axis: Axis = "rotary"
+    drive: Mapping[str, Any] | None = None
+
+    @property
+    def references(self) -> tuple[Run, ...]:
+        """Runs without injection."""
+        return tuple(run for run in self.runs if run.role == "reference")
+
+    @property
+    def excited(self) -> tuple[Run, ...]:
+        """Runs with the injected sine."""
+        return tuple(run for run in self.runs if run.role == "excited")
