@@ -20,9 +20,10 @@ UNIFORMITY_SAMPLES = 0.01
 
 @dataclass(frozen=True, eq=False)
 class Run:
-    """One recorded motion; every array is (n,), float64, finite, on a uniform time base that starts at 0.
+    """One recorded motion; every array is (n,), float64, finite, on a uniform time base, 0 at the trigger.
 
-    Raises InputError, naming the dataset and the sample, where that does not hold.
+    On a linear axis the same fields hold m, m/s and N. Raises InputError, naming the dataset and the sample,
+    where that does not hold.
     """
 
     role: Role
@@ -37,12 +38,16 @@ class Run:
     motion: Motion | None = None
     excitation: Excitation | None = None
     name: str = ""
-    extra: Mapping[str, Any] = field(default_factory=dict)  # further attributes, kept as they are
+    extra: Mapping[str, Any] = field(
+        default_factory=dict
+    )  # further attributes and datasets, kept as they are
 
     def __post_init__(self) -> None:
         place = self.name or "run"
         if self.role not in ("reference", "excited"):
             raise InputError(place, f'role is "{self.role}"', 'Use "reference" or "excited".')
+        if self.repeat < 0:
+            raise InputError(place, f"repeat is {self.repeat}", "Count repetitions from 0.")
         if not (np.isfinite(self.sample_rate_hz) and self.sample_rate_hz > 0):
             raise InputError(place, f"sample_rate_hz is {self.sample_rate_hz}", "Give a positive rate in Hz.")
         if self.role == "excited" and self.excitation is None:
@@ -75,24 +80,50 @@ class Run:
             worst = int(np.flatnonzero(off > UNIFORMITY_SAMPLES)[0])
             raise InputError(
                 f"{place}/time",
-                f"leaves the uniform {self.sample_rate_hz:g} Hz grid at sample {worst} by {off[worst]:.3g} samples",
+                f"is {off[worst]:.3g} samples off the {self.sample_rate_hz:g} Hz grid at sample {worst}",
                 "Resample it, or split the run where samples are missing.",
             )
 
     def datasets(self) -> dict[str, Array]:
         """The arrays that are present, by the names that the file uses."""
-        named = {
-            "time": self.time_s,
-            "position": self.position_rad,
-            "speed": self.speed_rad_s,
-            "torque": self.torque_nm,
-            "position_demand": self.position_demand_rad,
-            "torque_added": self.torque_added_nm,
-        }
-        return {name: values for name, values in named.items() if values is not None}
+        return _present(self)
 
     def __len__(self) -> int:
         return int(self.time_s.size)
+
+
+@dataclass(frozen=True, eq=False)
+class PartialRun:
+    """A recording that was cut short; arrays (n,), NaN where samples were lost. Evidence, not a run."""
+
+    role: Role
+    repeat: int
+    sample_rate_hz: float
+    time_s: Array
+    position_rad: Array
+    speed_rad_s: Array
+    torque_nm: Array
+    position_demand_rad: Array | None = None
+    torque_added_nm: Array | None = None
+    motion: Motion | None = None
+    excitation: Excitation | None = None
+    extra: Mapping[str, Any] = field(default_factory=dict)
+
+    def datasets(self) -> dict[str, Array]:
+        """The arrays that are present, by the names that the file uses."""
+        return _present(self)
+
+
+def _present(run: Run | PartialRun) -> dict[str, Array]:
+    named = {
+        "time": run.time_s,
+        "position": run.position_rad,
+        "speed": run.speed_rad_s,
+        "torque": run.torque_nm,
+        "position_demand": run.position_demand_rad,
+        "torque_added": run.torque_added_nm,
+    }
+    return {name: values for name, values in named.items() if values is not None}
 
 
 @dataclass(frozen=True, eq=False)
@@ -104,6 +135,8 @@ class Session:
     source: str
     axis: Axis = "rotary"
     drive: Mapping[str, Any] | None = None
+    partial_reasons: tuple[str, ...] = ()  # why each recording that was cut short was
+    extra: Mapping[str, Any] = field(default_factory=dict)  # further attributes of the file
 
     @property
     def references(self) -> tuple[Run, ...]:
