@@ -1,0 +1,329 @@
+"""What is believed about a machine: its drive train and controller, and the file `machine.toml` that says so.
+
+An attribute is named as the key in the file with its unit behind it: `motor.inertia_kgm2` is `inertia` in
+`[motor]`.
+"""
+
+from __future__ import annotations
+
+import tomllib
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Annotated, Any
+
+import numpy as np
+import tomli_w
+from pydantic import (
+    AliasGenerator,
+    BaseModel,
+    ConfigDict,
+    Field,
+    InstanceOf,
+    ValidationError,
+    model_validator,
+)
+
+from schwung.drivetrain.inertia import (
+    InertiaTable,
+    LoadTorqueTable,
+    read_inertia_csv,
+    read_load_torque_csv,
+    replace_file,
+    slider_crank_inertia,
+    write_inertia_csv,
+    write_load_torque_csv,
+)
+from schwung.errors import InputError
+from schwung.motion import Array
+
+#: Ends of attribute names, longest first, and the unit each stands for.
+_UNITS = {
+    "_nm_rad": "N·m/rad",
+    "_per_s": "1/s",
+    "_kgm2": "kg·m²",
+    "_nms": "N·m·s/rad",
+    "_nm": "N·m",
+    "_hz": "Hz",
+    "_s": "s",
+}
+
+
+def _unit_end(name: str) -> str:
+    return next((end for end in _UNITS if name.endswith(end)), "")
+
+
+def _file_key(name: str) -> str:
+    """The key in the file: the attribute's name without its unit."""
+    return name.removesuffix(_unit_end(name))
+
+
+class _Table(BaseModel):
+    """A table of the file: strict numbers, unknown keys kept."""
+
+    model_config = ConfigDict(
+        frozen=True,
+        extra="allow",
+        strict=True,
+        validate_by_name=True,
+        alias_generator=AliasGenerator(validation_alias=_file_key, serialization_alias=_file_key),
+    )
+
+
+def _positive(upper: float) -> Any:
+    return Field(gt=0, le=upper, allow_inf_nan=False)
+
+
+def _not_negative(upper: float) -> Any:
+    return Field(ge=0, le=upper, allow_inf_nan=False)
+
+
+# The upper ends are far beyond any servo axis; they are there to catch g·cm² for kg·m² and ms for s.
+Inertia = Annotated[float, _positive(1e5)]
+Torque = Annotated[float, _positive(1e6)]
+Friction = Annotated[float, _not_negative(1e5)]
+
+#: Peak torque over rotor inertia of any servo motor, from large direct drives to 4 mm micromotors (rad/s²).
+_ACCELERATION_RANGE = (10.0, 1e8)
+#: Load inertias above this many rotor inertias are mistakes of unit.
+_MAX_INERTIA_RATIO = 1e4
+
+
+class Motor(_Table):
+    """The rotor and its torque."""
+
+    inertia_kgm2: Annotated[float, _positive(1e3)]
+    viscous_friction_nms: Friction
+    peak_torque_nm: Torque
+    rated_torque_nm: Torque | None = None
+
+    @model_validator(mode="after")
+    def _plausible(self) -> Motor:
+        acceleration = self.peak_torque_nm / self.inertia_kgm2
+        if not _ACCELERATION_RANGE[0] <= acceleration <= _ACCELERATION_RANGE[1]:
+            raise InputError(
+                "motor.inertia",
+                f"is {self.inertia_kgm2:g}, with which {self.peak_torque_nm:g} N·m accelerate the rotor "
+                f"by {acceleration:.2g} rad/s²",
+                "No servo motor does; give the inertia in kg·m² (1 kg·cm² = 1e-4, 1 g·cm² = 1e-7) "
+                "and the torque in N·m.",
+            )
+        if self.rated_torque_nm is not None and self.rated_torque_nm > self.peak_torque_nm:
+            raise InputError(
+                "motor.rated_torque",
+                f"is {self.rated_torque_nm:g} N·m, more than peak_torque, {self.peak_torque_nm:g} N·m",
+                "Exchange them, or correct one.",
+            )
+        return self
+
+
+class Coupling(_Table):
+    """The shaft between rotor and load."""
+
+    stiffness_nm_rad: Annotated[float, _positive(1e10)]
+    damping_nms: Annotated[float, _not_negative(1e7)]
+
+
+class Load(_Table):
+    """What the motor moves. Its inertia is a number, a table over the load angle, or unknown (neither)."""
+
+    viscous_friction_nms: Friction = 0.0
+    inertia_kgm2: Inertia | None = None
+    inertia_table: InstanceOf[InertiaTable] | None = None
+    torque_nm: Annotated[float, Field(ge=-1e6, le=1e6, allow_inf_nan=False)] | None = None
+    torque_table: InstanceOf[LoadTorqueTable] | None = None
+
+    @model_validator(mode="after")
+    def _one_of_each(self) -> Load:
+        for key, number, table in (
+            ("inertia", self.inertia_kgm2, self.inertia_table),
+            ("torque", self.torque_nm, self.torque_table),
+        ):
+            if number is not None and table is not None:
+                raise InputError(f"load.{key}", f"is given beside {key}_table", "Keep one of the two.")
+        return self
+
+
+class Control(_Table):
+    """The drive's cascade: T = K_ps (e + ∫e/T_n), e = K_pp (θ* − θ) − ω."""
+
+    position_gain_per_s: Annotated[float, _positive(1e4)]
+    speed_gain_nms: Annotated[float, _positive(1e6)]
+    speed_integral_time_s: Annotated[float, _positive(5.0)]
+    sample_rate_hz: Annotated[float, Field(ge=100, le=1e6, allow_inf_nan=False)]
+
+
+class PhysicsTerm(_Table):
+    """One learned term, `[[physics]]`: a name of files.md's list and its parameters, kept as data."""
+
+    model_config = ConfigDict(alias_generator=None)
+
+    name: Annotated[str, Field(min_length=1)]
+
+    @property
+    def parameters(self) -> dict[str, Any]:
+        """Everything but the name, as in the file."""
+        return dict(self.model_extra or {})
+
+    def number(self, key: str) -> float:
+        """One parameter that has to be a finite number. Raises InputError naming term and key."""
+        value = self.parameters.get(key)
+        if isinstance(value, bool) or not isinstance(value, int | float) or not np.isfinite(value):
+            raise InputError(
+                f"physics.{self.name}", f"{key} is {value!r}", "Give it as a finite number in SI units."
+            )
+        return float(value)
+
+
+class Machine(_Table):
+    """A machine as believed. `coupling` None: rigid, one mass. `control` None: the gains are not known."""
+
+    name: str
+    motor: Motor
+    coupling: Coupling | None = None
+    load: Load = Load()
+    control: Control | None = None
+    physics: Annotated[tuple[PhysicsTerm, ...], Field(strict=False)] = ()
+
+    @model_validator(mode="after")
+    def _plausible(self) -> Machine:
+        inertia = self.load_inertia
+        highest = inertia if isinstance(inertia, float) else inertia and float(inertia.inertia_kgm2.max())
+        if highest and highest > _MAX_INERTIA_RATIO * self.motor.inertia_kgm2:
+            raise InputError(
+                "load.inertia" if isinstance(inertia, float) else "load.inertia_table",
+                f"reaches {highest:g}, {highest / self.motor.inertia_kgm2:.2g} times the motor's",
+                "Give both in kg·m² (1 kg·cm² = 1e-4, 1 g·cm² = 1e-7).",
+            )
+        return self
+
+    @property
+    def load_inertia(self) -> InertiaTable | float | None:
+        """J_l as believed: a table, one number (kg·m²), or None where it is unknown."""
+        return self.load.inertia_table if self.load.inertia_table is not None else self.load.inertia_kgm2
+
+    def load_inertia_at(self, position_rad: Array) -> Array:
+        """J_l (kg·m²) at the given load angles (rad), same shape. Raises InputError where it is unknown."""
+        inertia = self.load_inertia
+        if inertia is None:
+            raise InputError(
+                f'machine "{self.name}"',
+                "load.inertia is not known",
+                "Estimate it, or give load.inertia or load.inertia_table.",
+            )
+        return inertia.at(position_rad) if isinstance(inertia, InertiaTable) else 0.0 * position_rad + inertia
+
+    def load_torque_at(self, position_rad: Array) -> Array:
+        """Torque that the load exerts on its shaft (N·m) at the given load angles (rad), same shape."""
+        if self.load.torque_table is not None:
+            return self.load.torque_table.at(position_rad)
+        return 0.0 * position_rad + (self.load.torque_nm or 0.0)
+
+    def required_control(self) -> Control:
+        """The controller. Raises InputError where the file has none."""
+        if self.control is None:
+            raise InputError(
+                f'machine "{self.name}"',
+                "has no [control]",
+                "Add position_gain, speed_gain, speed_integral_time and sample_rate of the drive.",
+            )
+        return self.control
+
+
+def paper_machine() -> Machine:
+    """The simulated machine of the paper, Table 1, with the control gains of its simulation.
+
+    J_l over 0…π is *inferred* (`slider_crank_inertia`): the paper only draws it.
+    """
+    angle = np.linspace(0.0, np.pi, 361)
+    return Machine(
+        name="Two-mass machine of the paper, Table 1 (load inertia inferred)",
+        motor=Motor(inertia_kgm2=0.012, viscous_friction_nms=0.2, peak_torque_nm=233.0),
+        coupling=Coupling(stiffness_nm_rad=24963.0, damping_nms=8.62),
+        load=Load(viscous_friction_nms=0.1, inertia_table=InertiaTable(angle, slider_crank_inertia(angle))),
+        control=Control(
+            position_gain_per_s=60.0,
+            speed_gain_nms=7.0,
+            speed_integral_time_s=8e-3,
+            sample_rate_hz=8000.0,
+        ),
+    )
+
+
+def load_machine(path: str | Path) -> Machine:
+    """Read `machine.toml` and the tables that it names (files.md). Raises InputError for every defect."""
+    path = Path(path)
+    try:
+        data = tomllib.loads(path.read_text(encoding="utf-8"))
+    except OSError as error:
+        reason = (error.strerror or str(error)).lower()
+        raise InputError(str(path), f"cannot be read: {reason}", "Give the path of a machine.toml.") from None
+    except UnicodeDecodeError:
+        raise InputError(str(path), "is not UTF-8 text", "Give the path of a machine.toml.") from None
+    except tomllib.TOMLDecodeError as error:
+        raise InputError(str(path), f"is not TOML: {error}", "Correct that line.") from None
+    load = data.get("load")
+    if isinstance(load, dict):
+        if "viscous_friction" not in load:
+            raise InputError(f"{path}: load.viscous_friction", "is missing", "Add it to [load] in N·m·s/rad.")
+        _read_tables(load, path)
+    try:
+        return Machine.model_validate(data, by_alias=True, by_name=False)
+    except InputError as error:
+        raise InputError(f"{path}: {error.place}", error.problem, error.remedy) from None
+    except ValidationError as error:
+        raise _explained(error, path) from None
+
+
+def _read_tables(load: dict[str, Any], path: Path) -> None:
+    """Replace the names of tables by the tables; names are relative to the machine file."""
+    for key, read in (("inertia_table", read_inertia_csv), ("torque_table", read_load_torque_csv)):
+        if key not in load:
+            continue
+        if not isinstance(load[key], str) or not load[key]:
+            raise InputError(f"{path}: load.{key}", f"is {load[key]!r}", "Give the name of a CSV file.")
+        load[key] = read(path.parent / load[key])
+
+
+_MODELS: Mapping[str, type[BaseModel]] = {
+    "motor": Motor,
+    "coupling": Coupling,
+    "load": Load,
+    "control": Control,
+}
+
+
+def _explained(error: ValidationError, path: Path) -> InputError:
+    """The first defect in one sentence: where, what, and in which unit it is wanted."""
+    first = error.errors()[0]
+    table, key = str(first["loc"][0]), str(first["loc"][-1])
+    fields = _MODELS[table].model_fields if table in _MODELS else {}
+    end = next((_unit_end(name) for name in fields if _file_key(name) == key), "")
+    unit = f" in {_UNITS[end]}" if end else ""
+    place = f"{path}: {'.'.join(str(part) for part in first['loc'])}"
+    if first["type"] == "missing":
+        return InputError(place, "is missing", f"Add it{unit}.")
+    if first["type"] == "model_type":
+        return InputError(place, f"is {first['input']!r}, not a table", f"Write it as [{key}].")
+    wanted = first["msg"].replace("Input should be", "It must be")
+    return InputError(place, f"is {first['input']!r}", f"{wanted}{unit}.")
+
+
+def write_machine(machine: Machine, path: str | Path) -> None:
+    """Write `machine.toml` and its tables beside it (`<stem>_inertia.csv`, `<stem>_load_torque.csv`).
+
+    `load_machine` gives the same machine again, learned terms and unknown keys included. The machine file
+    comes last and all at once: it never names a table that is not there. Raises InputError where it cannot
+    be written.
+    """
+    path = Path(path)
+    tables = {"load": {"inertia_table", "torque_table"}}
+    data = machine.model_dump(by_alias=True, exclude_none=True, exclude=tables)
+    if not machine.physics:
+        del data["physics"]
+    if machine.load.inertia_table is not None:
+        data["load"]["inertia_table"] = f"{path.stem}_inertia.csv"
+        write_inertia_csv(machine.load.inertia_table, path.with_name(data["load"]["inertia_table"]))
+    if machine.load.torque_table is not None:
+        data["load"]["torque_table"] = f"{path.stem}_load_torque.csv"
+        write_load_torque_csv(machine.load.torque_table, path.with_name(data["load"]["torque_table"]))
+    replace_file(path, tomli_w.dumps(data))
