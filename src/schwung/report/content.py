@@ -1,0 +1,153 @@
+"""What a report is made of: plain, immutable values. Whatever is absent is left out of the page without a hole."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Literal
+
+import numpy as np
+
+from schwung.drivetrain.inertia import InertiaTable
+from schwung.errors import InputError
+from schwung.motion import Array
+from schwung.session.model import Axis, Session
+
+if TYPE_CHECKING:
+    from schwung.drivetrain.machine import Machine
+    from schwung.estimation import Estimate
+
+CheckStatus = Literal["ok", "warning", "refused", "info"]
+
+
+@dataclass(frozen=True)
+class CheckRow:
+    """One preflight check in words: what was looked at, what was found, what is allowed."""
+
+    status: CheckStatus
+    name: str
+    found: str
+    allowed: str = ""
+    remark: str = ""
+
+
+@dataclass(frozen=True)
+class ChangeRow:
+    """One drive parameter that was changed, with its raw values as people write them."""
+
+    parameter: str
+    old: str
+    new: str
+    remark: str = ""  # "restored", "exported, read back equal", …
+
+
+@dataclass(frozen=True)
+class SyncRow:
+    """How evenly SYNC came during one recording (s), and how many samples were lost."""
+
+    run: str
+    producer: str
+    period_s: float
+    rms_s: float
+    p99_s: float
+    max_s: float
+    lost: int = 0
+
+
+@dataclass(frozen=True, eq=False)
+class FollowingError:
+    """The same motion before and after the export: following error (rad) over time (s), each pair (n,)."""
+
+    before_time_s: Array
+    before_rad: Array
+    after_time_s: Array
+    after_rad: Array
+
+    def __post_init__(self) -> None:
+        pairs = ((self.before_time_s, self.before_rad), (self.after_time_s, self.after_rad))
+        if any(time.shape != error.shape or time.size == 0 for time, error in pairs):
+            raise InputError("following error", "times and errors differ in length or are empty",
+                             "Give one error per instant.")  # fmt: skip
+
+    @property
+    def before_rms_rad(self) -> float:
+        """RMS before the export (rad)."""
+        return _rms(self.before_rad)
+
+    @property
+    def after_rms_rad(self) -> float:
+        """RMS after the export (rad)."""
+        return _rms(self.after_rad)
+
+    @property
+    def improvement(self) -> float:
+        """How many times smaller the RMS has become; infinite where nothing is left."""
+        return self.before_rms_rad / self.after_rms_rad if self.after_rms_rad else float("inf")
+
+
+@dataclass(frozen=True, eq=False)
+class ReportContent:
+    """Everything that a report can show. `title` and `session` are enough; the rest appears where it is given.
+
+    `contrast` is a second estimate of the same session, as a rule by the former method. `reference` is what
+    the curve is held against, and `reference_label` says what it is ("CAD", "believed", "true inertia").
+    """
+
+    title: str
+    session: Session
+    machine: Machine | None = None
+    estimate: Estimate | None = None
+    contrast: Estimate | None = None
+    reference: InertiaTable | None = None
+    reference_label: str = "reference"
+    preflight: tuple[CheckRow, ...] = ()
+    changes: tuple[ChangeRow, ...] = ()
+    following_error: FollowingError | None = None
+    sync: tuple[SyncRow, ...] = ()
+    settings: Mapping[str, str] = field(default_factory=dict)
+    notes: tuple[str, ...] = ()
+
+    @property
+    def units(self) -> Units:
+        """Units and words of this axis."""
+        return LINEAR if self.session.axis == "linear" else ROTARY
+
+
+@dataclass(frozen=True)
+class Units:
+    """How quantities are called and measured on this kind of axis."""
+
+    position: str
+    speed: str
+    torque: str
+    inertia: str
+    position_word: str
+    torque_word: str
+    inertia_word: str
+    symbol: str
+
+
+ROTARY = Units("rad", "rad/s", "N·m", "kg·m²", "angle", "torque", "inertia", "J")
+LINEAR = Units("m", "m/s", "N", "kg", "position", "force", "mass", "m")
+
+
+@dataclass(frozen=True)
+class Deviation:
+    """How far an estimated table is from a reference over the angles that both have (kg·m²)."""
+
+    rmse_kgm2: float
+    max_kgm2: float
+
+
+def deviation(table: InertiaTable, reference: InertiaTable) -> Deviation | None:
+    """Compare at the table's own points; None where the two share no angle."""
+    position = table.position_rad
+    shared = (position >= reference.position_rad[0]) & (position <= reference.position_rad[-1])
+    if not shared.any():
+        return None
+    error = table.inertia_kgm2[shared] - reference.at(position[shared])
+    return Deviation(_rms(error), float(np.max(np.abs(error))))
+
+
+def _rms(values: Array) -> float:
+    return float(np.sqrt(np.mean(values**2)))
