@@ -124,7 +124,8 @@ def disturbance_to_position_ratio(
 
     |T_add| |ω_r/T_add|(f_est) / (½ Δθ |ω_r/θ*|(f_RtR)), f_RtR = 1/(2 t_RtR). The paper prints position in the
     numerator and says speed in the text; with speed its 0.075 comes out. Wanted above 0.05 by the former
-    method. Raises InputError where the machine has no [control] or an argument is not positive (distance: not zero).
+    method. Raises InputError where the machine has no [control] or an argument is not positive (distance:
+    not zero).
     """
     distance = _positive("distance_rad", abs(distance_rad))
     motion_hz = 0.5 / _positive("duration_s", duration_s)

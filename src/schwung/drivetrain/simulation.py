@@ -1,0 +1,298 @@
+"""Fast closed-loop simulation of a machine as believed: what a motion will look like before anything moves.
+
+Two masses (or one) with the load's inertia over its angle, under the drive's cascade, sampled and held at
+control.sample_rate (method.md (1), A7). Compiled; see `benchmarks/simulation.py` for its speed and error.
+
+What it does not model: encoder counts, speed filter, current loop, and the learned terms other than
+`coulomb_friction`, `viscous_friction` and `torque_offset` (`Simulated.left_out` names those).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.interpolate import CubicSpline, PchipInterpolator
+
+from schwung.drivetrain import kernel
+from schwung.drivetrain.inertia import InertiaTable
+from schwung.drivetrain.machine import Machine, PhysicsTerm
+from schwung.errors import InputError
+from schwung.motion import Array, Demand
+
+#: Highest |eigenvalue| × sub-step. With it the paper's machine is off by 2e-6 rad/s at 20 rad/s.
+_COUPLING_STEP = 0.1
+#: The same for smoothed dry friction, which only has to be stable (limit of Runge-Kutta: 2.8).
+_FRICTION_STEP = 1.0
+#: Dry friction is smoothed within this speed (rad/s).
+_COULOMB_SPEED_RAD_S = 0.02
+_MAX_SUBSTEPS = 20_000
+
+
+@dataclass(frozen=True)
+class FeedForward:
+    """What the drive adds from the demand by itself; the default is nothing, as in the paper.
+
+    `speed_share`: share (0…1) of the demanded speed given to the speed controller.
+    `inertia`: load inertia as the drive has it, a table over the demanded angle or a number (kg·m²). With it
+    (J_r + J_l(θ*)) α* + ½ J_l'(θ*) ω*² is added to the torque; None adds no torque at all.
+    """
+
+    speed_share: float = 0.0
+    inertia: InertiaTable | float | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class Simulated:
+    """What the simulated drive would report, arrays (n,) at the instants asked for; angles are absolute."""
+
+    time_s: Array
+    demand_position_rad: Array
+    position_rad: Array
+    speed_rad_s: Array
+    torque_nm: Array  # controller, feed-forward and injection together, clipped
+    load_position_rad: Array
+    load_speed_rad_s: Array
+    clipped: NDArray[np.bool_]  # peak torque was not enough somewhere between this sample and the next
+    left_out: tuple[str, ...] = ()  # learned terms of the machine that were not simulated
+
+    @property
+    def following_error_rad(self) -> Array:
+        """Demand minus motor angle."""
+        return self.demand_position_rad - self.position_rad
+
+    @property
+    def peak_following_error_rad(self) -> float:
+        """Highest following error, unsigned."""
+        return float(np.max(np.abs(self.following_error_rad)))
+
+    @property
+    def rms_following_error_rad(self) -> float:
+        """Root mean square of the following error over the whole run."""
+        return float(np.sqrt(np.mean(self.following_error_rad**2)))
+
+    @property
+    def peak_speed_rad_s(self) -> float:
+        """Highest motor speed, unsigned."""
+        return float(np.max(np.abs(self.speed_rad_s)))
+
+    @property
+    def peak_torque_nm(self) -> float:
+        """Highest motor torque, unsigned."""
+        return float(np.max(np.abs(self.torque_nm)))
+
+    @property
+    def lowest_position_rad(self) -> float:
+        """Lower end of the motor's travel."""
+        return float(np.min(self.position_rad))
+
+    @property
+    def highest_position_rad(self) -> float:
+        """Upper end of the motor's travel."""
+        return float(np.max(self.position_rad))
+
+
+def simulate(
+    machine: Machine,
+    demand: Demand,
+    time: Array,
+    torque_added_nm: Array | None = None,
+    *,
+    feed_forward: FeedForward | None = None,
+    inertia: InertiaTable | float | None = None,
+    start_rad: float = 0.0,
+    hold_torque_added: bool = False,
+    substeps: int | None = None,
+) -> Simulated:
+    """Simulate the machine under its drive, from rest at the first demand.
+
+    Args:
+        machine: with [control]; its load inertia may be unknown where `inertia` is given.
+        demand: at `time`, (n,); straight between samples, as a drive interpolates.
+        time: increasing instants (s), (n,); the drive's ticks start at the first.
+        torque_added_nm: injected torque at `time`, (n,); straight between samples like a drive's own sine
+            generator, or with `hold_torque_added` held, like a torque offset that is sent once per sample.
+        feed_forward: what the drive adds by itself; None: nothing.
+        inertia: load inertia J_l (kg·m²) in place of the machine's.
+        start_rad: absolute motor angle of demand 0 (`Motion.demand` starts from 0); tables are over absolute
+            angles.
+        substeps: Runge-Kutta steps per tick; None: as many as coupling and friction need.
+
+    At a tick the drive reads angle and speed and sets the torque that acts until the next tick: the torque
+    sample belongs to the interval that begins with it. Raises InputError for a machine that cannot be
+    simulated (unknown inertia, no control, unstable) and for arrays that do not fit.
+    """
+    control = machine.required_control()
+    feed_forward = feed_forward or FeedForward()
+    _check_arrays(demand, time, torque_added_nm)
+    plant, left_out = _plant(machine, inertia)
+
+    period = 1.0 / control.sample_rate_hz
+    in_ticks = (time - time[0]) * control.sample_rate_hz
+    ticks = time[0] + period * np.arange(int(np.ceil(in_ticks[-1] - 1e-6)) + 1)
+    position = np.interp(ticks, time, demand.position_rad) + start_rad
+    speed = np.interp(ticks, time, demand.speed_rad_s)
+    acceleration = np.interp(ticks, time, demand.acceleration_rad_s2)
+    added = np.zeros_like(ticks)
+    if torque_added_nm is not None and hold_torque_added:
+        added = torque_added_nm[np.searchsorted(time, ticks + 1e-6 * period, side="right") - 1]
+    elif torque_added_nm is not None:
+        added = np.interp(ticks, time, torque_added_nm)
+
+    state, held = _rest(plant, position[0])
+    cascade = kernel.Cascade(
+        control.position_gain_per_s,
+        control.speed_gain_nms,
+        control.speed_integral_time_s,
+        machine.motor.peak_torque_nm,
+        period,
+        substeps or _substeps(machine, plant, period),
+    )
+    inputs = kernel.Inputs(
+        position,
+        feed_forward.speed_share * speed,
+        _torque_forward(machine, feed_forward.inertia, position, speed, acceleration),
+        added,
+    )
+    states, torques = kernel.run(plant, cascade, inputs, state, held)
+    if not np.all(np.isfinite(states)):
+        raise InputError(
+            f'machine "{machine.name}"',
+            "its control loop is unstable",
+            "Lower control.speed_gain or control.position_gain.",
+        )
+    clipped = torques[:, 0] != torques[:, 1]
+    tick = np.floor(in_ticks + 1e-6).astype(np.int64)  # of which the torque acts at each instant
+    if np.allclose(in_ticks, tick, rtol=0, atol=1e-6):
+        states = states[tick]
+    else:
+        states = CubicSpline(ticks, states)(time)
+    return Simulated(
+        time_s=time,
+        demand_position_rad=demand.position_rad + start_rad,
+        position_rad=states[:, 0],
+        speed_rad_s=states[:, 1],
+        torque_nm=torques[tick, 0],
+        load_position_rad=states[:, 2],
+        load_speed_rad_s=states[:, 3],
+        clipped=np.logical_or.reduceat(clipped, tick),
+        left_out=left_out,
+    )
+
+
+def _check_arrays(demand: Demand, time: Array, torque_added: Array | None) -> None:
+    if time.ndim != 1 or time.size < 2 or not np.all(np.diff(time) > 0):
+        raise InputError("time", "does not increase over two samples or more", "Use Motion.time.")
+    arrays = {
+        "demand.position_rad": demand.position_rad,
+        "demand.speed_rad_s": demand.speed_rad_s,
+        "demand.acceleration_rad_s2": demand.acceleration_rad_s2,
+        "torque_added_nm": np.zeros_like(time) if torque_added is None else torque_added,
+    }
+    for name, values in arrays.items():
+        if values.shape != time.shape or not np.all(np.isfinite(values)):
+            raise InputError(name, "is not finite, or not one value per instant", "Sample it at `time`.")
+
+
+def _curve(position: Array, values: Array) -> kernel.Curve:
+    pieces = PchipInterpolator(position, values)
+    return kernel.Curve(np.ascontiguousarray(pieces.x, float), np.ascontiguousarray(pieces.c, float))
+
+
+def _constant(value: float) -> kernel.Curve:
+    return _curve(np.array([0.0, 1.0]), np.array([value, value]))
+
+
+def _plant(machine: Machine, inertia: InertiaTable | float | None) -> tuple[kernel.Plant, tuple[str, ...]]:
+    """The plant with the learned terms that can be simulated, and the names of those that cannot."""
+    believed = machine.load_inertia if inertia is None else inertia
+    if believed is None:
+        raise InputError(
+            f'machine "{machine.name}"',
+            "load.inertia is not known, so nothing can be simulated",
+            "Estimate it, or give load.inertia or load.inertia_table.",
+        )
+    load, coupling = machine.load, machine.coupling
+    torque = load.torque_table
+    load_torque = _constant(load.torque_nm or 0.0)
+    if torque is not None:
+        load_torque = _curve(torque.position_rad, torque.load_torque_nm)
+    learned, left_out = _learned(machine.physics)
+    return kernel.Plant(
+        rotor_inertia=machine.motor.inertia_kgm2,
+        motor_friction=machine.motor.viscous_friction_nms + learned["viscous_friction"],
+        load_friction=load.viscous_friction_nms,
+        stiffness=coupling.stiffness_nm_rad if coupling else 0.0,
+        damping=coupling.damping_nms if coupling else 0.0,
+        rigid=coupling is None,
+        coulomb=learned["coulomb_friction"],
+        coulomb_speed=_COULOMB_SPEED_RAD_S,
+        offset=learned["torque_offset"],
+        inertia=_curve(believed.position_rad, believed.inertia_kgm2)
+        if isinstance(believed, InertiaTable)
+        else _constant(believed),
+        load_torque=load_torque,
+    ), left_out
+
+
+#: The learned terms that are simulated, all of the motor side, and the parameter that each has.
+_LEARNED = {
+    "coulomb_friction": "torque_nm",
+    "viscous_friction": "coefficient_nms",
+    "torque_offset": "torque_nm",
+}
+
+
+def _learned(terms: tuple[PhysicsTerm, ...]) -> tuple[dict[str, float], tuple[str, ...]]:
+    """Sums of the learned terms that are simulated, and the names of the others."""
+    sums = dict.fromkeys(_LEARNED, 0.0)
+    for term in terms:
+        if term.name in _LEARNED:
+            sums[term.name] += term.number(_LEARNED[term.name])
+    return sums, tuple(term.name for term in terms if term.name not in _LEARNED)
+
+
+def _rest(plant: kernel.Plant, motor_angle: float) -> tuple[kernel.State, float]:
+    """Standstill at a motor angle (rad), and the motor torque that holds it."""
+    load_angle = motor_angle
+    for _ in range(100 if plant.stiffness else 0):  # the coupling's wind-up is tiny: this contracts fast
+        load_angle = motor_angle + kernel.value_and_slope(plant.load_torque, load_angle)[0] / plant.stiffness
+    held = -kernel.value_and_slope(plant.load_torque, load_angle)[0] - plant.offset
+    return kernel.State(motor_angle, 0.0, load_angle, 0.0), held
+
+
+def _torque_forward(
+    machine: Machine,
+    inertia: InertiaTable | float | None,
+    position: Array,
+    speed: Array,
+    acceleration: Array,
+) -> Array:
+    """Torque that the drive adds from the demand (N·m), (n,): the inverse of the rigid machine."""
+    if inertia is None:
+        return np.zeros_like(position)
+    rotor = machine.motor.inertia_kgm2
+    if not isinstance(inertia, InertiaTable):
+        return (rotor + inertia) * acceleration
+    return (rotor + inertia.at(position)) * acceleration + inertia.slope_at(position) * speed**2 / 2
+
+
+def _substeps(machine: Machine, plant: kernel.Plant, period: float) -> int:
+    """Runge-Kutta steps per tick, from the fastest thing that the plant does."""
+    last, _ = kernel.value_and_slope(plant.inertia, plant.inertia.knots[-1])
+    lightest = min(float(np.min(plant.inertia.coefficients[3])), last)
+    if plant.rigid:
+        moved, fastest = plant.rotor_inertia + lightest, 0.0
+    else:
+        moved, mobility = plant.rotor_inertia, 1 / plant.rotor_inertia + 1 / lightest
+        fastest = max(np.sqrt(plant.stiffness * mobility), plant.damping * mobility)
+    rubbing = (plant.motor_friction + plant.coulomb / plant.coulomb_speed) / moved
+    needed = int(np.ceil(max(period * fastest / _COUPLING_STEP, period * rubbing / _FRICTION_STEP, 1.0)))
+    if needed > _MAX_SUBSTEPS:
+        raise InputError(
+            f'machine "{machine.name}"',
+            f"swings at {fastest / (2 * np.pi):.3g} Hz, too fast to simulate",
+            "Leave out [coupling] where it is rigid, or check stiffness and inertias.",
+        )
+    return needed
