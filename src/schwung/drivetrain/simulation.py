@@ -28,6 +28,8 @@ _FRICTION_STEP = 1.0
 #: Dry friction is smoothed within this speed (rad/s).
 _COULOMB_SPEED_RAD_S = 0.02
 _MAX_SUBSTEPS = 20_000
+#: Instants this close to a tick are the tick's own (ticks).
+_ON_TICK = 1e-6
 
 
 @dataclass(frozen=True)
@@ -124,23 +126,10 @@ def simulate(
     simulated (unknown inertia, no control, unstable) and for arrays that do not fit.
     """
     control = machine.required_control()
-    feed_forward = feed_forward or FeedForward()
-    _check_arrays(demand, time, torque_added_nm)
+    added = np.zeros_like(time) if torque_added_nm is None else torque_added_nm
+    _check_arrays(demand, time, added)
     plant, left_out = _plant(machine, inertia)
-
     period = 1.0 / control.sample_rate_hz
-    in_ticks = (time - time[0]) * control.sample_rate_hz
-    ticks = time[0] + period * np.arange(int(np.ceil(in_ticks[-1] - 1e-6)) + 1)
-    position = np.interp(ticks, time, demand.position_rad) + start_rad
-    speed = np.interp(ticks, time, demand.speed_rad_s)
-    acceleration = np.interp(ticks, time, demand.acceleration_rad_s2)
-    added = np.zeros_like(ticks)
-    if torque_added_nm is not None and hold_torque_added:
-        added = torque_added_nm[np.searchsorted(time, ticks + 1e-6 * period, side="right") - 1]
-    elif torque_added_nm is not None:
-        added = np.interp(ticks, time, torque_added_nm)
-
-    state, held = _rest(plant, position[0])
     cascade = kernel.Cascade(
         control.position_gain_per_s,
         control.speed_gain_nms,
@@ -149,13 +138,19 @@ def simulate(
         period,
         substeps or _substeps(machine, plant, period),
     )
-    inputs = kernel.Inputs(
-        position,
-        feed_forward.speed_share * speed,
-        _torque_forward(machine, feed_forward.inertia, position, speed, acceleration),
-        added,
+    in_ticks = (time - time[0]) * control.sample_rate_hz
+    ticks = time[0] + period * np.arange(int(np.ceil(in_ticks[-1] - _ON_TICK)) + 1)
+    at_tick = Demand(
+        np.interp(ticks, time, demand.position_rad) + start_rad,
+        np.interp(ticks, time, demand.speed_rad_s),
+        np.interp(ticks, time, demand.acceleration_rad_s2),
     )
-    states, torques = kernel.run(plant, cascade, inputs, state, held)
+    if hold_torque_added:
+        added = added[np.searchsorted(time, ticks + _ON_TICK * period, side="right") - 1]
+    else:
+        added = np.interp(ticks, time, added)
+    inputs = _inputs(machine, at_tick, added, feed_forward or FeedForward())
+    states, torques = kernel.run(plant, cascade, inputs, *_rest(plant, inputs.position[0]))
     if not np.all(np.isfinite(states)):
         raise InputError(
             f'machine "{machine.name}"',
@@ -163,8 +158,8 @@ def simulate(
             "Lower control.speed_gain or control.position_gain.",
         )
     clipped = torques[:, 0] != torques[:, 1]
-    tick = np.floor(in_ticks + 1e-6).astype(np.int64)  # of which the torque acts at each instant
-    if np.allclose(in_ticks, tick, rtol=0, atol=1e-6):
+    tick = np.floor(in_ticks + _ON_TICK).astype(np.int64)  # whose torque acts at each instant
+    if np.allclose(in_ticks, tick, rtol=0, atol=_ON_TICK):
         states = states[tick]
     else:
         states = CubicSpline(ticks, states)(time)
@@ -181,14 +176,14 @@ def simulate(
     )
 
 
-def _check_arrays(demand: Demand, time: Array, torque_added: Array | None) -> None:
+def _check_arrays(demand: Demand, time: Array, torque_added: Array) -> None:
     if time.ndim != 1 or time.size < 2 or not np.all(np.diff(time) > 0):
         raise InputError("time", "does not increase over two samples or more", "Use Motion.time.")
     arrays = {
         "demand.position_rad": demand.position_rad,
         "demand.speed_rad_s": demand.speed_rad_s,
         "demand.acceleration_rad_s2": demand.acceleration_rad_s2,
-        "torque_added_nm": np.zeros_like(time) if torque_added is None else torque_added,
+        "torque_added_nm": torque_added,
     }
     for name, values in arrays.items():
         if values.shape != time.shape or not np.all(np.isfinite(values)):
@@ -213,6 +208,8 @@ def _plant(machine: Machine, inertia: InertiaTable | float | None) -> tuple[kern
             "load.inertia is not known, so nothing can be simulated",
             "Estimate it, or give load.inertia or load.inertia_table.",
         )
+    if not (isinstance(believed, InertiaTable) or 0 < believed < np.inf):
+        raise InputError("inertia", f"is {believed!r} kg·m²", "An inertia is a positive number.")
     load, coupling = machine.load, machine.coupling
     torque = load.torque_table
     load_torque = _constant(load.torque_nm or 0.0)
@@ -262,20 +259,17 @@ def _rest(plant: kernel.Plant, motor_angle: float) -> tuple[kernel.State, float]
     return kernel.State(motor_angle, 0.0, load_angle, 0.0), held
 
 
-def _torque_forward(
-    machine: Machine,
-    inertia: InertiaTable | float | None,
-    position: Array,
-    speed: Array,
-    acceleration: Array,
-) -> Array:
-    """Torque that the drive adds from the demand (N·m), (n,): the inverse of the rigid machine."""
-    if inertia is None:
-        return np.zeros_like(position)
-    rotor = machine.motor.inertia_kgm2
-    if not isinstance(inertia, InertiaTable):
-        return (rotor + inertia) * acceleration
-    return (rotor + inertia.at(position)) * acceleration + inertia.slope_at(position) * speed**2 / 2
+def _inputs(machine: Machine, demand: Demand, added: Array, forward: FeedForward) -> kernel.Inputs:
+    """What reaches the drive; the torque added from the demand is the inverse of the rigid machine."""
+    rotor, load = machine.motor.inertia_kgm2, forward.inertia
+    position, speed, acceleration = demand.position_rad, demand.speed_rad_s, demand.acceleration_rad_s2
+    if load is None:
+        torque = np.zeros_like(position)
+    elif isinstance(load, InertiaTable):
+        torque = (rotor + load.at(position)) * acceleration + load.slope_at(position) * speed**2 / 2
+    else:
+        torque = (rotor + load) * acceleration
+    return kernel.Inputs(position, forward.speed_share * speed, torque, added)
 
 
 def _substeps(machine: Machine, plant: kernel.Plant, period: float) -> int:
