@@ -1,34 +1,36 @@
-"""What a report is made of: plain, immutable values. Whatever is absent is left out of the page without a hole."""
+"""What a report is made of: plain, immutable values. Whatever is absent is left out without a hole."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Literal
+from typing import Protocol
 
 import numpy as np
 
 from schwung.drivetrain.inertia import InertiaTable
+from schwung.drivetrain.machine import Machine
 from schwung.errors import InputError
+from schwung.estimation.values import Estimate
 from schwung.motion import Array
-from schwung.session.model import Axis, Session
-
-if TYPE_CHECKING:
-    from schwung.drivetrain.machine import Machine
-    from schwung.estimation import Estimate
-
-CheckStatus = Literal["ok", "warning", "refused", "info"]
+from schwung.session import Run, Session
 
 
-@dataclass(frozen=True)
-class CheckRow:
-    """One preflight check in words: what was looked at, what was found, what is allowed."""
+class CheckRow(Protocol):
+    """One preflight check in words; commissioning's `Check` is one."""
 
-    status: CheckStatus
-    name: str
-    found: str
-    allowed: str = ""
-    remark: str = ""
+    @property
+    def name(self) -> str: ...
+
+    @property
+    def severity(self) -> str:
+        """ok, note, warning or stop."""
+
+    @property
+    def text(self) -> str: ...
+
+    @property
+    def remedy(self) -> str: ...
 
 
 @dataclass(frozen=True)
@@ -56,7 +58,10 @@ class SyncRow:
 
 @dataclass(frozen=True, eq=False)
 class FollowingError:
-    """The same motion before and after the export: following error (rad) over time (s), each pair (n,)."""
+    """The same motion before and after the export: following error (rad) over time (s), each pair (n,).
+
+    Raises InputError where a pair is empty or of two lengths.
+    """
 
     before_time_s: Array
     before_rad: Array
@@ -64,10 +69,13 @@ class FollowingError:
     after_rad: Array
 
     def __post_init__(self) -> None:
-        pairs = ((self.before_time_s, self.before_rad), (self.after_time_s, self.after_rad))
-        if any(time.shape != error.shape or time.size == 0 for time, error in pairs):
-            raise InputError("following error", "times and errors differ in length or are empty",
-                             "Give one error per instant.")  # fmt: skip
+        for time, error in ((self.before_time_s, self.before_rad), (self.after_time_s, self.after_rad)):
+            if time.shape != error.shape or time.size == 0:
+                raise InputError(
+                    "following error",
+                    f"{time.size} instants for {error.size} values",
+                    "Give one error per instant.",
+                )
 
     @property
     def before_rms_rad(self) -> float:
@@ -85,12 +93,29 @@ class FollowingError:
         return self.before_rms_rad / self.after_rms_rad if self.after_rms_rad else float("inf")
 
 
+@dataclass(frozen=True)
+class Units:
+    """What quantities are measured in, and called, on one kind of axis."""
+
+    position: str
+    speed: str
+    torque: str
+    inertia: str
+    position_word: str
+    torque_word: str
+    inertia_word: str
+
+
+ROTARY = Units("rad", "rad/s", "N·m", "kg·m²", "angle", "torque", "inertia")
+LINEAR = Units("m", "m/s", "N", "kg", "position", "force", "mass")
+
+
 @dataclass(frozen=True, eq=False)
 class ReportContent:
-    """Everything that a report can show. `title` and `session` are enough; the rest appears where it is given.
+    """Everything that a report can show. Title and session are enough; the rest appears where it is given.
 
     `contrast` is a second estimate of the same session, as a rule by the former method. `reference` is what
-    the curve is held against, and `reference_label` says what it is ("CAD", "believed", "true inertia").
+    the curve is held against; `reference_label` says what it is: "CAD", "believed", "true inertia".
     """
 
     title: str
@@ -100,35 +125,22 @@ class ReportContent:
     contrast: Estimate | None = None
     reference: InertiaTable | None = None
     reference_label: str = "reference"
-    preflight: tuple[CheckRow, ...] = ()
-    changes: tuple[ChangeRow, ...] = ()
+    preflight: Sequence[CheckRow] = ()
+    changes: Sequence[ChangeRow] = ()
     following_error: FollowingError | None = None
-    sync: tuple[SyncRow, ...] = ()
+    sync: Sequence[SyncRow] = ()
     settings: Mapping[str, str] = field(default_factory=dict)
-    notes: tuple[str, ...] = ()
+    notes: Sequence[str] = ()
 
     @property
     def units(self) -> Units:
         """Units and words of this axis."""
         return LINEAR if self.session.axis == "linear" else ROTARY
 
-
-@dataclass(frozen=True)
-class Units:
-    """How quantities are called and measured on this kind of axis."""
-
-    position: str
-    speed: str
-    torque: str
-    inertia: str
-    position_word: str
-    torque_word: str
-    inertia_word: str
-    symbol: str
-
-
-ROTARY = Units("rad", "rad/s", "N·m", "kg·m²", "angle", "torque", "inertia", "J")
-LINEAR = Units("m", "m/s", "N", "kg", "position", "force", "mass", "m")
+    @property
+    def shown_run(self) -> Run | None:
+        """The run that stands for the session: the first excited one, else the first."""
+        return next(iter((*self.session.excited, *self.session.runs)), None)
 
 
 @dataclass(frozen=True)
@@ -139,8 +151,10 @@ class Deviation:
     max_kgm2: float
 
 
-def deviation(table: InertiaTable, reference: InertiaTable) -> Deviation | None:
-    """Compare at the table's own points; None where the two share no angle."""
+def deviation(table: InertiaTable, reference: InertiaTable | None) -> Deviation | None:
+    """Compare at the table's own points; None where there is no reference or no angle in common."""
+    if reference is None:
+        return None
     position = table.position_rad
     shared = (position >= reference.position_rad[0]) & (position <= reference.position_rad[-1])
     if not shared.any():

@@ -2,20 +2,46 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import numpy as np
+from matplotlib.figure import Figure
 
-from schwung.report import curves, signals
+from schwung.errors import InputError
+from schwung.estimation.values import Estimate
+from schwung.report import figures
 from schwung.report.content import ReportContent
 from schwung.report.style import to_png
+from schwung.session import Run
 
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
-
-    from schwung.estimation import Estimate
+_VARIATION = (
+    "{miv:.3g} {unit}, {share:.0f} % of the mean, is the largest change: the MIV. The limits were found on the "
+    "machine of the published method; on a much lighter or heavier one go by the percentage."
+)
+_IMAGINARY = (
+    " The imaginary part should stay near zero; where it does not, delay, friction or the believed stiffness "
+    "is off."
+)
+_DEVIATION = (
+    "The injected sine should move the axis by a sine and nothing else. A mean that wanders off zero while "
+    "the axis moves says that it answered differently in the two runs: friction, play, or torque at its limit."
+)
+_COMMAND = "Shaded: the axis is asked to move. The injected sine fades in before the motion and out after it."
+_RAW = (
+    "As the drive reported it. The ripple is the injection and the machine's answer to it; apart from the "
+    "ripple the two runs should lie on each other."
+)
+_DENOISED = (
+    "The excited run minus the reference run. How large the speed's sine is for the torque's, and how far it "
+    "lags, depends on the load: that is what the inertia is computed from. Steady, clean sines are good; "
+    "bursts show where the two runs were not alike."
+)
+_EXPORT = (
+    "The same motion before and after the table was written into the drive. {gain} What is left is the "
+    "controller's business, not the feed-forward's."
+)
 
 
 @dataclass(frozen=True, eq=False)
@@ -30,101 +56,76 @@ class Picture:
 
 def pictures(content: ReportContent) -> tuple[Picture, ...]:
     """Every picture for which the content has something to show; the inertia curve first."""
-    drawn: list[Picture] = []
-    estimate = content.estimate
-    if estimate is not None:
-        drawn.append(Picture("inertia", "The inertia curve", _inertia_caption(content, estimate),
-                             curves.inertia_figure(content, estimate)))  # fmt: skip
-    if content.following_error is not None:
-        errors = content.following_error
-        drawn.append(Picture(
-            "following_error", "What the export brought",
-            f"The same motion before and after the table was written into the drive: {_gain(errors.improvement)}. "
-            "What is left at the end of each stroke is the controller's business, not the feed-forward's.",
-            signals.following_error_figure(errors, content.units)))  # fmt: skip
-    if estimate is not None:
-        drawn.extend(_trust_pictures(content, estimate))
-    if content.session.runs:
-        drawn.extend(_recorded_pictures(content))
-    if estimate is not None and estimate.denoised and estimate.traces:
-        drawn.append(Picture(
-            "denoised", "What the injection alone has caused",
-            "The excited run minus the reference run. Where the load is heavy the speed answers with a smaller sine: "
-            "the ratio of the two amplitudes, and their phase, is what the inertia is computed from. A steady, "
-            "clean sine is good; bursts that do not belong to the sine are where the two runs were not alike.",
-            signals.denoised_figure(content, estimate)))  # fmt: skip
-    if any(row.max_s > 0 for row in content.sync):
-        drawn.append(Picture(
-            "sync", "SYNC on the bus",
-            "How far SYNC came off its ideal grid, as received. Maxima beyond a tenth of the period are worth a "
-            "look at adapter and bus load.",
-            signals.sync_figure(content.sync)))  # fmt: skip
-    return tuple(drawn)
+    return tuple(_pictures(content))
 
 
 def save_figures(content: ReportContent, folder: Path) -> tuple[Path, ...]:
-    """Write every picture as a PNG into the folder (made where missing); the files written."""
-    folder.mkdir(parents=True, exist_ok=True)
+    """Write every picture as a PNG into the folder (made where missing); the files written.
+
+    Raises InputError where the folder cannot be written.
+    """
     paths = []
-    for number, picture in enumerate(pictures(content), start=1):
-        path = folder / f"{number:02d}_{picture.name}.png"
-        path.write_bytes(to_png(picture.figure))
-        paths.append(path)
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        for number, picture in enumerate(pictures(content), start=1):
+            paths.append(folder / f"{number:02d}_{picture.name}.png")
+            paths[-1].write_bytes(to_png(picture.figure))
+    except OSError as error:
+        reason = (error.strerror or str(error)).lower()
+        raise InputError(str(folder), f"cannot be written: {reason}", "Choose another place.") from None
     return tuple(paths)
+
+
+def _pictures(content: ReportContent) -> Iterator[Picture]:
+    estimate, units, run = content.estimate, content.units, content.shown_run
+    if estimate is not None:
+        yield Picture("inertia", "The inertia curve", _inertia_caption(content, estimate),
+                      figures.inertia_figure(content, estimate))  # fmt: skip
+    if content.following_error is not None:
+        caption = _EXPORT.format(gain=_gain(content.following_error.improvement))
+        yield Picture("following_error", "What the export brought", caption,
+                      figures.following_error_figure(content.following_error, units))  # fmt: skip
+    if estimate is not None:
+        trust = estimate.trust
+        caption = _VARIATION.format(miv=trust.miv_kgm2, unit=units.inertia, share=100 * trust.relative_miv)
+        caption += _IMAGINARY if estimate.inversion == "complex" else ""
+        yield Picture("variation", "Is it steady?", caption, figures.variation_figure(content, estimate))
+    pair = estimate.denoised[0] if estimate is not None and estimate.denoised else None
+    if estimate is not None and pair is not None:
+        yield Picture("deviation", "Is it linear?", _DEVIATION,
+                      figures.deviation_figure(pair, estimate.frequency_hz, units))  # fmt: skip
+    if run is not None:
+        yield Picture("command", "What was commanded", _COMMAND if run.motion and run.excitation else "",
+                      figures.command_figure(run, units))  # fmt: skip
+        peak = content.machine.motor.peak_torque_nm if content.machine else None
+        excited, plain = (pair.excited, pair.reference) if pair else _raw_pair(content, run)
+        yield Picture("raw", "What was recorded", _RAW if plain else "",
+                      figures.raw_figure(excited, plain, units, peak))  # fmt: skip
+    if estimate is not None and pair is not None and estimate.traces:
+        yield Picture("denoised", "What the injection alone has caused", _DENOISED,
+                      figures.denoised_figure(pair, estimate.traces[0], units))  # fmt: skip
+
+
+def _raw_pair(content: ReportContent, run: Run) -> tuple[Run, Run | None]:
+    """A run and, where it is an excited one, the first reference to hold it against."""
+    return run, next(iter(content.session.references), None) if run.role == "excited" else None
 
 
 def _gain(times: float) -> str:
     if np.isinf(times):
-        return "nothing of the error is left"
+        return "Nothing of the error is left."
     if times >= 1:
-        return f"its RMS is {times:.3g} times smaller"
-    return f"its RMS has grown by a factor of {1 / times:.3g}; do not keep this table"
+        return f"Its RMS is {times:.3g} times smaller."
+    return f"Its RMS has grown {1 / times:.3g}-fold: do not keep this table."
 
 
 def _inertia_caption(content: ReportContent, estimate: Estimate) -> str:
-    n = len(estimate.traces)
-    sweeps = "the single sweep" if n == 1 else f"the {n} single sweeps"
-    text = f"Thin lines are {sweeps}, the band is two standard deviations of the table."
+    text = "Thin lines are the single sweeps"
+    text += ", the band is two standard deviations." if estimate.table.std_kgm2 is not None else "."
     if content.reference is not None:
-        text += f" The dashed line is the {content.reference_label}; below, the difference from it."
+        text += f" Dashed: {content.reference_label}; below, the difference from it."
     if content.contrast is not None:
-        text += (
-            f" For contrast, the {content.contrast.method} method on the same session"
-            + (", which leaves the picture where it fails." if _leaves(content, estimate) else ".")
-        )  # fmt: skip
+        text += f" For contrast, the {content.contrast.method} method on the same session"
+        beyond = np.max(content.contrast.table.inertia_kgm2) > 1.2 * np.max(estimate.table.inertia_kgm2)
+        text += ", which leaves the picture where it fails." if beyond else "."
     return text
-
-
-def _leaves(content: ReportContent, estimate: Estimate) -> bool:
-    """Whether the contrast's curve goes beyond the axes of the inertia picture."""
-    top = float(np.max(estimate.table.inertia_kgm2))
-    return content.contrast is not None and float(np.max(content.contrast.table.inertia_kgm2)) > 1.2 * top
-
-
-def _trust_pictures(content: ReportContent, estimate: Estimate) -> list[Picture]:
-    drawn = [Picture(
-        "variation", "Is it steady?",
-        f"The largest value is the MIV: {estimate.trust.miv_kgm2:.3g} {content.units.inertia}, "
-        f"{100 * estimate.trust.relative_miv:.0f} % of the mean. The limits were found on the machine of the "
-        "published method; on a much lighter or heavier one go by the percentage. An imaginary part away from zero "
-        "means that delay, friction or the believed stiffness is off.",
-        curves.variation_figure(content, estimate))]  # fmt: skip
-    if estimate.denoised:
-        drawn.append(Picture(
-            "deviation", "Is it linear?",
-            "The injected sine should move the axis by a sine and nothing else. A mean that wanders off zero says "
-            "that the machine answered differently in the two runs: friction, play, or torque at its limit.",
-            signals.deviation_figure(content, estimate)))  # fmt: skip
-    return drawn
-
-
-def _recorded_pictures(content: ReportContent) -> list[Picture]:
-    return [
-        Picture("command", "What was commanded",
-                "Shaded: the axis is asked to move. The injected sine fades in before the motion and out after it.",
-                signals.command_figure(content)),
-        Picture("raw", "What was recorded",
-                "As the drive reported it. The ripple is the injection and the machine's answer; beyond it the two "
-                "runs should lie on each other.",
-                signals.raw_figure(content)),
-    ]  # fmt: skip

@@ -1,8 +1,8 @@
 """One look for every picture: colours that mean the same everywhere, in light, in dark and on paper.
 
-The palette follows Okabe and Ito (2008), darkened where a thin line on white needs it, so that people with any
-colour vision tell the curves apart. Pictures are drawn once, in the light colours; within the page each colour
-becomes a CSS variable, so that the same picture follows the reader's theme.
+The palette follows Okabe and Ito (2008), darkened where a thin line on white needs it, so that people with
+any colour vision tell the curves apart. Pictures are drawn once, in the light colours; within the page each
+colour becomes a CSS variable, so that the same picture follows the reader's theme.
 """
 
 from __future__ import annotations
@@ -13,16 +13,15 @@ import re
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from html import escape
-from typing import TYPE_CHECKING, Any, ParamSpec, TypeVar
+from typing import Any, ParamSpec, TypeVar
 
+import matplotlib
 import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.figure import Figure
 
 from schwung.motion import Array
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
-
 
 P = ParamSpec("P")
 R = TypeVar("R")
@@ -37,7 +36,7 @@ class Colour:
     dark: str
 
 
-INK = Colour("ink", "#1c2733", "#e8ecf1")
+INK = Colour("ink", "#1c2733", "#e8ecf1")  # text, demand, and whatever is taken as true
 MUTED = Colour("muted", "#5a6775", "#a3afbd")
 GRID = Colour("grid", "#e4e8ed", "#2e3743")
 SURFACE = Colour("surface", "#fffffe", "#171c23")
@@ -48,20 +47,18 @@ FORMER = Colour("former", "#a8488a", "#e592cb")
 GOOD = Colour("good", "#00795a", "#35c99b")
 DOUBTFUL = Colour("doubtful", "#9a6700", "#f0b93a")
 UNUSABLE = Colour("unusable", "#b3261e", "#ff857c")
-
 PALETTE = (INK, MUTED, GRID, SURFACE, ESTIMATE, EXCITED, PLAIN, FORMER, GOOD, DOUBTFUL, UNUSABLE)
 
 WIDTH_IN = 9.2
 MOST_POINTS = 4000
+DASHED = (0, (4, 2))
 
-_RC: dict[str, Any] = {
+_SETTINGS: dict[Any, Any] = {
     "font.family": "sans-serif",
     "font.sans-serif": ["DejaVu Sans"],  # ships with matplotlib: the same picture everywhere
     "font.size": 8.5,
     "svg.fonttype": "none",
-    "svg.hashsalt": "schwung",
-    "path.simplify": True,
-    "path.simplify_threshold": 0.2,
+    "svg.hashsalt": "schwung",  # the same content gives the same file
     "figure.facecolor": SURFACE.light,
     "savefig.facecolor": SURFACE.light,
     "axes.facecolor": SURFACE.light,
@@ -75,18 +72,15 @@ _RC: dict[str, Any] = {
     "axes.spines.top": False,
     "axes.spines.right": False,
     "axes.spines.left": False,
-    "axes.linewidth": 0.8,
     "axes.grid": True,
     "axes.axisbelow": True,
     "axes.xmargin": 0.01,
+    "axes.unicode_minus": True,
     "grid.color": GRID.light,
-    "grid.linewidth": 0.8,
     "xtick.color": MUTED.light,
     "ytick.color": MUTED.light,
     "ytick.major.size": 0,
     "text.color": INK.light,
-    "lines.linewidth": 1.3,
-    "lines.solid_capstyle": "round",
     "legend.frameon": False,
 }
 
@@ -96,9 +90,9 @@ def in_style(draw: Callable[P, R]) -> Callable[P, R]:
 
     @functools.wraps(draw)
     def styled(*args: P.args, **kwargs: P.kwargs) -> R:
-        import matplotlib
-
-        with matplotlib.rc_context(_RC):
+        with matplotlib.rc_context():
+            matplotlib.rcdefaults()  # what the user's matplotlibrc says is for the user's own pictures
+            matplotlib.rcParams.update(_SETTINGS)
             return draw(*args, **kwargs)
 
     return styled
@@ -106,51 +100,63 @@ def in_style(draw: Callable[P, R]) -> Callable[P, R]:
 
 def new_figure(height_in: float, ratios: Sequence[float] = (1.0,)) -> Figure:
     """A figure of the report's width with one axes per ratio, one above the other, sharing their x-axis."""
-    from matplotlib.backends.backend_agg import FigureCanvasAgg
-    from matplotlib.figure import Figure
-
     figure = Figure(figsize=(WIDTH_IN, height_in), layout="constrained")
     FigureCanvasAgg(figure)
     figure.subplots(len(ratios), 1, sharex=True, gridspec_kw={"height_ratios": list(ratios)})
     return figure
 
 
+def curve(axes: Axes, x: Array, y: Array, colour: Colour, *, label: str = "", width: float = 1.2) -> None:
+    """Draw a signal, thinned to what the eye can see."""
+    x, y = thin(x, y)
+    axes.plot(x, y, color=colour.light, linewidth=width, label=label or "_")
+
+
 def key(axes: Axes) -> None:
     """Name the labelled curves above the axes, each in its own colour."""
-    handles, labels = axes.get_legend_handles_labels()
     axes.legend(
-        handles, labels, loc="lower right", bbox_to_anchor=(1.0, 0.99), ncols=max(len(labels), 1),
-        labelcolor="linecolor", handlelength=1.4, handletextpad=0.5, columnspacing=1.6,
-        borderaxespad=0.2, fontsize=8.5,
-    )  # fmt: skip
+        loc="lower right",
+        bbox_to_anchor=(1.0, 0.99),
+        ncols=8,
+        labelcolor="linecolor",
+        handlelength=1.4,
+        handletextpad=0.5,
+        columnspacing=1.6,
+        borderaxespad=0.2,
+        fontsize=8.5,
+    )
 
 
 def limit_line(axes: Axes, value: float, text: str, colour: Colour) -> None:
-    """A horizontal threshold with its name written on it."""
-    axes.axhline(value, color=colour.light, linewidth=1.0, linestyle=(0, (5, 3)))
+    """A horizontal limit with its name written on it."""
+    axes.axhline(value, color=colour.light, linewidth=1.0, linestyle=DASHED)
     axes.annotate(
-        text, (1.0, value), xycoords=("axes fraction", "data"), xytext=(-2, 2), textcoords="offset points",
-        ha="right", va="bottom", color=colour.light, fontsize=8,
-    )  # fmt: skip
+        text,
+        (1.0, value),
+        xycoords=("axes fraction", "data"),
+        xytext=(-2, 2),
+        textcoords="offset points",
+        ha="right",
+        color=colour.light,
+        fontsize=8,
+    )
 
 
-def thin(time: Array, values: Array, most: int = MOST_POINTS) -> tuple[Array, Array]:
-    """Fewer points for the eye: smallest and largest sample of every bin are kept, so no peak is lost.
+def thin(x: Array, y: Array, most: int = MOST_POINTS) -> tuple[Array, Array]:
+    """Fewer points for the eye: smallest and largest sample of every bin are kept, so that no peak is lost.
 
-    Arrays (n,) in, at most `most` points out; a bin without a finite sample stays a gap (NaN).
+    Arrays (n,) in, at most `most` points out; a bin with no finite sample stays a gap (NaN).
     """
-    if time.size <= most:
-        return time, values
-    bins = np.array_split(np.arange(time.size), most // 2)
-    chosen = []
-    for indices in bins:
-        finite = indices[np.isfinite(values[indices])]
-        if finite.size:
-            part = values[finite]
-            chosen.extend(sorted((int(finite[part.argmin()]), int(finite[part.argmax()]))))
-        else:
-            chosen.extend((int(indices[0]), int(indices[-1])))
-    return time[chosen], values[chosen]
+    if x.size <= most:
+        return x, y
+    chosen: list[int] = []
+    for bin_ in np.array_split(np.arange(x.size), most // 2):
+        finite = bin_[np.isfinite(y[bin_])]
+        ends = (
+            (finite[y[finite].argmin()], finite[y[finite].argmax()]) if finite.size else (bin_[0], bin_[-1])
+        )
+        chosen.extend(sorted(int(end) for end in ends))
+    return x[chosen], y[chosen]
 
 
 @in_style
@@ -159,13 +165,10 @@ def to_svg(figure: Figure, name: str, title: str) -> str:
     buffer = io.StringIO()
     figure.savefig(buffer, format="svg", metadata={"Date": None, "Creator": None}, transparent=True)
     svg = buffer.getvalue()
-    svg = svg[svg.index("<svg") :]
-    svg = re.sub(r"<metadata>.*?</metadata>", "", svg, flags=re.DOTALL)
+    svg = re.sub(r"<metadata>.*?</metadata>", "", svg[svg.index("<svg") :], flags=re.DOTALL)
     svg = re.sub(r'(\bid="|href="#|url\(#)', rf"\g<1>{name}-", svg)
-    label = escape(title)
-    svg = re.sub(
-        r'<svg [^>]*?(viewBox="[^"]*")[^>]*>', rf'<svg \1 role="img" aria-label="{label}">', svg, count=1
-    )
+    opening = rf'<svg \1 role="img" aria-label="{escape(title)}">'
+    svg = re.sub(r'<svg [^>]*?(viewBox="[^"]*")[^>]*>', opening, svg, count=1)
     for colour in PALETTE:
         svg = svg.replace(colour.light, f"var(--{colour.name})")
     return svg
@@ -180,7 +183,7 @@ def to_png(figure: Figure, dpi: float = 150) -> bytes:
 
 
 def css_variables() -> str:
-    """The palette as CSS: light by default and on paper, dark where the reader's system says so."""
+    """The palette as CSS: light by default and on paper, dark where the reader's screen says so."""
     light = "".join(f"--{c.name}:{c.light};" for c in PALETTE)
     dark = "".join(f"--{c.name}:{c.dark};" for c in PALETTE)
     return (
