@@ -4,17 +4,18 @@
     python3 tests/vcan/uml.py [--time-limit S] [--out DIR] COMMAND [ARGUMENT ...]
 
 boots Debian's user-mode-linux (packages user-mode-linux, busybox-static, iproute2; no root needed) on this
-machine's own files, brings up `lo` and `vcan0`, runs COMMAND in the present folder with the present environment
-and exits with its status; 124 when the time was up, 125 when no kernel came up.
+machine's own files, brings up `lo` and `vcan0`, runs COMMAND in this folder with this environment, and exits
+with its status; 124 when the time was up, 125 when the command could not be run.
 
-Inside, every file of the machine is there but read-only, so nothing is left behind. Writable are the RAM disks
-(HOME, TMPDIR, /dev/shm and NUMBA_CACHE_DIR, the last filled from the one outside) and DIR, under its own name.
-One processor, root, real time; system calls are some ten times slower than outside.
+Inside, every file of the machine is there but read-only, so nothing is left behind. Writable are RAM disks
+(HOME, TMPDIR, /dev/shm, and NUMBA_CACHE_DIR, which starts with what is in it outside) and DIR, under its own
+name. There is one processor, real time, and root; a system call costs some ten times what it costs outside.
 """
 
 from __future__ import annotations
 
 import argparse
+import contextlib
 import mmap
 import os
 import shlex
@@ -26,33 +27,37 @@ import tempfile
 import threading
 from pathlib import Path
 
-TIME_IS_UP, NO_KERNEL = 124, 125
-NEEDED = {"linux.uml": "user-mode-linux", "busybox": "busybox-static", "ip": "iproute2"}
-MODULES = ("net/can/can", "net/can/can-raw", "net/can/can-bcm", "drivers/net/can/dev/can-dev",
-           "drivers/net/can/vcan", "drivers/net/can/vxcan")  # fmt: skip
+TIME_IS_UP, NOT_RUN = 124, 125
+PACKAGES = {"linux.uml": "user-mode-linux", "busybox": "busybox-static", "ip": "iproute2"}
+MODULES = (
+    *("net/can/can", "net/can/can-raw", "net/can/can-bcm"),
+    *("drivers/net/can/dev/can-dev", "drivers/net/can/vcan", "drivers/net/can/vxcan"),
+)
 
+#: The first process inside. The kernel's own messages go to the console, the command's to the serial line.
 INIT = """#!/bin/sh
 export PATH=/usr/sbin:/usr/bin:/sbin:/bin
 mount -t proc proc /proc; mount -t sysfs sys /sys; mount -t tmpfs run /run
-mkdir /dev/shm /run/host /run/home /run/tmp /run/numba; mount -t tmpfs shm /dev/shm
-mount -t hostfs none /run/host -o {exchange}
-{mount_out}
+mkdir /dev/shm /run/exchange /run/home /run/tmp /run/numba; mount -t tmpfs shm /dev/shm
+mount -t hostfs exchange /run/exchange -o {exchange}
+out={out}; [ -z "$out" ] || mount -t hostfs out "$out" -o "$out"
 for module in {modules}; do
     busybox insmod "/usr/lib/uml/modules/$(uname -r)/kernel/$module.ko"
 done
 ip link set lo up && ip link add dev vcan0 type vcan && ip link set vcan0 up || busybox poweroff -f
 (sleep {time_limit}; busybox poweroff -f) &
 stty -F /dev/ttyS0 raw -echo
-({command}; echo $? >/run/host/status) 2>&1 </dev/null | cat >/dev/ttyS0
-sync
+(. /run/exchange/command; echo $? >/run/exchange/status) 2>&1 </dev/null | cat >/dev/ttyS0
 busybox poweroff -f
 """
 
 COMMAND = """cd {folder} || exit
 {environment}
-export HOME=/run/home TMPDIR=/run/tmp NUMBA_CACHE_DIR=/run/numba PYTHONDONTWRITEBYTECODE=1 LANG=C.UTF-8
-[ -z {numba_cache} ] || cp -r {numba_cache}/. /run/numba/ 2>/dev/null
-{command}"""
+[ -z "$NUMBA_CACHE_DIR" ] || cp -r "$NUMBA_CACHE_DIR/." /run/numba 2>/dev/null
+export HOME=/run/home TMPDIR=/run/tmp NUMBA_CACHE_DIR=/run/numba LANG=C.UTF-8
+export PYTHONDONTWRITEBYTECODE=1 PYTEST_ADDOPTS="-n 0 -p no:cacheprovider"
+{command}
+"""
 
 
 def memory_folder(size: int) -> str:
@@ -70,74 +75,74 @@ def memory_folder(size: int) -> str:
     sys.exit(f"uml: no folder with {size >> 20} MiB to spare that allows execution; set TMPDIR to one")
 
 
-def init_script(arguments: argparse.Namespace, exchange: Path) -> str:
-    """The first process inside: mounts, modules, interfaces, then the command."""
-    out = str(arguments.out.resolve()) if arguments.out else ""
-    exports = "\n".join(
+def write_scripts(exchange: Path, command: list[str], out: Path | None, time_limit: int) -> None:
+    """Write what runs inside, `init` and the `command` with our environment, into the exchange folder."""
+    environment = "\n".join(
         f"export {name}={shlex.quote(value)}" for name, value in os.environ.items() if name.isidentifier()
     )
-    command = COMMAND.format(
-        folder=shlex.quote(os.getcwd()),
-        environment=exports,
-        numba_cache=shlex.quote(os.environ.get("NUMBA_CACHE_DIR", "")),
-        command=shlex.join(arguments.command),
+    (exchange / "command").write_text(
+        COMMAND.format(folder=shlex.quote(os.getcwd()), environment=environment, command=shlex.join(command))
     )
-    (exchange / "command").write_text(command)
-    return INIT.format(
-        exchange=exchange,
-        mount_out=f"mount -t hostfs none {shlex.quote(out)} -o {shlex.quote(out)}" if out else "",
-        modules=" ".join(MODULES),
-        time_limit=arguments.time_limit,
-        command=". /run/host/command",
-    )
-
-
-def boot(arguments: argparse.Namespace, exchange: Path) -> int:
-    """Boot, pass the command's output on, and return its exit status."""
     init = exchange / "init"
-    init.write_text(init_script(arguments, exchange))
+    init.write_text(
+        INIT.format(
+            exchange=exchange,
+            out=shlex.quote(str(out.resolve()) if out else ""),
+            modules=" ".join(MODULES),
+            time_limit=time_limit,
+        )
+    )
     init.chmod(0o755)
-    size = arguments.memory << 20
-    kernel = ["linux.uml", f"mem={arguments.memory}M", "root=/dev/root", "rootfstype=hostfs", "rootflags=/", "ro",
-              f"init={init}", f"uml_dir={exchange}", "con=null", "con0=null,fd:2", "ssl=null", "ssl0=null,fd:1",
-              "quiet"]  # fmt: skip
+
+
+def boot(exchange: Path, memory_mib: int, time_limit: int) -> int:
+    """Boot, pass on what the command prints, and return its exit status."""
+    kernel = [
+        *("linux.uml", f"mem={memory_mib}M", f"uml_dir={exchange}", f"init={exchange}/init", "quiet"),
+        *("root=/dev/root", "rootfstype=hostfs", "rootflags=/", "ro"),
+        *("con=null", "con0=null,fd:2", "ssl=null", "ssl0=null,fd:1"),
+    ]
+    environment = os.environ | {"TMPDIR": memory_folder(memory_mib << 20)}
     log = exchange / "kernel.log"
     time_is_up = threading.Event()
-    with log.open("wb") as console:
-        # The kernel makes its file descriptors non-blocking: it gets a pipe of its own, not our terminal.
-        uml = subprocess.Popen(kernel, stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, stderr=console,
-                               env={"TMPDIR": memory_folder(size), "PATH": os.environ["PATH"], "HOME": str(exchange)},
-                               start_new_session=True)  # fmt: skip
+    # A pipe and not our own terminal, since the kernel makes its descriptors non-blocking; a session of its
+    # own, since it is a dozen processes that have to be killed as one.
+    with log.open("wb") as console, subprocess.Popen(
+        kernel, stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, stderr=console, env=environment,
+        start_new_session=True, bufsize=0,
+    ) as uml:  # fmt: skip
 
-    def end() -> None:
-        time_is_up.set()
-        os.killpg(uml.pid, signal.SIGKILL)
+        def kill() -> None:
+            with contextlib.suppress(ProcessLookupError):
+                os.killpg(uml.pid, signal.SIGKILL)
 
-    timer = threading.Timer(arguments.time_limit, end)
-    timer.start()
-    try:
-        assert uml.stdout is not None
-        while chunk := os.read(uml.stdout.fileno(), 65536):
-            sys.stdout.buffer.write(chunk)
-            sys.stdout.buffer.flush()
-        uml.wait()
-    finally:
-        timer.cancel()
-        if uml.poll() is None:
-            os.killpg(uml.pid, signal.SIGKILL)
+        def end() -> None:
+            time_is_up.set()
+            kill()
+
+        timer = threading.Timer(time_limit, end)
+        timer.start()
+        try:
+            while chunk := uml.stdout.read(65536) if uml.stdout else b"":
+                sys.stdout.buffer.write(chunk)
+                sys.stdout.buffer.flush()
             uml.wait()
-    status = exchange / "status"
+        finally:
+            timer.cancel()
+            if uml.poll() is None:
+                kill()
     if time_is_up.is_set():
-        print(f"uml: ended after the time limit of {arguments.time_limit} s", file=sys.stderr)
+        print(f"uml: ended at the time limit of {time_limit} s", file=sys.stderr)
         return TIME_IS_UP
+    status = exchange / "status"
     if not status.exists():
-        print(f"uml: the command was not run; the kernel said:\n{log.read_text(errors='replace')}", file=sys.stderr)
-        return NO_KERNEL
+        print(f"uml: not run; the kernel said:\n{log.read_text(errors='replace')}", file=sys.stderr)
+        return NOT_RUN
     return int(status.read_text())
 
 
 def main() -> int:
-    parser = argparse.ArgumentParser(description="Run a command in a kernel that has vcan0.")
+    parser = argparse.ArgumentParser(description="Run a command in a Linux kernel that has vcan0.")
     parser.add_argument("--time-limit", type=int, default=300, help="seconds until everything is killed")
     parser.add_argument("--memory", type=int, default=2048, help="MiB")
     parser.add_argument("--out", type=Path, help="an existing folder that the command may write to")
@@ -148,14 +153,15 @@ def main() -> int:
     if arguments.out and not arguments.out.is_dir():
         parser.error(f"--out {arguments.out}: no such folder")
     os.environ["PATH"] += ":/usr/sbin:/sbin"
-    missing = sorted(package for program, package in NEEDED.items() if shutil.which(program) is None)
+    missing = [package for program, package in PACKAGES.items() if shutil.which(program) is None]
     if missing:
         print(f"uml: missing here: apt-get install {' '.join(missing)}", file=sys.stderr)
-        return NO_KERNEL
+        return NOT_RUN
     for number in (signal.SIGTERM, signal.SIGHUP):
         signal.signal(number, lambda received, _: sys.exit(128 + received))
     with tempfile.TemporaryDirectory(prefix="schwung-uml-", dir="/tmp") as exchange:
-        return boot(arguments, Path(exchange))
+        write_scripts(Path(exchange), arguments.command, arguments.out, arguments.time_limit)
+        return boot(Path(exchange), arguments.memory, arguments.time_limit)
 
 
 if __name__ == "__main__":

@@ -1,0 +1,89 @@
+"""Tests that need the kernel's own CAN: a fresh interface for each, or a skip that says how to get one."""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import shutil
+import socket
+import subprocess
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import can
+import pytest
+from can.interfaces.socketcan import SocketcanBus
+
+SO_RCVBUFFORCE = 33  # asm-generic/socket.h; not in the socket module
+HOW = "python3 tests/vcan/uml.py .venv/bin/pytest -m vcan tests/vcan"
+
+
+def ip_link(*arguments: str) -> str:
+    """Run `ip link`; returns what it complains about, empty when it worked."""
+    program = shutil.which("ip", path=os.environ.get("PATH", "") + ":/usr/sbin:/sbin")
+    if program is None:
+        return "no `ip` here (package iproute2)"
+    done = subprocess.run([program, "link", *arguments], capture_output=True, text=True, check=False)
+    return "" if done.returncode == 0 else done.stderr.strip() or "ip link failed"
+
+
+def is_up(channel: str) -> bool:
+    flags = Path("/sys/class/net", channel, "flags")
+    return flags.exists() and bool(int(flags.read_text(), 16) & 1)
+
+
+@pytest.fixture
+def vcan_channel() -> Iterator[str]:
+    """A virtual CAN interface that is up: a new one where we may create it, else a `vcan0` that exists."""
+    channel = f"vcan{os.getpid()}"
+    complaint = ip_link("add", "dev", channel, "type", "vcan")
+    if not complaint:
+        complaint = ip_link("set", channel, "up")
+        try:
+            if complaint:
+                pytest.fail(f"created {channel}, but: {complaint}")
+            yield channel
+        finally:
+            ip_link("delete", channel)
+    elif is_up("vcan0"):
+        yield "vcan0"
+    else:
+        pytest.skip(f"no vcan here ({complaint}); run it in user-mode-linux: {HOW}")
+
+
+@pytest.fixture
+def open_bus(vcan_channel: str) -> Iterator[Callable[[], can.BusABC]]:
+    """Opens python-can buses on the interface, with room for 5000 unread frames each; closes them all."""
+    buses: list[can.BusABC] = []
+
+    def opened() -> can.BusABC:
+        bus = can.Bus(interface="socketcan", channel=vcan_channel)
+        buses.append(bus)
+        assert isinstance(bus, SocketcanBus)
+        for option in (socket.SO_RCVBUF, SO_RCVBUFFORCE):
+            with contextlib.suppress(PermissionError):  # beyond the system's limit only for root
+                bus.socket.setsockopt(socket.SOL_SOCKET, option, 4 << 20)
+        return bus
+
+    yield opened
+    for bus in buses:
+        bus.shutdown()
+
+
+@pytest.fixture
+def measured(record_property: Callable[[str, object], None]) -> Callable[[str, str], None]:
+    """Keep a measured figure; all of them are printed at the end of the session."""
+    return lambda name, figure: record_property(f"measured {name}", figure)
+
+
+def pytest_terminal_summary(terminalreporter: pytest.TerminalReporter) -> None:
+    figures = [
+        f"{name.removeprefix('measured ')}: {figure}"
+        for report in terminalreporter.getreports("passed") + terminalreporter.getreports("failed")
+        for name, figure in report.user_properties
+        if name.startswith("measured ")
+    ]
+    if figures:
+        terminalreporter.section("measured on the kernel's CAN")
+        for line in figures:
+            terminalreporter.write_line(line)
