@@ -1,0 +1,217 @@
+"""The power drive state machine of CiA 402 (IEC 61800-7-201 clause 6), with its option codes.
+
+Pure: it knows the controlword, the option codes and an axis that it can energise, stop and coast.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from enum import Enum
+from typing import Protocol
+
+from schwung_sim.drives.dictionary import ObjectDictionary
+
+STOP_MARGIN_S = 0.5  # a stopping ramp that takes so much longer than it should is given up: power off
+
+
+class Power(Enum):
+    """States, by their bits in the statusword (mask 0x6F)."""
+
+    SWITCH_ON_DISABLED = 0x40
+    READY_TO_SWITCH_ON = 0x21
+    SWITCHED_ON = 0x23
+    OPERATION_ENABLED = 0x27
+    QUICK_STOP_ACTIVE = 0x07
+    FAULT_REACTION_ACTIVE = 0x0F
+    FAULT = 0x08
+
+
+VOLTAGE_ENABLED, REMOTE = 1 << 4, 1 << 9
+HALT = 1 << 8
+
+
+class Motor(Protocol):
+    """What the state machine asks of the axis."""
+
+    def energise(self, on: bool) -> None: ...
+
+    def quick_stop(self, deceleration_rad_s2: float) -> None: ...
+
+    @property
+    def standstill(self) -> bool: ...
+
+    @property
+    def speed_rad_s(self) -> float: ...
+
+    @property
+    def time_s(self) -> float: ...
+
+
+class PowerStage:
+    """Follows the controlword; carries out stops to their end.
+
+    `ramp(object)` gives the deceleration (rad/s²) that object 6084 or 6085 holds. `clear_faults` is called at fault reset and
+    says whether the cause is gone. `stopping` is true while a stop reaction is running.
+    """
+
+    def __init__(
+        self,
+        dictionary: ObjectDictionary,
+        motor: Motor,
+        ramp: Callable[[int], float],
+        clear_faults: Callable[[], bool],
+    ) -> None:
+        self._dictionary, self._motor, self._ramp, self._clear_faults = dictionary, motor, ramp, clear_faults
+        self.state = Power.SWITCH_ON_DISABLED
+        self.halted = False
+        self._word = 0
+        self._after_stop: Power | None = None  # where a running stop leads; the same state: it stays there
+        self._give_up_s = 0.0
+
+    @property
+    def stopping(self) -> bool:
+        return self._after_stop is not None
+
+    @property
+    def enabled(self) -> bool:
+        """Setpoints are followed: operation enabled, no stop or halt under way."""
+        return self.state is Power.OPERATION_ENABLED and self._after_stop is None and not self.halted
+
+    @property
+    def energised(self) -> bool:
+        return self.state in (Power.OPERATION_ENABLED, Power.QUICK_STOP_ACTIVE, Power.FAULT_REACTION_ACTIVE)
+
+    @property
+    def status(self) -> int:
+        """The statusword's bits that belong to the state machine."""
+        return self.state.value | VOLTAGE_ENABLED | REMOTE
+
+    # -- The controlword ---------------------------------------------------------------------------
+
+    def control(self, word: int) -> None:
+        """Follow a controlword (table 31 of the standard)."""
+        rising, self._word = word & ~self._word, word
+        if self.state is Power.FAULT:
+            if rising & 0x80 and self._clear_faults():
+                self.state = Power.SWITCH_ON_DISABLED
+            return
+        if self.state is Power.FAULT_REACTION_ACTIVE:
+            return
+        if not word & 0x02:
+            self._disable_voltage()
+        elif not word & 0x04:
+            self._quick_stop_command()
+        elif not word & 0x80:
+            self._climb(word)
+        self._follow_halt(word)
+
+    def _disable_voltage(self) -> None:  # transitions 7, 9, 10, 12
+        self._off(Power.SWITCH_ON_DISABLED)
+
+    def _quick_stop_command(self) -> None:  # transitions 7, 10, 11
+        if self.state is Power.OPERATION_ENABLED:
+            self.quick_stop()
+        elif self.state is not Power.QUICK_STOP_ACTIVE:
+            self.state = Power.SWITCH_ON_DISABLED
+
+    def quick_stop(self) -> None:
+        """Transition 11, with the reaction of 605A."""
+        option = self._dictionary.number(0x605A)
+        if option == 0:
+            self._off(Power.SWITCH_ON_DISABLED)
+            return
+        self.state = Power.QUICK_STOP_ACTIVE
+        stays = option in (5, 6)
+        self._stop(
+            self._ramp(0x6084 if option in (1, 5) else 0x6085),
+            Power.QUICK_STOP_ACTIVE if stays else Power.SWITCH_ON_DISABLED,
+        )
+
+    def _climb(self, word: int) -> None:
+        shutdown, switch_on, enable = word & 0x07 == 0x06, word & 0x0F == 0x07, word & 0x0F == 0x0F
+        state = self.state
+        if state is Power.SWITCH_ON_DISABLED and shutdown:
+            self.state = Power.READY_TO_SWITCH_ON
+        elif state is Power.READY_TO_SWITCH_ON and (switch_on or enable):
+            self.state = Power.SWITCHED_ON  # with "enable" set the next transition follows at once (3 + 4)
+            self._climb(word)
+        elif state is Power.SWITCHED_ON and shutdown:
+            self.state = Power.READY_TO_SWITCH_ON
+        elif state is Power.SWITCHED_ON and enable:
+            self._enable()
+        elif state is Power.OPERATION_ENABLED:
+            if shutdown:
+                self._leave(0x605B, Power.READY_TO_SWITCH_ON)
+            elif switch_on:
+                self._leave(0x605C, Power.SWITCHED_ON)
+        elif state is Power.QUICK_STOP_ACTIVE and enable and self._dictionary.number(0x605A) in (5, 6):
+            self._enable()  # transition 16
+
+    def _enable(self) -> None:
+        self._after_stop, self.halted = None, False
+        self.state = Power.OPERATION_ENABLED
+        self._motor.energise(True)
+
+    def _leave(self, option_code: int, target: Power) -> None:
+        """Out of operation: at once, or after the slow-down ramp (605B, 605C)."""
+        if self._after_stop is target:
+            return
+        if self._dictionary.number(option_code) == 0:
+            self._off(target)
+        else:
+            self._stop(self._ramp(0x6084), target)
+
+    def _follow_halt(self, word: int) -> None:
+        halted = bool(word & HALT) and self.state is Power.OPERATION_ENABLED
+        if halted and not self.halted:
+            self._motor.quick_stop(self._ramp(0x6085 if self._dictionary.number(0x605D) == 2 else 0x6084))
+        self.halted = halted
+
+    # -- Faults and stops --------------------------------------------------------------------------
+
+    def fault(self) -> None:
+        """Transition 13, with the reaction of 605E; 14 follows when it has been carried out."""
+        if self.state in (Power.FAULT, Power.FAULT_REACTION_ACTIVE):
+            return
+        option = self._dictionary.number(0x605E)
+        if not self.energised or option == 0:
+            self._off(Power.FAULT)
+            return
+        self.state = Power.FAULT_REACTION_ACTIVE
+        self._stop(self._ramp(0x6084 if option == 1 else 0x6085), Power.FAULT)
+
+    def connection_lost(self) -> bool:
+        """The reaction of 6007; true where it is a fault, which the caller reports."""
+        option = self._dictionary.number(0x6007)
+        if option == 2:
+            if self.state not in (Power.FAULT, Power.FAULT_REACTION_ACTIVE):
+                self._off(Power.SWITCH_ON_DISABLED)
+        elif option == 3 and self.state is Power.OPERATION_ENABLED:
+            self.quick_stop()
+        return option == 1 and self.energised
+
+    def power_off(self) -> None:
+        """As at power-on: the motor coasts, nothing is remembered."""
+        self._off(Power.SWITCH_ON_DISABLED)
+        self._word = 0
+
+    def poll(self) -> None:
+        """Finish a stop that has come to standstill, or that does not."""
+        if self._after_stop is None:
+            return
+        if self._motor.standstill or self._motor.time_s > self._give_up_s:
+            target, self._after_stop = self._after_stop, None
+            if target is not Power.QUICK_STOP_ACTIVE:
+                self._off(target)
+
+    def _stop(self, deceleration_rad_s2: float, then: Power) -> None:
+        self._motor.quick_stop(deceleration_rad_s2)
+        self._after_stop = then
+        duration_s = abs(self._motor.speed_rad_s) / deceleration_rad_s2
+        self._give_up_s = self._motor.time_s + duration_s + STOP_MARGIN_S
+
+    def _off(self, target: Power) -> None:
+        if self.energised:
+            self._motor.energise(False)
+        self._after_stop, self.halted = None, False
+        self.state = target
