@@ -1,0 +1,6 @@
+"""From a session to the load inertia over angle: sliding DFT, denoising, inversion, trust."""
+
+from schwung.estimation.estimate import estimate
+from schwung.estimation.values import Denoised, Estimate, Inversion, Trace, Trust, Verdict
+
+__all__ = ["Denoised", "Estimate", "Inversion", "Trace", "Trust", "Verdict", "estimate"]

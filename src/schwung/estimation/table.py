@@ -1,0 +1,127 @@
+"""From traces to one inertia table: every stroke and repeat on one uniform grid of angles, with a band."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from schwung.drivetrain.inertia import InertiaTable
+from schwung.errors import InputError
+from schwung.estimation.values import Trace
+from schwung.motion import Array
+
+DEFAULT_POINTS = 64
+
+
+@dataclass(frozen=True)
+class Combined:
+    """The table and what had to be said about it."""
+
+    table: InertiaTable
+    notes: tuple[str, ...]
+
+
+@dataclass(frozen=True, eq=False)
+class _Stroke:
+    """One stroke on the grid, (points,): local value, standard error, imaginary part; NaN without samples."""
+
+    inertia: Array
+    error: Array
+    imaginary: Array
+
+
+def combine(traces: Sequence[Trace], window: Sequence[int], points: int | None = None) -> Combined:
+    """Inertia over load angle from all traces; `window`: samples per period of each trace.
+
+    Every stroke of every run gives one curve on the grid (a local straight line at each point, so that
+    samples spread unevenly do not pull it sideways); the table is their mean. The grid is uniform between
+    the smallest and the largest angle visited; points without a sample nearby are left out. Negative
+    inertias are dropped and noted.
+
+    The band is √(scatter² + noise² + imaginary²): `scatter` the standard deviation among strokes and
+    repeats over √strokes, `noise` the standard error within them (overlapping windows counted once),
+    `imaginary` the rms of the strokes' imaginary parts over √strokes, for what the model does not explain.
+    It is no calibrated interval yet.
+
+    Raises InputError when fewer than two points are left.
+    """
+    count = DEFAULT_POINTS if points is None else points
+    if count < 2:
+        raise InputError("points", f"is {count}", "An inertia table needs two or more.")
+    negative = total = 0
+    valid: list[NDArray[np.bool_]] = []
+    for trace in traces:
+        finite = np.isfinite(trace.inertia_kgm2)
+        positive = finite & (np.nan_to_num(trace.inertia_kgm2, nan=-1.0) > 0)
+        negative, total = negative + int(np.sum(finite & ~positive)), total + int(np.sum(finite))
+        valid.append(positive)
+    angles = np.concatenate([trace.position_rad[ok] for trace, ok in zip(traces, valid, strict=True)])
+    if angles.size == 0 or np.ptp(angles) <= 0:
+        raise InputError(
+            "session",
+            "holds no angle range with a positive inertia",
+            "Look at the signals: is the machine moving, does the speed follow the torque?",
+        )
+    grid = np.linspace(angles.min(), angles.max(), count)
+    strokes = [
+        _on_grid(trace, ok & (_stroke_of(trace) == stroke), grid, samples)
+        for trace, ok, samples in zip(traces, valid, window, strict=True)
+        for stroke in np.unique(_stroke_of(trace)[ok])
+    ]
+    notes = []
+    if negative:
+        notes.append(f"{negative} of {total} samples gave a negative inertia and were dropped.")
+    return _mean_of(strokes, grid, notes)
+
+
+def _stroke_of(trace: Trace) -> NDArray[np.int64]:
+    return np.zeros(trace.time_s.size, dtype=np.int64) if trace.stroke is None else trace.stroke
+
+
+def _on_grid(trace: Trace, chosen: NDArray[np.bool_], grid: Array, window: int) -> _Stroke:
+    """Local linear regression with a triangular kernel, one grid step wide on either side."""
+    angle, inertia = trace.position_rad[chosen], trace.inertia_kgm2[chosen]
+    imaginary = trace.imaginary_kgm2[chosen]
+    step = float(np.max(np.abs(np.diff(angle)), initial=0.0)) if angle.size > 1 else 0.0
+    reach = max(float(grid[1] - grid[0]), step)  # fast strokes may pass a grid step between two samples
+    offset = angle[None, :] - grid[:, None]
+    weight = np.clip(1 - np.abs(offset) / reach, 0.0, None)
+    zeroth, first, second = weight.sum(1), (weight * offset).sum(1), (weight * offset**2).sum(1)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        mean, centre = (weight @ inertia) / zeroth, first / zeroth
+        spread = second / zeroth - centre**2
+        slope = ((weight * offset) @ inertia / zeroth - centre * mean) / spread
+        # a straight line needs samples on both sides, or else it extrapolates
+        sided = (
+            (weight * (offset > 0)).any(1) & (weight * (offset < 0)).any(1) & (spread > (0.05 * reach) ** 2)
+        )
+        slope = np.where(sided, slope, 0.0)
+        local = mean - slope * centre
+        residual = inertia[None, :] - local[:, None] - slope[:, None] * offset
+        variance = (weight * residual**2).sum(1) / zeroth
+        independent = np.maximum(1.0, zeroth**2 / (weight**2).sum(1) / window)
+        return _Stroke(local, np.sqrt(variance / independent), (weight @ imaginary) / zeroth)
+
+
+def _mean_of(strokes: Sequence[_Stroke], grid: Array, notes: list[str]) -> Combined:
+    inertia = np.vstack([stroke.inertia for stroke in strokes])
+    there = np.isfinite(inertia)
+    count = there.sum(0)
+    keep = count > 0
+    n = np.maximum(count, 1)
+    mean = np.where(there, inertia, 0.0).sum(0) / n
+    scatter = np.where(there, inertia - mean, 0.0)
+    between = (scatter**2).sum(0) / np.maximum(n - 1, 1) / n
+    within = np.nansum(np.vstack([stroke.error for stroke in strokes]) ** 2, axis=0) / n**2
+    imaginary = np.nansum(np.vstack([stroke.imaginary for stroke in strokes]) ** 2, axis=0) / n**2
+    band = np.sqrt(between + within + imaginary)
+    keep &= mean > 0
+    if keep.sum() < 2:
+        raise InputError("session", "gives fewer than two angles with a positive inertia",
+                         "Record the whole motion with the injection at full amplitude.")  # fmt: skip
+    if not keep.all():
+        notes.append(f"{int(np.sum(~keep))} of {grid.size} angles hold no usable sample and were left out.")
+    return Combined(InertiaTable(grid[keep], mean[keep], band[keep]), tuple(notes))
