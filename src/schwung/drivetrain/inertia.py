@@ -164,6 +164,8 @@ def _read_columns(path: Path, required: Sequence[str], optional: Sequence[str] =
         raise InputError(str(path), f"cannot be read: {reason}", "Name an existing CSV file.") from None
     except UnicodeDecodeError:
         raise InputError(str(path), "is not UTF-8 text", "Name a CSV file.") from None
+    except ValueError:  # a NUL in the name
+        raise InputError(repr(str(path)), "is no file name", "Name an existing CSV file.") from None
     wanted_header = ",".join(required) + "".join(f"[,{name}]" for name in optional)
     header = [name.strip() for name in lines[0].split(",")] if lines else []
     if not set(required) <= set(header) or len(set(header)) != len(header):

@@ -259,7 +259,7 @@ def load_machine(path: str | Path) -> Machine:
         raise InputError(str(path), f"cannot be read: {reason}", "Give the path of a machine.toml.") from None
     except UnicodeDecodeError:
         raise InputError(str(path), "is not UTF-8 text", "Give the path of a machine.toml.") from None
-    except tomllib.TOMLDecodeError as error:
+    except (ValueError, RecursionError) as error:
         raise InputError(str(path), f"is not TOML: {error}", "Correct that line.") from None
     load = data.get("load")
     if isinstance(load, dict):

@@ -123,7 +123,7 @@ def simulate(
 
     At a tick the drive reads angle and speed and sets the torque that acts until the next tick: the torque
     sample belongs to the interval that begins with it. Raises InputError for a machine that cannot be
-    simulated (unknown inertia, no control, unstable) and for arrays that do not fit.
+    simulated (unknown inertia, no control) and for arrays that do not fit.
     """
     control = machine.required_control()
     added = np.zeros_like(time) if torque_added_nm is None else torque_added_nm
@@ -154,8 +154,8 @@ def simulate(
     if not np.all(np.isfinite(states)):
         raise InputError(
             f'machine "{machine.name}"',
-            "its control loop is unstable",
-            "Lower control.speed_gain or control.position_gain.",
+            f"does not stay finite with {cascade.substeps} sub-steps per tick",
+            "Leave their number to the simulation.",
         )
     clipped = torques[:, 0] != torques[:, 1]
     tick = np.floor(in_ticks + _ON_TICK).astype(np.int64)  # whose torque acts at each instant
