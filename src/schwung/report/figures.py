@@ -9,9 +9,10 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from schwung.drivetrain.inertia import InertiaTable
+from schwung.estimation.trust import RELATIVE_MIV
 from schwung.estimation.values import Denoised, Estimate, Trace
 from schwung.motion import Array
-from schwung.report.content import FollowingError, ReportContent, Units
+from schwung.report.content import FollowingError, ReportContent, Units, deviation
 from schwung.report.style import (
     DASHED,
     DOUBTFUL,
@@ -32,23 +33,25 @@ from schwung.report.style import (
 )
 from schwung.session import Run
 
-#: MIV below which the published machine always gave good estimates, and above which never (kg·m²).
-MIV_GOOD_KGM2, MIV_UNRELIABLE_KGM2 = 0.05, 0.08
-
 # ---------------------------------------------------------------------------------------------- over angle
 
 
 @in_style
 def inertia_figure(content: ReportContent, estimate: Estimate) -> Figure:
     """J_l(θ) with two standard deviations, single sweeps, reference and contrast; below it the error."""
-    units, table, reference = content.units, estimate.table, content.reference
+    units, table = content.units, estimate.table
+    reference = (
+        content.reference if deviation(table, content.reference) else None
+    )  # nothing in common: leave out
     figure = new_figure(4.9 if reference else 3.7, (3, 1) if reference else (1,))
     axes, band = figure.axes[0], _band(table)
     _sweeps(axes, estimate.traces, [trace.inertia_kgm2 for trace in estimate.traces], faint=True)
     _fill(axes, table.position_rad, table.inertia_kgm2, band)
     label = "estimate ± 2σ" if table.std_kgm2 is not None else "estimate"
     curve(axes, table.position_rad, table.inertia_kgm2, ESTIMATE, label=label, width=2.0)
-    top = float(np.max(table.inertia_kgm2 + band))
+    # fitted to estimate and reference: a wild band, or a contrast that fails, may leave the picture
+    highest = float(np.max(table.inertia_kgm2))
+    top = min(float(np.max(table.inertia_kgm2 + band)), 1.3 * highest)
     if reference is not None:
         position = np.linspace(table.position_rad[0], table.position_rad[-1], 400)
         believed, label = reference.at(position), content.reference_label
@@ -59,7 +62,7 @@ def inertia_figure(content: ReportContent, estimate: Estimate) -> Figure:
         other, label = content.contrast.table, f"{content.contrast.method} method"
         curve(axes, other.position_rad, other.inertia_kgm2, FORMER, label=label)
         axes.lines[-1].set_zorder(1.5)  # behind the estimate, though last in the key
-    axes.set_ylim(0, 1.12 * top)  # fitted to estimate and reference: a contrast that fails may leave it
+    axes.set_ylim(0, 1.12 * top)
     axes.set_title(f"Load {units.inertia_word}, {units.inertia}")
     figure.axes[-1].set_xlabel(f"{units.position_word}, {units.position}")
     key(axes)
@@ -67,16 +70,25 @@ def inertia_figure(content: ReportContent, estimate: Estimate) -> Figure:
 
 
 def _error_panel(axes: Axes, content: ReportContent, table: InertiaTable, reference: InertiaTable) -> None:
-    error, band = table.inertia_kgm2 - reference.at(table.position_rad), _band(table)
+    error, band = _difference(table, reference), _band(table)
     if content.contrast is not None:
         other = content.contrast.table
-        curve(axes, other.position_rad, other.inertia_kgm2 - reference.at(other.position_rad), FORMER)
+        curve(axes, other.position_rad, _difference(other, reference), FORMER)
     _fill(axes, table.position_rad, error, band)
     curve(axes, table.position_rad, error, ESTIMATE, width=1.6)
     axes.axhline(0, color=INK.light, linewidth=1.0, linestyle=DASHED)
-    reach = 1.15 * float(np.max(np.abs(error) + band)) or 1e-6
-    axes.set_ylim(-reach, reach)
+    largest = float(np.nanmax(np.abs(error)))
+    reach = 1.15 * min(float(np.nanmax(np.abs(error) + band)), 3 * largest)
+    axes.set_ylim(-reach or -1e-6, reach or 1e-6)
     axes.set_title(f"Estimate minus {content.reference_label}, {content.units.inertia}")
+
+
+def _difference(table: InertiaTable, reference: InertiaTable) -> Array:
+    """Table minus reference at the table's points, NaN where the reference has nothing to say."""
+    known = (table.position_rad >= reference.position_rad[0]) & (
+        table.position_rad <= reference.position_rad[-1]
+    )
+    return np.where(known, table.inertia_kgm2 - reference.at(table.position_rad), np.nan)
 
 
 @in_style
@@ -85,13 +97,15 @@ def variation_figure(content: ReportContent, estimate: Estimate) -> Figure:
     units, traces = content.units, estimate.traces
     both = estimate.inversion == "complex"
     figure = new_figure(4.0 if both else 2.6, (3, 2) if both else (1,))
-    axes, top = figure.axes[0], 1.2 * estimate.trust.miv_kgm2
+    axes, mean = figure.axes[0], float(np.mean(estimate.table.inertia_kgm2))
     _sweeps(axes, traces, [np.abs(trace.inertia_variation_kgm2) for trace in traces])
-    if content.session.axis == "rotary":
-        limit_line(axes, MIV_GOOD_KGM2, "good below", DOUBTFUL)
-        limit_line(axes, MIV_UNRELIABLE_KGM2, "unreliable above", UNUSABLE)
-        top = max(top, 1.2 * MIV_UNRELIABLE_KGM2)
-    _mark_largest(axes, traces)
+    for share, words, colour in zip(
+        RELATIVE_MIV, ("good below", "unreliable above"), (DOUBTFUL, UNUSABLE), strict=True
+    ):
+        limit_line(axes, share * mean, f"{words} {100 * share:.0f} % of the mean", colour)
+    limit = RELATIVE_MIV[-1] * mean
+    top = min(max(1.25 * estimate.trust.miv_kgm2, 1.2 * limit), 3 * limit)
+    _mark_largest(axes, traces, 0.85 * top)
     axes.set_ylim(0, top)
     axes.set_title(f"Change of the estimate within one period, {units.inertia}")
     if both:
@@ -102,16 +116,25 @@ def variation_figure(content: ReportContent, estimate: Estimate) -> Figure:
     return figure
 
 
-def _mark_largest(axes: Axes, traces: Sequence[Trace]) -> None:
-    """A dot, with its name, where the estimate changed most: the MIV."""
+def _mark_largest(axes: Axes, traces: Sequence[Trace], highest: float) -> None:
+    """A dot, with its name, where the estimate changed most: the MIV; an arrow where that is out of sight."""
     position = np.concatenate([trace.position_rad for trace in traces])
     change = np.abs(np.concatenate([trace.inertia_variation_kgm2 for trace in traces]))
-    change[~np.isfinite(change) | ~np.isfinite(position)] = -1.0
-    at = int(change.argmax())
-    if change[at] >= 0:
-        axes.plot(position[at], change[at], "o", color=INK.light, markersize=4)
-        axes.annotate(f"MIV {change[at]:.3g}", (position[at], change[at]), xytext=(0, 5), ha="center",
-                      textcoords="offset points", fontsize=8, fontweight="bold")  # fmt: skip
+    valid = np.isfinite(position) & np.isfinite(change)
+    if not valid.any():
+        return
+    at = int(np.where(valid, change, -1.0).argmax())
+    seen = min(change[at], highest)
+    axes.plot(position[at], seen, "o" if seen == change[at] else "^", color=INK.light, markersize=4)
+    axes.annotate(
+        f"MIV {change[at]:.3g}",
+        (position[at], seen),
+        xytext=(0, 5),
+        textcoords="offset points",
+        ha="center",
+        fontsize=8,
+        fontweight="bold",
+    )
 
 
 def _sweeps(axes: Axes, traces: Sequence[Trace], values: Sequence[Array], *, faint: bool = False) -> None:
@@ -198,13 +221,13 @@ def denoised_figure(pair: Denoised, trace: Trace, units: Units) -> Figure:
 @in_style
 def deviation_figure(pair: Denoised, frequency_hz: float, units: Units) -> Figure:
     """θ_est − θ_RtR (equation 16) with its mean over one period of the injected sine."""
-    deviation = pair.position_deviation_rad * 1e3
+    difference = pair.position_deviation_rad * 1e3
     period = max(round(pair.excited.sample_rate_hz / frequency_hz), 1)
     figure = new_figure(2.5)
     axes = figure.axes[0]
-    curve(axes, pair.time_s, deviation, ESTIMATE, label="excited minus reference", width=0.9)
-    if deviation.size > period:
-        mean = np.convolve(deviation, np.ones(period) / period, mode="valid")
+    curve(axes, pair.time_s, difference, ESTIMATE, label="excited minus reference", width=0.9)
+    if difference.size > period:
+        mean = np.convolve(difference, np.ones(period) / period, mode="valid")
         middle = pair.time_s[: mean.size] + (period - 1) / 2 / pair.excited.sample_rate_hz
         curve(axes, middle, mean, INK, label="mean over one period", width=1.6)
     axes.set_title(f"Position deviation, m{units.position}")

@@ -84,8 +84,8 @@ def _header(content: ReportContent) -> str:
 
 def _verdict(estimate: Estimate | None) -> str:
     verdict = estimate.trust.verdict if estimate else "none"
-    reasons = "".join(f"<li>{escape(reason)}</li>" for reason in (estimate.trust.reasons if estimate else ()))
-    listing = f"<ul>{reasons}</ul>" if reasons else ""
+    reasons = estimate.trust.reasons if estimate else ()
+    listing = _list(reason[:1].upper() + reason[1:] for reason in reasons)
     return f'<section class="verdict {verdict}"><strong>{_VERDICTS[verdict]}</strong>{listing}</section>'
 
 
@@ -123,9 +123,14 @@ def _results(content: ReportContent) -> Iterator[tuple[str, str, str]]:
 def _coverage(content: ReportContent, estimate: Estimate) -> tuple[str, str, str]:
     units, first, last = content.units, *estimate.table.position_rad[[0, -1]]
     digits = max(0, 2 - int(np.floor(np.log10(last - first))))
-    value = f"{first:.{digits}f} … {last:.{digits}f} {units.position}"
-    degrees = f"{np.degrees(first):.0f}° to {np.degrees(last):.0f}°"
+    value = f"{_plain(first, digits)} … {_plain(last, digits)} {units.position}"
+    degrees = f"{_plain(np.degrees(first), 0)}° to {_plain(np.degrees(last), 0)}°"
     return f"Covered {units.position_word}", value, degrees if content.session.axis == "rotary" else ""
+
+
+def _plain(value: float, digits: int) -> str:
+    """Rounded, with a proper minus, and without one before zero."""
+    return f"{round(float(value), digits) + 0.0:.{digits}f}".replace("-", "−")
 
 
 def _experiment(content: ReportContent) -> Iterator[tuple[str, str, str]]:
@@ -177,11 +182,16 @@ def _tables(content: ReportContent) -> Iterator[str]:
     ]
     yield _section("SYNC timing", _table(head, sync))
     yield _section("Settings", _table((), list(content.settings.items())))
-    yield _section("Drive", _table((), list(_flat(content.session.drive or {}))))
+    drive = [(label.replace("_", " "), text) for label, text in _flat(content.session.drive or {})]
+    yield _section("Drive", _table((), drive))
     yield _section("Believed machine", _table((), list(_machine(content))))
     notes = (*content.notes, *(content.estimate.notes if content.estimate else ()))
-    items = "".join(f"<li>{escape(note)}</li>" for note in notes)
-    yield _section("Notes", f"<ul>{items}</ul>" if items else "")
+    yield _section("Notes", _list(notes))
+
+
+def _list(texts: Iterable[str]) -> str:
+    items = "".join(f"<li>{escape(text)}</li>" for text in texts)
+    return f"<ul>{items}</ul>" if items else ""
 
 
 def _table(head: Sequence[str], rows: Sequence[Sequence[str]], *, marked: bool = False) -> str:
@@ -221,10 +231,10 @@ def _machine(content: ReportContent) -> Iterable[tuple[str, str]]:
 def _flat(values: Mapping[str, Any], prefix: str = "") -> Iterator[tuple[str, str]]:
     """Nested JSON as rows: ("identity / serial", "1")."""
     for name, value in values.items():
-        label = f"{prefix}{name}".replace("_", " ")
+        label = f"{prefix}{name}"
         if isinstance(value, Mapping):
             yield from _flat(value, f"{label} / ")
         elif isinstance(value, list | tuple):
-            yield label, ", ".join(str(item) for item in value)
+            yield from [(label, ", ".join(str(item) for item in value))] if value else []
         elif value is not None:
-            yield label, str(value)
+            yield label, f"{value:g}" if isinstance(value, float) else str(value)

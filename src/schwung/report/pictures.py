@@ -17,8 +17,8 @@ from schwung.report.style import to_png
 from schwung.session import Run
 
 _VARIATION = (
-    "{miv:.3g} {unit}, {share:.0f} % of the mean, is the largest change: the MIV. The limits were found on the "
-    "machine of the published method; on a much lighter or heavier one go by the percentage."
+    "The largest change is the MIV: {miv:.3g} {unit}, {share:.0f} % of the mean. The limits were found on "
+    "the machine of the published method and are carried over by the mean inertia."
 )
 _IMAGINARY = (
     " The imaginary part should stay near zero; where it does not, delay, friction or the believed stiffness "
@@ -26,7 +26,8 @@ _IMAGINARY = (
 )
 _DEVIATION = (
     "The injected sine should move the axis by a sine and nothing else. A mean that wanders off zero while "
-    "the axis moves says that it answered differently in the two runs: friction, play, or torque at its limit."
+    "the axis moves says that it answered differently in the two runs: friction, play, or torque at its "
+    "limit."
 )
 _COMMAND = "Shaded: the axis is asked to move. The injected sine fades in before the motion and out after it."
 _RAW = (
@@ -39,8 +40,8 @@ _DENOISED = (
     "bursts show where the two runs were not alike."
 )
 _EXPORT = (
-    "The same motion before and after the table was written into the drive. {gain} What is left is the "
-    "controller's business, not the feed-forward's."
+    "The same motion before and after the table was written into the drive. {gain} What is left, the "
+    "feed-forward does not know: friction, elasticity and the error of the table itself."
 )
 
 

@@ -42,11 +42,11 @@ GRID = Colour("grid", "#e4e8ed", "#2e3743")
 SURFACE = Colour("surface", "#fffffe", "#171c23")
 ESTIMATE = Colour("estimate", "#0068b0", "#5db8f5")  # denoised signals and what is estimated from them
 EXCITED = Colour("excited", "#c65200", "#ff9550")  # a run with the injected sine
-PLAIN = Colour("plain", "#6a7f95", "#8fa5bb")  # the same run without it
-FORMER = Colour("former", "#a8488a", "#e592cb")
+PLAIN = Colour("plain", "#6b6f88", "#a9aec9")  # the same run without it
+FORMER = Colour("former", "#b04a78", "#ec8fb4")
 GOOD = Colour("good", "#00795a", "#35c99b")
 DOUBTFUL = Colour("doubtful", "#9a6700", "#f0b93a")
-UNUSABLE = Colour("unusable", "#b3261e", "#ff857c")
+UNUSABLE = Colour("unusable", "#b00040", "#ff857c")
 PALETTE = (INK, MUTED, GRID, SURFACE, ESTIMATE, EXCITED, PLAIN, FORMER, GOOD, DOUBTFUL, UNUSABLE)
 
 WIDTH_IN = 9.2
@@ -80,6 +80,7 @@ _SETTINGS: dict[Any, Any] = {
     "xtick.color": MUTED.light,
     "ytick.color": MUTED.light,
     "ytick.major.size": 0,
+    "text.parse_math": False,  # a "$" in a name is a dollar
     "text.color": INK.light,
     "legend.frameon": False,
 }
@@ -134,7 +135,7 @@ def limit_line(axes: Axes, value: float, text: str, colour: Colour) -> None:
         text,
         (1.0, value),
         xycoords=("axes fraction", "data"),
-        xytext=(-2, 2),
+        xytext=(-2, 3),
         textcoords="offset points",
         ha="right",
         color=colour.light,
