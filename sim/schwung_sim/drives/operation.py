@@ -136,7 +136,7 @@ class Operation:
         self._outside_since_s: float | None = None
         self._inside_since_s: float | None = None
 
-    # -- Modes -------------------------------------------------------------------------------------
+    # -- Modes ------------------------------------------------------------------------------------
 
     def _write_mode(self, value: int) -> None:
         if value not in (0, PP, CSP):
@@ -228,7 +228,7 @@ class Operation:
             setpoint.deceleration_rad_s2,
         )
 
-    # -- Supervision -------------------------------------------------------------------------------
+    # -- Supervision ------------------------------------------------------------------------------
 
     def poll(self) -> None:
         """After each advance of the axis: following error, software limits, end of a move, end of a stop."""

@@ -1,4 +1,4 @@
-"""The drive's PDO engine: mapping rules, transmission types, exchange on SYNC (CiA 301 7.2.2, 7.5.2.35 ff)."""
+"""The drive's PDO engine: mapping rules, transmission types, exchange on SYNC (CiA 301 7.2.2)."""
 
 from __future__ import annotations
 

@@ -50,8 +50,8 @@ class Motor(Protocol):
 class PowerStage:
     """Follows the controlword; carries out stops to their end.
 
-    `ramp(object)` gives the deceleration (rad/s²) that object 6084 or 6085 holds. `clear_faults` is called at fault reset and
-    says whether the cause is gone. `stopping` is true while a stop reaction is running.
+    `ramp(object)` gives the deceleration (rad/s²) that object 6084 or 6085 holds. `clear_faults` is called at
+    fault reset and says whether the cause is gone. `stopping` is true while a stop reaction is running.
     """
 
     def __init__(
@@ -86,7 +86,7 @@ class PowerStage:
         """The statusword's bits that belong to the state machine."""
         return self.state.value | VOLTAGE_ENABLED | REMOTE
 
-    # -- The controlword ---------------------------------------------------------------------------
+    # -- The controlword --------------------------------------------------------------------------
 
     def control(self, word: int) -> None:
         """Follow a controlword (table 31 of the standard)."""
@@ -167,7 +167,7 @@ class PowerStage:
             self._motor.quick_stop(self._ramp(0x6085 if self._dictionary.number(0x605D) == 2 else 0x6084))
         self.halted = halted
 
-    # -- Faults and stops --------------------------------------------------------------------------
+    # -- Faults and stops -------------------------------------------------------------------------
 
     def fault(self) -> None:
         """Transition 13, with the reaction of 605E; 14 follows when it has been carried out."""

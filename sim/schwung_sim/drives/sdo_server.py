@@ -34,7 +34,7 @@ class _Transfer:
 class SdoServer:
     """Serves one client, one transfer at a time. `now` is in seconds.
 
-    `aborts` and `silent` are the bench's own: objects whose access is aborted with a code, or not answered at all.
+    `aborts` and `silent` are the bench's own: objects whose access is aborted with a code, or not answered.
     """
 
     def __init__(self, dictionary: ObjectDictionary, send: Send) -> None:
@@ -100,7 +100,7 @@ class SdoServer:
             index, subindex = transfer.index, transfer.subindex
         self._send(struct.pack("<BHBI", 0x80, index, subindex, code))
 
-    # -- Initiation --------------------------------------------------------------------------------
+    # -- Initiation -------------------------------------------------------------------------------
 
     def _initiate(self, specifier: int, frame: bytes) -> None:
         self._transfer = None
@@ -161,7 +161,7 @@ class SdoServer:
         if not 1 <= segments <= 127:
             raise AbortError(Code.BLOCK_SIZE)
 
-    # -- Segmented transfer ------------------------------------------------------------------------
+    # -- Segmented transfer -----------------------------------------------------------------------
 
     @staticmethod
     def _check_toggle(transfer: _Transfer, frame: bytes) -> None:
@@ -203,7 +203,7 @@ class SdoServer:
         if last:
             self._transfer = None
 
-    # -- Block transfer ----------------------------------------------------------------------------
+    # -- Block transfer ---------------------------------------------------------------------------
 
     def _block_segment(self, transfer: _Transfer, frame: bytes) -> None:
         sequence, last = frame[0] & 0x7F, bool(frame[0] & 0x80)

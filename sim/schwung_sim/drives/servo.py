@@ -38,9 +38,10 @@ _COMMUNICATION = range(0x1000, 0x2000)
 class CanopenServo:
     """One drive on one bus. Feed it frames (`service`) and time (`tick`), or let `run` do both in a thread.
 
-    `clock` "sync": the axis advances one communication period (1006, else 60C2) per SYNC and stands still otherwise;
-    only a stop reaction that SYNC has deserted goes on by the wall clock. "wall": the axis follows `monotonic`.
-    Raises BenchError where node id, EDS or stored parameters are wrong.
+    `clock` "sync": the axis advances one communication period (1006, else 60C2) per SYNC and stands still
+    otherwise; only a stop that SYNC has deserted goes on by the wall clock. "wall": the axis follows
+    `monotonic`. `memory` keeps stored parameters, `seed` is the serial number. Raises BenchError where node
+    id, EDS or memory are wrong.
     """
 
     def __init__(
@@ -49,6 +50,7 @@ class CanopenServo:
         node_id: int,
         axis: BenchAxis,
         eds: Path,
+        *,
         clock: Clock = "sync",
         seed: int = 0,
         memory: Path | None = None,
@@ -62,6 +64,7 @@ class CanopenServo:
         self._monotonic = monotonic
         self._seed = seed
         self._wall = clock == "wall"
+        self.booted = threading.Event()
         self._stop = threading.Event()
         self._bus_off = False
         self._debt_s = 0.0  # time owed to the axis: less than a communication period
@@ -92,7 +95,8 @@ class CanopenServo:
         write[key(0x1006)] = self._write_period
         write[key(0x1019)] = self._write_overflow
 
-    # Power-on and reset ------------------------------------------------------------------------------------------
+    # Power-on and reset
+    # ------------------------------------------------------------------------------------------
 
     def start(self) -> None:
         """Announce itself: boot-up, then pre-operational."""
@@ -130,7 +134,7 @@ class CanopenServo:
         self._load_communication()
         self.start()
 
-    # -- Frames ------------------------------------------------------------------------------------
+    # -- Frames -----------------------------------------------------------------------------------
 
     def service(self, message: can.Message) -> None:
         """Handle one frame of the bus."""
@@ -204,7 +208,7 @@ class CanopenServo:
     def _may_send_emcy(self) -> bool:
         return self.nmt in (Nmt.PRE_OPERATIONAL, Nmt.OPERATIONAL)
 
-    # -- Time --------------------------------------------------------------------------------------
+    # -- Time -------------------------------------------------------------------------------------
 
     def tick(self) -> None:
         """Look at the timers; cheap when nothing is due."""
@@ -237,6 +241,7 @@ class CanopenServo:
     def run(self) -> None:
         """Serve the bus until `stop` is called."""
         self.start()
+        self.booted.set()
         while not self._stop.is_set():
             try:
                 message = self.bus.recv(TICK_S)
@@ -254,7 +259,7 @@ class CanopenServo:
         """End `run`; from any thread."""
         self._stop.set()
 
-    # -- Faults ------------------------------------------------------------------------------------
+    # -- Faults -----------------------------------------------------------------------------------
 
     def fault(self, code: int) -> None:
         """Go into fault with this error code: 603F, EMCY, reaction by 605E."""
@@ -296,7 +301,7 @@ class CanopenServo:
         self.emergency.report(EMCY_BUS_OFF)
         self.emergency.clear(EMCY_BUS_OFF)
 
-    # -- Communication objects ---------------------------------------------------------------------
+    # -- Communication objects --------------------------------------------------------------------
 
     def _deceleration(self, index: int) -> float:
         return self.operation.deceleration(index)

@@ -1,0 +1,195 @@
+"""What can go wrong on the bench, on purpose and repeatably.
+
+    drop=0.01                lose one frame in a hundred, both ways
+    jitter=0.0002            the drive sees each SYNC up to so many seconds late
+    reset@0.5                the node restarts
+    emcy=0x4310@0.5          the drive goes into fault with this error code
+    heartbeat-stop@0.5       its heartbeat stops, all else goes on
+    sdo-abort=0x6065         access to an object is aborted (=0x6065:0x08000020 gives the code)
+    sdo-timeout=0x6065       access to an object is not answered
+    bus-off@0.5              the drive's CAN controller goes bus-off and stays there
+    second-master=0x06@0.5   someone else writes this controlword every 10 ms
+    following-error@0.5      the motor gives no torque any more: the axis is left behind
+
+Joined by commas. `@0.5` is the axis' own time, 0.5 s after the bench's start; `@on+0.5` counts from the
+moment at which the power stage is first on. Where the plant is clocked by SYNC, both are exact to the cycle.
+"""
+
+from __future__ import annotations
+
+import random
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+import can
+
+from schwung_sim.drives.servo import CanopenServo, encode_controlword
+from schwung_sim.errors import BenchError
+
+SYNC_ID = 0x80
+MASTER_PERIOD_S = 0.01
+SDO_GENERAL_ERROR = 0x08000000
+
+
+@dataclass(frozen=True)
+class Fault:
+    """One fault; `at_s` None: from the start. `value` and `extra` as its kind needs them."""
+
+    kind: str
+    value: float = 0.0
+    extra: int = 0
+    at_s: float | None = None
+    after_power_on: bool = False
+
+
+#: kind -> default value; None: a value has to be given
+KINDS: dict[str, float | None] = {
+    "drop": None, "jitter": None, "reset": 0, "emcy": 0x4310, "heartbeat-stop": 0, "sdo-abort": None,
+    "sdo-timeout": None, "bus-off": 0, "second-master": 0x06, "following-error": 0,
+}  # fmt: skip
+
+
+def parse_faults(text: str) -> tuple[Fault, ...]:
+    """Read the syntax above. Raises BenchError that names the part and what exists."""
+    return tuple(_parse(part.strip()) for part in text.split(",") if part.strip())
+
+
+def _parse(part: str) -> Fault:
+    place = f'fault "{part}"'
+    head, _, when = part.partition("@")
+    kind, given, value_text = head.partition("=")
+    if kind not in KINDS:
+        raise BenchError(place, "there is no such fault", f"There are {', '.join(KINDS)}.")
+    default = KINDS[kind]
+    value_text, _, extra_text = value_text.partition(":")
+    try:
+        if not given and default is None:
+            raise ValueError
+        value = _number(value_text) if given else float(default or 0)
+        extra = int(extra_text, 0) if extra_text else SDO_GENERAL_ERROR
+        after_power_on = when.startswith("on+")
+        at_s = float(when.removeprefix("on+")) if when else None
+    except ValueError:
+        raise BenchError(place, "its numbers cannot be read", "Write it as name=value@seconds.") from None
+    if kind == "drop" and not 0 <= value < 1:
+        raise BenchError(place, "is no probability", "Give a share of the frames, 0 to 1.")
+    if value < 0 or (at_s is not None and at_s < 0):
+        raise BenchError(place, "is negative", "Values and times count upwards from 0.")
+    return Fault(kind, value, extra, at_s, after_power_on)
+
+
+def _number(text: str) -> float:
+    return float(int(text, 16)) if text.lower().startswith("0x") else float(text)
+
+
+class FaultyBus(can.BusABC):
+    """Any bus, with frames lost, SYNC late, or bus-off; works the same for a drive and for a tool under test.
+
+    `drop` is the probability of losing a frame (each way), `jitter_s` the longest delay of a SYNC that is
+    received. `go_bus_off` makes every later call raise as an adapter in bus-off does; `bus_off_after` does so
+    after that many frames sent. Repeatable by `seed`.
+    """
+
+    def __init__(
+        self,
+        bus: can.BusABC,
+        *,
+        drop: float = 0.0,
+        jitter_s: float = 0.0,
+        bus_off_after: int | None = None,
+        seed: int = 0,
+    ) -> None:
+        self.inner, self.drop, self.jitter_s, self.bus_off_after = bus, drop, jitter_s, bus_off_after
+        self.sent = self.dropped = 0
+        self._off = False
+        self._send_luck, self._receive_luck = random.Random(f"{seed} send"), random.Random(f"{seed} receive")
+        self.channel_info = f"{bus.channel_info}, with faults"
+        super().__init__(channel=getattr(bus, "channel", "faulty"))
+
+    def go_bus_off(self) -> None:
+        """From now on nothing gets through."""
+        self._off = True
+
+    def _check(self) -> None:
+        if self._off or (self.bus_off_after is not None and self.sent >= self.bus_off_after):
+            self._off = True
+            raise can.CanOperationError("Failed to transmit: bus-off")
+
+    def send(self, msg: can.Message, timeout: float | None = None) -> None:
+        """Send, or lose it. Raises can.CanOperationError in bus-off."""
+        self._check()
+        self.sent += 1
+        if self.drop and self._send_luck.random() < self.drop:
+            self.dropped += 1
+            return
+        self.inner.send(msg, timeout)
+
+    def _recv_internal(self, timeout: float | None) -> tuple[can.Message | None, bool]:
+        self._check()
+        message = self.inner.recv(timeout)
+        if message is None:
+            return None, True
+        if self.drop and self._receive_luck.random() < self.drop:
+            self.dropped += 1
+            return None, True
+        if self.jitter_s and message.arbitration_id == SYNC_ID:
+            time.sleep(self._receive_luck.uniform(0, self.jitter_s))
+        return message, True
+
+    def shutdown(self) -> None:
+        """Shut the bus inside down as well."""
+        super().shutdown()
+        self.inner.shutdown()
+
+
+class FaultSchedule:
+    """Makes a drive's faults happen when they are due; `poll` is called whenever its axis has advanced."""
+
+    def __init__(self, servo: CanopenServo, bus: FaultyBus, faults: tuple[Fault, ...]) -> None:
+        self._servo, self._bus = servo, bus
+        self._on_s: float | None = None
+        self._next_master_s: float | None = None
+        self._master_word = 0
+        self._waiting = [fault for fault in faults if fault.at_s is not None]
+        for fault in faults:
+            if fault.at_s is None:
+                self._begin(fault)
+
+    def poll(self) -> None:
+        """Begin what is due."""
+        now = self._servo.axis.time_s
+        if self._on_s is None and self._servo.power.energised:
+            self._on_s = now
+        for fault in [fault for fault in self._waiting if self._is_due(fault, now)]:
+            self._waiting.remove(fault)
+            self._begin(fault)
+        if self._next_master_s is not None and now >= self._next_master_s:
+            self._next_master_s = now + MASTER_PERIOD_S
+            request = encode_controlword(self._servo.node_id, self._master_word)
+            self._bus.send(request)  # everyone sees it, as if it came from another node
+            self._servo.service(request)
+
+    def _is_due(self, fault: Fault, now: float) -> bool:
+        start = self._on_s if fault.after_power_on else 0.0
+        return start is not None and fault.at_s is not None and now >= start + fault.at_s - 1e-9
+
+    def _begin(self, fault: Fault) -> None:
+        servo, value = self._servo, int(fault.value)
+        actions: dict[str, Callable[[], Any]] = {
+            "drop": lambda: setattr(self._bus, "drop", fault.value),
+            "jitter": lambda: setattr(self._bus, "jitter_s", fault.value),
+            "reset": servo.reset_node,
+            "emcy": lambda: servo.fault(value),
+            "heartbeat-stop": lambda: setattr(servo.heartbeats, "muted", True),
+            "sdo-abort": lambda: servo.sdo.aborts.update({value: fault.extra}),
+            "sdo-timeout": lambda: servo.sdo.silent.add(value),
+            "bus-off": self._bus.go_bus_off,
+            "second-master": lambda: self._start_master(value),
+            "following-error": servo.vendor.weaken,
+        }
+        actions[fault.kind]()
+
+    def _start_master(self, word: int) -> None:
+        self._master_word, self._next_master_s = word, self._servo.axis.time_s
