@@ -1,0 +1,51 @@
+"""The procedure: plan, preflight, move and record, export, restore. The only room that moves a machine."""
+
+from schwung.commissioning.commission import (
+    Commissioned,
+    Prepared,
+    Wishes,
+    carry_out,
+    contrast_of,
+    prepare,
+    repeat_reference,
+)
+from schwung.commissioning.export import ExportChoice, Exported, export_table, export_values, parse_choice
+from schwung.commissioning.journal import (
+    Backup,
+    Change,
+    ParameterJournal,
+    read_backup,
+    restore_backup,
+)
+from schwung.commissioning.plan import Limits, LimitWishes, Plan
+from schwung.commissioning.preflight import Check, Preflight, Survey
+from schwung.commissioning.procedure import Observer, Recorded, following_error_rms
+
+__all__ = [
+    "Backup",
+    "Change",
+    "Check",
+    "Commissioned",
+    "ExportChoice",
+    "Exported",
+    "LimitWishes",
+    "Limits",
+    "Observer",
+    "ParameterJournal",
+    "Plan",
+    "Preflight",
+    "Prepared",
+    "Recorded",
+    "Survey",
+    "Wishes",
+    "carry_out",
+    "contrast_of",
+    "export_table",
+    "export_values",
+    "following_error_rms",
+    "parse_choice",
+    "prepare",
+    "read_backup",
+    "repeat_reference",
+    "restore_backup",
+]

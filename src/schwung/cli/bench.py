@@ -1,0 +1,74 @@
+"""`schwung bench`: a simulated drive in its own process, on vcan or on a loopback TCP bus."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from schwung.cli.options import Bitrate, BusOption, Channel, Interface, Node, bus_options
+
+
+def bench(
+    plant: Annotated[str, typer.Option(help="two-mass or slider-crank.")] = "two-mass",
+    conceal: Annotated[
+        str, typer.Option(metavar="NAME=VALUE,…", help="Physics to switch on in the plant; see --list.")
+    ] = "",
+    seed: Annotated[int, typer.Option(help="Noise, serial number: everything random follows from it.")] = 0,
+    clock: Annotated[
+        str, typer.Option(help="sync: time passes with SYNC (exact, any speed); wall: real time.")
+    ] = "sync",
+    tcp: Annotated[
+        str | None, typer.Option(metavar="HOST:PORT", help="Serve a loopback TCP bus (socketcand protocol); port 0: any.")
+    ] = None,
+    eds: Annotated[Path | None, typer.Option(help="Dictionary of the drive; default: the bench's own.")] = None,
+    memory: Annotated[Path | None, typer.Option(help="File in which stored parameters (1010) outlive the process.")] = None,
+    fault: Annotated[list[str] | None, typer.Option(metavar="FAULT", help="A fault to make; see --list. Repeatable.")] = None,
+    seconds: Annotated[float | None, typer.Option(help="End by itself after so long.")] = None,
+    listing: Annotated[bool, typer.Option("--list", help="List what can be concealed and which faults there are.")] = False,
+    interface: Interface = None,
+    channel: Channel = None,
+    bitrate: Bitrate = None,
+    bus: BusOption = None,
+    node: Node = 1,
+) -> None:
+    """Run a simulated CiA 402 drive with a machine on its shaft until Ctrl-C.
+
+    [bold]Examples[/]
+
+      schwung bench --tcp 127.0.0.1:29536     (then: -i socketcand -c vcan0 --bus host=127.0.0.1 --bus port=29536)
+
+      schwung bench -i socketcan -c vcan0 --plant slider-crank
+
+      schwung bench --tcp 127.0.0.1:0 --conceal coulomb_friction=3,cogging --seed 7
+    """  # fmt: skip
+    from schwung.errors import InputError
+    from schwung_sim.bench import Bench
+    from schwung_sim.faults import describe_faults
+    from schwung_sim.plants.concealed import describe_effects
+
+    if listing:
+        typer.echo(f"{describe_effects()}\n\n{describe_faults()}")
+        return
+    if clock not in ("sync", "wall"):
+        raise InputError("--clock", f'is "{clock}"', "Use sync or wall.")
+    if (tcp is None) == (interface is None and channel is None):
+        raise InputError("bench", "needs one bus", "Give --tcp HOST:PORT, or --interface and --channel.")
+    bus_settings = {} if tcp else bus_options(interface, channel, bitrate, bus).resolve()
+    machine_room = Bench(
+        plant, conceal=conceal, seed=seed, clock="wall" if clock == "wall" else "sync", node_id=node,
+        memory=memory, faults=",".join(fault or ()), eds=eds, tcp=_address(tcp) if tcp else None,
+        interface=str(bus_settings.pop("interface", "socketcand")),
+        channel=str(bus_settings.pop("channel", channel or "vcan0")), bus_options=bus_settings,
+    )  # fmt: skip
+    machine_room.run_forever(seconds, announce=typer.echo)
+
+
+def _address(text: str) -> tuple[str, int]:
+    from schwung.errors import InputError
+
+    host, _, port = text.rpartition(":")
+    if not (host and port.isdigit() and int(port) < 65536):
+        raise InputError("--tcp", f'"{text}" is no address', "Write for instance --tcp 127.0.0.1:29536.")
+    return host, int(port)

@@ -1,0 +1,95 @@
+"""`schwung demo`: a simulated slider-crank behind a simulated drive, commissioned end to end in one process."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from schwung.cli.options import Json, quantity
+
+#: What an engineer would know before the measurement: motor and coupling from the data sheets, a guess of the load.
+_BELIEF = """\
+# What is believed about the demo's machine before it is measured: data sheets, and a guess of the load inertia.
+name = "Slider-crank"
+
+[motor]
+inertia = 0.012
+viscous_friction = 0.2
+peak_torque = 233.0
+
+[coupling]
+stiffness = 24963.0
+damping = 8.62
+
+[load]
+viscous_friction = 0.1
+inertia = 0.11
+"""
+
+
+def demo(
+    out: Annotated[Path | None, typer.Option(help="Folder for session, table, report; default: schwung-<time>.")] = None,
+    duration: Annotated[
+        float, typer.Option(parser=quantity, metavar="S", help="Time of one stroke.")
+    ] = 0.25,
+    plant: Annotated[str, typer.Option(help="slider-crank (MuJoCo) or two-mass.")] = "slider-crank",
+    conceal: Annotated[str, typer.Option(metavar="NAME=VALUE,…", help="Physics to hide in the plant.")] = "",
+    seed: Annotated[int, typer.Option(help="Everything random follows from it.")] = 0,
+    json_output: Json = False,
+) -> None:
+    """Commission a simulated drive on a virtual CAN bus: scan, plan, preflight, motions, estimate, export, report.
+
+    The very driver and procedure that move a real machine; only the bus is virtual. The result is compared with
+    the inertia that follows from the simulated machine's masses.
+
+    [bold]Examples[/]
+
+      schwung demo
+
+      schwung demo --out first-look --duration 200ms --json
+    """  # fmt: skip
+    import math
+
+    import can
+    import numpy as np
+
+    from schwung.cli.commission import output_folder
+    from schwung.cli.console import Terminal
+    from schwung.cli.flow import Ending, commission_and_show
+    from schwung.commissioning import ExportChoice, Wishes
+    from schwung.drivetrain import InertiaTable, load_machine
+    from schwung.fieldbus.canopen import BusOptions, CanopenDrive
+    from schwung.fieldbus.profile import load_profile
+    from schwung_sim.bench import Bench
+
+    terminal = Terminal(json_output)
+    folder = output_folder(out)
+    machine_file = folder / "machine.toml"
+    machine_file.write_text(_BELIEF, encoding="utf-8")
+    profile = load_profile("schwung-bench")
+    options = BusOptions("virtual", f"schwung-demo-{seed}", 1_000_000)
+    terminal.say(f"A simulated {plant} on a virtual CAN bus; the machine file is {machine_file}")
+    with Bench(plant, conceal=conceal, seed=seed, channel=options.channel or "", node_id=1) as bench:
+        bus = can.Bus(interface="virtual", channel=options.channel)
+        try:
+            drive = CanopenDrive(bus, 1, profile, bit_rate=1_000_000, bus_options=options)
+            try:
+                angles = np.linspace(0.0, math.pi, 181)
+                truth = InertiaTable(angles, bench.plant.true_inertia(angles))
+                result = commission_and_show(
+                    drive,
+                    profile,
+                    load_machine(machine_file),
+                    Wishes(distance_rad=math.pi, duration_s=duration),
+                    folder,
+                    terminal,
+                    confirm=lambda _question: True,
+                    ending=Ending(ExportChoice("table"), True, truth, "true inertia of the simulated machine"),
+                )
+            finally:
+                drive.close()
+        finally:
+            bus.shutdown()
+    terminal.result(result)

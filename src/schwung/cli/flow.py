@@ -1,0 +1,249 @@
+"""Commissioning as a command shows it: checks, question, progress, verdict, export, report. Shared with the demo."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from schwung.cli.console import Terminal, observing
+from schwung.commissioning import (
+    Commissioned,
+    ExportChoice,
+    Exported,
+    Prepared,
+    Wishes,
+    carry_out,
+    export_table,
+    following_error_rms,
+    prepare,
+    repeat_reference,
+)
+from schwung.drivetrain import InertiaTable, Machine, write_inertia_csv
+from schwung.errors import RefusedError
+from schwung.fieldbus.drive import Drive
+from schwung.fieldbus.profile import DeviceProfile
+from schwung.report import ChangeRow, FollowingError, ReportContent, SyncRow, write_report
+from schwung.report.content import deviation
+from schwung.session import Run
+
+
+@dataclass(frozen=True)
+class Ending:
+    """What shall happen after the estimate."""
+
+    export: ExportChoice | None = None
+    store: bool = True
+    reference: InertiaTable | None = None  # what the curve is held against, where something better is known
+    reference_label: str = "believed"
+
+
+@dataclass(frozen=True, eq=False)
+class Verification:
+    """The same motion before and after the export."""
+
+    exported: Exported
+    before: Run
+    after: Run
+
+    @property
+    def before_rms_rad(self) -> float | None:
+        """RMS following error before (rad)."""
+        return following_error_rms(self.before)
+
+    @property
+    def after_rms_rad(self) -> float | None:
+        """RMS following error after (rad)."""
+        return following_error_rms(self.after)
+
+
+def commission_and_show(
+    drive: Drive,
+    profile: DeviceProfile,
+    machine: Machine,
+    wishes: Wishes,
+    out: Path,
+    terminal: Terminal,
+    confirm: Callable[[str], bool],
+    ending: Ending,
+    dry_run: bool = False,
+) -> dict[str, Any]:
+    """The whole story on a terminal; returns the machine-readable result.
+
+    Raises RefusedError where preflight or the user say no, and what the procedure raises.
+    """
+    prepared = prepare(drive, profile, machine, wishes)
+    show_plan(terminal, prepared)
+    result: dict[str, Any] = {"preflight": [vars(check) for check in prepared.preflight.checks]}
+    prepared.preflight.require()
+    if dry_run:
+        terminal.say("Dry run: nothing was changed, nothing moved.")
+        return result
+    if not confirm("The machine will move. Is it clear?"):
+        raise RefusedError("commission", "you said no", "Nothing was changed, nothing moved.")
+    with observing(terminal) as observer:
+        done = carry_out(drive, prepared, out, observer, wishes.max_jitter_share)
+    write_inertia_csv(done.estimate.table, out / "inertia.csv")
+    show_estimate(terminal, done, ending)
+    verification = None
+    if ending.export is not None:
+        verification = _export_and_verify(drive, profile, done, ending, out, terminal)
+    content = report_content(done, ending, verification)
+    write_report(content, out / "report.html")
+    result |= _summary(done, ending, verification, out)
+    (out / "estimate.json").write_text(json.dumps(result, indent=2, default=str), encoding="utf-8")
+    terminal.say(f"Report: [bold]{out / 'report.html'}[/]")
+    return result
+
+
+def _export_and_verify(
+    drive: Drive, profile: DeviceProfile, done: Commissioned, ending: Ending, out: Path, terminal: Terminal
+) -> Verification | None:
+    assert ending.export is not None
+    if done.estimate.trust.verdict == "unusable":
+        terminal.say("[yellow]Not exported:[/] an unusable table does not go into a drive.")
+        return None
+    exported = export_table(
+        drive, profile, done.estimate.table, ending.export,
+        backup_path=out / "export.backup.json", store=ending.store,
+    )  # fmt: skip
+    terminal.say(
+        f"{len(exported.changes)} parameters written, read back equal"
+        f"{', stored' if exported.stored else ''}; the old values are in {exported.backup_path}"
+    )
+    with observing(terminal) as observer:
+        after = repeat_reference(drive, done.prepared, out, observer)
+    verification = Verification(exported, done.recorded.runs[0], after)
+    before_rms, after_rms = verification.before_rms_rad, verification.after_rms_rad
+    if before_rms and after_rms:
+        terminal.say(
+            f"Following error RMS: {before_rms * 1e3:.3f} mrad before, {after_rms * 1e3:.3f} mrad after the export, "
+            f"[bold]{before_rms / after_rms:.1f}[/] times smaller"
+        )
+    return verification
+
+
+def show_plan(terminal: Terminal, prepared: Prepared) -> None:
+    """Plan and preflight as people read them."""
+    plan = prepared.plan
+    motion, excitation, limits = plan.motion, plan.excitation, plan.limits
+    back = " and back" if motion.returns else ""
+    terminal.table(
+        "Plan",
+        ("", ""),
+        (
+            ("motion", f"{motion.kind} profile, {motion.distance_rad:.4g} rad in {motion.duration_s * 1e3:g} ms{back}, "
+                       f"from {plan.start_position_rad:.4g} rad"),
+            ("injection", f"{excitation.amplitude_nm:.3g} N·m at {excitation.frequency_hz:g} Hz"),
+            ("recording", f"{2 * plan.repeats} motions at {plan.acquisition.sample_rate_hz:g} Hz, "
+                          f"{plan.acquisition.mode.upper()}, {plan.duration_s:.1f} s of bus time"),
+            ("limits", f"{limits.position_min_rad:.4g} … {limits.position_max_rad:.4g} rad, "
+                       f"{limits.speed_max_rad_s:.4g} rad/s, {limits.torque_max_nm:.4g} N·m, "
+                       f"following error {limits.following_error_rad:.3g} rad"),
+            *(("because", reason) for reason in plan.reasons),
+        ),
+    )  # fmt: skip
+    terminal.checks((c.name, c.severity, c.text, c.remedy) for c in prepared.preflight.checks)
+
+
+def show_estimate(terminal: Terminal, done: Commissioned, ending: Ending) -> None:
+    """The curve in numbers, and the verdict."""
+    table, trust = done.estimate.table, done.estimate.trust
+    span = f"{table.position_rad[0]:.3g} … {table.position_rad[-1]:.3g} rad"
+    terminal.say(
+        f"Load inertia {table.inertia_kgm2.min():.4f} … {table.inertia_kgm2.max():.4f} kg·m² over {span}"
+    )
+    off = deviation(table, ending.reference)
+    if off is not None:
+        former = deviation(done.contrast.table, ending.reference) if done.contrast else None
+        against = f", former method {former.rmse_kgm2:.4f}" if former else ""
+        terminal.say(
+            f"Against the {ending.reference_label}: RMSE [bold]{off.rmse_kgm2:.4f}[/] kg·m², "
+            f"largest {off.max_kgm2:.4f}{against}"
+        )
+    terminal.verdict(trust.verdict, "; ".join(trust.reasons))
+
+
+def report_content(done: Commissioned, ending: Ending, verification: Verification | None) -> ReportContent:
+    """Everything that the report shows of a commissioning."""
+    prepared, plan = done.prepared, done.prepared.plan
+    identity = prepared.survey.identity
+    rows = [_change_row(change, "put back") for change in done.changes]
+    if verification is not None:
+        rows += [_change_row(change, "exported, read back equal") for change in verification.exported.changes]
+    return ReportContent(
+        title=f"{prepared.machine.name}: load inertia over angle",
+        session=done.session,
+        machine=prepared.machine,
+        estimate=done.estimate,
+        contrast=done.contrast,
+        reference=ending.reference,
+        reference_label=ending.reference_label,
+        preflight=prepared.preflight.checks,
+        changes=rows,
+        following_error=_following(verification),
+        sync=[
+            SyncRow(f"run {number:04d}", t.producer, t.period_s, t.rms_s, t.p99_s, t.max_s)
+            for number, t in enumerate(done.recorded.timing)
+        ],
+        settings={
+            "drive": f"{identity.name}, node {identity.node_id}, serial {identity.serial}",
+            "identity": f"vendor {identity.vendor_id:#010x}, product {identity.product_code:#010x}, "
+            f"revision {identity.revision:#010x}",
+            "limits": f"{plan.limits.position_min_rad:.4g} … {plan.limits.position_max_rad:.4g} rad, "
+            f"{plan.limits.speed_max_rad_s:.4g} rad/s, {plan.limits.torque_max_nm:.4g} N·m",
+            "speed taken from": prepared.preflight.speed_source,
+            "motions made again because of lost samples": str(done.recorded.retries),
+        },
+        notes=[*plan.reasons, *done.estimate.notes],
+    )
+
+
+def _change_row(change: Any, remark: str) -> ChangeRow:
+    return ChangeRow(change.parameter.label, str(change.old), str(change.new), remark)
+
+
+def _following(verification: Verification | None) -> FollowingError | None:
+    if verification is None or verification.before.position_demand_rad is None:
+        return None
+    before, after = verification.before, verification.after
+    assert before.position_demand_rad is not None
+    assert after.position_demand_rad is not None
+    return FollowingError(
+        before.time_s,
+        before.position_demand_rad - before.position_rad,
+        after.time_s,
+        after.position_demand_rad - after.position_rad,
+    )
+
+
+def _summary(
+    done: Commissioned, ending: Ending, verification: Verification | None, out: Path
+) -> dict[str, Any]:
+    off = deviation(done.estimate.table, ending.reference)
+    former = deviation(done.contrast.table, ending.reference) if done.contrast else None
+    summary: dict[str, Any] = {
+        "estimate": done.estimate.to_json(),
+        "reference": ending.reference_label if off else None,
+        "rmse_kgm2": off.rmse_kgm2 if off else None,
+        "max_error_kgm2": off.max_kgm2 if off else None,
+        "former_rmse_kgm2": former.rmse_kgm2 if former else None,
+        "files": {
+            "session": str(done.session_path),
+            "inertia": str(out / "inertia.csv"),
+            "report": str(out / "report.html"),
+        },
+    }
+    if verification is not None:
+        before, after = verification.before_rms_rad, verification.after_rms_rad
+        summary["export"] = {
+            "parameters": len(verification.exported.changes),
+            "stored": verification.exported.stored,
+            "backup": str(verification.exported.backup_path),
+            "following_error_rms_before_rad": before,
+            "following_error_rms_after_rad": after,
+            "improvement": before / after if before and after else None,
+        }
+    return summary

@@ -1,0 +1,46 @@
+"""From a session on disk to what a report shows of it."""
+
+from __future__ import annotations
+
+from schwung.commissioning import contrast_of
+from schwung.drivetrain import InertiaTable, Machine
+from schwung.estimation import Estimate
+from schwung.report import ReportContent, SyncRow
+from schwung.session import Session
+
+
+def content_of(session: Session, machine: Machine, estimate: Estimate) -> ReportContent:
+    """Everything that a report can show of a recorded session alone."""
+    believed = machine.load_inertia
+    return ReportContent(
+        title=f"{machine.name}: load inertia over angle",
+        session=session,
+        machine=machine,
+        estimate=estimate,
+        contrast=contrast_of(session, machine) if estimate.method != "former" else None,
+        reference=believed if isinstance(believed, InertiaTable) else None,
+        reference_label="believed",
+        sync=_sync_rows(session),
+        settings=_settings(session),
+        notes=estimate.notes,
+    )
+
+
+def _sync_rows(session: Session) -> list[SyncRow]:
+    rows = []
+    for number, run in enumerate(session.runs):
+        timing = run.extra.get("sync_timing")
+        if isinstance(timing, dict) and "producer" in timing:
+            rows.append(
+                SyncRow(
+                    f"run {number:04d}", str(timing["producer"]),
+                    *(float(timing.get(key, 0.0)) for key in ("period_s", "rms_s", "p99_s", "max_s")),
+                )
+            )  # fmt: skip
+    return rows
+
+
+def _settings(session: Session) -> dict[str, str]:
+    drive = session.drive or {}
+    identity = drive.get("identity") if isinstance(drive.get("identity"), dict) else {}
+    return {key: str(value) for key, value in {**identity, **(drive.get("settings") or {})}.items()}

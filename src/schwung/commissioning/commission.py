@@ -1,0 +1,180 @@
+"""Commissioning as one story: prepare (nothing moves), carry out (the machine moves), judge what came back."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+from schwung.commissioning.journal import Change, ParameterJournal
+from schwung.commissioning.plan import LimitWishes, Plan, PlannedRun, limits_of, make_plan
+from schwung.commissioning.preflight import Preflight, Survey, preflight, survey, with_control
+from schwung.commissioning.procedure import MAX_JITTER_SHARE, Observer, Recorded, record
+from schwung.drivetrain import FeedForward, Machine
+from schwung.errors import SchwungError
+from schwung.estimation import Estimate, estimate
+from schwung.fieldbus.drive import Drive, OperatingMode
+from schwung.fieldbus.profile import DeviceProfile, ScaledObject
+from schwung.session import Run, Session, read_session
+
+
+@dataclass(frozen=True)
+class Wishes:
+    """What the user asked for; None: propose."""
+
+    distance_rad: float
+    duration_s: float
+    limits: LimitWishes = LimitWishes()
+    kind: str = "third"
+    returns: bool = True
+    mode: OperatingMode = "csp"
+    sample_rate_hz: float = 1000.0
+    frequency_hz: float | None = None
+    amplitude_nm: float | None = None
+    repeats: int = 2
+    max_jitter_share: float = MAX_JITTER_SHARE
+
+
+@dataclass(frozen=True, eq=False)
+class Prepared:
+    """Everything known before the power stage is switched on."""
+
+    plan: Plan
+    machine: Machine
+    survey: Survey
+    preflight: Preflight
+    feed_forward: FeedForward
+
+
+@dataclass(frozen=True, eq=False)
+class Commissioned:
+    """What commissioning found, and where it lies."""
+
+    prepared: Prepared
+    session_path: Path
+    session: Session
+    recorded: Recorded
+    estimate: Estimate
+    contrast: Estimate | None
+    changes: tuple[Change, ...]
+
+
+def read_gains(drive: Drive, profile: DeviceProfile) -> dict[str, float]:
+    """The controller gains that the drive holds, SI, by the names of machine.toml; empty where it cannot say."""
+    gains = {}
+    for name in type(profile.control).model_fields:
+        scaled: ScaledObject | None = getattr(profile.control, name)
+        if scaled is not None:
+            raw = drive.read(drive.parameter(scaled.object.index, scaled.object.subindex)).raw
+            if isinstance(raw, int | float):
+                gains[name] = raw * scaled.scale
+    return gains
+
+
+def prepare(drive: Drive, profile: DeviceProfile, machine: Machine, wishes: Wishes) -> Prepared:
+    """Plan and check; reads the drive, changes nothing, moves nothing.
+
+    Raises InputError where limits or beliefs are missing; what preflight finds is in the result.
+    """
+    gains = read_gains(drive, profile)
+    machine = with_control(machine, gains)
+    limits = limits_of(wishes.limits, drive.limits(), machine)
+    plan = make_plan(
+        machine,
+        limits,
+        start_position_rad=drive.state().position_rad,
+        distance_rad=wishes.distance_rad,
+        duration_s=wishes.duration_s,
+        kind=wishes.kind,
+        returns=wishes.returns,
+        mode=wishes.mode,
+        sample_rate_hz=wishes.sample_rate_hz,
+        frequency_hz=wishes.frequency_hz,
+        amplitude_nm=wishes.amplitude_nm,
+        repeats=wishes.repeats,
+    )
+    forward = FeedForward(speed_share=gains.get("speed_feed_forward", 0.0))
+    seen = survey(drive, plan)
+    return Prepared(plan, machine, seen, preflight(plan, machine, seen, forward), forward)
+
+
+def settings_of(plan: Plan) -> dict[str, Any]:
+    """The plan as stored with the session: what another commissioning needs to do the same again."""
+    limits = plan.limits
+    return {
+        "mode": plan.acquisition.mode,
+        "start_position_rad": plan.start_position_rad,
+        "limits": {
+            "position_min_rad": limits.position_min_rad,
+            "position_max_rad": limits.position_max_rad,
+            "speed_max_rad_s": limits.speed_max_rad_s,
+            "torque_max_nm": limits.torque_max_nm,
+            "following_error_rad": limits.following_error_rad,
+        },
+        "reasons": list(plan.reasons),
+    }
+
+
+def carry_out(
+    drive: Drive, prepared: Prepared, out: Path, observer: Observer, max_jitter_share: float = MAX_JITTER_SHARE
+) -> Commissioned:
+    """Move, record, estimate. The session lies in `out` run by run; parameters are back when this returns.
+
+    Raises RefusedError, DriveError, InterruptedByUser as `record` does, InputError where the recording allows no
+    estimate (it is kept).
+    """
+    session_path = out / "session.h5"
+    journal = ParameterJournal(drive, out / "setup.backup.json", drive.describe())
+    recorded = record(
+        drive,
+        prepared.plan,
+        prepared.preflight,
+        session_path=session_path,
+        journal=journal,
+        observer=observer,
+        settings=settings_of(prepared.plan),
+        max_jitter_share=max_jitter_share,
+    )
+    observer.phase("Estimating the load inertia")
+    session = read_session(session_path)
+    return Commissioned(
+        prepared=prepared,
+        session_path=session_path,
+        session=session,
+        recorded=recorded,
+        estimate=estimate(session, prepared.machine),
+        contrast=contrast_of(session, prepared.machine),
+        changes=journal.changes,
+    )
+
+
+def contrast_of(session: Session, machine: Machine) -> Estimate | None:
+    """The former method on the same session; None where it finds nothing, which is part of the contrast."""
+    try:
+        return estimate(session, machine, method="former")
+    except SchwungError:
+        return None
+
+
+def repeat_reference(drive: Drive, prepared: Prepared, out: Path, observer: Observer) -> Run:
+    """Make the reference motion once more, as after an export, into `verification.h5`; returns the run."""
+    journal = ParameterJournal(drive, out / "verification.backup.json", drive.describe())
+    plan = replace(prepared.plan, repeats=1)
+    only = (PlannedRun("reference", 0, plan.motion, None),)
+    recorded = record(
+        drive,
+        plan,
+        prepared.preflight,
+        session_path=out / "verification.h5",
+        journal=journal,
+        observer=observer,
+        settings=settings_of(plan),
+        runs=only,
+    )
+    return recorded.runs[0]
+
+
+def drive_record(session: Session) -> Mapping[str, Any]:
+    """What the session says about its drive; empty on imports."""
+    return session.drive or {}

@@ -1,0 +1,181 @@
+"""The inertia table into drive parameters: written, read back, compared, stored; the old values stay in a backup."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Literal
+
+import numpy as np
+
+from schwung.commissioning.journal import Change, ParameterJournal
+from schwung.drivetrain import InertiaTable
+from schwung.errors import DriveError, InputError
+from schwung.fieldbus.drive import Drive, Parameter, ParameterValue
+from schwung.fieldbus.profile import DeviceProfile, ObjectRef, ScalarExport, Setting, TableExport
+
+Form = Literal["table", "mean", "max", "at"]
+
+#: Finds a parameter by index and sub-index: `Drive.parameter`, or a dictionary's without a drive.
+Lookup = Callable[[int, int], Parameter]
+
+
+@dataclass(frozen=True)
+class ExportChoice:
+    """How the table goes into the drive: as a table, or as one number (mean, maximum, or at an angle)."""
+
+    form: Form = "table"
+    position_rad: float | None = None
+
+
+@dataclass(frozen=True)
+class Exported:
+    """What was written, and where the old values are."""
+
+    changes: tuple[Change, ...]
+    backup_path: Path
+    stored: bool
+
+
+def parse_choice(text: str) -> ExportChoice:
+    """"table", "mean", "max" or "at=1.57". Raises InputError for anything else."""
+    form, _, angle = text.partition("=")
+    if form == "at":
+        try:
+            return ExportChoice("at", float(angle))
+        except ValueError:
+            raise InputError(f"--as {text}", "names no angle", "Write for instance --as at=1.57.") from None
+    if angle or form not in ("table", "mean", "max"):
+        raise InputError(f"--as {text}", "is unknown", "Use table, mean, max or at=ANGLE.")
+    return ExportChoice(form)  # type: ignore[arg-type]  # narrowed by the line above
+
+
+def scalar_of(table: InertiaTable, choice: ExportChoice) -> float:
+    """The one number (kg·m²) that stands for a table; the mean is over angle.
+
+    Raises InputError where the chosen angle lies outside the table.
+    """
+    if choice.form == "max":
+        return float(table.inertia_kgm2.max())
+    if choice.form == "at":
+        angle = choice.position_rad if choice.position_rad is not None else math.nan
+        if not table.position_rad[0] <= angle <= table.position_rad[-1]:
+            raise InputError(
+                "--as at",
+                f"{angle:g} rad lies outside the table, {table.position_rad[0]:.4g} … {table.position_rad[-1]:.4g} rad",
+                "Choose an angle that was measured.",
+            )
+        return float(table.at(np.array([angle]))[0])
+    span = table.position_rad[-1] - table.position_rad[0]
+    return float(np.trapezoid(table.inertia_kgm2, table.position_rad) / span)
+
+
+def export_values(
+    lookup: Lookup, profile: DeviceProfile, table: InertiaTable, choice: ExportChoice
+) -> list[ParameterValue]:
+    """What has to be written, as raw values, in the order of writing.
+
+    Raises InputError where the profile has no such target ("this profile can't do that, because …") or a value
+    does not fit its object.
+    """
+    if choice.form == "table":
+        if profile.export.table is None:
+            raise InputError(
+                f"profile {profile.family}",
+                "can't take an inertia table: it declares no [export.table]",
+                "Use --as mean, --as max or --as at=ANGLE, or take the CSV.",
+            )
+        return _table_values(lookup, profile.export.table, table)
+    if profile.export.scalar is None:
+        raise InputError(
+            f"profile {profile.family}",
+            "can't take a load inertia: it declares no [export.scalar]",
+            "Take the CSV or DCF instead.",
+        )
+    return _scalar_values(lookup, profile.export.scalar, scalar_of(table, choice))
+
+
+def _table_values(lookup: Lookup, target: TableExport, table: InertiaTable) -> list[ParameterValue]:
+    """The table resampled to the drive's points; one point per sub-index from 1."""
+    angles = np.linspace(table.position_rad[0], table.position_rad[-1], target.points)
+    step = (angles[-1] - angles[0]) / (target.points - 1)
+    values = [
+        _counts(lookup, ObjectRef(index=target.values.index, subindex=number), inertia, target.scale_kgm2)
+        for number, inertia in enumerate(table.at(angles), start=1)
+    ]
+    values += [
+        _counts(lookup, target.start, float(angles[0]), target.angle_scale_rad),
+        _counts(lookup, target.step, float(step), target.angle_scale_rad),
+    ]
+    if target.count is not None:
+        values.append(_counts(lookup, target.count, target.points, 1.0))
+    return values + _enabling(lookup, target.enable)
+
+
+def _scalar_values(lookup: Lookup, target: ScalarExport, inertia_kgm2: float) -> list[ParameterValue]:
+    return [_counts(lookup, target.object, inertia_kgm2, target.scale_kgm2), *_enabling(lookup, target.enable)]
+
+
+def _enabling(lookup: Lookup, setting: Setting | None) -> list[ParameterValue]:
+    """Last: the feed-forward is switched on when everything that it uses is there."""
+    return [] if setting is None else [_counts(lookup, setting.object, setting.value, 1.0)]
+
+
+def _counts(lookup: Lookup, ref: ObjectRef, value: float, scale: float) -> ParameterValue:
+    parameter = lookup(ref.index, ref.subindex)
+    raw = round(value / scale)
+    low, high = _range(parameter)
+    if not low <= raw <= high:
+        raise InputError(
+            parameter.label, f"takes {low} … {high} counts, {value:g} would be {raw}", "Check the profile's scale."
+        )
+    return ParameterValue(parameter, raw)
+
+
+def _range(parameter: Parameter) -> tuple[int, int]:
+    """What an integer type can hold. Raises InputError for another type."""
+    for kind, signed in (("UNSIGNED", 0), ("INTEGER", 1)):
+        if parameter.type.startswith(kind):
+            bits = int(parameter.type.removeprefix(kind))
+            return (-(1 << (bits - 1)), (1 << (bits - 1)) - 1) if signed else (0, (1 << bits) - 1)
+    raise InputError(parameter.label, f"is {parameter.type}, not an integer", "Correct the profile.")
+
+
+def export_table(
+    drive: Drive,
+    profile: DeviceProfile,
+    table: InertiaTable,
+    choice: ExportChoice,
+    *,
+    backup_path: Path,
+    store: bool = True,
+) -> Exported:
+    """Write the table, read every value back, compare, and store it in the drive's memory (1010).
+
+    A write or comparison that fails puts the old values back before it raises DriveError.
+    """
+    values = export_values(drive.parameter, profile, table, choice)
+    journal = ParameterJournal(drive, backup_path, drive.describe())
+    try:
+        journal.change(values)
+        _compare(drive, values)
+    except BaseException:
+        journal.restore()
+        raise
+    journal.keep()
+    if store:
+        drive.store()
+    return Exported(journal.changes, backup_path, store)
+
+
+def _compare(drive: Drive, values: Sequence[ParameterValue]) -> None:
+    for value in values:
+        found = drive.read(value.parameter).raw
+        if found != value.raw:
+            raise DriveError(
+                value.parameter.label,
+                f"was written as {value.raw} but reads {found}",
+                "The old values are back; check the object's range and access in the drive's manual.",
+            )

@@ -1,0 +1,205 @@
+"""The parameter journal: what a command changes in a drive is on disk before it is changed.
+
+The file (`*.backup.json`, see docs/files) is rewritten as a whole and synced before every write to the drive, so
+that after a crash or a power loss `schwung restore FILE` finds the old value of everything that was touched.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import Any, Protocol
+
+from schwung.errors import InputError, RefusedError
+from schwung.fieldbus.drive import DriveIdentity, Parameter, ParameterValue, RawValue
+from schwung.files import replace_file
+
+FORMAT, VERSION = "schwung-backup", 1
+
+
+class ParameterAccess(Protocol):
+    """The part of a drive that the journal needs."""
+
+    @property
+    def identity(self) -> DriveIdentity: ...
+
+    def read(self, parameter: Parameter) -> ParameterValue: ...
+
+    def write(self, values: Sequence[ParameterValue]) -> None: ...
+
+
+@dataclass(frozen=True)
+class Change:
+    """One parameter, before and after."""
+
+    parameter: Parameter
+    old: RawValue
+    new: RawValue
+    when: str
+
+    @property
+    def before(self) -> ParameterValue:
+        """The value to put back."""
+        return ParameterValue(self.parameter, self.old)
+
+
+@dataclass(frozen=True)
+class Backup:
+    """A backup file as read: which drive, on which bus, what was changed, and whether it was put back."""
+
+    drive: Mapping[str, Any]
+    changes: tuple[Change, ...]
+    restored: str | None  # when, ISO 8601
+
+
+def _now() -> str:
+    return datetime.now(UTC).isoformat(timespec="milliseconds")
+
+
+def _raw_to_json(raw: RawValue) -> Any:
+    return {"hex": raw.hex()} if isinstance(raw, bytes) else raw
+
+
+def _raw_from_json(value: Any) -> RawValue:
+    if isinstance(value, dict):
+        return bytes.fromhex(value["hex"])
+    if isinstance(value, bool) or not isinstance(value, int | float | str):
+        raise ValueError(f"{value!r} is not a raw value")
+    return value
+
+
+def _change_to_json(change: Change) -> dict[str, Any]:
+    parameter = change.parameter
+    return {
+        "index": f"0x{parameter.index:04X}",
+        "subindex": parameter.subindex,
+        "type": parameter.type,
+        "name": parameter.name,
+        "old": _raw_to_json(change.old),
+        "new": _raw_to_json(change.new),
+        "when": change.when,
+    }
+
+
+def _change_from_json(entry: Mapping[str, Any]) -> Change:
+    parameter = Parameter(
+        int(entry["index"], 16), int(entry["subindex"]), str(entry["type"]), str(entry.get("name", ""))
+    )
+    return Change(parameter, _raw_from_json(entry["old"]), _raw_from_json(entry["new"]), str(entry["when"]))
+
+
+class ParameterJournal:
+    """Changes parameters of one drive, remembering what was there before.
+
+    `drive_record` is what `schwung restore` needs to find the drive again: `Drive.describe()`.
+    """
+
+    def __init__(self, drive: ParameterAccess, path: Path, drive_record: Mapping[str, Any]) -> None:
+        self._drive = drive
+        self.path = path
+        self._record = dict(drive_record)
+        self._changes: list[Change] = []
+        self._restored: str | None = None
+        if path.exists() and read_backup(path).restored is None:
+            raise RefusedError(
+                str(path),
+                "holds parameters of an earlier run that were not put back",
+                f"Run `schwung restore {path}` first, or move the file away.",
+            )
+
+    @property
+    def changes(self) -> tuple[Change, ...]:
+        """Everything changed so far, in order."""
+        return tuple(self._changes)
+
+    def change(self, values: Iterable[ParameterValue]) -> None:
+        """Read the old values, put them on disk, then write the new ones. Equal values are left alone."""
+        wanted = list(values)
+        planned = []
+        for value in wanted:
+            old = self._drive.read(value.parameter).raw
+            if old != value.raw:
+                planned.append(Change(value.parameter, old, value.raw, _now()))
+        if not planned:
+            return
+        self._changes += planned
+        self._save()
+        self._drive.write([ParameterValue(change.parameter, change.new) for change in planned])
+
+    def restore(self) -> None:
+        """Put back what was there before the first change of each parameter; the file then says so."""
+        if self._changes and self._restored is None:
+            self._drive.write(first_values(self._changes))
+            self._restored = _now()
+            self._save()
+
+    def keep(self) -> None:
+        """The changes were the purpose (an export): the file stays as the way back."""
+        self._save()
+
+    def _save(self) -> None:
+        document = {
+            "format": FORMAT,
+            "version": VERSION,
+            "drive": self._record,
+            "restored": self._restored,
+            "changes": [_change_to_json(change) for change in self._changes],
+        }
+        replace_file(self.path, json.dumps(document, indent=2))
+
+
+def first_values(changes: Iterable[Change]) -> list[ParameterValue]:
+    """The value of each parameter before its first change, latest-changed parameter first."""
+    first: dict[tuple[int, int], ParameterValue] = {}
+    for change in changes:
+        first.setdefault((change.parameter.index, change.parameter.subindex), change.before)
+    return list(reversed(first.values()))
+
+
+def read_backup(path: Path) -> Backup:
+    """Read a backup file.
+
+    Raises InputError naming the file and the place in it where it is not one.
+    """
+    try:
+        document = json.loads(path.read_text(encoding="utf-8"))
+    except FileNotFoundError as error:
+        raise InputError(str(path), "does not exist", "Give the *.backup.json of the run.") from error
+    except (OSError, UnicodeDecodeError, json.JSONDecodeError) as error:
+        raise InputError(str(path), f"is not readable JSON ({error})", "Give a *.backup.json.") from error
+    if not isinstance(document, dict) or document.get("format") != FORMAT:
+        raise InputError(f"{path}: format", f'is not "{FORMAT}"', "Give a *.backup.json.")
+    if document.get("version") != VERSION:
+        raise InputError(f"{path}: version", f"is {document.get('version')!r}", f"This Schwung reads {VERSION}.")
+    changes = []
+    for number, entry in enumerate(document.get("changes", [])):
+        try:
+            changes.append(_change_from_json(entry))
+        except (KeyError, TypeError, ValueError) as error:
+            raise InputError(f"{path}: changes[{number}]", f"is damaged ({error})") from error
+    return Backup(document.get("drive") or {}, tuple(changes), document.get("restored"))
+
+
+def restore_backup(drive: ParameterAccess, path: Path, force: bool = False) -> tuple[ParameterValue, ...]:
+    """Write the old values of a backup file to the drive that it was taken from, and mark the file as restored.
+
+    Returns what was written. Raises RefusedError where the drive is another one (1018 differs), unless forced.
+    """
+    backup = read_backup(path)
+    was, now = backup.drive.get("identity") or {}, drive.identity
+    for key in ("vendor_id", "product_code", "serial"):
+        if key in was and was[key] != getattr(now, key) and not force:
+            raise RefusedError(
+                str(path),
+                f"was taken from a drive with {key} {was[key]:#x}, this one has {getattr(now, key):#x}",
+                "Connect the right drive, or insist with --force.",
+            )
+    values = first_values(backup.changes)
+    drive.write(values)
+    document = json.loads(path.read_text(encoding="utf-8"))
+    document["restored"] = _now()
+    replace_file(path, json.dumps(document, indent=2))
+    return tuple(values)

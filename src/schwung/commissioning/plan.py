@@ -1,0 +1,250 @@
+"""What shall be done: limits, motion, injection, repeats; with sensible proposals where the user left a gap."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from schwung.drivetrain import InertiaTable, Machine, anti_resonance_hz
+from schwung.errors import InputError
+from schwung.fieldbus.drive import Acquisition, DriveLimits, Move, OperatingMode, Setpoints
+from schwung.motion import Excitation, Motion
+from schwung.session import Role
+
+#: The injection stays at or below this share of the lowest believed anti-resonance: near it the gain is most
+#: sensitive to J_l, above it the magnitude no longer tells the branch, and the belief may be off by a factor of two.
+FREQUENCY_SHARE = 2 / 3
+#: Share of the peak torque that is injected, as in the paper.
+AMPLITUDE_SHARE = 0.2
+#: Fewer samples per period than this leave the sliding DFT no room.
+MIN_SAMPLES_PER_PERIOD = 10
+#: Periods of the injection that the ramp takes, and that pass at full amplitude before the motion starts.
+RAMP_PERIODS, SETTLED_PERIODS = 2, 2
+
+
+@dataclass(frozen=True)
+class Limits:
+    """What the machine may be asked to do; drive coordinates, SI. All of them must be known before anything moves."""
+
+    position_min_rad: float
+    position_max_rad: float
+    speed_max_rad_s: float
+    torque_max_nm: float
+    following_error_rad: float
+
+    def __post_init__(self) -> None:
+        if not self.position_min_rad < self.position_max_rad:
+            raise InputError(
+                "position window",
+                f"runs from {self.position_min_rad:g} to {self.position_max_rad:g} rad",
+                "Give the lower end first.",
+            )
+        for name in ("speed_max_rad_s", "torque_max_nm", "following_error_rad"):
+            value = getattr(self, name)
+            if not (math.isfinite(value) and value > 0):
+                raise InputError(name, f"is {value:g}", "Give a positive number.")
+
+
+@dataclass(frozen=True)
+class LimitWishes:
+    """Limits as the user gave them; None: take what the drive enforces."""
+
+    position_min_rad: float | None = None
+    position_max_rad: float | None = None
+    speed_max_rad_s: float | None = None
+    torque_max_nm: float | None = None
+    following_error_rad: float | None = None
+
+
+@dataclass(frozen=True)
+class PlannedRun:
+    """One motion to record."""
+
+    role: Role
+    repeat: int
+    motion: Motion
+    excitation: Excitation | None
+
+
+@dataclass(frozen=True)
+class Plan:
+    """Everything that a commissioning run needs to know; made once, shown, then carried out."""
+
+    motion: Motion
+    excitation: Excitation
+    repeats: int
+    acquisition: Acquisition
+    limits: Limits
+    start_position_rad: float
+    reasons: tuple[str, ...] = ()
+
+    def runs(self) -> Iterator[PlannedRun]:
+        """The motions in the order in which they are made: reference, then excited, so often as repeated."""
+        for repeat in range(self.repeats):
+            yield PlannedRun("reference", repeat, self.motion, None)
+            yield PlannedRun("excited", repeat, self.motion, self.excitation)
+
+    @property
+    def duration_s(self) -> float:
+        """Bus time of all motions."""
+        return 2 * self.repeats * self.motion.total_s
+
+
+def limits_of(wishes: LimitWishes, drive: DriveLimits, machine: Machine) -> Limits:
+    """The tighter of what the user allows, what the drive enforces and what the motor can.
+
+    Raises InputError naming every limit that nobody knows: nothing moves before all are known.
+    """
+    low = _tightest(max, wishes.position_min_rad, drive.position_min_rad)
+    high = _tightest(min, wishes.position_max_rad, drive.position_max_rad)
+    speed = _tightest(min, wishes.speed_max_rad_s, drive.speed_max_rad_s)
+    torque = _tightest(min, wishes.torque_max_nm, drive.torque_max_nm, machine.motor.peak_torque_nm)
+    following = _tightest(min, wishes.following_error_rad, drive.following_error_rad)
+    missing = [
+        option
+        for option, value in {
+            "--min-position": low,
+            "--max-position": high,
+            "--max-speed": speed,
+            "--max-torque": torque,
+            "--following-error": following,
+        }.items()
+        if value is None
+    ]
+    if low is None or high is None or speed is None or torque is None or following is None:
+        raise InputError(
+            "limits",
+            "neither you nor the drive say how far, how fast or how hard this machine may move",
+            f"Give {', '.join(missing)}.",
+        )
+    return Limits(low, high, speed, torque, following)
+
+
+def _tightest(choose: type[max] | type[min], *values: float | None) -> float | None:  # type: ignore[valid-type]
+    known = [value for value in values if value is not None]
+    return choose(known) if known else None
+
+
+def believed_inertia_range(machine: Machine) -> tuple[float, float]:
+    """Smallest and largest believed J_l (kg·m²). Raises InputError where the machine file has none."""
+    inertia = machine.load_inertia
+    if inertia is None:
+        raise InputError(
+            f'machine "{machine.name}"',
+            "load.inertia is not given, so the motion cannot be simulated before it is made",
+            "Give a rough load.inertia; the measurement replaces it.",
+        )
+    if isinstance(inertia, InertiaTable):
+        return float(inertia.inertia_kgm2.min()), float(inertia.inertia_kgm2.max())
+    return inertia, inertia
+
+
+def propose_frequency(machine: Machine, sample_rate_hz: float) -> tuple[float, str]:
+    """Injection frequency (Hz) with a whole number of samples per period, and the reason for it."""
+    _, largest = believed_inertia_range(machine)
+    if machine.coupling is None:
+        samples = 2 * MIN_SAMPLES_PER_PERIOD
+        return sample_rate_hz / samples, f"rigid coupling: {samples} samples per period"
+    anti_resonance = float(anti_resonance_hz(machine, largest))
+    samples = max(MIN_SAMPLES_PER_PERIOD, math.ceil(sample_rate_hz / (FREQUENCY_SHARE * anti_resonance)))
+    return (
+        sample_rate_hz / samples,
+        f"at most 2/3 of the lowest believed anti-resonance ({anti_resonance:.0f} Hz), {samples} samples a period",
+    )
+
+
+def make_plan(
+    machine: Machine,
+    limits: Limits,
+    *,
+    start_position_rad: float,
+    distance_rad: float,
+    duration_s: float,
+    kind: str = "third",
+    returns: bool = True,
+    mode: OperatingMode = "csp",
+    sample_rate_hz: float = 1000.0,
+    frequency_hz: float | None = None,
+    amplitude_nm: float | None = None,
+    repeats: int = 2,
+    heartbeat_s: float = 0.1,
+) -> Plan:
+    """Fill the gaps with proposals and say why.
+
+    Raises InputError where a wish cannot be met by any motion (too few samples per period, PP with a profile that
+    drives do not have).
+    """
+    reasons = []
+    if repeats < 1:
+        raise InputError("--repeats", f"is {repeats}", "One at the least.")
+    if mode == "pp" and kind != "third":
+        raise InputError("--profile-kind", f'is "{kind}"', "In PP the drive makes a trapezoid: use third.")
+    if frequency_hz is None:
+        frequency_hz, why = propose_frequency(machine, sample_rate_hz)
+        reasons.append(f"injection at {frequency_hz:g} Hz: {why}")
+    if sample_rate_hz / frequency_hz < MIN_SAMPLES_PER_PERIOD:
+        raise InputError(
+            "--frequency",
+            f"{frequency_hz:g} Hz leaves {sample_rate_hz / frequency_hz:.1f} samples a period at {sample_rate_hz:g} Hz",
+            f"Stay at or below {sample_rate_hz / MIN_SAMPLES_PER_PERIOD:g} Hz or sample faster.",
+        )
+    if amplitude_nm is None:
+        amplitude_nm = AMPLITUDE_SHARE * limits.torque_max_nm
+        reasons.append(f"amplitude {amplitude_nm:.3g} N·m: {AMPLITUDE_SHARE:.0%} of the torque limit, as in the paper")
+    period = 1 / frequency_hz
+    rest = math.ceil((RAMP_PERIODS + SETTLED_PERIODS) * period * sample_rate_hz) / sample_rate_hz
+    dwell = math.ceil(2 * period * sample_rate_hz + 0.05 * sample_rate_hz) / sample_rate_hz
+    motion = Motion.model_validate(
+        {
+            "kind": kind,
+            "distance_rad": distance_rad,
+            "duration_s": duration_s,
+            "start_time_s": rest,
+            "returns": returns,
+            "dwell_s": dwell + RAMP_PERIODS * period,
+        }
+    )
+    excitation = Excitation(
+        frequency_hz=frequency_hz,
+        amplitude_nm=amplitude_nm,
+        ramp_s=RAMP_PERIODS * period,
+        end_s=motion.total_s - period / 2,
+    )
+    return Plan(
+        motion=motion,
+        excitation=excitation,
+        repeats=repeats,
+        acquisition=Acquisition(mode=mode, sample_rate_hz=sample_rate_hz, heartbeat_s=heartbeat_s),
+        limits=limits,
+        start_position_rad=start_position_rad,
+        reasons=tuple(reasons),
+    )
+
+
+def setpoints_of(run: PlannedRun, plan: Plan) -> Setpoints:
+    """The setpoints of one run, one per SYNC; absolute positions from where the axis rests."""
+    rate = plan.acquisition.sample_rate_hz
+    time = run.motion.time(rate)
+    demand = run.motion.demand(time)
+    added = run.excitation.torque(time) if run.excitation else np.zeros_like(time)
+    moves = []
+    for number, start in enumerate(run.motion.stroke_starts_s):
+        target = plan.start_position_rad + (run.motion.distance_rad if number == 0 else 0.0)
+        moves.append(
+            Move(
+                at_index=round(start * rate),
+                target_rad=target,
+                peak_speed_rad_s=run.motion.peak_speed_rad_s,
+                acceleration_rad_s2=run.motion.peak_acceleration_rad_s2,
+            )
+        )
+    return Setpoints(rate, plan.start_position_rad + demand.position_rad, added, tuple(moves))
+
+
+def with_amplitude(plan: Plan, amplitude_nm: float, reason: str) -> Plan:
+    """The same plan with another injection amplitude, and the reason noted."""
+    excitation = plan.excitation.model_copy(update={"amplitude_nm": amplitude_nm})
+    return replace(plan, excitation=excitation, reasons=(*plan.reasons, reason))

@@ -1,0 +1,372 @@
+"""Preflight: everything that can be known before the power stage is switched on, checked and put in words.
+
+Pure: it looks at values that were read from the drive (`Survey`), never at the drive itself.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, replace
+from typing import Literal
+
+import numpy as np
+
+from schwung.commissioning.plan import Plan, PlannedRun, setpoints_of
+from schwung.drivetrain import Control, FeedForward, Machine, Simulated, simulate
+from schwung.errors import InputError, RefusedError, SchwungError
+from schwung.estimation import Estimate, estimate
+from schwung.fieldbus.drive import (
+    Capability,
+    Drive,
+    DriveIdentity,
+    DriveLimits,
+    DriveState,
+    Resolution,
+)
+from schwung.session import Run, Session
+
+Severity = Literal["ok", "note", "warning", "stop"]
+SpeedSource = Literal["drive", "position"]
+
+MAX_BUS_LOAD = 0.9
+#: Part of each limit that the simulated motion may use before a warning is due.
+COMFORT = 0.8
+#: The belief may be off: the motion is also simulated with this much more load inertia.
+HEAVIER = 1.5
+#: Counts per ripple amplitude below which a reported quantity is too coarse for the estimate.
+MIN_RIPPLE_COUNTS = 20.0
+#: An axis that the injection moves by more than this share of the stroke is no longer locally linear.
+MAX_DEVIATION_SHARE = 0.05
+#: Speed below which the axis counts as standing, as a share of the motion's peak speed.
+STANDSTILL_SHARE = 0.01
+
+
+@dataclass(frozen=True)
+class Check:
+    """One thing looked at: what was found and, where it is not well, what to do."""
+
+    name: str
+    severity: Severity
+    text: str
+    remedy: str = ""
+
+
+@dataclass(frozen=True)
+class Survey:
+    """What the drive said about itself, read without changing it."""
+
+    identity: DriveIdentity
+    state: DriveState
+    limits: DriveLimits
+    resolution: Resolution
+    capabilities: tuple[Capability, ...]
+    bus_load: float
+
+
+@dataclass(frozen=True, eq=False)
+class Preflight:
+    """The checks, and the simulated motions that they rest upon."""
+
+    checks: tuple[Check, ...]
+    speed_source: SpeedSource
+    reference: Simulated
+    excited: Simulated
+    predicted: Estimate | None
+
+    @property
+    def stops(self) -> tuple[Check, ...]:
+        """Checks that forbid the motion."""
+        return tuple(check for check in self.checks if check.severity == "stop")
+
+    def require(self) -> None:
+        """Raise RefusedError naming the first stop (and how many more there are)."""
+        if self.stops:
+            first, more = self.stops[0], len(self.stops) - 1
+            also = f" (and {more} more)" if more else ""
+            raise RefusedError(f"preflight, {first.name}", first.text + also, first.remedy)
+
+
+def survey(drive: Drive, plan: Plan) -> Survey:
+    """Read everything that preflight looks at; changes nothing in the drive."""
+    return Survey(
+        identity=drive.identity,
+        state=drive.state(),
+        limits=drive.limits(),
+        resolution=drive.resolution(),
+        capabilities=drive.capabilities(),
+        bus_load=drive.bus_load(plan.acquisition),
+    )
+
+
+def preflight(plan: Plan, machine: Machine, seen: Survey, feed_forward: FeedForward | None = None) -> Preflight:
+    """Check a plan against the drive and against the simulated motion. Never raises for what it finds."""
+    reference, excited = (_simulated(run, plan, machine, feed_forward) for run in list(plan.runs())[:2])
+    predicted = _predicted(plan, machine, reference, excited)
+    source, resolution_checks = _resolution(plan, seen.resolution, reference, excited)
+    checks = [
+        *_drive_checks(seen),
+        *_bus(seen.bus_load),
+        *resolution_checks,
+        *_room(plan, reference, excited),
+        *_torque_and_speed(plan, machine, reference, excited, feed_forward),
+        *_following(plan, reference, excited),
+        *_trust(plan, reference, excited, predicted),
+    ]
+    return Preflight(tuple(checks), source, reference, excited, predicted)
+
+
+def _simulated(
+    run: PlannedRun, plan: Plan, machine: Machine, feed_forward: FeedForward | None, heavier: float = 1.0
+) -> Simulated:
+    time = run.motion.time(plan.acquisition.sample_rate_hz)
+    demand = run.motion.demand(time)
+    inertia = None
+    if heavier != 1.0:
+        inertia = heavier * float(np.max(machine.load_inertia_at(plan.start_position_rad + demand.position_rad)))
+    return simulate(
+        _limited(machine, plan),
+        demand,
+        time,
+        torque_added_nm=run.excitation.torque(time) if run.excitation else None,
+        feed_forward=feed_forward,
+        inertia=inertia,
+        start_rad=plan.start_position_rad,
+        hold_torque_added=True,
+    )
+
+
+def _limited(machine: Machine, plan: Plan) -> Machine:
+    """The machine whose drive clips at the plan's torque limit, which may be below the motor's peak."""
+    motor = machine.motor.model_copy(update={"peak_torque_nm": plan.limits.torque_max_nm})
+    return machine.model_copy(update={"motor": motor})
+
+
+def _predicted(plan: Plan, machine: Machine, reference: Simulated, excited: Simulated) -> Estimate | None:
+    """What the estimator would make of the simulated recording; None where it would refuse."""
+    runs = [
+        Run(
+            role=planned.role,
+            repeat=planned.repeat,
+            sample_rate_hz=plan.acquisition.sample_rate_hz,
+            time_s=simulated.time_s,
+            position_rad=simulated.position_rad,
+            speed_rad_s=simulated.speed_rad_s,
+            torque_nm=simulated.torque_nm,
+            torque_added_nm=setpoints_of(planned, plan).torque_added_nm,
+            motion=planned.motion,
+            excitation=planned.excitation,
+        )
+        for planned, simulated in zip(plan.runs(), (reference, excited), strict=False)
+    ]
+    try:
+        return estimate(Session(tuple(runs), created="", source="simulated"), machine)
+    except SchwungError:
+        return None
+
+
+def _drive_checks(seen: Survey) -> Iterable[Check]:
+    identity = seen.identity
+    yield Check("identity", "ok", f"node {identity.node_id}: {identity.name or 'unnamed'}, serial {identity.serial}")
+    if "fault" in seen.state.cia402.lower():
+        yield Check(
+            "drive state",
+            "stop",
+            f"the drive is in {seen.state.cia402}{f' ({seen.state.error})' if seen.state.error else ''}",
+            "Mend the cause and reset the fault; Schwung does not do it for you.",
+        )
+    else:
+        yield Check("drive state", "ok", f"{seen.state.nmt.lower()}, {seen.state.cia402.lower()}")
+    for capability in seen.capabilities:
+        if not capability.available:
+            needed = capability.name in ("torque injection", "sampling by SYNC", "cyclic position")
+            yield Check(
+                capability.name,
+                "stop" if needed else "note",
+                f"not available: {capability.reason}",
+                "Use a drive or a profile that offers it." if needed else "",
+            )
+
+
+def _bus(load: float) -> Iterable[Check]:
+    text = f"{load:.0%} of the bus time for the cyclic frames (worst-case stuffing)"
+    if load > MAX_BUS_LOAD:
+        yield Check("bus load", "stop", text, "Raise the bit rate or lower --rate.")
+    else:
+        yield Check("bus load", "warning" if load > COMFORT else "ok", text)
+
+
+def _resolution(
+    plan: Plan, resolution: Resolution, reference: Simulated, excited: Simulated
+) -> tuple[SpeedSource, list[Check]]:
+    """Is the ripple many counts high? If the reported speed is too coarse, derive it from position."""
+    ripple = float(np.max(np.abs(excited.speed_rad_s - reference.speed_rad_s)))
+    step_s = 1 / plan.acquisition.sample_rate_hz
+    reported = ripple / resolution.speed_rad_s
+    # Central difference over two samples; its gain at f is sin(x)/x.
+    x = 2 * math.pi * plan.excitation.frequency_hz * step_s
+    derived = ripple * (math.sin(x) / x) * 2 * step_s / resolution.position_rad
+    torque = plan.excitation.amplitude_nm / resolution.torque_nm
+    checks = []
+    source: SpeedSource = "drive"
+    if reported >= MIN_RIPPLE_COUNTS:
+        checks.append(Check("speed resolution", "ok", f"the ripple of {ripple:.3g} rad/s is {reported:.0f} counts high"))
+    elif derived > reported:
+        source = "position"
+        checks.append(
+            Check(
+                "speed resolution",
+                "note" if derived >= MIN_RIPPLE_COUNTS else "warning",
+                f"one count of speed is {resolution.speed_rad_s:.3g} rad/s, the ripple only {ripple:.3g} rad/s: "
+                f"speed is derived from position instead ({derived:.0f} counts)",
+                "Raise the drive's speed resolution (60A9) if it can.",
+            )
+        )
+    else:
+        checks.append(
+            Check(
+                "speed resolution",
+                "warning",
+                f"the ripple of {ripple:.3g} rad/s is only {reported:.1f} counts high",
+                "Inject more torque, or raise the drive's speed resolution (60A9).",
+            )
+        )
+    if torque < MIN_RIPPLE_COUNTS:
+        checks.append(
+            Check(
+                "torque resolution",
+                "warning",
+                f"the injected {plan.excitation.amplitude_nm:.3g} N·m are only {torque:.1f} counts of torque",
+                "Inject more torque.",
+            )
+        )
+    else:
+        checks.append(Check("torque resolution", "ok", f"the injected amplitude is {torque:.0f} counts high"))
+    return source, checks
+
+
+def _share_check(name: str, value: float, limit: float, text: str, remedy: str) -> Check:
+    if value > limit:
+        return Check(name, "stop", text, remedy)
+    return Check(name, "warning" if value > COMFORT * limit else "ok", text, remedy if value > COMFORT * limit else "")
+
+
+def _room(plan: Plan, reference: Simulated, excited: Simulated) -> Iterable[Check]:
+    limits = plan.limits
+    low = min(float(s.position_rad.min()) for s in (reference, excited))
+    high = max(float(s.position_rad.max()) for s in (reference, excited))
+    text = (
+        f"the simulated motion covers {low:.4g} … {high:.4g} rad, "
+        f"the window is {limits.position_min_rad:.4g} … {limits.position_max_rad:.4g} rad"
+    )
+    inside = low >= limits.position_min_rad and high <= limits.position_max_rad
+    remedy = "" if inside else "Move the axis, shorten or turn the stroke (--distance), or widen the window."
+    yield Check("room to move", "ok" if inside else "stop", text, remedy)
+
+
+def _torque_and_speed(
+    plan: Plan, machine: Machine, reference: Simulated, excited: Simulated, feed_forward: FeedForward | None
+) -> Iterable[Check]:
+    limit = plan.limits.torque_max_nm
+    peak = max(float(np.max(np.abs(s.torque_nm))) for s in (reference, excited))
+    clipped = bool(np.any(reference.clipped) or np.any(excited.clipped))
+    slower = "Take longer (--duration), inject less (--amplitude) or allow more (--max-torque)."
+    yield Check(
+        "torque",
+        "stop" if clipped else "warning" if peak > COMFORT * limit else "ok",
+        f"the simulated motion takes up to {peak:.3g} of {limit:.3g} N·m" + (" and is clipped" if clipped else ""),
+        slower if peak > COMFORT * limit else "",
+    )
+    if not clipped:
+        heavy = _simulated(list(plan.runs())[1], plan, machine, feed_forward, HEAVIER)
+        if np.any(heavy.clipped):
+            yield Check(
+                "torque margin",
+                "warning",
+                f"with {HEAVIER:g} times the believed load inertia the torque would be clipped",
+                "Start with a longer motion if the belief is a guess.",
+            )
+    speed = max(float(np.max(np.abs(s.speed_rad_s))) for s in (reference, excited))
+    speed_limit = plan.limits.speed_max_rad_s
+    yield _share_check(
+        "speed",
+        speed,
+        speed_limit,
+        f"up to {speed:.3g} of {speed_limit:.3g} rad/s",
+        "Take longer (--duration) or allow more (--max-speed).",
+    )
+
+
+def _following(plan: Plan, reference: Simulated, excited: Simulated) -> Iterable[Check]:
+    limit = plan.limits.following_error_rad
+    worst = max(float(np.max(np.abs(s.following_error_rad))) for s in (reference, excited))
+    yield _share_check(
+        "following error",
+        worst,
+        limit,
+        f"up to {worst:.3g} of {limit:.3g} rad",
+        "Take longer (--duration), inject less (--amplitude), or widen 0x6065 in the drive.",
+    )
+
+
+def _trust(
+    plan: Plan, reference: Simulated, excited: Simulated, predicted: Estimate | None
+) -> Iterable[Check]:
+    stroke = abs(plan.motion.distance_rad)
+    deviation = float(np.max(np.abs(excited.position_rad - reference.position_rad)))
+    if deviation > MAX_DEVIATION_SHARE * stroke:
+        yield Check(
+            "linearity",
+            "warning",
+            f"the injection moves the axis by {deviation:.3g} rad, {deviation / stroke:.1%} of the stroke",
+            "Inject less or at a higher frequency.",
+        )
+    if predicted is None:
+        yield Check(
+            "predicted trust",
+            "warning",
+            "the estimator cannot use the simulated recording",
+            "Check frequency and amplitude against the believed machine.",
+        )
+        return
+    trust = predicted.trust
+    dpr = f", DPR {trust.dpr:.3f}" if trust.dpr is not None else ""
+    yield Check(
+        "predicted trust",
+        "ok" if trust.verdict == "good" else "warning",
+        f"{trust.verdict}: MIV {trust.miv_kgm2:.3g} kg·m²{dpr}, deviation {deviation:.2g} rad",
+        "" if trust.verdict == "good" else "; ".join(trust.reasons),
+    )
+
+
+def worst(checks: Sequence[Check]) -> Severity:
+    """The gravest severity among the checks."""
+    order: tuple[Severity, ...] = ("ok", "note", "warning", "stop")
+    return max((check.severity for check in checks), key=order.index, default="ok")
+
+
+def with_control(machine: Machine, gains: dict[str, float]) -> Machine:
+    """The machine with the gains that the drive holds, where the file has none.
+
+    Raises InputError where neither knows them: the motion could not be simulated before it is made.
+    """
+    if machine.control is not None:
+        return machine
+    wanted = ("position_gain", "speed_gain", "speed_integral_time")
+    if any(key not in gains for key in wanted):
+        machine.required_control()
+    try:
+        control = Control(
+            position_gain_per_s=gains["position_gain"],
+            speed_gain_nms=gains["speed_gain"],
+            speed_integral_time_s=gains["speed_integral_time"],
+            sample_rate_hz=gains.get("sample_rate", 8000.0),
+        )
+    except ValueError as error:
+        raise InputError("drive gains", str(error), "Give [control] in the machine file.") from error
+    return machine.model_copy(update={"control": control})
+
+
+def at_position(plan: Plan, position_rad: float) -> Plan:
+    """The same plan, starting where the axis stands."""
+    return replace(plan, start_position_rad=position_rad)

@@ -1,0 +1,267 @@
+"""The procedure: set up, enable, move without and with the injected sine, record, and leave the drive as it was.
+
+The only place that moves a machine. Whatever happens between set-up and the end (Ctrl-C, a lost node, a defect of
+ours) passes through `powered`: quick stop, power stage off, parameters put back. What was recorded is on disk.
+"""
+
+from __future__ import annotations
+
+import signal
+import threading
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any, Protocol
+
+import numpy as np
+
+from schwung.commissioning.journal import ParameterJournal
+from schwung.commissioning.plan import Plan, PlannedRun, setpoints_of
+from schwung.commissioning.preflight import Preflight, SpeedSource
+from schwung.errors import DriveError, InterruptedByUser, SampleLossError, SchwungError
+from schwung.fieldbus.drive import Drive, Progress, Recording, SyncTiming
+from schwung.motion import Array
+from schwung.session import Run, SessionWriter
+
+#: A motion whose recording has gaps is made again so often, then the bus is called unfit.
+MAX_RETRIES = 2
+#: SYNC that comes less evenly than this (99th percentile, share of the period) decides setpoints by chance.
+MAX_JITTER_SHARE = 0.1
+
+
+class Observer(Protocol):
+    """Who is told how far things are."""
+
+    def phase(self, text: str) -> None: ...
+
+    def progress(self, done: int, total: int) -> None: ...
+
+    def note(self, text: str) -> None: ...
+
+
+@dataclass(frozen=True, eq=False)
+class Recorded:
+    """What a recording procedure leaves behind."""
+
+    runs: tuple[Run, ...]
+    timing: tuple[SyncTiming, ...]
+    retries: int
+
+
+@contextmanager
+def powered(drive: Drive, plan: Plan, journal: ParameterJournal) -> Iterator[None]:
+    """A drive that is set up and enabled inside the block, and stopped, off and as before after it."""
+    try:
+        journal.change(drive.setup(plan.acquisition))
+        drive.start(plan.acquisition)
+        drive.enable()
+        yield
+    except BaseException as error:
+        drive.halt()
+        with _undisturbed():
+            for trouble in _leave(drive, journal):
+                error.add_note(trouble)
+        raise
+    else:
+        with _undisturbed():
+            troubles = _leave(drive, journal)
+        if troubles:
+            raise DriveError("leaving the drive", "; ".join(troubles))
+
+
+def _leave(drive: Drive, journal: ParameterJournal) -> list[str]:
+    """Power off, PDO exchange off, parameters back: each tried whatever became of the one before."""
+    troubles = []
+    steps: list[tuple[str, Callable[[], None]]] = [
+        ("the power stage may still be on", drive.disable),
+        ("the PDO exchange may still be on", drive.stop),
+        (f"parameters are not put back: run `schwung restore {journal.path}`", journal.restore),
+    ]
+    for consequence, step in steps:
+        try:
+            step()
+        except SchwungError as error:
+            troubles.append(f"{consequence} ({error})")
+    return troubles
+
+
+@contextmanager
+def _undisturbed() -> Iterator[None]:
+    """A second Ctrl-C may not interrupt the way out; it lasts a second or two."""
+    if threading.current_thread() is not threading.main_thread():
+        yield
+        return
+    before = {number: signal.getsignal(number) for number in (signal.SIGINT, signal.SIGTERM)}
+    for number in before:
+        signal.signal(number, signal.SIG_IGN)
+    try:
+        yield
+    finally:
+        for number, handler in before.items():
+            signal.signal(number, handler)
+
+
+def record(
+    drive: Drive,
+    plan: Plan,
+    ready: Preflight,
+    *,
+    session_path: Path,
+    journal: ParameterJournal,
+    observer: Observer,
+    settings: dict[str, Any] | None = None,
+    max_jitter_share: float = MAX_JITTER_SHARE,
+    runs: tuple[PlannedRun, ...] | None = None,
+) -> Recorded:
+    """Carry out a plan; each run is on disk before the next one starts.
+
+    Raises RefusedError before anything moves where preflight says stop; DriveError and InterruptedByUser after the
+    drive has been stopped, with complete runs and the part of the last one in the session file.
+    """
+    ready.require()
+    planned_runs = tuple(plan.runs()) if runs is None else runs
+    described = {**drive.describe(), "settings": settings or {}}
+    recorded: list[Run] = []
+    timing: list[SyncTiming] = []
+    retries = 0
+    with SessionWriter(session_path, source="schwung commission", drive=described) as writer:
+        try:
+            observer.phase("Setting up and enabling the drive")
+            with powered(drive, plan, journal):
+                for number, planned in enumerate(planned_runs):
+                    observer.phase(f"Motion {number + 1} of {len(planned_runs)}: {planned.role}")
+                    for attempt in range(MAX_RETRIES + 1):
+                        recording = _play(drive, plan, planned, writer, ready.speed_source, observer.progress)
+                        if not recording.lost.size:
+                            break
+                        writer.append_partial(
+                            _run_of(_gapless(recording), planned, plan, ready.speed_source), _losses(recording)
+                        )
+                        if attempt == MAX_RETRIES:
+                            raise SampleLossError(
+                                "recording",
+                                f"{_losses(recording)}, in {attempt + 1} motions in a row",
+                                "Check cabling, termination and bus load, or lower --rate.",
+                            )
+                        retries += 1
+                        observer.note(f"{_losses(recording)}: the motion is made again")
+                    _judge_timing(recording.timing, max_jitter_share)
+                    run = _run_of(recording, planned, plan, ready.speed_source)
+                    writer.append(run)
+                    recorded.append(run)
+                    timing.append(recording.timing)
+        except KeyboardInterrupt as error:
+            interrupted = InterruptedByUser(
+                "interrupted",
+                f"the drive was stopped; {len(recorded)} of {len(planned_runs)} motions are in {session_path}",
+            )
+            for note in getattr(error, "__notes__", []):
+                interrupted.add_note(note)
+            raise interrupted from error
+        except DriveError as error:
+            error.add_note(f"{len(recorded)} of {len(planned_runs)} motions are in {session_path}")
+            raise
+    return Recorded(tuple(recorded), tuple(timing), retries)
+
+
+def _play(
+    drive: Drive,
+    plan: Plan,
+    planned: PlannedRun,
+    writer: SessionWriter,
+    source: SpeedSource,
+    progress: Progress,
+) -> Recording:
+    """Play one run; where it breaks off, keep what came until then as a partial recording."""
+    try:
+        return drive.play(setpoints_of(planned, plan), progress)
+    except BaseException as error:
+        partial: Recording | None = getattr(error, "recording", None)
+        if partial is not None and len(_gapless(partial).position_rad) >= 3:
+            writer.append_partial(
+                _run_of(_gapless(partial), planned, plan, source), str(error) or type(error).__name__
+            )
+        raise
+
+
+def _losses(recording: Recording) -> str:
+    lost, total = recording.lost.size, recording.position_rad.size
+    return f"{lost} of {total} samples were lost ({lost / total:.2%}), the first at SYNC {int(recording.lost[0])}"
+
+
+def _gapless(recording: Recording) -> Recording:
+    """The part before the first lost sample: gaps are never bridged."""
+    end = int(recording.lost[0]) if recording.lost.size else recording.position_rad.size
+    arrays = {
+        name: getattr(recording, name)[:end]
+        for name in (
+            "sync_count", "receive_time_s", "statusword", "position_rad", "speed_rad_s", "torque_nm",
+            "position_demand_rad", "torque_added_nm",
+        )
+    }  # fmt: skip
+    return Recording(
+        sample_rate_hz=recording.sample_rate_hz,
+        lost=recording.lost[:0],
+        timing=recording.timing,
+        notes=recording.notes,
+        **arrays,
+    )
+
+
+def _judge_timing(timing: SyncTiming, max_share: float) -> None:
+    """Raise DriveError where SYNC came unevenly. A drive clocked by SYNC (lockstep) has no jitter by construction."""
+    if timing.producer != "lockstep" and timing.p99_s > max_share * timing.period_s:
+        raise DriveError(
+            "SYNC",
+            f"came unevenly: 99 % within {timing.p99_s * 1e3:.2f} ms, worst {timing.max_s * 1e3:.2f} ms "
+            f"of a {timing.period_s * 1e3:g} ms period; samples and setpoints are off by as much",
+            "Use an adapter with SocketCAN (the kernel makes SYNC), lower --rate, or accept it with --max-jitter.",
+        )
+
+
+def derived_speed(position_rad: Array, sample_rate_hz: float, frequency_hz: float | None) -> Array:
+    """Speed (rad/s) from position by central differences, (n,); its gain at the injected frequency is put right.
+
+    A central difference over two samples has the gain sin(x)/x, x = 2πf/f_s, and no phase.
+    """
+    speed = np.gradient(position_rad) * sample_rate_hz
+    if frequency_hz is not None:
+        x = 2 * np.pi * frequency_hz / sample_rate_hz
+        speed = speed * (x / np.sin(x))
+    return np.asarray(speed)
+
+
+def _run_of(recording: Recording, planned: PlannedRun, plan: Plan, source: SpeedSource) -> Run:
+    time = np.arange(recording.position_rad.size) / recording.sample_rate_hz
+    speed = recording.speed_rad_s
+    if source == "position":
+        speed = derived_speed(recording.position_rad, recording.sample_rate_hz, plan.excitation.frequency_hz)
+    demand = recording.position_demand_rad if plan.acquisition.mode == "csp" else None
+    return Run(
+        role=planned.role,
+        repeat=planned.repeat,
+        sample_rate_hz=recording.sample_rate_hz,
+        time_s=time,
+        position_rad=recording.position_rad,
+        speed_rad_s=speed,
+        torque_nm=recording.torque_nm,
+        position_demand_rad=demand,
+        torque_added_nm=recording.torque_added_nm,
+        motion=planned.motion,
+        excitation=planned.excitation,
+        extra={"sync_timing": asdict(recording.timing), "speed_source": source},
+    )
+
+
+def following_error_rms(run: Run) -> float | None:
+    """RMS of demand minus position while the demand moves (rad); None where the demand was not recorded.
+
+    Demand and position are of the same instant: a CSP drive reaches the setpoint of SYNC k at SYNC k+1, and the
+    driver records the demand so.
+    """
+    if run.position_demand_rad is None or run.motion is None:
+        return None
+    moving = run.motion.moving(run.time_s)
+    error = run.position_demand_rad[moving] - run.position_rad[moving]
+    return float(np.sqrt(np.mean(error**2)))
