@@ -16,7 +16,13 @@ import numba
 F = TypeVar("F", bound=Callable[..., Any])
 
 _ROOM = Path(__file__).parent
-_COMPILED_FILES = ("plants/effects.py", "plants/profile.py", "plants/two_mass.py", "drives/controller.py")
+_COMPILED_FILES = (
+    "plants/effects.py",
+    "plants/profile.py",
+    "plants/two_mass.py",
+    "plants/slider_crank.py",
+    "drives/controller.py",
+)
 
 
 def _stamp() -> str:

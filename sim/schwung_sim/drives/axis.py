@@ -69,6 +69,9 @@ class _Demand:
     cyclic: bool = field(default=False)
 
 
+_SETTINGS = frozenset(AxisSettings.__dataclass_fields__)
+
+
 class ServoAxis:
     """Plant, encoder, filters, cascade, feed-forward, generator and trace; repeatable from `seed`."""
 
@@ -89,8 +92,7 @@ class ServoAxis:
         self._c["rest_s"] = ctl.REST_BETWEEN_MOTIONS_S
         self._c["trace_divider"] = 1
         self.settings = settings or AxisSettings()
-        self._apply()
-        self._read_encoder()
+        self._apply(set(_SETTINGS))
 
     # Settings --------------------------------------------------------------------------------------------
 
@@ -99,24 +101,28 @@ class ServoAxis:
         try:
             self.settings = replace(self.settings, **changes)
         except TypeError:
-            unknown = sorted(set(changes) - set(AxisSettings.__dataclass_fields__))
+            unknown = sorted(set(changes) - set(_SETTINGS))
             raise BenchError("axis", f"has no setting {', '.join(unknown)}") from None
-        self._apply()
+        self._apply(set(changes))
 
-    def _apply(self) -> None:
+    def _apply(self, changed: set[str]) -> None:
+        """Give the controller what has changed and nothing else: it moves some values itself (generator)."""
         s, c = self.settings, self._c
-        for name in ctl.CONTROL.names or ():
-            if name in AxisSettings.__dataclass_fields__:
-                c[name] = getattr(s, name)
         if s.encoder_counts < 1 or s.speed_filter_s < 0 or s.torque_limit_nm < 0:
             raise BenchError("axis", "encoder counts, speed filter or torque limit is negative")
-        c["count_rad"] = 2 * math.pi / s.encoder_counts
+        for name in changed & set(ctl.CONTROL.names or ()):
+            c[name] = getattr(s, name)
         c["filter_share"] = 1.0 if s.speed_filter_s == 0 else -math.expm1(-TICK_S / s.speed_filter_s)
+        if 2 * math.pi / s.encoder_counts != c["count_rad"]:
+            c["count_rad"] = 2 * math.pi / s.encoder_counts
+            self._read_encoder()
         points = np.array(s.table_inertia_kgm2, dtype=float)
         if points.size == 1:
             points = np.repeat(points, 2)
-        if s.feed_forward_mode == FEED_FORWARD_TABLE and (points.size == 0 or s.table_step_rad <= 0):
-            c["feed_forward_mode"] = FEED_FORWARD_OFF  # an empty table is no table
+        usable = points.size > 0 and s.table_step_rad > 0  # an empty table is no table
+        c["feed_forward_mode"] = (
+            s.feed_forward_mode if usable or s.feed_forward_mode < 2 else FEED_FORWARD_OFF
+        )
         values = points if points.size else np.zeros(2)
         step = s.table_step_rad if s.table_step_rad > 0 else 1.0
         self._table = Samples(values, np.gradient(values, step), s.table_start_rad, step, False)
@@ -134,8 +140,8 @@ class ServoAxis:
 
         Within the cycle the demand is the parabola through the last setpoint and this one whose acceleration
         is the difference of the last two slopes: exact where the acceleration is constant, no later than a
-        straight line. A setpoint that comes early or late changes nothing but a blend back onto this path. One
-        that does not come is bridged for one cycle at constant speed; then the axis holds.
+        straight line. A setpoint that comes early or late changes nothing but a blend back onto this path.
+        One that does not come is bridged for one cycle at constant speed; then the axis holds.
         """
         c, last = self._c, self._cyclic
         over_s = max(over_s, TICK_S)
@@ -230,6 +236,7 @@ class ServoAxis:
         if isinstance(plant, TwoMassPlant):
             memory = (self._segments, self._table, self._history, self._trace)
             ctl.two_mass_loop(ticks, self._control, memory, (plant.parameters, plant.state, plant.tables))
+            plant.check()
             return
         for _ in range(ticks):
             torque = ctl.law_tick(self._control, self._segments, self._table)

@@ -51,4 +51,12 @@ def make_plant(name: str, conceal: str | Concealed = "", seed: int = 0, **option
     concealed = parse_conceal(conceal) if isinstance(conceal, str) else conceal
     if name == "two-mass":
         return TwoMassPlant(concealed=concealed, seed=seed, **options)
+    if name == "slider-crank":
+        try:
+            from schwung_sim.plants.slider_crank import SliderCrankPlant
+        except ImportError as error:
+            raise BenchError(
+                "plant slider-crank", f"needs MuJoCo ({error})", 'Install it: pip install "schwung[bench]".'
+            ) from error
+        return SliderCrankPlant(concealed=concealed, seed=seed, **options)
     raise BenchError("plant", f'there is none called "{name}"', f"There are {', '.join(PLANTS)}.")

@@ -15,6 +15,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from schwung_sim.compiled import compiled
+from schwung_sim.errors import BenchError
 from schwung_sim.plants.concealed import Concealed, Scale
 from schwung_sim.plants.effects import (
     PARAMETERS,
@@ -35,6 +36,7 @@ from schwung_sim.plants.profile import Array, Profile, Samples
 #: The drive's control tick (s): torque is held over it.
 TICK_S = 125e-6
 _SUBSTEPS = 4
+_DIVERGED_RAD_S = 1e5
 
 
 @dataclass(frozen=True)
@@ -176,6 +178,14 @@ class TwoMassPlant:
     def step(self, torque_nm: float) -> None:
         """One control tick (125 µs) with this torque commanded."""
         _one_tick(self.parameters, self.state, self.tables, torque_nm)
+        self.check()
+
+    def check(self) -> None:
+        """Raise BenchError where the integration has diverged."""
+        if not abs(self.state["motor_rad_s"][0]) < _DIVERGED_RAD_S:
+            raise BenchError(
+                "plant two-mass", "has diverged", "Conceal less: smaller torques, softer coupling."
+            )
 
     def begin_motion(self) -> None:
         """A motion starts now: events in it are timed from here, drift counts it."""
