@@ -95,7 +95,7 @@ def _difference(table: InertiaTable, reference: InertiaTable) -> Array:
 def variation_figure(content: ReportContent, estimate: Estimate) -> Figure:
     """|J(i) − J(i−N)| over angle with its limits; below it the imaginary part of the complex inversion."""
     units, traces = content.units, estimate.traces
-    both = estimate.inversion == "complex"
+    both = has_imaginary(estimate)
     figure = new_figure(4.0 if both else 2.6, (3, 2) if both else (1,))
     axes, mean = figure.axes[0], float(np.mean(estimate.table.inertia_kgm2))
     _sweeps(axes, traces, [np.abs(trace.inertia_variation_kgm2) for trace in traces])
@@ -114,6 +114,11 @@ def variation_figure(content: ReportContent, estimate: Estimate) -> Figure:
         figure.axes[1].set_title(f"Imaginary part of the estimate, {units.inertia}")
     figure.axes[-1].set_xlabel(f"{units.position_word}, {units.position}")
     return figure
+
+
+def has_imaginary(estimate: Estimate) -> bool:
+    """Whether the method gives an imaginary part at all: all zero or NaN where it does not."""
+    return any(bool(np.nan_to_num(trace.imaginary_kgm2).any()) for trace in estimate.traces)
 
 
 def _mark_largest(axes: Axes, traces: Sequence[Trace], highest: float) -> None:
@@ -140,8 +145,9 @@ def _mark_largest(axes: Axes, traces: Sequence[Trace], highest: float) -> None:
 def _sweeps(axes: Axes, traces: Sequence[Trace], values: Sequence[Array], *, faint: bool = False) -> None:
     """One thin line per stroke, not joined across the rest between them."""
     for trace, quantity in zip(traces, values, strict=True):
-        for stroke in np.unique(trace.stroke):
-            inside = (trace.stroke == stroke) & np.isfinite(trace.position_rad)
+        strokes = np.zeros(quantity.size, dtype=np.int64) if trace.stroke is None else trace.stroke
+        for stroke in np.unique(strokes):
+            inside = (strokes == stroke) & np.isfinite(trace.position_rad)
             if inside.any():
                 axes.plot(trace.position_rad[inside], quantity[inside], color=ESTIMATE.light,
                           linewidth=0.6 if faint else 0.9, alpha=0.35 if faint else 0.7)  # fmt: skip

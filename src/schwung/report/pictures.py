@@ -12,13 +12,13 @@ from matplotlib.figure import Figure
 from schwung.errors import InputError
 from schwung.estimation.values import Estimate
 from schwung.report import figures
-from schwung.report.content import ReportContent
+from schwung.report.content import ReportContent, deviation
 from schwung.report.style import to_png
 from schwung.session import Run
 
 _VARIATION = (
-    "The largest change is the MIV: {miv:.3g} {unit}, {share:.0f} % of the mean. The limits were found on "
-    "the machine of the published method and are carried over by the mean inertia."
+    "The largest change is the MIV: {miv:.3g} {u.inertia}, {share:.0f} % of the mean. The limits were found on "
+    "the machine of the published method and are carried over by the mean {u.inertia_word}."
 )
 _IMAGINARY = (
     " The imaginary part should stay near zero; where it does not, delay, friction or the believed stiffness "
@@ -26,7 +26,7 @@ _IMAGINARY = (
 )
 _DEVIATION = (
     "The injected sine should move the axis by a sine and nothing else. A mean that wanders off zero while "
-    "the axis moves says that it answered differently in the two runs: friction, play, or torque at its "
+    "the axis moves says that it answered differently in the two runs: friction, play, or {u.torque_word} at its "
     "limit."
 )
 _COMMAND = "Shaded: the axis is asked to move. The injected sine fades in before the motion and out after it."
@@ -35,8 +35,8 @@ _RAW = (
     "ripple the two runs should lie on each other."
 )
 _DENOISED = (
-    "The excited run minus the reference run. How large the speed's sine is for the torque's, and how far it "
-    "lags, depends on the load: that is what the inertia is computed from. Steady, clean sines are good; "
+    "The excited run minus the reference run. How large the speed's sine is for the {u.torque_word}'s, and how far it "
+    "lags, depends on the load: that is what the {u.inertia_word} is computed from. Steady, clean sines are good; "
     "bursts show where the two runs were not alike."
 )
 _EXPORT = (
@@ -80,7 +80,7 @@ def save_figures(content: ReportContent, folder: Path) -> tuple[Path, ...]:
 def _pictures(content: ReportContent) -> Iterator[Picture]:
     estimate, units, run = content.estimate, content.units, content.shown_run
     if estimate is not None:
-        yield Picture("inertia", "The inertia curve", _inertia_caption(content, estimate),
+        yield Picture("inertia", f"The {units.inertia_word} curve", _inertia_caption(content, estimate),
                       figures.inertia_figure(content, estimate))  # fmt: skip
     if content.following_error is not None:
         caption = _EXPORT.format(gain=_gain(content.following_error.improvement))
@@ -88,12 +88,12 @@ def _pictures(content: ReportContent) -> Iterator[Picture]:
                       figures.following_error_figure(content.following_error, units))  # fmt: skip
     if estimate is not None:
         trust = estimate.trust
-        caption = _VARIATION.format(miv=trust.miv_kgm2, unit=units.inertia, share=100 * trust.relative_miv)
-        caption += _IMAGINARY if estimate.inversion == "complex" else ""
+        caption = _VARIATION.format(miv=trust.miv_kgm2, u=units, share=100 * trust.relative_miv)
+        caption += _IMAGINARY if figures.has_imaginary(estimate) else ""
         yield Picture("variation", "Is it steady?", caption, figures.variation_figure(content, estimate))
     pair = estimate.denoised[0] if estimate is not None and estimate.denoised else None
     if estimate is not None and pair is not None:
-        yield Picture("deviation", "Is it linear?", _DEVIATION,
+        yield Picture("deviation", "Is it linear?", _DEVIATION.format(u=units),
                       figures.deviation_figure(pair, estimate.frequency_hz, units))  # fmt: skip
     if run is not None:
         yield Picture("command", "What was commanded", _COMMAND if run.motion and run.excitation else "",
@@ -103,7 +103,7 @@ def _pictures(content: ReportContent) -> Iterator[Picture]:
         yield Picture("raw", "What was recorded", _RAW if plain else "",
                       figures.raw_figure(excited, plain, units, peak))  # fmt: skip
     if estimate is not None and pair is not None and estimate.traces:
-        yield Picture("denoised", "What the injection alone has caused", _DENOISED,
+        yield Picture("denoised", "What the injection alone has caused", _DENOISED.format(u=units),
                       figures.denoised_figure(pair, estimate.traces[0], units))  # fmt: skip
 
 
@@ -123,7 +123,7 @@ def _gain(times: float) -> str:
 def _inertia_caption(content: ReportContent, estimate: Estimate) -> str:
     text = "Thin lines are the single sweeps"
     text += ", the band is two standard deviations." if estimate.table.std_kgm2 is not None else "."
-    if content.reference is not None:
+    if deviation(estimate.table, content.reference):
         text += f" Dashed: {content.reference_label}; below, the difference from it."
     if content.contrast is not None:
         text += f" For contrast, the {content.contrast.method} method on the same session"
