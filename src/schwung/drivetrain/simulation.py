@@ -128,6 +128,8 @@ def simulate(
     control = machine.required_control()
     added = np.zeros_like(time) if torque_added_nm is None else torque_added_nm
     _check_arrays(demand, time, added)
+    if substeps is not None and substeps < 1:
+        raise InputError("substeps", f"is {substeps}", "Give 1 or more, or leave it out.")
     plant, left_out = _plant(machine, inertia)
     period = 1.0 / control.sample_rate_hz
     cascade = kernel.Cascade(
@@ -159,10 +161,8 @@ def simulate(
         )
     clipped = torques[:, 0] != torques[:, 1]
     tick = np.floor(in_ticks + _ON_TICK).astype(np.int64)  # whose torque acts at each instant
-    if np.allclose(in_ticks, tick, rtol=0, atol=_ON_TICK):
-        states = states[tick]
-    else:
-        states = CubicSpline(ticks, states)(time)
+    on_ticks = np.allclose(in_ticks, tick, rtol=0, atol=_ON_TICK)
+    states = states[tick] if on_ticks else CubicSpline(ticks, states)(time)
     return Simulated(
         time_s=time,
         demand_position_rad=demand.position_rad + start_rad,
