@@ -1,9 +1,11 @@
 """A two-mass machine under cascade control, integrated by scipy: exact physics that estimates are held to.
 
-Written from method.md alone, on purpose without the product's own simulation or response.
+Written from the paper's equations alone, on purpose without the product's own profiles, simulation or
+response. Machine of Table 1; its load inertia is inferred (a slider-crank), as the paper only draws it.
 """
 
 from dataclasses import replace
+from math import cos, pi, sin, sqrt
 
 import numpy as np
 from scipy.integrate import solve_ivp
@@ -16,78 +18,110 @@ K_PP, K_PS, T_N = 60.0, 7.0, 8e-3
 FREQUENCY = 50.0
 AMPLITUDE = 0.2 * PEAK
 SPEED_NOISE, TORQUE_NOISE = 0.02, 0.1
+RAMP = 0.04
 
 
 def crank(angle):
-    """J_l(θ) of method.md (inferred)."""
-    return 0.055 + 0.105 * _rise(angle) ** 2
+    """Inferred J_l(θ), kg·m²; scalar or array."""
+    sine, cosine = np.sin(angle), np.cos(angle)
+    return 0.055 + 0.105 * (sine + 0.25 * sine * cosine / np.sqrt(1 - (0.25 * sine) ** 2)) ** 2
 
 
-def crank_slope(angle):
-    step = 1e-6
-    return (crank(angle + step) - crank(angle - step)) / (2 * step)
+def _crank(angle):
+    sine, cosine = sin(angle), cos(angle)
+    root = sqrt(1 - 0.0625 * sine**2)
+    rise = sine + 0.25 * sine * cosine / root
+    slope = cosine + 0.25 * ((cosine**2 - sine**2) / root + 0.0625 * sine**2 * cosine**2 / root**3)
+    return 0.055 + 0.105 * rise**2, 0.21 * rise * slope
 
 
-def _rise(angle):
-    sine = np.sin(angle)
-    return sine + 0.25 * sine * np.cos(angle) / np.sqrt(1 - (0.25 * sine) ** 2)
+def _third(u):
+    if u <= 0 or u >= 1:
+        return 0.0 if u <= 0 else 1.0
+    if u < 1 / 3:
+        return 2.25 * u * u
+    return 0.25 + 1.5 * (u - 1 / 3) if u < 2 / 3 else 1 - 2.25 * (1 - u) ** 2
 
 
-def record(
-    motion, excitation=None, *, rate=4000.0, inertia=crank, slope=crank_slope, repeat=0, noise=True,
-    clip=True, rigid=False,
-):  # fmt: skip
-    """One run of the machine, sampled at `rate` with the feasibility study's noise."""
-    time = motion.time(rate)
+def record(motion, excitation=None, *, rate=4000.0, inertia=None, repeat=0, noise=1.0, rigid=False):
+    """One run, sampled at `rate` with the feasibility study's noise times `noise`.
+
+    `inertia`: None for the slider-crank, or a constant. Friction and the torque limit are always there.
+    """
+    out, back = motion.start_time_s, motion.start_time_s + motion.duration_s + motion.dwell_s
+    end = back + motion.duration_s + motion.dwell_s
+    time = np.arange(round(end * rate) + 1) / rate
+
+    def demand(t):
+        return motion.distance_rad * (
+            _third((t - out) / motion.duration_s) - _third((t - back) / motion.duration_s)
+        )
+
+    def injected(t):
+        if excitation is None:
+            return 0.0
+        share = max(0.0, min(1.0, t / RAMP, (excitation.end_s - t) / RAMP))
+        sine = sin(2 * pi * excitation.frequency_hz * t + excitation.phase_rad)
+        return excitation.amplitude_nm * (1 - cos(pi * share)) / 2 * sine
 
     def controller(t, theta, omega, integral):
-        demand = motion.demand(np.array([t])).position_rad[0]
-        error = K_PP * (demand - theta) - omega
-        torque = K_PS * (error + integral / T_N)
-        if excitation is not None:
-            torque += excitation.torque(np.array([t]))[0]
-        return error, float(np.clip(torque, -PEAK, PEAK)) if clip else torque
+        error = K_PP * (demand(t) - theta) - omega
+        return error, max(-PEAK, min(PEAK, K_PS * (error + integral / T_N) + injected(t)))
+
+    def load_inertia(angle):
+        return _crank(angle) if inertia is None else (inertia, 0.0)
 
     def two_mass(t, x):
-        theta_r, omega_r, theta_l, omega_l, integral = x
+        theta_r, omega_r, theta_l, omega_l, integral = x.tolist()
         error, torque = controller(t, theta_r, omega_r, integral)
+        j, slope = load_inertia(theta_l)
         shaft = DAMPING * (omega_r - omega_l) + STIFFNESS * (theta_r - theta_l)
-        load = shaft - LOAD_FRICTION * omega_l - slope(theta_l) * omega_l**2 / 2
-        rotor = torque - shaft - ROTOR_FRICTION * omega_r
-        return [omega_r, rotor / ROTOR, omega_l, load / inertia(theta_l), error]
+        load = shaft - LOAD_FRICTION * omega_l - slope * omega_l**2 / 2
+        return [omega_r, (torque - shaft - ROTOR_FRICTION * omega_r) / ROTOR, omega_l, load / j, error]
 
     def one_mass(t, x):
-        theta, omega, _, _, integral = x
+        theta, omega, _, _, integral = x.tolist()
         error, torque = controller(t, theta, omega, integral)
-        drive = torque - (ROTOR_FRICTION + LOAD_FRICTION) * omega - slope(theta) * omega**2 / 2
-        return [omega, drive / (ROTOR + inertia(theta)), 0.0, 0.0, error]
+        j, slope = load_inertia(theta)
+        drive = torque - (ROTOR_FRICTION + LOAD_FRICTION) * omega - slope * omega**2 / 2
+        return [omega, drive / (ROTOR + j), 0.0, 0.0, error]
 
     model = one_mass if rigid else two_mass
-    solved = solve_ivp(model, (0.0, time[-1]), np.zeros(5), "RK45", time, rtol=1e-6, atol=1e-8, max_step=1e-3)
+    solved = solve_ivp(model, (0.0, time[-1]), np.zeros(5), "RK45", time, rtol=1e-7, atol=1e-9, max_step=1e-3)
     theta, omega, _, _, integral = solved.y
-    torque = np.array([controller(*row)[1] for row in zip(time, theta, omega, integral, strict=True)])
-    rng = np.random.default_rng([repeat, excitation is not None, 7])
-    level = 1.0 if noise else 0.0
-    return Run(
+    torque = [controller(*row)[1] for row in zip(time, theta, omega, integral, strict=True)]
+    clean = Run(
         role="reference" if excitation is None else "excited",
         repeat=repeat,
         sample_rate_hz=rate,
         time_s=time,
         position_rad=theta,
-        speed_rad_s=omega + level * SPEED_NOISE * rng.normal(size=time.size),
-        torque_nm=torque + level * TORQUE_NOISE * rng.normal(size=time.size),
+        speed_rad_s=omega,
+        torque_nm=np.array(torque),
         motion=motion,
         excitation=excitation,
-        name=f"run {repeat} {'excited' if excitation else 'reference'}",
+        name=f"{'excited' if excitation else 'reference'} {repeat}",
+    )
+    return noisy(clean, repeat, noise)
+
+
+def noisy(run, repeat, noise=1.0):
+    """The same run once more, as another repeat: only the noise differs. Saves an integration."""
+    rng = np.random.default_rng([repeat, run.role == "excited"])
+    return replace(
+        run,
+        repeat=repeat,
+        speed_rad_s=run.speed_rad_s + noise * SPEED_NOISE * rng.normal(size=len(run)),
+        torque_nm=run.torque_nm + noise * TORQUE_NOISE * rng.normal(size=len(run)),
     )
 
 
-def motion_of(duration_s, **changes):
-    return Motion(distance_rad=np.pi, duration_s=duration_s, start_time_s=0.1, dwell_s=0.1, **changes)
+def motion_of(duration_s, distance_rad=pi):
+    return Motion(distance_rad=distance_rad, duration_s=duration_s, start_time_s=0.1, dwell_s=0.1)
 
 
 def sine_for(motion, frequency_hz=FREQUENCY, amplitude_nm=AMPLITUDE):
-    return Excitation(frequency_hz=frequency_hz, amplitude_nm=amplitude_nm, ramp_s=0.04, end_s=motion.total_s)
+    return Excitation(frequency_hz=frequency_hz, amplitude_nm=amplitude_nm, ramp_s=RAMP, end_s=motion.total_s)
 
 
 def session_of(*runs, **attributes):
@@ -96,12 +130,23 @@ def session_of(*runs, **attributes):
     )
 
 
-def noisy_copy(run, repeat, seed):
-    """The same motion once more: only the noise differs. Saves an integration."""
-    rng = np.random.default_rng(seed)
-    return replace(
-        run,
-        repeat=repeat,
-        speed_rad_s=run.speed_rad_s + SPEED_NOISE * rng.normal(size=len(run)),
-        torque_nm=run.torque_nm + TORQUE_NOISE * rng.normal(size=len(run)),
-    )
+def pair(duration_s, frequency_hz=FREQUENCY, **options):
+    """Session of one reference and one excited run."""
+    motion = motion_of(duration_s)
+    return session_of(record(motion, **options), record(motion, sine_for(motion, frequency_hz), **options))
+
+
+def thinned(session, step):
+    """The same session sampled `step` times more slowly."""
+
+    def thin(run):
+        return replace(
+            run,
+            sample_rate_hz=run.sample_rate_hz / step,
+            **{
+                name: getattr(run, name)[::step]
+                for name in ("time_s", "position_rad", "speed_rad_s", "torque_nm")
+            },
+        )
+
+    return replace(session, runs=tuple(thin(run) for run in session.runs))

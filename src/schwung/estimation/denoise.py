@@ -10,11 +10,14 @@ import numpy as np
 from schwung.errors import InputError
 from schwung.estimation.sdft import samples_per_window
 from schwung.estimation.values import Denoised
-from schwung.motion import Array
+from schwung.motion import Array, Motion
 from schwung.session.model import Run, Session
 
 #: Runs whose paths differ by more than this share of the stroke (rms, sine averaged out) are not one motion.
 MAX_PATH_DIFFERENCE = 0.02
+#: Where a shift in time explains this share of the difference (injection alone: below 0.01), it is a shift.
+SHIFT_EXPLAINS = 0.8
+MAX_SHIFT_SAMPLES = 0.5
 #: Recordings of one motion may differ in length by so many periods; the longer one is cut.
 MAX_LENGTH_DIFFERENCE_PERIODS = 1.0
 
@@ -38,7 +41,7 @@ def _reference_for(session: Session, excited: Run) -> Run:
             "has no reference run, a motion without injection",
             'Record one, or estimate with method "former", which needs none but wants slow motions.',
         )
-    same = [run for run in session.references if run.motion == excited.motion]
+    same = [run for run in session.references if _same_motion(run, excited)]
     if not same:
         motions = "; ".join(sorted({_motion_text(run) for run in session.references}))
         raise InputError(
@@ -51,6 +54,13 @@ def _reference_for(session: Session, excited: Run) -> Run:
     for run in chosen:
         _check_aligned(run, excited)
     return chosen[0] if len(chosen) == 1 else _mean(chosen, excited)
+
+
+def _same_motion(first: Run, second: Run) -> bool:
+    """Whether the same was commanded; keys of later versions do not count. Without `motion` paths decide."""
+    if first.motion is None or second.motion is None:
+        return first.motion is second.motion
+    return all(getattr(first.motion, key) == getattr(second.motion, key) for key in Motion.model_fields)
 
 
 def _motion_text(run: Run) -> str:
@@ -89,19 +99,22 @@ def _check_path(reference: Run, excited: Run, period: int, place: str) -> None:
     difference = np.convolve(excited.position_rad[:length] - path, window, "valid")
     stroke = float(np.ptp(path))
     rms = float(np.sqrt(np.mean(difference**2)))
-    if rms <= MAX_PATH_DIFFERENCE * stroke:
-        return
     speed = np.convolve(reference.speed_rad_s[:length], window, "valid")
     late = -float(np.dot(speed, difference)) / max(float(np.dot(speed, speed)), 1e-300)
-    explained = 1 - np.mean((difference + late * speed) ** 2) / rms**2
-    if explained > 0.8:
+    explained = 1 - float(np.mean((difference + late * speed) ** 2)) / max(rms**2, 1e-300)
+    if explained > SHIFT_EXPLAINS and abs(late) * excited.sample_rate_hz >= MAX_SHIFT_SAMPLES:
         order = "later" if late > 0 else "earlier"
-        problem = f"follow one path, but the excited one {abs(late) * 1e3:.1f} ms {order}"
-        remedy = "Align both on the drive's start trigger."
-    else:
-        problem = f"do not follow one path: {rms:.3g} apart (rms) in a stroke of {stroke:.3g}"
-        remedy = "Record both with the same motion, from the same rest position."
-    raise InputError(place, problem, remedy)
+        raise InputError(
+            place,
+            f"follow one path, but the excited one {abs(late) * 1e3:.1f} ms {order}",
+            "Align both on the drive's start trigger.",
+        )
+    if rms > MAX_PATH_DIFFERENCE * stroke:
+        raise InputError(
+            place,
+            f"do not follow one path: {rms:.3g} apart (rms) in a stroke of {stroke:.3g}",
+            "Record both with the same motion, from the same rest position, below the torque limit.",
+        )
 
 
 def _mean(runs: Sequence[Run], excited: Run) -> Run:

@@ -74,7 +74,7 @@ def two_mass_response(
 
 
 def _roots(gain_squared: Array, omega: float, rotor: float, coupling: Coupling) -> Array:
-    """Both roots of the quadratic, (2, n), NaN where complex; written so as to stay exact when a is near 0."""
+    """Both roots of the quadratic, (2, n), NaN where complex; written so as to stay exact for small a."""
     k, damping = coupling.stiffness_nm_rad, (coupling.damping_nms * omega) ** 2
     scaled = gain_squared * omega**2
     a = scaled * ((k - rotor * omega**2) ** 2 + damping) - omega**4

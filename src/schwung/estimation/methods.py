@@ -103,7 +103,7 @@ class DenoisedMethod:
 
 
 class FormerMethod:
-    """The paper's baseline [24]: the sliding DFT of the excited run as it is; wants slow motion, DPR > 0.05."""
+    """The paper's baseline [24]: the sliding DFT of the excited run as it is; wants slow motion."""
 
     name = "former"
     needs_reference = False

@@ -176,7 +176,7 @@ def _clipping(outcome: Outcome, task: Task, unit: str) -> list[_Finding]:
     return [
         _Finding(
             "unusable" if share > MAX_CLIPPED_SHARE else "doubtful",
-            f"the motor's peak torque of {peak:g} {unit} is reached in {100 * share:.1f} % of a run, and where "
+            f"the motor's peak torque of {peak:g} {unit} is reached in {100 * share:.1f} % of a run; where "
             "the drive clips, motion and injection no longer add up; move more slowly or inject less",
         )
     ]
