@@ -14,6 +14,7 @@ import can
 
 from schwung_sim.drives.axis import ServoAxis
 from schwung_sim.drives.servo import CanopenServo, Clock
+from schwung_sim.drives.vendor import CONTROL_PERIOD_US
 from schwung_sim.errors import BenchError
 from schwung_sim.faults import FaultSchedule, FaultyBus, parse_faults
 from schwung_sim.plants import Plant, make_plant
@@ -62,6 +63,7 @@ class Bench:
         if seed < 0:
             raise BenchError("--seed", f"{seed} is negative", "Take 0 or more.")
         wanted_faults = parse_faults(faults)
+        _compile(conceal)
         self.plant = make_plant(plant, conceal=conceal, seed=seed) if isinstance(plant, str) else plant
         self._hub = SocketcandHub(*tcp, channel=channel) if tcp is not None else None
         try:
@@ -163,6 +165,11 @@ class Bench:
         return (
             f"bench ready: {where} node={self.servo.node_id} plant={self.plant.name} clock={self.servo.clock}"
         )
+
+
+def _compile(conceal: str) -> None:
+    """Have the compiled loops ready before the drive appears on a bus: the first SYNC must not wait for them."""
+    ServoAxis(make_plant("two-mass", conceal=conceal)).advance(CONTROL_PERIOD_US * 1e-6)
 
 
 def _open_bus(interface: str, channel: str, options: Mapping[str, Any]) -> can.BusABC:

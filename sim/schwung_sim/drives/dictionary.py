@@ -6,6 +6,7 @@ The EDS is the one source of types, access, defaults, limits and PDO mapping (Ci
 from __future__ import annotations
 
 import configparser
+import math
 import struct
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
@@ -151,18 +152,24 @@ class ObjectDictionary:
         if entry.size is None:
             self.values[entry.key] = data
         else:
-            self.write(entry, struct.unpack(NUMERIC[entry.data_type], data)[0])
+            self.writer(entry.key)(struct.unpack(NUMERIC[entry.data_type], data)[0])
 
-    def write(self, entry: Entry, value: int) -> None:
-        """Check the range, ask the hook, store. Raises AbortError."""
-        if entry.high is not None and value > entry.high:
-            raise AbortError(Code.TOO_HIGH)
-        if entry.low is not None and value < entry.low:
-            raise AbortError(Code.TOO_LOW)
-        hook = self.writers.get(entry.key)
-        if hook is not None:
-            hook(value)
-        self.values[entry.key] = value
+    def writer(self, k: int) -> Writer:
+        """A callable that checks the range, asks the hook, and stores. It raises AbortError."""
+        entry, hook, values = self.entries[k], self.writers.get(k), self.values
+        low = -math.inf if entry.low is None else entry.low
+        high = math.inf if entry.high is None else entry.high
+
+        def write(value: int) -> None:
+            if value > high:
+                raise AbortError(Code.TOO_HIGH)
+            if value < low:
+                raise AbortError(Code.TOO_LOW)
+            if hook is not None:
+                hook(value)
+            values[k] = value
+
+        return write
 
     def reader(self, k: int) -> Reader:
         """A callable that gives the value now: the hook, or what is stored."""

@@ -155,6 +155,8 @@ class Operation:
     def control(self, word: int) -> None:
         """Follow a controlword: first the state machine, then the bits that belong to the mode."""
         power = self._power
+        if word == self._word and power.enabled:
+            return  # nothing new, as in every cycle of a motion
         was_enabled, was_halted = power.enabled, power.halted
         power.control(word)
         if was_halted and power.enabled:
@@ -235,7 +237,7 @@ class Operation:
         if self._stale:
             self.load()
         power, axis = self._power, self._axis
-        if power.stopping:
+        if power.coming_to_rest:
             power.poll()
         if not power.energised:
             self._outside_since_s = None

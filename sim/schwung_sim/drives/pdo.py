@@ -5,7 +5,6 @@ from __future__ import annotations
 import struct
 from abc import ABC, abstractmethod
 from collections.abc import Callable
-from functools import partial
 
 from schwung_sim.drives.dictionary import NUMERIC, AbortError, Code, ObjectDictionary, Reader, key
 
@@ -140,10 +139,7 @@ class Rpdo(_Pdo):
         return self.dictionary.entries[k].writable
 
     def _bind(self, keys: list[int]) -> None:
-        self._writes = [
-            _ignore if self._is_dummy(k, 0) else partial(self.dictionary.write, self.dictionary.entries[k])
-            for k in keys
-        ]
+        self._writes = [_ignore if self._is_dummy(k, 0) else self.dictionary.writer(k) for k in keys]
 
     def restart(self) -> None:
         self._held = None

@@ -51,7 +51,7 @@ class PowerStage:
     """Follows the controlword; carries out stops to their end.
 
     `ramp(object)` gives the deceleration (rad/s²) that object 6084 or 6085 holds. `clear_faults` is called at
-    fault reset and says whether the cause is gone. `stopping` is true while a stop reaction is running.
+    fault reset and says whether the cause is gone.
     """
 
     def __init__(
@@ -67,10 +67,12 @@ class PowerStage:
         self._word = 0
         self._after_stop: Power | None = None  # where a running stop leads; the same state: it stays there
         self._give_up_s = 0.0
+        self._coasting = False
 
     @property
-    def stopping(self) -> bool:
-        return self._after_stop is not None
+    def coming_to_rest(self) -> bool:
+        """A stop is running, or the axis coasts after power was taken away: time has to go on, SYNC or not."""
+        return self._after_stop is not None or self._coasting
 
     @property
     def enabled(self) -> bool:
@@ -148,7 +150,7 @@ class PowerStage:
             self._enable()  # transition 16
 
     def _enable(self) -> None:
-        self._after_stop, self.halted = None, False
+        self._after_stop, self.halted, self._coasting = None, False, False
         self.state = Power.OPERATION_ENABLED
         self._motor.energise(True)
 
@@ -196,7 +198,9 @@ class PowerStage:
         self._word = 0
 
     def poll(self) -> None:
-        """Finish a stop that has come to standstill, or that does not."""
+        """Finish a stop that has come to standstill, or that takes too long."""
+        if self._coasting and self._motor.standstill:
+            self._coasting = False
         if self._after_stop is None:
             return
         if self._motor.standstill or self._motor.time_s > self._give_up_s:
@@ -213,5 +217,6 @@ class PowerStage:
     def _off(self, target: Power) -> None:
         if self.energised:
             self._motor.energise(False)
+            self._coasting = True
         self._after_stop, self.halted = None, False
         self.state = target

@@ -219,16 +219,12 @@ class CanopenServo:
         self.heartbeats.tick(now)
         self.sdo.tick(now)
         deserted = now - self._last_sync_s > SYNC_LOST_S
-        if self._wall or (deserted and self._coming_to_rest):
+        if self._wall or (deserted and self.power.coming_to_rest):
             self._follow_wall(now)
         else:
             self._last_tick_s = now
         if self.nmt is Nmt.OPERATIONAL:
             self.pdo.poll(now)
-
-    @property
-    def _coming_to_rest(self) -> bool:
-        return self.power.stopping or not (self.power.energised or self.axis.standstill)
 
     def _follow_wall(self, now: float) -> None:
         self._debt_s += min(now - self._last_tick_s, BACKLOG_S)
