@@ -17,7 +17,7 @@ from report_samples import bare, estimated, full, session
 from schwung.drivetrain.inertia import InertiaTable
 from schwung.errors import InputError
 from schwung.estimation import Verdict
-from schwung.report import FollowingError, render, write_report
+from schwung.report import ChangeRow, FollowingError, render, write_report
 from schwung.report.style import PALETTE
 
 _VOID = {"meta", "br", "link", "img"}
@@ -172,6 +172,17 @@ def test_a_reference_over_other_angles_is_left_out() -> None:
     page = render(replace(bare(), estimate=estimated(), reference=elsewhere, reference_label="CAD"))
     assert "RMSE" not in page
     assert "CAD" not in page
+
+
+def test_a_long_table_scrolls_and_a_note_is_told_once() -> None:
+    changes = tuple(ChangeRow(f"0x2300:{number:02X} Inertia", "0", str(number)) for number in range(1, 65))
+    content = replace(
+        bare(), session=replace(session(), runs=()), changes=changes, notes=("Twice.", "Twice.")
+    )
+    page = render(content)
+    assert 'class="wide long"' in page
+    assert "0x2300:40 Inertia" in page
+    assert page.count("Twice.") == 1
 
 
 def test_a_worse_following_error_is_said_plainly() -> None:

@@ -22,6 +22,7 @@ from schwung.report.style import (
     GOOD,
     GRID,
     INK,
+    MOST_POINTS,
     MUTED,
     PLAIN,
     UNUSABLE,
@@ -144,13 +145,14 @@ def _mark_largest(axes: Axes, traces: Sequence[Trace], highest: float) -> None:
 
 def _sweeps(axes: Axes, traces: Sequence[Trace], values: Sequence[Array], *, faint: bool = False) -> None:
     """One thin line per stroke, not joined across the rest between them."""
+    width, alpha = (0.6, 0.35) if faint else (0.9, 0.7)
+    most = max(MOST_POINTS // max(len(traces), 1), 400)  # many sweeps on one another need no more
     for trace, quantity in zip(traces, values, strict=True):
         strokes = np.zeros(quantity.size, dtype=np.int64) if trace.stroke is None else trace.stroke
         for stroke in np.unique(strokes):
             inside = (strokes == stroke) & np.isfinite(trace.position_rad)
-            if inside.any():
-                axes.plot(trace.position_rad[inside], quantity[inside], color=ESTIMATE.light,
-                          linewidth=0.6 if faint else 0.9, alpha=0.35 if faint else 0.7)  # fmt: skip
+            x, y = trace.position_rad[inside], quantity[inside]
+            curve(axes, x, y, ESTIMATE, width=width, alpha=alpha, most=most)
 
 
 def _band(table: InertiaTable) -> Array:

@@ -25,6 +25,7 @@ _VERDICTS = {
 }
 _MARKS = {"ok": "✓ ok", "note": "· note", "warning": "! warning", "stop": "✗ stop"}
 _KINDS = {"third": "1/3 profile", "poly5": "polynomial", "scurve": "S-curve", "cosine": "cosine"}
+_LONG = 16  # rows; longer tables scroll within the page, and are whole on paper
 _POLICY = "default-src 'none';style-src 'unsafe-inline'"  # the page may not fetch anything, whoever edits it
 
 
@@ -186,7 +187,7 @@ def _tables(content: ReportContent) -> Iterator[str]:
     yield _section("Drive", _table((), drive))
     yield _section("Believed machine", _table((), list(_machine(content))))
     notes = (*content.notes, *(content.estimate.notes if content.estimate else ()))
-    yield _section("Notes", _list(notes))
+    yield _section("Notes", _list(dict.fromkeys(notes)))  # each once, whoever passed it on
 
 
 def _list(texts: Iterable[str]) -> str:
@@ -207,7 +208,10 @@ def _table(head: Sequence[str], rows: Sequence[Sequence[str]], *, marked: bool =
         "<tr>" + "".join(_cell(row[column], marked and column == 0) for column in used) + "</tr>"
         for row in rows
     )
-    return f'<div class="wide"><table><thead><tr>{top}</tr></thead><tbody>{lines}</tbody></table></div>'
+    kind = (
+        'class="wide"' if len(rows) <= _LONG else 'class="wide long" tabindex="0"'
+    )  # scrolled by keys as well
+    return f"<div {kind}><table><thead><tr>{top}</tr></thead><tbody>{lines}</tbody></table></div>"
 
 
 def _cell(text: str, mark: bool) -> str:

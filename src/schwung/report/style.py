@@ -107,10 +107,20 @@ def new_figure(height_in: float, ratios: Sequence[float] = (1.0,)) -> Figure:
     return figure
 
 
-def curve(axes: Axes, x: Array, y: Array, colour: Colour, *, label: str = "", width: float = 1.2) -> None:
-    """Draw a signal, thinned to what the eye can see."""
-    x, y = thin(x, y)
-    axes.plot(x, y, color=colour.light, linewidth=width, label=label or "_")
+def curve(
+    axes: Axes,
+    x: Array,
+    y: Array,
+    colour: Colour,
+    *,
+    label: str = "_",
+    width: float = 1.2,
+    alpha: float = 1.0,
+    most: int = MOST_POINTS,
+) -> None:
+    """Draw a signal, thinned to what the eye can see. A label that begins with "_" is not shown."""
+    x, y = thin(x, y, most)
+    axes.plot(x, y, color=colour.light, linewidth=width, alpha=alpha, label=label)
 
 
 def key(axes: Axes) -> None:
