@@ -110,6 +110,16 @@ def test_unreadable_files(tmp_path: Path) -> None:
 
 def test_tables_refuse_nonsense() -> None:
     one, two = np.array([1.0]), np.array([1.0, 2.0])
+    nonsense = [
+        (one, one, None),
+        (two[::-1], two, None),
+        (two, -two, None),
+        (two, one, None),
+        (two, two, one),
+    ]
+    for angles, inertias, std in [*nonsense, (two, two, -two), (two, two, np.array([1.0, np.nan]))]:
+        with pytest.raises(InputError):
+            InertiaTable(angles, inertias, std)
     for position, torque in ((one, one), (two[::-1], two), (two, np.array([1.0, np.nan])), (two, one)):
         with pytest.raises(InputError):
             LoadTorqueTable(position, torque)

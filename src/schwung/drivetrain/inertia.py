@@ -43,6 +43,8 @@ class InertiaTable:
                 f"inertia_kgm2 is {self.inertia_kgm2[bad[0]]:g} at {self.position_rad[bad[0]]:g} rad",
                 "An inertia is a positive number.",
             )
+        if self.std_kgm2 is not None and not np.all(np.isfinite(self.std_kgm2) & (self.std_kgm2 >= 0)):
+            raise InputError("inertia table", "std_kgm2 is not a number from 0 up", "Drop those points.")
 
     def at(self, position_rad: Array) -> Array:
         """J_l (kg·m²) at the given angles (rad)."""
