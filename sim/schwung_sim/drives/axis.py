@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from typing import Any, Literal
 
 import numpy as np
@@ -46,6 +46,7 @@ class AxisSettings:
     generator_frequency_hz: float = 50.0
     generator_phase_rad: float = 0.0
     generator_control: int = GENERATOR_OFF
+    interpolate_torque: bool = True
     standstill_speed_rad_s: float = 0.2
     target_window_rad: float = 2e-3
 
@@ -60,13 +61,12 @@ class Trace:
     sample_time_s: float
 
 
-@dataclass
-class _Demand:
-    """The last two cyclic setpoints, for slopes that do not depend on when exactly a setpoint arrived."""
+@dataclass(frozen=True)
+class _Setpoint:
+    """A cyclic setpoint and the mean speed towards it: slopes must not depend on when exactly one arrives."""
 
-    setpoint_rad: float = 0.0
+    position_rad: float
     slope_rad_s: float = 0.0
-    cyclic: bool = field(default=False)
 
 
 _SETTINGS = frozenset(AxisSettings.__dataclass_fields__)
@@ -82,7 +82,8 @@ class ServoAxis:
         self._segments = np.zeros(ctl.SEGMENTS_SHAPE)
         self._history = np.zeros(ctl.HISTORY)
         self._trace = np.zeros((1, 3))
-        self._cyclic = _Demand()
+        self._before: _Setpoint | None = None
+        self._last: _Setpoint | None = None
         self._ticks = 0
         self._c["count_offset"] = np.random.default_rng(
             [seed, 2]
@@ -143,20 +144,20 @@ class ServoAxis:
         straight line. A setpoint that comes early or late changes nothing but a blend back onto this path.
         One that does not come is bridged for one cycle at constant speed; then the axis holds.
         """
-        c, last = self._c, self._cyclic
-        over_s = max(over_s, TICK_S)
-        cycles = round(float(c["segment_time_s"]) / over_s) if last.cyclic else 1
-        running = last.cyclic and int(c["segment"]) < int(c["segments"]) and cycles <= 2
-        if not running:
-            last.setpoint_rad, last.slope_rad_s, cycles = float(c["demand_rad"]), 0.0, 1
-        slope = (position_rad - last.setpoint_rad) / (over_s * max(cycles, 1))
+        c, over_s = self._c, max(over_s, TICK_S)
+        present, elapsed = float(c["demand_rad"]), float(c["segment_time_s"])
+        if elapsed < TICK_S:
+            last, cycles = self._before, 1  # given twice: this one replaces the last
+        else:
+            last, cycles = self._last, max(round(elapsed / over_s), 1)
+        if last is None or (elapsed >= TICK_S and int(c["segment"]) >= int(c["segments"])):
+            last, cycles = _Setpoint(present), 1
+        slope = (position_rad - last.position_rad) / (over_s * cycles)
         acceleration = (slope - last.slope_rad_s) / over_s
         start = position_rad - slope * over_s
-        present = float(c["demand_rad"])
         self._plan([(over_s, start, slope - 0.5 * acceleration * over_s, acceleration)], position_rad)
-        c["extrapolate_s"] = over_s
-        c["blend_rad"] = present - start
-        self._cyclic = _Demand(position_rad, slope, cyclic=True)
+        c["extrapolate_s"], c["blend_rad"] = over_s, present - start
+        self._before, self._last = last, _Setpoint(position_rad, slope)
         ctl.update_demand_tick(self._control, self._segments)
 
     def start_move(self, target_rad: float, speed: float, acceleration: float, deceleration: float) -> None:
@@ -199,8 +200,19 @@ class ServoAxis:
         self._plan([ramp] if duration > 0 else [], position + 0.5 * speed * duration)
 
     def set_torque_offset(self, torque_nm: float) -> None:
-        """Torque added to the controller's, held until the next one."""
-        self._c["torque_offset_nm"] = torque_nm
+        """Torque added to the controller's until the next one.
+
+        With cyclic setpoints it is interpolated over the cycle as they are (setting `interpolate_torque`): held
+        steps would fold their images into samples of the same rate, a lag of half a cycle between added torque
+        and reported torque. Else it steps.
+        """
+        c = self._c
+        over_s = float(c["offset_over_s"])
+        share = min(float(c["offset_time_s"]) / over_s, 1.0) if over_s > 0 else 1.0
+        c["offset_from_nm"] += share * (c["offset_to_nm"] - c["offset_from_nm"])
+        c["offset_to_nm"], c["offset_time_s"] = torque_nm, 0.0
+        cyclic = self.settings.interpolate_torque and self._last is not None
+        c["offset_over_s"] = c["extrapolate_s"] if cyclic else 0.0
 
     def arm_trace(self, divider: int, length: int) -> None:
         """Record every divider-th 8 kHz sample, `length` of them, from the next start of a motion on."""
@@ -220,7 +232,7 @@ class ServoAxis:
         for name in ("segment", "segment_time_s", "extrapolate_s", "blend_rad"):
             c[name] = 0
         c["segments"], c["final_rad"] = len(segments), final_rad
-        self._cyclic = _Demand()
+        self._before = self._last = None
 
     def _hold(self, position_rad: float) -> None:
         self._plan([], position_rad)
@@ -239,11 +251,11 @@ class ServoAxis:
             plant.check()
             return
         for _ in range(ticks):
-            torque = ctl.law_tick(self._control, self._segments, self._table)
+            torque = ctl.law_tick(self._control, self._segments, self._table, self._trace)
             if c["motion_started"]:
                 plant.begin_motion()
             plant.step(torque)
-            ctl.sample_tick(self._control, self._segments, self._history, self._trace, plant.motor_rad)
+            ctl.sample_tick(self._control, self._segments, self._history, plant.motor_rad)
 
     def _read_encoder(self) -> None:
         c = self._c

@@ -29,7 +29,8 @@ _REALS = (
     "segment_time_s", "extrapolate_s", "blend_rad", "final_rad", "rest_s",
     "demand_rad", "demand_rad_s", "demand_rad_s2",
     # law, generator, measurement
-    "integral_nm", "torque_offset_nm", "torque_nm", "generator_time_s",
+    "integral_nm", "offset_from_nm", "offset_to_nm", "offset_time_s", "offset_over_s",
+    "torque_nm", "generator_time_s",
     "position_rad", "speed_rad_s", "reported_speed_rad_s", "reported_torque_nm", "standstill_s",
     "in_window_s",
 )  # fmt: skip
@@ -53,7 +54,7 @@ REST_BETWEEN_MOTIONS_S = 0.15
 @compiled
 def update_demand(c: Any, segments: Any) -> None:
     """Evaluate the demand at the present instant; past its last segment it rests at `final_rad`."""
-    while c.segment < c.segments - 1 and c.segment_time_s > segments[c.segment, 0]:
+    while c.segment < c.segments - 1 and c.segment_time_s >= segments[c.segment, 0] - 1e-9:
         c.segment_time_s -= segments[c.segment, 0]
         c.segment += 1
     c.demand_rad, c.demand_rad_s, c.demand_rad_s2 = c.final_rad, 0.0, 0.0
@@ -101,6 +102,14 @@ def _generator(c: Any) -> Any:
 
 
 @compiled
+def _torque_offset(c: Any) -> Any:
+    """The torque added from outside: on a straight line to its last value, as the middle of the tick has it."""
+    c.offset_time_s += TICK_S
+    share = 1.0 if c.offset_over_s <= 0.0 else min((c.offset_time_s - 0.5 * TICK_S) / c.offset_over_s, 1.0)
+    return c.offset_from_nm + share * (c.offset_to_nm - c.offset_from_nm)
+
+
+@compiled
 def _feed_forward(c: Any, inertia: Any) -> Any:
     """Torque that the demanded motion takes; the rotor's inertia is always part of it."""
     if c.feed_forward_mode == 0:
@@ -112,30 +121,8 @@ def _feed_forward(c: Any, inertia: Any) -> Any:
 
 
 @compiled
-def control_law(c: Any, segments: Any, inertia: Any) -> Any:
-    """Torque (N·m) for the tick that begins now; integrates only where that does not push into the limit."""
-    update_demand(c, segments)
-    _notice_motion(c)
-    generator = _generator(c)
-    c.limited = 0
-    if c.energised == 0:
-        c.torque_nm, c.integral_nm = 0.0, 0.0
-        return 0.0
-    error = c.position_gain_1_s * (c.demand_rad - c.position_rad)
-    error += c.speed_feed_forward * c.demand_rad_s - c.speed_rad_s
-    torque = c.speed_gain_nms_rad * error + c.integral_nm
-    torque += _feed_forward(c, inertia) + c.torque_offset_nm + generator
-    c.torque_nm = min(max(torque, -c.torque_limit_nm), c.torque_limit_nm)
-    if c.torque_nm != torque:
-        c.limited = 1
-    if c.speed_integral_time_s > 0.0 and (c.limited == 0 or error * torque < 0.0):
-        c.integral_nm += c.speed_gain_nms_rad * error * TICK_S / c.speed_integral_time_s
-    return c.torque_nm
-
-
-@compiled
 def _trace(c: Any, trace: Any) -> None:
-    """Store every divider-th sample of a running trace: counts, speed, torque."""
+    """Store every divider-th sample of a running trace, the first at the trigger: counts, speed, torque."""
     if c.trace_status != 2:
         return
     if c.trace_wait == 0:
@@ -150,7 +137,30 @@ def _trace(c: Any, trace: Any) -> None:
 
 
 @compiled
-def sample(c: Any, segments: Any, history: Any, trace: Any, angle: float) -> None:
+def control_law(c: Any, segments: Any, inertia: Any, trace: Any) -> Any:
+    """Torque (N·m) for the tick that begins now; integrates only where that does not push into the limit."""
+    update_demand(c, segments)
+    _notice_motion(c)
+    _trace(c, trace)
+    added = _generator(c) + _torque_offset(c)
+    c.limited = 0
+    if c.energised == 0:
+        c.torque_nm, c.integral_nm = 0.0, 0.0
+        return 0.0
+    error = c.position_gain_1_s * (c.demand_rad - c.position_rad)
+    error += c.speed_feed_forward * c.demand_rad_s - c.speed_rad_s
+    torque = c.speed_gain_nms_rad * error + c.integral_nm
+    torque += _feed_forward(c, inertia) + added
+    c.torque_nm = min(max(torque, -c.torque_limit_nm), c.torque_limit_nm)
+    if c.torque_nm != torque:
+        c.limited = 1
+    if c.speed_integral_time_s > 0.0 and (c.limited == 0 or error * torque < 0.0):
+        c.integral_nm += c.speed_gain_nms_rad * error * TICK_S / c.speed_integral_time_s
+    return c.torque_nm
+
+
+@compiled
+def sample(c: Any, segments: Any, history: Any, angle: float) -> None:
     """At the end of a tick: read the encoder, filter, let the demand's time pass."""
     before = c.position_rad
     seen = angle + c.eccentricity_rad * np.sin(angle)
@@ -165,11 +175,12 @@ def sample(c: Any, segments: Any, history: Any, trace: Any, angle: float) -> Non
     newer, older = history[(c.history_at - whole) % HISTORY], history[(c.history_at - whole - 1) % HISTORY]
     c.reported_speed_rad_s = (1.0 - share) * newer + share * older
     c.segment_time_s += TICK_S
+    if c.energised == 0:  # without power the demand follows the axis
+        c.segments, c.final_rad = 0, c.position_rad
     update_demand(c, segments)
     c.standstill_s = c.standstill_s + TICK_S if abs(c.speed_rad_s) < c.standstill_speed_rad_s else 0.0
     arrived = c.segment >= c.segments and abs(c.final_rad - c.position_rad) < c.target_window_rad
     c.in_window_s = c.in_window_s + TICK_S if arrived else 0.0
-    _trace(c, trace)
 
 
 @compiled
@@ -179,15 +190,15 @@ def update_demand_tick(cs: Any, segments: Any) -> None:
 
 
 @compiled
-def law_tick(cs: Any, segments: Any, inertia: Any) -> Any:
+def law_tick(cs: Any, segments: Any, inertia: Any, trace: Any) -> Any:
     """The control law on an array of one record: for plants that are stepped from Python."""
-    return control_law(cs[0], segments, inertia)
+    return control_law(cs[0], segments, inertia, trace)
 
 
 @compiled
-def sample_tick(cs: Any, segments: Any, history: Any, trace: Any, angle: float) -> None:
+def sample_tick(cs: Any, segments: Any, history: Any, angle: float) -> None:
     """The sampling on an array of one record: for plants that are stepped from Python."""
-    sample(cs[0], segments, history, trace, angle)
+    sample(cs[0], segments, history, angle)
 
 
 @compiled
@@ -197,9 +208,9 @@ def two_mass_loop(ticks: int, cs: Any, memory: Any, machine: Any) -> None:
     ps, ss, tables = machine
     c, p, s = cs[0], ps[0], ss[0]
     for _ in range(ticks):
-        torque = control_law(c, segments, inertia)
+        torque = control_law(c, segments, inertia, trace)
         if c.motion_started != 0:
             s.motion_time_s = 0.0
             s.motions += 1.0
         two_mass_tick(p, s, tables, torque)
-        sample(c, segments, history, trace, s.motor_rad)
+        sample(c, segments, history, s.motor_rad)

@@ -190,7 +190,7 @@ class Concealed:
             full["amplitude_nm"] = 0.0
         return full | dict(given)
 
-    def sensor(self, scale: Scale, seed: int) -> Sensor:
+    def sensor(self, scale: Scale) -> Sensor:
         """The effects that act in the measurement."""
         return Sensor(
             self.values("encoder_eccentricity", scale).get("amplitude_rad", 0.0),

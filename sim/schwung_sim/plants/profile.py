@@ -72,14 +72,17 @@ class Profile:
 
     @classmethod
     def of_pairs(cls, angle_rad: Array, values: Array) -> Profile:
-        """Straight lines between given points (n,), held constant outside; corners rounded over one step."""
+        """Through given points (n,) without overshoot (PCHIP), held constant outside."""
         angle_rad, values = np.asarray(angle_rad, dtype=float), np.asarray(values, dtype=float)
         if angle_rad.size < 2 or angle_rad.size != values.size or np.any(np.diff(angle_rad) <= 0):
             raise BenchError("table over the angle", "needs two points or more, angles increasing")
+        from scipy.interpolate import PchipInterpolator
+
+        curve = PchipInterpolator(angle_rad, values)
         even = np.linspace(angle_rad[0], angle_rad[-1], 2 * _NODES_PER_TURN + 1)
-        dense = np.interp(even, angle_rad, values)
-        slopes = np.gradient(dense, even)
-        return cls(Samples(dense, slopes, float(even[0]), float(even[1] - even[0]), False))
+        return cls(
+            Samples(curve(even), curve.derivative()(even), even[0].item(), (even[1] - even[0]).item(), False)
+        )
 
     @classmethod
     def slider_crank(cls) -> Profile:

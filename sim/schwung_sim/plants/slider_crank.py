@@ -167,7 +167,7 @@ class SliderCrankPlant:
             self.parameters[name] = getattr(drive, name)
         scale = Scale(drive.peak_torque_nm, drive.stiffness_nm_rad, drive.damping_nms, inertia_kgm2=0.11)
         self._load_torque = self.concealed.apply(self.parameters, scale, seed).samples
-        self.sensor = self.concealed.sensor(scale, seed)
+        self.sensor = self.concealed.sensor(scale)
         p = self.parameters[0]
         p["coupling_outside"] = float(p["gap_rad"] > 0 or p["cubic_nm_rad3"] > 0)
         self._calls, self._steps = (_STEPS_OUTSIDE, 1) if p["coupling_outside"] else (1, _STEPS)

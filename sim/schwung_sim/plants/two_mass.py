@@ -153,7 +153,7 @@ class TwoMassPlant:
         self.parameters["substep_s"] = TICK_S / _SUBSTEPS
         load_torque = self.concealed.apply(self.parameters, self.scale, seed)
         self.tables = Tables(self.inertia.samples, load_torque.samples)
-        self.sensor = self.concealed.sensor(self.scale, seed)
+        self.sensor = self.concealed.sensor(self.scale)
 
     @property
     def scale(self) -> Scale:
