@@ -295,6 +295,8 @@ def excited_at(session: Session, frequency_hz: float | None) -> tuple[tuple[Run,
                 "session", f"was excited at several frequencies ({listed} Hz)", "Choose one of them."
             )
         frequency_hz = found[0]
+    if not frequency_hz > 0:
+        raise InputError("frequency", f"is {frequency_hz} Hz", f"Choose among {listed} Hz.")
     chosen = tuple(
         run
         for run in session.excited

@@ -14,6 +14,8 @@ from schwung.estimation.values import Trace
 from schwung.motion import Array
 
 DEFAULT_POINTS = 64
+#: Samples bunched closer than this share of the kernel's reach give no slope.
+MIN_SPREAD = 0.05
 
 
 @dataclass(frozen=True)
@@ -82,28 +84,34 @@ def _stroke_of(trace: Trace) -> NDArray[np.int64]:
 
 
 def _on_grid(trace: Trace, chosen: NDArray[np.bool_], grid: Array, window: int) -> _Stroke:
-    """Local linear regression with a triangular kernel, one grid step wide on either side."""
-    angle, inertia = trace.position_rad[chosen], trace.inertia_kgm2[chosen]
-    imaginary = trace.imaginary_kgm2[chosen]
-    step = float(np.max(np.abs(np.diff(angle)), initial=0.0)) if angle.size > 1 else 0.0
-    reach = max(float(grid[1] - grid[0]), step)  # fast strokes may pass a grid step between two samples
-    offset = angle[None, :] - grid[:, None]
-    weight = np.clip(1 - np.abs(offset) / reach, 0.0, None)
-    zeroth, first, second = weight.sum(1), (weight * offset).sum(1), (weight * offset**2).sum(1)
-    with np.errstate(divide="ignore", invalid="ignore"):
-        mean, centre = (weight @ inertia) / zeroth, first / zeroth
-        spread = second / zeroth - centre**2
-        slope = ((weight * offset) @ inertia / zeroth - centre * mean) / spread
-        # a straight line needs samples on both sides, or else it extrapolates
-        sided = (
-            (weight * (offset > 0)).any(1) & (weight * (offset < 0)).any(1) & (spread > (0.05 * reach) ** 2)
-        )
-        slope = np.where(sided, slope, 0.0)
-        local = mean - slope * centre
-        residual = inertia[None, :] - local[:, None] - slope[:, None] * offset
-        variance = (weight * residual**2).sum(1) / zeroth
-        independent = np.maximum(1.0, zeroth**2 / (weight**2).sum(1) / window)
-        return _Stroke(local, np.sqrt(variance / independent), (weight @ imaginary) / zeroth)
+    """The local value of one stroke at every grid point."""
+    angle = trace.position_rad[chosen]
+    # one grid step to either side; fast strokes may pass more than that between two samples
+    reach = max(float(grid[1] - grid[0]), float(np.max(np.abs(np.diff(angle)), initial=0.0)))
+    inertia, imaginary = trace.inertia_kgm2[chosen], trace.imaginary_kgm2[chosen]
+    found = np.array([_local(angle - point, inertia, imaginary, reach, window) for point in grid])
+    return _Stroke(*found.T)
+
+
+def _local(
+    offset: Array, inertia: Array, imaginary: Array, reach: float, window: int
+) -> tuple[float, float, float]:
+    """Value, its standard error and imaginary part at offset 0: local straight line, triangular weights."""
+    near = np.abs(offset) < reach
+    if not near.any():
+        return np.nan, np.nan, np.nan
+    offset, inertia, imaginary = offset[near], inertia[near], imaginary[near]
+    weight = 1 - np.abs(offset) / reach
+    weight = weight / weight.sum()
+    centre, mean = float(weight @ offset), float(weight @ inertia)
+    spread = float(weight @ (offset - centre) ** 2)
+    # a straight line needs samples on both sides, or else it extrapolates
+    two_sided = offset.min() < 0 < offset.max() and spread > (MIN_SPREAD * reach) ** 2
+    slope = float(weight @ ((offset - centre) * (inertia - mean))) / spread if two_sided else 0.0
+    value = mean - slope * centre
+    variance = float(weight @ (inertia - value - slope * offset) ** 2)
+    independent = max(1.0, 1 / float(weight @ weight) / window)  # windows overlap: one period counts once
+    return value, float(np.sqrt(variance / independent)), float(weight @ imaginary)
 
 
 def _mean_of(strokes: Sequence[_Stroke], grid: Array, notes: list[str]) -> Combined:

@@ -75,7 +75,7 @@ def read_session(path: str | os.PathLike[str]) -> Session:
         raise InputError(str(path), "there is no such session file", "Check the path.")
     try:
         with h5py.File(path, "r") as file:
-            return _read_root(file, str(path))
+            return _read_root(file, f"{path}: /")
     except SchwungError:
         raise
     except (OSError, RuntimeError, KeyError, ValueError, TypeError) as error:  # h5py raises all of these
@@ -84,32 +84,33 @@ def read_session(path: str | os.PathLike[str]) -> Session:
                          "Copy it again from where it was recorded, or record again.") from error  # fmt: skip
 
 
-def _read_root(file: h5py.File, path: str) -> Session:
-    if _text(file, "format", path) != FORMAT:
-        raise InputError(f"{path}: /@format", f'is "{_text(file, "format", path)}", not "{FORMAT}"',
+def _read_root(file: h5py.File, root: str) -> Session:
+    """`root` is the place of the file's own attributes, "file: /"."""
+    if _text(file, "format", root) != FORMAT:
+        raise InputError(f"{root}@format", f'is "{_text(file, "format", root)}", not "{FORMAT}"',
                          "Give a session that Schwung recorded or imported.")  # fmt: skip
-    version = _number(file, "version", path)
+    version = _number(file, "version", root)
     if version != VERSION:
-        raise InputError(f"{path}: /@version", f"is {version:g}; this Schwung reads version {VERSION}",
+        raise InputError(f"{root}@version", f"is {version:g}; this Schwung reads version {VERSION}",
                          "Update Schwung, or export the session as version 1.")  # fmt: skip
-    created = _text(file, "created", path)
+    created = _text(file, "created", root)
     try:
         datetime.fromisoformat(created)
     except ValueError:
-        raise InputError(f"{path}: /@created", f'"{created}" is not an ISO 8601 date',
+        raise InputError(f"{root}@created", f'"{created}" is not an ISO 8601 date',
                          "Write it like 2024-02-28T09:30:00+01:00.") from None  # fmt: skip
-    axis = _text(file, "axis", path) if "axis" in file.attrs else "rotary"
+    axis = _text(file, "axis", root) if "axis" in file.attrs else "rotary"
     if axis not in _UNITS:
-        raise InputError(f"{path}: /@axis", f'is "{axis}"', 'Use "rotary" or "linear".')
+        raise InputError(f"{root}@axis", f'is "{axis}"', 'Use "rotary" or "linear".')
     known: Axis = "linear" if axis == "linear" else "rotary"
-    drive = _json(file, "drive", path) if "drive" in file.attrs else None
+    drive = _json(file, "drive", root) if "drive" in file.attrs else None
     runs = file.get("run")
     if not isinstance(runs, h5py.Group):
-        raise InputError(f"{path}: /run", "is missing", "A session holds its runs in /run/0000, /run/0001, …")
+        raise InputError(f"{root}run", "is missing", "A session holds its runs in /run/0000, /run/0001, …")
     return Session(
-        runs=tuple(_read_run(runs, name, known, path) for name in _numbered(runs)),
+        runs=tuple(_read_run(runs, name, known, root) for name in _numbered(runs)),
         created=created,
-        source=_text(file, "source", path),
+        source=_text(file, "source", root),
         axis=known,
         drive=drive,
         partial_reasons=_partial_reasons(file),
@@ -128,8 +129,8 @@ def _partial_reasons(file: h5py.File) -> tuple[str, ...]:
     return tuple(str(_plain(group[name].attrs.get("reason", "no reason given"))) for name in _numbered(group))
 
 
-def _read_run(runs: h5py.Group, name: str, axis: Axis, path: str) -> Run:
-    place = f"{path}: /run/{name}"
+def _read_run(runs: h5py.Group, name: str, axis: Axis, root: str) -> Run:
+    place = f"{root}run/{name}"
     group = runs.get(name)
     if not isinstance(group, h5py.Group):
         raise InputError(place, "is not a group of datasets", "Each run is a group /run/NNNN.")
