@@ -20,13 +20,24 @@ def bench(
         str, typer.Option(help="sync: time passes with SYNC (exact, any speed); wall: real time.")
     ] = "sync",
     tcp: Annotated[
-        str | None, typer.Option(metavar="HOST:PORT", help="Serve a loopback TCP bus (socketcand protocol); port 0: any.")
+        str | None,
+        typer.Option(
+            metavar="HOST:PORT", help="Serve a loopback TCP bus (socketcand protocol); port 0: any."
+        ),
     ] = None,
-    eds: Annotated[Path | None, typer.Option(help="Dictionary of the drive; default: the bench's own.")] = None,
-    memory: Annotated[Path | None, typer.Option(help="File in which stored parameters (1010) outlive the process.")] = None,
-    fault: Annotated[list[str] | None, typer.Option(metavar="FAULT", help="A fault to make; see --list. Repeatable.")] = None,
+    eds: Annotated[
+        Path | None, typer.Option(help="Dictionary of the drive; default: the bench's own.")
+    ] = None,
+    memory: Annotated[
+        Path | None, typer.Option(help="File in which stored parameters (1010) outlive the process.")
+    ] = None,
+    fault: Annotated[
+        list[str] | None, typer.Option(metavar="FAULT", help="A fault to make; see --list. Repeatable.")
+    ] = None,
     seconds: Annotated[float | None, typer.Option(help="End by itself after so long.")] = None,
-    listing: Annotated[bool, typer.Option("--list", help="List what can be concealed and which faults there are.")] = False,
+    listing: Annotated[
+        bool, typer.Option("--list", help="List what can be concealed and which faults there are.")
+    ] = False,
     interface: Interface = None,
     channel: Channel = None,
     bitrate: Bitrate = None,

@@ -27,10 +27,16 @@ _MOTION, _LIMITS, _INJECTION = "Motion", "Limits", "Injection and recording"
 def commission(
     machine: Machine,
     distance: Annotated[
-        float, typer.Option(parser=quantity, metavar="RAD", help="Stroke, signed; e.g. 180deg.", rich_help_panel=_MOTION)
+        float,
+        typer.Option(
+            parser=quantity, metavar="RAD", help="Stroke, signed; e.g. 180deg.", rich_help_panel=_MOTION
+        ),
     ],
     duration: Annotated[
-        float, typer.Option(parser=quantity, metavar="S", help="Time of one stroke; e.g. 250ms.", rich_help_panel=_MOTION)
+        float,
+        typer.Option(
+            parser=quantity, metavar="S", help="Time of one stroke; e.g. 250ms.", rich_help_panel=_MOTION
+        ),
     ],
     profile_kind: Annotated[
         str, typer.Option(help="third, poly5, scurve or cosine.", rich_help_panel=_MOTION)
@@ -39,28 +45,44 @@ def commission(
         bool, typer.Option("--one-way", help="Do not move back after the stroke.", rich_help_panel=_MOTION)
     ] = False,
     mode: Annotated[
-        str, typer.Option(help="csp: setpoints over the bus; pp: the drive's own profile.", rich_help_panel=_MOTION)
+        str,
+        typer.Option(
+            help="csp: setpoints over the bus; pp: the drive's own profile.", rich_help_panel=_MOTION
+        ),
     ] = "csp",
     min_position: Annotated[
-        float | None, typer.Option(parser=quantity, metavar="RAD", help="Lower end of the window.", rich_help_panel=_LIMITS)
+        float | None,
+        typer.Option(
+            parser=quantity, metavar="RAD", help="Lower end of the window.", rich_help_panel=_LIMITS
+        ),
     ] = None,
     max_position: Annotated[
-        float | None, typer.Option(parser=quantity, metavar="RAD", help="Upper end of the window.", rich_help_panel=_LIMITS)
+        float | None,
+        typer.Option(
+            parser=quantity, metavar="RAD", help="Upper end of the window.", rich_help_panel=_LIMITS
+        ),
     ] = None,
     max_speed: Annotated[
-        float | None, typer.Option(parser=quantity, metavar="RAD/S", help="Speed limit.", rich_help_panel=_LIMITS)
+        float | None,
+        typer.Option(parser=quantity, metavar="RAD/S", help="Speed limit.", rich_help_panel=_LIMITS),
     ] = None,
     max_torque: Annotated[
-        float | None, typer.Option(parser=quantity, metavar="NM", help="Torque limit.", rich_help_panel=_LIMITS)
+        float | None,
+        typer.Option(parser=quantity, metavar="NM", help="Torque limit.", rich_help_panel=_LIMITS),
     ] = None,
     following_error: Annotated[
-        float | None, typer.Option(parser=quantity, metavar="RAD", help="Tolerated following error.", rich_help_panel=_LIMITS)
+        float | None,
+        typer.Option(
+            parser=quantity, metavar="RAD", help="Tolerated following error.", rich_help_panel=_LIMITS
+        ),
     ] = None,
     frequency: Annotated[
-        float | None, typer.Option(parser=quantity, metavar="HZ", help="Injected frequency.", rich_help_panel=_INJECTION)
+        float | None,
+        typer.Option(parser=quantity, metavar="HZ", help="Injected frequency.", rich_help_panel=_INJECTION),
     ] = None,
     amplitude: Annotated[
-        float | None, typer.Option(parser=quantity, metavar="NM", help="Injected amplitude.", rich_help_panel=_INJECTION)
+        float | None,
+        typer.Option(parser=quantity, metavar="NM", help="Injected amplitude.", rich_help_panel=_INJECTION),
     ] = None,
     rate: Annotated[
         float, typer.Option(parser=quantity, metavar="HZ", help="SYNC rate.", rich_help_panel=_INJECTION)
@@ -68,15 +90,24 @@ def commission(
     repeats: Annotated[int, typer.Option(min=1, help="Pairs of motions.", rich_help_panel=_INJECTION)] = 2,
     max_jitter: Annotated[
         float | None,
-        typer.Option(parser=quantity, metavar="S", help="Tolerated SYNC jitter (p99); default: a tenth of the period.",
-                     rich_help_panel=_INJECTION),
+        typer.Option(
+            parser=quantity,
+            metavar="S",
+            help="Tolerated SYNC jitter (p99); default: a tenth of the period.",
+            rich_help_panel=_INJECTION,
+        ),
     ] = None,
     export: Annotated[
-        str | None, typer.Option(metavar="FORM", help="Write the result into the drive: table, mean, max or at=ANGLE.")
+        str | None,
+        typer.Option(metavar="FORM", help="Write the result into the drive: table, mean, max or at=ANGLE."),
     ] = None,
     store: Annotated[bool, typer.Option(help="Save an export in the drive's memory (1010).")] = True,
-    out: Annotated[Path | None, typer.Option(help="Folder for session, table, report; default: schwung-<time>.")] = None,
-    dry_run: Annotated[bool, typer.Option("--dry-run", help="Plan and check; change and move nothing.")] = False,
+    out: Annotated[
+        Path | None, typer.Option(help="Folder for session, table, report; default: schwung-<time>.")
+    ] = None,
+    dry_run: Annotated[
+        bool, typer.Option("--dry-run", help="Plan and check; change and move nothing.")
+    ] = False,
     yes: Yes = False,
     interface: Interface = None,
     channel: Channel = None,
@@ -150,7 +181,9 @@ def output_folder(out: Path | None, dry_run: bool = False) -> Path:
     try:
         folder.mkdir(parents=True, exist_ok=True)
     except OSError as error:
-        raise InputError(str(folder), f"cannot be made ({error.strerror})", "Choose another --out.") from error
+        raise InputError(
+            str(folder), f"cannot be made ({error.strerror})", "Choose another --out."
+        ) from error
     if (folder / "session.h5").exists():
         raise InputError(str(folder), "holds a session already", "Choose another --out.")
     return folder

@@ -50,7 +50,10 @@ class Terminal:
         self.table(
             "Preflight",
             ("", "check", "finding"),
-            ((_SIGNS[severity], name, f"{text}. {remedy}" if remedy else text) for name, severity, text, remedy in rows),
+            (
+                (_SIGNS[severity], name, f"{text}. {remedy}" if remedy else text)
+                for name, severity, text, remedy in rows
+            ),
         )
 
     def verdict(self, verdict: str, text: str) -> None:
@@ -93,6 +96,11 @@ def observing(terminal: Terminal) -> Iterator[TerminalObserver]:
     """A progress display that ends with the block."""
     from rich.progress import BarColumn, Progress, SpinnerColumn, TextColumn, TimeRemainingColumn
 
-    columns = (SpinnerColumn(), TextColumn("{task.description}"), BarColumn(), TimeRemainingColumn(compact=True))
+    columns = (
+        SpinnerColumn(),
+        TextColumn("{task.description}"),
+        BarColumn(),
+        TimeRemainingColumn(compact=True),
+    )
     with Progress(*columns, console=terminal.console, transient=False) as progress:
         yield TerminalObserver(terminal, progress)

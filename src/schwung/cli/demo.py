@@ -30,10 +30,10 @@ inertia = 0.11
 
 
 def demo(
-    out: Annotated[Path | None, typer.Option(help="Folder for session, table, report; default: schwung-<time>.")] = None,
-    duration: Annotated[
-        float, typer.Option(parser=quantity, metavar="S", help="Time of one stroke.")
-    ] = 0.25,
+    out: Annotated[
+        Path | None, typer.Option(help="Folder for session, table, report; default: schwung-<time>.")
+    ] = None,
+    duration: Annotated[float, typer.Option(parser=quantity, metavar="S", help="Time of one stroke.")] = 0.25,
     plant: Annotated[str, typer.Option(help="slider-crank (MuJoCo) or two-mass.")] = "slider-crank",
     conceal: Annotated[str, typer.Option(metavar="NAME=VALUE,…", help="Physics to hide in the plant.")] = "",
     seed: Annotated[int, typer.Option(help="Everything random follows from it.")] = 0,
@@ -86,7 +86,9 @@ def demo(
                     folder,
                     terminal,
                     confirm=lambda _question: True,
-                    ending=Ending(ExportChoice("table"), True, truth, "true inertia of the simulated machine"),
+                    ending=Ending(
+                        ExportChoice("table"), True, truth, "true inertia of the simulated machine"
+                    ),
                 )
             finally:
                 drive.close()

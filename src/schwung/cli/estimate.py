@@ -13,7 +13,9 @@ from schwung.cli.options import Json, Machine, quantity
 def estimate(
     session: Annotated[Path, typer.Argument(help="The recorded session, *.h5.")],
     machine: Machine,
-    out: Annotated[Path, typer.Option(help="Folder for inertia.csv, estimate.json, report.html.")] = Path("estimate"),
+    out: Annotated[Path, typer.Option(help="Folder for inertia.csv, estimate.json, report.html.")] = Path(
+        "estimate"
+    ),
     method: Annotated[str, typer.Option(help="denoised or former.")] = "denoised",
     inversion: Annotated[str, typer.Option(help="complex or magnitude.")] = "complex",
     frequency: Annotated[

@@ -26,9 +26,12 @@ if TYPE_CHECKING:
 
 def export(
     table: Annotated[Path, typer.Argument(help="The inertia table, inertia.csv.")],
-    form: Annotated[str, typer.Option("--as", metavar="FORM", help="table, mean, max or at=ANGLE.")] = "table",
+    form: Annotated[
+        str, typer.Option("--as", metavar="FORM", help="table, mean, max or at=ANGLE.")
+    ] = "table",
     dcf: Annotated[
-        Path | None, typer.Option(help="Write a DCF (CiA 306) for the profile's EDS instead of asking a drive.")
+        Path | None,
+        typer.Option(help="Write a DCF (CiA 306) for the profile's EDS instead of asking a drive."),
     ] = None,
     store: Annotated[bool, typer.Option(help="Save in the drive's memory (1010).")] = True,
     backup: Annotated[Path, typer.Option(help="Where the old values go.")] = Path("export.backup.json"),
@@ -75,7 +78,9 @@ def export(
         if dry_run:
             terminal.say("Dry run: nothing was written.")
         elif yes or typer.confirm("Write these parameters?", err=json_output):
-            done = export_table(opened.drive, opened.profile, inertia, choice, backup_path=backup, store=store)
+            done = export_table(
+                opened.drive, opened.profile, inertia, choice, backup_path=backup, store=store
+            )
             terminal.say(
                 f"{len(done.changes)} parameters written, read back equal{', stored' if done.stored else ''}; "
                 f"the old values are in [bold]{backup}[/]"

@@ -54,7 +54,9 @@ BusOption = Annotated[
     typer.Option("--bus", metavar="KEY=VALUE", rich_help_panel="Bus",
                  help="Any further option of the interface, e.g. --bus host=127.0.0.1. Repeatable."),
 ]  # fmt: skip
-Node = Annotated[int, typer.Option("-n", "--node", min=1, max=127, help="CANopen node id.", rich_help_panel="Bus")]
+Node = Annotated[
+    int, typer.Option("-n", "--node", min=1, max=127, help="CANopen node id.", rich_help_panel="Bus")
+]
 Profile = Annotated[
     str | None,
     typer.Option("--profile", help="Device profile: a family's name or a profile.toml; default: by identity.",

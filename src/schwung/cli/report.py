@@ -14,7 +14,9 @@ def report(
     session: Annotated[Path, typer.Argument(help="The recorded session, *.h5.")],
     machine: Machine,
     out: Annotated[Path, typer.Option(help="The HTML file.")] = Path("report.html"),
-    figures: Annotated[Path | None, typer.Option(help="Folder for the pictures as PNG files as well.")] = None,
+    figures: Annotated[
+        Path | None, typer.Option(help="Folder for the pictures as PNG files as well.")
+    ] = None,
     json_output: Json = False,
 ) -> None:
     """Write the report of a session: one HTML file with its pictures.

@@ -42,7 +42,9 @@ def restore(
     terminal = Terminal(json_output)
     content = read_backup(backup)
     if content.restored and not force:
-        terminal.say(f"{backup} was put back on {content.restored} already; nothing to do (--force does it again).")
+        terminal.say(
+            f"{backup} was put back on {content.restored} already; nothing to do (--force does it again)."
+        )
         terminal.result({"restored": 0, "when": content.restored})
         return
     record = content.drive

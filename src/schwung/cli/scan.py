@@ -35,7 +35,10 @@ def scan(
     from schwung.fieldbus.canopen import open_bus, scan_bus
 
     first, _, last = nodes.partition("-")
-    if not (first.isdigit() and (last or first).isdigit()) or not 1 <= int(first) <= int(last or first) <= 127:
+    if (
+        not (first.isdigit() and (last or first).isdigit())
+        or not 1 <= int(first) <= int(last or first) <= 127
+    ):
         raise InputError("--nodes", f'"{nodes}" is no range of node ids', "Write for instance --nodes 1-16.")
     wanted = range(int(first), int(last or first) + 1)
     terminal = Terminal(json_output)

@@ -31,16 +31,18 @@ def _sync_rows(session: Session) -> list[SyncRow]:
     for number, run in enumerate(session.runs):
         timing = run.extra.get("sync_timing")
         if isinstance(timing, dict) and "producer" in timing:
-            rows.append(
-                SyncRow(
-                    f"run {number:04d}", str(timing["producer"]),
-                    *(float(timing.get(key, 0.0)) for key in ("period_s", "rms_s", "p99_s", "max_s")),
-                )
-            )  # fmt: skip
+            period, rms, p99, largest = (
+                float(timing.get(key, 0.0)) for key in ("period_s", "rms_s", "p99_s", "max_s")
+            )
+            rows.append(SyncRow(f"run {number:04d}", str(timing["producer"]), period, rms, p99, largest))
     return rows
 
 
 def _settings(session: Session) -> dict[str, str]:
     drive = session.drive or {}
-    identity = drive.get("identity") if isinstance(drive.get("identity"), dict) else {}
-    return {key: str(value) for key, value in {**identity, **(drive.get("settings") or {})}.items()}
+    rows: dict[str, str] = {}
+    for part in ("identity", "settings"):
+        content = drive.get(part)
+        if isinstance(content, dict):
+            rows |= {str(key): str(value) for key, value in content.items()}
+    return rows

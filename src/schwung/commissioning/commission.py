@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -25,7 +25,7 @@ class Wishes:
 
     distance_rad: float
     duration_s: float
-    limits: LimitWishes = LimitWishes()
+    limits: LimitWishes = field(default_factory=LimitWishes)
     kind: str = "third"
     returns: bool = True
     mode: OperatingMode = "csp"
@@ -117,7 +117,11 @@ def settings_of(plan: Plan) -> dict[str, Any]:
 
 
 def carry_out(
-    drive: Drive, prepared: Prepared, out: Path, observer: Observer, max_jitter_share: float = MAX_JITTER_SHARE
+    drive: Drive,
+    prepared: Prepared,
+    out: Path,
+    observer: Observer,
+    max_jitter_share: float = MAX_JITTER_SHARE,
 ) -> Commissioned:
     """Move, record, estimate. The session lies in `out` run by run; parameters are back when this returns.
 

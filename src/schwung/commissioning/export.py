@@ -40,16 +40,17 @@ class Exported:
 
 
 def parse_choice(text: str) -> ExportChoice:
-    """"table", "mean", "max" or "at=1.57". Raises InputError for anything else."""
+    """ "table", "mean", "max" or "at=1.57". Raises InputError for anything else."""
+    plain: dict[str, Form] = {"table": "table", "mean": "mean", "max": "max"}
+    if text in plain:
+        return ExportChoice(plain[text])
     form, _, angle = text.partition("=")
-    if form == "at":
-        try:
-            return ExportChoice("at", float(angle))
-        except ValueError:
-            raise InputError(f"--as {text}", "names no angle", "Write for instance --as at=1.57.") from None
-    if angle or form not in ("table", "mean", "max"):
-        raise InputError(f"--as {text}", "is unknown", "Use table, mean, max or at=ANGLE.")
-    return ExportChoice(form)  # type: ignore[arg-type]  # narrowed by the line above
+    if form != "at":
+        raise InputError(f'export form "{text}"', "is unknown", "Use table, mean, max or at=ANGLE.")
+    try:
+        return ExportChoice("at", float(angle))
+    except ValueError:
+        raise InputError(f'export form "{text}"', "names no angle", "Write for instance at=1.57.") from None
 
 
 def scalar_of(table: InertiaTable, choice: ExportChoice) -> float:
@@ -115,7 +116,10 @@ def _table_values(lookup: Lookup, target: TableExport, table: InertiaTable) -> l
 
 
 def _scalar_values(lookup: Lookup, target: ScalarExport, inertia_kgm2: float) -> list[ParameterValue]:
-    return [_counts(lookup, target.object, inertia_kgm2, target.scale_kgm2), *_enabling(lookup, target.enable)]
+    return [
+        _counts(lookup, target.object, inertia_kgm2, target.scale_kgm2),
+        *_enabling(lookup, target.enable),
+    ]
 
 
 def _enabling(lookup: Lookup, setting: Setting | None) -> list[ParameterValue]:
@@ -129,7 +133,9 @@ def _counts(lookup: Lookup, ref: ObjectRef, value: float, scale: float) -> Param
     low, high = _range(parameter)
     if not low <= raw <= high:
         raise InputError(
-            parameter.label, f"takes {low} … {high} counts, {value:g} would be {raw}", "Check the profile's scale."
+            parameter.label,
+            f"takes {low} … {high} counts, {value:g} would be {raw}",
+            "Check the profile's scale.",
         )
     return ParameterValue(parameter, raw)
 
@@ -176,6 +182,6 @@ def _compare(drive: Drive, values: Sequence[ParameterValue]) -> None:
         if found != value.raw:
             raise DriveError(
                 value.parameter.label,
-                f"was written as {value.raw} but reads {found}",
+                f"was written as {value.raw!r} but reads {found!r}",
                 "The old values are back; check the object's range and access in the drive's manual.",
             )

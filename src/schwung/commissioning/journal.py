@@ -173,7 +173,9 @@ def read_backup(path: Path) -> Backup:
     if not isinstance(document, dict) or document.get("format") != FORMAT:
         raise InputError(f"{path}: format", f'is not "{FORMAT}"', "Give a *.backup.json.")
     if document.get("version") != VERSION:
-        raise InputError(f"{path}: version", f"is {document.get('version')!r}", f"This Schwung reads {VERSION}.")
+        raise InputError(
+            f"{path}: version", f"is {document.get('version')!r}", f"This Schwung reads {VERSION}."
+        )
     changes = []
     for number, entry in enumerate(document.get("changes", [])):
         try:

@@ -98,11 +98,13 @@ def limits_of(wishes: LimitWishes, drive: DriveLimits, machine: Machine) -> Limi
 
     Raises InputError naming every limit that nobody knows: nothing moves before all are known.
     """
-    low = _tightest(max, wishes.position_min_rad, drive.position_min_rad)
-    high = _tightest(min, wishes.position_max_rad, drive.position_max_rad)
-    speed = _tightest(min, wishes.speed_max_rad_s, drive.speed_max_rad_s)
-    torque = _tightest(min, wishes.torque_max_nm, drive.torque_max_nm, machine.motor.peak_torque_nm)
-    following = _tightest(min, wishes.following_error_rad, drive.following_error_rad)
+    low = max(_known(wishes.position_min_rad, drive.position_min_rad), default=None)
+    high = min(_known(wishes.position_max_rad, drive.position_max_rad), default=None)
+    speed = min(_known(wishes.speed_max_rad_s, drive.speed_max_rad_s), default=None)
+    torque = min(
+        _known(wishes.torque_max_nm, drive.torque_max_nm, machine.motor.peak_torque_nm), default=None
+    )
+    following = min(_known(wishes.following_error_rad, drive.following_error_rad), default=None)
     missing = [
         option
         for option, value in {
@@ -123,9 +125,8 @@ def limits_of(wishes: LimitWishes, drive: DriveLimits, machine: Machine) -> Limi
     return Limits(low, high, speed, torque, following)
 
 
-def _tightest(choose: type[max] | type[min], *values: float | None) -> float | None:  # type: ignore[valid-type]
-    known = [value for value in values if value is not None]
-    return choose(known) if known else None
+def _known(*values: float | None) -> list[float]:
+    return [value for value in values if value is not None]
 
 
 def believed_inertia_range(machine: Machine) -> tuple[float, float]:
@@ -193,7 +194,9 @@ def make_plan(
         )
     if amplitude_nm is None:
         amplitude_nm = AMPLITUDE_SHARE * limits.torque_max_nm
-        reasons.append(f"amplitude {amplitude_nm:.3g} N·m: {AMPLITUDE_SHARE:.0%} of the torque limit, as in the paper")
+        reasons.append(
+            f"amplitude {amplitude_nm:.3g} N·m: {AMPLITUDE_SHARE:.0%} of the torque limit, as in the paper"
+        )
     period = 1 / frequency_hz
     rest = math.ceil((RAMP_PERIODS + SETTLED_PERIODS) * period * sample_rate_hz) / sample_rate_hz
     dwell = math.ceil(2 * period * sample_rate_hz + 0.05 * sample_rate_hz) / sample_rate_hz
@@ -217,10 +220,28 @@ def make_plan(
         motion=motion,
         excitation=excitation,
         repeats=repeats,
-        acquisition=Acquisition(mode=mode, sample_rate_hz=sample_rate_hz, heartbeat_s=heartbeat_s),
+        acquisition=Acquisition(
+            mode=mode,
+            sample_rate_hz=sample_rate_hz,
+            heartbeat_s=heartbeat_s,
+            moves=moves_of(motion, start_position_rad, sample_rate_hz) if mode == "pp" else (),
+        ),
         limits=limits,
         start_position_rad=start_position_rad,
         reasons=tuple(reasons),
+    )
+
+
+def moves_of(motion: Motion, start_position_rad: float, sample_rate_hz: float) -> tuple[Move, ...]:
+    """The strokes of a motion for a drive that makes its own trapezoid (PP)."""
+    return tuple(
+        Move(
+            at_index=round(start * sample_rate_hz),
+            target_rad=start_position_rad + (motion.distance_rad if number == 0 else 0.0),
+            peak_speed_rad_s=motion.peak_speed_rad_s,
+            acceleration_rad_s2=motion.peak_acceleration_rad_s2,
+        )
+        for number, start in enumerate(motion.stroke_starts_s)
     )
 
 
@@ -230,21 +251,4 @@ def setpoints_of(run: PlannedRun, plan: Plan) -> Setpoints:
     time = run.motion.time(rate)
     demand = run.motion.demand(time)
     added = run.excitation.torque(time) if run.excitation else np.zeros_like(time)
-    moves = []
-    for number, start in enumerate(run.motion.stroke_starts_s):
-        target = plan.start_position_rad + (run.motion.distance_rad if number == 0 else 0.0)
-        moves.append(
-            Move(
-                at_index=round(start * rate),
-                target_rad=target,
-                peak_speed_rad_s=run.motion.peak_speed_rad_s,
-                acceleration_rad_s2=run.motion.peak_acceleration_rad_s2,
-            )
-        )
-    return Setpoints(rate, plan.start_position_rad + demand.position_rad, added, tuple(moves))
-
-
-def with_amplitude(plan: Plan, amplitude_nm: float, reason: str) -> Plan:
-    """The same plan with another injection amplitude, and the reason noted."""
-    excitation = plan.excitation.model_copy(update={"amplitude_nm": amplitude_nm})
-    return replace(plan, excitation=excitation, reasons=(*plan.reasons, reason))
+    return Setpoints(rate, plan.start_position_rad + demand.position_rad, added, plan.acquisition.moves)

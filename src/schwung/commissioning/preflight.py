@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
@@ -99,7 +99,9 @@ def survey(drive: Drive, plan: Plan) -> Survey:
     )
 
 
-def preflight(plan: Plan, machine: Machine, seen: Survey, feed_forward: FeedForward | None = None) -> Preflight:
+def preflight(
+    plan: Plan, machine: Machine, seen: Survey, feed_forward: FeedForward | None = None
+) -> Preflight:
     """Check a plan against the drive and against the simulated motion. Never raises for what it finds."""
     reference, excited = (_simulated(run, plan, machine, feed_forward) for run in list(plan.runs())[:2])
     predicted = _predicted(plan, machine, reference, excited)
@@ -123,7 +125,9 @@ def _simulated(
     demand = run.motion.demand(time)
     inertia = None
     if heavier != 1.0:
-        inertia = heavier * float(np.max(machine.load_inertia_at(plan.start_position_rad + demand.position_rad)))
+        inertia = heavier * float(
+            np.max(machine.load_inertia_at(plan.start_position_rad + demand.position_rad))
+        )
     return simulate(
         _limited(machine, plan),
         demand,
@@ -132,7 +136,6 @@ def _simulated(
         feed_forward=feed_forward,
         inertia=inertia,
         start_rad=plan.start_position_rad,
-        hold_torque_added=True,
     )
 
 
@@ -167,7 +170,9 @@ def _predicted(plan: Plan, machine: Machine, reference: Simulated, excited: Simu
 
 def _drive_checks(seen: Survey) -> Iterable[Check]:
     identity = seen.identity
-    yield Check("identity", "ok", f"node {identity.node_id}: {identity.name or 'unnamed'}, serial {identity.serial}")
+    yield Check(
+        "identity", "ok", f"node {identity.node_id}: {identity.name or 'unnamed'}, serial {identity.serial}"
+    )
     if "fault" in seen.state.cia402.lower():
         yield Check(
             "drive state",
@@ -210,7 +215,9 @@ def _resolution(
     checks = []
     source: SpeedSource = "drive"
     if reported >= MIN_RIPPLE_COUNTS:
-        checks.append(Check("speed resolution", "ok", f"the ripple of {ripple:.3g} rad/s is {reported:.0f} counts high"))
+        checks.append(
+            Check("speed resolution", "ok", f"the ripple of {ripple:.3g} rad/s is {reported:.0f} counts high")
+        )
     elif derived > reported:
         source = "position"
         checks.append(
@@ -248,7 +255,9 @@ def _resolution(
 def _share_check(name: str, value: float, limit: float, text: str, remedy: str) -> Check:
     if value > limit:
         return Check(name, "stop", text, remedy)
-    return Check(name, "warning" if value > COMFORT * limit else "ok", text, remedy if value > COMFORT * limit else "")
+    return Check(
+        name, "warning" if value > COMFORT * limit else "ok", text, remedy if value > COMFORT * limit else ""
+    )
 
 
 def _room(plan: Plan, reference: Simulated, excited: Simulated) -> Iterable[Check]:
@@ -274,7 +283,8 @@ def _torque_and_speed(
     yield Check(
         "torque",
         "stop" if clipped else "warning" if peak > COMFORT * limit else "ok",
-        f"the simulated motion takes up to {peak:.3g} of {limit:.3g} N·m" + (" and is clipped" if clipped else ""),
+        f"the simulated motion takes up to {peak:.3g} of {limit:.3g} N·m"
+        + (" and is clipped" if clipped else ""),
         slower if peak > COMFORT * limit else "",
     )
     if not clipped:
@@ -365,8 +375,3 @@ def with_control(machine: Machine, gains: dict[str, float]) -> Machine:
     except ValueError as error:
         raise InputError("drive gains", str(error), "Give [control] in the machine file.") from error
     return machine.model_copy(update={"control": control})
-
-
-def at_position(plan: Plan, position_rad: float) -> Plan:
-    """The same plan, starting where the axis stands."""
-    return replace(plan, start_position_rad=position_rad)

@@ -20,7 +20,7 @@ from schwung.commissioning.journal import ParameterJournal
 from schwung.commissioning.plan import Plan, PlannedRun, setpoints_of
 from schwung.commissioning.preflight import Preflight, SpeedSource
 from schwung.errors import DriveError, InterruptedByUser, SampleLossError, SchwungError
-from schwung.fieldbus.drive import Drive, Progress, Recording, SyncTiming
+from schwung.fieldbus.drive import Drive, Progress, Recording, SyncTiming, partial_recording
 from schwung.motion import Array
 from schwung.session import Run, SessionWriter
 
@@ -136,7 +136,8 @@ def record(
                         if not recording.lost.size:
                             break
                         writer.append_partial(
-                            _run_of(_gapless(recording), planned, plan, ready.speed_source), _losses(recording)
+                            _run_of(_gapless(recording), planned, plan, ready.speed_source),
+                            _losses(recording),
                         )
                         if attempt == MAX_RETRIES:
                             raise SampleLossError(
@@ -177,7 +178,7 @@ def _play(
     try:
         return drive.play(setpoints_of(planned, plan), progress)
     except BaseException as error:
-        partial: Recording | None = getattr(error, "recording", None)
+        partial = partial_recording(error)
         if partial is not None and len(_gapless(partial).position_rad) >= 3:
             writer.append_partial(
                 _run_of(_gapless(partial), planned, plan, source), str(error) or type(error).__name__
@@ -233,21 +234,26 @@ def derived_speed(position_rad: Array, sample_rate_hz: float, frequency_hz: floa
 
 
 def _run_of(recording: Recording, planned: PlannedRun, plan: Plan, source: SpeedSource) -> Run:
-    time = np.arange(recording.position_rad.size) / recording.sample_rate_hz
-    speed = recording.speed_rad_s
+    """A recording as a run: time 0 is the SYNC after the one that took the first setpoint.
+
+    A drive that takes setpoint k at SYNC k has reached it one period later, when SYNC k+1 samples it; so the run
+    holds what SYNC k+1 sampled beside what was commanded with SYNC k, and its injected sine is that of `excitation`.
+    """
+    actual, commanded = slice(1, None), slice(None, -1)
+    position, speed = recording.position_rad[actual], recording.speed_rad_s[actual]
     if source == "position":
-        speed = derived_speed(recording.position_rad, recording.sample_rate_hz, plan.excitation.frequency_hz)
-    demand = recording.position_demand_rad if plan.acquisition.mode == "csp" else None
+        speed = derived_speed(position, recording.sample_rate_hz, plan.excitation.frequency_hz)
+    demand = recording.position_demand_rad[commanded] if plan.acquisition.mode == "csp" else None
     return Run(
         role=planned.role,
         repeat=planned.repeat,
         sample_rate_hz=recording.sample_rate_hz,
-        time_s=time,
-        position_rad=recording.position_rad,
+        time_s=np.arange(position.size) / recording.sample_rate_hz,
+        position_rad=position,
         speed_rad_s=speed,
-        torque_nm=recording.torque_nm,
+        torque_nm=recording.torque_nm[actual],
         position_demand_rad=demand,
-        torque_added_nm=recording.torque_added_nm,
+        torque_added_nm=recording.torque_added_nm[commanded],
         motion=planned.motion,
         excitation=planned.excitation,
         extra={"sync_timing": asdict(recording.timing), "speed_source": source},
@@ -257,8 +263,7 @@ def _run_of(recording: Recording, planned: PlannedRun, plan: Plan, source: Speed
 def following_error_rms(run: Run) -> float | None:
     """RMS of demand minus position while the demand moves (rad); None where the demand was not recorded.
 
-    Demand and position are of the same instant: a CSP drive reaches the setpoint of SYNC k at SYNC k+1, and the
-    driver records the demand so.
+    Demand and position are of the same instant, see `_run_of`.
     """
     if run.position_demand_rad is None or run.motion is None:
         return None

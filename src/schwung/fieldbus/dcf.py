@@ -23,7 +23,9 @@ def dictionary_lookup(eds_path: Path, node_id: int) -> Callable[[int, int], Para
         found = find_parameter(dictionary, index, subindex)
         if found is None:
             raise InputError(
-                str(eds_path), f"has no object 0x{index:04X}:{subindex:02X}", "Correct the profile or take another EDS."
+                str(eds_path),
+                f"has no object 0x{index:04X}:{subindex:02X}",
+                "Correct the profile or take another EDS.",
             )
         return found
 
@@ -46,7 +48,9 @@ def write_dcf(eds_path: Path, node_id: int, values: Sequence[ParameterValue], pa
     replace_file(path, text.getvalue())
 
 
-def _variable(dictionary: canopen.ObjectDictionary, parameter: Parameter, eds_path: Path) -> canopen.objectdictionary.ODVariable:
+def _variable(
+    dictionary: canopen.ObjectDictionary, parameter: Parameter, eds_path: Path
+) -> canopen.objectdictionary.ODVariable:
     if find_parameter(dictionary, parameter.index, parameter.subindex) is None:
         raise InputError(str(eds_path), f"has no object {parameter.label}", "Take the EDS of this drive.")
     entry = dictionary.indices[parameter.index]

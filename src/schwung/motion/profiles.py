@@ -45,9 +45,7 @@ def _third(u: Array) -> _Stroke:
 
 def _poly5(u: Array) -> _Stroke:
     """Fifth-order polynomial with zero speed and acceleration at both ends; peak speed 1.875."""
-    return _Stroke(
-        u**3 * (10 - 15 * u + 6 * u**2), 30 * u**2 * (1 - u) ** 2, 60 * u * (1 - u) * (1 - 2 * u)
-    )
+    return _Stroke(u**3 * (10 - 15 * u + 6 * u**2), 30 * u**2 * (1 - u) ** 2, 60 * u * (1 - u) * (1 - 2 * u))
 
 
 def _scurve(u: Array) -> _Stroke:

@@ -1,0 +1,108 @@
+"""The table as drive parameters: scaled, compared, undone where it fails."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from commissioning_drive import DeskDrive, believed_machine
+
+from schwung.commissioning import ExportChoice, export_table, export_values, parse_choice, read_backup
+from schwung.commissioning.export import scalar_of
+from schwung.drivetrain import InertiaTable
+from schwung.errors import DriveError, InputError
+from schwung.fieldbus.dcf import dictionary_lookup, write_dcf
+from schwung.fieldbus.drive import ParameterValue
+from schwung.fieldbus.eds import load_dictionary
+from schwung.fieldbus.profile import load_profile
+
+PROFILE = load_profile("schwung-bench")
+TABLE = InertiaTable(np.linspace(0.1, 3.1, 31), 0.1 + 0.05 * np.linspace(0, 1, 31) ** 2)
+
+
+@pytest.fixture
+def drive() -> DeskDrive:
+    desk = DeskDrive(believed_machine())
+    desk.objects |= {(0x2300, sub): 1 for sub in range(1, 65)}
+    desk.objects |= {(0x2301, sub): 0 for sub in (1, 2, 3)} | {(0x2302, sub): 0 for sub in (1, 2)}
+    return desk
+
+
+def test_the_table_arrives_in_the_drives_units(drive: DeskDrive, tmp_path: Path) -> None:
+    done = export_table(drive, PROFILE, TABLE, ExportChoice(), backup_path=tmp_path / "e.backup.json")
+    angles = np.linspace(0.1, 3.1, 64)
+    written = np.array([drive.objects[0x2300, sub] for sub in range(1, 65)]) * 1e-7
+    assert np.max(np.abs(written - TABLE.at(angles))) <= 0.5e-7
+    assert drive.objects[0x2301, 1] == 100_000
+    assert drive.objects[0x2301, 2] * 63e-6 == pytest.approx(3.0, abs=63e-6)
+    assert drive.objects[0x2302, 1] == 2
+    assert drive.calls[-1] == "store"
+    assert done.stored
+
+
+def test_the_feed_forward_is_switched_on_last() -> None:
+    values = export_values(dictionary_lookup(PROFILE.eds_path, 1), PROFILE, TABLE, ExportChoice())
+    assert values[-1].parameter.index == 0x2302
+
+
+def test_old_values_stay_in_the_backup(drive: DeskDrive, tmp_path: Path) -> None:
+    path = tmp_path / "e.backup.json"
+    export_table(drive, PROFILE, TABLE, ExportChoice("max"), backup_path=path, store=False)
+    backup = read_backup(path)
+    assert backup.restored is None
+    assert {(c.parameter.index, c.parameter.subindex): c.old for c in backup.changes} == {
+        (0x2302, 1): 0,
+        (0x2302, 2): 0,
+    }
+    assert "store" not in drive.calls
+
+
+def test_a_value_that_reads_back_differently_is_undone(drive: DeskDrive, tmp_path: Path) -> None:
+    before = dict(drive.objects)
+    read = drive.read
+    drive.read = lambda parameter: (  # type: ignore[method-assign]  # a drive that does not keep its word
+        ParameterValue(parameter, 5)
+        if (parameter.index, "write 2302=2" in drive.calls) == (0x2300, True)
+        else read(parameter)
+    )
+    with pytest.raises(DriveError, match="reads 5"):
+        export_table(drive, PROFILE, TABLE, ExportChoice(), backup_path=tmp_path / "e.backup.json")
+    assert drive.objects == before
+    assert "store" not in drive.calls
+
+
+def test_one_number_for_a_table() -> None:
+    assert scalar_of(TABLE, ExportChoice("max")) == pytest.approx(0.15)
+    assert scalar_of(TABLE, ExportChoice("mean")) == pytest.approx(0.1 + 0.05 / 3, rel=1e-3)
+    assert scalar_of(TABLE, parse_choice("at=0.1")) == pytest.approx(0.1)
+    with pytest.raises(InputError, match="outside"):
+        scalar_of(TABLE, parse_choice("at=9"))
+
+
+@pytest.mark.parametrize("text", ["", "median", "at", "at=x", "mean=3"])
+def test_unknown_forms_are_refused(text: str) -> None:
+    with pytest.raises(InputError):
+        parse_choice(text)
+
+
+def test_a_profile_without_targets_says_so(drive: DeskDrive) -> None:
+    generic = load_profile("generic-cia402")
+    for form in (ExportChoice(), ExportChoice("mean")):
+        with pytest.raises(InputError, match="can't take"):
+            export_values(drive.parameter, generic, TABLE, form)
+
+
+def test_an_inertia_that_does_not_fit_its_object_is_refused(drive: DeskDrive) -> None:
+    huge = InertiaTable(np.array([0.0, 1.0]), np.array([1.0, 1e4]))
+    with pytest.raises(InputError, match="counts"):
+        export_values(drive.parameter, PROFILE, huge, ExportChoice())
+
+
+def test_a_dcf_carries_the_values(tmp_path: Path) -> None:
+    lookup = dictionary_lookup(PROFILE.eds_path, 5)
+    values = export_values(lookup, PROFILE, TABLE, ExportChoice())
+    write_dcf(PROFILE.eds_path, 5, values, tmp_path / "drive.dcf")
+    read = load_dictionary(tmp_path / "drive.dcf", 5)
+    for value in values:
+        entry = read.indices[value.parameter.index]
+        assert entry[value.parameter.subindex].value == value.raw
+    assert "NodeID=5" in (tmp_path / "drive.dcf").read_text()

@@ -1,0 +1,107 @@
+"""Limits, proposals and setpoints."""
+
+import numpy as np
+import pytest
+from commissioning_drive import DeskDrive, believed_machine
+
+from schwung.commissioning import LimitWishes, Plan
+from schwung.commissioning.plan import Limits, limits_of, make_plan, propose_frequency, setpoints_of
+from schwung.drivetrain import Machine
+from schwung.errors import InputError
+from schwung.fieldbus.drive import DriveLimits
+
+NOTHING = DriveLimits(None, None, None, None, None, None, None)
+
+
+def _plan(**changes: object) -> Plan:
+    drive = DeskDrive(believed_machine())
+    arguments: dict[str, object] = {"start_position_rad": 0.5, "distance_rad": np.pi, "duration_s": 0.25}
+    limits = limits_of(LimitWishes(), drive.limits(), drive.machine)
+    return make_plan(drive.machine, limits, **{**arguments, **changes})  # type: ignore[arg-type]  # by name
+
+
+def test_the_tighter_limit_counts() -> None:
+    machine = believed_machine()
+    drive = DriveLimits(-10.0, 10.0, 100.0, 500.0, 70.0, 0.5, 0.1)
+    limits = limits_of(LimitWishes(position_min_rad=-1.0, speed_max_rad_s=200.0), drive, machine)
+    assert limits == Limits(-1.0, 10.0, 100.0, machine.motor.peak_torque_nm, 0.5)
+
+
+def test_limits_that_nobody_knows_are_all_named() -> None:
+    with pytest.raises(InputError, match=r"--min-position, --max-position, --max-speed, --following-error"):
+        limits_of(LimitWishes(), NOTHING, believed_machine())
+
+
+@pytest.mark.parametrize(
+    "bad", [(1.0, 1.0, 1.0, 1.0, 1.0), (0.0, 1.0, -1.0, 1.0, 1.0), (0.0, 1.0, 1.0, np.nan, 1.0)]
+)
+def test_nonsense_limits_are_refused(bad: tuple[float, ...]) -> None:
+    with pytest.raises(InputError):
+        Limits(*bad)
+
+
+def test_the_paper_machine_gets_the_papers_50_hz() -> None:
+    frequency, why = propose_frequency(believed_machine(0.11), 1000.0)
+    assert frequency == 50.0
+    assert "76 Hz" in why  # sqrt(24963 / 0.11) / 2 pi
+
+
+def test_every_proposal_has_whole_samples_per_period_below_the_anti_resonance() -> None:
+    for inertia in (0.01, 0.05, 0.2, 1.0):
+        for rate in (500.0, 1000.0, 4000.0):
+            frequency, _ = propose_frequency(believed_machine(inertia), rate)
+            samples = rate / frequency
+            assert samples == pytest.approx(round(samples))
+            assert samples >= 10
+            assert frequency <= np.sqrt(24963 / inertia) / 2 / np.pi
+
+
+def test_an_unknown_load_inertia_is_asked_for() -> None:
+    with pytest.raises(InputError, match="rough load.inertia"):
+        propose_frequency(believed_machine(None), 1000.0)
+
+
+def test_a_rigid_machine_has_a_proposal() -> None:
+    machine: Machine = believed_machine().model_copy(update={"coupling": None})
+    assert propose_frequency(machine, 1000.0)[0] == 50.0
+
+
+def test_the_injection_is_at_full_amplitude_two_periods_before_until_after_the_motion() -> None:
+    plan = _plan()
+    period = 1 / plan.excitation.frequency_hz
+    time = np.linspace(plan.motion.start_time_s - 2 * period, plan.motion.end_s + 2 * period, 500)
+    assert np.all(plan.excitation.envelope(time) == 1.0)
+    assert plan.excitation.envelope(np.array([0.0, plan.motion.total_s])) == pytest.approx([0.0, 0.0])
+
+
+def test_setpoints_start_and_end_where_the_axis_stands() -> None:
+    plan = _plan()
+    reference, excited = (setpoints_of(run, plan) for run in plan.runs() if run.repeat == 0)
+    assert reference.position_rad[[0, -1]] == pytest.approx([0.5, 0.5])
+    assert reference.position_rad.max() == pytest.approx(0.5 + np.pi)
+    assert not reference.torque_added_nm.any()
+    assert np.abs(excited.torque_added_nm).max() == pytest.approx(0.2 * 233, rel=1e-3)
+
+
+def test_in_profile_position_the_strokes_go_to_the_drive_as_moves() -> None:
+    plan = _plan(mode="pp")
+    moves = setpoints_of(next(plan.runs()), plan).moves
+    assert moves == plan.acquisition.moves
+    assert [move.target_rad for move in moves] == pytest.approx([0.5 + np.pi, 0.5])
+    assert moves[0].peak_speed_rad_s == pytest.approx(1.5 * np.pi / 0.25)
+    assert _plan().acquisition.moves == ()
+
+
+def test_references_and_excited_runs_alternate() -> None:
+    assert [(run.role, run.repeat) for run in _plan(repeats=2).runs()] == [
+        ("reference", 0), ("excited", 0), ("reference", 1), ("excited", 1),
+    ]  # fmt: skip
+
+
+def test_wishes_that_no_motion_can_meet_are_refused() -> None:
+    with pytest.raises(InputError, match="samples a period"):
+        _plan(frequency_hz=150.0)
+    with pytest.raises(InputError, match="PP"):
+        _plan(mode="pp", kind="poly5")
+    with pytest.raises(InputError, match="repeats"):
+        _plan(repeats=0)

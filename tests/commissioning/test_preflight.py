@@ -1,0 +1,105 @@
+"""Preflight: every danger is found before the power stage is on, and named with its remedy."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from commissioning_drive import DeskDrive, believed_machine
+
+from schwung.commissioning import LimitWishes, Plan, Preflight, Survey
+from schwung.commissioning.plan import limits_of, make_plan
+from schwung.commissioning.preflight import preflight, survey, with_control, worst
+from schwung.drivetrain import FeedForward
+from schwung.errors import InputError, RefusedError
+from schwung.fieldbus.drive import Capability, DriveState, Resolution
+
+MACHINE = believed_machine()
+
+
+def _plan(wishes: LimitWishes | None = None, **changes: float) -> Plan:
+    drive = DeskDrive(MACHINE)
+    arguments = {"start_position_rad": 0.0, "distance_rad": np.pi, "duration_s": 0.25, **changes}
+    return make_plan(MACHINE, limits_of(wishes or LimitWishes(), drive.limits(), MACHINE), **arguments)  # type: ignore[arg-type]  # by name
+
+
+def _survey(plan: Plan) -> Survey:
+    return survey(DeskDrive(MACHINE), plan)
+
+
+def _flight(plan: Plan, seen: Survey | None = None) -> Preflight:
+    return preflight(plan, MACHINE, seen or _survey(plan), FeedForward(speed_share=1.0))
+
+
+def _severity(found: Preflight, name: str) -> str:
+    return worst([check for check in found.checks if check.name == name])
+
+
+def test_a_sound_plan_passes_and_says_what_to_expect() -> None:
+    found = _flight(_plan())
+    found.require()
+    assert found.predicted is not None
+    assert np.median(found.predicted.table.inertia_kgm2) == pytest.approx(0.11, rel=0.03)
+    assert _severity(found, "torque") == "ok"
+    assert _severity(found, "room to move") == "ok"
+
+
+def test_a_motion_out_of_the_window_is_stopped() -> None:
+    found = _flight(_plan(LimitWishes(position_max_rad=3.0)))
+    assert _severity(found, "room to move") == "stop"
+    with pytest.raises(RefusedError, match="room to move.*window"):
+        found.require()
+
+
+def test_the_window_holds_for_overshoot_too() -> None:
+    """The demand ends at 3.1416; the simulated axis overshoots it."""
+    assert _severity(_flight(_plan(LimitWishes(position_max_rad=3.142))), "room to move") == "stop"
+
+
+def test_too_much_torque_speed_or_following_error_is_stopped() -> None:
+    assert _severity(_flight(_plan(LimitWishes(torque_max_nm=50.0), amplitude_nm=30.0)), "torque") == "stop"
+    assert _severity(_flight(_plan(LimitWishes(speed_max_rad_s=15.0))), "speed") == "stop"
+    assert _severity(_flight(_plan(LimitWishes(following_error_rad=0.005))), "following error") == "stop"
+
+
+def test_a_full_bus_is_stopped_and_a_busy_one_warned_of() -> None:
+    plan = _plan()
+    for load, severity in ((0.5, "ok"), (0.85, "warning"), (0.91, "stop")):
+        assert _severity(_flight(plan, replace(_survey(plan), bus_load=load)), "bus load") == severity
+
+
+def test_a_drive_in_fault_or_without_injection_is_stopped() -> None:
+    plan = _plan()
+    fault = replace(_survey(plan), state=DriveState("OPERATIONAL", "Fault", 0.0, "0x8611 following error"))
+    with pytest.raises(RefusedError, match="0x8611"):
+        _flight(plan, fault).require()
+    lacking = replace(_survey(plan), capabilities=(Capability("torque injection", False, "60B2 is missing"),))
+    with pytest.raises(RefusedError, match="60B2"):
+        _flight(plan, lacking).require()
+
+
+def test_a_speed_that_is_too_coarse_is_derived_from_position() -> None:
+    plan = _plan()
+    coarse = replace(
+        _survey(plan), resolution=Resolution(6e-6, 2 * np.pi / 60, 0.07, 0.07)
+    )  # 1 rpm per count
+    found = _flight(plan, coarse)
+    assert found.speed_source == "position"
+    assert _severity(found, "speed resolution") == "note"
+    assert _flight(plan).speed_source == "drive"
+
+
+def test_a_coarse_torque_is_warned_of() -> None:
+    plan = _plan()
+    coarse = replace(_survey(plan), resolution=Resolution(6e-6, 1e-4, 5.0, 5.0))
+    assert _severity(_flight(plan, coarse), "torque resolution") == "warning"
+
+
+def test_gains_come_from_the_drive_where_the_file_has_none() -> None:
+    bare = MACHINE.model_copy(update={"control": None})
+    gains = {"position_gain": 60.0, "speed_gain": 7.0, "speed_integral_time": 0.008}
+    control = with_control(bare, gains).control
+    assert control is not None
+    assert control.speed_gain_nms == 7.0
+    with pytest.raises(InputError, match="control"):
+        with_control(bare, {})
+    assert with_control(MACHINE, gains).control == MACHINE.control
