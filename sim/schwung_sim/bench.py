@@ -63,8 +63,10 @@ class Bench:
         if seed < 0:
             raise BenchError("--seed", f"{seed} is negative", "Take 0 or more.")
         wanted_faults = parse_faults(faults)
-        _compile(conceal)
-        self.plant = make_plant(plant, conceal=conceal, seed=seed) if isinstance(plant, str) else plant
+        if isinstance(plant, str):
+            _compile(plant, conceal)
+            plant = make_plant(plant, conceal=conceal, seed=seed)
+        self.plant = plant
         self._hub = SocketcandHub(*tcp, channel=channel) if tcp is not None else None
         try:
             bus = self._hub.bus() if self._hub else _open_bus(interface, channel, bus_options or {})
@@ -167,9 +169,9 @@ class Bench:
         )
 
 
-def _compile(conceal: str) -> None:
+def _compile(plant: str, conceal: str) -> None:
     """Have the compiled loops ready before the drive appears on a bus: the first SYNC must not wait for them."""
-    ServoAxis(make_plant("two-mass", conceal=conceal)).advance(CONTROL_PERIOD_US * 1e-6)
+    ServoAxis(make_plant(plant, conceal=conceal)).advance(CONTROL_PERIOD_US * 1e-6)
 
 
 def _open_bus(interface: str, channel: str, options: Mapping[str, Any]) -> can.BusABC:

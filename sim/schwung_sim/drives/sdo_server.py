@@ -247,7 +247,7 @@ class SdoServer:
                 self._send_block(transfer)
             else:
                 unused = -len(transfer.data) % 7 if transfer.data else 7
-                crc = binascii.crc_hqx(transfer.data, 0) if transfer.crc else 0
+                crc = binascii.crc_hqx(transfer.data, 0)
                 self._send(struct.pack("<BH5x", 0xC1 | unused << 2, crc))
         else:
             self._transfer = None
