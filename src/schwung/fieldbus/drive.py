@@ -103,6 +103,7 @@ class Acquisition:
     mode: OperatingMode
     sample_rate_hz: float
     heartbeat_s: float = 0.1  # the drive stops by itself when we have been silent for three of these
+    moves: tuple[Move, ...] = ()  # PP: the strokes that will be played, so that `setup` covers their dynamics
 
 
 @dataclass(frozen=True)
@@ -158,6 +159,17 @@ class Recording:
 Progress = Callable[[int, int], None]
 
 
+def attach_recording(error: BaseException, recording: Recording) -> None:
+    """Give an error what was recorded before it, as its attribute `recording`."""
+    vars(error)["recording"] = recording
+
+
+def partial_recording(error: BaseException) -> Recording | None:
+    """What `play` had recorded before it raised; None where there is nothing."""
+    found = getattr(error, "recording", None)
+    return found if isinstance(found, Recording) else None
+
+
 class Drive(Protocol):
     """One drive on its bus. Methods raise errors of the DriveError family, never a library's own.
 
@@ -210,6 +222,10 @@ class Drive(Protocol):
 
     def halt(self) -> None:
         """Quick stop, now. Never raises."""
+        ...
+
+    def reset_fault(self) -> None:
+        """Acknowledge a fault, on request only; ends in Switch on disabled, the power stage stays off."""
         ...
 
     def disable(self) -> None:

@@ -1,0 +1,16 @@
+"""CANopen: bus, driver, scan."""
+
+from schwung.fieldbus.canopen.bus import BusOptions, bit_rate, bus_load, open_bus
+from schwung.fieldbus.canopen.driver import CanopenDrive
+from schwung.fieldbus.canopen.scan import FoundNode, match_profile, scan_bus
+
+__all__ = [
+    "BusOptions",
+    "CanopenDrive",
+    "FoundNode",
+    "bit_rate",
+    "bus_load",
+    "match_profile",
+    "open_bus",
+    "scan_bus",
+]

@@ -1,0 +1,115 @@
+"""The bus: opened as python-can opens it, with its failures turned into sentences; and what frames cost on it."""
+
+from __future__ import annotations
+
+import contextlib
+import json
+import shutil
+import subprocess
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+import can
+from can.util import cast_from_string, load_config
+
+from schwung.errors import BusError, InputError
+
+ASSUMED_BIT_RATE = 1_000_000  # where nobody says: the one at which 1 kHz exchange is usual
+
+
+@dataclass(frozen=True)
+class BusOptions:
+    """Which bus, in python-can's own words; None is left to its configuration (environment, can.conf).
+
+    https://python-can.readthedocs.io/en/stable/configuration.html
+    """
+
+    interface: str | None = None
+    channel: str | None = None
+    bitrate: int | None = None
+    extra: Mapping[str, Any] = field(default_factory=dict)  # further keys of the interface: host, port, fd, …
+
+    @classmethod
+    def from_flags(
+        cls,
+        interface: str | None = None,
+        channel: str | None = None,
+        bitrate: int | None = None,
+        extra: Sequence[str] = (),
+    ) -> BusOptions:
+        """Take command line flags; `extra` holds key=value texts. Raises InputError for one without "="."""
+        pairs: dict[str, Any] = {}
+        for text in extra:
+            key, equals, value = text.partition("=")
+            if not (equals and key.strip()):
+                raise InputError(
+                    f'bus option "{text}"', "is not of the form key=value", "Write e.g. host=localhost."
+                )
+            pairs[key.strip().lstrip("-").replace("-", "_")] = cast_from_string(value)
+        return cls(interface, channel, bitrate, pairs)
+
+    def resolve(self) -> dict[str, Any]:
+        """The configuration as python-can completes it. Raises InputError with python-can's complaint."""
+        given: dict[str, Any] = dict(self.extra)
+        named = {"interface": self.interface, "channel": self.channel, "bitrate": self.bitrate}
+        given.update({key: value for key, value in named.items() if value is not None})
+        try:
+            config: dict[str, Any] = dict(load_config(config=given))
+        except (can.CanError, ValueError, TypeError) as error:
+            raise InputError("bus", str(error), _REMEDY) from error
+        if config.get("interface") is None:
+            raise InputError("bus", "no interface is given or configured", _REMEDY)
+        return {key: value for key, value in config.items() if value is not None}
+
+
+_REMEDY = (
+    "Give --interface and --channel (e.g. socketcan can0), or set CAN_INTERFACE and CAN_CHANNEL or can.conf."
+)
+
+
+def open_bus(options: BusOptions) -> can.BusABC:
+    """Open the bus. Raises InputError for a wrong option and BusError for an adapter that is not there or down."""
+    config = options.resolve()
+    if config.pop("receive_own_messages", None):
+        # Frames of ours that came back would look like another master's.
+        raise InputError("bus option receive_own_messages", "must not be set", "Leave it out.")
+    where = f"{config['interface']} {config.get('channel', '')}".strip()
+    try:
+        return can.Bus(ignore_config=True, **config)
+    except (can.CanInterfaceNotImplementedError, ValueError, TypeError) as error:
+        raise InputError(f"bus {where}", str(error), _REMEDY) from error
+    except (can.CanError, OSError, TimeoutError) as error:
+        raise BusError(
+            f"bus {where}", f"cannot be opened ({error})", "Is the adapter plugged in and the interface up?"
+        ) from error
+
+
+def bit_rate(options: BusOptions) -> int | None:
+    """Bits per second: as configured, else as the kernel tells it for a SocketCAN interface; None: unknown."""
+    config = options.resolve()
+    if isinstance(config.get("bitrate"), int):
+        return int(config["bitrate"])
+    ip = shutil.which("ip")
+    if config["interface"] == "socketcan" and ip and config.get("channel"):
+        with contextlib.suppress(OSError, subprocess.SubprocessError, ValueError, LookupError, TypeError):
+            told = subprocess.run(
+                [ip, "-details", "-json", "link", "show", str(config["channel"])],
+                capture_output=True, timeout=2, check=True,
+            )  # fmt: skip
+            return int(json.loads(told.stdout)[0]["linkinfo"]["info_data"]["bittiming"]["bitrate"])
+    return None
+
+
+def frame_bits(data_bytes: int) -> int:
+    """Bits of a data frame with 11-bit identifier, worst-case stuffed, interframe space included.
+
+    Davis, Burns, Bril, Lukkien, "Controller Area Network schedulability analysis", Real-Time Systems 35 (2007):
+    8 s + g + 13 + ⌊(g + 8 s − 1)/4⌋ with g = 34.
+    """
+    return 8 * data_bytes + 47 + (34 + 8 * data_bytes - 1) // 4
+
+
+def bus_load(frames: Iterable[tuple[int, float]], bits_per_s: float) -> float:
+    """Share of the bus time that frames take: pairs of data bytes and frames per second; may exceed 1."""
+    return sum(frame_bits(size) * rate for size, rate in frames) / bits_per_s

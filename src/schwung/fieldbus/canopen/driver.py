@@ -1,0 +1,347 @@
+"""A CiA 402 drive on CANopen, as commissioning sees it: implements `schwung.fieldbus.drive.Drive`."""
+
+from __future__ import annotations
+
+import contextlib
+import math
+from collections.abc import Sequence
+from typing import Any
+
+import can
+
+from schwung.errors import InputError, SdoError, StateError
+from schwung.fieldbus import cia402, eds
+from schwung.fieldbus.canopen import capabilities, pdo, playback, setup
+from schwung.fieldbus.canopen.bus import ASSUMED_BIT_RATE, BusOptions, bus_load
+from schwung.fieldbus.canopen.emcy import describe_code
+from schwung.fieldbus.canopen.link import Link
+from schwung.fieldbus.canopen.nmt import MISSES_ALLOWED, HeartbeatProducer, NodeMonitor
+from schwung.fieldbus.canopen.operation import Operation, SyncChoice
+from schwung.fieldbus.canopen.scan import read_identity
+from schwung.fieldbus.canopen.sdo import SdoChannel
+from schwung.fieldbus.drive import (
+    Acquisition,
+    Capability,
+    DriveIdentity,
+    DriveLimits,
+    DriveState,
+    Parameter,
+    ParameterValue,
+    Progress,
+    Recording,
+    Resolution,
+    Setpoints,
+)
+from schwung.fieldbus.profile import DeviceProfile
+from schwung.fieldbus.units import Scales, read_scales
+
+_SAVE = 0x65766173  # "save", little-endian, for 1010
+_STORE_TIMEOUT_S = 10.0
+_ENERGISED = (cia402.State.OPERATION_ENABLED, cia402.State.QUICK_STOP_ACTIVE, cia402.State.FAULT_REACTION)
+
+
+class CanopenDrive:
+    """One drive on a bus that somebody else opened, and closes.
+
+    The constructor only reads. It raises InputError when nobody answers at the node id, or when profile and 1018
+    disagree. `sync` chooses the producer of SYNC: "auto" takes lockstep where the drive's time is SYNC, the kernel
+    on SocketCAN, and a thread elsewhere.
+
+    Our heartbeat runs from the write that makes the drive listen for it (1016) until that is written back.
+    """
+
+    def __init__(
+        self,
+        bus: can.BusABC,
+        node_id: int,
+        profile: DeviceProfile,
+        *,
+        bit_rate: int | None = None,
+        bus_options: BusOptions | None = None,
+        sync: SyncChoice = "auto",
+        sdo_timeout_s: float = 0.5,
+    ) -> None:
+        if not 1 <= node_id <= 126:
+            raise InputError("node", f"{node_id} is no node id", "Give 1 to 126; 127 is ours.")
+        self.profile, self.node_id = profile, node_id
+        self._bit_rate, self._bus_options = bit_rate, bus_options
+        self._scales: Scales | None = None
+        self._dictionary = eds.load_dictionary(profile.eds_path, node_id)
+        self._layouts = pdo.layouts(profile, self._lookup, node_id)
+        self._heartbeat: HeartbeatProducer | None = None
+        self._link = Link(bus)
+        try:
+            self._monitor = NodeMonitor(self._link, node_id)
+            self._sdo = SdoChannel(self._link, node_id, sdo_timeout_s)
+            self._identity = self._check_identity()
+            self._operation = Operation(
+                self._link, self._sdo, self._monitor, profile, self._layouts, sync,
+                counter=setup.has_counter(profile, self._lookup),
+            )  # fmt: skip
+        except BaseException:
+            self._link.close()
+            raise
+
+    # ── looking ──────────────────────────────────────────────────────────────────────────────────────────────────
+
+    @property
+    def identity(self) -> DriveIdentity:
+        """Who answered when we connected."""
+        return self._identity
+
+    def state(self) -> DriveState:
+        """NMT state by heartbeat ("UNKNOWN" where it sends none), CiA 402 state and error by SDO."""
+        status = self._integer(0x6041, 0)
+        code = self._integer(0x603F, 0) or 0
+        return DriveState(
+            nmt=self._monitor.nmt,
+            cia402="unknown" if status is None else cia402.decode(status).value,
+            position_rad=self._position_rad(),
+            error=describe_code(code) if code else "",
+        )
+
+    def limits(self) -> DriveLimits:
+        """607D, 6080 (rpm), 6072, 6076, 6065 and 6066; a disabled limit is None."""
+        scales = self.scales
+        low, high = self._integer(0x607D, 1), self._integer(0x607D, 2)
+        if low is None or high is None or low >= high:
+            low = high = None
+        ends = sorted(x * scales.position_rad for x in (low, high) if x is not None)
+        rpm, peak = self._integer(0x6080, 0), self._integer(0x6072, 0)
+        window, patience = self._integer(0x6065, 0), self._integer(0x6066, 0)
+        rated = scales.rated_torque_nm
+        return DriveLimits(
+            position_min_rad=ends[0] if ends else None,
+            position_max_rad=ends[1] if ends else None,
+            speed_max_rad_s=rpm * 2 * math.pi / 60 if rpm else None,
+            torque_max_nm=peak * rated / 1000 if peak and rated else None,
+            rated_torque_nm=rated,
+            following_error_rad=None if window in (None, 0xFFFFFFFF) else abs(window * scales.position_rad),
+            following_error_time_s=None if patience is None else patience / 1000,
+        )
+
+    @property
+    def scales(self) -> Scales:
+        """SI per count, read from the drive once. Raises InputError where neither drive nor profile tells a unit."""
+        if self._scales is None:
+            self._scales = read_scales(self.profile, self._integer)
+        return self._scales
+
+    def resolution(self) -> Resolution:
+        """SI value of one count."""
+        return self.scales.resolution
+
+    def capabilities(self) -> tuple[Capability, ...]:
+        """What commissioning can do with this drive, by name, with reasons; see capabilities.assess."""
+        return capabilities.assess(self.profile, self._lookup, self._integer)
+
+    def bus_load(self, acquisition: Acquisition) -> float:
+        """Share of the bus time of SYNC, PDOs and both heartbeats, worst-case stuffed."""
+        rate, beats = acquisition.sample_rate_hz, 2 / acquisition.heartbeat_s
+        sync = 1 if setup.has_counter(self.profile, self._lookup) else 0
+        sizes = [sync, self._layouts.rpdo.size, *(t.size for t in self._layouts.tpdos)]
+        return bus_load([*((size, rate) for size in sizes), (1, beats)], self._bit_rate or ASSUMED_BIT_RATE)
+
+    def describe(self) -> dict[str, Any]:
+        """JSON-ready: identity, profile, units and bus, as stored with a session."""
+        resolution = self.resolution()
+        return {
+            "protocol": "CANopen CiA 402",
+            "identity": vars(self._identity).copy(),
+            "profile": self.profile.family,
+            "profile_name": self.profile.name,
+            "profile_verified": self.profile.verified,
+            "units": {name: None if math.isnan(x) else x for name, x in vars(resolution).items()},
+            "bus": {
+                "name": self._link.name,
+                "bit_rate": self._bit_rate or ASSUMED_BIT_RATE,
+                "bit_rate_known": self._bit_rate is not None,
+                **(vars(self._bus_options) if self._bus_options is not None else {}),
+            },
+            "sync": self._operation.producer_name,
+        }
+
+    # ── parameters ───────────────────────────────────────────────────────────────────────────────────────────────
+
+    def parameter(self, index: int, subindex: int = 0) -> Parameter:
+        """Look up a parameter. Raises InputError when the EDS does not have it."""
+        found = self._lookup(index, subindex)
+        if found is None:
+            raise InputError(
+                str(self.profile.eds_path), f"has no 0x{index:04X}:{subindex:02X}", "Check the index."
+            )
+        return found
+
+    def read(self, parameter: Parameter) -> ParameterValue:
+        """Read one parameter. Raises SdoError. A PDO mapping entry that the drive does not show counts as 0."""
+        try:
+            return self._sdo.read(parameter)
+        except SdoError:
+            mapping = pdo.is_pdo_object(parameter) and parameter.index & 0x200 and parameter.subindex > 0
+            if mapping and parameter.subindex > (self._integer(parameter.index, 0) or 0):
+                return ParameterValue(parameter, 0)
+            raise
+
+    def write(self, values: Sequence[ParameterValue]) -> None:
+        """Write parameters in the order that the standard demands, in pre-operational where that is needed.
+
+        Any subset will do, also what a backup holds. Raises SdoError at the first that the drive refuses, StateError
+        where PDO objects shall change while the drive is energised or exchanging PDOs.
+        """
+        with contextlib.ExitStack() as stack:
+            if setup.needs_pre_operational(values):
+                self._require_quiet()
+                stack.enter_context(self._operation.pre_operational())
+            setup.write_ordered(values, self._lookup, self._read_needed, self._write_one)
+
+    def setup(self, acquisition: Acquisition) -> list[ParameterValue]:
+        """What must be written for it and differs from what the drive holds. Raises InputError, SdoError."""
+        wanted = setup.wanted_values(
+            self.profile, self._layouts, acquisition, self._lookup, self._read_integer
+        )
+        for index, value in playback.dynamics(acquisition.moves, self.scales).items():
+            if self._integer(index, 0) != value:
+                wanted.append(ParameterValue(self.parameter(index), value))
+        return wanted
+
+    def store(self) -> None:
+        """Save all parameters in the drive (1010:01). Raises SdoError where it refuses."""
+        self._sdo.write(
+            ParameterValue(Parameter(0x1010, 1, "UNSIGNED32", "Save all"), _SAVE), _STORE_TIMEOUT_S
+        )
+
+    # ── moving ───────────────────────────────────────────────────────────────────────────────────────────────────
+
+    def start(self, acquisition: Acquisition) -> None:
+        """Heartbeats on, node operational, PDO exchange running with the power stage off.
+
+        Raises StateError when the drive is not set up for the acquisition, or does not answer SYNC.
+        """
+        missing = self.setup(acquisition)
+        if missing:
+            names = ", ".join(v.parameter.label for v in missing[:3])
+            raise StateError(
+                f"node {self.node_id}",
+                f"is not set up: {names}{' …' if len(missing) > 3 else ''}",
+                "Write `setup` first.",
+            )
+        self._beat(acquisition.heartbeat_s)
+        window = self.limits().following_error_rad
+        self._operation.start(acquisition, self.scales, window)
+
+    def enable(self) -> None:
+        """Operation enabled, holding the position. Raises StateError naming what is missing, DriveFaultError."""
+        self._operation.enable()
+
+    def play(self, setpoints: Setpoints, progress: Progress | None = None) -> Recording:
+        """Play setpoints and record, one row per SYNC; see Drive.play.
+
+        Raises StateError when the first position is not where the drive stands, InputError for setpoints that it
+        cannot be given; on any trouble the drive is stopped and the error has the partial `recording`.
+        """
+        return self._operation.play(setpoints, progress)
+
+    def halt(self) -> None:
+        """Quick stop by RPDO and by SDO, torque offset 0. Never raises; from any thread."""
+        self._operation.halt()
+
+    def reset_fault(self) -> None:
+        """Acknowledge a fault. Ends in Switch on disabled: nothing is energised. Raises StateError where it stays."""
+        self._operation.reset_fault()
+
+    def disable(self) -> None:
+        """Power stage off, after standstill. A fault is left as it is (its power stage is off)."""
+        self._operation.disable()
+
+    def stop(self) -> None:
+        """End SYNC and PDOs; node pre-operational. Our heartbeat goes on while the drive listens for it."""
+        self._operation.stop()
+
+    def close(self) -> None:
+        """End all threads; the bus stays open. Never hangs. A drive that still runs is stopped and switched off."""
+        self._operation.close()
+        if self._heartbeat is not None:
+            self._heartbeat.close()
+            self._heartbeat = None
+        self._monitor.close()
+        self._sdo.close()
+        self._link.close()
+
+    def __enter__(self) -> CanopenDrive:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+    # ── within ───────────────────────────────────────────────────────────────────────────────────────────────────
+
+    def _lookup(self, index: int, subindex: int) -> Parameter | None:
+        return eds.find_parameter(self._dictionary, index, subindex)
+
+    def _read_integer(self, parameter: Parameter) -> int | None:
+        return self._sdo.read_integer(parameter.index, parameter.subindex, parameter.type)
+
+    def _integer(self, index: int, subindex: int) -> int | None:
+        parameter = self._lookup(index, subindex)
+        return None if parameter is None else self._read_integer(parameter)
+
+    def _read_needed(self, parameter: Parameter) -> int:
+        raw = self.read(parameter).raw
+        if not isinstance(raw, int):
+            raise InputError(parameter.label, "is no integer", "Use the EDS of this drive.")
+        return raw
+
+    def _position_rad(self) -> float:
+        ref = self.profile.quantities.position.object
+        counts = self._integer(ref.index, ref.subindex)
+        return math.nan if counts is None else counts * self.scales.position_rad
+
+    def _write_one(self, value: ParameterValue) -> None:
+        """Write, with our heartbeat running exactly while the drive listens for it."""
+        heard = (
+            value.parameter.index == 0x1016 and isinstance(value.raw, int) and value.parameter.subindex > 0
+        )
+        listens = heard and setup.listens_to_us(int(value.raw))
+        if listens:
+            self._beat(int(value.raw) % 0x10000 / 1000 / MISSES_ALLOWED)
+        if value.parameter.index == 0x1017 and not value.raw:
+            self._monitor.expect(None)
+        self._sdo.write(value)
+        if heard and not listens and self._heartbeat is not None:
+            self._heartbeat.close()
+            self._heartbeat = None
+
+    def _beat(self, period_s: float) -> None:
+        if self._heartbeat is not None and self._heartbeat.period_s == period_s:
+            return
+        if self._heartbeat is not None:
+            self._heartbeat.close()
+        self._heartbeat = HeartbeatProducer(self._link, self._monitor, period_s)
+
+    def _require_quiet(self) -> None:
+        place = f"node {self.node_id}"
+        if self._operation.running:
+            raise StateError(place, "exchanges PDOs, which cannot be changed meanwhile", "Stop it first.")
+        status = self._integer(0x6041, 0)
+        if status is not None and cia402.decode(status) in _ENERGISED:
+            raise StateError(
+                place, f'is in "{cia402.decode(status).value}"', "Disable it before changing PDOs."
+            )
+
+    def _check_identity(self) -> DriveIdentity:
+        place = f"node {self.node_id}"
+        identity = read_identity(self._sdo, self._link.name)
+        expected = self.profile.identity
+        for what, want, have in (
+            ("vendor id", expected and expected.vendor_id, identity.vendor_id),
+            ("product code", expected and expected.product_code, identity.product_code),
+            ("revision", expected and expected.revision, identity.revision),
+            ("vendor id (EDS)", self._dictionary.device_information.vendor_number, identity.vendor_id),
+            ("product code (EDS)", self._dictionary.device_information.product_number, identity.product_code),
+        ):
+            if expected is not None and want is not None and want != have:
+                raise InputError(
+                    f"{place}, 1018", f"{what} is 0x{have:08X}, profile {self.profile.family} is for 0x{want:08X}",
+                    "Choose the profile of this drive; `schwung scan` tells which fit.",
+                )  # fmt: skip
+        return identity

@@ -1,0 +1,158 @@
+"""The cyclic exchange with one drive as all SYNC producers share it: frames out, latest answers, trouble."""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Callable
+from typing import Protocol
+
+import can
+
+from schwung.errors import DriveError, DriveFaultError, StateError
+from schwung.fieldbus import cia402
+from schwung.fieldbus.canopen.link import Frame, FrameCallback, Link
+from schwung.fieldbus.canopen.pdo import Layouts
+from schwung.fieldbus.canopen.recorder import Recorder
+from schwung.fieldbus.drive import Progress
+
+SYNC_ID = 0x080
+COUNTER_OVERFLOW = 240  # of 1019, the highest that CiA 301 allows
+
+
+class Producer(Protocol):
+    """Sends RPDO and SYNC, in whatever way keeps the time."""
+
+    name: str
+
+    def start(self, frame: bytes) -> None:
+        """Begin the exchange, holding this RPDO frame."""
+        ...
+
+    def hold(self, frame: bytes) -> None:
+        """Hold this frame from now on; a playback under way is given up. From any thread."""
+        ...
+
+    def pump(self, duration_s: float) -> bool:
+        """Let so much of the drive's time pass; False when it does not answer."""
+        ...
+
+    def play(self, frames: list[bytes], after: bytes, recorder: Recorder, progress: Progress | None) -> None:
+        """Play one frame per SYNC, then hold `after`; returns when all is answered, given up, or in trouble."""
+        ...
+
+    def stop(self) -> None:
+        """End the exchange."""
+        ...
+
+
+class Exchange:
+    """Receives the TPDOs, keeps the latest, logs them while a recorder is set, and watches for trouble.
+
+    `trouble` holds the first error that came up; `troubled` is set with it.
+    """
+
+    def __init__(self, link: Link, layouts: Layouts, node_id: int, counter: bool) -> None:
+        self.link, self.layouts, self.node_id, self.counter = link, layouts, node_id, counter
+        self.latest: list[bytes | bytearray | None] = [None] * len(layouts.tpdos)
+        self.recorder: Recorder | None = None
+        self.guarded = False  # leaving Operation enabled is trouble
+        self.expecting_echo = (
+            False  # the kernel's own frames come back: the kernel producer looks at them itself
+        )
+        self.after_tpdo: Callable[[int], None] | None = None
+        self.trouble: DriveError | None = None
+        self.troubled = threading.Event()
+        self.sync_count = 0
+        self._status_tpdo = next(i for i, t in enumerate(layouts.tpdos) if t.carries("6041:00"))
+        self._status_offset = layouts.tpdos[self._status_tpdo].offset("6041:00")
+        self._subscriptions: list[tuple[int, FrameCallback]] = []
+        for number, layout in enumerate(layouts.tpdos):
+            self._subscribe(layout.can_id, self._tpdo_callback(number))
+        for can_id in (layouts.rpdo.can_id, SYNC_ID, 0x000, 0x600 + node_id):
+            self._subscribe(can_id, self._on_foreign)
+
+    def close(self) -> None:
+        """Stop listening."""
+        for can_id, callback in self._subscriptions:
+            self.link.unsubscribe(can_id, callback)
+        self._subscriptions = []
+
+    def report(self, error: DriveError) -> None:
+        """Note trouble; the first counts."""
+        if self.trouble is None:
+            self.trouble = error
+            self.troubled.set()
+
+    def clear(self) -> None:
+        """Forget trouble, before a new playback."""
+        self.trouble = None
+        self.troubled.clear()
+
+    @property
+    def statusword(self) -> int | None:
+        """The latest statusword that came by PDO."""
+        frame = self.latest[self._status_tpdo]
+        return None if frame is None else self._status_of(frame)
+
+    def sync_frames(self) -> list[Frame]:
+        """SYNC frames to be sent in turn: one without counter, else one per counter value from 1."""
+        if not self.counter:
+            return [Frame(SYNC_ID, b"")]
+        return [Frame(SYNC_ID, bytes([count])) for count in range(1, COUNTER_OVERFLOW + 1)]
+
+    def send_rpdo(self, frame: bytes) -> None:
+        """Send one RPDO frame. Raises BusError."""
+        self.link.send(self.layouts.rpdo.can_id, frame)
+
+    def _subscribe(self, can_id: int, callback: FrameCallback) -> None:
+        self.link.subscribe(can_id, callback)
+        self._subscriptions.append((can_id, callback))
+
+    def _status_of(self, frame: bytes | bytearray) -> int:
+        return int.from_bytes(frame[self._status_offset : self._status_offset + 2], "little")
+
+    def _tpdo_callback(self, number: int) -> FrameCallback:
+        latest, watched, offset = self.latest, number == self._status_tpdo, self._status_offset
+
+        def on_tpdo(message: can.Message) -> None:
+            data = message.data
+            latest[number] = data
+            recorder = self.recorder
+            if recorder is not None:
+                recorder.frames[number].append((len(recorder.sync_times) - 1, message.timestamp, data))
+            if watched and self.guarded and data[offset] & 0x6F != 0x27:
+                self._left_operation(self._status_of(data))
+            if self.after_tpdo is not None:
+                self.after_tpdo(number)
+
+        return on_tpdo
+
+    def _left_operation(self, statusword: int) -> None:
+        self.guarded = False
+        state = cia402.decode(statusword)
+        place, shown = f"node {self.node_id}", f"statusword 0x{statusword:04X}"
+        if state in (cia402.State.FAULT, cia402.State.FAULT_REACTION):
+            self.report(
+                DriveFaultError(place, f"reported a fault ({shown})", "Remove its cause, then reset it.")
+            )
+        else:
+            self.report(StateError(
+                place, f'left "Operation enabled" for "{state.value}" ({shown}) during the motion',
+                "Look for an enable input, STO, or another master."))  # fmt: skip
+
+    def _on_foreign(self, message: can.Message) -> None:
+        can_id = message.arbitration_id
+        if not self.guarded or (self.expecting_echo and can_id in (SYNC_ID, self.layouts.rpdo.can_id)):
+            return
+        if can_id == 0 and (len(message.data) < 2 or message.data[1] not in (0, self.node_id)):
+            return
+        self.report_foreign(message)
+
+    def report_foreign(self, message: can.Message) -> None:
+        """Another master speaks to our drive."""
+        kinds = {0x000: "NMT commands", SYNC_ID: "SYNC", 0x600 + self.node_id: "SDO requests"}
+        kind = kinds.get(message.arbitration_id, "setpoints and controlwords")
+        self.report(StateError(
+            f"node {self.node_id}",
+            f"another master sends {kind} (identifier 0x{message.arbitration_id:03X}, data {message.data.hex(' ')})",
+            "Disconnect it, or stop its program, while commissioning."))  # fmt: skip

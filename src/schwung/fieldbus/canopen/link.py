@@ -1,0 +1,157 @@
+"""One thread that reads the bus and hands frames out by identifier; sending with bounded retries.
+
+canopen.Network does the same with more work per frame, and its notifier dies of the first error on the bus: this
+one reports errors to whoever listens, goes on, and always ends within a second of `close`.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import errno
+import threading
+import time
+from collections.abc import Callable
+from typing import Any
+
+import can
+
+from schwung.errors import BusError
+
+FrameCallback = Callable[[can.Message], None]
+_READ_TIMEOUT_S = 0.1
+_SEND_PAUSES_S = (0.0005, 0.001, 0.002, 0.004, 0.008, 0.016, 0.032)  # 64 ms in all
+
+
+class Frame(can.Message):
+    """A standard data frame. python-can's virtual bus deep-copies what it delivers; this copy is cheap, because
+    nobody here changes the data of a frame once it was sent."""
+
+    __slots__ = ()
+
+    def __init__(self, can_id: int, data: bytes | bytearray) -> None:
+        super().__init__(arbitration_id=can_id, is_extended_id=False, data=data)
+
+    def __deepcopy__(self, memo: dict[int, Any] | None) -> Frame:
+        copy = Frame.__new__(Frame)
+        copy.timestamp, copy.arbitration_id = self.timestamp, self.arbitration_id
+        copy.data, copy.dlc, copy.channel = self.data, self.dlc, self.channel
+        copy.is_extended_id = copy.is_remote_frame = copy.is_error_frame = False
+        copy.is_fd = copy.bitrate_switch = copy.error_state_indicator = False
+        copy.is_rx = True
+        return copy
+
+
+class Link:
+    """The bus with a reader thread. Does not own the bus: `close` ends the thread only."""
+
+    def __init__(self, bus: can.BusABC) -> None:
+        self.bus = bus
+        self._callbacks: dict[int, tuple[FrameCallback, ...]] = {}
+        self._watchers: tuple[FrameCallback, ...] = ()
+        self._failure_callbacks: tuple[Callable[[BusError], None], ...] = ()
+        self._change = threading.Lock()
+        self._send_lock = threading.Lock()
+        self._closing = False
+        self._thread = threading.Thread(target=self._read, name="schwung bus reader", daemon=True)
+        self._thread.start()
+
+    def subscribe(self, can_id: int, callback: FrameCallback) -> None:
+        """Call back from the reader thread for every data frame with this identifier."""
+        with self._change:
+            self._callbacks[can_id] = (*self._callbacks.get(can_id, ()), callback)
+
+    def unsubscribe(self, can_id: int, callback: FrameCallback) -> None:
+        """Undo `subscribe`."""
+        with self._change:
+            self._callbacks[can_id] = tuple(c for c in self._callbacks.get(can_id, ()) if c != callback)
+
+    def watch(self, callback: FrameCallback) -> None:
+        """Call back for every data frame."""
+        with self._change:
+            self._watchers = (*self._watchers, callback)
+
+    def on_failure(self, callback: Callable[[BusError], None]) -> None:
+        """Call back when reading fails or the controller reports bus-off."""
+        with self._change:
+            self._failure_callbacks = (*self._failure_callbacks, callback)
+
+    def send(self, can_id: int, data: bytes) -> None:
+        """Send one frame; a full send buffer (ENOBUFS) is tried again for 64 ms. Raises BusError."""
+        self.send_frame(Frame(can_id, data))
+
+    def send_frame(self, frame: can.Message) -> None:
+        """Send one frame; see `send`."""
+        try:
+            with self._send_lock:
+                self.bus.send(frame)
+            return
+        except (can.CanError, OSError) as error:
+            first = error
+        for pause in _SEND_PAUSES_S:
+            if not _buffer_full(first):
+                break
+            time.sleep(pause)
+            try:
+                with self._send_lock:
+                    self.bus.send(frame)
+                return
+            except (can.CanError, OSError) as error:
+                first = error
+        if _buffer_full(first):
+            remedy = "Nobody acknowledges frames: check cable, termination, bit rate and that the drive is powered."
+            raise BusError(self.name, "the send buffer stays full", remedy) from first
+        raise BusError(self.name, f"cannot send ({first})", "Is the interface up?") from first
+
+    @property
+    def name(self) -> str:
+        """The bus as python-can calls it."""
+        return str(self.bus.channel_info)
+
+    @property
+    def closed(self) -> bool:
+        """True once `close` was called."""
+        return self._closing
+
+    def close(self) -> None:
+        """End the reader thread; the bus stays open."""
+        self._closing = True
+        if threading.current_thread() is not self._thread:
+            self._thread.join(10 * _READ_TIMEOUT_S)
+
+    def _read(self) -> None:
+        recv = self.bus.recv
+        while not self._closing:
+            try:
+                message = recv(_READ_TIMEOUT_S)
+            except (can.CanError, OSError, ValueError) as error:  # ValueError: the socket was closed under us
+                if not self._closing:
+                    self._fail(f"cannot receive ({error})", "Is the interface up?")
+                    time.sleep(_READ_TIMEOUT_S)
+                continue
+            if message is None:
+                continue
+            if message.is_error_frame:
+                self._error_frame(message)
+            elif not message.is_remote_frame:
+                for callback in self._callbacks.get(message.arbitration_id, ()):
+                    callback(message)
+                for callback in self._watchers:
+                    callback(message)
+
+    def _error_frame(self, message: can.Message) -> None:
+        if message.arbitration_id & 0x40:  # CAN_ERR_BUSOFF, linux/can/error.h
+            self._fail(
+                "the controller is bus-off",
+                "Check cable, termination and bit rate, then restart the interface.",
+            )
+
+    def _fail(self, problem: str, remedy: str) -> None:
+        failure = BusError(self.name, problem, remedy)
+        for callback in self._failure_callbacks:
+            with contextlib.suppress(Exception):  # the reader must live on
+                callback(failure)
+
+
+def _buffer_full(error: Exception) -> bool:
+    code = getattr(error, "error_code", None) or getattr(error, "errno", None)
+    return code in (errno.ENOBUFS, errno.EAGAIN) or "buffer full" in str(error).lower()

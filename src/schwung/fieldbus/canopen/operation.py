@@ -1,0 +1,469 @@
+"""Moving one drive: cyclic exchange from start to stop, state transitions, playback, and stopping on trouble."""
+
+from __future__ import annotations
+
+import contextlib
+import math
+import threading
+import time
+from collections.abc import Iterator
+from typing import Literal
+
+from schwung.errors import (
+    BusError,
+    DriveError,
+    DriveFaultError,
+    NodeLostError,
+    SdoError,
+    StateError,
+)
+from schwung.fieldbus import cia402
+from schwung.fieldbus.canopen import nmt, playback
+from schwung.fieldbus.canopen.emcy import describe_code
+from schwung.fieldbus.canopen.exchange import Exchange, Producer
+from schwung.fieldbus.canopen.kernel import KernelProducer
+from schwung.fieldbus.canopen.link import Link
+from schwung.fieldbus.canopen.pdo import Layouts
+from schwung.fieldbus.canopen.recorder import Recorder
+from schwung.fieldbus.canopen.sdo import SdoChannel
+from schwung.fieldbus.canopen.sync import LockstepProducer, ThreadProducer
+from schwung.fieldbus.cia402 import State
+from schwung.fieldbus.drive import (
+    Acquisition,
+    Parameter,
+    ParameterValue,
+    Progress,
+    Recording,
+    Setpoints,
+    attach_recording,
+)
+from schwung.fieldbus.profile import DeviceProfile
+from schwung.fieldbus.units import Scales
+
+SyncChoice = Literal["auto", "lockstep", "kernel", "thread"]
+
+START_WINDOW_RAD = 0.02  # how far the first setpoint may be from where the axis stands
+_TRANSITION_S = 2.0  # a state that lasts longer than this is stuck
+_STANDSTILL_S = 2.0
+_STILL_STEP_S, _STILL_RAD = 0.005, 2e-4  # slower than 0.04 rad/s for three steps is standstill
+_NMT_S = 1.0
+_CONTROLWORD = Parameter(0x6040, 0, "UNSIGNED16", "Controlword")
+_OFF = (State.SWITCH_ON_DISABLED, State.NOT_READY, State.FAULT)
+
+
+class Operation:
+    """The part of the driver that moves the machine; the driver says what is set up and in which units."""
+
+    def __init__(
+        self,
+        link: Link,
+        sdo: SdoChannel,
+        monitor: nmt.NodeMonitor,
+        profile: DeviceProfile,
+        layouts: Layouts,
+        sync: SyncChoice,
+        *,
+        counter: bool,
+    ) -> None:
+        self._link, self._sdo, self._monitor, self._profile = link, sdo, monitor, profile
+        self._layouts, self._sync, self._counter = layouts, sync, counter
+        self._exchange: Exchange | None = None
+        self._producer: Producer | None = None
+        self._acquisition: Acquisition | None = None
+        self._scales: Scales | None = None
+        self._window_rad = START_WINDOW_RAD
+        self._target = 0  # counts
+        self._started_s = 0.0
+        self._halting = threading.RLock()
+        q = profile.quantities
+        self._demand_name = str(q.position.demand)
+        self._position_tpdo = next(i for i, t in enumerate(layouts.tpdos) if t.carries(q.position.object))
+        self._place = f"node {sdo.node_id}"
+
+    @property
+    def running(self) -> bool:
+        """True between start and stop."""
+        return self._producer is not None
+
+    @property
+    def producer_name(self) -> str:
+        """Who produces SYNC: "lockstep", "kernel" or "thread"; as chosen where it does not run yet."""
+        return self._producer.name if self._producer is not None else self._sync
+
+    @contextlib.contextmanager
+    def pre_operational(self) -> Iterator[None]:
+        """Node pre-operational within; operational again afterwards where it was."""
+        was_operational = self._monitor.nmt == "OPERATIONAL"
+        self._to_pre_operational()
+        yield
+        if was_operational:
+            nmt.send_command(self._link, nmt.START, self._sdo.node_id)
+
+    def start(self, acquisition: Acquisition, scales: Scales, following_window_rad: float | None) -> None:
+        """Node operational, PDOs running, power stage off. Raises StateError, NodeLostError."""
+        if self._producer is not None:
+            raise StateError(self._place, "already exchanges PDOs", "Stop it first.")
+        self._acquisition, self._scales, self._started_s = acquisition, scales, time.time()
+        self._window_rad = min(START_WINDOW_RAD, (following_window_rad or math.inf) / 2)
+        exchange = self._exchange = Exchange(self._link, self._layouts, self._sdo.node_id, self._counter)
+        self._monitor.on_trouble = exchange.report
+        self._link.on_failure(exchange.report)
+        try:
+            nmt.send_command(self._link, nmt.START, self._sdo.node_id)
+            if not self._monitor.wait_for("OPERATIONAL", _NMT_S + acquisition.heartbeat_s):
+                raise NodeLostError(
+                    self._place, "does not become operational", "Does its heartbeat (1017) come?"
+                )
+            self._monitor.expect(acquisition.heartbeat_s)
+            self._target = self._position_by_sdo()
+            self._producer = self._choose(exchange, 1.0 / acquisition.sample_rate_hz)
+            self._producer.start(self._frame(cia402.DISABLE_VOLTAGE))
+            self._await_answers(exchange)
+            exchange.clear()
+        except BaseException:
+            self.stop()
+            raise
+
+    def enable(self) -> None:
+        """Walk to Operation enabled, holding the present position. Raises StateError, DriveFaultError."""
+        exchange, _, acquisition, _ = self._running()
+        exchange.clear()
+        self._walk(State.OPERATION_ENABLED)
+        wanted = self._profile.modes[acquisition.mode]
+        shown = self._sdo.read_integer(0x6061, 0, "INTEGER8")
+        if shown is not None and shown != wanted:
+            self.halt()
+            raise StateError(
+                self._place, f"mode {wanted} was asked for, the drive shows {shown} (6061)", "Look at 6502."
+            )
+
+    def play(self, setpoints: Setpoints, progress: Progress | None) -> Recording:
+        """Play and record; see CanopenDrive.play."""
+        exchange, producer, acquisition, scales = self._running()
+        if exchange.trouble is not None:
+            self.halt()
+            raise self._explained(exchange.trouble)
+        playable = playback.pack(
+            setpoints, acquisition.mode, self._profile, self._layouts.rpdo, scales, self._target
+        )
+        self._check_start(setpoints, acquisition, scales)
+        pp = acquisition.mode == "pp"
+        recorder = Recorder(len(self._layouts.tpdos))
+        with self._dynamics(playback.dynamics(setpoints.moves, scales) if pp else {}):
+            error = self._run(exchange, producer, playable, recorder, progress)
+        recording = playback.build(
+            recorder, playable, self._profile, self._layouts, scales, producer.name, acquisition.sample_rate_hz,
+            setpoints.position_rad if pp else None,
+        )  # fmt: skip
+        self._target = int(playable.position_counts[max(recorder.played - 1, 0)])
+        refused = playback.unacknowledged(recording, setpoints.moves) if pp and error is None else None
+        if refused is not None:
+            self.halt()
+            error = StateError(
+                self._place,
+                f"did not take the move at sample {refused.at_index}",
+                "Look at 6081 to 6084 and 607D.",
+            )
+        if error is None:
+            return recording
+        if isinstance(error, DriveError):
+            error = self._explained(error)
+        attach_recording(error, recording)
+        raise error
+
+    def halt(self) -> None:
+        """Quick stop by RPDO and SDO. Never raises."""
+        if not self._halting.acquire(timeout=1.0):
+            return  # another thread has been at it for a second already
+        try:
+            exchange, producer = self._exchange, self._producer
+            if exchange is not None and exchange.guarded:
+                exchange.guarded = False
+                exchange.report(StateError(self._place, "the motion was stopped on request (halt)", ""))
+            if producer is not None:
+                with contextlib.suppress(Exception):
+                    producer.hold(self._frame(cia402.QUICK_STOP))
+            self._sdo.write_once(_CONTROLWORD, cia402.QUICK_STOP, lock_timeout_s=0.2, timeout_s=0.2)
+            if producer is not None:
+                with contextlib.suppress(Exception):
+                    self._await_standstill(producer)
+        finally:
+            self._halting.release()
+
+    def reset_fault(self) -> None:
+        """Fault reset, then Switch on disabled and nothing more."""
+        for word in (cia402.DISABLE_VOLTAGE, cia402.FAULT_RESET, cia402.DISABLE_VOLTAGE):
+            self._command(word)
+        if self._exchange is not None:
+            self._exchange.clear()
+        deadline = time.monotonic() + _TRANSITION_S
+        while cia402.decode(self._statusword()) in (State.FAULT, State.FAULT_REACTION):
+            if time.monotonic() > deadline:
+                code = self._sdo.read_integer(0x603F, 0, "UNSIGNED16") or 0
+                raise StateError(
+                    self._place, f"the fault cannot be reset, its cause is still there ({describe_code(code)})",
+                    "Remove the cause.",
+                )  # fmt: skip
+            self._pump(0.01)
+
+    def disable(self) -> None:
+        """Standstill, then power stage off. Raises StateError."""
+        state = cia402.decode(self._statusword())
+        if state is State.FAULT_REACTION:
+            self._pump(0.5)
+            return
+        if state in _OFF:
+            return
+        if state is State.OPERATION_ENABLED:
+            if self._producer is not None and not self._await_standstill(self._producer):
+                self.halt()
+            for word in (cia402.SWITCH_ON, cia402.SHUTDOWN):
+                self._command(word)
+        self._walk(State.SWITCH_ON_DISABLED)
+
+    def stop(self) -> None:
+        """End SYNC and PDOs, node pre-operational."""
+        producer, exchange = self._producer, self._exchange
+        self._producer = self._exchange = None
+        self._monitor.on_trouble = None
+        if producer is not None:
+            producer.stop()
+        if exchange is not None:
+            exchange.close()
+            self._monitor.expect(None)
+            self._to_pre_operational()
+
+    def close(self) -> None:
+        """Stop whatever still runs; never raises."""
+        if self._producer is not None:
+            with contextlib.suppress(Exception):
+                if cia402.decode(self._statusword()) is State.OPERATION_ENABLED:
+                    self.halt()
+                self.disable()
+            with contextlib.suppress(Exception):
+                self.stop()
+
+    # ── within ───────────────────────────────────────────────────────────────────────────────────────────────────
+
+    def _run(
+        self,
+        exchange: Exchange,
+        producer: Producer,
+        playable: playback.Playable,
+        recorder: Recorder,
+        progress: Progress | None,
+    ) -> DriveError | KeyboardInterrupt | None:
+        """Play with the guard up. Trouble and Ctrl-C stop the drive while it is still being recorded."""
+        exchange.recorder = recorder
+        exchange.guarded = True
+        try:
+            producer.play(playable.frames, playable.after, recorder, progress)
+        except KeyboardInterrupt as interrupt:
+            exchange.guarded = False
+            self.halt()
+            return interrupt
+        except BaseException:
+            self.halt()
+            raise
+        finally:
+            exchange.guarded = False
+            trouble = exchange.trouble
+            if trouble is not None:
+                self.halt()
+            exchange.recorder = None
+        return trouble
+
+    def _running(self) -> tuple[Exchange, Producer, Acquisition, Scales]:
+        parts = (self._exchange, self._producer, self._acquisition, self._scales)
+        exchange, producer, acquisition, scales = parts
+        if exchange is None or producer is None or acquisition is None or scales is None:
+            raise StateError(self._place, "does not exchange PDOs", "Call start first.")
+        return exchange, producer, acquisition, scales
+
+    def _choose(self, exchange: Exchange, period_s: float) -> Producer:
+        clock = self._profile.sync.clocked_by_sync
+        clocked = clock is not None and self._sdo.read_integer(clock.index, clock.subindex, "UNSIGNED8") == 1
+        choice = self._sync
+        if choice == "auto":
+            on_socketcan = type(self._link.bus).__name__ == "SocketcanBus"
+            choice = "lockstep" if clocked else "kernel" if on_socketcan else "thread"
+        if choice == "lockstep":
+            if not clocked:
+                raise StateError(self._place, "lockstep needs a drive whose time is SYNC", 'Use sync="auto".')
+            return LockstepProducer(exchange, period_s)
+        return (
+            KernelProducer(exchange, period_s) if choice == "kernel" else ThreadProducer(exchange, period_s)
+        )
+
+    def _await_answers(self, exchange: Exchange) -> None:
+        deadline = time.monotonic() + _NMT_S
+        while any(frame is None for frame in exchange.latest):
+            if exchange.trouble is not None and isinstance(exchange.trouble, BusError):
+                raise exchange.trouble
+            if time.monotonic() > deadline:
+                silent = [
+                    t.pdo.number
+                    for t, f in zip(self._layouts.tpdos, exchange.latest, strict=True)
+                    if f is None
+                ]
+                raise StateError(
+                    self._place,
+                    f"TPDO {', '.join(map(str, silent))} does not answer SYNC",
+                    "Is it mapped and enabled?",
+                )
+            self._pump(0.01)
+
+    def _walk(self, wanted: State) -> None:
+        """Step towards a state. Raises StateError or DriveFaultError naming what is missing."""
+        previous, since, word = None, time.monotonic(), cia402.DISABLE_VOLTAGE
+        while True:
+            status = self._statusword()
+            state = cia402.decode(status)
+            if state is wanted:
+                return
+            trouble = self._exchange.trouble if self._exchange is not None else None
+            if trouble is not None:
+                self.halt()
+                raise self._explained(trouble)
+            if state is not previous:
+                previous, since = state, time.monotonic()
+            step = cia402.next_controlword(state, wanted)
+            if step is None or time.monotonic() - since > _TRANSITION_S:
+                raise self._stuck(status, word, wanted)
+            word = step
+            if state is not State.OPERATION_ENABLED:
+                self._target = self._position()
+            self._command(word)
+
+    def _stuck(self, status: int, word: int, wanted: State) -> DriveError:
+        seen = mode = shown = None
+        code = 0
+        with contextlib.suppress(SdoError):
+            seen = self._sdo.read_integer(0x6040, 0, "UNSIGNED16")
+            code = self._sdo.read_integer(0x603F, 0, "UNSIGNED16") or 0
+            if self._acquisition is not None:
+                mode = self._profile.modes[self._acquisition.mode]
+                shown = self._sdo.read_integer(0x6061, 0, "INTEGER8")
+        known = self._monitor.nmt if self._monitor.nmt != nmt.UNKNOWN else "OPERATIONAL"
+        reason = cia402.why_stuck(
+            status, word, wanted, nmt=known, mode=mode, mode_display=shown, controlword_seen=seen,
+            error=describe_code(code) if code else "",
+        )  # fmt: skip
+        kind = DriveFaultError if cia402.decode(status) in (State.FAULT, State.FAULT_REACTION) else StateError
+        return kind(self._place, reason.problem, reason.remedy)
+
+    def _explained(self, trouble: DriveError) -> DriveError:
+        """A fault with the drive's own words for it: its emergency message, else its error code."""
+        if not isinstance(trouble, DriveFaultError):
+            return trouble
+        deadline = time.monotonic() + 0.1
+        while (
+            emergency := self._monitor.last_emergency(self._started_s)
+        ) is None and time.monotonic() < deadline:
+            time.sleep(0.01)
+        words = f"emergency {emergency}" if emergency is not None else ""
+        if emergency is None:
+            with contextlib.suppress(DriveError):
+                code = self._sdo.read_integer(0x603F, 0, "UNSIGNED16") or 0
+                words = describe_code(code) if code else ""
+        if not words or words in trouble.problem:
+            return trouble
+        return DriveFaultError(trouble.place, f"{trouble.problem}: {words}", trouble.remedy)
+
+    def _check_start(self, setpoints: Setpoints, acquisition: Acquisition, scales: Scales) -> None:
+        status = self._statusword()
+        if cia402.decode(status) is not State.OPERATION_ENABLED:
+            raise StateError(
+                self._place, f'is in "{cia402.decode(status).value}"', "Enable it before playing."
+            )
+        if abs(setpoints.sample_rate_hz - acquisition.sample_rate_hz) > 1e-6 * acquisition.sample_rate_hz:
+            raise StateError(
+                self._place,
+                f"was started for {acquisition.sample_rate_hz:g} Hz",
+                "Start it for the setpoints' rate.",
+            )
+        stands = self._position() * scales.position_rad
+        off = float(setpoints.position_rad[0]) - stands
+        if acquisition.mode == "csp" and abs(off) > self._window_rad:
+            raise StateError(
+                self._place,
+                f"stands at {stands:.4f} rad, the first setpoint is {off:+.4f} rad away (of {self._window_rad:.4f})",
+                "Start the motion where the axis stands.",
+            )
+
+    @contextlib.contextmanager
+    def _dynamics(self, wanted: dict[int, int]) -> Iterator[None]:
+        """6081, 6083, 6084 of a profile position move within, what was there afterwards."""
+        changed = []
+        try:
+            for index, value in wanted.items():
+                parameter = Parameter(index, 0, "UNSIGNED32")
+                old = self._sdo.read(parameter)
+                if old.raw != value:
+                    changed.append(old)
+                    self._sdo.write(ParameterValue(parameter, value))
+            yield
+        finally:
+            for old in changed:
+                with contextlib.suppress(DriveError):
+                    self._sdo.write(old)
+
+    def _frame(self, controlword: int) -> bytes:
+        columns: dict[str, int] = {"6040:00": controlword, self._demand_name: self._target}
+        if self._acquisition is not None and self._layouts.rpdo.carries("6060:00"):
+            columns["6060:00"] = self._profile.modes[self._acquisition.mode]
+        return self._layouts.rpdo.pack(columns, 1)
+
+    def _command(self, controlword: int) -> None:
+        """Send a controlword: held in the exchange while it runs, else by SDO; and give the drive time for it."""
+        if self._producer is not None:
+            self._producer.hold(self._frame(controlword))
+        else:
+            self._sdo.write(ParameterValue(_CONTROLWORD, controlword))
+        self._pump(0.005)
+
+    def _pump(self, duration_s: float) -> bool:
+        if self._producer is not None:
+            return self._producer.pump(duration_s)
+        time.sleep(duration_s)
+        return True
+
+    def _statusword(self) -> int:
+        by_pdo = self._exchange.statusword if self._exchange is not None else None
+        if by_pdo is not None:
+            return by_pdo
+        return self._sdo.read_integer(0x6041, 0, "UNSIGNED16") or 0
+
+    def _position(self) -> int:
+        frame = self._exchange.latest[self._position_tpdo] if self._exchange is not None else None
+        if frame is None:
+            return self._position_by_sdo()
+        layout = self._layouts.tpdos[self._position_tpdo]
+        return int(layout.unpack([frame])[str(self._profile.quantities.position.object)][0])
+
+    def _position_by_sdo(self) -> int:
+        ref = self._profile.quantities.position.object
+        return self._sdo.read_integer(ref.index, ref.subindex, "INTEGER32") or 0
+
+    def _await_standstill(self, producer: Producer) -> bool:
+        """Let time pass until the position hardly changes; False after two seconds of the drive's time or silence."""
+        tolerance = _STILL_RAD / abs(self._scales.position_rad) if self._scales is not None else 0.0
+        elapsed, still, last = 0.0, 0, self._position()
+        while elapsed < _STANDSTILL_S:
+            if not producer.pump(_STILL_STEP_S):
+                return False
+            elapsed += _STILL_STEP_S
+            now = self._position()
+            still = still + 1 if abs(now - last) <= tolerance else 0
+            last = now
+            if still >= 3:
+                return True
+        return False
+
+    def _to_pre_operational(self) -> None:
+        with contextlib.suppress(BusError):
+            nmt.send_command(self._link, nmt.PRE_OPERATIONAL, self._sdo.node_id)
+            if self._monitor.nmt != nmt.UNKNOWN:
+                self._monitor.wait_for("PRE-OPERATIONAL", 0.5)
+            else:
+                time.sleep(0.02)

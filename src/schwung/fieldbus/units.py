@@ -1,0 +1,128 @@
+"""From counts to SI: the objects in which a CiA 402 drive tells its units.
+
+Source: CiA 402-2 (608F, 6091, 6092, 6076), CiA 303-2 for the notation of 60A9 and 60AA.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+
+from schwung.errors import InputError
+from schwung.fieldbus.drive import Resolution
+from schwung.fieldbus.profile import DeviceProfile, Quantity
+
+#: SI value of the unit codes that occur as numerator; increments are asked for.
+_NUMERATORS = {0x10: 1.0, 0x41: math.pi / 180, 0xB4: 2 * math.pi, 0xC0: 2 * math.pi / 60}
+_INCREMENTS = 0xB5
+#: Seconds of the unit codes that occur as denominator; 0x57 is s².
+_DENOMINATORS = {0x03: 1.0, 0x47: 60.0, 0x48: 3600.0, 0x57: 1.0, 0x00: 1.0}
+
+#: Reads an integer object; None where the drive does not have it.
+ReadInteger = Callable[[int, int], int | None]
+
+
+def decode_si_unit(raw: int, increment_rad: float) -> float | None:
+    """SI value of one count by an SI unit object: prefix, numerator, denominator, reserved (high byte first).
+
+    0xFDB44700 is 10⁻³ revolutions per minute. None where the object says nothing or something unknown.
+    """
+    prefix, numerator, denominator = (raw >> 24) & 0xFF, (raw >> 16) & 0xFF, (raw >> 8) & 0xFF
+    exponent = prefix - 256 if prefix > 127 else prefix
+    top = increment_rad if numerator == _INCREMENTS else _NUMERATORS.get(numerator)
+    bottom = _DENOMINATORS.get(denominator)
+    if top is None or bottom is None or denominator == 0:
+        return None
+    return float(10.0**exponent * top / bottom)
+
+
+@dataclass(frozen=True)
+class Scales:
+    """SI per count, motor side; NaN where the quantity is not exchanged."""
+
+    position_rad: float
+    speed_rad_s: float
+    torque_nm: float
+    torque_added_nm: float
+    acceleration_rad_s2: float
+    rated_torque_nm: float | None
+
+    @property
+    def resolution(self) -> Resolution:
+        """The part that the Drive protocol shows."""
+        return Resolution(
+            *(abs(x) for x in (self.position_rad, self.speed_rad_s, self.torque_nm, self.torque_added_nm))
+        )
+
+
+def read_scales(profile: DeviceProfile, read: ReadInteger) -> Scales:
+    """Work the units out of the drive's objects, the profile's literals first. Raises InputError naming the object."""
+    quantities = profile.quantities
+    position = _position(quantities.position, profile, read)
+    speed = _speed(quantities.speed, position, profile, read) if quantities.speed else math.nan
+    torque, added = quantities.torque, quantities.torque_added
+    rated_counts = read(0x6076, 0)
+    rated = rated_counts * torque.rated_torque_scale if rated_counts else None
+    return Scales(
+        position_rad=position,
+        speed_rad_s=speed,
+        torque_nm=_torque(torque, profile, read),
+        torque_added_nm=_torque(added, profile, read) if added else math.nan,
+        acceleration_rad_s2=_acceleration(quantities.acceleration, position, speed, read),
+        rated_torque_nm=rated,
+    )
+
+
+def _ratio(read: ReadInteger, index: int) -> float | None:
+    top, bottom = read(index, 1), read(index, 2)
+    return top / bottom if top and bottom else None
+
+
+def _position(quantity: Quantity, profile: DeviceProfile, read: ReadInteger) -> float:
+    if quantity.scale is not None:
+        return quantity.scale
+    resolution = _ratio(read, 0x608F)
+    feed = (
+        _ratio(read, 0x6092) or resolution
+    )  # without a feed constant, one shaft revolution counts increments
+    if feed is None:
+        raise InputError(
+            f"profile {profile.family}, quantities.position",
+            "the drive does not tell its encoder resolution (608F)",
+            'Set unit = "literal" and scale = rad per count.',
+        )
+    return 2 * math.pi * (_ratio(read, 0x6091) or 1.0) / feed
+
+
+def _speed(quantity: Quantity, position: float, profile: DeviceProfile, read: ReadInteger) -> float:
+    if quantity.scale is not None:
+        return quantity.scale
+    scale = decode_si_unit(read(0x60A9, 0) or 0, abs(position))
+    if scale is None:
+        raise InputError(
+            f"profile {profile.family}, quantities.speed",
+            "the drive does not tell its speed unit (60A9)",
+            'Set unit = "literal" and scale = rad/s per count.',
+        )
+    return scale
+
+
+def _torque(quantity: Quantity, profile: DeviceProfile, read: ReadInteger) -> float:
+    if quantity.scale is not None:
+        return quantity.scale
+    rated = read(0x6076, 0)
+    if not rated:
+        raise InputError(
+            f"profile {profile.family}, quantities.torque",
+            "the drive does not tell its rated torque (6076)",
+            'Set unit = "literal" and scale = N·m per count.',
+        )
+    return rated * quantity.rated_torque_scale / 1000.0
+
+
+def _acceleration(quantity: Quantity | None, position: float, speed: float, read: ReadInteger) -> float:
+    if quantity is not None and quantity.scale is not None:
+        return quantity.scale
+    told = decode_si_unit(read(0x60AA, 0) or 0, abs(position))
+    return told if told is not None else speed  # speed units per second, as many drives take them
