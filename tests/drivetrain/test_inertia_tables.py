@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import stat
 from pathlib import Path
 
 import numpy as np
@@ -13,7 +12,6 @@ from schwung.drivetrain.inertia import (
     LoadTorqueTable,
     read_inertia_csv,
     read_load_torque_csv,
-    replace_file,
     slider_crank_inertia,
     write_inertia_csv,
     write_load_torque_csv,
@@ -123,13 +121,3 @@ def test_tables_refuse_nonsense() -> None:
     for position, torque in ((one, one), (two[::-1], two), (two, np.array([1.0, np.nan])), (two, one)):
         with pytest.raises(InputError):
             LoadTorqueTable(position, torque)
-
-
-def test_replacing_leaves_the_old_file_where_it_fails(tmp_path: Path) -> None:
-    path = tmp_path / "a.txt"
-    replace_file(path, "old")
-    with pytest.raises(UnicodeEncodeError):
-        replace_file(path, "new \ud800")  # cannot be encoded: fails half-way
-    assert path.read_text() == "old"
-    assert [p.name for p in tmp_path.iterdir()] == ["a.txt"]
-    assert stat.S_IMODE(path.stat().st_mode) & 0o600 == 0o600

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -21,8 +21,9 @@ FREQUENCY_SHARE = 2 / 3
 AMPLITUDE_SHARE = 0.2
 #: Fewer samples per period than this leave the sliding DFT no room.
 MIN_SAMPLES_PER_PERIOD = 10
-#: Periods of the injection that the ramp takes, and that pass at full amplitude before the motion starts.
-RAMP_PERIODS, SETTLED_PERIODS = 2, 2
+#: Periods of the injection that the ramp takes, and that pass at full amplitude before the motion starts: the
+#: controller answers the ramp for some tens of milliseconds.
+RAMP_PERIODS, SETTLED_PERIODS = 2, 3
 
 
 @dataclass(frozen=True)

@@ -29,6 +29,9 @@ MAX_RETRIES = 2
 #: SYNC that comes less evenly than this (99th percentile, share of the period) decides setpoints by chance.
 MAX_JITTER_SHARE = 0.1
 
+#: Shorter pieces of a recording are not worth keeping.
+MIN_PARTIAL_SAMPLES = 3
+
 
 class Observer(Protocol):
     """Who is told how far things are."""
@@ -135,9 +138,8 @@ def record(
                         recording = _play(drive, plan, planned, writer, ready.speed_source, observer.progress)
                         if not recording.lost.size:
                             break
-                        writer.append_partial(
-                            _run_of(_gapless(recording), planned, plan, ready.speed_source),
-                            _losses(recording),
+                        _keep_partial(
+                            writer, recording, planned, plan, ready.speed_source, _losses(recording)
                         )
                         if attempt == MAX_RETRIES:
                             raise SampleLossError(
@@ -179,11 +181,23 @@ def _play(
         return drive.play(setpoints_of(planned, plan), progress)
     except BaseException as error:
         partial = partial_recording(error)
-        if partial is not None and len(_gapless(partial).position_rad) >= 3:
-            writer.append_partial(
-                _run_of(_gapless(partial), planned, plan, source), str(error) or type(error).__name__
-            )
+        if partial is not None:
+            _keep_partial(writer, partial, planned, plan, source, str(error) or type(error).__name__)
         raise
+
+
+def _keep_partial(
+    writer: SessionWriter,
+    recording: Recording,
+    planned: PlannedRun,
+    plan: Plan,
+    source: SpeedSource,
+    why: str,
+) -> None:
+    """What came before the first gap, where that is anything at all."""
+    before = _gapless(recording)
+    if before.position_rad.size > MIN_PARTIAL_SAMPLES:
+        writer.append_partial(_run_of(before, planned, plan, source), why)
 
 
 def _losses(recording: Recording) -> str:

@@ -5,8 +5,6 @@ from __future__ import annotations
 import csv
 import io
 import math
-import os
-import tempfile
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -15,6 +13,7 @@ import numpy as np
 from scipy.interpolate import PchipInterpolator
 
 from schwung.errors import InputError
+from schwung.files import replace_file
 from schwung.motion import Array
 
 
@@ -125,28 +124,6 @@ def write_inertia_csv(table: InertiaTable, path: str | Path) -> None:
 def write_load_torque_csv(table: LoadTorqueTable, path: str | Path) -> None:
     """Write `load_torque.csv` (files.md), all at once and without loss of digits."""
     _write_columns(Path(path), {"position_rad": table.position_rad, "load_torque_nm": table.load_torque_nm})
-
-
-def replace_file(path: Path, text: str) -> None:
-    """Write a whole file or leave it as it was: into a temporary one beside it, which then takes its place.
-
-    Raises InputError where that cannot be done.
-    """
-    try:
-        handle, temporary = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name}.")
-        try:
-            with os.fdopen(handle, "w", encoding="utf-8", newline="") as file:
-                file.write(text)
-            umask = os.umask(0)  # mkstemp makes files that only their owner may read
-            os.umask(umask)
-            os.chmod(temporary, 0o666 & ~umask)
-            os.replace(temporary, path)
-        except BaseException:
-            os.unlink(temporary)
-            raise
-    except OSError as error:
-        reason = (error.strerror or str(error)).lower()
-        raise InputError(str(path), f"cannot be written: {reason}", "Choose another place.") from None
 
 
 def _write_columns(path: Path, columns: dict[str, Array]) -> None:

@@ -28,12 +28,12 @@ from schwung.drivetrain.inertia import (
     LoadTorqueTable,
     read_inertia_csv,
     read_load_torque_csv,
-    replace_file,
     slider_crank_inertia,
     write_inertia_csv,
     write_load_torque_csv,
 )
 from schwung.errors import InputError
+from schwung.files import replace_file
 from schwung.motion import Array
 
 #: Ends of attribute names, longest first, and the unit each stands for.

@@ -10,9 +10,9 @@ from typing import Any
 
 import numpy as np
 
-from schwung.drivetrain.inertia import replace_file
 from schwung.errors import InputError
 from schwung.estimation.values import Estimate
+from schwung.files import replace_file
 from schwung.report.content import ReportContent, deviation
 from schwung.report.pictures import Picture, pictures
 from schwung.report.style import css_variables, to_svg

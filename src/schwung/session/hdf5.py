@@ -23,6 +23,7 @@ import numpy as np
 from pydantic import BaseModel, ValidationError
 
 from schwung.errors import InputError, SchwungError
+from schwung.files import replace_file
 from schwung.motion import Array, Excitation, Motion
 from schwung.session.model import Axis, PartialRun, Run, Session
 
@@ -336,20 +337,12 @@ class SessionWriter:
             _write_extra(group, key, value)
 
     def _publish(self, failure: type[SchwungError] = SchwungError) -> None:
-        """Put the image on disk: written beside, synced, renamed over the old file, directory synced."""
+        """Put the image on disk as a whole."""
         self._image.flush()
-        beside = self.path.with_name(f".{self.path.name}.{os.getpid()}.tmp")
         try:
-            with open(beside, "wb") as out:
-                out.write(self._image.id.get_file_image())
-                out.flush()
-                os.fsync(out.fileno())
-            os.replace(beside, self.path)
-            _sync_directory(self.path.parent)
-        except OSError as error:
-            beside.unlink(missing_ok=True)
-            raise failure(str(self.path), f"cannot be written ({error.strerror})",
-                             "Choose a directory with room that you may write to.") from error  # fmt: skip
+            replace_file(self.path, self._image.id.get_file_image())
+        except InputError as error:
+            raise failure(error.place, error.problem, "Choose a directory with room that you may write to.") from error
 
 
 def _write_extra(group: h5py.Group, key: str, value: Any) -> None:
@@ -363,14 +356,3 @@ def _write_extra(group: h5py.Group, key: str, value: Any) -> None:
         group.create_dataset(key, data=value)
     else:
         group.attrs[key] = value
-
-
-def _sync_directory(directory: Path) -> None:
-    """Make a rename survive a power cut; where no directory can be opened (Windows) the rename must do."""
-    if not hasattr(os, "O_DIRECTORY"):
-        return
-    handle = os.open(directory, os.O_RDONLY | os.O_DIRECTORY)
-    try:
-        os.fsync(handle)
-    finally:
-        os.close(handle)
