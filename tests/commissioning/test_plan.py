@@ -57,7 +57,7 @@ def test_every_proposal_has_whole_samples_per_period_below_the_anti_resonance() 
 
 
 def test_an_unknown_load_inertia_is_asked_for() -> None:
-    with pytest.raises(InputError, match="rough load.inertia"):
+    with pytest.raises(InputError, match=r"rough load\.inertia"):
         propose_frequency(believed_machine(None), 1000.0)
 
 

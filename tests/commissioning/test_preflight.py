@@ -46,7 +46,7 @@ def test_a_sound_plan_passes_and_says_what_to_expect() -> None:
 def test_a_motion_out_of_the_window_is_stopped() -> None:
     found = _flight(_plan(LimitWishes(position_max_rad=3.0)))
     assert _severity(found, "room to move") == "stop"
-    with pytest.raises(RefusedError, match="room to move.*window"):
+    with pytest.raises(RefusedError, match=r"room to move.*window"):
         found.require()
 
 

@@ -51,47 +51,39 @@ def demo(
       schwung demo --out first-look --duration 200ms --json
     """  # fmt: skip
     import math
+    import os
 
-    import can
     import numpy as np
 
     from schwung.cli.commission import output_folder
     from schwung.cli.console import Terminal
+    from schwung.cli.drives import open_drive
     from schwung.cli.flow import Ending, commission_and_show
     from schwung.commissioning import ExportChoice, Wishes
     from schwung.drivetrain import InertiaTable, load_machine
-    from schwung.fieldbus.canopen import BusOptions, CanopenDrive
-    from schwung.fieldbus.profile import load_profile
+    from schwung.fieldbus.canopen import BusOptions
     from schwung_sim.bench import Bench
 
     terminal = Terminal(json_output)
     folder = output_folder(out)
     machine_file = folder / "machine.toml"
     machine_file.write_text(_BELIEF, encoding="utf-8")
-    profile = load_profile("schwung-bench")
-    options = BusOptions("virtual", f"schwung-demo-{seed}", 1_000_000)
+    channel = f"schwung-demo-{os.getpid()}"
     terminal.say(f"A simulated {plant} on a virtual CAN bus; the machine file is {machine_file}")
-    with Bench(plant, conceal=conceal, seed=seed, channel=options.channel or "", node_id=1) as bench:
-        bus = can.Bus(interface="virtual", channel=options.channel)
-        try:
-            drive = CanopenDrive(bus, 1, profile, bit_rate=1_000_000, bus_options=options)
-            try:
-                angles = np.linspace(0.0, math.pi, 181)
-                truth = InertiaTable(angles, bench.plant.true_inertia(angles))
-                result = commission_and_show(
-                    drive,
-                    profile,
-                    load_machine(machine_file),
-                    Wishes(distance_rad=math.pi, duration_s=duration),
-                    folder,
-                    terminal,
-                    confirm=lambda _question: True,
-                    ending=Ending(
-                        ExportChoice("table"), True, truth, "true inertia of the simulated machine"
-                    ),
-                )
-            finally:
-                drive.close()
-        finally:
-            bus.shutdown()
+    with (
+        Bench(plant, conceal=conceal, seed=seed, channel=channel, node_id=1) as bench,
+        open_drive(BusOptions("virtual", channel, 1_000_000), 1, "schwung-bench") as opened,
+    ):
+        angles = np.linspace(0.0, math.pi, 181)
+        truth = InertiaTable(angles, bench.plant.true_inertia(angles))
+        result = commission_and_show(
+            opened.drive,
+            opened.profile,
+            load_machine(machine_file),
+            Wishes(distance_rad=math.pi, duration_s=duration),
+            folder,
+            terminal,
+            confirm=lambda _question: True,
+            ending=Ending(ExportChoice("table"), True, truth, "true inertia of the simulated machine"),
+        )
     terminal.result(result)

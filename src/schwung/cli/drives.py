@@ -20,7 +20,7 @@ class OpenDrive:
 
 @contextmanager
 def open_drive(options: BusOptions, node_id: int, profile_name: str | None) -> Iterator[OpenDrive]:
-    """Open bus and drive; both are closed at the end, whatever happens."""
+    """Open bus and drive, the profile as named or else by the drive's identity; closed again whatever happens."""
     bus = open_bus(options)
     try:
         profile = load_profile(profile_name) if profile_name else match_profile(bus, node_id)

@@ -10,6 +10,7 @@ from typing import Any
 
 from schwung.cli.console import Terminal, observing
 from schwung.commissioning import (
+    Change,
     Commissioned,
     ExportChoice,
     Exported,
@@ -17,13 +18,14 @@ from schwung.commissioning import (
     Wishes,
     carry_out,
     export_table,
+    following_error,
     following_error_rms,
     prepare,
     repeat_reference,
 )
 from schwung.drivetrain import InertiaTable, Machine, write_inertia_csv
 from schwung.errors import RefusedError
-from schwung.fieldbus.drive import Drive
+from schwung.fieldbus.drive import Drive, RawValue
 from schwung.fieldbus.profile import DeviceProfile
 from schwung.report import ChangeRow, FollowingError, ReportContent, SyncRow, write_report
 from schwung.report.content import deviation
@@ -201,22 +203,22 @@ def report_content(done: Commissioned, ending: Ending, verification: Verificatio
     )
 
 
-def _change_row(change: Any, remark: str) -> ChangeRow:
-    return ChangeRow(change.parameter.label, str(change.old), str(change.new), remark)
+def _change_row(change: Change, remark: str) -> ChangeRow:
+    """Raw values as people write them: communication objects in hexadecimal."""
+
+    def text(raw: RawValue) -> str:
+        return f"0x{raw:X}" if change.parameter.index < 0x2000 and isinstance(raw, int) else str(raw)
+
+    return ChangeRow(change.parameter.label, text(change.old), text(change.new), remark)
 
 
 def _following(verification: Verification | None) -> FollowingError | None:
-    if verification is None or verification.before.position_demand_rad is None:
+    if verification is None:
         return None
-    before, after = verification.before, verification.after
-    assert before.position_demand_rad is not None
-    assert after.position_demand_rad is not None
-    return FollowingError(
-        before.time_s,
-        before.position_demand_rad - before.position_rad,
-        after.time_s,
-        after.position_demand_rad - after.position_rad,
-    )
+    before, after = following_error(verification.before), following_error(verification.after)
+    if before is None or after is None:
+        return None
+    return FollowingError(verification.before.time_s, before, verification.after.time_s, after)
 
 
 def _summary(

@@ -38,6 +38,7 @@ def restore(
     from schwung.cli.console import Terminal
     from schwung.cli.drives import open_drive
     from schwung.commissioning import read_backup, restore_backup
+    from schwung.fieldbus.canopen import BusOptions
 
     terminal = Terminal(json_output)
     content = read_backup(backup)
@@ -49,16 +50,13 @@ def restore(
         return
     record = content.drive
     options = bus_options(interface, channel, bitrate, bus)
-    if interface is None and channel is None and isinstance(record.get("bus"), dict):
-        from schwung.fieldbus.canopen import BusOptions
-
-        known = record["bus"]
+    known = record.get("bus") or {}
+    if interface is None and channel is None and "interface" in known:
         options = BusOptions(
-            known.get("interface"), known.get("channel"), bitrate or known.get("bitrate"),
-            {**(known.get("extra") or {}), **options.extra},
-        )  # fmt: skip
-    was = record.get("identity") or {}
-    with open_drive(options, node or int(was.get("node_id", 1)), profile or record.get("profile")) as opened:
+            known["interface"], known.get("channel"), known.get("bitrate"), known.get("extra") or {}
+        )
+    was, family = record.get("identity") or {}, record.get("profile")
+    with open_drive(options, node or int(was.get("node_id", 1)), profile or family) as opened:
         values = restore_backup(opened.drive, backup, force)
     terminal.table("Put back", ("object", "value"), ((v.parameter.label, v.raw) for v in values))
     terminal.say(f"{len(values)} parameters put back.")

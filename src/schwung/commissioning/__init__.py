@@ -19,7 +19,7 @@ from schwung.commissioning.journal import (
 )
 from schwung.commissioning.plan import Limits, LimitWishes, Plan
 from schwung.commissioning.preflight import Check, Preflight, Survey
-from schwung.commissioning.procedure import Observer, Recorded, following_error_rms
+from schwung.commissioning.procedure import Observer, Recorded, following_error, following_error_rms
 
 __all__ = [
     "Backup",
@@ -42,6 +42,7 @@ __all__ = [
     "contrast_of",
     "export_table",
     "export_values",
+    "following_error",
     "following_error_rms",
     "parse_choice",
     "prepare",

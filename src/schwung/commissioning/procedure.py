@@ -274,13 +274,12 @@ def _run_of(recording: Recording, planned: PlannedRun, plan: Plan, source: Speed
     )
 
 
-def following_error_rms(run: Run) -> float | None:
-    """RMS of demand minus position while the demand moves (rad); None where the demand was not recorded.
+def following_error(run: Run) -> Array | None:
+    """Demand minus position at the same instants (rad), (n,), see `_run_of`; None where no demand was recorded."""
+    return None if run.position_demand_rad is None else run.position_demand_rad - run.position_rad
 
-    Demand and position are of the same instant, see `_run_of`.
-    """
-    if run.position_demand_rad is None or run.motion is None:
-        return None
-    moving = run.motion.moving(run.time_s)
-    error = run.position_demand_rad[moving] - run.position_rad[moving]
-    return float(np.sqrt(np.mean(error**2)))
+
+def following_error_rms(run: Run) -> float | None:
+    """RMS of the following error over the run (rad); None where no demand was recorded."""
+    error = following_error(run)
+    return None if error is None else float(np.sqrt(np.mean(error**2)))

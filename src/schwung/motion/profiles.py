@@ -133,7 +133,7 @@ class Motion(BaseModel):
     def moving(self, time: Array) -> NDArray[np.bool_]:
         """True where the demand is within a stroke, (n,)."""
         starts = self.stroke_starts_s
-        return np.any([(time >= s) & (time <= s + self.duration_s) for s in starts], axis=0)
+        return np.asarray(np.any([(time >= s) & (time <= s + self.duration_s) for s in starts], axis=0))
 
     def demand(self, time: Array) -> Demand:
         """Demand at the given instants (s), relative to where the axis rests at first."""
