@@ -176,6 +176,7 @@ class Rig:
 
     def cycle(self, word: int, target: int, offset: int = 0) -> tuple[int, int, int, int]:
         """One RPDO and one SYNC; (status, position, torque, speed) as the TPDOs have them."""
+        self.take(0x185), self.take(0x285)
         self.give(0x205, struct.pack("<Hih", word, target, offset))
         self.sync()
         (first,), (second,) = self.take(0x185), self.take(0x285)

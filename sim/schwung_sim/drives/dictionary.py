@@ -122,8 +122,17 @@ class ObjectDictionary:
         return entry
 
     def number(self, index: int, subindex: int = 0) -> int:
-        """An integer value, for the drive's own use."""
-        return int(self.values[key(index, subindex)])
+        """An integer value, for the drive's own use. Raises BenchError where the EDS has no such object."""
+        value = self.values.get(key(index, subindex))
+        if value is None:
+            raise _incomplete(key(index, subindex))
+        return int(value)
+
+    def check_hooks(self) -> None:
+        """Raises BenchError where the drive has a hook for an object that the EDS does not declare."""
+        for k in (*self.readers, *self.writers):
+            if k not in self.entries:
+                raise _incomplete(k)
 
     def upload(self, index: int, subindex: int) -> bytes:
         """What an SDO upload returns. Raises AbortError."""
@@ -174,6 +183,10 @@ class ObjectDictionary:
     def reader(self, k: int) -> Reader:
         """A callable that gives the value now: the hook, or what is stored."""
         return self.readers.get(k) or (lambda: self.values[k])
+
+
+def _incomplete(k: int) -> BenchError:
+    return BenchError("EDS", f"lacks object 0x{k >> 8:04X}:{k & 0xFF:02X}, which this drive is made of")
 
 
 def read_eds(path: Path, node_id: int) -> ObjectDictionary:

@@ -19,6 +19,7 @@ RPM = 2 * math.pi / 60
 _NEW_SETPOINT, _AT_ONCE, _RELATIVE = 1 << 4, 1 << 5, 1 << 6
 _TARGET_REACHED, _LIMIT_ACTIVE, _MODE_BIT, _FOLLOWING_ERROR = 1 << 10, 1 << 11, 1 << 12, 1 << 13
 _WINDOW_OFF = 0xFFFFFFFF
+_OVERSHOOT_RAD = 0.1  # what a controller may overshoot a software limit by; further out is a fault
 #: 60A9 in revolutions per minute, with the prefixes 10^0 … 10^-3 (CiA 303-2)
 _RPM_UNITS = {0x00B44700: 1.0, 0xFFB44700: 1e-1, 0xFEB44700: 1e-2, 0xFDB44700: 1e-3}
 _INT32, _INT16 = 1 << 31, 1 << 15
@@ -118,6 +119,7 @@ class Operation:
         self.speed_unit_rad_s = _RPM_UNITS.get(number(0x60A9), 1e-3) * RPM
         self._low, self._high = number(0x607D, 1), number(0x607D, 2)
         self._window_rad = number(0x6065) / self.counts_per_rad if number(0x6065) != _WINDOW_OFF else math.inf
+        self._overshoot = round(_OVERSHOOT_RAD * self.counts_per_rad)
         self._window_time_s = number(0x6066) * 1e-3
         self._position_window = number(0x6067)
         self._reached_time_s = number(0x6068) * 1e-3
@@ -249,7 +251,7 @@ class Operation:
         elif axis.time_s - self._outside_since_s >= self._window_time_s:
             self._fault(FOLLOWING_ERROR)
         if self._low < self._high:
-            slack = self._position_window
+            slack = self._overshoot
             if not self._low - slack <= axis.position_counts <= self._high + slack:
                 self._fault(BEYOND_LIMIT)
         if self.mode == PP and self._active is not None and power.enabled:

@@ -84,6 +84,7 @@ class CanopenServo:
             dictionary, axis, self.operation.rated_torque_nm, lambda: self.operation.speed_unit_rad_s
         )
         self._bind()
+        dictionary.check_hooks()
         self._power_up()
 
     def _bind(self) -> None:
