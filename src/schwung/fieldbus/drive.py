@@ -128,10 +128,13 @@ class Setpoints:
 
 @dataclass(frozen=True)
 class SyncTiming:
-    """How evenly SYNC came, measured on receive times against the ideal grid."""
+    """How evenly SYNC came: intervals between receive times (kernel) or send times (thread) against their mean.
+
+    In lockstep the drive's time is SYNC itself: the period is the nominal one, and there is no deviation.
+    """
 
     producer: str  # "kernel", "thread", "lockstep"
-    period_s: float
+    period_s: float  # the mean interval, as achieved
     rms_s: float
     p99_s: float
     max_s: float

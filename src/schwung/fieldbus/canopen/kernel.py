@@ -1,8 +1,9 @@
 """SYNC and setpoints from the kernel: SocketCAN's broadcast manager keeps the time, Python only feeds it.
 
-One task of the broadcast manager sends SYNC; another plays a ring of 256 RPDO frames, half a period apart from it,
-whose slots are rewritten ahead of where it plays, so that a motion may be longer than the ring. The kernel's own
-frames come back on the raw socket, in order with the answers, and tell where the ring is.
+One task of the broadcast manager sends SYNC; another plays a ring of 256 RPDO frames, whose slots are rewritten ahead
+of where it plays, so that a motion may be longer than the ring. The kernel's own frames come back on the raw socket,
+in order with the answers, and tell where the ring is and which setpoint held at each SYNC. A task waits a period
+after each frame, so that it runs slow by its latency: that is measured before the power stage is on, and taken off.
 
 If this process dies, the kernel closes its sockets and both tasks end: the drive's heartbeat consumer stops it. If
 it is merely held up, the last slots before the ring would repeat hold quick stop and then disable voltage, after
@@ -11,6 +12,7 @@ which no repeated slot can move the drive.
 
 from __future__ import annotations
 
+import contextlib
 import threading
 import time
 from collections.abc import Callable
@@ -31,7 +33,8 @@ GUARD = 64  # slots before the wrap that stop the drive if they are ever reached
 REFILL = 64  # slots played between two refills
 _LEAD = 48  # slots between the decision to play and the first setpoint
 _ECHO_TIMEOUT_S = 1.0
-_PHASE_TRIES = 50
+_CALIBRATION_CYCLES = 200
+_MOST_EXCESS = 0.4  # of the period; a system that is later than that on average cannot keep it
 
 
 class KernelProducer:
@@ -64,17 +67,15 @@ class KernelProducer:
 
     def start(self, frame: bytes) -> None:
         exchange = self._exchange
-        self._held, self._played, self._frames = frame, -1, []
+        self._held, self._frames = frame, []
         exchange.expecting_echo = True
         exchange.link.subscribe(self._rpdo_id, self._on_rpdo)
         exchange.link.subscribe(SYNC_ID, self._on_sync)
-        task = self._start_task([Frame(self._rpdo_id, frame)] * RING)
-        if not isinstance(task, ModifiableCyclicTaskABC):
-            raise BusError(
-                exchange.link.name, "its cyclic tasks cannot be modified", "Use the thread producer."
-            )
-        self._task = task
-        self._start_sync()
+        self._start_tasks(frame, self.period_s, self.period_s)
+        excess = self._measure_excess()
+        self._stop_tasks()
+        time.sleep(4 * self.period_s)
+        self._start_tasks(frame, self.period_s - excess[0], self.period_s - excess[1])
 
     def hold(self, frame: bytes) -> None:
         with self._write_lock:
@@ -104,37 +105,54 @@ class KernelProducer:
 
     def stop(self) -> None:
         self._over.set()
-        for task in (self._task, self._sync_task):
-            if task is not None:
-                task.stop()
-        self._task = self._sync_task = None
+        self._stop_tasks()
         self._exchange.link.unsubscribe(self._rpdo_id, self._on_rpdo)
         self._exchange.link.unsubscribe(SYNC_ID, self._on_sync)
         self._exchange.expecting_echo = False
 
-    def _start_task(self, frames: list[Frame]) -> can.CyclicSendTaskABC:
+    def _start_tasks(self, frame: bytes, rpdo_period_s: float, sync_period_s: float) -> None:
+        """Ring of held frames, and SYNC half a period later."""
+        self._played = -1
+        task = self._start_task([Frame(self._rpdo_id, frame)] * RING, rpdo_period_s)
+        if not isinstance(task, ModifiableCyclicTaskABC):
+            raise BusError(self._exchange.link.name, "its cyclic tasks cannot be changed", "Use a thread.")
+        self._task = task
+        self._wait_echo(self._rpdo_stamp, "RPDO")
+        time.sleep(self.period_s / 2)
+        self._sync_task = self._start_task(self._exchange.sync_frames(), sync_period_s)
+        self._wait_echo(self._sync_stamp, "SYNC")
+
+    def _start_task(self, frames: list[Frame], period_s: float) -> can.CyclicSendTaskABC:
+        whole = round(period_s * 1e6) / 1e6 + 1e-9  # python-can cuts to whole microseconds
         try:
-            # A little more than the period: python-can cuts to whole microseconds.
-            return self._exchange.link.bus.send_periodic(list(frames), self.period_s + 1e-9, store_task=False)
+            return self._exchange.link.bus.send_periodic(list(frames), whole, store_task=False)
         except (can.CanError, OSError) as error:
             raise BusError(
-                self._exchange.link.name, f"no cyclic task ({error})", "Is can-bcm loaded?"
+                self._exchange.link.name, f"no cyclic task ({error})", "Is can-bcm there?"
             ) from error
 
-    def _start_sync(self) -> None:
-        """Start SYNC about half a period after an RPDO; where the system was late, try again."""
-        for _ in range(_PHASE_TRIES):
-            self._wait_echo(self._rpdo_stamp, "RPDO")
-            time.sleep(self.period_s / 2)
-            self._sync_task = self._start_task(self._exchange.sync_frames())
-            self._wait_echo(self._sync_stamp, "SYNC")
-            phase = (self._last_sync_s - self._last_rpdo_s) / self.period_s % 1.0
-            if 0.2 <= phase <= 0.8:
-                return
-            self._sync_task.stop()
-        raise BusError(
-            self._exchange.link.name, "SYNC cannot be placed between RPDOs", "Lower the sample rate."
-        )
+    def _stop_tasks(self) -> None:
+        for task in (self._task, self._sync_task):
+            if task is not None:
+                with contextlib.suppress(can.CanError, OSError):
+                    task.stop()
+        self._task = self._sync_task = None
+
+    def _measure_excess(self) -> tuple[float, float]:
+        """By how much the intervals of both tasks exceed the period (s)."""
+        first = self._last_rpdo_s, self._last_sync_s
+        counts = self._played, self._exchange.sync_count
+        deadline = time.monotonic() + 3 * _CALIBRATION_CYCLES * self.period_s + _ECHO_TIMEOUT_S
+        while self._exchange.sync_count - counts[1] < _CALIBRATION_CYCLES:
+            if time.monotonic() > deadline:
+                raise BusError(
+                    self._exchange.link.name, "the kernel's SYNC falters", "Lower the sample rate."
+                )
+            time.sleep(10 * self.period_s)
+        rpdo = (self._last_rpdo_s - first[0]) / max(self._played - counts[0], 1)
+        sync = (self._last_sync_s - first[1]) / (self._exchange.sync_count - counts[1])
+        most = _MOST_EXCESS * self.period_s
+        return min(max(rpdo - self.period_s, 0.0), most), min(max(sync - self.period_s, 0.0), most)
 
     def _rpdo_stamp(self) -> float:
         return self._last_rpdo_s

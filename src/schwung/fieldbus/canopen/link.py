@@ -6,7 +6,6 @@ one reports errors to whoever listens, goes on, and always ends within a second 
 
 from __future__ import annotations
 
-import contextlib
 import errno
 import threading
 import time
@@ -48,7 +47,7 @@ class Link:
         self.bus = bus
         self._callbacks: dict[int, tuple[FrameCallback, ...]] = {}
         self._watchers: tuple[FrameCallback, ...] = ()
-        self._failure_callbacks: tuple[Callable[[BusError], None], ...] = ()
+        self.on_failure: Callable[[BusError], None] | None = None  # reading failed, or bus-off was reported
         self._change = threading.Lock()
         self._send_lock = threading.Lock()
         self._closing = False
@@ -69,11 +68,6 @@ class Link:
         """Call back for every data frame."""
         with self._change:
             self._watchers = (*self._watchers, callback)
-
-    def on_failure(self, callback: Callable[[BusError], None]) -> None:
-        """Call back when reading fails or the controller reports bus-off."""
-        with self._change:
-            self._failure_callbacks = (*self._failure_callbacks, callback)
 
     def send(self, can_id: int, data: bytes) -> None:
         """Send one frame; a full send buffer (ENOBUFS) is tried again for 64 ms. Raises BusError."""
@@ -147,9 +141,8 @@ class Link:
 
     def _fail(self, problem: str, remedy: str) -> None:
         failure = BusError(self.name, problem, remedy)
-        for callback in self._failure_callbacks:
-            with contextlib.suppress(Exception):  # the reader must live on
-                callback(failure)
+        if self.on_failure is not None:
+            self.on_failure(failure)
 
 
 def _buffer_full(error: Exception) -> bool:

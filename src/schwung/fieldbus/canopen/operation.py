@@ -12,13 +12,11 @@ from typing import Literal
 from schwung.errors import (
     BusError,
     DriveError,
-    DriveFaultError,
     NodeLostError,
-    SdoError,
     StateError,
 )
 from schwung.fieldbus import cia402
-from schwung.fieldbus.canopen import nmt, playback
+from schwung.fieldbus.canopen import diagnosis, nmt, playback
 from schwung.fieldbus.canopen.emcy import describe_code
 from schwung.fieldbus.canopen.exchange import Exchange, Producer
 from schwung.fieldbus.canopen.kernel import KernelProducer
@@ -90,6 +88,10 @@ class Operation:
         """Who produces SYNC: "lockstep", "kernel" or "thread"; as chosen where it does not run yet."""
         return self._producer.name if self._producer is not None else self._sync
 
+    @property
+    def _mode(self) -> int | None:
+        return None if self._acquisition is None else self._profile.modes[self._acquisition.mode]
+
     @contextlib.contextmanager
     def pre_operational(self) -> Iterator[None]:
         """Node pre-operational within; operational again afterwards where it was."""
@@ -107,7 +109,7 @@ class Operation:
         self._window_rad = min(START_WINDOW_RAD, (following_window_rad or math.inf) / 2)
         exchange = self._exchange = Exchange(self._link, self._layouts, self._sdo.node_id, self._counter)
         self._monitor.on_trouble = exchange.report
-        self._link.on_failure(exchange.report)
+        self._link.on_failure = exchange.report
         try:
             nmt.send_command(self._link, nmt.START, self._sdo.node_id)
             if not self._monitor.wait_for("OPERATIONAL", _NMT_S + acquisition.heartbeat_s):
@@ -142,7 +144,7 @@ class Operation:
         exchange, producer, acquisition, scales = self._running()
         if exchange.trouble is not None:
             self.halt()
-            raise self._explained(exchange.trouble)
+            raise diagnosis.explain(self._sdo, self._monitor, self._started_s, exchange.trouble)
         playable = playback.pack(
             setpoints, acquisition.mode, self._profile, self._layouts.rpdo, scales, self._target
         )
@@ -167,7 +169,7 @@ class Operation:
         if error is None:
             return recording
         if isinstance(error, DriveError):
-            error = self._explained(error)
+            error = diagnosis.explain(self._sdo, self._monitor, self._started_s, error)
         attach_recording(error, recording)
         raise error
 
@@ -225,7 +227,7 @@ class Operation:
         """End SYNC and PDOs, node pre-operational."""
         producer, exchange = self._producer, self._exchange
         self._producer = self._exchange = None
-        self._monitor.on_trouble = None
+        self._monitor.on_trouble = self._link.on_failure = None
         if producer is not None:
             producer.stop()
         if exchange is not None:
@@ -324,51 +326,16 @@ class Operation:
             trouble = self._exchange.trouble if self._exchange is not None else None
             if trouble is not None:
                 self.halt()
-                raise self._explained(trouble)
+                raise diagnosis.explain(self._sdo, self._monitor, self._started_s, trouble)
             if state is not previous:
                 previous, since = state, time.monotonic()
             step = cia402.next_controlword(state, wanted)
             if step is None or time.monotonic() - since > _TRANSITION_S:
-                raise self._stuck(status, word, wanted)
+                raise diagnosis.why_stuck(self._sdo, self._monitor, status, word, wanted, self._mode)
             word = step
             if state is not State.OPERATION_ENABLED:
                 self._target = self._position()
             self._command(word)
-
-    def _stuck(self, status: int, word: int, wanted: State) -> DriveError:
-        seen = mode = shown = None
-        code = 0
-        with contextlib.suppress(SdoError):
-            seen = self._sdo.read_integer(0x6040, 0, "UNSIGNED16")
-            code = self._sdo.read_integer(0x603F, 0, "UNSIGNED16") or 0
-            if self._acquisition is not None:
-                mode = self._profile.modes[self._acquisition.mode]
-                shown = self._sdo.read_integer(0x6061, 0, "INTEGER8")
-        known = self._monitor.nmt if self._monitor.nmt != nmt.UNKNOWN else "OPERATIONAL"
-        reason = cia402.why_stuck(
-            status, word, wanted, nmt=known, mode=mode, mode_display=shown, controlword_seen=seen,
-            error=describe_code(code) if code else "",
-        )  # fmt: skip
-        kind = DriveFaultError if cia402.decode(status) in (State.FAULT, State.FAULT_REACTION) else StateError
-        return kind(self._place, reason.problem, reason.remedy)
-
-    def _explained(self, trouble: DriveError) -> DriveError:
-        """A fault with the drive's own words for it: its emergency message, else its error code."""
-        if not isinstance(trouble, DriveFaultError):
-            return trouble
-        deadline = time.monotonic() + 0.1
-        while (
-            emergency := self._monitor.last_emergency(self._started_s)
-        ) is None and time.monotonic() < deadline:
-            time.sleep(0.01)
-        words = f"emergency {emergency}" if emergency is not None else ""
-        if emergency is None:
-            with contextlib.suppress(DriveError):
-                code = self._sdo.read_integer(0x603F, 0, "UNSIGNED16") or 0
-                words = describe_code(code) if code else ""
-        if not words or words in trouble.problem:
-            return trouble
-        return DriveFaultError(trouble.place, f"{trouble.problem}: {words}", trouble.remedy)
 
     def _check_start(self, setpoints: Setpoints, acquisition: Acquisition, scales: Scales) -> None:
         status = self._statusword()

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from schwung.errors import InputError
+from schwung.errors import InputError, SdoError
 from schwung.fieldbus import eds
 from schwung.fieldbus.drive import Parameter, ParameterValue
 from schwung.fieldbus.profile import DeviceProfile, ObjectRef, Pdo
@@ -129,7 +129,7 @@ def write_pdos(values: Sequence[ParameterValue], lookup: Lookup, read: ReadInteg
     """Write PDO parameters in the order of CiA 301 7.5.2.36: disable, count 0, entries, the rest, count, enable.
 
     Values may be any subset of a PDO's objects (that is what a backup holds): what is not given stays as the drive
-    has it. Entries above the final count are not written; they mean nothing, and drives refuse them.
+    has it. Entries above the final count mean nothing; that a drive refuses them does not matter.
     """
     numbers = sorted({(v.parameter.index & 0xFDFF) for v in values})
     for communication in numbers:
@@ -144,9 +144,12 @@ def write_pdos(values: Sequence[ParameterValue], lookup: Lookup, read: ReadInteg
             count_parameter = _need(lookup, communication + 0x200, 0)
             count = int(mapped[0].raw) if 0 in mapped else read(count_parameter)
             write(ParameterValue(count_parameter, 0))
-            for subindex in sorted(mapped):
-                if 1 <= subindex <= count:
+            for subindex in sorted(set(mapped) - {0}):
+                try:
                     write(mapped[subindex])
+                except SdoError:
+                    if subindex <= count:
+                        raise
         for value in own:
             if value.parameter.subindex > 1:
                 write(value)

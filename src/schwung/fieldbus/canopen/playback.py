@@ -18,6 +18,7 @@ from schwung.fieldbus.profile import DeviceProfile
 from schwung.fieldbus.units import Scales
 from schwung.motion import Array
 
+OFF_RATE = 0.005  # share by which the achieved rate may be off before it is noted
 _HANDSHAKE_S = 0.01  # how long the new-set-point bit stays set
 ACKNOWLEDGED_WITHIN_S = 0.1
 
@@ -164,6 +165,8 @@ def build(
         if producer == "lockstep"
         else measure_timing(producer, period, samples.sync_time_s)
     )
+    if abs(timing.period_s / period - 1) > OFF_RATE:
+        notes.append(f"SYNC came at {1 / timing.period_s:.2f} Hz instead of {sample_rate_hz:g} Hz")
     return Recording(
         sample_rate_hz=sample_rate_hz,
         sync_count=samples.sync_count,

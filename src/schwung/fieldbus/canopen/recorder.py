@@ -120,15 +120,11 @@ def attribute(windows: Sequence[int], window_count: int) -> Owners:
 
 
 def measure_timing(producer: str, period_s: float, sync_time_s: Array) -> SyncTiming:
-    """Deviation of SYNC instants (s, (n,)) from the best-placed grid of the nominal period."""
+    """How evenly SYNC came: intervals against their own mean, which is the period that was achieved."""
     if sync_time_s.size < 2:
         return SyncTiming(producer, period_s, 0.0, 0.0, 0.0)
-    off = sync_time_s - period_s * np.arange(sync_time_s.size)
-    off = np.abs(off - np.median(off))
-    return SyncTiming(
-        producer,
-        period_s,
-        float(np.sqrt(np.mean(off**2))),
-        float(np.percentile(off, 99)),
-        float(np.max(off)),
-    )
+    intervals = np.diff(sync_time_s)
+    mean = float(np.mean(intervals))
+    off = np.abs(intervals - mean)
+    rms = float(np.sqrt(np.mean(off**2)))
+    return SyncTiming(producer, mean, rms, float(np.percentile(off, 99)), float(np.max(off)))
