@@ -40,6 +40,7 @@ class LockstepProducer:
         self._position = 0
         self._pending = 0
         self._silent = 0
+        self._gave_up = False
 
     def start(self, frame: bytes) -> None:
         self._held = frame
@@ -68,7 +69,7 @@ class LockstepProducer:
     def _run(self, frames: list[bytes], recorder: Recorder | None, progress: Progress | None) -> None:
         exchange = self._exchange
         with self._lock:
-            self._frames, self._recorder, self._silent = frames, recorder, 0
+            self._frames, self._recorder, self._silent, self._gave_up = frames, recorder, 0, False
             self._over.clear()
             self._position = -1
             self._send_next()
@@ -85,6 +86,8 @@ class LockstepProducer:
             if progress is not None and now - shown > _PROGRESS_S:
                 shown = now
                 progress(max(self._position, 0), len(frames))
+        if self._gave_up and recorder is not None:
+            time.sleep(LOST_AFTER_S)  # what was only late shifts all that follow by one: the last is still to come
         with self._lock:
             self._frames = []
             self._over.set()
@@ -95,6 +98,7 @@ class LockstepProducer:
         with self._lock:
             if self._position != position or self._over.is_set():
                 return
+            self._gave_up = True
             if self._pending == self._all:
                 self._silent += 1
             recorded = self._recorder is not None
