@@ -105,8 +105,9 @@ def test_missing_setpoint_is_bridged_then_the_axis_holds() -> None:
     speed, demand = axis.demand_speed_rad_s, axis.demand_rad
     axis.advance(CYCLE_S)
     assert axis.demand_rad == pytest.approx(demand + speed * CYCLE_S, rel=1e-6)
-    axis.advance(CYCLE_S)
+    axis.advance(TICK_S)
     assert axis.demand_speed_rad_s == 0.0
+    assert axis.demand_rad == pytest.approx(demand, rel=1e-9)
 
 
 def test_one_lost_setpoint_does_not_double_the_speed() -> None:

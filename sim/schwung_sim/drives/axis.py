@@ -23,8 +23,6 @@ TRACE_IDLE, TRACE_ARMED, TRACE_RUNNING, TRACE_FULL = 0, 1, 2, 3
 
 #: How long angle and speed must stay inside their windows (s).
 _SETTLED_S = 0.01
-#: Cycles since the last setpoint are counted with this much added: 0.6 of a cycle late is one that was lost.
-_LATENESS = 0.4
 
 
 @dataclass(frozen=True)
@@ -67,14 +65,6 @@ class Trace:
     sample_time_s: float
 
 
-@dataclass(frozen=True)
-class _Setpoint:
-    """A cyclic setpoint and the mean speed towards it: slopes must not depend on when exactly one arrives."""
-
-    position_rad: float
-    slope_rad_s: float = 0.0
-
-
 _SETTINGS = frozenset(AxisSettings.__dataclass_fields__)
 
 
@@ -88,12 +78,9 @@ class ServoAxis:
         self._segments = np.zeros(ctl.SEGMENTS_SHAPE)
         self._history = np.zeros(ctl.HISTORY)
         self._trace = np.zeros((1, 3))
-        self._before: _Setpoint | None = None
-        self._last: _Setpoint | None = None
         self._ticks = 0
-        self._c["count_offset"] = np.random.default_rng(
-            [seed, 2]
-        ).uniform()  # where in a count the axis happens to rest
+        #: where in a count the axis happens to rest
+        self._c["count_offset"] = np.random.default_rng([seed, 2]).uniform()
         self._c["eccentricity_rad"] = plant.sensor.eccentricity_rad
         self._c["speed_delay_ticks"] = plant.sensor.speed_delay_s / TICK_S
         self._c["rest_s"] = ctl.REST_BETWEEN_MOTIONS_S
@@ -148,23 +135,9 @@ class ServoAxis:
         Within the cycle the demand is the parabola through the last setpoint and this one whose acceleration
         is the difference of the last two slopes: exact where the acceleration is constant, no later than a
         straight line. A setpoint that comes early or late changes nothing but a blend back onto this path.
-        One that does not come is bridged for one cycle at constant speed; then the axis holds.
+        One that does not come is bridged for one cycle at constant speed; then the axis holds the last.
         """
-        c, over_s = self._c, max(over_s, TICK_S)
-        present, elapsed = float(c["demand_rad"]), float(c["segment_time_s"])
-        if elapsed < TICK_S:
-            last, cycles = self._before, 1  # given twice: this one replaces the last
-        else:
-            last, cycles = self._last, max(int(elapsed / over_s + _LATENESS), 1)
-        if last is None or (elapsed >= TICK_S and int(c["segment"]) >= int(c["segments"])):
-            last, cycles = _Setpoint(present), 1
-        slope = (position_rad - last.position_rad) / (over_s * cycles)
-        acceleration = (slope - last.slope_rad_s) / over_s
-        start = position_rad - slope * over_s
-        self._plan([(over_s, start, slope - 0.5 * acceleration * over_s, acceleration)], position_rad)
-        c["extrapolate_s"], c["blend_rad"] = over_s, present - start
-        self._before, self._last = last, _Setpoint(position_rad, slope)
-        ctl.update_demand_tick(self._control, self._segments)
+        ctl.follow_setpoint(self._control, self._segments, position_rad, max(over_s, TICK_S))
 
     def start_move(self, target_rad: float, speed: float, acceleration: float, deceleration: float) -> None:
         """Go there on a trapezoid of the drive's own (rad/s, rad/s²), from whatever the demand does now."""
@@ -178,17 +151,13 @@ class ServoAxis:
             position, now = stop, 0.0
         way = target_rad - position
         sign, now = math.copysign(1.0, way), abs(now)
-        peak = min(
-            speed, math.sqrt((2 * abs(way) + now**2 / acceleration) / (1 / acceleration + 1 / deceleration))
-        )
+        top = math.sqrt((2 * abs(way) + now**2 / acceleration) / (1 / acceleration + 1 / deceleration))
+        peak = min(speed, top)
         rate = acceleration if peak >= now else -deceleration
         cruise = abs(way) - peak**2 / (2 * deceleration) - abs(peak**2 - now**2) / (2 * abs(rate))
         cruise_s = max(cruise, 0.0) / peak if peak > 0 else 0.0
-        for duration, a in (
-            ((peak - now) / rate, rate),
-            (cruise_s, 0.0),
-            (peak / deceleration, -deceleration),
-        ):
+        ramp, brake = ((peak - now) / rate, rate), (peak / deceleration, -deceleration)
+        for duration, a in (ramp, (cruise_s, 0.0), brake):
             if duration > 0:
                 segments.append((duration, position, sign * now, sign * a))
                 position += sign * (now * duration + 0.5 * a * duration**2)
@@ -212,13 +181,7 @@ class ServoAxis:
         steps would fold their images into samples of the same rate, a lag of half a cycle between added torque
         and reported torque. Else it steps.
         """
-        c = self._c
-        over_s = float(c["offset_over_s"])
-        share = min(float(c["offset_time_s"]) / over_s, 1.0) if over_s > 0 else 1.0
-        c["offset_from_nm"] += share * (c["offset_to_nm"] - c["offset_from_nm"])
-        c["offset_to_nm"], c["offset_time_s"] = torque_nm, 0.0
-        cyclic = self.settings.interpolate_torque and self._last is not None
-        c["offset_over_s"] = c["extrapolate_s"] if cyclic else 0.0
+        ctl.add_torque(self._control, torque_nm, self.settings.interpolate_torque)
 
     def arm_trace(self, divider: int, length: int) -> None:
         """Record every divider-th 8 kHz sample, `length` of them, from the next start of a motion on."""
@@ -235,10 +198,9 @@ class ServoAxis:
     def _plan(self, segments: list[tuple[float, float, float, float]], final_rad: float) -> None:
         c = self._c
         self._segments[: len(segments)] = segments if segments else self._segments[:0]
-        for name in ("segment", "segment_time_s", "extrapolate_s", "blend_rad"):
+        for name in ("segment", "segment_time_s", "extrapolate_s", "blend_rad", "cyclic"):
             c[name] = 0
         c["segments"], c["final_rad"] = len(segments), final_rad
-        self._before = self._last = None
 
     def _hold(self, position_rad: float) -> None:
         self._plan([], position_rad)

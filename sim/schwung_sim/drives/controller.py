@@ -28,6 +28,7 @@ _REALS = (
     # demand
     "segment_time_s", "extrapolate_s", "blend_rad", "final_rad", "rest_s",
     "demand_rad", "demand_rad_s", "demand_rad_s2",
+    "setpoint_rad", "setpoint_rad_s", "before_rad", "before_rad_s",
     # law, generator, measurement
     "integral_nm", "offset_from_nm", "offset_to_nm", "offset_time_s", "offset_over_s",
     "torque_nm", "generator_time_s",
@@ -35,7 +36,7 @@ _REALS = (
     "in_window_s",
 )  # fmt: skip
 _WHOLE = (
-    "energised", "feed_forward_mode", "generator_control", "generator_on", "segment", "segments",
+    "energised", "feed_forward_mode", "generator_control", "generator_on", "segment", "segments", "cyclic",
     "start_requested", "motion_started", "limited", "counts", "history_at",
     "trace_status", "trace_divider", "trace_wait", "trace_length", "trace_at",
 )  # fmt: skip
@@ -47,7 +48,10 @@ CONTROL = np.dtype([*((n, np.float64) for n in _REALS), *((n, np.int64) for n in
 SEGMENTS_SHAPE = (4, 4)
 #: Past speeds (a ring), enough for the longest concealed delay.
 HISTORY = 1024
-#: A demand that has rested this long and moves again starts a new motion (one without a start command).
+#: Added when cycles since the last setpoint are counted: one that is 0.6 of a cycle late follows one that was lost.
+_LATENESS = 0.4
+#: A demand that has rested this long and moves again starts a new motion (where there is no start command): the
+#: strokes of one run are one motion, and it begins where the demand leaves rest.
 REST_BETWEEN_MOTIONS_S = 0.15
 
 
@@ -71,6 +75,37 @@ def update_demand(c: Any, segments: Any) -> None:
     if late < -1e-9:
         c.demand_rad_s2 = acceleration
     c.demand_rad += c.demand_rad_s * max(late, 0.0) + c.blend_rad * (1.0 - t / duration)
+
+
+@compiled
+def follow_setpoint(cs: Any, segments: Any, position: float, over_s: float) -> None:
+    """A cyclic setpoint: the parabola that reaches it after one cycle, see ServoAxis.set_target."""
+    c = cs[0]
+    present, elapsed = c.demand_rad, c.segment_time_s
+    cycles = 1
+    if c.cyclic == 0 or c.segment >= c.segments:
+        c.before_rad, c.before_rad_s = present, 0.0  # from rest
+    elif elapsed > 0.5 * TICK_S:
+        c.before_rad, c.before_rad_s = c.setpoint_rad, c.setpoint_rad_s
+        cycles = max(int(elapsed / over_s + _LATENESS), 1)
+    slope = (position - c.before_rad) / (over_s * cycles)
+    acceleration = (slope - c.before_rad_s) / over_s
+    start = position - slope * over_s
+    segments[0] = over_s, start, slope - 0.5 * acceleration * over_s, acceleration
+    c.cyclic, c.setpoint_rad, c.setpoint_rad_s = 1, position, slope
+    c.segment, c.segments, c.segment_time_s = 0, 1, 0.0
+    c.final_rad, c.extrapolate_s, c.blend_rad = position, over_s, present - start
+    update_demand(c, segments)
+
+
+@compiled
+def add_torque(cs: Any, torque: float, interpolate: bool) -> None:
+    """Torque added from outside from now on: over a cycle on a straight line, or at once."""
+    c = cs[0]
+    share = min(c.offset_time_s / c.offset_over_s, 1.0) if c.offset_over_s > 0.0 else 1.0
+    c.offset_from_nm += share * (c.offset_to_nm - c.offset_from_nm)
+    c.offset_to_nm, c.offset_time_s = torque, 0.0
+    c.offset_over_s = c.extrapolate_s if interpolate and c.cyclic != 0 else 0.0
 
 
 @compiled

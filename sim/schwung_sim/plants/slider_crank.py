@@ -36,7 +36,7 @@ from schwung_sim.plants.profile import Array
 from schwung_sim.plants.two_mass import TICK_S, TwoMassMachine
 
 #: MuJoCo's steps per control tick; more where the coupling is not MuJoCo's own.
-_STEPS, _STEPS_OUTSIDE = 2, 8
+_STEPS, _STEPS_OUTSIDE = 2, 4
 _MOTOR, _CRANK, _ROD, _SLIDER, _THIRD = range(5)  # degrees of freedom
 _DIVERGED_RAD_S = 1e5
 _STANDARD_GRAVITY = 9.80665
