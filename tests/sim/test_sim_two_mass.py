@@ -9,12 +9,12 @@ from numpy.typing import NDArray
 from schwung_sim.drives.axis import ServoAxis
 from schwung_sim.errors import BenchError
 from schwung_sim.plants import TICK_S, Profile, TwoMassMachine, TwoMassPlant, make_plant
-from schwung_sim.plants.profile import four_bar, slider_crank
+from schwung_sim.plants.profile import PROFILES, four_bar, slider_crank
 
 FREE = TwoMassMachine(rotor_viscous_nms=0.0, damping_nms=0.0, load_viscous_nms=0.0)
-PROFILES = {
-    "slider-crank": Profile.slider_crank(),
-    "four-bar": Profile.four_bar(),
+LOADS = {
+    "slider-crank": PROFILES["slider-crank"](),
+    "four-bar": PROFILES["four-bar"](),
     "constant": Profile.constant(0.1),
     "table": Profile.of_pairs(np.linspace(-30, 30, 80), 0.1 + 0.03 * np.sin(np.linspace(-30, 30, 80))),
 }
@@ -29,9 +29,9 @@ def energy(plant: TwoMassPlant) -> float:
     return float(kinetic + p["stiffness_nm_rad"] * (s["motor_rad"] - s["load_rad"]) ** 2) / 2
 
 
-@pytest.mark.parametrize("name", PROFILES)
+@pytest.mark.parametrize("name", LOADS)
 def test_energy_is_kept_without_friction_whatever_the_inertia_does(name: str) -> None:
-    plant = TwoMassPlant(FREE, PROFILES[name])
+    plant = TwoMassPlant(FREE, LOADS[name])
     plant.state["motor_rad_s"] = plant.state["load_rad_s"] = 20.0
     before = energy(plant)
     lowest = highest = 20.0

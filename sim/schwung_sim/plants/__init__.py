@@ -47,7 +47,10 @@ class Plant(Protocol):
 
 
 def make_plant(name: str, conceal: str | Concealed = "", seed: int = 0, **options: Any) -> Plant:
-    """A plant by name; `conceal` in the syntax of concealed.py. Raises BenchError for what does not exist."""
+    """A plant by name; `conceal` in the syntax of concealed.py, `options` those of the plant's class.
+
+    Raises BenchError for a plant or an effect that does not exist.
+    """
     concealed = parse_conceal(conceal) if isinstance(conceal, str) else conceal
     if name == "two-mass":
         return TwoMassPlant(concealed=concealed, seed=seed, **options)

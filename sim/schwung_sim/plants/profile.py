@@ -6,9 +6,9 @@ exactly the derivative of what is read: so the ½J'ω² term and J fit together,
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from typing import Any, NamedTuple
+from typing import Any, Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,6 +17,7 @@ from schwung_sim.compiled import compiled
 from schwung_sim.errors import BenchError
 
 Array = NDArray[np.float64]
+ProfileName = Literal["slider-crank", "four-bar", "constant"]
 
 _NODES_PER_TURN = 1024
 
@@ -85,16 +86,6 @@ class Profile:
         )
 
     @classmethod
-    def slider_crank(cls) -> Profile:
-        """The inertia inferred for the paper's machine."""
-        return cls.of_turn(slider_crank)
-
-    @classmethod
-    def four_bar(cls) -> Profile:
-        """A crank-rocker's inertia."""
-        return cls.of_turn(four_bar)
-
-    @classmethod
     def constant(cls, value: float) -> Profile:
         """The same everywhere."""
         return cls(Samples(np.full(2, float(value)), np.zeros(2), 0.0, 2 * np.pi, True))
@@ -130,3 +121,11 @@ def four_bar(angle_rad: Array, rest: float = 0.06, rocker: float = 0.16) -> Arra
     coupler = np.arctan2(y + c * np.sin(psi), x + c * np.cos(psi))
     ratio = a * np.sin(angle_rad - coupler) / (c * np.sin(psi - coupler))
     return np.asarray(rest + rocker * ratio**2)
+
+
+#: The inertias that have a name.
+PROFILES: Mapping[ProfileName, Callable[[], Profile]] = {
+    "slider-crank": lambda: Profile.of_turn(slider_crank),
+    "four-bar": lambda: Profile.of_turn(four_bar),
+    "constant": lambda: Profile.constant(0.11),
+}

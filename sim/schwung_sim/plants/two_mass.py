@@ -31,7 +31,7 @@ from schwung_sim.plants.effects import (
     third_mass_torque,
     true_torque,
 )
-from schwung_sim.plants.profile import Array, Profile, Samples
+from schwung_sim.plants.profile import PROFILES, Array, Profile, ProfileName, Samples
 
 #: The drive's control tick (s): torque is held over it.
 TICK_S = 125e-6
@@ -136,12 +136,12 @@ class TwoMassPlant:
     def __init__(
         self,
         machine: TwoMassMachine | None = None,
-        inertia: Profile | None = None,
+        inertia: Profile | ProfileName = "slider-crank",
         concealed: Concealed | None = None,
         seed: int = 0,
     ) -> None:
         self.machine = machine or TwoMassMachine()
-        self.inertia = inertia or Profile.slider_crank()
+        self.inertia = inertia if isinstance(inertia, Profile) else PROFILES[inertia]()
         self.concealed = concealed or Concealed()
         self.parameters = np.zeros(1, PARAMETERS)
         self.state = np.zeros(1, STATE)
