@@ -324,7 +324,7 @@ class Operation:
             if state is wanted:
                 return
             trouble = self._exchange.trouble if self._exchange is not None else None
-            if trouble is not None:
+            if trouble is not None and wanted is State.OPERATION_ENABLED:  # switching off goes on whatever comes
                 self.halt()
                 raise diagnosis.explain(self._sdo, self._monitor, self._started_s, trouble)
             if state is not previous:

@@ -89,21 +89,24 @@ def _counts(values: Array, scale: float, layout: Layout, name: str) -> NDArray[n
 
 
 def _moves(setpoints: Setpoints, words: NDArray[np.int64], scales: Scales, target: int) -> NDArray[np.int64]:
-    """Profile position: target and new-set-point bit over the samples; fills `words`."""
+    """Profile position: target and new-set-point bit over the samples; fills `words`.
+
+    A target is sent ahead of its bit: within a frame, a drive may act on the controlword before it has the target.
+    """
     if not setpoints.moves:
         raise InputError("setpoints", "have no moves for profile position", "Give the strokes as moves.")
     handshake = max(2, round(_HANDSHAKE_S * setpoints.sample_rate_hz))
     position = np.full(words.size, target, dtype=np.int64)
-    free_from = 0
+    free_from = 2
     for move in setpoints.moves:
         begin = move.at_index
         if begin < free_from or begin + 2 * handshake > words.size:
             raise InputError(
-                "setpoints", f"move at sample {begin} is too near another or the end", "Space them out."
+                "setpoints", f"move at sample {begin} is too near another, the begin or the end", "Space them out."
             )
-        free_from = begin + 2 * handshake
+        position[max(free_from - handshake, 0) :] = round(move.target_rad / scales.position_rad)
         words[begin : begin + handshake] |= cia402.NEW_SET_POINT | cia402.CHANGE_AT_ONCE
-        position[begin:] = round(move.target_rad / scales.position_rad)
+        free_from = begin + 2 * handshake
     return position
 
 
