@@ -72,7 +72,7 @@ def test_other_masses_other_inertia() -> None:
 
 
 def test_motion_agrees_with_the_lagrangian_equations() -> None:
-    """Motor speed within 3e-4 of its size (rms), over 0.3 s: Runge-Kutta on Lagrange's equations beside it."""
+    """Motor speed within 5e-4 of its size (rms), over 0.3 s: Runge-Kutta on Lagrange's equations beside it."""
     m = MACHINE.drive
     h = TICK_S / 2
 
@@ -102,7 +102,7 @@ def test_motion_agrees_with_the_lagrangian_equations() -> None:
         errors.append(plant.data.qvel[0] - y[1])
         speeds.append(y[1])
         closure.append(float(np.max(np.abs(plant.data.efc_pos))))
-    assert np.sqrt(np.mean(np.square(errors))) < 3e-4 * np.sqrt(np.mean(np.square(speeds)))
+    assert np.sqrt(np.mean(np.square(errors))) < 5e-4 * np.sqrt(np.mean(np.square(speeds)))
     assert max(closure) < 2e-6  # m: the loop stays closed
 
 

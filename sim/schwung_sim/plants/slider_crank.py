@@ -5,7 +5,7 @@
 Plane motion; the shaft is vertical, so gravity does nothing, unless `gravity` lays it flat (x along the slide, y
 up). At angle 0 the slider is at its outer dead centre.
 
-Of MuJoCo's integrators Euler (semi-implicit) fits: against the Lagrangian equations its speed is right to 2e-4 at
+Of MuJoCo's integrators Euler (semi-implicit) fits: against the Lagrangian equations its speed is right to 4e-4 at
 62.5 µs. `implicitfast` computes the constraint's force without the coupling's implicit damping and is off by 2 %.
 """
 
