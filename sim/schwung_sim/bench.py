@@ -171,7 +171,10 @@ class Bench:
 
 def _compile(plant: str, conceal: str) -> None:
     """Have the compiled loops ready before the drive appears on a bus: the first SYNC must not wait for them."""
-    ServoAxis(make_plant(plant, conceal=conceal)).advance(CONTROL_PERIOD_US * 1e-6)
+    axis = ServoAxis(make_plant(plant, conceal=conceal))
+    axis.energise(True)
+    axis.set_target(0.0, 1e-3)
+    axis.advance(CONTROL_PERIOD_US * 1e-6)
 
 
 def _open_bus(interface: str, channel: str, options: Mapping[str, Any]) -> can.BusABC:

@@ -162,8 +162,8 @@ class SocketcandHub:
             client.opened = words[1] == self.channel.encode()
             self._put(client, b"< ok >" if client.opened else b"< error could not open bus >")
         elif command == b"rawmode" and client.opened:
-            self._put(client, b"< ok >")
-            with self._lock:
+            with self._lock:  # whoever has read "< ok >" misses nothing from then on
+                self._put(client, b"< ok >")
                 client.raw_since_s = time.monotonic()
         elif command == b"echo":
             self._put(client, b"< echo >")

@@ -205,11 +205,14 @@ def test_emcy_can_be_switched_off(rig: Rig) -> None:
 # -- bus-off --
 
 
-def test_bus_off_is_a_lost_connection(rig: Rig) -> None:
+def test_bus_off_is_a_lost_connection_and_no_setpoint_acts_after_it(rig: Rig) -> None:
     watched(rig, option=3)
+    rig.give(0x205, struct.pack("<Hih", 0x0F, 90000, 0))  # waits for SYNC, whose answer fails
     rig.wire.fail = True
-    rig.sync()
+    rig.sync(3)
     assert rig.servo.power.state.name == "QUICK_STOP_ACTIVE"
+    rig.wire.fail = False
+    assert rig.state == QUICK_STOP
 
 
 # -- store and restore --

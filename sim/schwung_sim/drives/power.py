@@ -11,7 +11,7 @@ from typing import Protocol
 
 from schwung_sim.drives.dictionary import ObjectDictionary
 
-STOP_MARGIN_S = 0.5  # a stopping ramp that takes so much longer than it should is given up: power off
+STOP_MARGIN_S = 1.0  # a stopping ramp that takes so much longer than it should is given up: power off
 
 
 class Power(Enum):

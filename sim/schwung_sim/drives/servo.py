@@ -193,8 +193,8 @@ class CanopenServo:
             self._reset_communication()
 
     def _enter(self, state: Nmt) -> None:
-        if state is Nmt.OPERATIONAL and self.nmt is not Nmt.OPERATIONAL:
-            self.pdo.restart()
+        if state is not self.nmt:
+            self.pdo.restart()  # what came before does not act afterwards
         self.nmt = state
 
     def _send(self, can_id: int, data: bytes) -> None:
@@ -256,6 +256,15 @@ class CanopenServo:
         """End `run`; from any thread."""
         self._stop.set()
 
+    def settle(self, timeout_s: float) -> bool:
+        """Wait, in another thread, until the drive is out of operation and at rest; False if it is not in time."""
+        end = time.monotonic() + timeout_s
+        while self.power.state is Power.OPERATION_ENABLED or self.power.coming_to_rest:
+            if time.monotonic() > end:
+                return False
+            time.sleep(0.005)
+        return True
+
     # -- Faults -----------------------------------------------------------------------------------
 
     def fault(self, code: int) -> None:
@@ -274,15 +283,20 @@ class CanopenServo:
         return True
 
     def _connection_lost(self, code: int = EMCY_HEARTBEAT) -> None:
+        """The reaction of 6007."""
         if self.power.connection_lost():
             self.fault(code)
 
-    def _node_lost(self, node: int) -> None:
-        self.emergency.report(EMCY_HEARTBEAT)
-        self._connection_lost()
+    def _communication_error(self, code: int) -> None:
+        """Heartbeat lost or bus-off: the reaction of 6007, and the NMT state that 1029 asks for."""
+        self._connection_lost(code)
         behaviour = self.dictionary.number(0x1029, 1)
         if self.nmt is Nmt.OPERATIONAL and behaviour != 1:
             self._enter(Nmt.STOPPED if behaviour == 2 else Nmt.PRE_OPERATIONAL)
+
+    def _node_lost(self, node: int) -> None:
+        self.emergency.report(EMCY_HEARTBEAT)
+        self._communication_error(EMCY_HEARTBEAT)
 
     def _node_back(self) -> None:
         if self.dictionary.number(0x603F) != EMCY_HEARTBEAT:
@@ -291,7 +305,7 @@ class CanopenServo:
     def _bus_failed(self) -> None:
         if not self._bus_off:
             self._bus_off = True
-            self._connection_lost(EMCY_BUS_OFF)
+            self._communication_error(EMCY_BUS_OFF)
 
     def _bus_back(self) -> None:
         self._bus_off = False
