@@ -62,6 +62,10 @@ class Bench:
             raise BenchError("--clock", f'there is no clock "{clock}"', "There are sync and wall.")
         if seed < 0:
             raise BenchError("--seed", f"{seed} is negative", "Take 0 or more.")
+        if conceal and not isinstance(plant, str):
+            raise BenchError(
+                "--conceal", "a plant that is given has its own physics", "Name the plant instead."
+            )
         wanted_faults = parse_faults(faults)
         if isinstance(plant, str):
             _compile(plant, conceal)

@@ -15,6 +15,7 @@ from bench_peer import Master
 
 from schwung_sim.bench import Bench, default_eds
 from schwung_sim.errors import BenchError
+from schwung_sim.plants import make_plant
 from schwung_sim.socketcand import SocketcandHub
 
 CHILD = """
@@ -177,6 +178,7 @@ def test_process_ends_by_itself() -> None:
     [
         ({"plant": "hovercraft"}, r"hovercraft.*two-mass"),
         ({"conceal": "gremlins=1"}, "gremlins"),
+        ({"plant": make_plant("two-mass"), "conceal": "coulomb_friction"}, "has its own physics"),
         ({"node_id": 0}, r"node id: 0 is not within 1…127"),
         ({"node_id": 128}, "128"),
         ({"clock": "sundial"}, "sundial.*sync and wall"),
