@@ -62,7 +62,7 @@ class Exchange:
         self.after_tpdo: Callable[[int], None] | None = None
         self.trouble: DriveError | None = None
         self.troubled = threading.Event()
-        self.sync_count = 0
+        self.sync_count = self.answer_count = 0  # SYNCs sent, and TPDOs that came
         self._status_tpdo = next(i for i, t in enumerate(layouts.tpdos) if t.carries("6041:00"))
         self._status_offset = layouts.tpdos[self._status_tpdo].offset("6041:00")
         self._subscriptions: list[tuple[int, FrameCallback]] = []
@@ -117,6 +117,7 @@ class Exchange:
         def on_tpdo(message: can.Message) -> None:
             data = message.data
             latest[number] = data
+            self.answer_count += 1
             recorder = self.recorder
             if recorder is not None:
                 recorder.frames[number].append((len(recorder.sync_times) - 1, message.timestamp, data))

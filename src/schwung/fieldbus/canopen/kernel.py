@@ -84,9 +84,9 @@ class KernelProducer:
         self._over.set()
 
     def pump(self, duration_s: float) -> bool:
-        count = self._exchange.sync_count
+        count = self._exchange.answer_count
         time.sleep(max(duration_s, 3 * self.period_s))
-        return self._exchange.sync_count > count
+        return self._exchange.answer_count > count
 
     def play(self, frames: list[bytes], after: bytes, recorder: Recorder, progress: Progress | None) -> None:
         self._over.clear()

@@ -72,6 +72,7 @@ class Operation:
         self._window_rad = START_WINDOW_RAD
         self._target = 0  # counts
         self._started_s = 0.0
+        self._answering = False  # PDOs are: what they say is fresh
         self._halting = threading.RLock()
         q = profile.quantities
         self._demand_name = str(q.position.demand)
@@ -188,7 +189,7 @@ class Operation:
             self._sdo.write_once(_CONTROLWORD, cia402.QUICK_STOP, lock_timeout_s=0.2, timeout_s=0.2)
             if producer is not None:
                 with contextlib.suppress(Exception):
-                    self._await_standstill(producer)
+                    self._await_standstill()
         finally:
             self._halting.release()
 
@@ -210,6 +211,7 @@ class Operation:
 
     def disable(self) -> None:
         """Standstill, then power stage off. Raises StateError."""
+        self._pump(0.0)
         state = cia402.decode(self._statusword())
         if state is State.FAULT_REACTION:
             self._pump(0.5)
@@ -217,7 +219,7 @@ class Operation:
         if state in _OFF:
             return
         if state is State.OPERATION_ENABLED:
-            if self._producer is not None and not self._await_standstill(self._producer):
+            if self._producer is not None and not self._await_standstill():
                 self.halt()
             for word in (cia402.SWITCH_ON, cia402.SHUTDOWN):
                 self._command(word)
@@ -324,7 +326,9 @@ class Operation:
             if state is wanted:
                 return
             trouble = self._exchange.trouble if self._exchange is not None else None
-            if trouble is not None and wanted is State.OPERATION_ENABLED:  # switching off goes on whatever comes
+            if (
+                trouble is not None and wanted is State.OPERATION_ENABLED
+            ):  # switching off goes on whatever comes
                 self.halt()
                 raise diagnosis.explain(self._sdo, self._monitor, self._started_s, trouble)
             if state is not previous:
@@ -382,27 +386,30 @@ class Operation:
         return self._layouts.rpdo.pack(columns, 1)
 
     def _command(self, controlword: int) -> None:
-        """Send a controlword: held in the exchange while it runs, else by SDO; and give the drive time for it."""
+        """Send a controlword, by SDO where PDOs are not answered, and give the drive time for it."""
         if self._producer is not None:
             self._producer.hold(self._frame(controlword))
-        else:
+        if not self._answering:
             self._sdo.write(ParameterValue(_CONTROLWORD, controlword))
         self._pump(0.005)
 
     def _pump(self, duration_s: float) -> bool:
         if self._producer is not None:
-            return self._producer.pump(duration_s)
-        time.sleep(duration_s)
-        return True
+            self._answering = self._producer.pump(duration_s)
+        else:
+            self._answering = False
+            time.sleep(duration_s)
+        return self._answering
 
     def _statusword(self) -> int:
-        by_pdo = self._exchange.statusword if self._exchange is not None else None
+        by_pdo = self._exchange.statusword if self._exchange is not None and self._answering else None
         if by_pdo is not None:
             return by_pdo
         return self._sdo.read_integer(0x6041, 0, "UNSIGNED16") or 0
 
     def _position(self) -> int:
-        frame = self._exchange.latest[self._position_tpdo] if self._exchange is not None else None
+        exchange = self._exchange if self._answering else None
+        frame = exchange.latest[self._position_tpdo] if exchange is not None else None
         if frame is None:
             return self._position_by_sdo()
         layout = self._layouts.tpdos[self._position_tpdo]
@@ -412,12 +419,12 @@ class Operation:
         ref = self._profile.quantities.position.object
         return self._sdo.read_integer(ref.index, ref.subindex, "INTEGER32") or 0
 
-    def _await_standstill(self, producer: Producer) -> bool:
+    def _await_standstill(self) -> bool:
         """Let time pass until the position hardly changes; False after two seconds of the drive's time or silence."""
         tolerance = _STILL_RAD / abs(self._scales.position_rad) if self._scales is not None else 0.0
         elapsed, still, last = 0.0, 0, self._position()
         while elapsed < _STANDSTILL_S:
-            if not producer.pump(_STILL_STEP_S):
+            if not self._pump(_STILL_STEP_S):
                 return False
             elapsed += _STILL_STEP_S
             now = self._position()

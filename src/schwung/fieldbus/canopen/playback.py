@@ -102,7 +102,9 @@ def _moves(setpoints: Setpoints, words: NDArray[np.int64], scales: Scales, targe
         begin = move.at_index
         if begin < free_from or begin + 2 * handshake > words.size:
             raise InputError(
-                "setpoints", f"move at sample {begin} is too near another, the begin or the end", "Space them out."
+                "setpoints",
+                f"move at sample {begin} is too near another, the begin or the end",
+                "Space them out.",
             )
         position[max(free_from - handshake, 0) :] = round(move.target_rad / scales.position_rad)
         words[begin : begin + handshake] |= cia402.NEW_SET_POINT | cia402.CHANGE_AT_ONCE

@@ -98,6 +98,7 @@ class SdoChannel:
         self._link = link
         self._client = _Client(link, node_id)
         self._lock = threading.RLock()
+        self._silent = False  # nobody answered last time: one attempt is enough until somebody does
         link.subscribe(0x580 + node_id, self._client.on_frame)
 
     def close(self) -> None:
@@ -206,10 +207,14 @@ class SdoChannel:
     ) -> T:
         place = f"node {self.node_id}, {parameter.label}"
         with self._lock:
-            for attempt in range(self.attempts):
+            attempts = 1 if self._silent else self.attempts
+            for attempt in range(attempts):
                 try:
-                    return self._transfer(parameter, action, timeout_s or self.timeout_s)
+                    result = self._transfer(parameter, action, timeout_s or self.timeout_s)
+                    self._silent = False
+                    return result
                 except _AbortedError as error:
+                    self._silent = False
                     words = ABORT_CODES.get(error.code, "unknown abort code")
                     raise SdoError(
                         place,
@@ -217,10 +222,11 @@ class SdoChannel:
                         _REMEDIES.get(error.code, ""),
                     ) from error
                 except (SdoCommunicationError, RuntimeError) as error:
-                    if attempt + 1 == self.attempts:
+                    if attempt + 1 == attempts:
+                        self._silent = True
                         raise SdoError(
                             place,
-                            f"no answer to {verb} it, {self.attempts} times ({error})",
+                            f"no answer to {verb} it ({error})",
                             "Check power, cable, bit rate and node id.",
                         ) from error
                     time.sleep(0.02)  # whatever answers now is late: `multiplexer` is None, so it is dropped

@@ -87,7 +87,9 @@ class LockstepProducer:
                 shown = now
                 progress(max(self._position, 0), len(frames))
         if self._gave_up and recorder is not None:
-            time.sleep(LOST_AFTER_S)  # what was only late shifts all that follow by one: the last is still to come
+            time.sleep(
+                LOST_AFTER_S
+            )  # what was only late shifts all that follow by one: the last is still to come
         with self._lock:
             self._frames = []
             self._over.set()
@@ -178,9 +180,9 @@ class ThreadProducer:
             self._over.set()
 
     def pump(self, duration_s: float) -> bool:
-        count = self._exchange.sync_count
+        count = self._exchange.answer_count
         time.sleep(max(duration_s, 2 * self.period_s))
-        return self._exchange.sync_count > count
+        return self._exchange.answer_count > count
 
     def play(self, frames: list[bytes], after: bytes, recorder: Recorder, progress: Progress | None) -> None:
         with self._change:
