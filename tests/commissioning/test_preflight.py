@@ -16,7 +16,7 @@ from schwung.fieldbus.drive import Capability, DriveState, Resolution
 MACHINE = believed_machine()
 
 
-def _plan(wishes: LimitWishes | None = None, **changes: float) -> Plan:
+def _plan(wishes: LimitWishes | None = None, **changes: float | bool) -> Plan:
     drive = DeskDrive(MACHINE)
     arguments = {"start_position_rad": 0.0, "distance_rad": np.pi, "duration_s": 0.25, **changes}
     return make_plan(MACHINE, limits_of(wishes or LimitWishes(), drive.limits(), MACHINE), **arguments)  # type: ignore[arg-type]  # by name
@@ -78,7 +78,7 @@ def test_a_drive_in_fault_or_without_injection_is_stopped() -> None:
 
 
 def test_a_speed_that_is_too_coarse_is_derived_from_position() -> None:
-    plan = _plan()
+    plan = _plan(torque_held=False)
     coarse = replace(
         _survey(plan), resolution=Resolution(6e-6, 2 * np.pi / 60, 0.07, 0.07)
     )  # 1 rpm per count
@@ -86,6 +86,19 @@ def test_a_speed_that_is_too_coarse_is_derived_from_position() -> None:
     assert found.speed_source == "position"
     assert _severity(found, "speed resolution") == "note"
     assert _flight(plan).speed_source == "drive"
+
+
+def test_a_held_injection_wants_the_speed_of_the_position_where_that_is_fine_enough() -> None:
+    assert _flight(_plan()).speed_source == "position"
+    plan = _plan()
+    coarse = replace(_survey(plan), resolution=Resolution(2 * np.pi / 4096, 1e-4, 0.07, 0.07))
+    assert _flight(plan, coarse).speed_source == "drive"
+
+
+def test_where_neither_speed_is_fine_enough_a_warning_says_so() -> None:
+    plan = _plan()
+    coarse = replace(_survey(plan), resolution=Resolution(2 * np.pi / 4096, 2 * np.pi / 60, 0.07, 0.07))
+    assert _severity(_flight(plan, coarse), "speed resolution") == "warning"
 
 
 def test_a_coarse_torque_is_warned_of() -> None:

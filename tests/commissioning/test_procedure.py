@@ -10,7 +10,7 @@ from commissioning_drive import DeskDrive, Silence, believed_machine
 from schwung.commissioning import ParameterJournal, Plan, read_backup
 from schwung.commissioning.plan import LimitWishes, limits_of, make_plan
 from schwung.commissioning.preflight import Preflight, preflight, survey
-from schwung.commissioning.procedure import Recorded, derived_speed, following_error_rms, record
+from schwung.commissioning.procedure import Recorded, following_error_rms, record
 from schwung.drivetrain import FeedForward
 from schwung.errors import (
     DriveError,
@@ -150,15 +150,6 @@ def test_uneven_sync_is_refused_in_words(drive: DeskDrive, tmp_path: Path) -> No
     with pytest.raises(DriveError, match=r"0\.20 ms.*of a 1 ms period"):
         _record(drive, tmp_path)
     assert "halt" in drive.calls
-
-
-def test_derived_speed_is_exact_at_the_injected_frequency() -> None:
-    rate, frequency = 1000.0, 50.0
-    time = np.arange(400) / rate
-    position = np.sin(2 * np.pi * frequency * time)
-    true = 2 * np.pi * frequency * np.cos(2 * np.pi * frequency * time)
-    got = derived_speed(position, rate, frequency)
-    assert np.max(np.abs(got - true)[1:-1]) < 1e-9 * np.max(np.abs(true))
 
 
 def test_following_error_compares_demand_and_position_of_one_instant(

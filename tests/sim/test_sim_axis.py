@@ -299,7 +299,7 @@ def test_torque_and_speed_are_aligned_whatever_the_filter() -> None:
 
 @pytest.mark.parametrize(("interpolate", "lag_s"), [(True, 0.0), (False, CYCLE_S / 2)])
 def test_torque_offset_in_steps_lags_half_a_cycle_in_samples(interpolate: bool, lag_s: float) -> None:
-    """Why the cyclic torque offset is interpolated: sampled once per cycle, held steps look half a cycle late."""
+    """Sampled once per cycle, held steps look half a cycle late; interpolated ones do not."""
     axis = energised(settings=AxisSettings(interpolate_torque=interpolate))
     n, frequency = 1000, 50.0
     torque = 30 * np.sin(2 * np.pi * frequency * CYCLE_S * np.arange(n))

@@ -50,7 +50,7 @@ class AxisSettings:
     generator_frequency_hz: float = 50.0
     generator_phase_rad: float = 0.0
     generator_control: int = GENERATOR_OFF
-    interpolate_torque: bool = True
+    interpolate_torque: bool = False
     standstill_speed_rad_s: float = 0.2
     target_window_rad: float = 2e-3
 
@@ -177,9 +177,9 @@ class ServoAxis:
     def set_torque_offset(self, torque_nm: float) -> None:
         """Torque added to the controller's until the next one.
 
-        With cyclic setpoints it is interpolated over the cycle as they are (setting `interpolate_torque`): held
-        steps would fold their images into samples of the same rate, a lag of half a cycle between added torque
-        and reported torque. Else it steps.
+        It steps, as in most drives; some interpolate it over the cycle as they do with position (setting
+        `interpolate_torque`). Held steps fold their images into samples of the same rate and look half a cycle late:
+        whoever estimates from such samples has to know.
         """
         ctl.add_torque(self._control, torque_nm, self.settings.interpolate_torque)
 

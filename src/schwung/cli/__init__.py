@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import logging
 import os
 import signal
 import sys
@@ -68,6 +69,9 @@ def _failure(error: BaseException) -> tuple[str, int]:
 
 def main(arguments: list[str] | None = None) -> None:
     """Run the command line; failures that we understand become one sentence and an exit code."""
+    logging.getLogger().addHandler(
+        logging.NullHandler()
+    )  # libraries' warnings: our own sentences say it better
     signal.signal(signal.SIGTERM, _interrupt)  # the same way out as Ctrl-C: quick stop, parameters back
     given = sys.argv[1:] if arguments is None else arguments
     try:

@@ -56,11 +56,9 @@ def bench(
     """  # fmt: skip
     from schwung.errors import InputError
     from schwung_sim.bench import Bench
-    from schwung_sim.faults import describe_faults
-    from schwung_sim.plants.concealed import describe_effects
 
     if listing:
-        typer.echo(f"{describe_effects()}\n\n{describe_faults()}")
+        _list_choices()
         return
     if clock not in ("sync", "wall"):
         raise InputError("--clock", f'is "{clock}"', "Use sync or wall.")
@@ -74,6 +72,17 @@ def bench(
         channel=str(bus_settings.pop("channel", channel or "vcan0")), bus_options=bus_settings,
     )  # fmt: skip
     machine_room.run_forever(seconds, announce=typer.echo)
+
+
+def _list_choices() -> None:
+    """What --conceal and --fault take, as the machine room describes it."""
+    from schwung_sim import faults
+    from schwung_sim.plants import concealed
+
+    typer.echo(concealed.__doc__)
+    for name, effect in concealed.EFFECTS.items():
+        typer.echo(f"    {name:22s} {effect.text}\n    {'':22s} keys: {', '.join(effect.key_names)}")
+    typer.echo(f"\n{faults.__doc__}")
 
 
 def _address(text: str) -> tuple[str, int]:

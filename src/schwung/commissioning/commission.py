@@ -80,6 +80,7 @@ def prepare(drive: Drive, profile: DeviceProfile, machine: Machine, wishes: Wish
     gains = read_gains(drive, profile)
     machine = with_control(machine, gains)
     limits = limits_of(wishes.limits, drive.limits(), machine)
+    injected = profile.quantities.torque_added
     plan = make_plan(
         machine,
         limits,
@@ -93,6 +94,7 @@ def prepare(drive: Drive, profile: DeviceProfile, machine: Machine, wishes: Wish
         frequency_hz=wishes.frequency_hz,
         amplitude_nm=wishes.amplitude_nm,
         repeats=wishes.repeats,
+        torque_held=injected is None or injected.between_syncs == "held",
     )
     forward = FeedForward(speed_share=gains.get("speed_feed_forward", 0.0))
     seen = survey(drive, plan)

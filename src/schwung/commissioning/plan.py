@@ -172,9 +172,10 @@ def make_plan(
     frequency_hz: float | None = None,
     amplitude_nm: float | None = None,
     repeats: int = 2,
+    torque_held: bool = True,
     heartbeat_s: float = 0.1,
 ) -> Plan:
-    """Fill the gaps with proposals and say why.
+    """Fill the gaps with proposals and say why. `torque_held`: the drive holds the injected torque between SYNCs.
 
     Raises InputError where a wish cannot be met by any motion (too few samples per period, PP with a profile that
     drives do not have).
@@ -216,6 +217,7 @@ def make_plan(
         amplitude_nm=amplitude_nm,
         ramp_s=RAMP_PERIODS * period,
         end_s=motion.total_s - period / 2,
+        hold_s=1 / sample_rate_hz if torque_held else None,
     )
     return Plan(
         motion=motion,

@@ -5,7 +5,6 @@ Pure: it looks at values that were read from the drive (`Survey`), never at the 
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from typing import Literal
@@ -38,8 +37,8 @@ HEAVIER = 1.5
 MIN_RIPPLE_COUNTS = 20.0
 #: An axis that the injection moves by more than this share of the stroke is no longer locally linear.
 MAX_DEVIATION_SHARE = 0.05
-#: Speed below which the axis counts as standing, as a share of the motion's peak speed.
-STANDSTILL_SHARE = 0.01
+#: Simulated instants per sample: torque clips and positions overshoot between samples, too.
+FINER = 8
 
 
 @dataclass(frozen=True)
@@ -104,7 +103,7 @@ def preflight(
 ) -> Preflight:
     """Check a plan against the drive and against the simulated motion. Never raises for what it finds."""
     reference, excited = (_simulated(run, plan, machine, feed_forward) for run in list(plan.runs())[:2])
-    predicted = _predicted(plan, machine, reference, excited)
+    predicted = _predicted(plan, reference, excited, machine)
     source, resolution_checks = _resolution(plan, seen.resolution, reference, excited)
     checks = [
         *_drive_checks(seen),
@@ -121,21 +120,27 @@ def preflight(
 def _simulated(
     run: PlannedRun, plan: Plan, machine: Machine, feed_forward: FeedForward | None, heavier: float = 1.0
 ) -> Simulated:
-    time = run.motion.time(plan.acquisition.sample_rate_hz)
+    """One run as the believed machine would make it, on a grid `FINER` times as fine as the samples."""
+    time = run.motion.time(FINER * plan.acquisition.sample_rate_hz)
     demand = run.motion.demand(time)
-    inertia = None
+    inertia, added = None, None
     if heavier != 1.0:
         inertia = heavier * float(
             np.max(machine.load_inertia_at(plan.start_position_rad + demand.position_rad))
         )
+    if run.excitation is not None:
+        held = run.excitation.hold_s is not None
+        commanded_at = time[np.arange(time.size) // FINER * FINER] if held else time
+        added = run.excitation.torque(commanded_at)
     return simulate(
         _limited(machine, plan),
         demand,
         time,
-        torque_added_nm=run.excitation.torque(time) if run.excitation else None,
+        torque_added_nm=added,
         feed_forward=feed_forward,
         inertia=inertia,
         start_rad=plan.start_position_rad,
+        hold_torque_added=True,
     )
 
 
@@ -145,27 +150,35 @@ def _limited(machine: Machine, plan: Plan) -> Machine:
     return machine.model_copy(update={"motor": motor})
 
 
-def _predicted(plan: Plan, machine: Machine, reference: Simulated, excited: Simulated) -> Estimate | None:
+def _predicted(plan: Plan, reference: Simulated, excited: Simulated, machine: Machine) -> Estimate | None:
     """What the estimator would make of the simulated recording; None where it would refuse."""
     runs = [
-        Run(
-            role=planned.role,
-            repeat=planned.repeat,
-            sample_rate_hz=plan.acquisition.sample_rate_hz,
-            time_s=simulated.time_s,
-            position_rad=simulated.position_rad,
-            speed_rad_s=simulated.speed_rad_s,
-            torque_nm=simulated.torque_nm,
-            torque_added_nm=setpoints_of(planned, plan).torque_added_nm,
-            motion=planned.motion,
-            excitation=planned.excitation,
-        )
+        _sampled(planned, plan, simulated)
         for planned, simulated in zip(plan.runs(), (reference, excited), strict=False)
     ]
     try:
         return estimate(Session(tuple(runs), created="", source="simulated"), machine)
     except SchwungError:
         return None
+
+
+def _sampled(planned: PlannedRun, plan: Plan, simulated: Simulated) -> Run:
+    """The simulated run as a drive reports it: angle and speed at SYNC, torque of the tick before it."""
+    at_sync = slice(FINER, None, FINER)
+    before_sync = slice(FINER - 1, -1, FINER)
+    position = simulated.position_rad[at_sync]
+    return Run(
+        role=planned.role,
+        repeat=planned.repeat,
+        sample_rate_hz=plan.acquisition.sample_rate_hz,
+        time_s=np.arange(position.size) / plan.acquisition.sample_rate_hz,
+        position_rad=position,
+        speed_rad_s=simulated.speed_rad_s[at_sync],
+        torque_nm=simulated.torque_nm[before_sync],
+        torque_added_nm=setpoints_of(planned, plan).torque_added_nm[: position.size],
+        motion=planned.motion,
+        excitation=planned.excitation,
+    )
 
 
 def _drive_checks(seen: Survey) -> Iterable[Check]:
@@ -204,52 +217,37 @@ def _bus(load: float) -> Iterable[Check]:
 def _resolution(
     plan: Plan, resolution: Resolution, reference: Simulated, excited: Simulated
 ) -> tuple[SpeedSource, list[Check]]:
-    """Is the ripple many counts high? If the reported speed is too coarse, derive it from position."""
+    """Is the ripple many counts high, and which speed shall be used: the reported one, or that of the position?"""
     ripple = float(np.max(np.abs(excited.speed_rad_s - reference.speed_rad_s)))
-    step_s = 1 / plan.acquisition.sample_rate_hz
-    reported = ripple / resolution.speed_rad_s
-    # Central difference over two samples; its gain at f is sin(x)/x.
-    x = 2 * math.pi * plan.excitation.frequency_hz * step_s
-    derived = ripple * (math.sin(x) / x) * 2 * step_s / resolution.position_rad
+    reported = ripple / resolution.speed_rad_s if resolution.speed_rad_s > 0 else 0.0
+    derived = ripple / (plan.acquisition.sample_rate_hz * resolution.position_rad)
+    held = plan.excitation.hold_s is not None  # then averages over a period are wanted, which positions give
+    use_position = derived > reported or (held and derived >= MIN_RIPPLE_COUNTS)
+    counts = derived if use_position else reported
+    text = f"the ripple of {ripple:.3g} rad/s is {counts:.0f} counts high"
+    if use_position:
+        why = (
+            "the injection is held between SYNCs"
+            if held and derived <= reported
+            else "the reported one is coarser"
+        )
+        text += f" in the speed derived from position ({why})"
+    if counts >= MIN_RIPPLE_COUNTS:
+        speed = Check("speed resolution", "note" if use_position and not held else "ok", text)
+    else:
+        remedy = "Inject more torque, or raise the drive's speed resolution (60A9)."
+        speed = Check("speed resolution", "warning", text, remedy)
     torque = plan.excitation.amplitude_nm / resolution.torque_nm
-    checks = []
-    source: SpeedSource = "drive"
-    if reported >= MIN_RIPPLE_COUNTS:
-        checks.append(
-            Check("speed resolution", "ok", f"the ripple of {ripple:.3g} rad/s is {reported:.0f} counts high")
-        )
-    elif derived > reported:
-        source = "position"
-        checks.append(
-            Check(
-                "speed resolution",
-                "note" if derived >= MIN_RIPPLE_COUNTS else "warning",
-                f"one count of speed is {resolution.speed_rad_s:.3g} rad/s, the ripple only {ripple:.3g} rad/s: "
-                f"speed is derived from position instead ({derived:.0f} counts)",
-                "Raise the drive's speed resolution (60A9) if it can.",
-            )
-        )
-    else:
-        checks.append(
-            Check(
-                "speed resolution",
-                "warning",
-                f"the ripple of {ripple:.3g} rad/s is only {reported:.1f} counts high",
-                "Inject more torque, or raise the drive's speed resolution (60A9).",
-            )
-        )
-    if torque < MIN_RIPPLE_COUNTS:
-        checks.append(
-            Check(
-                "torque resolution",
-                "warning",
-                f"the injected {plan.excitation.amplitude_nm:.3g} N·m are only {torque:.1f} counts of torque",
-                "Inject more torque.",
-            )
-        )
-    else:
-        checks.append(Check("torque resolution", "ok", f"the injected amplitude is {torque:.0f} counts high"))
-    return source, checks
+    coarse = torque < MIN_RIPPLE_COUNTS
+    return "position" if use_position else "drive", [
+        speed,
+        Check(
+            "torque resolution",
+            "warning" if coarse else "ok",
+            f"the injected amplitude is {torque:.{1 if coarse else 0}f} counts high",
+            "Inject more torque." if coarse else "",
+        ),
+    ]
 
 
 def _share_check(name: str, value: float, limit: float, text: str, remedy: str) -> Check:

@@ -235,18 +235,6 @@ def _judge_timing(timing: SyncTiming, max_share: float) -> None:
         )
 
 
-def derived_speed(position_rad: Array, sample_rate_hz: float, frequency_hz: float | None) -> Array:
-    """Speed (rad/s) from position by central differences, (n,); its gain at the injected frequency is put right.
-
-    A central difference over two samples has the gain sin(x)/x, x = 2πf/f_s, and no phase.
-    """
-    speed = np.gradient(position_rad) * sample_rate_hz
-    if frequency_hz is not None:
-        x = 2 * np.pi * frequency_hz / sample_rate_hz
-        speed = speed * (x / np.sin(x))
-    return np.asarray(speed)
-
-
 def _run_of(recording: Recording, planned: PlannedRun, plan: Plan, source: SpeedSource) -> Run:
     """A recording as a run: time 0 is the SYNC after the one that took the first setpoint.
 
@@ -254,9 +242,7 @@ def _run_of(recording: Recording, planned: PlannedRun, plan: Plan, source: Speed
     holds what SYNC k+1 sampled beside what was commanded with SYNC k, and its injected sine is that of `excitation`.
     """
     actual, commanded = slice(1, None), slice(None, -1)
-    position, speed = recording.position_rad[actual], recording.speed_rad_s[actual]
-    if source == "position":
-        speed = derived_speed(position, recording.sample_rate_hz, plan.excitation.frequency_hz)
+    position = recording.position_rad[actual]
     demand = recording.position_demand_rad[commanded] if plan.acquisition.mode == "csp" else None
     return Run(
         role=planned.role,
@@ -264,7 +250,7 @@ def _run_of(recording: Recording, planned: PlannedRun, plan: Plan, source: Speed
         sample_rate_hz=recording.sample_rate_hz,
         time_s=np.arange(position.size) / recording.sample_rate_hz,
         position_rad=position,
-        speed_rad_s=speed,
+        speed_rad_s=recording.speed_rad_s[actual],
         torque_nm=recording.torque_nm[actual],
         position_demand_rad=demand,
         torque_added_nm=recording.torque_added_nm[commanded],

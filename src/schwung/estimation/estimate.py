@@ -5,6 +5,7 @@ from __future__ import annotations
 from schwung.drivetrain.machine import Machine
 from schwung.errors import InputError
 from schwung.estimation.methods import Task, excited_at, method_named
+from schwung.estimation.sampling import prepared
 from schwung.estimation.sdft import samples_per_window
 from schwung.estimation.table import combine
 from schwung.estimation.trust import judge
@@ -36,6 +37,7 @@ def estimate(
     if inversion not in ("complex", "magnitude"):
         raise InputError("inversion", f'there is no "{inversion}"', 'Use "complex" or "magnitude".')
     how = method_named(method)
+    session = prepared(session)
     excited, frequency = excited_at(session, frequency_hz)
     task = Task(session, excited, machine, frequency, inversion)
     outcome = how.traces(task)

@@ -80,13 +80,19 @@ class PositionQuantity(Quantity):
     demand: Ref
 
 
+class InjectedQuantity(Quantity):
+    """The injected torque, and what the drive does with it between two SYNCs."""
+
+    between_syncs: Literal["held", "interpolated"] = "held"
+
+
 class Quantities(_Part):
     """What is sampled and commanded; speed and injection may be missing."""
 
     position: PositionQuantity
     torque: Quantity
     speed: Quantity | None = None
-    torque_added: Quantity | None = None
+    torque_added: InjectedQuantity | None = None
     acceleration: Quantity | None = (
         None  # of 6083 and 6084 where 60AA does not say it: "literal", rad/s² per count
     )

@@ -13,8 +13,9 @@ from schwung.motion.profiles import Array
 class Excitation(BaseModel):
     """amplitude·sin(2πft + phase), t the run's time; as stored in a run's `excitation` attribute.
 
-    `ramp_s` and `end_s` are Schwung's own additions: the amplitude rises as a raised cosine over `ramp_s`
-    from t = 0 and falls likewise to zero at `end_s`. Both absent: full amplitude throughout.
+    `ramp_s`, `end_s` and `hold_s` are Schwung's own additions: the amplitude rises as a raised cosine over `ramp_s`
+    from t = 0 and falls likewise to zero at `end_s` (both absent: full amplitude throughout); each value is held for
+    `hold_s`, as by a bus that sends one per SYNC (absent: a continuous sine).
     """
 
     model_config = ConfigDict(frozen=True, extra="allow")
@@ -25,6 +26,7 @@ class Excitation(BaseModel):
     phase_rad: float = Field(default=0.0, allow_inf_nan=False)
     ramp_s: float | None = Field(default=None, ge=0, allow_inf_nan=False)
     end_s: float | None = Field(default=None, ge=0, allow_inf_nan=False)
+    hold_s: float | None = Field(default=None, gt=0, allow_inf_nan=False)
 
     def envelope(self, time: Array) -> Array:
         """Share of the full amplitude at the given instants (s), (n,), 0…1."""

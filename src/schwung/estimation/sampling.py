@@ -1,0 +1,83 @@
+"""What a run's samples say about the time between them.
+
+An injected torque that a bus refreshes once per SYNC is a staircase. Sampled once per step, its images at f_s ± f
+fall upon f, and the reported value belongs to the step, not to the instant: a machine of 0.11 kg·m² would be
+estimated as 0.102. Averages over one step have neither error. The speed's average is the difference of two
+positions over the step, and the torque's is the step itself plus the controller's share, which is smooth.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from schwung.motion import Array
+from schwung.session.model import Run, Session
+
+#: Tolerated difference between the time a torque is held and the sampling period, as a share of the latter.
+SAME_PERIOD = 0.01
+
+
+def prepared(session: Session) -> Session:
+    """The session as the methods take it: held injections averaged over each step, coarse speed replaced.
+
+    A run says `hold_s` in its excitation where the injection was held for so long (its reference is averaged alike),
+    and "position" in the attribute `speed_source` where its reported speed is too coarse to be used.
+    """
+    held = any(_is_held(run) for run in session.runs)
+    return replace(session, runs=tuple(_averaged(run) if held else _with_speed(run) for run in session.runs))
+
+
+def _is_held(run: Run) -> bool:
+    hold = run.excitation.hold_s if run.excitation else None
+    return (
+        hold is not None
+        and abs(hold * run.sample_rate_hz - 1) < SAME_PERIOD
+        and run.torque_added_nm is not None
+    )
+
+
+def _averaged(run: Run) -> Run:
+    """Averages over the steps between samples, one sample fewer, at the middle of each step.
+
+    `torque_added` of a sample is what was in force over the step that ends with it.
+    """
+    added = run.torque_added_nm if run.torque_added_nm is not None else np.zeros(len(run))
+    controller = run.torque_nm - added
+    speed = _middle(run.speed_rad_s)
+    if run.extra.get("speed_source") != "drive":
+        speed = np.diff(run.position_rad) * run.sample_rate_hz
+    return replace(
+        run,
+        time_s=run.time_s[1:] - 0.5 / run.sample_rate_hz,
+        position_rad=_middle(run.position_rad),
+        speed_rad_s=speed,
+        torque_nm=added[1:] + _middle(controller),
+        torque_added_nm=None if run.torque_added_nm is None else added[1:],
+        position_demand_rad=None if run.position_demand_rad is None else _middle(run.position_demand_rad),
+    )
+
+
+def _middle(values: Array) -> Array:
+    return (values[1:] + values[:-1]) / 2
+
+
+def _with_speed(run: Run) -> Run:
+    """The run, with its speed derived from position where the reported one is too coarse."""
+    if run.extra.get("speed_source") != "position":
+        return run
+    frequency = run.excitation.frequency_hz if run.excitation else None
+    return replace(run, speed_rad_s=derived_speed(run.position_rad, run.sample_rate_hz, frequency))
+
+
+def derived_speed(position_rad: Array, sample_rate_hz: float, frequency_hz: float | None) -> Array:
+    """Speed (rad/s) from position by central differences, (n,); its gain at the injected frequency is put right.
+
+    A central difference over two samples has the gain sin(x)/x, x = 2πf/f_s, and no phase.
+    """
+    speed = np.gradient(position_rad) * sample_rate_hz
+    if frequency_hz is not None:
+        x = 2 * np.pi * frequency_hz / sample_rate_hz
+        speed = speed * (x / np.sin(x))
+    return np.asarray(speed)

@@ -1,0 +1,81 @@
+"""A bench drive on a virtual bus, connected through the real driver, as the command line would."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from itertools import count
+from pathlib import Path
+
+import numpy as np
+
+from schwung.commissioning import Commissioned, Prepared, Wishes, carry_out, prepare
+from schwung.drivetrain import Coupling, Load, Machine, Motor
+from schwung.fieldbus.canopen import BusOptions, CanopenDrive, open_bus
+from schwung.fieldbus.profile import DeviceProfile, load_profile
+from schwung_sim.bench import Bench
+
+_channels = count()
+
+
+def guessed_machine(load_inertia: float = 0.11) -> Machine:
+    """What an engineer knows beforehand: data sheets and a guess of the load. The gains are the drive's."""
+    return Machine(
+        name="bench machine",
+        motor=Motor(inertia_kgm2=0.012, viscous_friction_nms=0.2, peak_torque_nm=233.0),
+        coupling=Coupling(stiffness_nm_rad=24963.0, damping_nms=8.62),
+        load=Load(viscous_friction_nms=0.1, inertia_kgm2=load_inertia),
+    )
+
+
+class Silence:
+    """An observer that keeps the notes."""
+
+    def __init__(self) -> None:
+        self.notes: list[str] = []
+
+    def phase(self, text: str) -> None: ...
+
+    def progress(self, done: int, total: int) -> None: ...
+
+    def note(self, text: str) -> None:
+        self.notes.append(text)
+
+
+@dataclass
+class Desk:
+    """Bench, drive and profile, connected."""
+
+    bench: Bench
+    drive: CanopenDrive
+    profile: DeviceProfile
+
+    def wishes(self, **changes: object) -> Wishes:
+        arguments: dict[str, object] = {"distance_rad": np.pi, "duration_s": 0.25, "repeats": 1, **changes}
+        return Wishes(**arguments)  # type: ignore[arg-type]  # by name
+
+    def prepare(self, **changes: object) -> Prepared:
+        return prepare(self.drive, self.profile, guessed_machine(), self.wishes(**changes))
+
+    def commission(self, out: Path, **changes: object) -> Commissioned:
+        out.mkdir(exist_ok=True)
+        wishes = self.wishes(**changes)
+        return carry_out(self.drive, self.prepare(**changes), out, Silence(), wishes.max_jitter_share)
+
+
+@contextmanager
+def desk(plant: str = "two-mass", sync: str = "auto", **bench_options: object) -> Iterator[Desk]:
+    """A connected desk; both ends are closed at the end."""
+    channel = f"desk-{next(_channels)}"
+    profile = load_profile("schwung-bench")
+    with Bench(plant, channel=channel, node_id=1, **bench_options) as bench:  # type: ignore[arg-type]  # by name
+        bus = open_bus(BusOptions("virtual", channel, 1_000_000))
+        try:
+            drive = CanopenDrive(bus, 1, profile, bit_rate=1_000_000, sync=sync)  # type: ignore[arg-type]  # a literal
+            try:
+                yield Desk(bench, drive, profile)
+            finally:
+                drive.close()
+        finally:
+            bus.shutdown()

@@ -1,0 +1,151 @@
+"""Commissioning through the whole bus chain: right numbers, and every fault ends with a stopped drive."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import h5py
+import numpy as np
+import pytest
+from bench_machine import Desk, Silence, desk
+
+from schwung.commissioning import (
+    ExportChoice,
+    LimitWishes,
+    export_table,
+    following_error_rms,
+    read_backup,
+    repeat_reference,
+)
+from schwung.errors import DriveError, RefusedError, SampleLossError, SchwungError
+from schwung.estimation import estimate
+from schwung.session import read_session
+
+CHANGED = [
+    (0x6060, 0),
+    (0x1016, 1),
+    (0x1017, 0),
+    (0x1400, 2),
+    (0x1600, 0),
+    (0x1A00, 1),
+    (0x1800, 2),
+    (0x6007, 0),
+]
+
+
+def _values(room: Desk) -> dict[tuple[int, int], object]:
+    return {key: room.drive.read(room.drive.parameter(*key)).raw for key in CHANGED}
+
+
+def _is_off(room: Desk) -> bool:
+    return not room.bench.servo.power.energised
+
+
+def _comes_to_rest(room: Desk) -> bool:
+    """Out of operation and standing: off, in fault, or held in quick stop (605A = 6)."""
+    return bool(room.bench.servo.settle(3.0)) and abs(room.bench.axis.speed_rad_s) < 0.5
+
+
+@pytest.mark.parametrize("plant", ["two-mass", "slider-crank"])
+def test_the_inertia_comes_out_through_the_bus_and_the_drive_is_as_before(plant: str, tmp_path: Path) -> None:
+    with desk(plant, seed=5) as room:
+        before = _values(room)
+        done = room.commission(tmp_path / "out")
+        table = done.estimate.table
+        error = table.inertia_kgm2 - room.bench.plant.true_inertia(table.position_rad)
+        assert np.sqrt(np.mean(error**2)) <= 0.003
+        assert done.contrast is not None
+        former = done.contrast.table
+        worse = former.inertia_kgm2 - room.bench.plant.true_inertia(former.position_rad)
+        assert np.sqrt(np.mean(worse**2)) > 5 * np.sqrt(np.mean(error**2))
+        assert _values(room) == before
+        assert _is_off(room)
+        assert read_backup(tmp_path / "out" / "setup.backup.json").restored
+
+
+def test_following_error_falls_five_times_after_the_export(tmp_path: Path) -> None:
+    with desk(seed=6) as room:
+        done = room.commission(tmp_path / "out")
+        export_table(
+            room.drive,
+            room.profile,
+            done.estimate.table,
+            ExportChoice(),
+            backup_path=tmp_path / "e.backup.json",
+        )
+        after = repeat_reference(room.drive, done.prepared, tmp_path / "out", Silence())
+        before_rms, after_rms = following_error_rms(done.recorded.runs[0]), following_error_rms(after)
+        assert before_rms is not None
+        assert after_rms is not None
+        assert before_rms / after_rms >= 5
+        assert len(read_backup(tmp_path / "e.backup.json").changes) == 68
+
+
+def test_profile_position_gives_the_same_table(tmp_path: Path) -> None:
+    with desk(seed=7) as room:
+        by_setpoints = room.commission(tmp_path / "csp").estimate.table
+        by_moves = room.commission(tmp_path / "pp", mode="pp").estimate.table
+        shared = by_moves.position_rad[(by_moves.position_rad > 0.1) & (by_moves.position_rad < 3.0)]
+        assert np.max(np.abs(by_moves.at(shared) - by_setpoints.at(shared))) < 0.006
+
+
+def test_an_injection_held_between_syncs_has_to_be_known_as_such(tmp_path: Path) -> None:
+    """The bench drive holds 60B2 as most drives do; estimated as if it were continuous the table is biased."""
+    with desk(seed=7) as room:
+        done = room.commission(tmp_path / "out")
+        truth = room.bench.plant.true_inertia(done.estimate.table.position_rad)
+    unsaid = tuple(
+        replace(
+            run, excitation=run.excitation and run.excitation.model_copy(update={"hold_s": None}), extra={}
+        )
+        for run in done.session.runs
+    )
+    naive = estimate(replace(done.session, runs=unsaid), done.prepared.machine).table
+    rms, naive_rms = (np.sqrt(np.mean((t.inertia_kgm2 - truth) ** 2)) for t in (done.estimate.table, naive))
+    assert naive_rms > 3 * rms
+
+
+def test_a_session_read_from_disk_gives_the_very_same_estimate(tmp_path: Path) -> None:
+    with desk(seed=8) as room:
+        done = room.commission(tmp_path / "out")
+    again = estimate(read_session(done.session_path), done.prepared.machine)
+    assert np.array_equal(again.table.inertia_kgm2, done.estimate.table.inertia_kgm2)
+
+
+def test_a_motion_out_of_the_window_is_refused_before_the_drive_is_touched(tmp_path: Path) -> None:
+    with desk() as room:
+        before = _values(room)
+        with pytest.raises(RefusedError, match="room to move"):
+            room.commission(tmp_path / "out", limits=LimitWishes(position_max_rad=2.0))
+        assert _values(room) == before
+        assert not (tmp_path / "out" / "session.h5").exists()
+
+
+@pytest.mark.parametrize(
+    ("fault", "words"),
+    [
+        ("reset@on+1.2", "restart|boot"),
+        ("emcy=0x4310@on+1.2", "0x4310|4310"),
+        ("following-error@on+1.2", "0x8611|8611|following"),
+        ("heartbeat-stop@on+0.05", "heartbeat"),
+        ("bus-off@on+1.2", "heartbeat|answer|bus"),
+        ("second-master=0x0006@on+1.2", "master|left"),
+        ("drop=0.01@on+0.3", "lost|answer"),
+        ("sdo-abort=0x6060", "6060"),
+        ("sdo-timeout=0x6060", "6060.*answer|answer"),
+    ],
+)
+def test_a_fault_ends_with_a_sentence_a_stopped_drive_and_what_was_recorded(
+    fault: str, words: str, tmp_path: Path
+) -> None:
+    with desk(seed=9, faults=fault) as room:
+        with pytest.raises(SchwungError, match=rf"(?i){words}") as caught:
+            room.commission(
+                tmp_path / "out", repeats=6
+            )  # longer than a missing heartbeat takes to be noticed
+        assert isinstance(caught.value, DriveError | SampleLossError)
+        assert len(str(caught.value)) < 400
+        room.drive.close()
+        assert _comes_to_rest(room)
+        if "@on+1.2" in fault:
+            with h5py.File(tmp_path / "out" / "session.h5") as file:
+                assert len(file["run"]) >= 1 or len(file["partial"]) >= 1
