@@ -72,7 +72,7 @@ def test_following_error_falls_five_times_after_the_export(tmp_path: Path) -> No
             ExportChoice(),
             backup_path=tmp_path / "e.backup.json",
         )
-        after = repeat_reference(room.drive, done.prepared, tmp_path / "out", Silence())
+        after = repeat_reference(room.drive, done.prepared, tmp_path / "out", "verification", Silence())
         before_rms, after_rms = following_error_rms(done.recorded.runs[0]), following_error_rms(after)
         assert before_rms is not None
         assert after_rms is not None

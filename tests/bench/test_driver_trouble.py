@@ -122,7 +122,7 @@ def test_a_fault_is_only_reset_on_request_and_energises_nothing() -> None:
             drive.play(LONG)
         assert bench.servo.settle(2.0)
         drive.disable()
-        with pytest.raises(DriveFaultError, match=r"fault is present.*0x4310"):
+        with pytest.raises(DriveFaultError, match="0x4310"):
             drive.enable()
         assert bench.servo.power.state is Power.FAULT
         drive.reset_fault()

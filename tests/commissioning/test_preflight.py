@@ -67,11 +67,14 @@ def test_a_full_bus_is_stopped_and_a_busy_one_warned_of() -> None:
         assert _severity(_flight(plan, replace(_survey(plan), bus_load=load)), "bus load") == severity
 
 
-def test_a_drive_in_fault_or_without_injection_is_stopped() -> None:
+def test_a_drive_in_fault_energised_or_without_injection_is_stopped() -> None:
     plan = _plan()
     fault = replace(_survey(plan), state=DriveState("OPERATIONAL", "Fault", 0.0, "0x8611 following error"))
     with pytest.raises(RefusedError, match="0x8611"):
         _flight(plan, fault).require()
+    held = replace(_survey(plan), state=DriveState("OPERATIONAL", "Quick stop active", 0.0))
+    with pytest.raises(RefusedError, match="energised already"):
+        _flight(plan, held).require()
     lacking = replace(_survey(plan), capabilities=(Capability("torque injection", False, "60B2 is missing"),))
     with pytest.raises(RefusedError, match="60B2"):
         _flight(plan, lacking).require()

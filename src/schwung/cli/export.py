@@ -34,7 +34,16 @@ def export(
         typer.Option(help="Write a DCF (CiA 306) for the profile's EDS instead of asking a drive."),
     ] = None,
     store: Annotated[bool, typer.Option(help="Save in the drive's memory (1010).")] = True,
-    backup: Annotated[Path, typer.Option(help="Where the old values go.")] = Path("export.backup.json"),
+    verify: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="SESSION", help="Make this session's reference motion before and after. Needs --machine."
+        ),
+    ] = None,
+    machine: Annotated[
+        Path | None, typer.Option("-m", "--machine", help="The believed machine, for --verify: machine.toml.")
+    ] = None,
+    out: Annotated[Path | None, typer.Option(help="Folder for the backup; default: schwung-<time>.")] = None,
     dry_run: Annotated[bool, typer.Option("--dry-run", help="Show what would be written.")] = False,
     yes: Yes = False,
     interface: Interface = None,
@@ -47,19 +56,33 @@ def export(
 ) -> None:
     """Write an inertia table into a drive: written, read back, compared, stored; the old values are backed up.
 
+    With --verify the machine moves: the following error is measured before and after.
+
     [bold]Examples[/]
 
       schwung export inertia.csv -i socketcan -c can0 -n 3
+
+      schwung export inertia.csv -i socketcan -c can0 -n 3 --verify session.h5 -m machine.toml
 
       schwung export inertia.csv --as max -i socketcan -c can0 -n 3 --dry-run
 
       schwung export inertia.csv --profile schwung-bench -n 3 --dcf drive.dcf
     """
-    from schwung.cli.console import Terminal
+    from schwung.cli.commission import output_folder
+    from schwung.cli.console import Terminal, observing
     from schwung.cli.drives import open_drive
-    from schwung.commissioning import export_table, export_values, parse_choice
-    from schwung.drivetrain import read_inertia_csv
+    from schwung.cli.flow import Verification, export_summary, show_plan, show_verification
+    from schwung.commissioning import (
+        export_table,
+        export_values,
+        parse_choice,
+        prepare,
+        repeat_reference,
+        wishes_of,
+    )
+    from schwung.drivetrain import load_machine, read_inertia_csv
     from schwung.errors import InputError, RefusedError
+    from schwung.session import read_session
 
     terminal = Terminal(json_output)
     inertia, choice = read_inertia_csv(table), parse_choice(form)
@@ -70,23 +93,48 @@ def export(
         terminal.say(f"{written} parameters in [bold]{dcf}[/]")
         terminal.result({"dcf": str(dcf), "parameters": written})
         return
+    if (verify is None) != (machine is None):
+        raise InputError(
+            "--verify", "needs both a session and a machine file", "Give --verify and --machine."
+        )
+    wishes = wishes_of(read_session(verify)) if verify else None
+    believed = load_machine(machine) if machine else None
     with open_drive(bus_options(interface, channel, bitrate, bus), node, profile) as opened:
-        values = export_values(opened.drive.parameter, opened.profile, inertia, choice)
-        rows = [(v.parameter.label, opened.drive.read(v.parameter).raw, v.raw) for v in values]
+        drive = opened.drive
+        values = export_values(drive.parameter, opened.profile, inertia, choice)
+        rows = [(v.parameter.label, drive.read(v.parameter).raw, v.raw) for v in values]
         terminal.table("Parameters", ("object", "now", "new"), rows)
-        document = {"parameters": [{"parameter": p, "old": o, "new": n} for p, o, n in rows]}
+        document: dict[str, object] = {
+            "parameters": [{"parameter": p, "old": o, "new": n} for p, o, n in rows]
+        }
+        prepared = None
+        if wishes is not None and believed is not None:
+            prepared = prepare(drive, opened.profile, believed, wishes)
+            show_plan(terminal, prepared)
+            prepared.preflight.require()
         if dry_run:
-            terminal.say("Dry run: nothing was written.")
-        elif yes or typer.confirm("Write these parameters?", err=json_output):
-            done = export_table(
-                opened.drive, opened.profile, inertia, choice, backup_path=backup, store=store
+            terminal.say("Dry run: nothing was written, nothing moved.")
+            terminal.result(document)
+            return
+        question = "Write these parameters, and move the machine?" if prepared else "Write these parameters?"
+        if not (yes or typer.confirm(question, err=json_output)):
+            raise RefusedError("export", "you said no", "Nothing was written, nothing moved.")
+        folder = output_folder(out)
+        with observing(terminal) as observer:
+            before = repeat_reference(drive, prepared, folder, "before", observer) if prepared else None
+            observer.phase(f"Writing {len(values)} parameters")
+            exported = export_table(
+                drive, opened.profile, inertia, choice, backup_path=folder / "export.backup.json", store=store
             )
-            terminal.say(
-                f"{len(done.changes)} parameters written, read back equal{', stored' if done.stored else ''}; "
-                f"the old values are in [bold]{backup}[/]"
-            )
-        else:
-            raise RefusedError("export", "you said no", "Nothing was written.")
+            after = repeat_reference(drive, prepared, folder, "after", observer) if prepared else None
+    terminal.say(
+        f"{len(exported.changes)} parameters written, read back equal{', stored' if exported.stored else ''}; "
+        f"the old values are in [bold]{exported.backup_path}[/]"
+    )
+    if before is not None and after is not None:
+        verification = Verification(exported, before, after)
+        show_verification(terminal, verification)
+        document["export"] = export_summary(verification)
     terminal.result(document)
 
 

@@ -116,15 +116,20 @@ def _export_and_verify(
         f"{', stored' if exported.stored else ''}; the old values are in {exported.backup_path}"
     )
     with observing(terminal) as observer:
-        after = repeat_reference(drive, done.prepared, out, observer)
+        after = repeat_reference(drive, done.prepared, out, "verification", observer)
     verification = Verification(exported, done.recorded.runs[0], after)
+    show_verification(terminal, verification)
+    return verification
+
+
+def show_verification(terminal: Terminal, verification: Verification) -> None:
+    """What the export did to the following error."""
     before_rms, after_rms = verification.before_rms_rad, verification.after_rms_rad
     if before_rms and after_rms:
         terminal.say(
             f"Following error RMS: {before_rms * 1e3:.3f} mrad before, {after_rms * 1e3:.3f} mrad after the export, "
             f"[bold]{before_rms / after_rms:.1f}[/] times smaller"
         )
-    return verification
 
 
 def show_plan(terminal: Terminal, prepared: Prepared) -> None:
@@ -239,13 +244,18 @@ def _summary(
         },
     }
     if verification is not None:
-        before, after = verification.before_rms_rad, verification.after_rms_rad
-        summary["export"] = {
-            "parameters": len(verification.exported.changes),
-            "stored": verification.exported.stored,
-            "backup": str(verification.exported.backup_path),
-            "following_error_rms_before_rad": before,
-            "following_error_rms_after_rad": after,
-            "improvement": before / after if before and after else None,
-        }
+        summary["export"] = export_summary(verification)
     return summary
+
+
+def export_summary(verification: Verification) -> dict[str, Any]:
+    """An export and its effect, for machines."""
+    before, after = verification.before_rms_rad, verification.after_rms_rad
+    return {
+        "parameters": len(verification.exported.changes),
+        "stored": verification.exported.stored,
+        "backup": str(verification.exported.backup_path),
+        "following_error_rms_before_rad": before,
+        "following_error_rms_after_rad": after,
+        "improvement": before / after if before and after else None,
+    }

@@ -8,6 +8,7 @@ from schwung.commissioning.commission import (
     contrast_of,
     prepare,
     repeat_reference,
+    wishes_of,
 )
 from schwung.commissioning.export import ExportChoice, Exported, export_table, export_values, parse_choice
 from schwung.commissioning.journal import (
@@ -49,4 +50,5 @@ __all__ = [
     "read_backup",
     "repeat_reference",
     "restore_backup",
+    "wishes_of",
 ]

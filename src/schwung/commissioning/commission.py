@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
@@ -12,7 +11,7 @@ from schwung.commissioning.plan import LimitWishes, Plan, PlannedRun, limits_of,
 from schwung.commissioning.preflight import Preflight, Survey, preflight, survey, with_control
 from schwung.commissioning.procedure import MAX_JITTER_SHARE, Observer, Recorded, record
 from schwung.drivetrain import FeedForward, Machine
-from schwung.errors import SchwungError
+from schwung.errors import InputError, SchwungError
 from schwung.estimation import Estimate, estimate
 from schwung.fieldbus.drive import Drive, OperatingMode
 from schwung.fieldbus.profile import DeviceProfile, ScaledObject
@@ -163,16 +162,16 @@ def contrast_of(session: Session, machine: Machine) -> Estimate | None:
         return None
 
 
-def repeat_reference(drive: Drive, prepared: Prepared, out: Path, observer: Observer) -> Run:
-    """Make the reference motion once more, as after an export, into `verification.h5`; returns the run."""
-    journal = ParameterJournal(drive, out / "verification.backup.json", drive.describe())
+def repeat_reference(drive: Drive, prepared: Prepared, out: Path, name: str, observer: Observer) -> Run:
+    """Make the reference motion once more, as before or after an export, into `out/name.h5`; returns the run."""
+    journal = ParameterJournal(drive, out / f"{name}.backup.json", drive.describe())
     plan = replace(prepared.plan, repeats=1)
     only = (PlannedRun("reference", 0, plan.motion, None),)
     recorded = record(
         drive,
         plan,
         prepared.preflight,
-        session_path=out / "verification.h5",
+        session_path=out / f"{name}.h5",
         journal=journal,
         observer=observer,
         settings=settings_of(plan),
@@ -181,6 +180,30 @@ def repeat_reference(drive: Drive, prepared: Prepared, out: Path, observer: Obse
     return recorded.runs[0]
 
 
-def drive_record(session: Session) -> Mapping[str, Any]:
-    """What the session says about its drive; empty on imports."""
-    return session.drive or {}
+def wishes_of(session: Session) -> Wishes:
+    """The wishes that lead to a recorded session's motion again, within the limits that it had.
+
+    Raises InputError where the session was not recorded by Schwung.
+    """
+    settings = (session.drive or {}).get("settings") or {}
+    motion = next((run.motion for run in session.references if run.motion is not None), None)
+    try:
+        limits = LimitWishes(**settings["limits"])
+        mode: OperatingMode = "pp" if settings["mode"] == "pp" else "csp"
+    except (KeyError, TypeError):
+        limits, mode = None, "csp"
+    if motion is None or limits is None:
+        raise InputError(
+            "session",
+            "does not say which motion was made within which limits",
+            "Take one that Schwung recorded.",
+        )
+    return Wishes(
+        distance_rad=motion.distance_rad,
+        duration_s=motion.duration_s,
+        limits=limits,
+        kind=motion.kind,
+        returns=motion.returns,
+        mode=mode,
+        sample_rate_hz=session.references[0].sample_rate_hz,
+    )

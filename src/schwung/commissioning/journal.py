@@ -30,6 +30,8 @@ class ParameterAccess(Protocol):
 
     def write(self, values: Sequence[ParameterValue]) -> None: ...
 
+    def disable(self) -> None: ...
+
 
 @dataclass(frozen=True)
 class Change:
@@ -188,7 +190,9 @@ def read_backup(path: Path) -> Backup:
 def restore_backup(drive: ParameterAccess, path: Path, force: bool = False) -> tuple[ParameterValue, ...]:
     """Write the old values of a backup file to the drive that it was taken from, and mark the file as restored.
 
-    Returns what was written. Raises RefusedError where the drive is another one (1018 differs), unless forced.
+    The power stage is switched off first, after standstill. Returns what was written.
+
+    Raises RefusedError where the drive is another one (1018 differs), unless forced.
     """
     backup = read_backup(path)
     was, now = backup.drive.get("identity") or {}, drive.identity
@@ -200,6 +204,7 @@ def restore_backup(drive: ParameterAccess, path: Path, force: bool = False) -> t
                 "Connect the right drive, or insist with --force.",
             )
     values = first_values(backup.changes)
+    drive.disable()  # a drive that stopped by itself may still hold the axis
     drive.write(values)
     document = json.loads(path.read_text(encoding="utf-8"))
     document["restored"] = _now()

@@ -193,6 +193,13 @@ def _drive_checks(seen: Survey) -> Iterable[Check]:
             f"the drive is in {seen.state.cia402}{f' ({seen.state.error})' if seen.state.error else ''}",
             "Mend the cause and reset the fault; Schwung does not do it for you.",
         )
+    elif seen.state.cia402.lower() in ("operation enabled", "quick stop active"):
+        yield Check(
+            "drive state",
+            "stop",
+            f"the drive is energised already ({seen.state.cia402})",
+            "Switch it off in whatever holds it; after a crash of ours, `schwung restore` does.",
+        )
     else:
         yield Check("drive state", "ok", f"{seen.state.nmt.lower()}, {seen.state.cia402.lower()}")
     for capability in seen.capabilities:

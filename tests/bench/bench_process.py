@@ -1,0 +1,65 @@
+"""The bench and the tool as two processes on a loopback TCP bus."""
+
+from __future__ import annotations
+
+import re
+import subprocess
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+MACHINE = """\
+name = "bench machine"
+[motor]
+inertia = 0.012
+viscous_friction = 0.2
+peak_torque = 233.0
+[coupling]
+stiffness = 24963.0
+damping = 8.62
+[load]
+viscous_friction = 0.1
+inertia = 0.11
+"""
+
+
+@contextmanager
+def bench_process(*options: str) -> Iterator[list[str]]:
+    """A bench in its own process; yields the bus options of the tool."""
+    process = subprocess.Popen(
+        [sys.executable, "-m", "schwung", "bench", "--tcp", "127.0.0.1:0", "--seconds", "100", *options],
+        stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True,
+    )  # fmt: skip
+    try:
+        assert process.stdout is not None
+        line = process.stdout.readline()
+        found = re.search(r"channel=(\S+) host=(\S+) port=(\d+)", line)
+        assert found, line + process.stdout.read()
+        yield ["-i", "socketcand", "-c", found[1], "--bus", f"host={found[2]}", "--bus", f"port={found[3]}"]
+    finally:
+        process.terminate()
+        process.wait(10)
+        assert process.stdout is not None
+        process.stdout.close()
+
+
+def schwung(*arguments: str, timeout_s: float = 60) -> subprocess.CompletedProcess[str]:
+    """Run the tool to its end."""
+    return subprocess.run(
+        [sys.executable, "-m", "schwung", *arguments],
+        capture_output=True,
+        text=True,
+        timeout=timeout_s,
+        check=False,
+    )
+
+
+def commission_arguments(folder: Path, bus: list[str], *more: str) -> list[str]:
+    """A commissioning of the bench's machine into folder/out."""
+    machine = folder / "machine.toml"
+    machine.write_text(MACHINE)
+    return [
+        "commission", "-m", str(machine), "--distance", "180deg", "--duration", "250ms", "-y",
+        "--out", str(folder / "out"), *bus, *more,
+    ]  # fmt: skip

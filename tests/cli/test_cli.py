@@ -1,0 +1,152 @@
+"""The command line: quick to answer, one sentence for every mistake, JSON beside the words."""
+
+import json
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from schwung.cli import main
+
+BELIEF = """\
+name = "m"
+[motor]
+inertia = 0.012
+viscous_friction = 0.2
+peak_torque = 233.0
+[load]
+viscous_friction = 0.1
+inertia = 0.11
+"""
+
+
+@pytest.fixture
+def machine(tmp_path: Path) -> str:
+    path = tmp_path / "machine.toml"
+    path.write_text(BELIEF)
+    return str(path)
+
+
+def _run(capsys: pytest.CaptureFixture[str], *arguments: str) -> tuple[int, str, str]:
+    with pytest.raises(SystemExit) as ended:
+        main(list(arguments))
+    out, err = capsys.readouterr()
+    return int(ended.value.code or 0), out, err
+
+
+def test_help_loads_nothing_heavy() -> None:
+    code = "import sys, schwung.cli; print(sorted({m.split('.')[0] for m in sys.modules}))"
+    loaded = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout
+    for heavy in ("numpy", "scipy", "numba", "h5py", "pydantic", "can", "canopen", "matplotlib", "mujoco"):
+        assert f"'{heavy}'" not in loaded
+
+
+@pytest.mark.parametrize(
+    "command", ["", "demo", "scan", "commission", "estimate", "export", "restore", "report", "bench"]
+)
+def test_every_command_has_help_with_examples(capsys: pytest.CaptureFixture[str], command: str) -> None:
+    code, out, _ = _run(capsys, *filter(None, [command]), "--help")
+    assert code == 0
+    assert "schwung" in out
+    assert command == "" or "Examples" in out
+
+
+def test_the_version_is_told(capsys: pytest.CaptureFixture[str]) -> None:
+    code, out, _ = _run(capsys, "--version")
+    assert code == 0
+    assert out.startswith("schwung 0.")
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (["estimate", "none.h5", "-m", "MACHINE"], "none.h5"),
+        (["estimate", "none.h5", "-m", "none.toml"], "none.toml"),
+        (["report", "MACHINE", "-m", "MACHINE"], "machine.toml"),
+        (["restore", "MACHINE"], "JSON"),
+        (["restore", "none.json"], "does not exist"),
+        (["export", "MACHINE"], "machine.toml"),
+        (["scan", "-i", "nonsense", "-c", "x"], "nonsense"),
+        (["scan", "-i", "virtual", "-c", "x", "--nodes", "0-5"], "--nodes"),
+        (["scan", "-i", "virtual", "-c", "x", "--bus", "host"], "key=value"),
+        (
+            [
+                "commission",
+                "-m",
+                "MACHINE",
+                "--distance",
+                "1",
+                "--duration",
+                "1",
+                "-i",
+                "virtual",
+                "--mode",
+                "x",
+            ],
+            "--mode",
+        ),
+        (
+            ["commission", "-m", "MACHINE", "--distance", "1", "--duration", "1", "-i", "virtual", "-c", "q"],
+            "node 1",
+        ),
+        (["bench"], "one bus"),
+        (["bench", "--tcp", "here"], "--tcp"),
+        (["bench", "--tcp", "127.0.0.1:0", "--conceal", "magic=1"], "magic"),
+        (["bench", "--tcp", "127.0.0.1:0", "--fault", "magic"], "magic"),
+        (["bench", "--tcp", "127.0.0.1:0", "--plant", "magic"], "magic"),
+    ],
+)
+def test_a_mistake_is_one_sentence_with_its_place(
+    capsys: pytest.CaptureFixture[str], machine: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch,
+    arguments: list[str], words: str,
+) -> None:  # fmt: skip
+    monkeypatch.chdir(tmp_path)
+    given = [machine if argument == "MACHINE" else argument for argument in arguments]
+    code, _, err = _run(capsys, *given)
+    assert code == 2, err
+    assert words in err
+    assert "Traceback" not in err
+
+
+@pytest.mark.parametrize("text", ["abc", "1e", "3 furlongs", "--"])
+def test_nonsense_quantities_are_refused_by_name(
+    capsys: pytest.CaptureFixture[str], machine: str, text: str
+) -> None:
+    code, _, err = _run(capsys, "commission", "-m", machine, f"--distance={text}", "--duration", "1")
+    assert code == 2
+    assert "--distance" in err
+
+
+def test_errors_come_as_json_too(capsys: pytest.CaptureFixture[str], machine: str) -> None:
+    code, out, _ = _run(capsys, "estimate", "none.h5", "-m", machine, "--json")
+    assert code == 2
+    assert json.loads(out)["exit_code"] == 2
+
+
+def test_the_demo_commissions_and_says_where_the_report_lies(
+    capsys: pytest.CaptureFixture[str], tmp_path: Path
+) -> None:
+    code, out, _ = _run(capsys, "demo", "--out", str(tmp_path / "d"), "--json")
+    assert code == 0
+    result = json.loads(out)
+    assert result["rmse_kgm2"] <= 0.003
+    assert result["former_rmse_kgm2"] > 5 * result["rmse_kgm2"]
+    assert result["export"]["improvement"] >= 5
+    assert Path(result["files"]["report"]).stat().st_size > 10_000
+    code, out, _ = _run(
+        capsys, "report", str(tmp_path / "d/session.h5"), "-m", str(tmp_path / "d/machine.toml"),
+        "--out", str(tmp_path / "again.html"), "--figures", str(tmp_path / "pictures"), "--json",
+    )  # fmt: skip
+    assert code == 0
+    assert all(Path(name).stat().st_size > 1000 for name in json.loads(out)["figures"])
+    code, _, err = _run(capsys, "demo", "--out", str(tmp_path / "d"))
+    assert code == 2
+    assert "holds a session already" in err
+
+
+def test_listing_shows_every_effect_and_fault(capsys: pytest.CaptureFixture[str]) -> None:
+    code, out, _ = _run(capsys, "bench", "--list")
+    assert code == 0
+    for word in ("coulomb_friction", "inertia_profile_shift", "torque_nm", "heartbeat-stop"):
+        assert word in out
