@@ -5,6 +5,7 @@ from __future__ import annotations
 import contextlib
 import json
 import shutil
+import socket
 import subprocess
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
@@ -14,6 +15,9 @@ import can
 from can.util import cast_from_string, load_config
 
 from schwung.errors import BusError, InputError
+
+_SO_RCVBUFFORCE = 33  # asm-generic/socket.h; not in the socket module
+_RECEIVE_BYTES = 4 << 20
 
 ASSUMED_BIT_RATE = 1_000_000  # where nobody says: the one at which 1 kHz exchange is usual
 
@@ -76,13 +80,27 @@ def open_bus(options: BusOptions) -> can.BusABC:
         raise InputError("bus option receive_own_messages", "must not be set", "Leave it out.")
     where = f"{config['interface']} {config.get('channel', '')}".strip()
     try:
-        return can.Bus(ignore_config=True, **config)
+        bus = can.Bus(ignore_config=True, **config)
     except (can.CanInterfaceNotImplementedError, ValueError, TypeError) as error:
         raise InputError(f"bus {where}", str(error), _REMEDY) from error
     except (can.CanError, OSError, TimeoutError) as error:
         raise BusError(
             f"bus {where}", f"cannot be opened ({error})", "Is the adapter plugged in and the interface up?"
         ) from error
+    _widen(bus)
+    return bus
+
+
+def _widen(bus: can.BusABC) -> None:
+    """Room for a second of unread frames on SocketCAN: by default 278 fit, then the newest are lost in silence."""
+    raw = getattr(bus, "socket", None)
+    if isinstance(raw, socket.socket) and raw.family == getattr(socket, "AF_CAN", None):
+        for option in (
+            socket.SO_RCVBUF,
+            _SO_RCVBUFFORCE,
+        ):  # the second passes the system's limit, for root only
+            with contextlib.suppress(OSError):
+                raw.setsockopt(socket.SOL_SOCKET, option, _RECEIVE_BYTES)
 
 
 def bit_rate(options: BusOptions) -> int | None:

@@ -18,6 +18,7 @@ import time
 from collections.abc import Callable
 
 import can
+import numpy as np
 from can.broadcastmanager import ModifiableCyclicTaskABC
 
 from schwung.errors import BusError, InputError, StateError
@@ -64,6 +65,9 @@ class KernelProducer:
         self._played = -1  # count of the last echo
         self._setpoint = -1
         self._last_rpdo_s = self._last_sync_s = 0.0
+        self._stamps: tuple[list[float], list[float]] | None = (
+            None  # of RPDO and SYNC, while they are measured
+        )
 
     def start(self, frame: bytes) -> None:
         exchange = self._exchange
@@ -139,20 +143,24 @@ class KernelProducer:
         self._task = self._sync_task = None
 
     def _measure_excess(self) -> tuple[float, float]:
-        """By how much the intervals of both tasks exceed the period (s)."""
-        first = self._last_rpdo_s, self._last_sync_s
-        counts = self._played, self._exchange.sync_count
+        """By how much the intervals of both tasks exceed the period (s), single stalls left out."""
+        rpdo: list[float] = []
+        sync: list[float] = []
+        self._stamps = (rpdo, sync)
         deadline = time.monotonic() + 3 * _CALIBRATION_CYCLES * self.period_s + _ECHO_TIMEOUT_S
-        while self._exchange.sync_count - counts[1] < _CALIBRATION_CYCLES:
+        while len(sync) < _CALIBRATION_CYCLES:
             if time.monotonic() > deadline:
                 raise BusError(
                     self._exchange.link.name, "the kernel's SYNC falters", "Lower the sample rate."
                 )
             time.sleep(10 * self.period_s)
-        rpdo = (self._last_rpdo_s - first[0]) / max(self._played - counts[0], 1)
-        sync = (self._last_sync_s - first[1]) / (self._exchange.sync_count - counts[1])
-        most = _MOST_EXCESS * self.period_s
-        return min(max(rpdo - self.period_s, 0.0), most), min(max(sync - self.period_s, 0.0), most)
+        self._stamps = None
+        return self._excess(rpdo), self._excess(sync)
+
+    def _excess(self, stamps: list[float]) -> float:
+        intervals = np.sort(np.diff(stamps))
+        usual = float(np.mean(intervals[: int(0.98 * intervals.size)]))
+        return min(max(usual - self.period_s, 0.0), _MOST_EXCESS * self.period_s)
 
     def _rpdo_stamp(self) -> float:
         return self._last_rpdo_s
@@ -211,6 +219,8 @@ class KernelProducer:
 
     def _on_rpdo(self, message: can.Message) -> None:
         self._last_rpdo_s = message.timestamp
+        if self._stamps is not None:
+            self._stamps[0].append(message.timestamp)
         self._played += 1
         frames = self._frames
         if not frames:
@@ -243,6 +253,8 @@ class KernelProducer:
 
     def _on_sync(self, message: can.Message) -> None:
         self._last_sync_s = message.timestamp
+        if self._stamps is not None:
+            self._stamps[1].append(message.timestamp)
         exchange = self._exchange
         exchange.sync_count += 1
         frames, setpoint = self._frames, self._setpoint

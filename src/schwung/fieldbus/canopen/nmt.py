@@ -48,7 +48,10 @@ class NodeMonitor:
         self._link.unsubscribe(0x080 + self.node_id, self._on_emergency)
 
     def expect(self, heartbeat_s: float | None) -> None:
-        """From now on a heartbeat is due at least every `heartbeat_s` times MISSES_ALLOWED; None: not watched."""
+        """From now on a heartbeat is due at least every `heartbeat_s` times MISSES_ALLOWED, and shall show OPERATIONAL.
+
+        None: not watched.
+        """
         self._last_heard = time.monotonic()
         self._expected_within_s = None if heartbeat_s is None else MISSES_ALLOWED * heartbeat_s
 
@@ -87,9 +90,10 @@ class NodeMonitor:
             self.boot_ups += 1
             self._trouble(NodeLostError(
                 f"node {self.node_id}", "restarted on its own (boot-up message)", "Check its supply."))  # fmt: skip
-        elif state == 0x04:
+        elif state != 0x05 and self._expected_within_s is not None:
             self._trouble(NodeLostError(
-                f"node {self.node_id}", "was stopped by an NMT command", "Look for another master."))  # fmt: skip
+                f"node {self.node_id}", f"left OPERATIONAL for {self.nmt}",
+                "It missed our heartbeat, or another master sent an NMT command."))  # fmt: skip
         self._heard.set()
 
     def _on_emergency(self, message: can.Message) -> None:

@@ -122,15 +122,13 @@ class Operation:
             self._producer = self._choose(exchange, 1.0 / acquisition.sample_rate_hz)
             self._producer.start(self._frame(cia402.DISABLE_VOLTAGE))
             self._await_answers(exchange)
-            exchange.clear()
         except BaseException:
             self.stop()
             raise
 
     def enable(self) -> None:
         """Walk to Operation enabled, holding the present position. Raises StateError, DriveFaultError."""
-        exchange, _, acquisition, _ = self._running()
-        exchange.clear()
+        _, _, acquisition, _ = self._running()
         self._walk(State.OPERATION_ENABLED)
         wanted = self._profile.modes[acquisition.mode]
         shown = self._sdo.read_integer(0x6061, 0, "INTEGER8")
@@ -323,14 +321,13 @@ class Operation:
         while True:
             status = self._statusword()
             state = cia402.decode(status)
-            if state is wanted:
-                return
             trouble = self._exchange.trouble if self._exchange is not None else None
-            if (
-                trouble is not None and wanted is State.OPERATION_ENABLED
-            ):  # switching off goes on whatever comes
+            # Switching off goes on whatever comes.
+            if trouble is not None and wanted is State.OPERATION_ENABLED:
                 self.halt()
                 raise diagnosis.explain(self._sdo, self._monitor, self._started_s, trouble)
+            if state is wanted:
+                return
             if state is not previous:
                 previous, since = state, time.monotonic()
             step = cia402.next_controlword(state, wanted)

@@ -17,6 +17,7 @@ from schwung.fieldbus.drive import Progress
 
 _PROGRESS_S = 0.05
 LOST_AFTER_S = 0.25  # lockstep: an answer that takes longer is lost
+SILENT_S = 0.5  # otherwise: no answer for so long, and the node is lost
 SILENT_CYCLES = 20  # lockstep: so many in a row without any answer, and the node is lost
 
 
@@ -232,10 +233,17 @@ class ThreadProducer:
 def wait_while_playing(
     over: threading.Event, exchange: Exchange, recorder: Recorder, total: int, progress: Progress | None
 ) -> None:
-    """Wait until a playback is over or in trouble, telling progress."""
+    """Wait until a playback is over or in trouble, telling progress. A drive that falls silent is trouble."""
+    answered, since = exchange.answer_count, time.monotonic()
     while not over.wait(_PROGRESS_S):
         if exchange.troubled.is_set():
             break
+        now = time.monotonic()
+        if exchange.answer_count != answered:
+            answered, since = exchange.answer_count, now
+        elif now - since > SILENT_S:
+            silence = f"did not answer SYNC for {now - since:.1f} s"
+            exchange.report(NodeLostError(f"node {exchange.node_id}", silence, "Check its power and cable."))
         if progress is not None:
             progress(min(len(recorder.sync_times), total), total)
     if progress is not None:

@@ -1,0 +1,94 @@
+"""The driver's kernel producer on the real broadcast manager: a bench in another process, setpoints from a ring."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+
+import numpy as np
+import pytest
+
+from schwung.fieldbus.canopen import BusOptions, CanopenDrive, open_bus
+from schwung.fieldbus.drive import Acquisition, Recording, Setpoints
+from schwung.fieldbus.profile import load_profile
+
+pytestmark = pytest.mark.vcan
+
+RATE_HZ = 200.0
+Measured = Callable[[str, str], None]
+
+
+@contextmanager
+def bench_process(channel: str, clock: str) -> Iterator[None]:
+    script = f"""
+from schwung_sim.bench import Bench
+Bench("two-mass", interface="socketcan", channel="{channel}", clock="{clock}", node_id=5).run_forever(120)
+"""
+    with subprocess.Popen([sys.executable, "-c", script], stdout=subprocess.PIPE, text=True) as process:
+        try:
+            assert process.stdout is not None
+            line = process.stdout.readline()
+            assert "bench ready" in line, line
+            yield
+        finally:
+            process.terminate()
+
+
+@contextmanager
+def enabled(channel: str, rate_hz: float, sync: str) -> Iterator[CanopenDrive]:
+    bus = open_bus(BusOptions("socketcan", channel))
+    drive = CanopenDrive(bus, 5, load_profile("schwung-bench"), sync=sync)  # type: ignore[arg-type]  # a literal
+    try:
+        acquisition = Acquisition("csp", rate_hz, heartbeat_s=0.5)
+        drive.write(drive.setup(acquisition))
+        drive.start(acquisition)
+        drive.enable()
+        yield drive
+        drive.disable()
+    finally:
+        drive.close()
+        bus.shutdown()
+
+
+def stroke(count: int, rate_hz: float) -> Setpoints:
+    phase = 2 * np.pi * np.arange(count) / (count - 1)
+    return Setpoints(rate_hz, 0.5 * (1 - np.cos(phase)) / 2, np.zeros(count))
+
+
+def figures(recording: Recording) -> str:
+    t = recording.timing
+    jitter = ", ".join(
+        f"{name} {x * 1e6:.0f} µs" for name, x in (("rms", t.rms_s), ("p99", t.p99_s), ("max", t.max_s))
+    )
+    count, lost = recording.position_rad.size, recording.lost.size
+    return f"{t.producer}: {count} samples, {lost} lost, period {t.period_s * 1e3:.4f} ms, {jitter}; {recording.notes}"
+
+
+@pytest.mark.parametrize(
+    ("clock", "rate_hz", "sync"), [("wall", RATE_HZ, "auto"), ("sync", RATE_HZ, "kernel")]
+)
+def test_a_motion_longer_than_the_ring_is_played_by_the_kernel(
+    clock: str, rate_hz: float, sync: str, vcan_channel: str, measured: Measured
+) -> None:
+    with bench_process(vcan_channel, clock), enabled(vcan_channel, rate_hz, sync) as drive:
+        setpoints = stroke(600, rate_hz)
+        recording = drive.play(setpoints)
+    measured(f"motion at {rate_hz:g} Hz, {clock} clock", figures(recording))
+    assert recording.timing.producer == "kernel"
+    assert recording.position_rad.size == 600
+    assert recording.lost.size <= 6
+    assert recording.timing.period_s == pytest.approx(1 / rate_hz, rel=0.02)
+    assert recording.position_demand_rad == pytest.approx(setpoints.position_rad, abs=0.01)
+    good = np.isfinite(recording.position_rad)
+    assert np.max(np.abs((recording.position_rad - recording.position_demand_rad)[good])) < 0.02
+
+
+def test_lockstep_over_the_kernels_bus_loses_nothing(vcan_channel: str, measured: Measured) -> None:
+    with bench_process(vcan_channel, "sync"), enabled(vcan_channel, 1000.0, "auto") as drive:
+        recording = drive.play(stroke(1000, 1000.0))
+    measured("motion at 1 kHz, lockstep", figures(recording))
+    assert recording.timing.producer == "lockstep"
+    assert recording.lost.size == 0
+    assert np.max(np.abs(recording.position_rad - recording.position_demand_rad)) < 0.02
