@@ -178,6 +178,7 @@ def _compile(plant: str, conceal: str) -> None:
     axis = ServoAxis(make_plant(plant, conceal=conceal))
     axis.energise(True)
     axis.set_target(0.0, 1e-3)
+    axis.set_torque_offset(0.0)
     axis.advance(CONTROL_PERIOD_US * 1e-6)
 
 
