@@ -86,6 +86,7 @@ def test_a_profile_cannot_be_changed() -> None:
         ("counter = true", "contour = true", "sync.contour"),
         ('entries = ["606C:00"]', 'entries = ["6062:00"]', "606C:00"),
         ('entries = ["6040:00", "607A:00", "60B2:00"]', 'entries = ["6040:00", "607A:00"]', "60B2:00"),
+        ('entries = ["606C:00"]', 'entries = ["606C:00", "606C:00"]', "twice"),
         ('eds = "schwung-bench.eds"', 'eds = "nowhere.eds"', "nowhere.eds"),
         ("[identity]", "[identity", "TOML"),
     ],

@@ -105,6 +105,12 @@ class Pdo(_Part):
     number: int = Field(ge=1, le=512)
     entries: tuple[Ref, ...] = Field(min_length=1, max_length=8)
 
+    @model_validator(mode="after")
+    def _no_object_twice(self) -> Pdo:
+        if len(set(map(str, self.entries))) != len(self.entries):
+            raise ValueError("an object is mapped twice")
+        return self
+
 
 class Sync(_Part):
     """Abilities around SYNC."""
