@@ -16,6 +16,7 @@ from schwung.cli.options import (
     Machine,
     Node,
     Profile,
+    Reference,
     Yes,
     bus_options,
     quantity,
@@ -102,6 +103,7 @@ def commission(
         typer.Option(metavar="FORM", help="Write the result into the drive: table, mean, max or at=ANGLE."),
     ] = None,
     store: Annotated[bool, typer.Option(help="Save an export in the drive's memory (1010).")] = True,
+    reference: Reference = None,
     out: Annotated[
         Path | None, typer.Option(help="Folder for session, table, report; default: schwung-<time>.")
     ] = None,
@@ -133,9 +135,10 @@ def commission(
     from schwung.cli.console import Terminal
     from schwung.cli.drives import open_drive
     from schwung.cli.flow import Ending, commission_and_show
+    from schwung.cli.sessions import standard_of
     from schwung.commissioning import LimitWishes, Wishes, parse_choice
     from schwung.commissioning.procedure import MAX_JITTER_SHARE
-    from schwung.drivetrain import InertiaTable, load_machine
+    from schwung.drivetrain import load_machine
     from schwung.errors import InputError
 
     terminal = Terminal(json_output)
@@ -156,8 +159,8 @@ def commission(
         repeats=repeats,
         max_jitter_share=MAX_JITTER_SHARE if max_jitter is None else max_jitter * rate,
     )
-    table = believed.load_inertia
-    ending = Ending(choice, store, table if isinstance(table, InertiaTable) else None)
+    standard = standard_of(believed, reference)
+    ending = Ending(choice, store, standard.table, standard.label)
     options = bus_options(interface, channel, bitrate, bus)
     folder = output_folder(out, dry_run)
     with open_drive(options, node, profile) as opened:

@@ -60,7 +60,7 @@ def demo(
     from schwung.cli.drives import open_drive
     from schwung.cli.flow import Ending, commission_and_show
     from schwung.commissioning import ExportChoice, Wishes
-    from schwung.drivetrain import InertiaTable, load_machine
+    from schwung.drivetrain import InertiaTable, load_machine, write_inertia_csv
     from schwung.fieldbus.canopen import BusOptions
     from schwung_sim.bench import Bench
 
@@ -76,6 +76,7 @@ def demo(
     ):
         angles = np.linspace(0.0, math.pi, 181)
         truth = InertiaTable(angles, bench.plant.true_inertia(angles))
+        write_inertia_csv(truth, folder / "true_inertia.csv")
         result = commission_and_show(
             opened.drive,
             opened.profile,
@@ -84,6 +85,6 @@ def demo(
             folder,
             terminal,
             confirm=lambda _question: True,
-            ending=Ending(ExportChoice("table"), True, truth, "true inertia of the simulated machine"),
+            ending=Ending(ExportChoice("table"), True, truth, "true inertia"),
         )
     terminal.result(result)

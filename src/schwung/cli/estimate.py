@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from schwung.cli.options import Json, Machine, quantity
+from schwung.cli.options import Json, Machine, Reference, quantity
 
 
 def estimate(
@@ -22,6 +22,7 @@ def estimate(
         float | None, typer.Option(parser=quantity, metavar="HZ", help="Default: the injected one.")
     ] = None,
     points: Annotated[int | None, typer.Option(min=4, help="Points of the table.")] = None,
+    reference: Reference = None,
     json_output: Json = False,
 ) -> None:
     """Estimate the load inertia over angle from a session, and write table and report.
@@ -36,7 +37,7 @@ def estimate(
 
     from schwung.cli.commission import output_folder
     from schwung.cli.console import Terminal
-    from schwung.cli.sessions import content_of
+    from schwung.cli.sessions import content_of, standard_of
     from schwung.drivetrain import load_machine, write_inertia_csv
     from schwung.errors import InputError
     from schwung.estimation import estimate as estimate_session
@@ -45,6 +46,7 @@ def estimate(
 
     terminal = Terminal(json_output)
     believed, recorded = load_machine(machine), read_session(session)
+    standard = standard_of(believed, reference)
     if inversion not in ("complex", "magnitude"):
         raise InputError("--inversion", f'is "{inversion}"', "Use complex or magnitude.")
     found = estimate_session(
@@ -55,7 +57,7 @@ def estimate(
     write_inertia_csv(found.table, out / "inertia.csv")
     document = found.to_json() | {"session": str(session), "machine": str(machine)}
     (out / "estimate.json").write_text(json.dumps(document, indent=2), encoding="utf-8")
-    write_report(content_of(recorded, believed, found), out / "report.html")
+    write_report(content_of(recorded, believed, found, standard), out / "report.html")
     table = found.table
     terminal.say(
         f"Load inertia {table.inertia_kgm2.min():.4f} … {table.inertia_kgm2.max():.4f} kg·m² over "

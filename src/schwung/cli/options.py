@@ -65,6 +65,12 @@ Profile = Annotated[
 Machine = Annotated[
     Path, typer.Option("-m", "--machine", help="What is believed about the machine: machine.toml.")
 ]
+Reference = Annotated[
+    Path | None,
+    typer.Option(
+        "--reference", metavar="CSV", help="An inertia table to hold the result against, e.g. from CAD."
+    ),
+]
 Json = Annotated[bool, typer.Option("--json", help="Print the result as JSON on stdout.")]
 Yes = Annotated[bool, typer.Option("-y", "--yes", help="Do not ask before the machine moves.")]
 

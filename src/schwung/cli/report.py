@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from schwung.cli.options import Json, Machine
+from schwung.cli.options import Json, Machine, Reference
 
 
 def report(
@@ -17,6 +17,7 @@ def report(
     figures: Annotated[
         Path | None, typer.Option(help="Folder for the pictures as PNG files as well.")
     ] = None,
+    reference: Reference = None,
     json_output: Json = False,
 ) -> None:
     """Write the report of a session: one HTML file with its pictures.
@@ -28,7 +29,7 @@ def report(
       schwung report session.h5 -m machine.toml --out monday.html --figures pictures
     """
     from schwung.cli.console import Terminal
-    from schwung.cli.sessions import content_of
+    from schwung.cli.sessions import content_of, standard_of
     from schwung.drivetrain import load_machine
     from schwung.estimation import estimate
     from schwung.report import save_figures, write_report
@@ -36,7 +37,7 @@ def report(
 
     terminal = Terminal(json_output)
     believed, recorded = load_machine(machine), read_session(session)
-    content = content_of(recorded, believed, estimate(recorded, believed))
+    content = content_of(recorded, believed, estimate(recorded, believed), standard_of(believed, reference))
     write_report(content, out)
     files = save_figures(content, figures) if figures else []
     terminal.say(f"Report: [bold]{out}[/]")

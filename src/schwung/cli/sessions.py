@@ -2,24 +2,42 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+from pathlib import Path
+
 from schwung.commissioning import contrast_of
-from schwung.drivetrain import InertiaTable, Machine
+from schwung.drivetrain import InertiaTable, Machine, read_inertia_csv
 from schwung.estimation import Estimate
 from schwung.report import ReportContent, SyncRow
 from schwung.session import Session
 
 
-def content_of(session: Session, machine: Machine, estimate: Estimate) -> ReportContent:
-    """Everything that a report can show of a recorded session alone."""
+@dataclass(frozen=True)
+class Standard:
+    """What a curve is held against, and what that is called."""
+
+    table: InertiaTable | None
+    label: str
+
+
+def standard_of(machine: Machine, reference: Path | None) -> Standard:
+    """The given table, else the believed one where the machine file has one. Raises InputError for a bad file."""
+    if reference is not None:
+        return Standard(read_inertia_csv(reference), reference.stem.replace("_", " "))
     believed = machine.load_inertia
+    return Standard(believed if isinstance(believed, InertiaTable) else None, "believed")
+
+
+def content_of(session: Session, machine: Machine, estimate: Estimate, standard: Standard) -> ReportContent:
+    """Everything that a report can show of a recorded session alone."""
     return ReportContent(
         title=f"{machine.name}: load inertia over angle",
         session=session,
         machine=machine,
         estimate=estimate,
         contrast=contrast_of(session, machine) if estimate.method != "former" else None,
-        reference=believed if isinstance(believed, InertiaTable) else None,
-        reference_label="believed",
+        reference=standard.table,
+        reference_label=standard.label,
         sync=_sync_rows(session),
         settings=_settings(session),
         notes=estimate.notes,

@@ -1,6 +1,6 @@
 """The parameter journal: what a command changes in a drive is on disk before it is changed.
 
-The file (`*.backup.json`, see docs/files) is rewritten as a whole and synced before every write to the drive, so
+The file (`*.backup.json`, see docs/files.md) is rewritten as a whole and synced before every write to the drive, so
 that after a crash or a power loss `schwung restore FILE` finds the old value of everything that was touched.
 """
 
