@@ -312,7 +312,7 @@ class CanopenDrive:
             self._heartbeat = None
 
     def _beat(self, period_s: float) -> None:
-        if self._heartbeat is not None and self._heartbeat.period_s == period_s:
+        if self._heartbeat is not None and math.isclose(self._heartbeat.period_s, period_s):
             return
         if self._heartbeat is not None:
             self._heartbeat.close()

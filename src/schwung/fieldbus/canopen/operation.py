@@ -227,6 +227,7 @@ class Operation:
         """End SYNC and PDOs, node pre-operational."""
         producer, exchange = self._producer, self._exchange
         self._producer = self._exchange = None
+        self._answering = False
         self._monitor.on_trouble = self._link.on_failure = None
         if producer is not None:
             producer.stop()
