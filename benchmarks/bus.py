@@ -53,7 +53,9 @@ def measure(plant: str, seconds: float) -> None:
 
 
 if __name__ == "__main__":
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
     parser.add_argument("--seconds", type=float, default=60.0, help="bus time")
     parser.add_argument("--plant", nargs="*", default=["two-mass", "slider-crank"])
     given = parser.parse_args()

@@ -33,7 +33,11 @@ inertia = 0.11
 
 def _schwung(*arguments: str) -> subprocess.CompletedProcess[str]:
     return subprocess.run(
-        [sys.executable, "-m", "schwung", *arguments], capture_output=True, text=True, timeout=200, check=False
+        [sys.executable, "-m", "schwung", *arguments],
+        capture_output=True,
+        text=True,
+        timeout=200,
+        check=False,
     )
 
 
@@ -60,13 +64,17 @@ def test_the_table_over_vcan_is_that_of_the_virtual_bus(
         bench.wait(10)
     assert done.returncode == 0, done.stdout + done.stderr
     result = json.loads(done.stdout)
-    desk = _schwung("demo", "--plant", "two-mass", "--seed", "3", "--out", str(tmp_path / "virtual"), "--json")
+    desk = _schwung(
+        "demo", "--plant", "two-mass", "--seed", "3", "--out", str(tmp_path / "virtual"), "--json"
+    )
     assert desk.returncode == 0, desk.stderr
     ours, theirs = (read_inertia_csv(tmp_path / name / "inertia.csv") for name in ("vcan", "virtual"))
     difference = ours.inertia_kgm2 - theirs.at(ours.position_rad)
     rms = float(np.sqrt(np.mean(difference**2)))
     band = float(np.median(ours.std_kgm2)) if ours.std_kgm2 is not None else 0.0
-    measured("inertia over vcan against the virtual bus", f"rms difference {rms:.2e} kg·m², band {band:.2e} kg·m²")
+    measured(
+        "inertia over vcan against the virtual bus", f"rms difference {rms:.2e} kg·m², band {band:.2e} kg·m²"
+    )
     measured("following error after the export", f"{result['export']['improvement']:.1f} times smaller")
     assert rms < 0.0005
     assert rms < band

@@ -342,7 +342,9 @@ class SessionWriter:
         try:
             replace_file(self.path, self._image.id.get_file_image())
         except InputError as error:
-            raise failure(error.place, error.problem, "Choose a directory with room that you may write to.") from error
+            raise failure(
+                error.place, error.problem, "Choose a directory with room that you may write to."
+            ) from error
 
 
 def _write_extra(group: h5py.Group, key: str, value: Any) -> None:
