@@ -16,7 +16,8 @@ from schwung.fieldbus.canopen.recorder import Recorder
 from schwung.fieldbus.drive import Progress
 
 _PROGRESS_S = 0.05
-LOST_AFTER_S = 0.25  # lockstep: an answer that takes longer is lost
+LOST_AFTER_S = 0.1  # lockstep: an answer that takes longer is lost, unless it turns up after all
+STRAGGLERS_S = 0.25  # lockstep: so long the last answers are waited for where some were missed
 SILENT_S = 0.5  # otherwise: no answer for so long, and the node is lost
 SILENT_CYCLES = 20  # lockstep: so many in a row without any answer, and the node is lost
 
@@ -88,9 +89,8 @@ class LockstepProducer:
                 shown = now
                 progress(max(self._position, 0), len(frames))
         if self._gave_up and recorder is not None:
-            time.sleep(
-                LOST_AFTER_S
-            )  # what was only late shifts all that follow by one: the last is still to come
+            # What was only late shifts all that follow by one: the last answers are still to come.
+            time.sleep(STRAGGLERS_S)
         with self._lock:
             self._frames = []
             self._over.set()
