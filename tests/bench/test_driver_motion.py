@@ -272,3 +272,22 @@ def test_the_kernels_way_plays_motions_longer_than_the_ring_in_order() -> None:
         good = np.isfinite(recording.position_rad)
         assert np.count_nonzero(good) > 590
         assert np.max(np.abs((recording.position_rad - recording.position_demand_rad)[good])) < 0.02
+
+
+def test_a_drive_that_stalls_answers_late_and_no_sample_is_taken_for_another() -> None:
+    with enabled() as (bench, drive):
+        undisturbed = drive.play(stroke(400))
+        begin = bench.servo.syncs
+
+        def stall_once() -> None:
+            if bench.servo.syncs == begin + 200:
+                time.sleep(0.15)  # longer than the driver waits for an answer
+
+        bench.servo.on_advance = stall_once
+        recording = drive.play(stroke(400))
+        assert any("after the following SYNC" in note for note in recording.notes)
+        assert recording.lost.size == 0
+        after = slice(210, 390)
+        speed = np.gradient(undisturbed.position_rad)[after]
+        off = (recording.position_rad - undisturbed.position_rad)[after]
+        assert abs(np.dot(speed, off) / np.dot(speed, speed)) < 0.2  # samples by which the two are shifted
