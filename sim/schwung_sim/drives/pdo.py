@@ -13,7 +13,6 @@ NOT_VALID = 1 << 31
 EXTENDED = 1 << 29
 EVENT = 254  # transmission types 254 and 255 are event-driven, 0…240 follow SYNC
 MAX_BITS = 64
-CONTROLWORD = key(0x6040)
 EMCY_TOO_SHORT, EMCY_TOO_LONG = 0x8210, 0x8220
 
 SendFrame = Callable[[int, bytes], None]
@@ -128,7 +127,7 @@ class Rpdo(_Pdo):
 
     def __init__(self, dictionary: ObjectDictionary, number: int, report: Report) -> None:
         self._writes: list[Callable[[int], None]] = []
-        self._order: list[int] = []
+        self._keys: list[int] = []
         self._held: bytes | None = None
         self._report = report
         super().__init__(dictionary, 0x1400 + number, 0x1600 + number)
@@ -141,10 +140,8 @@ class Rpdo(_Pdo):
         return self.dictionary.entries[k].writable
 
     def _bind(self, keys: list[int]) -> None:
-        writes = [_ignore if self._is_dummy(k, 0) else self.dictionary.writer(k) for k in keys]
-        # A PDO's values arrive together: the controlword acts on the set-point beside it, wherever it is mapped.
-        self._order = sorted(range(len(keys)), key=lambda i: keys[i] == CONTROLWORD)
-        self._writes = [writes[i] for i in self._order]
+        self._keys = keys
+        self._writes = [_ignore if self._is_dummy(k, 0) else self.dictionary.writer(k) for k in keys]
 
     def restart(self) -> None:
         self._held = None
@@ -167,12 +164,16 @@ class Rpdo(_Pdo):
             self._act(data)
 
     def _act(self, data: bytes) -> None:
-        values = self.format.unpack_from(data)
-        for write, place in zip(self._writes, self._order, strict=True):
+        """Take a frame's values together: the controlword finds the set-point beside it, wherever it is mapped."""
+        held, received = self.dictionary.values, self.format.unpack_from(data)
+        before = [held.get(k, 0) for k in self._keys]
+        for k, value in zip(self._keys, received, strict=True):
+            held[k] = value
+        for k, write, value, old in zip(self._keys, self._writes, received, before, strict=True):
             try:
-                write(values[place])
+                write(value)
             except AbortError:
-                continue  # a PDO has no answer: a value out of its range leaves the old one
+                held[k] = old  # a PDO has no answer: a value out of its range leaves the old one
 
 
 class Tpdo(_Pdo):
