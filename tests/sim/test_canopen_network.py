@@ -159,6 +159,17 @@ def test_heartbeats_that_come_keep_it_going_and_their_return_clears_the_error(ri
     assert rig.read(0x1001) == 0
 
 
+def test_a_bench_that_was_held_up_does_not_blame_the_master(rig: Rig) -> None:
+    """The heartbeats that came meanwhile are still to be read."""
+    watched(rig, option=3)
+    rig.wait(0.05)
+    rig.now += 1.0
+    rig.servo.tick()
+    assert rig.state == ENABLED
+    rig.wait(0.3)
+    assert emergencies(rig) == [0x8130]
+
+
 @pytest.mark.parametrize(("behaviour", "state"), [(0, 127), (1, 5), (2, 4)])
 def test_error_behaviour_decides_the_nmt_state(rig: Rig, behaviour: int, state: int) -> None:
     rig.write(0x1029, 1, behaviour, 1)

@@ -141,6 +141,11 @@ class Heartbeats:
                     self.silent.discard(node)
                     self._back()
 
+    def forgive(self, seconds: float) -> None:
+        """The drive itself was held up for so long: what came meanwhile has not been looked at yet."""
+        for node in self._heard:
+            self._heard[node] += seconds
+
     def tick(self, now: float) -> None:
         """Send our own where it is due; find those that have fallen silent."""
         period = self._dictionary.number(0x1017) * 1e-3

@@ -79,6 +79,8 @@ def open_bus(options: BusOptions) -> can.BusABC:
         # Frames of ours that came back would look like another master's.
         raise InputError("bus option receive_own_messages", "must not be set", "Leave it out.")
     where = f"{config['interface']} {config.get('channel', '')}".strip()
+    if config["interface"] == "socketcand":
+        _require_server(config, where)
     try:
         bus = can.Bus(ignore_config=True, **config)
     except (can.CanInterfaceNotImplementedError, ValueError, TypeError) as error:
@@ -89,6 +91,20 @@ def open_bus(options: BusOptions) -> can.BusABC:
         ) from error
     _widen(bus)
     return bus
+
+
+def _require_server(config: Mapping[str, Any], where: str) -> None:
+    """python-can asks a server that is not there again for ten seconds; once is enough."""
+    host, port = str(config.get("host", "")), config.get("port", 0)
+    try:
+        with socket.create_connection((host, int(port)), timeout=2.0):
+            pass
+    except (OSError, ValueError, TypeError) as error:
+        raise BusError(
+            f"bus {where}",
+            f"nobody serves it at {host}:{port} ({error})",
+            "Start the server; check host and port.",
+        ) from error
 
 
 def _widen(bus: can.BusABC) -> None:
