@@ -7,7 +7,7 @@ from schwung.errors import InputError
 from schwung.estimation.methods import Task, excited_at, method_named
 from schwung.estimation.sampling import prepared
 from schwung.estimation.sdft import samples_per_window
-from schwung.estimation.table import combine
+from schwung.estimation.table import Combined, combine
 from schwung.estimation.trust import judge
 from schwung.estimation.values import Denoised, Estimate, Inversion, Trace, Trust
 from schwung.session.model import Session
@@ -41,14 +41,12 @@ def estimate(
     excited, frequency = excited_at(session, frequency_hz)
     task = Task(session, excited, machine, frequency, inversion)
     outcome = how.traces(task)
-    windows = [samples_per_window(run.sample_rate_hz, frequency) for run in excited]
-    combined = combine(outcome.traces, windows, points)
-    trust = judge(
-        outcome,
-        task,
-        combined.table,
-        needs_slow_motion=not how.needs_reference,
-    )
+    if outcome.table is not None:
+        combined = Combined(outcome.table, ())
+    else:
+        windows = [samples_per_window(run.sample_rate_hz, frequency) for run in excited]
+        combined = combine(outcome.traces, windows, points)
+    trust = judge(outcome, task, combined.table, needs_slow_motion=not how.needs_reference)
     return Estimate(
         method=how.name,
         inversion=inversion,

@@ -13,6 +13,7 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from schwung.drivetrain.inertia import InertiaTable
 from schwung.drivetrain.machine import Machine
 from schwung.errors import InputError
 from schwung.estimation.denoise import denoise
@@ -45,11 +46,15 @@ class Task:
 
 @dataclass(frozen=True)
 class Outcome:
-    """What a method answers: one trace per excited run, and the denoised signals where it makes them."""
+    """What a method answers: traces, from which the table is made, or a table of its own (with its band).
 
-    traces: tuple[Trace, ...]
+    The denoised signals come along where a method makes them; the checks of linearity look at those.
+    """
+
+    traces: tuple[Trace, ...] = ()
     denoised: tuple[Denoised, ...] = ()
     notes: tuple[str, ...] = ()
+    table: InertiaTable | None = None
 
 
 class Method(Protocol):

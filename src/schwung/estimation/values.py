@@ -108,5 +108,5 @@ def _finite(value: float) -> float | None:
 
 def finite(traces: Sequence[Trace], name: str) -> Array:
     """One quantity of all traces in a row, without its NaN, (n,)."""
-    values = np.concatenate([getattr(trace, name) for trace in traces])
+    values = np.concatenate([np.empty(0), *(getattr(trace, name) for trace in traces)])
     return np.asarray(values[np.isfinite(values)], dtype=float)
