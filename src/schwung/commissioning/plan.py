@@ -62,12 +62,13 @@ class LimitWishes:
 
 @dataclass(frozen=True)
 class PlannedRun:
-    """One motion to record."""
+    """One motion to record; it starts where the plan says, unless it says otherwise."""
 
     role: Role
     repeat: int
     motion: Motion
     excitation: Excitation | None
+    start_position_rad: float | None = None
 
 
 @dataclass(frozen=True)
@@ -87,6 +88,10 @@ class Plan:
         for repeat in range(self.repeats):
             yield PlannedRun("reference", repeat, self.motion, None)
             yield PlannedRun("excited", repeat, self.motion, self.excitation)
+
+    def start_of(self, run: PlannedRun) -> float:
+        """Where a run starts (rad)."""
+        return self.start_position_rad if run.start_position_rad is None else run.start_position_rad
 
     @property
     def duration_s(self) -> float:
@@ -254,4 +259,4 @@ def setpoints_of(run: PlannedRun, plan: Plan) -> Setpoints:
     time = run.motion.time(rate)
     demand = run.motion.demand(time)
     added = run.excitation.torque(time) if run.excitation else np.zeros_like(time)
-    return Setpoints(rate, plan.start_position_rad + demand.position_rad, added, plan.acquisition.moves)
+    return Setpoints(rate, plan.start_of(run) + demand.position_rad, added, plan.acquisition.moves)

@@ -102,12 +102,12 @@ def preflight(
     plan: Plan, machine: Machine, seen: Survey, feed_forward: FeedForward | None = None
 ) -> Preflight:
     """Check a plan against the drive and against the simulated motion. Never raises for what it finds."""
-    reference, excited = (_simulated(run, plan, machine, feed_forward) for run in list(plan.runs())[:2])
+    reference, excited = (simulated_run(run, plan, machine, feed_forward) for run in list(plan.runs())[:2])
     predicted = _predicted(plan, reference, excited, machine)
     source, resolution_checks = _resolution(plan, seen.resolution, reference, excited)
     checks = [
-        *_drive_checks(seen),
-        *_bus(seen.bus_load),
+        *drive_checks(seen),
+        *bus_checks(seen.bus_load),
         *resolution_checks,
         *_room(plan, reference, excited),
         *_torque_and_speed(plan, machine, reference, excited, feed_forward),
@@ -117,7 +117,7 @@ def preflight(
     return Preflight(tuple(checks), source, reference, excited, predicted)
 
 
-def _simulated(
+def simulated_run(
     run: PlannedRun, plan: Plan, machine: Machine, feed_forward: FeedForward | None, heavier: float = 1.0
 ) -> Simulated:
     """One run as the believed machine would make it, on a grid `FINER` times as fine as the samples."""
@@ -125,9 +125,7 @@ def _simulated(
     demand = run.motion.demand(time)
     inertia, added = None, None
     if heavier != 1.0:
-        inertia = heavier * float(
-            np.max(machine.load_inertia_at(plan.start_position_rad + demand.position_rad))
-        )
+        inertia = heavier * float(np.max(machine.load_inertia_at(plan.start_of(run) + demand.position_rad)))
     if run.excitation is not None:
         held = run.excitation.hold_s is not None
         commanded_at = time[np.arange(time.size) // FINER * FINER] if held else time
@@ -139,7 +137,7 @@ def _simulated(
         torque_added_nm=added,
         feed_forward=feed_forward,
         inertia=inertia,
-        start_rad=plan.start_position_rad,
+        start_rad=plan.start_of(run),
         hold_torque_added=True,
     )
 
@@ -181,7 +179,7 @@ def _sampled(planned: PlannedRun, plan: Plan, simulated: Simulated) -> Run:
     )
 
 
-def _drive_checks(seen: Survey) -> Iterable[Check]:
+def drive_checks(seen: Survey) -> Iterable[Check]:
     identity = seen.identity
     yield Check(
         "identity", "ok", f"node {identity.node_id}: {identity.name or 'unnamed'}, serial {identity.serial}"
@@ -213,7 +211,7 @@ def _drive_checks(seen: Survey) -> Iterable[Check]:
             )
 
 
-def _bus(load: float) -> Iterable[Check]:
+def bus_checks(load: float) -> Iterable[Check]:
     text = f"{load:.0%} of the bus time for the cyclic frames (worst-case stuffing)"
     if load > MAX_BUS_LOAD:
         yield Check("bus load", "stop", text, "Raise the bit rate or lower --rate.")
@@ -257,7 +255,7 @@ def _resolution(
     ]
 
 
-def _share_check(name: str, value: float, limit: float, text: str, remedy: str) -> Check:
+def share_check(name: str, value: float, limit: float, text: str, remedy: str) -> Check:
     if value > limit:
         return Check(name, "stop", text, remedy)
     return Check(
@@ -293,7 +291,7 @@ def _torque_and_speed(
         slower if peak > COMFORT * limit else "",
     )
     if not clipped:
-        heavy = _simulated(list(plan.runs())[1], plan, machine, feed_forward, HEAVIER)
+        heavy = simulated_run(list(plan.runs())[1], plan, machine, feed_forward, HEAVIER)
         if np.any(heavy.clipped):
             yield Check(
                 "torque margin",
@@ -303,7 +301,7 @@ def _torque_and_speed(
             )
     speed = max(float(np.max(np.abs(s.speed_rad_s))) for s in (reference, excited))
     speed_limit = plan.limits.speed_max_rad_s
-    yield _share_check(
+    yield share_check(
         "speed",
         speed,
         speed_limit,
@@ -315,7 +313,7 @@ def _torque_and_speed(
 def _following(plan: Plan, reference: Simulated, excited: Simulated) -> Iterable[Check]:
     limit = plan.limits.following_error_rad
     worst = max(float(np.max(np.abs(s.following_error_rad))) for s in (reference, excited))
-    yield _share_check(
+    yield share_check(
         "following error",
         worst,
         limit,

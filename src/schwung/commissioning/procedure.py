@@ -116,6 +116,7 @@ def record(
     settings: dict[str, Any] | None = None,
     max_jitter_share: float = MAX_JITTER_SHARE,
     runs: tuple[PlannedRun, ...] | None = None,
+    source: str = "schwung commission",
 ) -> Recorded:
     """Carry out a plan; each run is on disk before the next one starts.
 
@@ -128,7 +129,7 @@ def record(
     recorded: list[Run] = []
     timing: list[SyncTiming] = []
     retries = 0
-    with SessionWriter(session_path, source="schwung commission", drive=described) as writer:
+    with SessionWriter(session_path, source=source, drive=described) as writer:
         try:
             observer.phase("Setting up and enabling the drive")
             with powered(drive, plan, journal):
