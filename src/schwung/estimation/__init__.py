@@ -1,6 +1,7 @@
 """From a session to the load inertia over angle: sliding DFT, denoising, inversion, trust."""
 
 from schwung.estimation.estimate import estimate
+from schwung.estimation.rivals import RIVALS
 from schwung.estimation.values import Denoised, Estimate, Inversion, Trace, Trust, Verdict
 
-__all__ = ["Denoised", "Estimate", "Inversion", "Trace", "Trust", "Verdict", "estimate"]
+__all__ = ["RIVALS", "Denoised", "Estimate", "Inversion", "Trace", "Trust", "Verdict", "estimate"]

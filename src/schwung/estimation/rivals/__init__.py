@@ -1,0 +1,21 @@
+"""The methods that Schwung is measured against, one file each, registered here.
+
+All follow the one tuning rule of `common` and are found by name, as `estimate(..., method="rls")`.
+"""
+
+from schwung.estimation.methods import Method, register
+from schwung.estimation.rivals.acceleration_median import AccelerationMedian
+from schwung.estimation.rivals.gdft import GeneralisedDft
+from schwung.estimation.rivals.rls import RecursiveLeastSquares
+from schwung.estimation.rivals.windowed_ls import WindowedLeastSquares
+
+RIVALS: tuple[Method, ...] = (
+    GeneralisedDft(),
+    RecursiveLeastSquares(),
+    WindowedLeastSquares(),
+    AccelerationMedian(),
+)
+for _rival in RIVALS:
+    register(_rival)
+
+__all__ = ["RIVALS"]
