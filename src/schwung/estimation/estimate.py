@@ -37,9 +37,9 @@ def estimate(
     if inversion not in ("complex", "magnitude"):
         raise InputError("inversion", f'there is no "{inversion}"', 'Use "complex" or "magnitude".')
     how = method_named(method)
-    session = prepared(session)
+    recorded, session = session, prepared(session)
     excited, frequency = excited_at(session, frequency_hz)
-    task = Task(session, excited, machine, frequency, inversion)
+    task = Task(session, excited, machine, frequency, inversion, recorded)
     outcome = how.traces(task)
     if outcome.table is not None:
         combined = Combined(outcome.table, ())

@@ -42,6 +42,7 @@ class Task:
     machine: Machine
     frequency_hz: float
     inversion: Inversion
+    recorded: Session | None = None  # as recorded, before `sampling.prepared`; None: the same
 
 
 @dataclass(frozen=True)

@@ -25,11 +25,12 @@ def prepared(session: Session) -> Session:
     A run says `hold_s` in its excitation where the injection was held for so long (its reference is averaged alike),
     and "position" in the attribute `speed_source` where its reported speed is too coarse to be used.
     """
-    held = any(_is_held(run) for run in session.runs)
+    held = any(is_held(run) for run in session.runs)
     return replace(session, runs=tuple(_averaged(run) if held else _with_speed(run) for run in session.runs))
 
 
-def _is_held(run: Run) -> bool:
+def is_held(run: Run) -> bool:
+    """Whether the injection was held for one sampling period, as by a bus, and is recorded."""
     hold = run.excitation.hold_s if run.excitation else None
     return (
         hold is not None
