@@ -4,8 +4,8 @@ Written from the paper's equations alone, on purpose without the product's own p
 response. Machine of Table 1; its load inertia is inferred (a slider-crank), as the paper only draws it.
 """
 
-from dataclasses import replace
-from math import cos, pi, sin, sqrt
+from dataclasses import dataclass, replace
+from math import cos, pi, sin, sqrt, tanh
 
 import numpy as np
 from scipy.integrate import solve_ivp
@@ -19,6 +19,7 @@ FREQUENCY = 50.0
 AMPLITUDE = 0.2 * PEAK
 SPEED_NOISE, TORQUE_NOISE = 0.02, 0.1
 RAMP = 0.04
+SMOOTH = 0.02  # rad/s, within which dry friction turns round
 
 
 def crank(angle):
@@ -43,10 +44,35 @@ def _third(u):
     return 0.25 + 1.5 * (u - 1 / 3) if u < 2 / 3 else 1 - 2.25 * (1 - u) ** 2
 
 
-def record(motion, excitation=None, *, rate=4000.0, inertia=None, repeat=0, noise=1.0, rigid=False):
+@dataclass(frozen=True)
+class Hidden:
+    """What the machine file does not mention: dry and viscous friction of the motor, weight of the load's arm."""
+
+    coulomb: float = 0.0  # N·m
+    viscous: float = 0.0  # N·m·s/rad
+    gravity: float = 0.0  # N·m at the horizontal, as −gravity·cos θ on the load
+    load_torque: float = 0.0  # N·m, constant, on the load
+
+
+NOTHING = Hidden()
+
+
+def record(
+    motion,
+    excitation=None,
+    *,
+    rate=4000.0,
+    inertia=None,
+    repeat=0,
+    noise=1.0,
+    rigid=False,
+    peak=PEAK,
+    hidden=NOTHING,
+):
     """One run, sampled at `rate` with the feasibility study's noise times `noise`.
 
-    `inertia`: None for the slider-crank, or a constant. Friction and the torque limit are always there.
+    `inertia`: None for the slider-crank, or a constant. Friction and the torque limit `peak` are always there;
+    `hidden` adds to the two-mass machine what its file does not mention.
     """
     out, back = motion.start_time_s, motion.start_time_s + motion.duration_s + motion.dwell_s
     end = back + motion.duration_s + motion.dwell_s
@@ -66,7 +92,7 @@ def record(motion, excitation=None, *, rate=4000.0, inertia=None, repeat=0, nois
 
     def controller(t, theta, omega, integral):
         error = K_PP * (demand(t) - theta) - omega
-        return error, max(-PEAK, min(PEAK, K_PS * (error + integral / T_N) + injected(t)))
+        return error, max(-peak, min(peak, K_PS * (error + integral / T_N) + injected(t)))
 
     def load_inertia(angle):
         return _crank(angle) if inertia is None else (inertia, 0.0)
@@ -77,7 +103,9 @@ def record(motion, excitation=None, *, rate=4000.0, inertia=None, repeat=0, nois
         j, slope = load_inertia(theta_l)
         shaft = DAMPING * (omega_r - omega_l) + STIFFNESS * (theta_r - theta_l)
         load = shaft - LOAD_FRICTION * omega_l - slope * omega_l**2 / 2
-        return [omega_r, (torque - shaft - ROTOR_FRICTION * omega_r) / ROTOR, omega_l, load / j, error]
+        load += hidden.load_torque - hidden.gravity * cos(theta_l)
+        rub = (ROTOR_FRICTION + hidden.viscous) * omega_r + hidden.coulomb * tanh(omega_r / SMOOTH)
+        return [omega_r, (torque - shaft - rub) / ROTOR, omega_l, load / j, error]
 
     def one_mass(t, x):
         theta, omega, _, _, integral = x.tolist()
@@ -87,7 +115,11 @@ def record(motion, excitation=None, *, rate=4000.0, inertia=None, repeat=0, nois
         return [omega, drive / (ROTOR + j), 0.0, 0.0, error]
 
     model = one_mass if rigid else two_mass
-    solved = solve_ivp(model, (0.0, time[-1]), np.zeros(5), "RK45", time, rtol=1e-7, atol=1e-9, max_step=1e-3)
+    held = (
+        0.0 if rigid else hidden.gravity - hidden.load_torque
+    )  # at rest at angle 0, the integrator carries it
+    start = [0.0, 0.0, -held / STIFFNESS, 0.0, held * T_N / K_PS]
+    solved = solve_ivp(model, (0.0, time[-1]), start, "RK45", time, rtol=1e-7, atol=1e-9, max_step=1e-3)
     theta, omega, _, _, integral = solved.y
     torque = [controller(*row)[1] for row in zip(time, theta, omega, integral, strict=True)]
     clean = Run(
@@ -107,7 +139,8 @@ def record(motion, excitation=None, *, rate=4000.0, inertia=None, repeat=0, nois
 
 def noisy(run, repeat, noise=1.0):
     """The same run once more, as another repeat: only the noise differs. Saves an integration."""
-    rng = np.random.default_rng([repeat, run.role == "excited"])
+    phase = 0 if run.excitation is None else round(1e6 * run.excitation.phase_rad)
+    rng = np.random.default_rng([repeat, run.role == "excited", *([phase] if phase else [])])
     return replace(
         run,
         repeat=repeat,
@@ -120,8 +153,14 @@ def motion_of(duration_s, distance_rad=pi):
     return Motion(distance_rad=distance_rad, duration_s=duration_s, start_time_s=0.1, dwell_s=0.1)
 
 
-def sine_for(motion, frequency_hz=FREQUENCY, amplitude_nm=AMPLITUDE):
-    return Excitation(frequency_hz=frequency_hz, amplitude_nm=amplitude_nm, ramp_s=RAMP, end_s=motion.total_s)
+def sine_for(motion, frequency_hz=FREQUENCY, amplitude_nm=AMPLITUDE, phase_rad=0.0):
+    return Excitation(
+        frequency_hz=frequency_hz,
+        amplitude_nm=amplitude_nm,
+        phase_rad=phase_rad,
+        ramp_s=RAMP,
+        end_s=motion.total_s,
+    )
 
 
 def session_of(*runs, **attributes):
@@ -134,6 +173,17 @@ def pair(duration_s, frequency_hz=FREQUENCY, **options):
     """Session of one reference and one excited run."""
     motion = motion_of(duration_s)
     return session_of(record(motion, **options), record(motion, sine_for(motion, frequency_hz), **options))
+
+
+def phases(duration_s, frequency_hz=FREQUENCY, count=4, **options):
+    """Session of excited runs with equally spaced phases, and no reference."""
+    motion = motion_of(duration_s)
+    return session_of(
+        *(
+            record(motion, sine_for(motion, frequency_hz, phase_rad=2 * pi * m / count), **options)
+            for m in range(count)
+        )
+    )
 
 
 def thinned(session, step):

@@ -41,7 +41,7 @@ def _reference_for(session: Session, excited: Run) -> Run:
             "has no reference run, a motion without injection",
             'Record one, or estimate with method "former", which needs none but wants slow motions.',
         )
-    same = [run for run in session.references if _same_motion(run, excited)]
+    same = [run for run in session.references if same_motion(run, excited)]
     if not same:
         motions = "; ".join(sorted({_motion_text(run) for run in session.references}))
         raise InputError(
@@ -52,11 +52,11 @@ def _reference_for(session: Session, excited: Run) -> Run:
     repeated = [run for run in same if run.repeat == excited.repeat]
     chosen = repeated or same
     for run in chosen:
-        _check_aligned(run, excited)
+        check_aligned(run, excited)
     return chosen[0] if len(chosen) == 1 else _mean(chosen, excited)
 
 
-def _same_motion(first: Run, second: Run) -> bool:
+def same_motion(first: Run, second: Run) -> bool:
     """Whether the same was commanded; keys of later versions do not count. Without `motion` paths decide."""
     if first.motion is None or second.motion is None:
         return first.motion is second.motion
@@ -70,7 +70,8 @@ def _motion_text(run: Run) -> str:
     return f"{motion.kind}, {motion.distance_rad:g} in {motion.duration_s:g} s from {motion.start_time_s:g} s"
 
 
-def _check_aligned(reference: Run, excited: Run) -> None:
+def check_aligned(reference: Run, excited: Run) -> None:
+    """Rate, start, length and path must agree. Raises InputError that names both runs and what is off."""
     place = f"{excited.name or 'excited run'} and {reference.name or 'its reference'}"
     rate = excited.sample_rate_hz
     if abs(reference.sample_rate_hz - rate) > 1e-6 * rate:
