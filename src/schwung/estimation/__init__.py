@@ -2,6 +2,17 @@
 
 from schwung.estimation.estimate import estimate
 from schwung.estimation.rivals import RIVALS
+from schwung.estimation.trajectory import TrajectoryMethod
 from schwung.estimation.values import Denoised, Estimate, Inversion, Trace, Trust, Verdict
 
-__all__ = ["RIVALS", "Denoised", "Estimate", "Inversion", "Trace", "Trust", "Verdict", "estimate"]
+__all__ = [
+    "RIVALS",
+    "Denoised",
+    "Estimate",
+    "Inversion",
+    "Trace",
+    "TrajectoryMethod",
+    "Trust",
+    "Verdict",
+    "estimate",
+]

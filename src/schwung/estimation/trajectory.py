@@ -1,0 +1,107 @@
+"""Method `trajectory`: the whole of every run explained at once, by one J_l(θ), load torque and friction.
+
+No window, no lag and no superposition: the model is driven by the torque as measured, so that a clipped torque or a
+motion of a few periods is as good as any. All runs of the session count, excited or not, whatever their phase or
+frequency. The band is the posterior's: what noise and unknown friction, load torque, delays and coupling leave open.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from schwung.drivetrain.inertia import InertiaTable
+from schwung.errors import InputError
+from schwung.estimation.methods import Outcome, Task, register
+from schwung.estimation.table import DEFAULT_POINTS
+from schwung.estimation.trajectory_fit import Fit, fit
+from schwung.motion import Array
+
+#: Where the band is wider than this share of the inertia itself, there was no information.
+UNKNOWN = 0.3
+#: A torque that the model misses by more than this share of its rms belongs to another machine, or has the wrong sign.
+UNEXPLAINED = 0.3
+
+
+class TrajectoryMethod:
+    """A spline J_l(θ) with the smoothness that the data call for, fitted to the whole session."""
+
+    name = "trajectory"
+    needs_reference = False
+
+    def traces(self, task: Task) -> Outcome:
+        """Fit, and tabulate with the posterior's standard deviation."""
+        session = task.recorded or task.session
+        found = fit(session.runs, task.machine, rotary=session.axis == "rotary")
+        _check_explained(found)
+        table, notes = _table(found, DEFAULT_POINTS)
+        return Outcome(table=table, notes=(*notes, *_notes(found)))
+
+
+register(TrajectoryMethod())
+
+
+def inertia_at(found: Fit, angle_rad: Array) -> tuple[Array, Array]:
+    """J_l (kg·m²) and its standard deviation at load angles (rad), (n,) each."""
+    where = found.model.layout.inertia
+    rows, _ = found.model.layout.basis.rows(angle_rad)
+    inertia = np.exp(rows @ found.parameters[where])
+    spread = np.einsum("ni,ij,nj->n", rows, found.covariance[where, where], rows)
+    return inertia, inertia * np.sqrt(np.maximum(spread, 0.0))
+
+
+def _table(found: Fit, points: int) -> tuple[InertiaTable, tuple[str, ...]]:
+    """The table over all visited angles that the data say something about."""
+    basis = found.model.layout.basis
+    grid = np.linspace(basis.low_rad, basis.high_rad, points)
+    inertia, deviation = inertia_at(found, grid)
+    keep = deviation < UNKNOWN * inertia
+    if keep.sum() < 2:
+        raise InputError(
+            "session",
+            "says nothing of the inertia: no angle has a band narrower than "
+            f"{100 * UNKNOWN:.0f} % of its value",
+            "Accelerate more, inject more, or record more runs.",
+        )
+    notes = (
+        ()
+        if keep.all()
+        else (f"{int(np.sum(~keep))} of {points} angles are not determined and were left out.",)
+    )
+    return InertiaTable(grid[keep], inertia[keep], deviation[keep]), notes
+
+
+def _check_explained(found: Fit) -> None:
+    torque = np.concatenate([run.drive.smooth(run.time_s) for run in found.runs])
+    missed = found.noise.torque_nm / max(float(np.sqrt(np.mean(torque**2))), 1e-300)
+    if missed > UNEXPLAINED:
+        raise InputError(
+            "session",
+            f"the torque that no inertia, friction or load explains is {100 * missed:.0f} % of all torque (rms)",
+            "Check the sign of torque and speed, units, rotor inertia and stiffness.",
+        )
+
+
+def _notes(found: Fit) -> tuple[str, ...]:
+    at, noise = found.model.layout, found.noise
+    values, deviations = found.parameters, np.sqrt(np.diag(found.covariance))
+
+    def told(name: str, index: int, unit: str, scale: float = 1.0) -> str:
+        return f"{name} {scale * values[index]:.3g} ± {scale * deviations[index]:.2g} {unit}"
+
+    lines = [
+        f"Noise found: torque {noise.torque_nm:.2g} N·m, speed {noise.speed_rad_s:.2g} rad/s, "
+        f"position {noise.position_rad:.2g} rad.",
+        "Estimated beside the inertia: "
+        + ", ".join(
+            [
+                told("dry friction", at.coulomb, "N·m"),
+                told("viscous friction beyond the machine file's", at.viscous, "N·m·s/rad"),
+                told("torque delay", at.torque_delay, "ms", 1e3),
+                told("speed delay", at.speed_delay, "ms", 1e3),
+            ]
+        )
+        + ".",
+    ]
+    if not found.converged:
+        lines.append(f"The fit had not settled after {found.iterations} iterations.")
+    return tuple(lines)

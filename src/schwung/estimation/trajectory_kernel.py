@@ -1,0 +1,225 @@
+"""The compiled inside of the trajectory fit: exact steps of the two-mass model, Kalman filter, smoother.
+
+State of the flexible machine: motor angle, motor speed, wind-up θ_r − θ_l, load speed; of the rigid one: angle and
+speed. Over one sampling interval the load inertia stands still and the torques run straight from `start` to `end`;
+the step is then a matrix exponential, exact for any stiffness.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numba import njit
+
+from schwung.motion import Array
+
+#: Terms of the Taylor series, and the largest |eigenvalue| × step that it is used for; longer steps are doublings.
+_TERMS, _REACH = 10, 0.5
+
+
+class Shaft(NamedTuple):
+    """What does not change along a trajectory; SI."""
+
+    rotor_inertia: float
+    motor_friction: float
+    load_friction: float
+    stiffness: float
+    damping: float
+    rigid: bool
+
+
+class Filtered(NamedTuple):
+    """What the filter leaves behind: per sample k the two scalar updates (position, then speed)."""
+
+    error: Array  # (n, 2) innovations
+    variance: Array  # (n, 2) theirs
+    gain: Array  # (n, 2, s)
+    state: Array  # (n, s) after both updates
+    covariance: Array  # (n, s, s)
+
+
+@njit(cache=True, error_model="numpy")
+def _exponentials(shaft: Shaft, inertia: float, duration: float) -> tuple[Array, Array, Array]:
+    """e^{Ah}, ∫e^{A(h−t)}B dt and ∫e^{A(h−t)}B t dt for one interval h; B: torque on motor, on load."""
+    size = 2 if shaft.rigid else 4
+    rates, inputs = np.zeros((size, size)), np.zeros((size, 2))
+    rates[0, 1] = 1.0
+    if shaft.rigid:
+        total = shaft.rotor_inertia + inertia
+        fastest = (shaft.motor_friction + shaft.load_friction) / total
+        rates[1, 1] = -fastest
+        inputs[1, 0] = inputs[1, 1] = 1.0 / total
+    else:
+        rotor, k, b = shaft.rotor_inertia, shaft.stiffness, shaft.damping
+        rates[1, 1], rates[1, 2], rates[1, 3] = -(b + shaft.motor_friction) / rotor, -k / rotor, b / rotor
+        rates[2, 1], rates[2, 3] = 1.0, -1.0
+        rates[3, 1], rates[3, 2], rates[3, 3] = b / inertia, k / inertia, -(b + shaft.load_friction) / inertia
+        inputs[1, 0], inputs[3, 1] = 1.0 / rotor, 1.0 / inertia
+        mobility = 1.0 / rotor + 1.0 / inertia
+        fastest = max(np.sqrt(k * mobility), b * mobility)
+        fastest += shaft.motor_friction / rotor + shaft.load_friction / inertia
+    doublings = max(0, int(np.ceil(np.log2(max(fastest * duration / _REACH, 1e-9)))))
+    h = duration / 2**doublings
+    moved, first, second = np.eye(size), np.zeros((size, size)), np.zeros((size, size))
+    term = np.eye(size)
+    for i in range(_TERMS):  # term = (Ah)^i / i!
+        first += term * (h / (i + 1))
+        second += term * (h * h / ((i + 1) * (i + 2)))
+        term = term @ rates * (h / (i + 1))
+        moved += term
+    for _ in range(doublings):
+        second = moved @ second + second + h * first
+        first = moved @ first + first
+        moved = moved @ moved
+        h *= 2.0
+    return moved, first @ inputs, second @ inputs
+
+
+@njit(cache=True, error_model="numpy")
+def steps(shaft: Shaft, inertia: Array, duration: float) -> tuple[Array, Array, Array]:
+    """For every interval: transition (m, s, s), and what torques at its start and at its end add, (m, s, 2)."""
+    count, size = inertia.size, 2 if shaft.rigid else 4
+    transition = np.empty((count, size, size))
+    at_start, at_end = np.empty((count, size, 2)), np.empty((count, size, 2))
+    for i in range(count):
+        moved, first, second = _exponentials(shaft, inertia[i], duration)
+        transition[i] = moved
+        at_end[i] = second / duration
+        at_start[i] = first - second / duration
+    return transition, at_start, at_end
+
+
+@njit(cache=True, error_model="numpy")
+def _times(matrix: Array, vector: Array, added: Array, result: Array) -> Array:
+    """matrix·vector + added, by way of `result`; written into `vector`."""
+    for i in range(vector.size):
+        result[i] = added[i]
+        for j in range(vector.size):
+            result[i] += matrix[i, j] * vector[j]
+    vector[:] = result
+    return vector
+
+
+@njit(cache=True, error_model="numpy")
+def _carried(phi: Array, p: Array, half: Array, noise: Array, power: float) -> None:
+    """p becomes Φ p Φᵀ + noise·noiseᵀ·power; small matrices are faster without BLAS."""
+    size = p.shape[0]
+    for i in range(size):
+        for j in range(size):
+            half[i, j] = 0.0
+            for c in range(size):
+                half[i, j] += phi[i, c] * p[c, j]
+    for i in range(size):
+        for j in range(i + 1):
+            p[i, j] = noise[i] * noise[j] * power
+            for c in range(size):
+                p[i, j] += half[i, c] * phi[j, c]
+            p[j, i] = p[i, j]
+
+
+@njit(cache=True, error_model="numpy")
+def filtered(
+    transition: Array,
+    forcing: Array,
+    noise: Array,
+    power: Array,
+    measured: Array,
+    variances: Array,
+    state: Array,
+    spread: Array,
+) -> Filtered:
+    """Kalman filter: x⁺ = Φx + forcing + noise·w, var w = power; measured (n, 2) are the first two states."""
+    count, size = measured.shape[0], state.size
+    errors, spreads = np.empty((count, 2)), np.empty((count, 2))
+    gains = np.empty((count, 2, size))
+    states, covariances = np.empty((count, size)), np.empty((count, size, size))
+    x, p = state.copy(), np.diag(spread**2)
+    gain, row, ahead, half = np.empty(size), np.empty(size), np.empty(size), np.empty((size, size))
+    for k in range(count):
+        if k > 0:
+            x = _times(transition[k - 1], x, forcing[k - 1], ahead)
+            _carried(transition[k - 1], p, half, noise[k - 1], power[k - 1])
+        for m in range(2):
+            spreads[k, m] = p[m, m] + variances[m]
+            errors[k, m] = measured[k, m] - x[m]
+            for i in range(size):
+                gain[i], row[i] = p[i, m] / spreads[k, m], p[m, i]
+            for i in range(size):
+                gains[k, m, i] = gain[i]
+                x[i] += gain[i] * errors[k, m]
+                for j in range(size):
+                    p[i, j] -= gain[i] * row[j]
+            for i in range(size):  # Joseph's form, cheaply: symmetric and with its smallest entry exact
+                for j in range(i):
+                    p[i, j] = p[j, i] = (p[i, j] + p[j, i]) / 2
+            p[m, m] = max(gain[m] * variances[m], 1e-300)
+        states[k] = x
+        covariances[k] = p
+    return Filtered(errors, spreads, gains, states, covariances)
+
+
+@njit(cache=True, error_model="numpy")
+def deviance(
+    transition: Array,
+    forcing: Array,
+    noise: Array,
+    power: Array,
+    measured: Array,
+    variances: Array,
+    state: Array,
+    spread: Array,
+) -> tuple[float, float]:
+    """Σ log of the innovations' variances, and Σ innovation²/variance."""
+    result = filtered(transition, forcing, noise, power, measured, variances, state, spread)
+    return np.sum(np.log(result.variance)), np.sum(result.error**2 / result.variance)
+
+
+@njit(cache=True, error_model="numpy")
+def smoothed(transition: Array, result: Filtered) -> Array:
+    """States given all samples, (n, s): Bryson and Frazier's form, which inverts no covariance."""
+    count, size = result.state.shape
+    states = np.empty((count, size))
+    adjoint = np.zeros(size)
+    for k in range(count - 1, -1, -1):
+        states[k] = result.state[k] - result.covariance[k] @ adjoint
+        for m in range(1, -1, -1):
+            onto = 0.0
+            for i in range(size):
+                onto += result.gain[k, m, i] * adjoint[i]
+            adjoint[m] -= onto + result.error[k, m] / result.variance[k, m]
+        if k > 0:
+            adjoint = transition[k - 1].T @ adjoint
+    return states
+
+
+@njit(cache=True, error_model="numpy", fastmath=True)
+def whitened(transition: Array, result: Filtered, columns: Array, of_speed: Array) -> Array:
+    """∂(predicted samples)/∂parameters as the filter sees them, over the innovations' deviation; (2n, P).
+
+    `columns` (m, s, P): what the parameters add to each step; `of_speed` (n, P): what they add to the speed's sample.
+    """
+    count, size = result.state.shape
+    number = columns.shape[2]
+    rows = np.empty((2 * count, number))
+    x, ahead, seen = np.zeros((size, number)), np.zeros((size, number)), np.empty(number)
+    for k in range(count):
+        if k > 0:
+            for i in range(size):
+                for c in range(number):
+                    ahead[i, c] = columns[k - 1, i, c]
+                for j in range(size):
+                    factor = transition[k - 1, i, j]
+                    for c in range(number):
+                        ahead[i, c] += factor * x[j, c]
+            x, ahead = ahead, x
+        for m in range(2):
+            weight = 1.0 / np.sqrt(result.variance[k, m])
+            for c in range(number):
+                seen[c] = x[m, c] + (of_speed[k, c] if m == 1 else 0.0)
+                rows[2 * k + m, c] = weight * seen[c]
+            for i in range(size):
+                factor = result.gain[k, m, i]
+                for c in range(number):
+                    x[i, c] -= factor * seen[c]
+    return rows
