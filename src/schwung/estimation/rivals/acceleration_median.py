@@ -40,7 +40,7 @@ class AccelerationMedian:
             ratio = np.where(large, load.torque_nm / np.where(large, acceleration, 1.0), np.nan)
             window = samples_per_window(rate, task.frequency_hz)
             inertia = sliding_median(ratio, window)
-            traces.append(labelled(trace, pair, task, inertia, age_s=(window - 1) / 2 / rate))
+            traces.append(labelled(trace, pair, task, inertia, age=(window - 1) / 2 / rate))
         return replace(start, traces=tuple(traces))
 
 

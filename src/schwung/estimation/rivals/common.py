@@ -2,13 +2,14 @@
 
 **The tuning rule.** Every rival remembers one period of the injected sine, 1/f_est, as the paper's SDFT does:
 windows are one period long, and what forgets exponentially keeps 2 % (e⁻⁴) of a sample's weight after one
-period, a time constant of a quarter period. Results are labelled by their mean age: half a period, or a quarter.
+period, a time constant of a quarter period. Results are labelled by their mean age, which such windows know.
 Whatever else a rival needs follows from the session: noise levels from the third differences of the signals,
 band limits from f_est, first guesses from the denoised SDFT. Nothing is tuned to a machine or to the truth.
 """
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 
 import numpy as np
@@ -31,13 +32,19 @@ def started(task: Task, method: str, *, in_time: bool = True) -> Outcome:
     `in_time`: the method works in the time domain and has no inversion to choose. Raises InputError as the
     denoised method does, and where the magnitude inversion is asked for in vain.
     """
-    if in_time and task.inversion != "complex":
+    if in_time:
+        refuse_inversion(task, method)
+    return DenoisedMethod().traces(task)
+
+
+def refuse_inversion(task: Task, method: str) -> None:
+    """A method in the time domain has no inversion. Raises InputError where another than the default is asked for."""
+    if task.inversion != "complex":
         raise InputError(
             "inversion",
             f'is "{task.inversion}", but method "{method}" works in the time domain',
             "Leave it out.",
         )
-    return DenoisedMethod().traces(task)
 
 
 def labelled(
@@ -46,9 +53,9 @@ def labelled(
     task: Task,
     inertia_kgm2: Array | ComplexArray,
     *,
-    age_s: float,
+    age: float,
 ) -> Trace:
-    """A trace of inertias as they come out at each sample, (n,), labelled `age_s` earlier.
+    """A trace of inertias as they come out at each sample, (n,), labelled `age` (s) earlier.
 
     Valid where the paper's window is: full injection for one period. A complex inertia
     leaves its imaginary part as the check it is; a real one has none (NaN).
@@ -58,7 +65,7 @@ def labelled(
     imaginary = np.full_like(inertia, np.nan)
     if np.iscomplexobj(inertia_kgm2):
         imaginary = np.where(valid, inertia_kgm2.imag, np.nan)
-    time = pair.time_s - age_s
+    time = pair.time_s - age
     period = samples_per_window(pair.excited.sample_rate_hz, task.frequency_hz)
     variation = np.full_like(inertia, np.nan)
     variation[period:] = inertia[period:] - inertia[:-period]
@@ -77,8 +84,24 @@ def labelled(
 
 
 def memory_s(frequency_hz: float) -> float:
-    """Time constant of what forgets exponentially, and its mean age (s)."""
+    """Time constant of what forgets exponentially (s)."""
     return 1 / (TIME_CONSTANTS_PER_PERIOD * frequency_hz)
+
+
+def age_s(sample_rate_hz: float, frequency_hz: float) -> float:
+    """Mean age (s) of a sine that is fitted beside a constant over the exponentially forgetting window.
+
+    It is the group delay at f_est of the fit as a filter: more than the time constant, as the fit has to tell the
+    sine from the constant and from its own negative frequency, for which it takes older samples.
+    """
+    memory = memory_s(frequency_hz) * sample_rate_hz
+    back = np.arange(int(30 * memory))
+    angle = -2 * np.pi * frequency_hz / sample_rate_hz * back
+    basis = np.column_stack([np.ones(back.size), np.cos(angle), -np.sin(angle)])
+    weighted = basis * np.exp(-back / memory)[:, None]
+    _, real, imaginary = np.linalg.solve(basis.T @ weighted, weighted.T)
+    response = (real + 1j * imaginary) * np.exp(1j * angle)
+    return float(np.real(np.sum(back * response) / np.sum(response))) / sample_rate_hz
 
 
 def noise_level(values: Array) -> float:
@@ -88,5 +111,5 @@ def noise_level(values: Array) -> float:
     stray samples do not reach a median.
     """
     third = np.abs(np.diff(values, 3))
-    white = float(np.median(third)) / 0.6745 / np.sqrt(20.0)
+    white = float(np.median(third)) / 0.6745 / math.sqrt(20.0)
     return max(white, LEAST_NOISE * float(np.sqrt(np.mean(values**2))), 1e-12)

@@ -48,7 +48,7 @@ class GeneralisedDft:
                 real = invert_magnitude(task.machine, task.frequency_hz, torque, speed)
                 inertia = real + 1j * inertia.imag
             age = (window_samples(rate, task.frequency_hz) / 2) / rate
-            traces.append(labelled(trace, pair, task, inertia, age_s=age))
+            traces.append(labelled(trace, pair, task, inertia, age=age))
         return replace(start, traces=tuple(traces))
 
 

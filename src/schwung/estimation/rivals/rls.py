@@ -14,7 +14,7 @@ import numpy as np
 from numba import njit
 
 from schwung.estimation.methods import Outcome, Task
-from schwung.estimation.rivals.common import labelled, memory_s, started
+from schwung.estimation.rivals.common import age_s, labelled, memory_s, started
 from schwung.estimation.rivals.loadside import load_side
 from schwung.motion import Array
 
@@ -37,7 +37,7 @@ class RecursiveLeastSquares:
             )
             memory = memory_s(task.frequency_hz)
             found = recursive_least_squares(columns, load.torque_nm, np.exp(-1 / (memory * rate)))
-            traces.append(labelled(trace, pair, task, found[:, 0], age_s=memory))
+            traces.append(labelled(trace, pair, task, found[:, 0], age=age_s(rate, task.frequency_hz)))
         return replace(start, traces=tuple(traces))
 
 

@@ -39,7 +39,7 @@ class WindowedLeastSquares:
             load = load_side(task.machine, pair.torque_nm, pair.speed_rad_s, rate, task.frequency_hz)
             window = samples_per_window(rate, task.frequency_hz)
             inertia = sliding_line(load, window, 1 / rate)
-            traces.append(labelled(trace, pair, task, inertia, age_s=(window - 1) / 2 / rate))
+            traces.append(labelled(trace, pair, task, inertia, age=(window - 1) / 2 / rate))
         return replace(start, traces=tuple(traces))
 
 
