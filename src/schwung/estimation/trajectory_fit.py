@@ -34,12 +34,14 @@ from schwung.session.model import Run
 #: Spline pieces over the visited range: at the least, at the most, and per rad on a rotary axis.
 PIECES, MOST_PIECES, PIECES_PER_RAD = 40, 160, 12.0
 MOST_ITERATIONS, NOISE_ITERATIONS = 25, 10
+#: Runs that the sizes of noise and the start are found from, at most.
+FEW = 4
 #: Converged: no coefficient moves by more than this share of its standard deviation.
 SETTLED = 0.05
 #: No step changes log J_l by more than this.
 LARGEST_STEP = 1.0
 #: Constant inertias tried at the start, over the rotor's.
-_TRIED = np.geomspace(0.05, 2000.0, 28)
+_TRIED = np.geomspace(0.05, 2000.0, 20)
 #: Smallest error of the angle that is believed, over the visited range.
 _FINEST = 1e-9
 
@@ -75,13 +77,13 @@ def fit(recorded: Sequence[Run], machine: Machine, *, rotary: bool = True) -> Fi
     peak_speed = max(float(np.max(np.abs(run.states[:, 1]))) for run in runs)
     model = Model(machine, layout, STICKING * peak_speed)
     noise = _first_noise(runs)
-    inertia = _constant_inertia(model, runs, noise)
+    inertia = _constant_inertia(model, _few(runs), noise)
     prior = prior_for(layout, machine, inertia, held=any(is_held(run) for run in recorded))
     parameters, smoothness = prior.mean, (np.log(0.01), np.log(0.01))
     restless = True
     for iteration in range(1, MOST_ITERATIONS + 1):
         if restless:
-            likely = likely_noise(model, runs, parameters, noise, 1.0 if iteration == 1 else 0.3)
+            likely = likely_noise(model, _few(runs), parameters, noise, 1.0 if iteration == 1 else 0.3)
             restless = iteration < NOISE_ITERATIONS and (iteration < 3 or likely.differs_from(noise))
             noise = likely
         passed = passed_over(model, runs, parameters, noise)
@@ -89,11 +91,17 @@ def fit(recorded: Sequence[Run], machine: Machine, *, rotary: bool = True) -> Fi
         step = found.parameters - parameters
         largest = float(np.max(np.abs(step[layout.inertia])))
         parameters = parameters + step * min(1.0, LARGEST_STEP / max(largest, 1e-12))
-        runs, smoothness = passed.runs, found.log_deviations
+        smoothness = found.log_deviations
+        runs = resmoothed(model, passed.runs, parameters, noise)
         moved = float(np.max(np.abs(step) / np.sqrt(np.diag(found.covariance))))
         if moved < SETTLED and iteration > 2:
             break
     return Fit(model, parameters, found.covariance, noise, runs, iteration, moved < SETTLED)
+
+
+def _few(runs: Sequence[Signals]) -> Sequence[Signals]:
+    """Some runs, evenly chosen: enough for what needs no more."""
+    return runs if len(runs) <= FEW else [runs[round(i)] for i in np.linspace(0, len(runs) - 1, FEW)]
 
 
 def passed_over(model: Model, runs: Sequence[Signals], parameters: Array, noise: Noise) -> Passed:
@@ -108,6 +116,18 @@ def passed_over(model: Model, runs: Sequence[Signals], parameters: Array, noise:
         slope += rows.T @ (result.error / np.sqrt(result.variance)).ravel()
         smoothed.append(replace(run, states=kernel.smoothed(system.transition, result)))
     return Passed(information, slope, tuple(smoothed))
+
+
+def resmoothed(
+    model: Model, runs: Sequence[Signals], parameters: Array, noise: Noise
+) -> tuple[Signals, ...]:
+    """The runs with the states that these parameters make likely."""
+    systems = _systems(model, runs, parameters)
+    results = [kernel.filtered(*_filter_arguments(s, noise, r)) for s, r in zip(systems, runs, strict=True)]
+    return tuple(
+        replace(run, states=kernel.smoothed(system.transition, result))
+        for run, system, result in zip(runs, systems, results, strict=True)
+    )
 
 
 def _filter_arguments(system: Linearised, noise: Noise, run: Signals) -> tuple[Array, ...]:
@@ -181,7 +201,7 @@ def likely_noise(
     first = np.log([start.torque_nm, start.speed_rad_s, max(start.position_rad, finest)])
     best = minimize(
         lambda logs: _deviance(systems, runs, noise_of(logs), scaled=False), first, method="Nelder-Mead",
-        options={"xatol": 0.02, "fatol": 0.1, "maxfev": 120,
+        options={"xatol": 0.02, "fatol": 0.5, "maxfev": 60,
                  "initial_simplex": first + reach * np.vstack([np.zeros(3), np.diag([0.7, 0.3, -0.7])])},
     )  # fmt: skip
     return noise_of(best.x)

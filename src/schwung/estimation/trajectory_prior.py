@@ -55,9 +55,8 @@ def prior_for(layout: Layout, machine: Machine, inertia_kgm2: float, *, held: bo
     deviation[layout.viscous] = 0.01 * peak
     deviation[[layout.torque_delay, layout.speed_delay]] = DELAY_S
     deviation[layout.controller_delay] = DELAY_S if held else _PINNED
-    flexible = machine.coupling is not None
-    deviation[layout.stiffness] = STIFFNESS if flexible else _PINNED
-    deviation[layout.damping] = DAMPING if flexible and machine.coupling.damping_nms > 0 else _PINNED
+    deviation[layout.stiffness] = STIFFNESS if machine.coupling else _PINNED
+    deviation[layout.damping] = DAMPING if machine.coupling and machine.coupling.damping_nms > 0 else _PINNED
     return Prior(
         mean, deviation**-2.0, (_bend(layout, layout.inertia), _bend(layout, layout.load_torque)), peak
     )
@@ -100,7 +99,7 @@ def posterior(
     bounds = [(_LOWEST, _HIGHEST)] * 2
     best = minimize(
         lambda v: solved(np.clip(v, _LOWEST, _HIGHEST))[0], np.array(start), method="Nelder-Mead", bounds=bounds,
-        options={"xatol": 0.02, "fatol": 1e-3, "initial_simplex": np.array(start) + [[0, 0], [0.7, 0], [0, 0.7]]},
+        options={"xatol": 0.02, "fatol": 1e-3, "initial_simplex": np.add(start, [[0, 0], [0.7, 0], [0, 0.7]])},
     )  # fmt: skip
     chosen = (float(best.x[0]), float(best.x[1]))
     _, found, factor, scale = solved(chosen)
