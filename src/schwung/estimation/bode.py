@@ -1,15 +1,8 @@
 """Two masses fitted to measured responses: J_r, k, b and frictions shared by all angles, J_l at each of them.
 
-Complex weighted least squares on speed over torque. The model of a point is what the samples hold, images of a held
-injection included: with α = a/T the staircase's share, T = S·a + c, s_i = j2π(f + i·f_s), K the controller's gain at
-the images and L = K·G its loop there,
-
-    ω/T = [ G(s) (S(s) α + c_0) + Σ_{i≠0} (s/s_i) G(s_i) S(s_i) α / (1 + L(s_i)) ] e^{−sτ}
-    c_0 = (1 − S(s) α + Σ_{i≠0} K G(s_i) S(s_i) α / (1 + L(s_i))) e^{s·lag − s²·smear/2}
-
-τ: the speed is reported late; lag and smear: the controller's torque is reported through a filter, of which they
-are mean and variance. All three have a weak prior about zero. Intervals come
-from the curvature, widened by the root of χ² per degree of freedom where the model does not reach the noise.
+Complex weighted least squares on speed over torque, over all angles at once (`bode_model.py` is what it is held
+against). Delays have a weak prior about zero. Intervals come from the curvature, widened by the root of χ² per degree
+of freedom where the model does not reach the noise.
 """
 
 from __future__ import annotations
@@ -23,199 +16,108 @@ from scipy.optimize import least_squares
 
 from schwung.drivetrain import Machine
 from schwung.errors import InputError
+from schwung.estimation.bode_model import Points, Shape, controller_start, mobility, points_of, predict
 from schwung.estimation.bode_values import AngleFit, BodeFit, Fitted, worded
-from schwung.estimation.response import ComplexArray, Response, staircase_gain
+from schwung.estimation.response import Response
 from schwung.motion import Array
 
-#: Images of the staircase that are counted on either side; what is left falls with the third power.
-_IMAGES = 12
-#: Prior standard deviation of the delays (s): a few cycles of any drive.
+#: Prior standard deviation of the delays (s): a few cycles of any drive. Its square is that of a smear.
 DELAY_PRIOR_S = 5e-4
-#: The model's own error per point: a drive's sampling and quantisation are not in it.
-MODEL_SHARE = 2e-3
-#: Units of the delays within the fit: a tenth of a millisecond, and its square.
-_DELAY_UNITS = {"delay": 1e-4, "lag": 1e-4, "smear": 1e-8}
-#: Logarithms stay within this factor of the start values.
-_FACTOR = np.log(50.0)
-
-
-@dataclass(frozen=True, eq=False)
-class _Data:
-    """The fitted points of one angle, and what does not depend on the parameters."""
-
-    response: ComplexArray
-    weight: Array
-    s: ComplexArray
-    alpha: ComplexArray
-    images: ComplexArray  # (2·_IMAGES, m), empty where the injection was not held
-    hold_s: float
-    gain_nms: float
-    gain_delay_s: float
-
-
-@dataclass(frozen=True)
-class _Shape:
-    """Which parameters there are: coupling or rigid, number of angles."""
-
-    coupled: bool
-    angles: int
-
-    @property
-    def names(self) -> tuple[str, ...]:
-        """Of the shared parameters, in order; the angles' inertias follow."""
-        coupled = ("rotor", "stiffness", "damping") if self.coupled else ()
-        return (*coupled, "rotor_friction", "load_friction", "delay", "lag", "smear")
-
-    @property
-    def logarithmic(self) -> Array:
-        """1 where the parameter is a logarithm, (n,)."""
-        shared = [float(n in ("rotor", "stiffness", "damping")) for n in self.names]
-        return np.array(shared + [1.0] * self.angles)
-
-
-def mobility(
-    s: ComplexArray,
-    rotor_kgm2: float,
-    rotor_friction_nms: float,
-    stiffness_nm_rad: float,
-    damping_nms: float,
-    inertia_kgm2: float,
-    load_friction_nms: float,
-) -> ComplexArray:
-    """ω_r/T_m of two masses at s (1/s), any shape; stiffness inf: rigid. As `drivetrain.response`, for any s."""
-    load = inertia_kgm2 * s + load_friction_nms
-    if np.isfinite(stiffness_nm_rad):
-        coupling = damping_nms * s + stiffness_nm_rad
-        load = coupling * load / (coupling + load * s)
-    return np.asarray(1 / (rotor_kgm2 * s + rotor_friction_nms + load))
+#: Fewer points over all angles are no fit.
+_FEWEST = 8
 
 
 def fit_bode(responses: Sequence[Response], believed: Machine | None = None) -> BodeFit:
-    """Fit all angles at once. `believed`: its values are tried as a start, too; none of them is trusted.
+    """Fit all angles at once. `believed`: its values are tried as a start, too; none of them is trusted, but that of
+    the motor inertia where nothing in the band shows a coupling.
 
-    Raises InputError where fewer than six points are good enough.
+    Raises InputError where fewer than eight points are good enough.
     """
-    data = [_data(r) for r in responses]
+    data = [points_of(r) for r in responses]
     points = sum(d.s.size for d in data)
-    if points < 6 or any(d.s.size == 0 for d in data):
+    if points < _FEWEST or any(d.s.size == 0 for d in data):
         raise InputError(
             "response",
             f"has {points} points of enough coherence and low enough frequency",
             "Inject more torque, record longer or at more frequencies.",
         )
-    flexible = min(
-        (_solve(data, _Shape(True, len(data)), start) for start in _starts(responses, believed)),
-        key=lambda solved: float(solved.cost),
+    held = all(d.held for d in data)
+    flexible, rigid = Shape(True, held, len(data)), Shape(False, held, len(data))
+    starts = [flexible.start(*start) for start in _starts(responses, data, believed)]
+    rough = min(
+        (_solve(data, flexible, start, 1e-3) for start in starts), key=lambda found: float(found.cost)
     )
-    rigid = _solve(data, _Shape(False, len(data)), _rigid_start(responses))
-    # Schwarz' criterion: three more parameters have to earn their keep
-    coupled = 2 * (rigid.cost - flexible.cost) > 3 * np.log(2 * points)
-    return _result(responses, data, flexible if coupled else rigid, bool(coupled), believed)
+    two, one = (
+        _solve(data, flexible, rough.x, 1e-9),
+        _solve(data, rigid, rigid.start(*_rigid_start(responses, data)), 1e-9),
+    )
+    coupled = 2 * (one.cost - two.cost) > 3 * np.log(
+        2 * points
+    )  # Schwarz: what is added has to earn its keep
+    shape, solved = (flexible, two) if coupled else (rigid, one)
+    return _result(_Solved(responses, data, shape, np.asarray(solved.x), solved, believed))
 
 
-def _data(response: Response) -> _Data:
-    used = response.used
-    s = np.asarray(2j * np.pi * response.frequency_hz[used], dtype=np.complex128)
-    alpha, measured = response.staircase[used], response.response[used]
-    std = np.hypot(response.std[used], MODEL_SHARE * np.abs(measured)) / np.sqrt(2)
-    hold = response.hold_s or 0.0
-    images = np.empty((0, s.size), dtype=np.complex128)
-    gain = delay = 0.0
-    if hold and s.size:
-        orders = np.concatenate([np.arange(-_IMAGES, 0), np.arange(1, _IMAGES + 1)])
-        images = s + 2j * np.pi * response.sample_rate_hz * orders[:, None]
-        controller = -(1 - staircase_gain(s, hold) * alpha) / measured  # c = −K ω
-        fast = s.imag >= np.median(s.imag)
-        gain = float(np.median(np.abs(controller[fast])))
-        delay = float(np.median(-np.angle(controller[fast]) / s.imag[fast]))
-    return _Data(measured, 1 / std, s, alpha, images, hold, gain, delay)
-
-
-def _named(x: Array, shape: _Shape) -> dict[str, float]:
-    """Shared parameters in SI units."""
-    p = {name: float(value) for name, value in zip(shape.names, x, strict=False)}
-    if shape.coupled:
-        p |= {name: float(np.exp(p[name])) for name in ("rotor", "stiffness", "damping")}
-    else:
-        p |= {"rotor": 0.0, "stiffness": np.inf, "damping": 0.0}
-    return p | {name: p[name] * unit for name, unit in _DELAY_UNITS.items()}
-
-
-def _predict(d: _Data, p: dict[str, float], inertia: float) -> ComplexArray:
-    """Speed over torque as sampled, (m,)."""
-
-    def g(s: ComplexArray) -> ComplexArray:
-        return mobility(
-            s, p["rotor"], p["rotor_friction"], p["stiffness"], p["damping"], inertia, p["load_friction"]
-        )
-
-    late = np.exp(-d.s * p["delay"])
-    if not d.images.size:
-        return np.asarray(g(d.s) * late)
-    direct = staircase_gain(d.s, d.hold_s) * d.alpha
-    image_gain = g(d.images)
-    seen = d.gain_nms * np.exp(-d.images * d.gain_delay_s)  # controller from speed to torque as reported
-    injected = image_gain * staircase_gain(d.images, d.hold_s) * d.alpha
-    speed = injected / (1 + seen * np.exp(d.images * p["lag"]) * image_gain)
-    unfiltered = np.exp(d.s * p["lag"] - d.s**2 * p["smear"] / 2)
-    controller = (1 - direct + np.sum(seen * speed, axis=0)) * unfiltered
-    folded = np.sum(d.s / d.images * speed * np.exp(-d.images * p["delay"]), axis=0)
-    return np.asarray(g(d.s) * (direct + controller) * late + folded)
-
-
-def _residuals(x: Array, data: Sequence[_Data], shape: _Shape) -> Array:
-    p, shared = _named(x, shape), len(shape.names)
-    parts = []
-    for d, load in zip(data, x[shared:], strict=True):
-        off = (_predict(d, p, float(np.exp(load))) - d.response) * d.weight
+def _residuals(x: Array, data: Sequence[Points], shape: Shape) -> Array:
+    """Real and imaginary parts over their standard deviation: responses of all angles, controller, priors."""
+    p = shape.values(x)
+    parts, others = [], []
+    for d, inertia in zip(data, shape.inertias(x), strict=True):
+        predicted = predict(d, p, float(inertia))
+        off = (predicted.response - d.response) / d.std
         parts += [off.real, off.imag]
-    return np.concatenate([*parts, _beliefs(p)])
+        if d.held:
+            controller = (predicted.controller - 1) * d.fast
+            others += [controller.real, controller.imag]
+    prior = np.array([p["delay"], p["lag"], p["smear"] / DELAY_PRIOR_S]) / DELAY_PRIOR_S
+    return np.concatenate([*parts, *others, prior])
 
 
-def _beliefs(p: dict[str, float]) -> Array:
-    """Residuals of the priors: the delays are about zero."""
-    return np.array([p["delay"], p["lag"], p["smear"] / DELAY_PRIOR_S]) / DELAY_PRIOR_S
-
-
-def _solve(data: Sequence[_Data], shape: _Shape, start: Array) -> Any:
-    logs = shape.logarithmic.astype(bool)
-    positive = [name.endswith("friction") or name == "smear" for name in shape.names]
-    low = np.where(logs, start - _FACTOR, np.where(positive + [False] * shape.angles, 0.0, -np.inf))
-    high = np.where(logs, start + _FACTOR, np.inf)
+def _solve(data: Sequence[Points], shape: Shape, start: Array, tolerance: float) -> Any:
+    low, high = shape.bounds(start)
+    inside = np.clip(start, low + 1e-9, high - 1e-9)
     return least_squares(
-        _residuals, start, bounds=(low, high), args=(data, shape), x_scale="jac", xtol=1e-11, ftol=1e-11
-    )
+        _residuals, inside, bounds=(low, high), args=(data, shape), x_scale="jac",
+        xtol=tolerance, ftol=tolerance, gtol=tolerance, max_nfev=100,
+    )  # fmt: skip
 
 
-def _starts(responses: Sequence[Response], believed: Machine | None) -> list[Array]:
-    """Start values: from the shape of each response, and from the belief."""
+# ── start values ─────────────────────────────────────────────────────────────────────────────────────────────────
+
+_Start = tuple[dict[str, float], Array]
+
+
+def _starts(responses: Sequence[Response], data: list[Points], believed: Machine | None) -> list[_Start]:
+    """From the shape of each response, and from the belief."""
     seen = [_seen(r) for r in responses]
     total = np.array([s.total_kgm2 for s in seen])
-    starts = []
+    low = np.array([s.anti_resonance_hz for s in seen])
+    controller = controller_start(data)
+    pairs = []
     for wide in (1.0, 3.0):  # the resonance may lie beyond the band: then it is taken above it
-        low = np.array([s.anti_resonance_hz for s in seen])
         high = np.maximum(np.array([s.resonance_hz for s in seen]) * wide, 1.2 * low)
         rotor = float(np.median(total * (low / high) ** 2))
         load = np.maximum(total - rotor, 0.05 * total)
-        stiffness = float(np.median(load * (2 * np.pi * low) ** 2))
-        starts.append(_start(rotor, stiffness, load, total))
+        pairs.append((rotor, float(np.median(load * (2 * np.pi * low) ** 2))))
     if believed is not None and believed.coupling is not None:
-        rotor, stiffness = believed.motor.inertia_kgm2, believed.coupling.stiffness_nm_rad
-        starts.append(_start(rotor, stiffness, np.maximum(total - rotor, 0.05 * total), total))
+        pairs.append((believed.motor.inertia_kgm2, believed.coupling.stiffness_nm_rad))
+    starts: list[_Start] = []
+    for rotor, stiffness in pairs:
+        load = np.maximum(total - rotor, 0.05 * total)
+        damping = 0.1 * np.sqrt(stiffness * min(rotor, float(load.min())))
+        coupling = {"rotor": rotor, "stiffness": stiffness, "damping": float(damping)}
+        starts.append((coupling | _friction(total) | controller, load))
     return starts
 
 
-def _start(rotor: float, stiffness: float, load: Array, total: Array) -> Array:
-    damping = 0.05 * 2 * np.sqrt(stiffness * min(rotor, float(load.min())))
-    friction = 1e-3 * float(np.median(total)) * 2 * np.pi * 10
-    shared = [np.log(rotor), np.log(stiffness), np.log(damping), friction, friction, 0.0, 0.0, 0.1]
-    return np.concatenate([shared, np.log(load)])
-
-
-def _rigid_start(responses: Sequence[Response]) -> Array:
+def _rigid_start(responses: Sequence[Response], data: list[Points]) -> _Start:
     total = np.array([_seen(r).total_kgm2 for r in responses])
-    friction = 1e-3 * float(np.median(total)) * 2 * np.pi * 10
-    return np.concatenate([[friction, friction, 0.0, 0.0, 0.1], np.log(total)])
+    return _friction(total) | controller_start(data), total
+
+
+def _friction(total_kgm2: Array) -> dict[str, float]:
+    guess = 1e-3 * float(np.median(total_kgm2)) * 2 * np.pi * 10
+    return {"rotor_friction": guess, "load_friction": guess}
 
 
 @dataclass(frozen=True)
@@ -240,82 +142,92 @@ def _seen(response: Response) -> _Seen:
     return _Seen(total, float(f[low]), float(f[max(high, min(low + 1, f.size - 1))]))
 
 
-def _result(
-    responses: Sequence[Response],
-    data: Sequence[_Data],
-    solved: Any,
-    coupled: bool,
-    believed: Machine | None,
-) -> BodeFit:
-    shape = _Shape(coupled, len(data))
-    x, shared = np.asarray(solved.x), len(shape.names)
-    residual = np.asarray(solved.fun)
-    priors = len(_DELAY_UNITS)
-    freedom = max(residual.size - priors - x.size, 1)
-    chi2 = float(np.sum(residual[:-priors] ** 2)) / freedom
-    jacobian = np.asarray(solved.jac)
-    covariance = np.linalg.pinv(jacobian.T @ jacobian) * max(chi2, 1.0)
-    covariance = (covariance + covariance.T) / 2
-    p = _named(x, shape)
+# ── the result ───────────────────────────────────────────────────────────────────────────────────────────────────
+
+
+@dataclass(frozen=True, eq=False)
+class _Solved:
+    """A solution and what it was found from."""
+
+    responses: Sequence[Response]
+    data: Sequence[Points]
+    shape: Shape
+    x: Array
+    solution: Any
+    believed: Machine | None
+
+    @property
+    def chi2(self) -> float:
+        """Of the responses alone, per degree of freedom."""
+        residual = np.asarray(self.solution.fun)[: sum(2 * d.s.size for d in self.data)]
+        return float(np.sum(residual**2)) / max(residual.size - self.x.size, 1)
+
+    @property
+    def covariance(self) -> Array:
+        """Of the parameters, widened where χ² says so."""
+        jacobian = np.asarray(self.solution.jac)
+        scale = np.maximum(np.linalg.norm(jacobian, axis=0), 1e-30)
+        inverse = np.linalg.pinv((jacobian / scale).T @ (jacobian / scale)) / np.outer(scale, scale)
+        return np.asarray((inverse + inverse.T) / 2 * max(self.chi2, 1.0))
+
+
+def _result(found: _Solved) -> BodeFit:
+    shape, x, covariance = found.shape, found.x, found.covariance
 
     def fitted(of: Callable[[Array], float]) -> Fitted:
-        return propagated(of, x, covariance)
+        return _propagated(of, x, covariance)
 
-    def shared_value(name: str) -> Fitted:
-        return fitted(lambda y: _named(y, shape)[name])
+    def shared(name: str) -> Fitted:
+        return fitted(lambda y: shape.values(y)[name])
 
-    angles, corrected = [], []
-    for i, (response, d) in enumerate(zip(responses, data, strict=True)):
-        inertia = float(np.exp(x[shared + i]))
-        model = mobility(
-            d.s, p["rotor"], p["rotor_friction"], p["stiffness"], p["damping"], inertia, p["load_friction"]
-        )
+    p, corrected = shape.values(x), []
+    for response, d, inertia in zip(found.responses, found.data, shape.inertias(x), strict=True):
         whole = response.response.copy()
-        whole[response.used] = d.response * model / _predict(d, p, inertia)
+        plain = mobility(p, float(inertia), d.s)
+        whole[response.used] = d.response * plain / predict(d, p, float(inertia)).response
         corrected.append(whole)
-        angles.append(_angle_fit(i, response, shape, fitted, believed))
     return worded(
         BodeFit(
-            coupled=coupled,
-            rotor=shared_value("rotor") if coupled else None,
-            stiffness=shared_value("stiffness") if coupled else None,
-            damping=shared_value("damping") if coupled else None,
-            rotor_friction=shared_value("rotor_friction"),
-            load_friction=shared_value("load_friction"),
-            delay=shared_value("delay"),
-            angles=tuple(angles),
-            chi2=chi2,
-            responses=tuple(responses),
+            coupled=shape.coupled,
+            rotor=shared("rotor") if shape.coupled else None,
+            stiffness=shared("stiffness") if shape.coupled else None,
+            damping=shared("damping") if shape.coupled else None,
+            rotor_friction=shared("rotor_friction"),
+            load_friction=shared("load_friction"),
+            delay=shared("delay"),
+            angles=tuple(
+                _angle_fit(i, response.position_rad, found, fitted)
+                for i, response in enumerate(found.responses)
+            ),
+            chi2=found.chi2,
+            responses=tuple(found.responses),
             corrected=tuple(corrected),
         )
     )
 
 
 def _angle_fit(
-    i: int,
-    response: Response,
-    shape: _Shape,
-    fitted: Callable[[Callable[[Array], float]], Fitted],
-    believed: Machine | None,
+    i: int, position_rad: float, found: _Solved, fitted: Callable[[Callable[[Array], float]], Fitted]
 ) -> AngleFit:
-    def load(y: Array) -> float:
-        return float(np.exp(y[len(shape.names) + i]))
+    shape = found.shape
 
-    if not shape.coupled:  # only the sum is seen
-        rotor = believed.motor.inertia_kgm2 if believed is not None else 0.0
-        return AngleFit(response.position_rad, fitted(lambda y: load(y) - rotor), None, None)
+    def load(y: Array) -> float:
+        return float(shape.inertias(y)[i])
 
     def anti_resonance(y: Array) -> float:
-        return float(np.sqrt(_named(y, shape)["stiffness"] / load(y)) / (2 * np.pi))
+        return float(np.sqrt(shape.values(y)["stiffness"] / load(y)) / (2 * np.pi))
 
     def resonance(y: Array) -> float:
-        p = _named(y, shape)
+        p = shape.values(y)
         return float(np.sqrt(p["stiffness"] * (1 / p["rotor"] + 1 / load(y))) / (2 * np.pi))
 
-    return AngleFit(response.position_rad, fitted(load), fitted(anti_resonance), fitted(resonance))
+    if not shape.coupled:  # only the sum is seen
+        rotor = found.believed.motor.inertia_kgm2 if found.believed is not None else 0.0
+        return AngleFit(position_rad, fitted(lambda y: load(y) - rotor), None, None)
+    return AngleFit(position_rad, fitted(load), fitted(anti_resonance), fitted(resonance))
 
 
-def propagated(of: Callable[[Array], float], x: Array, covariance: Array) -> Fitted:
+def _propagated(of: Callable[[Array], float], x: Array, covariance: Array) -> Fitted:
     """A quantity and its standard deviation, to first order; steps of a hundredth of each parameter's own."""
     steps = 0.01 * np.sqrt(np.diag(covariance)) + 1e-12
     gradient = np.array(

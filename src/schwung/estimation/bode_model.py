@@ -1,0 +1,171 @@
+"""What the samples of a response hold: two masses under a controller, images of a held injection included.
+
+With α = a/T the staircase's share of the torque, T = S·a + c (`response.py`), s_i = j2π(f + i·f_s) and C the
+controller's torque over speed as reported, C° as it acts, the sampled speed over torque is
+
+    ω/T = ω_0 + Σ_{i≠0} (s/s_i) ω_i e^{−s_i τ}       ω_0 = G(s) (S(s) α + c_0) e^{−sτ}
+    ω_i = G(s_i) S(s_i) α / (1 + C°(s_i) G(s_i))      c_0 = (1 − S(s) α + Σ_{i≠0} C(s_i) ω_i) · C°(s)/C(s)
+
+τ: the speed is reported late. C°/C = e^{s·lag − s²·smear/2}: torque is reported through a filter, of which lag and
+smear are mean and variance. C = K e^{β/s − s·delay + s²·smear_K/2} describes gain, integrator, dead time and filters
+above the controller's own corner; it is needed at the images only, and held to its values within the band.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from schwung.estimation.response import ComplexArray, Response, staircase_gain
+from schwung.motion import Array
+
+#: Images of the staircase that are counted on either side; what is left falls with the third power.
+_IMAGES = 8
+#: The model's own error per point: a drive's sampling and quantisation are not in it. For the controller likewise.
+MODEL_SHARE, CONTROLLER_SHARE = 2e-3, 1e-2
+#: The controller is described above this share of the highest frequency.
+_FAST_SHARE = 0.25
+#: Units of delays (s) and of their squares within the fit, and of β (1/s).
+_UNITS = {
+    "delay": 1e-4,
+    "lag": 1e-4,
+    "smear": 1e-8,
+    "gain_delay": 1e-4,
+    "gain_smear": 1e-8,
+    "gain_rise": 100.0,
+}
+_LOGARITHMIC = ("rotor", "stiffness", "damping", "gain")
+_NOT_NEGATIVE = ("rotor_friction", "load_friction", "smear", "gain_smear")
+
+
+@dataclass(frozen=True)
+class Shape:
+    """Which parameters there are; those shared by all angles first, then ln J_l of each angle."""
+
+    coupled: bool
+    held: bool
+    angles: int
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """The shared parameters, in order."""
+        coupled = ("rotor", "stiffness", "damping") if self.coupled else ()
+        held = ("lag", "smear", "gain", "gain_delay", "gain_smear", "gain_rise") if self.held else ()
+        return (*coupled, "rotor_friction", "load_friction", "delay", *held)
+
+    def start(self, values: dict[str, float], inertia_kgm2: Array) -> Array:
+        """The parameter vector for values in SI units; what is not given is 0."""
+        shared = [
+            np.log(values[name]) if name in _LOGARITHMIC else values.get(name, 0.0) / _UNITS.get(name, 1.0)
+            for name in self.names
+        ]
+        return np.concatenate([shared, np.log(inertia_kgm2)])
+
+    def bounds(self, start: Array) -> tuple[Array, Array]:
+        """Logarithms within a factor of fifty; frictions and variances not negative."""
+        logs = np.array([name in _LOGARITHMIC for name in self.names] + [True] * self.angles)
+        positive = np.array([name in _NOT_NEGATIVE for name in self.names] + [False] * self.angles)
+        low = np.where(logs, start - np.log(50.0), np.where(positive, 0.0, -np.inf))
+        return low, np.where(logs, start + np.log(50.0), np.inf)
+
+    def values(self, x: Array) -> dict[str, float]:
+        """The shared parameters in SI units; those that the shape has not are 0, stiffness infinite."""
+        absent = {"rotor": 0.0, "stiffness": np.inf, "damping": 0.0, "lag": 0.0, "smear": 0.0}
+        return absent | {
+            name: float(np.exp(value) if name in _LOGARITHMIC else value * _UNITS.get(name, 1.0))
+            for name, value in zip(self.names, x, strict=False)
+        }
+
+    def inertias(self, x: Array) -> Array:
+        """J_l at each angle (kg·m²)."""
+        return np.asarray(np.exp(x[len(self.names) :]))
+
+
+@dataclass(frozen=True, eq=False)
+class Points:
+    """The fitted points of one angle, (m,), and what does not depend on the parameters; images (2·_IMAGES, m)."""
+
+    response: ComplexArray
+    std: Array  # of real and imaginary part each
+    s: ComplexArray
+    direct: ComplexArray  # S(s)·α
+    images: ComplexArray
+    image_torque: ComplexArray  # S(s_i)·α
+    fast: Array  # weight of the controller's points
+
+    @property
+    def held(self) -> bool:
+        """The injection was a staircase."""
+        return bool(self.images.size)
+
+
+def points_of(response: Response) -> Points:
+    """The points of a response that are good enough to be fitted."""
+    used = response.used
+    s = np.asarray(2j * np.pi * response.frequency_hz[used], dtype=np.complex128)
+    measured, alpha = response.response[used], response.staircase[used]
+    std = np.hypot(response.std[used], MODEL_SHARE * np.abs(measured)) / np.sqrt(2)
+    none = np.empty((0, s.size), dtype=np.complex128)
+    if not response.hold_s or not s.size:
+        return Points(measured, std, s, np.zeros_like(s), none, none, np.zeros(s.size))
+    orders = np.concatenate([np.arange(-_IMAGES, 0), np.arange(1, _IMAGES + 1)])
+    images = np.asarray(s + 2j * np.pi * response.sample_rate_hz * orders[:, None])
+    direct = staircase_gain(s, response.hold_s) * alpha
+    share = np.maximum(np.abs(1 - direct), 1e-9)  # where the controller does little, little is known of it
+    spread = std / np.abs(measured) * (1 + 1 / share)
+    fast = (s.imag >= _FAST_SHARE * s.imag.max()) / np.hypot(CONTROLLER_SHARE, spread)
+    return Points(measured, std, s, direct, images, staircase_gain(images, response.hold_s) * alpha, fast)
+
+
+def mobility(p: dict[str, float], inertia_kgm2: float, s: ComplexArray) -> ComplexArray:
+    """ω_r/T_m of two masses at s (1/s), any shape; stiffness inf: rigid. As `drivetrain.response`, for any s."""
+    load = inertia_kgm2 * s + p["load_friction"]
+    if np.isfinite(p["stiffness"]):
+        coupling = p["damping"] * s + p["stiffness"]
+        load = coupling * load / (coupling + load * s)
+    return np.asarray(1 / (p["rotor"] * s + p["rotor_friction"] + load))
+
+
+@dataclass(frozen=True, eq=False)
+class Predicted:
+    """Sampled speed over torque, (m,), and the controller within the band, measured over described, (m,)."""
+
+    response: ComplexArray
+    controller: ComplexArray
+
+
+def predict(d: Points, p: dict[str, float], inertia_kgm2: float) -> Predicted:
+    """What the samples of these points should hold."""
+    plain = mobility(p, inertia_kgm2, d.s) * np.exp(-d.s * p["delay"])
+    if not d.held:
+        return Predicted(plain, np.ones_like(plain))
+    g = mobility(p, inertia_kgm2, d.images)
+    smear = max(p["gain_smear"] - p["smear"], 0.0)
+    acting = _controller(p, d.images, p["gain_delay"] - p["lag"], smear)
+    speed = g * d.image_torque / (1 + acting * g)
+    seen = _controller(p, d.images, p["gain_delay"], p["gain_smear"])
+    reported = 1 - d.direct + np.sum(seen * speed, axis=0)
+    folded = np.sum(d.s / d.images * np.exp(-d.images * p["delay"]) * speed, axis=0)
+    unfiltered = np.exp(d.s * p["lag"] - d.s**2 * p["smear"] / 2)
+    within = -reported / (d.response - folded)
+    described = _controller(p, d.s, p["gain_delay"], p["gain_smear"])
+    return Predicted(plain * (d.direct + reported * unfiltered) + folded, within / described)
+
+
+def _controller(p: dict[str, float], s: ComplexArray, delay_s: float, smear_s2: float) -> ComplexArray:
+    return np.asarray(p["gain"] * np.exp(p["gain_rise"] / s - s * delay_s + s**2 * smear_s2 / 2))
+
+
+def controller_start(data: list[Points]) -> dict[str, float]:
+    """Gain and delay of the controller at first sight, images neglected; empty where nothing was held."""
+    if not all(d.held for d in data):
+        return {}
+    ratio = np.concatenate([(-(1 - d.direct) / d.response)[d.fast > 0] for d in data])
+    s = np.concatenate([d.s[d.fast > 0] for d in data])
+    return {
+        "gain": float(np.median(np.abs(ratio))),
+        "gain_delay": float(np.clip(np.median(-np.angle(ratio) / s.imag), 0.0, 2e-3)),
+        "smear": 1e-9,
+        "gain_smear": 1e-8,
+    }
