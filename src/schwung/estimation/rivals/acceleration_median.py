@@ -19,6 +19,7 @@ from schwung.motion import Array
 
 #: Of the amplitude: slower accelerations say little about an inertia.
 LEAST_ACCELERATION = 0.5
+BLOCK = 20_000  # windows sorted at a time
 
 
 @dataclass(frozen=True)
@@ -47,9 +48,14 @@ class AccelerationMedian:
 def sliding_median(values: Array, window: int) -> Array:
     """Median of what is finite in the window that ends at each sample, (n,); NaN where there is nothing."""
     windows = np.lib.stride_tricks.sliding_window_view(values, window)
-    ordered = np.sort(windows, axis=1)  # NaN come last
-    count = np.sum(np.isfinite(windows), axis=1)
+    medians = [_median(windows[first : first + BLOCK]) for first in range(0, len(windows), BLOCK)]
+    return np.concatenate([np.full(window - 1, np.nan), *medians])
+
+
+def _median(rows: Array) -> Array:
+    """Median of what is finite in each row, (n,); NaN where there is nothing."""
+    ordered = np.sort(rows, axis=1)  # NaN come last
+    count = np.sum(np.isfinite(rows), axis=1)
     row = np.arange(count.size)
-    low, high = np.maximum(count - 1, 0) // 2, np.maximum(count, 1) // 2
-    middle = (ordered[row, low] + ordered[row, np.minimum(high, window - 1)]) / 2
-    return np.concatenate([np.full(window - 1, np.nan), np.where(count > 0, middle, np.nan)])
+    low, high = np.maximum(count - 1, 0) // 2, np.minimum(count // 2, rows.shape[1] - 1)
+    return np.where(count > 0, (ordered[row, low] + ordered[row, high]) / 2, np.nan)

@@ -32,6 +32,7 @@ from schwung.session.model import Run
 
 DEGREE = 3
 MIN_INTERVALS, MAX_INTERVALS = 4, 48
+BLOCK = 50_000  # samples
 #: Below this share of the highest speed the sign in dry friction is smoothed.
 SLOW = 0.01
 #: Angles whose band is wider than this share of the inertia hold no information and are left out.
@@ -62,15 +63,20 @@ class BSplineExpansion:
         """
         refuse_inversion(task, self.name)
         balances = [_balance(task, run) for run in (*task.excited, *task.session.references)]
-        knots = knots_for(
-            np.concatenate([balance.angle_rad for balance in balances]),
-            max(float(np.max(np.abs(balance.load.speed_rad_s))) for balance in balances) / task.frequency_hz,
-        )
-        fit = _regression(balances, knots, task)
+        fastest = max(float(np.max(np.abs(balance.load.speed_rad_s))) for balance in balances)
+        angles = np.concatenate([balance.angle_rad for balance in balances])
+        knots = knots_for(angles, fastest / task.frequency_hz)
+        fit = _regression(balances, knots, fastest, task)
         grid = np.linspace(knots[0], knots[-1], DEFAULT_POINTS)
         basis = _basis(knots)(grid)
         inertia = basis @ fit.coefficients
         std = np.sqrt(np.einsum("ij,jk,ik->i", basis, fit.covariance, basis))
+        if np.mean(inertia > 0) < 0.5:
+            raise InputError(
+                "session",
+                f"gives a negative inertia at {100 * np.mean(inertia <= 0):.0f} % of its angles",
+                "Check the sign and the unit of torque and speed, rotor inertia and stiffness.",
+            )
         told = (inertia > 0) & (std < WIDEST_BAND * inertia)
         if told.sum() < 2:
             raise InputError("session", "does not tell the inertia at two angles or more",
@@ -88,9 +94,9 @@ class BSplineExpansion:
 def knots_for(angle_rad: Array, travel_rad: float) -> Array:
     """Knots (m,) of a cubic spline over the angles visited, about `travel_rad` apart, the ends repeated."""
     low, high = float(angle_rad.min()), float(angle_rad.max())
-    if not high - low > 1e-6:
+    if not (high - low > 1e-6 and travel_rad > 0):
         raise InputError("session", "holds no motion: the load stays at one angle", "Record a motion.")
-    count = int(np.clip(np.ceil((high - low) / max(travel_rad, 1e-9)), MIN_INTERVALS, MAX_INTERVALS))
+    count = int(np.clip(np.ceil((high - low) / travel_rad), MIN_INTERVALS, MAX_INTERVALS))
     inner = np.linspace(low, high, count + 1)
     return np.concatenate([np.full(DEGREE, low), inner, np.full(DEGREE, high)])
 
@@ -108,28 +114,34 @@ class _Fit:
     covariance: Array  # (k, k)
 
 
-def _regression(balances: list[_Balance], knots: Array, task: Task) -> _Fit:
-    spline = _basis(knots)
-    slope = spline.derivative()
-    fastest = max(float(np.max(np.abs(balance.load.speed_rad_s))) for balance in balances)
-    rows = []
-    for balance in balances:
-        load, angle = balance.load, np.clip(balance.angle_rad, knots[0], knots[-1])
-        speed = load.speed_rad_s[:, None]
-        inertial = spline(angle) * load.acceleration_rad_s2[:, None] + slope(angle) * speed**2 / 2
-        rows.append(np.hstack([inertial, speed, np.tanh(speed / (SLOW * fastest)), np.ones_like(speed)]))
-    matrix, torque = np.vstack(rows), np.concatenate([balance.torque_nm for balance in balances])
-    scale = np.sqrt(np.mean(matrix**2, axis=0))
-    scale[scale == 0] = 1.0
-    inverse = np.linalg.pinv(matrix / scale, rcond=1e-9)
-    found = inverse @ torque
-    residual = torque - matrix / scale @ found
-    rate = balances[0].run.sample_rate_hz
-    independent = min(1.0, 2 * STOP * task.frequency_hz / rate)  # samples of a band-limited noise overlap
-    variance = float(residual @ residual) / max(independent * (torque.size - found.size), 1.0)
-    covariance = variance * (inverse @ inverse.T) / np.outer(scale, scale)
+def _regression(balances: list[_Balance], knots: Array, fastest: float, task: Task) -> _Fit:
+    """Normal equations summed block by block, so that long recordings stay small in memory."""
+    basis = _basis(knots)
+    slope = basis.derivative()
     count = knots.size - DEGREE - 1
-    return _Fit((found / scale)[:count], covariance[:count, :count])
+    gram, right, power, samples = np.zeros((count + 3, count + 3)), np.zeros(count + 3), 0.0, 0
+    for balance in balances:
+        for first in range(0, balance.angle_rad.size, BLOCK):
+            part = slice(first, first + BLOCK)
+            angle = np.clip(balance.angle_rad[part], knots[0], knots[-1])
+            speed = balance.load.speed_rad_s[part, None]
+            acceleration, torque = balance.load.acceleration_rad_s2[part, None], balance.torque_nm[part]
+            inertial = basis(angle) * acceleration + slope(angle) * speed**2 / 2
+            friction = [speed, np.tanh(speed / (SLOW * fastest)), np.ones_like(speed)]
+            columns = np.hstack([inertial, *friction])
+            gram, right = gram + columns.T @ columns, right + columns.T @ torque
+            power, samples = power + float(torque @ torque), samples + torque.size
+    scale = np.sqrt(np.diag(gram))
+    scale[scale == 0] = 1.0
+    inverse = np.linalg.pinv(gram / np.outer(scale, scale), rcond=1e-12, hermitian=True) / np.outer(
+        scale, scale
+    )
+    found = inverse @ right
+    left_over = max(power - float(2 * found @ right - found @ gram @ found), 0.0)
+    # samples of a band-limited noise overlap: so many are independent
+    share = min(1.0, 2 * STOP * task.frequency_hz / balances[0].run.sample_rate_hz)
+    variance = left_over / max(share * (samples - found.size), 1.0)
+    return _Fit(found[:count], variance * inverse[:count, :count])
 
 
 def _basis(knots: Array) -> BSpline:

@@ -18,6 +18,9 @@ from schwung.estimation.rivals.common import age_s, labelled, memory_s, started
 from schwung.estimation.rivals.loadside import load_side
 from schwung.motion import Array
 
+#: Covariance of the scaled coefficients, over that of the noise: at first, and the largest trace let grow.
+FIRST, LARGEST = 1e3, 1e6
+
 
 @dataclass(frozen=True)
 class RecursiveLeastSquares:
@@ -57,7 +60,7 @@ def _recursion(regressors: Array, values: Array, forgetting: float) -> Array:
     n, p = regressors.shape
     found = np.zeros((n, p))
     theta = np.zeros(p)
-    covariance = np.eye(p) * 1e6
+    covariance = np.eye(p) * FIRST
     along = np.zeros(p)
     for i in range(n):
         row = regressors[i]
@@ -69,15 +72,15 @@ def _recursion(regressors: Array, values: Array, forgetting: float) -> Array:
                 along[a] += covariance[a, b] * row[b]
             power += row[a] * along[a]
             miss -= row[a] * theta[a]
+        trace = 0.0
         for a in range(p):
             theta[a] += along[a] / power * miss
-            for b in range(a + 1):
-                covariance[a, b] = (covariance[a, b] - along[a] * along[b] / power) / forgetting
-                covariance[b, a] = covariance[a, b]
-            # without excitation forgetting would let the covariance grow for ever
-            if covariance[a, a] > 1e6:
-                for b in range(p):
-                    covariance[a, b] *= 1e-3
-                    covariance[b, a] *= 1e-3
             found[i, a] = theta[a]
+            trace += covariance[a, a] - along[a] * along[a] / power
+        # without excitation forgetting would let the covariance grow for ever
+        growth = 1 / forgetting if trace < LARGEST else 1.0
+        for a in range(p):
+            for b in range(a + 1):
+                covariance[a, b] = (covariance[a, b] - along[a] * along[b] / power) * growth
+                covariance[b, a] = covariance[a, b]
     return found
