@@ -25,6 +25,7 @@ from schwung.commissioning.plan import (
     limits_of,
 )
 from schwung.commissioning.preflight import (
+    HEAVIER,
     Check,
     Preflight,
     Survey,
@@ -66,6 +67,8 @@ _SLOW_SPEED, _SLOW_TORQUE, _REST_S = 0.1, 0.1, 0.1
 _SHORTEST_MOVE_S = 0.3
 #: Peak speed and acceleration of the fifth-order polynomial over distance/duration and distance/duration².
 _POLY5_SPEED, _POLY5_ACCELERATION = 1.875, 5.774
+#: However little the loop is damped, no run waits longer than this (s).
+_LONGEST_SETTLING_S = 2.0
 #: An angle nearer than this to where the axis stands needs no move (rad).
 _THERE_RAD = 1e-4
 
@@ -215,7 +218,8 @@ def _grid(machine: Machine, wishes: BodeWishes) -> _Grid:
         )
     period = round(_SINE_GRID_S * rate) if wishes.waveform == "sine" else round(4 * rate / lowest)
     orders = np.geomspace(lowest, highest, LINES[wishes.waveform]) * period / rate
-    return _Grid(rate / period, np.unique(np.maximum(np.rint(orders), 1)) * rate / period)
+    highest_order = int(highest * period / rate + 1e-9)
+    return _Grid(rate / period, np.unique(np.clip(np.rint(orders), 1, highest_order)) * rate / period)
 
 
 def _excitations(
@@ -226,7 +230,7 @@ def _excitations(
         raise InputError("--periods", "and --repeats are too few for a spread", "Two periods, one repeat.")
     peak = wishes.amplitude_nm or AMPLITUDE_SHARE * limits.torque_max_nm
     rate, base, lines = wishes.sample_rate_hz, grid.base_hz, grid.lines_hz
-    hold = 1 / rate if held else None
+    hold, settle = 1 / rate if held else None, _settling_s(machine)
     found = []
     if wishes.waveform == "sine":
         steady = math.ceil(wishes.periods * _SINE_GRID_S * rate) / rate
@@ -235,8 +239,8 @@ def _excitations(
                 amplitude = peak * _share(machine, limits, np.array([line]), np.array([-1j * peak]))
                 found.append(
                     Excitation(
-                        frequency_hz=float(line), amplitude_nm=amplitude, ramp_s=_RAMP_S,
-                        end_s=2 * _RAMP_S + SETTLE_S + steady, hold_s=hold,
+                        frequency_hz=float(line), amplitude_nm=amplitude, ramp_s=_RAMP_S, settle_s=settle,
+                        end_s=2 * _RAMP_S + settle + steady, hold_s=hold,
                     )
                 )  # fmt: skip
         return found
@@ -256,7 +260,8 @@ def _excitations(
                 amplitudes_nm=tuple((share * amplitudes).tolist()),
                 phases_rad=tuple(draw.phases.tolist()),
                 ramp_s=_RAMP_S,
-                end_s=2 * _RAMP_S + SETTLE_S + wishes.periods / base,
+                settle_s=settle,
+                end_s=2 * _RAMP_S + settle + wishes.periods / base,
                 hold_s=hold,
             )
         )
@@ -279,6 +284,23 @@ def _quiet_phases(lines: Array, shape: Array, time: Array, seed: int) -> _Draw:
     peaks = np.max(np.abs(np.imag(turning @ np.exp(1j * drawn))), axis=0)
     best = int(np.argmin(peaks))
     return _Draw(drawn[:, best], float(peaks[best]))
+
+
+def _settling_s(machine: Machine) -> float:
+    """How long the loop, taken as rigid, rings down to a thousandth with the largest inertia, and more of it (s).
+
+    (J s³ + K_ps s² + K_ps (K_pp + 1/T_n) s + K_ps K_pp/T_n = 0.)
+    """
+    control, (_, largest) = machine.required_control(), believed_inertia_range(machine)
+    gain, outer, inner = (
+        control.speed_gain_nms,
+        control.position_gain_per_s,
+        1 / control.speed_integral_time_s,
+    )
+    inertia = machine.motor.inertia_kgm2 + HEAVIER * largest
+    poles = np.roots([inertia, gain, gain * (outer + inner), gain * outer * inner])
+    slowest = max(float(-poles.real.max()), 1e-3)
+    return float(np.clip(math.log(1000) / slowest, SETTLE_S, _LONGEST_SETTLING_S))
 
 
 def _share(machine: Machine, limits: Limits, lines: Array, phasors: ComplexArray) -> float:

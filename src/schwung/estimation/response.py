@@ -25,7 +25,7 @@ from schwung.session.model import Run, Session
 
 ComplexArray = NDArray[np.complex128]
 
-#: After the ramp the closed loop swings for some tens of milliseconds; this much is left out (s).
+#: After the ramp the closed loop swings for a while; this much is left out where the excitation does not say (s).
 SETTLE_S = 0.2
 #: Runs whose mean angles differ by less belong to one angle (rad).
 SAME_ANGLE_RAD = 0.02
@@ -186,7 +186,8 @@ def _phasors(run: Run) -> _Blocks:
     rate, lines = run.sample_rate_hz, excitation.lines_hz
     size = _block_samples(rate, excitation)
     ramp = excitation.ramp_s or 0.0
-    first = int(np.searchsorted(run.time_s, ramp + SETTLE_S))
+    settled = SETTLE_S if excitation.settle_s is None else excitation.settle_s
+    first = int(np.searchsorted(run.time_s, ramp + settled))
     end = run.time_s[-1] if excitation.end_s is None else min(excitation.end_s - ramp, run.time_s[-1])
     last = int(np.searchsorted(run.time_s, end, side="right"))
     count = (last - first) // size

@@ -14,9 +14,10 @@ from schwung.motion.profiles import Array
 class Excitation(BaseModel):
     """amplitude·sin(2πft + phase), t the run's time; as stored in a run's `excitation` attribute.
 
-    `ramp_s`, `end_s` and `hold_s` are Schwung's own additions: the amplitude rises as a raised cosine over `ramp_s`
-    from t = 0 and falls likewise to zero at `end_s` (both absent: full amplitude throughout); each value is held for
-    `hold_s`, as by a bus that sends one per SYNC (absent: a continuous sine).
+    `ramp_s`, `end_s`, `hold_s` and `settle_s` are Schwung's own additions: the amplitude rises as a raised cosine over
+    `ramp_s` from t = 0 and falls likewise to zero at `end_s` (both absent: full amplitude throughout); each value is
+    held for `hold_s`, as by a bus that sends one per SYNC (absent: a continuous sine). For `settle_s` after the ramp
+    the axis is not expected to vibrate steadily.
 
     So is the waveform "multisine", for frequency responses: Σ amplitudes·sin(2π·frequencies·t + phases), where every
     frequency is a multiple of `frequency_hz`, one over the period, and `amplitude_nm` bounds the sum.
@@ -31,6 +32,7 @@ class Excitation(BaseModel):
     ramp_s: float | None = Field(default=None, ge=0, allow_inf_nan=False)
     end_s: float | None = Field(default=None, ge=0, allow_inf_nan=False)
     hold_s: float | None = Field(default=None, gt=0, allow_inf_nan=False)
+    settle_s: float | None = Field(default=None, ge=0, allow_inf_nan=False)
     frequencies_hz: tuple[FiniteFloat, ...] | None = None
     amplitudes_nm: tuple[FiniteFloat, ...] | None = None
     phases_rad: tuple[FiniteFloat, ...] | None = None
