@@ -4,15 +4,17 @@ from __future__ import annotations
 
 import threading
 import time
+from pathlib import Path
 
 import can
 import numpy as np
 import pytest
 from driver_desk import NODE, bench_and_bus, connected, enabled, stroke
 
-from schwung.errors import InputError, SdoError, StateError
+from schwung.commissioning import ParameterJournal, restore_backup
+from schwung.errors import DriveFaultError, InputError, SdoError, StateError
 from schwung.fieldbus.canopen import CanopenDrive, match_profile, scan_bus
-from schwung.fieldbus.drive import Acquisition, Move, Parameter, ParameterValue, Setpoints
+from schwung.fieldbus.drive import Acquisition, Guard, Move, Parameter, ParameterValue, Setpoints
 from schwung.fieldbus.profile import load_profile
 
 CSP = Acquisition("csp", 1000.0)
@@ -68,6 +70,62 @@ def test_a_part_of_the_pdo_objects_is_written_by_the_whole_dance() -> None:
         assert drive.read(drive.parameter(0x1A00, 0)).raw == 3
         assert drive.read(drive.parameter(0x1A00, 1)).raw == 0x60410010
         assert drive.read(drive.parameter(0x1800, 1)).raw == 0x40000180 + NODE  # enabled again
+
+
+@pytest.mark.parametrize("writes", [3, 6, 9, 12])
+def test_a_set_up_that_is_cut_short_anywhere_is_put_back_by_its_backup(
+    writes: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Also where the drive has the wanted COB-ID and count already, and only an entry between is another."""
+    with connected() as (bench, drive):
+        drive.write([ParameterValue(drive.parameter(0x1A00, 3), 0x60740010)])
+        before = dict(bench.servo.dictionary.values)
+        done, write_one = [], drive._write_one
+
+        def killed(value: ParameterValue) -> None:
+            done.append(value)
+            if len(done) > writes:
+                raise KeyboardInterrupt
+            write_one(value)
+
+        monkeypatch.setattr(drive, "_write_one", killed)
+        path = tmp_path / "setup.backup.json"
+        with pytest.raises(KeyboardInterrupt):
+            ParameterJournal(drive, path, drive.describe()).change(drive.setup(CSP))
+        monkeypatch.undo()
+        restore_backup(drive, path)
+        assert dict(bench.servo.dictionary.values) == before
+
+
+def test_the_drive_keeps_the_limits_of_an_acquisition_by_itself() -> None:
+    limits = Guard(-0.5, 0.25, 70.0, 0.05)
+    with connected() as (bench, drive):
+        acquisition = Acquisition("csp", 1000.0, guard=limits)
+        drive.write(drive.setup(acquisition))
+        told = drive.limits()
+        assert (told.position_min_rad, told.position_max_rad) == pytest.approx((-0.5, 0.25), abs=1e-5)
+        assert (told.torque_max_nm, told.following_error_rad) == pytest.approx((70.0, 0.05), abs=1e-5)
+        drive.start(acquisition)
+        drive.enable()
+        recording = drive.play(stroke(2000, distance_rad=0.26))
+        assert np.max(recording.position_rad) == pytest.approx(0.25, abs=2e-3)  # 607D holds the target back
+        with pytest.raises(DriveFaultError, match="8611"):
+            drive.play(Setpoints(1000.0, np.full(500, recording.position_rad[-1]), np.full(500, 69.0)))
+        assert bench.servo.settle(2.0)
+
+
+def test_a_motion_starts_from_rest_even_where_the_last_one_still_swings() -> None:
+    """At 1 rad of the two-mass machine the loop rings for a tenth of a second: two motions shall be alike."""
+    with enabled() as (_, drive):
+        drive.play(Setpoints(1000.0, np.linspace(0, 0.01, 10), np.zeros(10)))
+        recordings = []
+        for _ in range(2):
+            time_s = np.arange(300) / 1000
+            path = 0.01 + np.where(time_s < 0.2, 0.0, 0.2 * (time_s - 0.2))
+            recordings.append(drive.play(Setpoints(1000.0, path, np.zeros(300))))
+            drive.play(Setpoints(1000.0, path[::-1].copy(), np.zeros(300)))
+        assert np.max(np.abs(recordings[0].speed_rad_s[:50])) < 0.2
+        assert np.max(np.abs(recordings[1].speed_rad_s[:50])) < 0.2
 
 
 def test_pdos_cannot_be_changed_while_they_run() -> None:

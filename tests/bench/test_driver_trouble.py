@@ -8,6 +8,7 @@ import time
 import can
 import numpy as np
 import pytest
+from bench_peer import Master
 from driver_desk import NODE, bench_and_bus, connected, enabled, stroke
 
 from schwung.errors import (
@@ -18,6 +19,7 @@ from schwung.errors import (
     SdoError,
     StateError,
 )
+from schwung.fieldbus import cia402
 from schwung.fieldbus.canopen import CanopenDrive
 from schwung.fieldbus.canopen.kernel import KernelProducer
 from schwung.fieldbus.canopen.link import Frame
@@ -75,6 +77,67 @@ def test_halt_from_another_thread_ends_the_motion() -> None:
         assert partial_recording(raised.value) is not None
         assert bench.servo.power.state is Power.QUICK_STOP_ACTIVE
         assert abs(bench.axis.speed_rad_s) < 0.05
+
+
+def test_halt_while_it_is_being_enabled_is_not_forgotten(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Another thread says halt between two steps of the state machine: the next step may not come."""
+    with connected() as (bench, drive):
+        drive.write(drive.setup(CSP))
+        drive.start(CSP)
+        command, done = drive._operation._command, []
+
+        def halt_after_switch_on(word: int) -> None:
+            command(word)
+            if word == cia402.SWITCH_ON and not done:
+                done.append(threading.Thread(target=drive.halt))
+                done[0].start()
+                done[0].join()
+
+        monkeypatch.setattr(drive._operation, "_command", halt_after_switch_on)
+        with pytest.raises(StateError, match="halt"):
+            drive.enable()
+        assert bench.servo.power.state is not Power.OPERATION_ENABLED
+        with pytest.raises(StateError):
+            drive.play(stroke(100))
+
+
+def test_a_drive_that_somebody_else_has_switched_on_is_left_alone() -> None:
+    with connected() as (bench, drive):
+        drive.write(drive.setup(CSP))
+        other = Master(interface="virtual", channel=bench.channel)
+        for word in (0x06, 0x07, 0x0F):
+            other.write(0x6040, 0, word, 2)
+        with pytest.raises(StateError, match="somebody else"):
+            drive.start(CSP)
+        assert bench.servo.power.state is Power.OPERATION_ENABLED
+        other.write(0x6040, 0, 0, 2)
+        other.close()
+
+
+def test_a_node_that_is_lost_while_it_is_enabled_is_given_up_soon() -> None:
+    with connected(faults="bus-off@on+0.0") as (bench, drive):
+        drive.write(drive.setup(CSP))
+        drive.start(CSP)
+        began = time.monotonic()
+        with pytest.raises((NodeLostError, SdoError)):
+            drive.enable()
+        drive.close()
+        assert time.monotonic() - began < 4.0
+        assert bench.servo.settle(2.0)
+
+
+def test_an_observer_that_fails_stops_the_drive_and_keeps_the_recording() -> None:
+    def fail(done: int, total: int) -> None:
+        if done > 300:
+            raise BrokenPipeError
+
+    with enabled() as (bench, drive):
+        with pytest.raises(BrokenPipeError) as raised:
+            drive.play(LONG, fail)
+        recording = partial_recording(raised.value)
+        assert recording is not None
+        assert recording.position_rad.size > 300
+        assert bench.servo.power.state is Power.QUICK_STOP_ACTIVE
 
 
 def test_an_interrupt_stops_the_drive_and_keeps_the_recording() -> None:

@@ -11,6 +11,7 @@ from schwung.drivetrain import Control, Coupling, FeedForward, Load, Machine, Mo
 from schwung.errors import InputError, SdoError
 from schwung.fieldbus.drive import (
     Acquisition,
+    BusLoad,
     Capability,
     DriveIdentity,
     DriveLimits,
@@ -52,6 +53,12 @@ class DeskDrive:
         self.jitter_s = 0.0
         self.unwritable: set[tuple[int, int]] = set()
         self.plays = 0
+        self.on_the_way: list[tuple[int, int]] = []
+        self.on_call: Callable[[int], None] = lambda number: None  # told the number of each call, from 0
+
+    def _called(self, what: str) -> None:
+        self.calls.append(what)
+        self.on_call(len(self.calls) - 1)
 
     def state(self) -> DriveState:
         return DriveState("PRE-OPERATIONAL", "Switch on disabled", 0.0)
@@ -65,8 +72,8 @@ class DeskDrive:
     def capabilities(self) -> tuple[Capability, ...]:
         return (Capability("torque injection", True, "60B2 is mapped"),)
 
-    def bus_load(self, acquisition: Acquisition) -> float:
-        return 0.43 * acquisition.sample_rate_hz / 1000
+    def bus_load(self, acquisition: Acquisition) -> BusLoad:
+        return BusLoad(0.43 * acquisition.sample_rate_hz / 1000, "1000 kbit/s")
 
     def parameter(self, index: int, subindex: int = 0) -> Parameter:
         if (index, subindex) not in self.objects:
@@ -82,7 +89,10 @@ class DeskDrive:
             if key in self.unwritable:
                 raise SdoError(value.parameter.label, "cannot be written now")
             self.objects[key] = int(value.raw)
-            self.calls.append(f"write {key[0]:04X}={value.raw}")
+            self._called(f"write {key[0]:04X}={value.raw}")
+
+    def passed_through(self, values: Sequence[ParameterValue]) -> list[Parameter]:
+        return [self.parameter(*key) for key in self.on_the_way]
 
     def setup(self, acquisition: Acquisition) -> list[ParameterValue]:
         return [
@@ -92,15 +102,15 @@ class DeskDrive:
         ]
 
     def start(self, acquisition: Acquisition) -> None:
-        self.calls.append("start")
+        self._called("start")
 
     def enable(self) -> None:
-        self.calls.append("enable")
+        self._called("enable")
 
     def play(self, setpoints: Setpoints, progress: Progress | None = None) -> Recording:
         number = self.plays
         self.plays += 1
-        self.calls.append("play")
+        self._called("play")
         self.before_play(number)
         rate = setpoints.sample_rate_hz
         time = np.arange(setpoints.position_rad.size) / rate
@@ -124,22 +134,22 @@ class DeskDrive:
         )  # fmt: skip
 
     def halt(self) -> None:
-        self.calls.append("halt")
+        self._called("halt")
 
     def disable(self) -> None:
-        self.calls.append("disable")
+        self._called("disable")
 
     def stop(self) -> None:
-        self.calls.append("stop")
+        self._called("stop")
 
     def store(self) -> None:
-        self.calls.append("store")
+        self._called("store")
 
     def describe(self) -> dict[str, Any]:
         return {"identity": vars(self.identity), "profile": "desk"}
 
     def close(self) -> None:
-        self.calls.append("close")
+        self._called("close")
 
 
 class Silence:

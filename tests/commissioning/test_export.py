@@ -1,17 +1,25 @@
 """The table as drive parameters: scaled, compared, undone where it fails."""
 
+import signal
 from pathlib import Path
 
 import numpy as np
 import pytest
 from commissioning_drive import DeskDrive, believed_machine
 
-from schwung.commissioning import ExportChoice, export_table, export_values, parse_choice, read_backup
+from schwung.commissioning import (
+    ExportChoice,
+    export_table,
+    export_values,
+    parse_choice,
+    read_backup,
+    restore_backup,
+)
 from schwung.commissioning.export import scalar_of
 from schwung.drivetrain import InertiaTable
-from schwung.errors import DriveError, InputError
+from schwung.errors import DriveError, InputError, RefusedError, SdoError
 from schwung.fieldbus.dcf import dictionary_lookup, write_dcf
-from schwung.fieldbus.drive import ParameterValue
+from schwung.fieldbus.drive import DriveState, ParameterValue
 from schwung.fieldbus.eds import load_dictionary
 from schwung.fieldbus.profile import load_profile
 
@@ -106,3 +114,59 @@ def test_a_dcf_carries_the_values(tmp_path: Path) -> None:
         entry = read.indices[value.parameter.index]
         assert entry[value.parameter.subindex].value == value.raw
     assert "NodeID=5" in (tmp_path / "drive.dcf").read_text()
+
+
+def test_a_drive_whose_power_stage_is_on_gets_no_table(drive: DeskDrive, tmp_path: Path) -> None:
+    drive.state = lambda: DriveState("OPERATIONAL", "Operation enabled", 0.0)  # type: ignore[method-assign]
+    with pytest.raises(RefusedError, match="Operation enabled"):
+        export_table(drive, PROFILE, TABLE, ExportChoice(), backup_path=tmp_path / "e.backup.json")
+    assert drive.calls == []
+
+
+@pytest.mark.parametrize("first", [0, 30, 66, 67])
+def test_an_export_that_is_interrupted_again_and_again_leaves_the_old_values(
+    drive: DeskDrive, tmp_path: Path, first: int
+) -> None:
+    before = dict(drive.objects)
+    drive.on_call = lambda call: signal.raise_signal(signal.SIGINT) if call >= first else None
+    with pytest.raises(KeyboardInterrupt):
+        export_table(drive, PROFILE, TABLE, ExportChoice(), backup_path=tmp_path / "e.backup.json")
+    assert drive.objects == before
+    assert "store" not in drive.calls
+
+
+def test_an_export_that_cannot_be_undone_says_what_does(drive: DeskDrive, tmp_path: Path) -> None:
+    def lost(call: int) -> None:
+        if call == 20:
+            drive.unwritable |= set(drive.objects)
+
+    drive.on_call = lost
+    path = tmp_path / "e.backup.json"
+    with pytest.raises(DriveError) as caught:
+        export_table(drive, PROFILE, TABLE, ExportChoice(), backup_path=path)
+    assert any(f"schwung restore {path}" in note for note in caught.value.__notes__)
+    drive.unwritable.clear()
+    restore_backup(drive, path)
+    assert set(drive.objects.values()) <= {0, 1, 0x7F012C}
+
+
+@pytest.mark.parametrize("store", [True, False])
+def test_what_was_stored_is_stored_again_when_it_is_put_back(
+    drive: DeskDrive, tmp_path: Path, store: bool
+) -> None:
+    """Otherwise the export would come back at the next power-on."""
+    path = tmp_path / "e.backup.json"
+    export_table(drive, PROFILE, TABLE, ExportChoice("max"), backup_path=path, store=store)
+    drive.calls.clear()
+    restore_backup(drive, path)
+    assert ("store" in drive.calls) == store
+
+
+def test_a_drive_that_cannot_store_says_how_long_the_values_last(drive: DeskDrive, tmp_path: Path) -> None:
+    def refuse() -> None:
+        raise SdoError("0x1010:01", "refused")
+
+    drive.store = refuse  # type: ignore[method-assign]  # a drive without memory
+    with pytest.raises(SdoError) as caught:
+        export_table(drive, PROFILE, TABLE, ExportChoice("max"), backup_path=tmp_path / "e.backup.json")
+    assert any("until power-off" in note for note in caught.value.__notes__)

@@ -79,6 +79,23 @@ def test_a_write_that_fails_half_way_can_still_be_restored(drive: DeskDrive, tmp
     assert drive.objects == before
 
 
+def test_what_a_write_passes_through_is_in_the_backup_too(drive: DeskDrive, tmp_path: Path) -> None:
+    """A PDO is switched off while its mapping is written: who is killed meanwhile leaves it so."""
+    drive.on_the_way = [(0x1017, 0)]
+    before = dict(drive.objects)
+
+    def killed(values: list[ParameterValue]) -> None:
+        drive.objects[0x1017, 0] = 77  # off for now
+        raise KeyboardInterrupt
+
+    write, drive.write = drive.write, killed  # type: ignore[method-assign, assignment]  # a kill
+    with pytest.raises(KeyboardInterrupt):
+        _journal(drive, tmp_path).change([ParameterValue(drive.parameter(0x6060), 8)])
+    drive.write = write  # type: ignore[method-assign]  # as before
+    restore_backup(drive, tmp_path / "a.backup.json")
+    assert drive.objects == before
+
+
 def test_another_drive_is_refused(drive: DeskDrive, tmp_path: Path) -> None:
     _journal(drive, tmp_path).change([ParameterValue(drive.parameter(0x6060), 8)])
     other = DeskDrive(believed_machine())

@@ -105,3 +105,37 @@ def test_wishes_that_no_motion_can_meet_are_refused() -> None:
         _plan(mode="pp", kind="poly5")
     with pytest.raises(InputError, match="repeats"):
         _plan(repeats=0)
+
+
+@pytest.mark.parametrize(
+    ("wish", "place"),
+    [
+        ({"frequency_hz": 0.0}, "--frequency"),
+        ({"frequency_hz": np.nan}, "--frequency"),
+        ({"amplitude_nm": -1.0}, "--amplitude"),
+        ({"sample_rate_hz": 0.0}, "--rate"),
+        ({"duration_s": 0.0}, "--duration"),
+        ({"distance_rad": 0.0}, "--distance"),
+        ({"distance_rad": np.inf}, "--distance"),
+        ({"kind": "bogus"}, "--profile-kind"),
+        ({"repeats": 0}, "--repeats"),
+    ],
+)
+def test_nonsense_wishes_are_refused_by_the_name_of_their_option(wish: dict[str, object], place: str) -> None:
+    with pytest.raises(InputError) as caught:
+        _plan(**wish)
+    assert caught.value.place == place
+
+
+def test_the_drive_is_asked_to_keep_the_limits() -> None:
+    plan = _plan()
+    guard, limits = plan.acquisition.guard, plan.limits
+    assert guard is not None
+    assert (guard.position_min_rad, guard.position_max_rad) == (
+        limits.position_min_rad,
+        limits.position_max_rad,
+    )
+    assert (guard.torque_max_nm, guard.following_error_rad) == (
+        limits.torque_max_nm,
+        limits.following_error_rad,
+    )

@@ -11,7 +11,7 @@ from schwung.commissioning.plan import limits_of, make_plan
 from schwung.commissioning.preflight import preflight, survey, with_control, worst
 from schwung.drivetrain import FeedForward
 from schwung.errors import InputError, RefusedError
-from schwung.fieldbus.drive import Capability, DriveState, Resolution
+from schwung.fieldbus.drive import BusLoad, Capability, DriveState, Resolution
 
 MACHINE = believed_machine()
 
@@ -64,7 +64,10 @@ def test_too_much_torque_speed_or_following_error_is_stopped() -> None:
 def test_a_full_bus_is_stopped_and_a_busy_one_warned_of() -> None:
     plan = _plan()
     for load, severity in ((0.5, "ok"), (0.85, "warning"), (0.91, "stop")):
-        assert _severity(_flight(plan, replace(_survey(plan), bus_load=load)), "bus load") == severity
+        assert (
+            _severity(_flight(plan, replace(_survey(plan), bus_load=BusLoad(load, "500 kbit/s"))), "bus load")
+            == severity
+        )
 
 
 def test_a_drive_in_fault_energised_or_without_injection_is_stopped() -> None:
@@ -119,3 +122,26 @@ def test_gains_come_from_the_drive_where_the_file_has_none() -> None:
     with pytest.raises(InputError, match="control"):
         with_control(bare, {})
     assert with_control(MACHINE, gains).control == MACHINE.control
+
+
+@pytest.mark.parametrize(("mode", "severity"), [("csp", "stop"), ("pp", "note")])
+def test_a_drive_without_cyclic_position_serves_in_profile_position(mode: str, severity: str) -> None:
+    plan = _plan(mode=mode)  # type: ignore[arg-type]  # by name
+    seen = replace(
+        _survey(plan), capabilities=(Capability("cyclic position", False, "6502 does not list it"),)
+    )
+    assert _severity(_flight(plan, seen), "cyclic position") == severity
+
+
+def test_the_way_back_of_a_one_way_motion_is_simulated_too() -> None:
+    """There the window ends far behind the start, back the axis overshoots it: by the time it starts, it must fit."""
+    wishes = LimitWishes(position_min_rad=-1e-4)
+    assert _severity(_flight(_plan(wishes, returns=False)), "room to move") == "stop"
+    assert (
+        _severity(_flight(_plan(LimitWishes(position_min_rad=-0.1), returns=False)), "room to move") == "ok"
+    )
+
+
+def test_the_bit_rate_behind_the_bus_load_is_told() -> None:
+    (check,) = (c for c in _flight(_plan()).checks if c.name == "bus load")
+    assert "1000 kbit/s" in check.text

@@ -1,5 +1,6 @@
 """The procedure on a drive without a bus: what is recorded, and every way out."""
 
+import signal
 from pathlib import Path
 
 import h5py
@@ -20,6 +21,7 @@ from schwung.errors import (
     SampleLossError,
     SdoError,
 )
+from schwung.fieldbus.drive import Progress, Recording, Setpoints
 from schwung.session import read_session
 
 
@@ -39,8 +41,10 @@ def _ready(drive: DeskDrive, plan: Plan) -> Preflight:
     return preflight(plan, drive.machine, survey(drive, plan), FeedForward(speed_share=1.0))
 
 
-def _record(drive: DeskDrive, folder: Path, observer: Silence | None = None) -> Recorded:
-    plan = _plan(drive)
+def _record(
+    drive: DeskDrive, folder: Path, observer: Silence | None = None, plan: Plan | None = None
+) -> Recorded:
+    plan = plan or _plan(drive)
     return record(
         drive, plan, _ready(drive, plan), session_path=folder / "session.h5",
         journal=ParameterJournal(drive, folder / "setup.backup.json", drive.describe()),
@@ -99,6 +103,94 @@ def test_ctrl_c_halts_and_says_what_is_on_disk(drive: DeskDrive, tmp_path: Path)
         _record(drive, tmp_path)
     assert "halt" in drive.calls
     assert read_backup(tmp_path / "setup.backup.json").restored is not None
+
+
+CALLS = ["write 6060=8", "write 1016=8323372", "write 1017=100", "start", "enable", "play", "play", "disable",
+         "stop", "write 1017=0", "write 1016=0", "write 6060=1"]  # fmt: skip
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
+@pytest.mark.parametrize("first", range(len(CALLS)))
+def test_signals_at_any_time_and_again_and_again_end_with_a_drive_that_is_off_and_as_it_was(
+    drive: DeskDrive, tmp_path: Path, first: int, number: signal.Signals
+) -> None:
+    before = dict(drive.objects)
+    handlers = [signal.getsignal(n) for n in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)]
+    drive.on_call = lambda call: signal.raise_signal(number) if call >= first else None
+    with pytest.raises(InterruptedByUser):
+        _record(drive, tmp_path)
+    assert drive.objects == before
+    off = [call for call in drive.calls if not call.startswith("write")]
+    assert off[-2:] == ["disable", "stop"]
+    assert drive.calls[: first + 1] == CALLS[: first + 1]
+    assert read_backup(tmp_path / "setup.backup.json").restored is not None
+    assert [signal.getsignal(n) for n in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)] == handlers
+
+
+def test_a_hang_up_that_is_ignored_stays_ignored(drive: DeskDrive, tmp_path: Path) -> None:
+    before = signal.signal(signal.SIGHUP, signal.SIG_IGN)  # nohup
+    try:
+        drive.on_call = lambda call: signal.raise_signal(signal.SIGHUP)
+        assert len(_record(drive, tmp_path).runs) == 2
+    finally:
+        signal.signal(signal.SIGHUP, before)
+
+
+def test_a_defect_on_the_way_out_does_not_keep_the_parameters_from_being_put_back(
+    drive: DeskDrive, tmp_path: Path
+) -> None:
+    before = dict(drive.objects)
+
+    def fail() -> None:
+        raise RuntimeError("a defect of ours")
+
+    drive.disable = fail  # type: ignore[method-assign]  # a defect
+    with pytest.raises(DriveError, match=r"power stage may still be on.*defect"):
+        _record(drive, tmp_path)
+    assert drive.objects == before
+
+
+def test_an_observer_that_fails_stops_the_drive(drive: DeskDrive, tmp_path: Path) -> None:
+    before = dict(drive.objects)
+
+    class Broken(Silence):
+        def progress(self, done: int, total: int) -> None:
+            raise BrokenPipeError
+
+    with pytest.raises(BrokenPipeError):
+        _record(drive, tmp_path, Broken())
+    assert drive.objects == before
+    assert "halt" in drive.calls
+
+
+def test_a_one_way_motion_is_undone_before_the_next_and_at_the_end(drive: DeskDrive, tmp_path: Path) -> None:
+    limits = limits_of(LimitWishes(), drive.limits(), drive.machine)
+    plan = make_plan(
+        drive.machine, limits, start_position_rad=0.3, distance_rad=1.0, duration_s=0.2, repeats=2,
+        returns=False,
+    )  # fmt: skip
+    drive.lost = {2: [40]}
+    stands, play = [0.3], drive.play
+
+    def watch(setpoints: Setpoints, progress: Progress | None = None) -> Recording:
+        assert setpoints.position_rad[0] == pytest.approx(stands[-1])
+        stands.append(float(setpoints.position_rad[-1]))
+        return play(setpoints, progress)
+
+    drive.play = watch  # type: ignore[method-assign]  # a spy
+    recorded = _record(drive, tmp_path, plan=plan)
+    assert len(recorded.runs) == 4
+    assert stands == pytest.approx([0.3, *[1.3, 0.3] * 5])
+    assert all(run.position_rad[-1] == pytest.approx(1.3, abs=0.02) for run in recorded.runs)
+
+
+def test_uneven_samples_are_kept_as_evidence_but_are_no_run(drive: DeskDrive, tmp_path: Path) -> None:
+    drive.jitter_s = 0.2e-3
+    with pytest.raises(DriveError, match="unevenly"):
+        _record(drive, tmp_path)
+    session = read_session(tmp_path / "session.h5")
+    assert session.runs == ()
+    assert "unevenly" in session.partial_reasons[0]
 
 
 def test_where_parameters_cannot_be_put_back_the_remedy_is_named(drive: DeskDrive, tmp_path: Path) -> None:

@@ -10,10 +10,11 @@ from typing import Literal
 
 import numpy as np
 
+from schwung.commissioning.interrupts import OneInterrupt
 from schwung.commissioning.journal import Change, ParameterJournal
 from schwung.drivetrain import InertiaTable
-from schwung.errors import DriveError, InputError
-from schwung.fieldbus.drive import Drive, Parameter, ParameterValue
+from schwung.errors import DriveError, InputError, RefusedError, SchwungError
+from schwung.fieldbus.drive import ENERGISED, Drive, Parameter, ParameterValue
 from schwung.fieldbus.profile import DeviceProfile, ObjectRef, ScalarExport, Setting, TableExport
 
 Form = Literal["table", "mean", "max", "at"]
@@ -160,20 +161,45 @@ def export_table(
 ) -> Exported:
     """Write the table, read every value back, compare, and store it in the drive's memory (1010).
 
-    A write or comparison that fails puts the old values back before it raises DriveError.
+    Refuses a drive whose power stage is on: its control may not change under a moving machine. A write or comparison
+    that fails, or an interrupt, puts the old values back before it raises.
     """
+    state = drive.state().cia402
+    if state.lower() in ENERGISED:
+        raise RefusedError("export", f'the drive is in "{state}"', "Switch it off first.")
     values = export_values(drive.parameter, profile, table, choice)
     journal = ParameterJournal(drive, backup_path, drive.describe())
-    try:
-        journal.change(values)
-        _compare(drive, values)
-    except BaseException:
-        journal.restore()
-        raise
-    journal.keep()
-    if store:
-        drive.store()
+    with OneInterrupt() as interrupt:
+        try:
+            journal.change(values)
+            _compare(drive, values)
+        except BaseException as error:
+            interrupt.hold_off()
+            _undo(journal, error)
+            raise
+        interrupt.hold_off()
+        journal.keep(stored=store)
+        if store:
+            _store(drive, backup_path)
     return Exported(journal.changes, backup_path, store)
+
+
+def _undo(journal: ParameterJournal, error: BaseException) -> None:
+    """Put the old values back; what hinders it becomes a note of the error that made it necessary."""
+    try:
+        journal.restore()
+    except SchwungError as trouble:
+        error.add_note(f"the old values are not put back: run `schwung restore {journal.path}` ({trouble})")
+
+
+def _store(drive: Drive, backup_path: Path) -> None:
+    try:
+        drive.store()
+    except DriveError as error:
+        error.add_note(
+            f"the values are written but last until power-off only; `schwung restore {backup_path}` undoes them"
+        )
+        raise
 
 
 def _compare(drive: Drive, values: Sequence[ParameterValue]) -> None:
@@ -183,5 +209,5 @@ def _compare(drive: Drive, values: Sequence[ParameterValue]) -> None:
             raise DriveError(
                 value.parameter.label,
                 f"was written as {value.raw!r} but reads {found!r}",
-                "The old values are back; check the object's range and access in the drive's manual.",
+                "Check the object's range and access in the drive's manual.",
             )

@@ -30,7 +30,11 @@ class ParameterAccess(Protocol):
 
     def write(self, values: Sequence[ParameterValue]) -> None: ...
 
+    def passed_through(self, values: Sequence[ParameterValue]) -> list[Parameter]: ...
+
     def disable(self) -> None: ...
+
+    def store(self) -> None: ...
 
 
 @dataclass(frozen=True)
@@ -55,6 +59,7 @@ class Backup:
     drive: Mapping[str, Any]
     changes: tuple[Change, ...]
     restored: str | None  # when, ISO 8601
+    stored: bool = False  # the new values are in the drive's memory, too (1010)
 
 
 def _now() -> str:
@@ -105,6 +110,7 @@ class ParameterJournal:
         self._record = dict(drive_record)
         self._changes: list[Change] = []
         self._restored: str | None = None
+        self._stored = False
         if path.exists() and read_backup(path).restored is None:
             raise RefusedError(
                 str(path),
@@ -114,22 +120,28 @@ class ParameterJournal:
 
     @property
     def changes(self) -> tuple[Change, ...]:
-        """Everything changed so far, in order."""
-        return tuple(self._changes)
+        """Everything changed so far, in order, without what was only passed through."""
+        return tuple(change for change in self._changes if change.old != change.new)
 
     def change(self, values: Iterable[ParameterValue]) -> None:
-        """Read the old values, put them on disk, then write the new ones. Equal values are left alone."""
-        wanted = list(values)
+        """Read the old values, put them on disk, then write the new ones. Equal values are left alone.
+
+        What the drive passes through on the way is put on disk, too: who cuts the writing short leaves that behind.
+        """
         planned = []
-        for value in wanted:
+        for value in values:
             old = self._drive.read(value.parameter).raw
             if old != value.raw:
                 planned.append(Change(value.parameter, old, value.raw, _now()))
         if not planned:
             return
+        writing = [ParameterValue(change.parameter, change.new) for change in planned]
+        for parameter in self._drive.passed_through(writing):
+            old = self._drive.read(parameter).raw
+            planned.append(Change(parameter, old, old, _now()))
         self._changes += planned
         self._save()
-        self._drive.write([ParameterValue(change.parameter, change.new) for change in planned])
+        self._drive.write(writing)
 
     def restore(self) -> None:
         """Put back what was there before the first change of each parameter; the file then says so."""
@@ -138,8 +150,12 @@ class ParameterJournal:
             self._restored = _now()
             self._save()
 
-    def keep(self) -> None:
-        """The changes were the purpose (an export): the file stays as the way back."""
+    def keep(self, *, stored: bool) -> None:
+        """The changes were the purpose (an export): the file stays as the way back.
+
+        stored: they go into the drive's memory, so that putting them back has to end there, too.
+        """
+        self._stored = stored
         self._save()
 
     def _save(self) -> None:
@@ -148,6 +164,7 @@ class ParameterJournal:
             "version": VERSION,
             "drive": self._record,
             "restored": self._restored,
+            "stored": self._stored,
             "changes": [_change_to_json(change) for change in self._changes],
         }
         replace_file(self.path, json.dumps(document, indent=2))
@@ -184,13 +201,16 @@ def read_backup(path: Path) -> Backup:
             changes.append(_change_from_json(entry))
         except (KeyError, TypeError, ValueError) as error:
             raise InputError(f"{path}: changes[{number}]", f"is damaged ({error})") from error
-    return Backup(document.get("drive") or {}, tuple(changes), document.get("restored"))
+    return Backup(
+        document.get("drive") or {}, tuple(changes), document.get("restored"), bool(document.get("stored"))
+    )
 
 
 def restore_backup(drive: ParameterAccess, path: Path, force: bool = False) -> tuple[ParameterValue, ...]:
     """Write the old values of a backup file to the drive that it was taken from, and mark the file as restored.
 
-    The power stage is switched off first, after standstill. Returns what was written.
+    The power stage is switched off first, after standstill. Where the new values had been stored in the drive's memory,
+    the old ones are stored over them. Returns what was written.
 
     Raises RefusedError where the drive is another one (1018 differs), unless forced.
     """
@@ -206,6 +226,8 @@ def restore_backup(drive: ParameterAccess, path: Path, force: bool = False) -> t
     values = first_values(backup.changes)
     drive.disable()  # a drive that stopped by itself may still hold the axis
     drive.write(values)
+    if backup.stored:
+        drive.store()
     document = json.loads(path.read_text(encoding="utf-8"))
     document["restored"] = _now()
     replace_file(path, json.dumps(document, indent=2))

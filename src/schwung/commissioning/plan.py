@@ -5,13 +5,14 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass
+from typing import get_args
 
 import numpy as np
 
 from schwung.drivetrain import InertiaTable, Machine, anti_resonance_hz
 from schwung.errors import InputError
-from schwung.fieldbus.drive import Acquisition, DriveLimits, Move, OperatingMode, Setpoints
-from schwung.motion import Excitation, Motion
+from schwung.fieldbus.drive import Acquisition, DriveLimits, Guard, Move, OperatingMode, Setpoints
+from schwung.motion import Excitation, Motion, MotionKind
 from schwung.session import Role
 
 #: The injection stays at or below this share of the lowest believed anti-resonance: near it the gain is most
@@ -93,10 +94,18 @@ class Plan:
         """Where a run starts (rad)."""
         return self.start_position_rad if run.start_position_rad is None else run.start_position_rad
 
+    def way_back(self, run: PlannedRun) -> PlannedRun | None:
+        """The motion that undoes a run, without injection; None where the run returns by itself."""
+        if run.motion.returns:
+            return None
+        distance = run.motion.distance_rad
+        back = run.motion.model_copy(update={"distance_rad": -distance})
+        return PlannedRun("reference", run.repeat, back, None, self.start_of(run) + distance)
+
     @property
     def duration_s(self) -> float:
         """Bus time of all motions."""
-        return 2 * self.repeats * self.motion.total_s
+        return 2 * self.repeats * self.motion.total_s * (1 if self.motion.returns else 2)
 
 
 def limits_of(wishes: LimitWishes, drive: DriveLimits, machine: Machine) -> Limits:
@@ -186,8 +195,7 @@ def make_plan(
     drives do not have).
     """
     reasons = []
-    if repeats < 1:
-        raise InputError("--repeats", f"is {repeats}", "One at the least.")
+    _require_sense(distance_rad, duration_s, kind, sample_rate_hz, frequency_hz, amplitude_nm, repeats)
     if mode == "pp" and kind != "third":
         raise InputError("--profile-kind", f'is "{kind}"', "In PP the drive makes a trapezoid: use third.")
     if frequency_hz is None:
@@ -233,11 +241,43 @@ def make_plan(
             sample_rate_hz=sample_rate_hz,
             heartbeat_s=heartbeat_s,
             moves=moves_of(motion, start_position_rad, sample_rate_hz) if mode == "pp" else (),
+            guard=Guard(
+                limits.position_min_rad,
+                limits.position_max_rad,
+                limits.torque_max_nm,
+                limits.following_error_rad,
+            ),
         ),
         limits=limits,
         start_position_rad=start_position_rad,
         reasons=tuple(reasons),
     )
+
+
+def _require_sense(
+    distance_rad: float,
+    duration_s: float,
+    kind: str,
+    sample_rate_hz: float,
+    frequency_hz: float | None,
+    amplitude_nm: float | None,
+    repeats: int,
+) -> None:
+    """Raise InputError naming the first wish that no motion could fulfil."""
+    if not (math.isfinite(distance_rad) and distance_rad != 0):
+        raise InputError("--distance", f"is {distance_rad:g}", "Give the stroke in rad, signed.")
+    for option, value in (
+        ("--duration", duration_s),
+        ("--rate", sample_rate_hz),
+        ("--frequency", frequency_hz),
+        ("--amplitude", amplitude_nm),
+    ):
+        if value is not None and not (math.isfinite(value) and value > 0):
+            raise InputError(option, f"is {value:g}", "Give a positive number.")
+    if kind not in get_args(MotionKind):
+        raise InputError("--profile-kind", f'is "{kind}"', f"Use {', '.join(get_args(MotionKind))}.")
+    if repeats < 1:
+        raise InputError("--repeats", f"is {repeats}", "One at the least.")
 
 
 def moves_of(motion: Motion, start_position_rad: float, sample_rate_hz: float) -> tuple[Move, ...]:
@@ -255,8 +295,9 @@ def moves_of(motion: Motion, start_position_rad: float, sample_rate_hz: float) -
 
 def setpoints_of(run: PlannedRun, plan: Plan) -> Setpoints:
     """The setpoints of one run, one per SYNC; absolute positions from where the axis rests."""
-    rate = plan.acquisition.sample_rate_hz
+    rate, start = plan.acquisition.sample_rate_hz, plan.start_of(run)
     time = run.motion.time(rate)
     demand = run.motion.demand(time)
     added = run.excitation.torque(time) if run.excitation else np.zeros_like(time)
-    return Setpoints(rate, plan.start_of(run) + demand.position_rad, added, plan.acquisition.moves)
+    moves = moves_of(run.motion, start, rate) if plan.acquisition.mode == "pp" else ()
+    return Setpoints(rate, start + demand.position_rad, added, moves)

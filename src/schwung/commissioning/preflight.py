@@ -16,11 +16,14 @@ from schwung.drivetrain import Control, FeedForward, Machine, Simulated, simulat
 from schwung.errors import InputError, RefusedError, SchwungError
 from schwung.estimation import Estimate, estimate
 from schwung.fieldbus.drive import (
+    ENERGISED,
+    BusLoad,
     Capability,
     Drive,
     DriveIdentity,
     DriveLimits,
     DriveState,
+    OperatingMode,
     Resolution,
 )
 from schwung.session import Run, Session
@@ -60,7 +63,7 @@ class Survey:
     limits: DriveLimits
     resolution: Resolution
     capabilities: tuple[Capability, ...]
-    bus_load: float
+    bus_load: BusLoad
 
 
 @dataclass(frozen=True, eq=False)
@@ -103,15 +106,18 @@ def preflight(
 ) -> Preflight:
     """Check a plan against the drive and against the simulated motion. Never raises for what it finds."""
     reference, excited = (simulated_run(run, plan, machine, feed_forward) for run in list(plan.runs())[:2])
+    back = plan.way_back(next(plan.runs()))
+    way_back = [] if back is None else [simulated_run(back, plan, machine, feed_forward)]
+    motions = (reference, excited, *way_back)
     predicted = _predicted(plan, reference, excited, machine)
     source, resolution_checks = _resolution(plan, seen.resolution, reference, excited)
     checks = [
-        *drive_checks(seen),
+        *drive_checks(seen, plan.acquisition.mode),
         *bus_checks(seen.bus_load),
         *resolution_checks,
-        *_room(plan, reference, excited),
-        *_torque_and_speed(plan, machine, reference, excited, feed_forward),
-        *_following(plan, reference, excited),
+        *_room(plan, motions),
+        *_torque_and_speed(plan, machine, motions, feed_forward),
+        *_following(plan, motions),
         *_trust(plan, reference, excited, predicted),
     ]
     return Preflight(tuple(checks), source, reference, excited, predicted)
@@ -179,7 +185,8 @@ def _sampled(planned: PlannedRun, plan: Plan, simulated: Simulated) -> Run:
     )
 
 
-def drive_checks(seen: Survey) -> Iterable[Check]:
+def drive_checks(seen: Survey, mode: OperatingMode = "csp") -> Iterable[Check]:
+    """Identity, state, and what the drive cannot do."""
     identity = seen.identity
     yield Check(
         "identity", "ok", f"node {identity.node_id}: {identity.name or 'unnamed'}, serial {identity.serial}"
@@ -191,7 +198,7 @@ def drive_checks(seen: Survey) -> Iterable[Check]:
             f"the drive is in {seen.state.cia402}{f' ({seen.state.error})' if seen.state.error else ''}",
             "Mend the cause and reset the fault; Schwung does not do it for you.",
         )
-    elif seen.state.cia402.lower() in ("operation enabled", "quick stop active"):
+    elif seen.state.cia402.lower() in ENERGISED:
         yield Check(
             "drive state",
             "stop",
@@ -202,7 +209,8 @@ def drive_checks(seen: Survey) -> Iterable[Check]:
         yield Check("drive state", "ok", f"{seen.state.nmt.lower()}, {seen.state.cia402.lower()}")
     for capability in seen.capabilities:
         if not capability.available:
-            needed = capability.name in ("torque injection", "sampling by SYNC", "cyclic position")
+            moving = "cyclic position" if mode == "csp" else "profile position"
+            needed = capability.name in ("torque injection", "sampling by SYNC", moving)
             yield Check(
                 capability.name,
                 "stop" if needed else "note",
@@ -211,12 +219,13 @@ def drive_checks(seen: Survey) -> Iterable[Check]:
             )
 
 
-def bus_checks(load: float) -> Iterable[Check]:
-    text = f"{load:.0%} of the bus time for the cyclic frames (worst-case stuffing)"
-    if load > MAX_BUS_LOAD:
+def bus_checks(load: BusLoad) -> Iterable[Check]:
+    """Is there room on the bus for the cyclic frames?"""
+    text = f"{load.share:.0%} of the bus time for the cyclic frames ({load.basis})"
+    if load.share > MAX_BUS_LOAD:
         yield Check("bus load", "stop", text, "Raise the bit rate or lower --rate.")
     else:
-        yield Check("bus load", "warning" if load > COMFORT else "ok", text)
+        yield Check("bus load", "warning" if load.share > COMFORT else "ok", text)
 
 
 def _resolution(
@@ -263,10 +272,10 @@ def share_check(name: str, value: float, limit: float, text: str, remedy: str) -
     )
 
 
-def _room(plan: Plan, reference: Simulated, excited: Simulated) -> Iterable[Check]:
+def _room(plan: Plan, motions: Sequence[Simulated]) -> Iterable[Check]:
     limits = plan.limits
-    low = min(float(s.position_rad.min()) for s in (reference, excited))
-    high = max(float(s.position_rad.max()) for s in (reference, excited))
+    low = min(float(s.position_rad.min()) for s in motions)
+    high = max(float(s.position_rad.max()) for s in motions)
     text = (
         f"the simulated motion covers {low:.4g} … {high:.4g} rad, "
         f"the window is {limits.position_min_rad:.4g} … {limits.position_max_rad:.4g} rad"
@@ -277,11 +286,11 @@ def _room(plan: Plan, reference: Simulated, excited: Simulated) -> Iterable[Chec
 
 
 def _torque_and_speed(
-    plan: Plan, machine: Machine, reference: Simulated, excited: Simulated, feed_forward: FeedForward | None
+    plan: Plan, machine: Machine, motions: Sequence[Simulated], feed_forward: FeedForward | None
 ) -> Iterable[Check]:
     limit = plan.limits.torque_max_nm
-    peak = max(float(np.max(np.abs(s.torque_nm))) for s in (reference, excited))
-    clipped = bool(np.any(reference.clipped) or np.any(excited.clipped))
+    peak = max(float(np.max(np.abs(s.torque_nm))) for s in motions)
+    clipped = any(bool(np.any(s.clipped)) for s in motions)
     slower = "Take longer (--duration), inject less (--amplitude) or allow more (--max-torque)."
     yield Check(
         "torque",
@@ -299,7 +308,7 @@ def _torque_and_speed(
                 f"with {HEAVIER:g} times the believed load inertia the torque would be clipped",
                 "Start with a longer motion if the belief is a guess.",
             )
-    speed = max(float(np.max(np.abs(s.speed_rad_s))) for s in (reference, excited))
+    speed = max(float(np.max(np.abs(s.speed_rad_s))) for s in motions)
     speed_limit = plan.limits.speed_max_rad_s
     yield share_check(
         "speed",
@@ -310,9 +319,9 @@ def _torque_and_speed(
     )
 
 
-def _following(plan: Plan, reference: Simulated, excited: Simulated) -> Iterable[Check]:
+def _following(plan: Plan, motions: Sequence[Simulated]) -> Iterable[Check]:
     limit = plan.limits.following_error_rad
-    worst = max(float(np.max(np.abs(s.following_error_rad))) for s in (reference, excited))
+    worst = max(float(np.max(np.abs(s.following_error_rad))) for s in motions)
     yield share_check(
         "following error",
         worst,

@@ -6,8 +6,6 @@ ours) passes through `powered`: quick stop, power stage off, parameters put back
 
 from __future__ import annotations
 
-import signal
-import threading
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import asdict, dataclass
@@ -16,11 +14,12 @@ from typing import Any, Protocol
 
 import numpy as np
 
+from schwung.commissioning.interrupts import OneInterrupt
 from schwung.commissioning.journal import ParameterJournal
 from schwung.commissioning.plan import Plan, PlannedRun, setpoints_of
 from schwung.commissioning.preflight import Preflight, SpeedSource
-from schwung.errors import DriveError, InterruptedByUser, SampleLossError, SchwungError
-from schwung.fieldbus.drive import Drive, Progress, Recording, SyncTiming, partial_recording
+from schwung.errors import DriveError, InterruptedByUser, SampleLossError
+from schwung.fieldbus.drive import Drive, Recording, SyncTiming, partial_recording
 from schwung.motion import Array
 from schwung.session import Run, SessionWriter
 
@@ -55,20 +54,20 @@ class Recorded:
 @contextmanager
 def powered(drive: Drive, plan: Plan, journal: ParameterJournal) -> Iterator[None]:
     """A drive that is set up and enabled inside the block, and stopped, off and as before after it."""
-    try:
-        journal.change(drive.setup(plan.acquisition))
-        drive.start(plan.acquisition)
-        drive.enable()
-        yield
-    except BaseException as error:
-        drive.halt()
-        with _undisturbed():
+    with OneInterrupt() as interrupt:
+        try:
+            journal.change(drive.setup(plan.acquisition))
+            drive.start(plan.acquisition)
+            drive.enable()
+            yield
+        except BaseException as error:
+            interrupt.hold_off()
+            drive.halt()
             for trouble in _leave(drive, journal):
                 error.add_note(trouble)
-        raise
-    else:
-        with _undisturbed():
-            troubles = _leave(drive, journal)
+            raise
+        interrupt.hold_off()
+        troubles = _leave(drive, journal)
         if troubles:
             raise DriveError("leaving the drive", "; ".join(troubles))
 
@@ -84,25 +83,9 @@ def _leave(drive: Drive, journal: ParameterJournal) -> list[str]:
     for consequence, step in steps:
         try:
             step()
-        except SchwungError as error:
+        except Exception as error:  # a defect of ours, too, may not keep the next step from being tried
             troubles.append(f"{consequence} ({error})")
     return troubles
-
-
-@contextmanager
-def _undisturbed() -> Iterator[None]:
-    """A second Ctrl-C may not interrupt the way out; it lasts a second or two."""
-    if threading.current_thread() is not threading.main_thread():
-        yield
-        return
-    before = {number: signal.getsignal(number) for number in (signal.SIGINT, signal.SIGTERM)}
-    for number in before:
-        signal.signal(number, signal.SIG_IGN)
-    try:
-        yield
-    finally:
-        for number, handler in before.items():
-            signal.signal(number, handler)
 
 
 def record(
@@ -133,28 +116,16 @@ def record(
         try:
             observer.phase("Setting up and enabling the drive")
             with powered(drive, plan, journal):
+                player = _Player(drive, plan, writer, ready.speed_source, observer, max_jitter_share)
                 for number, planned in enumerate(planned_runs):
                     observer.phase(f"Motion {number + 1} of {len(planned_runs)}: {planned.role}")
-                    for attempt in range(MAX_RETRIES + 1):
-                        recording = _play(drive, plan, planned, writer, ready.speed_source, observer.progress)
-                        if not recording.lost.size:
-                            break
-                        _keep_partial(
-                            writer, recording, planned, plan, ready.speed_source, _losses(recording)
-                        )
-                        if attempt == MAX_RETRIES:
-                            raise SampleLossError(
-                                "recording",
-                                f"{_losses(recording)}, in {attempt + 1} motions in a row",
-                                "Check cabling, termination and bus load, or lower --rate.",
-                            )
-                        retries += 1
-                        observer.note(f"{_losses(recording)}: the motion is made again")
-                    _judge_timing(recording.timing, max_jitter_share)
-                    run = _run_of(recording, planned, plan, ready.speed_source)
-                    writer.append(run)
+                    after = planned_runs[number + 1 : number + 2]
+                    run, sync = player.record(
+                        planned, plan.start_of(after[0]) if after else plan.start_position_rad
+                    )
                     recorded.append(run)
-                    timing.append(recording.timing)
+                    timing.append(sync)
+                    retries = player.retries
         except KeyboardInterrupt as error:
             interrupted = InterruptedByUser(
                 "interrupted",
@@ -169,36 +140,71 @@ def record(
     return Recorded(tuple(recorded), tuple(timing), retries)
 
 
-def _play(
-    drive: Drive,
-    plan: Plan,
-    planned: PlannedRun,
-    writer: SessionWriter,
-    source: SpeedSource,
-    progress: Progress,
-) -> Recording:
-    """Play one run; where it breaks off, keep what came until then as a partial recording."""
-    try:
-        return drive.play(setpoints_of(planned, plan), progress)
-    except BaseException as error:
-        partial = partial_recording(error)
-        if partial is not None:
-            _keep_partial(writer, partial, planned, plan, source, str(error) or type(error).__name__)
-        raise
+@dataclass
+class _Player:
+    """Plays planned runs one by one, each on disk before the axis moves again."""
 
+    drive: Drive
+    plan: Plan
+    writer: SessionWriter
+    source: SpeedSource
+    observer: Observer
+    max_jitter_share: float
+    retries: int = 0
 
-def _keep_partial(
-    writer: SessionWriter,
-    recording: Recording,
-    planned: PlannedRun,
-    plan: Plan,
-    source: SpeedSource,
-    why: str,
-) -> None:
-    """What came before the first gap, where that is anything at all."""
-    before = _gapless(recording)
-    if before.position_rad.size > MIN_PARTIAL_SAMPLES:
-        writer.append_partial(_run_of(before, planned, plan, source), why)
+    def record(self, planned: PlannedRun, next_start_rad: float) -> tuple[Run, SyncTiming]:
+        """Play one run, again where samples were lost; raises SampleLossError when that does not help.
+
+        A one-way run is undone where it, or what follows, starts where it began.
+        """
+        start, back = self.plan.start_of(planned), self.plan.way_back(planned)
+        for attempt in range(MAX_RETRIES + 1):
+            recording = self._play(planned)
+            for note in recording.notes:
+                self.observer.note(note)
+            if not recording.lost.size:
+                break
+            self._keep_partial(recording, planned, _losses(recording))
+            if attempt == MAX_RETRIES:
+                raise SampleLossError(
+                    "recording",
+                    f"{_losses(recording)}, in {attempt + 1} motions in a row",
+                    "Check cabling, termination and bus load, or lower --rate.",
+                )
+            self.retries += 1
+            self.observer.note(f"{_losses(recording)}: the motion is made again")
+            self._go(back)
+        try:
+            _judge_timing(recording.timing, self.max_jitter_share)
+        except DriveError as error:
+            self._keep_partial(recording, planned, str(error))
+            raise
+        run = _run_of(recording, planned, self.plan, self.source)
+        self.writer.append(run)
+        if next_start_rad == start:
+            self._go(back)
+        return run, recording.timing
+
+    def _play(self, planned: PlannedRun) -> Recording:
+        """Play one run; where it breaks off, keep what came until then as a partial recording."""
+        try:
+            return self.drive.play(setpoints_of(planned, self.plan), self.observer.progress)
+        except BaseException as error:
+            partial = partial_recording(error)
+            if partial is not None:
+                self._keep_partial(partial, planned, str(error) or type(error).__name__)
+            raise
+
+    def _go(self, way: PlannedRun | None) -> None:
+        """Move without recording, for the axis to be where the next motion starts."""
+        if way is not None:
+            self.drive.play(setpoints_of(way, self.plan))
+
+    def _keep_partial(self, recording: Recording, planned: PlannedRun, why: str) -> None:
+        """What came before the first gap, where that is anything at all."""
+        before = _gapless(recording)
+        if before.position_rad.size > MIN_PARTIAL_SAMPLES:
+            self.writer.append_partial(_run_of(before, planned, self.plan, self.source), why)
 
 
 def _losses(recording: Recording) -> str:
@@ -257,7 +263,11 @@ def _run_of(recording: Recording, planned: PlannedRun, plan: Plan, source: Speed
         torque_added_nm=recording.torque_added_nm[commanded],
         motion=planned.motion,
         excitation=planned.excitation,
-        extra={"sync_timing": asdict(recording.timing), "speed_source": source},
+        extra={
+            "sync_timing": asdict(recording.timing),
+            "speed_source": source,
+            **({"notes": list(recording.notes)} if recording.notes else {}),
+        },
     )
 
 

@@ -66,6 +66,9 @@ _TOWARDS_ENABLED = {
     State.QUICK_STOP_ACTIVE: DISABLE_VOLTAGE,  # never straight back into motion
 }
 
+#: The power stage is on.
+ENERGISED = (State.OPERATION_ENABLED, State.QUICK_STOP_ACTIVE, State.FAULT_REACTION)
+
 _ABOVE_READY = (State.SWITCHED_ON, State.OPERATION_ENABLED)
 
 

@@ -54,6 +54,10 @@ class Resolution:
     torque_added_nm: float
 
 
+#: CiA 402 states, in lower case, in which the power stage is on.
+ENERGISED = ("operation enabled", "quick stop active", "fault reaction active")
+
+
 @dataclass(frozen=True)
 class DriveState:
     """A look at the drive, without changing it."""
@@ -97,6 +101,24 @@ class ParameterValue:
 
 
 @dataclass(frozen=True)
+class BusLoad:
+    """Share of the bus time that the cyclic frames take, 0…1 and above, and what it was computed from."""
+
+    share: float
+    basis: str  # "1000 kbit/s, worst-case stuffing"
+
+
+@dataclass(frozen=True)
+class Guard:
+    """Limits that the drive shall keep by itself; SI, motor side."""
+
+    position_min_rad: float
+    position_max_rad: float
+    torque_max_nm: float
+    following_error_rad: float
+
+
+@dataclass(frozen=True)
 class Acquisition:
     """How a motion shall be commanded and sampled."""
 
@@ -104,6 +126,7 @@ class Acquisition:
     sample_rate_hz: float
     heartbeat_s: float = 0.1  # the drive stops by itself when we have been silent for three of these
     moves: tuple[Move, ...] = ()  # PP: the strokes that will be played, so that `setup` covers their dynamics
+    guard: Guard | None = None  # where the drive's own limits are wider, `setup` tightens them
 
 
 @dataclass(frozen=True)
@@ -192,8 +215,8 @@ class Drive(Protocol):
 
     def capabilities(self) -> tuple[Capability, ...]: ...
 
-    def bus_load(self, acquisition: Acquisition) -> float:
-        """Share of the bus time taken by the cyclic frames, worst-case stuffed; 0…1 and above."""
+    def bus_load(self, acquisition: Acquisition) -> BusLoad:
+        """Share of the bus time taken by the cyclic frames."""
         ...
 
     def parameter(self, index: int, subindex: int = 0) -> Parameter:
@@ -204,6 +227,11 @@ class Drive(Protocol):
 
     def write(self, values: Sequence[ParameterValue]) -> None:
         """Write parameters, in the order and NMT state that the standard demands (PDO objects: CiA 301 7.5.2.36)."""
+        ...
+
+    def passed_through(self, values: Sequence[ParameterValue]) -> list[Parameter]:
+        """Parameters, beyond these, that writing them changes on the way (a PDO is switched off meanwhile): they
+        are as before when `write` is over, but not when it is cut short."""
         ...
 
     def setup(self, acquisition: Acquisition) -> list[ParameterValue]:

@@ -11,7 +11,7 @@ import can
 
 from schwung.errors import InputError, SdoError, StateError
 from schwung.fieldbus import cia402, eds
-from schwung.fieldbus.canopen import capabilities, pdo, playback, setup
+from schwung.fieldbus.canopen import capabilities, guard, pdo, playback, setup
 from schwung.fieldbus.canopen.bus import ASSUMED_BIT_RATE, BusOptions, bus_load
 from schwung.fieldbus.canopen.emcy import describe_code
 from schwung.fieldbus.canopen.link import Link
@@ -21,6 +21,7 @@ from schwung.fieldbus.canopen.scan import read_identity
 from schwung.fieldbus.canopen.sdo import SdoChannel
 from schwung.fieldbus.drive import (
     Acquisition,
+    BusLoad,
     Capability,
     DriveIdentity,
     DriveLimits,
@@ -37,7 +38,6 @@ from schwung.fieldbus.units import Scales, read_scales
 
 _SAVE = 0x65766173  # "save", little-endian, for 1010
 _STORE_TIMEOUT_S = 10.0
-_ENERGISED = (cia402.State.OPERATION_ENABLED, cia402.State.QUICK_STOP_ACTIVE, cia402.State.FAULT_REACTION)
 
 
 class CanopenDrive:
@@ -103,20 +103,17 @@ class CanopenDrive:
     def limits(self) -> DriveLimits:
         """607D, 6080 (rpm), 6072, 6076, 6065 and 6066; a disabled limit is None."""
         scales = self.scales
-        low, high = self._integer(0x607D, 1), self._integer(0x607D, 2)
-        if low is None or high is None or low >= high:
-            low = high = None
-        ends = sorted(x * scales.position_rad for x in (low, high) if x is not None)
-        rpm, peak = self._integer(0x6080, 0), self._integer(0x6072, 0)
-        window, patience = self._integer(0x6065, 0), self._integer(0x6066, 0)
+        ends = guard.window_rad(self._integer(0x607D, 1), self._integer(0x607D, 2), scales)
+        rpm, peak = guard.limit(self._integer(0x6080, 0)), self._integer(0x6072, 0)
+        window, patience = guard.limit(self._integer(0x6065, 0)), self._integer(0x6066, 0)
         rated = scales.rated_torque_nm
         return DriveLimits(
             position_min_rad=ends[0] if ends else None,
             position_max_rad=ends[1] if ends else None,
             speed_max_rad_s=rpm * 2 * math.pi / 60 if rpm else None,
-            torque_max_nm=peak * rated / 1000 if peak and rated else None,
+            torque_max_nm=peak * rated / 1000 if peak and peak != 0xFFFF and rated else None,
             rated_torque_nm=rated,
-            following_error_rad=None if window in (None, 0xFFFFFFFF) else abs(window * scales.position_rad),
+            following_error_rad=None if window is None else abs(window * scales.position_rad),
             following_error_time_s=None if patience is None else patience / 1000,
         )
 
@@ -135,12 +132,14 @@ class CanopenDrive:
         """What commissioning can do with this drive, by name, with reasons; see capabilities.assess."""
         return capabilities.assess(self.profile, self._lookup, self._integer)
 
-    def bus_load(self, acquisition: Acquisition) -> float:
+    def bus_load(self, acquisition: Acquisition) -> BusLoad:
         """Share of the bus time of SYNC, PDOs and both heartbeats, worst-case stuffed."""
         rate, beats = acquisition.sample_rate_hz, 2 / acquisition.heartbeat_s
         sync = 1 if setup.has_counter(self.profile, self._lookup) else 0
         sizes = [sync, self._layouts.rpdo.size, *(t.size for t in self._layouts.tpdos)]
-        return bus_load([*((size, rate) for size in sizes), (1, beats)], self._bit_rate or ASSUMED_BIT_RATE)
+        bits = self._bit_rate or ASSUMED_BIT_RATE
+        basis = f"{bits / 1000:g} kbit/s{'' if self._bit_rate else ' assumed'}, worst-case stuffing"
+        return BusLoad(bus_load([*((size, rate) for size in sizes), (1, beats)], bits), basis)
 
     def describe(self) -> dict[str, Any]:
         """JSON-ready: identity, profile, units and bus, as stored with a session."""
@@ -202,7 +201,13 @@ class CanopenDrive:
         for index, value in playback.dynamics(acquisition.moves, self.scales).items():
             if self._integer(index, 0) != value:
                 wanted.append(ParameterValue(self.parameter(index), value))
+        if acquisition.guard is not None:
+            wanted += guard.tightened(acquisition.guard, self.scales, self._lookup, self._read_integer)
         return wanted
+
+    def passed_through(self, values: Sequence[ParameterValue]) -> list[Parameter]:
+        """Parameters, beyond these, that writing them changes on the way; see Drive.passed_through."""
+        return setup.passed_through(values, self._lookup)
 
     def store(self) -> None:
         """Save all parameters in the drive (1010:01). Raises SdoError where it refuses."""
@@ -323,7 +328,7 @@ class CanopenDrive:
         if self._operation.running:
             raise StateError(place, "exchanges PDOs, which cannot be changed meanwhile", "Stop it first.")
         status = self._integer(0x6041, 0)
-        if status is not None and cia402.decode(status) in _ENERGISED:
+        if status is not None and cia402.decode(status) in cia402.ENERGISED:
             raise StateError(
                 place, f'is in "{cia402.decode(status).value}"', "Disable it before changing PDOs."
             )

@@ -106,6 +106,13 @@ class Operation:
         """Node operational, PDOs running, power stage off. Raises StateError, NodeLostError."""
         if self._producer is not None:
             raise StateError(self._place, "already exchanges PDOs", "Stop it first.")
+        state = cia402.decode(self._statusword())
+        if state in cia402.ENERGISED:
+            raise StateError(
+                self._place,
+                f'is in "{state.value}": somebody else has switched it on',
+                "Switch it off there.",
+            )
         self._acquisition, self._scales, self._started_s = acquisition, scales, time.time()
         self._window_rad = min(START_WINDOW_RAD, (following_window_rad or math.inf) / 2)
         exchange = self._exchange = Exchange(self._link, self._layouts, self._sdo.node_id, self._counter)
@@ -147,6 +154,7 @@ class Operation:
         playable = playback.pack(
             setpoints, acquisition.mode, self._profile, self._layouts.rpdo, scales, self._target
         )
+        self._await_standstill()
         self._check_start(setpoints, acquisition, scales)
         pp = acquisition.mode == "pp"
         recorder = Recorder(len(self._layouts.tpdos))
@@ -178,9 +186,9 @@ class Operation:
             return  # another thread has been at it for a second already
         try:
             exchange, producer = self._exchange, self._producer
-            if exchange is not None and exchange.guarded:
+            if exchange is not None:  # also while it is being enabled: nothing goes on from here but off
                 exchange.guarded = False
-                exchange.report(StateError(self._place, "the motion was stopped on request (halt)", ""))
+                exchange.report(StateError(self._place, "was stopped on request (halt)", "Start it anew."))
             if producer is not None:
                 with contextlib.suppress(Exception):
                     producer.hold(self._frame(cia402.QUICK_STOP))
@@ -255,26 +263,21 @@ class Operation:
         playable: playback.Playable,
         recorder: Recorder,
         progress: Progress | None,
-    ) -> DriveError | KeyboardInterrupt | None:
-        """Play with the guard up. Trouble and Ctrl-C stop the drive while it is still being recorded."""
+    ) -> BaseException | None:
+        """Play with the guard up. Trouble, Ctrl-C and defects stop the drive while it is still being recorded."""
         exchange.recorder = recorder
         exchange.guarded = True
+        stopped: BaseException | None = None
         try:
             producer.play(playable.frames, playable.after, recorder, progress)
-        except KeyboardInterrupt as interrupt:
-            exchange.guarded = False
+        except BaseException as error:
+            stopped = error
+        exchange.guarded = False
+        stopped = stopped or exchange.trouble
+        if stopped is not None:
             self.halt()
-            return interrupt
-        except BaseException:
-            self.halt()
-            raise
-        finally:
-            exchange.guarded = False
-            trouble = exchange.trouble
-            if trouble is not None:
-                self.halt()
-            exchange.recorder = None
-        return trouble
+        exchange.recorder = None
+        return stopped
 
     def _running(self) -> tuple[Exchange, Producer, Acquisition, Scales]:
         parts = (self._exchange, self._producer, self._acquisition, self._scales)
@@ -353,7 +356,7 @@ class Operation:
             )
         stands = self._position() * scales.position_rad
         off = float(setpoints.position_rad[0]) - stands
-        if acquisition.mode == "csp" and abs(off) > self._window_rad:
+        if abs(off) > self._window_rad:
             raise StateError(
                 self._place,
                 f"stands at {stands:.4f} rad, the first setpoint is {off:+.4f} rad away (of {self._window_rad:.4f})",

@@ -144,6 +144,21 @@ def needs_pre_operational(values: Sequence[ParameterValue]) -> bool:
     )
 
 
+def passed_through(values: Sequence[ParameterValue], lookup: Lookup) -> list[Parameter]:
+    """Parameters, beyond these, that `write_ordered` changes on the way: COB-ID and count of a PDO, 1006."""
+    given = {(v.parameter.index, v.parameter.subindex) for v in values}
+    touched: set[tuple[int, int]] = set()
+    for parameter in (v.parameter for v in values):
+        if pdo.is_pdo_object(parameter):
+            touched.add((parameter.index & 0xFDFF, 1))
+            if parameter.index & 0x200:
+                touched.add((parameter.index, 0))
+        elif parameter.index == 0x1019:
+            touched.add((0x1006, 0))
+    found = (lookup(*key) for key in sorted(touched - given))
+    return [parameter for parameter in found if parameter is not None]
+
+
 def write_ordered(
     values: Sequence[ParameterValue],
     lookup: Lookup,

@@ -1,0 +1,51 @@
+"""Ctrl-C, a kill or a closed terminal: one interrupt gets through, and none into the way out."""
+
+from __future__ import annotations
+
+import signal
+import threading
+from types import FrameType, TracebackType
+from typing import Any, Self
+
+_WATCHED = tuple(getattr(signal, name) for name in ("SIGINT", "SIGTERM", "SIGHUP") if hasattr(signal, name))
+
+
+class OneInterrupt:
+    """Within: the first signal raises KeyboardInterrupt, later ones do nothing; after `hold_off` none does.
+
+    A drive that is being stopped, switched off and put back takes a second or two, in which people press Ctrl-C
+    again. A signal that came while it was held off raises KeyboardInterrupt at the end of a block that ends well, so
+    that nothing is begun afterwards. Signals that are ignored (nohup) stay so; off the main thread nothing happens.
+    """
+
+    def __init__(self) -> None:
+        self._before: dict[int, Any] = {}
+        self._armed = True
+        self._pending = False
+
+    def hold_off(self) -> None:
+        """From now on signals wait."""
+        self._armed = False
+
+    def __enter__(self) -> Self:
+        if threading.current_thread() is threading.main_thread():
+            for number in _WATCHED:
+                before = signal.getsignal(number)
+                if before is not signal.SIG_IGN:
+                    self._before[number] = before
+                    signal.signal(number, self._on_signal)
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        for number, handler in self._before.items():
+            signal.signal(number, signal.SIG_DFL if handler is None else handler)
+        if self._pending and kind is None:
+            raise KeyboardInterrupt
+
+    def _on_signal(self, number: int, frame: FrameType | None) -> None:
+        if self._armed:
+            self._armed = False
+            raise KeyboardInterrupt
+        self._pending = True
