@@ -5,6 +5,9 @@ windows are one period long, and what forgets exponentially keeps 2 % (e⁻⁴) 
 period, a time constant of a quarter period. Results are labelled by their mean age, which such windows know.
 Whatever else a rival needs follows from the session: noise levels from the third differences of the signals,
 band limits from f_est, first guesses from the denoised SDFT. Nothing is tuned to a machine or to the truth.
+
+How much hangs upon it, on the paper's machine at 500, 250 and 150 ms: half the time constant makes the Kalman and
+recursive filters better by −25 … 40 %, twice the time constant makes them worse by a factor of 1.6 to 3.
 """
 
 from __future__ import annotations
