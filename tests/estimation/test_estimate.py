@@ -249,7 +249,7 @@ def test_injection_shorter_than_a_period(fast, machine):
             estimate(session_of(reference, replace(excited, excitation=brief)), machine, method)
 
 
-def test_choices_that_do_not_exist(fast, fractional, machine):
+def test_choices_that_do_not_exist(fast, machine):
     with pytest.raises(InputError, match="denoised, former"):
         estimate(fast, machine, "guess")
     with pytest.raises(InputError, match='"complex" or "magnitude"'):
@@ -260,9 +260,6 @@ def test_choices_that_do_not_exist(fast, fractional, machine):
         estimate(session_of(*fast.references), machine)
     with pytest.raises(InputError, match="two or more"):
         estimate(fast, machine, points=1)
-    both = session_of(*fast.runs, *fractional.runs)
-    with pytest.raises(InputError, match=r"several frequencies \(47, 50 Hz\)"):
-        estimate(both, machine)
 
 
 def test_one_of_several_frequencies(bus_rate, fractional, machine):

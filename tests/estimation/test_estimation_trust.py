@@ -71,7 +71,7 @@ def test_reasons_come_worst_first_and_carry_numbers(faster, machine):
 def test_a_delayed_speed_is_said(fast, machine):
     """1 ms of delay is 18 degrees at 50 Hz: the imaginary part tells."""
     late = session_of(*(replace(run, speed_rad_s=np.roll(run.speed_rad_s, 4)) for run in fast.runs))
-    trust = estimate(late, machine).trust
+    trust = estimate(late, machine, remove_delay=False).trust
     assert trust.verdict != "good"
     assert any("out of phase" in reason and "delays its speed" in reason for reason in trust.reasons)
 

@@ -1,6 +1,7 @@
 """From a session to the load inertia over angle: sliding DFT, denoising, inversion, trust."""
 
 from schwung.estimation.estimate import estimate
+from schwung.estimation.multiphase import MultiphaseMethod
 from schwung.estimation.rivals import RIVALS
 from schwung.estimation.trajectory import TrajectoryMethod
 from schwung.estimation.values import Denoised, Estimate, Inversion, Trace, Trust, Verdict
@@ -10,6 +11,7 @@ __all__ = [
     "Denoised",
     "Estimate",
     "Inversion",
+    "MultiphaseMethod",
     "Trace",
     "TrajectoryMethod",
     "Trust",

@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 from schwung.drivetrain.machine import Machine
 from schwung.errors import InputError
-from schwung.estimation.methods import Task, excited_at, method_named
+from schwung.estimation.choice import AUTO, Choice, choose, is_joint
+from schwung.estimation.delay import delay_removed
+from schwung.estimation.methods import Method, Task, excited_at, frequencies_of, method_named
 from schwung.estimation.sampling import prepared
 from schwung.estimation.sdft import samples_per_window
-from schwung.estimation.table import Combined, combine
+from schwung.estimation.table import Combined, combine, combine_tables
 from schwung.estimation.trust import judge
 from schwung.estimation.values import Denoised, Estimate, Inversion, Trace, Trust
 from schwung.session.model import Session
@@ -18,42 +22,89 @@ __all__ = ["Denoised", "Estimate", "Trace", "Trust", "estimate"]
 def estimate(
     session: Session,
     machine: Machine,
-    method: str = "denoised",
+    method: str = AUTO,
     inversion: Inversion = "complex",
     *,
     frequency_hz: float | None = None,
     points: int | None = None,
+    remove_delay: bool = True,
 ) -> Estimate:
     """Estimate J_l over the load angle from every excited run of a session.
 
-    `method`: "denoised" (needs reference runs) or "former"; any registered name. `inversion`: "complex" or
-    "magnitude". `frequency_hz`: which excitation, where the session has several. `points`: of the table, at
-    most. On a linear axis every quantity has its linear counterpart: m, m/s, N and kg.
+    `method`: any registered name, as "multiphase" (four injection phases), "denoised" (reference runs) or "former";
+    "auto" takes the best that the session allows and says why in the notes. `inversion`: "complex" or "magnitude",
+    where the method inverts. `frequency_hz`: of one excitation; None: all, each with the weight it deserves.
+    `points`: of the table, at most. `remove_delay`: look for a delay of speed behind torque and remove it where it
+    is significant, which the notes say. On a linear axis every quantity has its linear counterpart: m, m/s, N, kg.
 
-    Raises InputError, naming run, problem and remedy: reference missing, runs that do not align, too few
-    samples per period, sine too weak, torque of the wrong sign or without the injected part, several
-    frequencies.
+    Raises InputError, naming run, problem and remedy: reference or phase missing, runs that do not align, too few
+    samples per period, sine too weak, torque of the wrong sign or without the injected part.
     """
     if inversion not in ("complex", "magnitude"):
         raise InputError("inversion", f'there is no "{inversion}"', 'Use "complex" or "magnitude".')
-    how = method_named(method)
-    recorded, session = session, prepared(session)
-    excited, frequency = excited_at(session, frequency_hz)
-    task = Task(session, excited, machine, frequency, inversion, recorded)
+    ready = prepared(session)
+    excited, frequency = excited_at(ready, frequency_hz)
+    task = Task(ready, excited, machine, frequency, inversion, session, points)
+    choice = choose(task) if method == AUTO else Choice(method_named(method), "")
+    notes: tuple[str, ...] = (choice.reason,) if choice.reason else ()
+    if remove_delay:
+        ready, said = delay_removed(ready, excited, machine)
+        excited, _ = excited_at(ready, frequency_hz)
+        task, notes = replace(task, session=ready, excited=excited), notes + said
+    frequencies = frequencies_of(excited)
+    if len(frequencies) == 1 or is_joint(choice.method):
+        found = _one(choice.method, task)
+    else:
+        found = _several(choice.method, task, frequencies)
+    return replace(found, notes=notes + found.notes)
+
+
+def _one(how: Method, task: Task) -> Estimate:
+    """One method, once."""
     outcome = how.traces(task)
     if outcome.table is not None:
         combined = Combined(outcome.table, ())
     else:
-        windows = [samples_per_window(run.sample_rate_hz, frequency) for run in excited]
-        combined = combine(outcome.traces, windows, points)
-    trust = judge(outcome, task, combined.table, needs_slow_motion=not how.needs_reference)
+        windows = [samples_per_window(run.sample_rate_hz, task.frequency_hz) for run in task.excited]
+        combined = combine(outcome.traces, windows, task.points)
+    slow = not how.needs_reference and outcome.windowed
     return Estimate(
         method=how.name,
-        inversion=inversion,
-        frequency_hz=frequency,
+        inversion=task.inversion,
+        frequency_hz=task.frequency_hz,
         table=combined.table,
         traces=outcome.traces,
         denoised=outcome.denoised,
-        trust=trust,
+        trust=judge(outcome, task, combined.table, needs_slow_motion=slow),
         notes=outcome.notes + combined.notes,
+    )
+
+
+def _several(how: Method, task: Task, frequencies: tuple[float, ...]) -> Estimate:
+    """One estimate per frequency, their tables weighted by inverse variance; trust is that of the weightiest."""
+    each: list[Estimate] = []
+    failed: list[InputError] = []
+    for frequency in frequencies:
+        excited, _ = excited_at(task.session, frequency)
+        try:
+            each.append(_one(how, replace(task, excited=excited, frequency_hz=frequency)))
+        except InputError as error:
+            failed.append(error)
+    if not each:
+        raise failed[0]
+    table, shares = combine_tables([found.table for found in each])
+    best = each[shares.index(max(shares))]
+    weights = ", ".join(
+        f"{found.frequency_hz:g} Hz {100 * share:.0f} %" for found, share in zip(each, shares, strict=True)
+    )
+    return replace(
+        best,
+        table=table,
+        traces=tuple(trace for found in each for trace in found.traces),
+        denoised=tuple(pair for found in each for pair in found.denoised),
+        notes=(
+            *(note for found in each for note in found.notes),
+            f"Frequencies were combined by inverse variance: {weights}.",
+            *(f"One frequency was left out: {error}" for error in failed),
+        ),
     )

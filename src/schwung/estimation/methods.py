@@ -43,6 +43,15 @@ class Task:
     frequency_hz: float
     inversion: Inversion
     recorded: Session | None = None  # as recorded, before `sampling.prepared`; None: the same
+    points: int | None = None  # of a table that the method makes itself; None: its default
+
+
+@dataclass(frozen=True)
+class Suitability:
+    """How well a method suits a session: the highest score is taken, the reason is told."""
+
+    score: float
+    reason: str
 
 
 @dataclass(frozen=True)
@@ -50,12 +59,15 @@ class Outcome:
     """What a method answers: traces, from which the table is made, or a table of its own (with its band).
 
     The denoised signals come along where a method makes them; the checks of linearity look at those.
+    `windowed`: each value stands for one period and rests on superposition, so that a changing inertia and a
+    clipped torque spoil it; False: it comes from a model of the whole record, whose band says what is known.
     """
 
     traces: tuple[Trace, ...] = ()
     denoised: tuple[Denoised, ...] = ()
     notes: tuple[str, ...] = ()
     table: InertiaTable | None = None
+    windowed: bool = True
 
 
 class Method(Protocol):
@@ -93,6 +105,12 @@ class DenoisedMethod:
     name = "denoised"
     needs_reference = True
 
+    def suits(self, task: Task) -> Suitability | None:
+        """Wherever there are references."""
+        if not task.session.references:
+            return None
+        return Suitability(1.0, "a reference run takes the motion out")
+
     def traces(self, task: Task) -> Outcome:
         """Denoise (11), transform (8), invert, label."""
         pairs = denoise(task.session, task.excited)
@@ -113,6 +131,10 @@ class FormerMethod:
 
     name = "former"
     needs_reference = False
+
+    def suits(self, task: Task) -> Suitability | None:
+        """Always, for want of a better one."""
+        return Suitability(0.0, "there is neither a reference run nor a full set of injection phases")
 
     def traces(self, task: Task) -> Outcome:
         """Transform (8), invert, label. The ripple in the position is averaged over the period."""
@@ -177,7 +199,7 @@ def _trace(signals: _Signals, task: Task) -> Trace:
         inertia_variation_kgm2=variation,
         speed_amplitude_rad_s=np.where(usable, np.abs(speed.phasor), np.nan),
         torque_amplitude_nm=np.where(usable, np.abs(torque.phasor), np.nan),
-        stroke=_strokes(signals, middle),
+        stroke=strokes_of(signals.run, signals.time_s, signals.position_rad, middle),
         name=signals.run.name,
     )
 
@@ -213,21 +235,23 @@ def _wind_up(signals: _Signals, task: Task) -> Array:
     return np.nan_to_num(shaft / coupling.stiffness_nm_rad)
 
 
-def _strokes(signals: _Signals, time_s: Array) -> NDArray[np.int64]:
-    """The stroke of each instant, (n,): divided midway in the rests, or where the path turns round."""
-    motion = signals.run.motion
+def strokes_of(run: Run, time_s: Array, position_rad: Array, at_s: Array) -> NDArray[np.int64]:
+    """The stroke of the run at each instant of `at_s`, (n,): divided midway in the rests, or where the path
+    `position_rad` over `time_s` turns round.
+    """
+    motion = run.motion
     if motion is not None:
         starts = np.array(motion.stroke_starts_s[1:])
-        return np.asarray(np.searchsorted(starts - motion.dwell_s / 2, time_s, side="right"), dtype=np.int64)
-    speed = np.gradient(signals.position_rad, signals.time_s)
+        return np.asarray(np.searchsorted(starts - motion.dwell_s / 2, at_s, side="right"), dtype=np.int64)
+    speed = np.gradient(position_rad, time_s)
     direction = np.where(np.abs(speed) > 0.05 * np.max(np.abs(speed)), np.sign(speed), 0.0)
     moving = np.flatnonzero(direction)
     if moving.size == 0:
-        return np.zeros(time_s.size, dtype=np.int64)
+        return np.zeros(at_s.size, dtype=np.int64)
     last = np.searchsorted(moving, np.arange(time_s.size), side="right") - 1
     held = direction[moving[np.maximum(last, 0)]]
     turns = np.concatenate([[0], np.cumsum(np.diff(held) != 0)])
-    return np.asarray(np.interp(time_s, signals.time_s, turns).round(), dtype=np.int64)
+    return np.asarray(np.interp(at_s, time_s, turns).round(), dtype=np.int64)
 
 
 def _check_strength(signals: _Signals, frequency_hz: float) -> None:
@@ -284,23 +308,26 @@ def _check_physical(signals: _Signals, trace: Trace, task: Task) -> None:
     )
 
 
-def excited_at(session: Session, frequency_hz: float | None) -> tuple[tuple[Run, ...], float]:
-    """The excited runs at one frequency (Hz), and that frequency; None: the only one there is.
+def frequencies_of(excited: Sequence[Run]) -> tuple[float, ...]:
+    """The different injected frequencies (Hz), rising; nearly equal ones count once."""
+    found: list[float] = []
+    for value in sorted(run.excitation.frequency_hz for run in excited if run.excitation):
+        if not found or value / found[-1] - 1 >= FREQUENCY_TOLERANCE:
+            found.append(value)
+    return tuple(found)
 
-    Raises InputError where there is none, or more than one to choose from.
+
+def excited_at(session: Session, frequency_hz: float | None) -> tuple[tuple[Run, ...], float]:
+    """The excited runs at one frequency (Hz), and that frequency; None: all of them, and the lowest.
+
+    Raises InputError where there is none.
     """
     if not session.excited:
         raise InputError("session", "has no excited run, a motion with the injected sine", "Record one.")
-    found: Sequence[float] = sorted(
-        {run.excitation.frequency_hz for run in session.excited if run.excitation}
-    )
+    found = frequencies_of(session.excited)
     listed = ", ".join(f"{value:g}" for value in found)
     if frequency_hz is None:
-        if len(found) > 1:
-            raise InputError(
-                "session", f"was excited at several frequencies ({listed} Hz)", "Choose one of them."
-            )
-        frequency_hz = found[0]
+        return session.excited, found[0]
     if not frequency_hz > 0:
         raise InputError("frequency", f"is {frequency_hz} Hz", f"Choose among {listed} Hz.")
     chosen = tuple(

@@ -133,3 +133,33 @@ def _mean_of(strokes: Sequence[_Stroke], grid: Array, notes: list[str]) -> Combi
     if not keep.all():
         notes.append(f"{int(np.sum(~keep))} of {grid.size} angles hold no usable sample and were left out.")
     return Combined(InertiaTable(grid[keep], mean[keep], band[keep]), tuple(notes))
+
+
+def combine_tables(tables: Sequence[InertiaTable]) -> tuple[InertiaTable, list[float]]:
+    """One table from several of the same machine, each angle weighted by inverse variance; and each one's share.
+
+    On the angles of the finest. Where the tables disagree by more than their bands say, the band is widened by
+    that factor (Birge). A table without a band weighs as much as the widest.
+    """
+    finest = max(tables, key=lambda table: table.position_rad.size)
+    angle = finest.position_rad
+    widest = max((float(np.max(t.std_kgm2)) for t in tables if t.std_kgm2 is not None), default=1.0)
+    values = np.vstack([table.at(angle) for table in tables])
+    std = np.vstack([_band_at(table, angle, widest) for table in tables])
+    weight = np.where(np.isfinite(std), 1 / np.maximum(std, 1e-12) ** 2, 0.0)
+    total = weight.sum(0)
+    mean = (weight * values).sum(0) / total
+    count = np.maximum((weight > 0).sum(0), 1)
+    disagreement = (weight * (values - mean) ** 2).sum(0) / np.maximum(count - 1, 1)
+    shares = (weight / total).mean(1)
+    band = np.sqrt(np.maximum(disagreement, 1.0) / total)
+    return InertiaTable(angle, mean, band), [float(share) for share in shares]
+
+
+def _band_at(table: InertiaTable, angle: Array, otherwise: float) -> Array:
+    """Standard deviation at the angles, infinite outside the table (which is only held constant there)."""
+    if table.std_kgm2 is None:
+        return np.full(angle.size, otherwise)
+    step = float(np.max(np.diff(table.position_rad)))
+    inside = (angle > table.position_rad[0] - step) & (angle < table.position_rad[-1] + step)
+    return np.where(inside, np.interp(angle, table.position_rad, table.std_kgm2), np.inf)

@@ -26,6 +26,7 @@ RELATIVE_MIV = (PAPER_MIV_KGM2[0] / PAPER_MEAN_INERTIA_KGM2, PAPER_MIV_KGM2[1] /
 MIN_DPR = 0.05  # for the former method
 POSITION_DC_RATIO = (0.25, 1.0)
 IMAGINARY_RATIO = (0.1, 0.3)
+RELATIVE_STD = (0.03, 0.1)  # of a whole-record method
 #: Torque within this share of the peak counts as clipped.
 CLIPPED = 0.995
 MAX_CLIPPED_SHARE = 0.01  # of a run
@@ -54,18 +55,19 @@ def judge(outcome: Outcome, task: Task, table: InertiaTable, *, needs_slow_motio
     miv = float(np.max(variation, initial=0.0))
     dpr = _dpr(task, mean)
     deviation = _position_deviation(outcome, task.frequency_hz)
+    change = _graded(
+        miv / mean,
+        RELATIVE_MIV,
+        f"the inertia changes by up to {miv:.3g} {'kg' if linear else 'kg·m²'} within one period of the "
+        f"injected sine, {100 * miv / mean:.0f} % of its mean",
+        "move more slowly, or inject a higher frequency",
+    )
     found = [
-        _graded(
-            miv / mean,
-            RELATIVE_MIV,
-            f"the inertia changes by up to {miv:.3g} {'kg' if linear else 'kg·m²'} within one period of the "
-            f"injected sine, {100 * miv / mean:.0f} % of its mean",
-            "move more slowly, or inject a higher frequency",
-        ),
+        *([change] if outcome.windowed else _precision(table)),
         *_path_shift(deviation),
         *(_ripple(dpr) if needs_slow_motion and dpr is not None else ()),
         *_imaginary(outcome.traces, mean),
-        *_clipping(outcome, task, "N" if linear else "N·m"),
+        *(_clipping(outcome, task, "N" if linear else "N·m") if outcome.windowed else ()),
     ]
     return Trust(
         dpr=dpr,
@@ -88,6 +90,15 @@ def _graded(value: float, bounds: tuple[float, float], fact: str, remedy: str) -
             "doubtful", f"{fact} (good below {low:.0f} %, unreliable from {high:.0f} %); {remedy}"
         )
     return _Finding("unusable", f"{fact} (unreliable from {high:.0f} %); {remedy}")
+
+
+def _precision(table: InertiaTable) -> list[_Finding]:
+    """The band of a method that knows its own: the 90th percentile, so that one edge cell does not condemn it."""
+    if table.std_kgm2 is None:
+        return []
+    relative = float(np.quantile(table.std_kgm2 / table.inertia_kgm2, 0.9))
+    fact = f"the standard deviation is up to {100 * relative:.2g} % of the inertia"
+    return [_graded(relative, RELATIVE_STD, fact, "inject more, repeat more often, or move more slowly")]
 
 
 def _path_shift(deviation: _Deviation) -> list[_Finding]:

@@ -1,0 +1,51 @@
+"""Which method a session allows, and why: `method="auto"`.
+
+A method takes part by having `suits(task)`; rivals have none and are only taken by name.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Protocol, runtime_checkable
+
+from schwung.errors import InputError
+from schwung.estimation.methods import METHODS, Method, Suitability, Task
+
+AUTO = "auto"
+
+
+@runtime_checkable
+class Candidate(Protocol):
+    """What a method adds to `Method` to be chosen by itself."""
+
+    def suits(self, task: Task) -> Suitability | None:
+        """How well it suits the session; None: it cannot be used on it."""
+        ...
+
+
+@dataclass(frozen=True)
+class Choice:
+    """The method taken, and the sentence that says why."""
+
+    method: Method
+    reason: str
+
+
+def choose(task: Task) -> Choice:
+    """The method with the highest score. Raises InputError where none can be used."""
+    found: list[tuple[float, str, Choice]] = []
+    for name, method in METHODS.items():
+        suitability = method.suits(task) if isinstance(method, Candidate) else None
+        if suitability is not None:
+            reason = f"Method {name} was chosen: {suitability.reason}."
+            found.append((suitability.score, name, Choice(method, reason)))
+    if not found:
+        raise InputError(
+            "session", "suits no method of estimation", f"Name one: {', '.join(sorted(METHODS))}."
+        )
+    return max(found, key=lambda entry: entry[:2])[2]
+
+
+def is_joint(method: Method) -> bool:
+    """Whether it takes runs of all frequencies at once (it says so by an attribute `joint`)."""
+    return bool(getattr(method, "joint", False))

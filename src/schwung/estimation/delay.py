@@ -1,0 +1,182 @@
+"""The delay between torque and speed, found in the record and removed.
+
+A delay τ turns the phase of the ripple by ωτ. So does friction, and so does an inertia that changes: only the
+fit of the whole curve (`fit.py`), with J_l(θ) and frictions free, tells them apart. Where the speed lags behind
+the angle of the same drive, that part is seen by comparing the two. What remains is the angle's lag behind the
+torque. Angles label the result, so they keep the time: the speed is moved forward to them, the torque back.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy.interpolate import CubicSpline
+
+from schwung.drivetrain.machine import Machine
+from schwung.errors import InputError
+from schwung.estimation.balance import BAND, fade_in_and_out, noise_floor
+from schwung.estimation.denoise import denoise
+from schwung.estimation.fit import Nuisance, fit_curve
+from schwung.estimation.ripple import Ripple, phase_groups, ripple_of_pair, ripple_of_phases
+from schwung.motion import Array
+from schwung.session.model import Run, Session
+
+#: A delay is removed when it turns the ripple by more than this (rad), and stands clear of its own uncertainty.
+MIN_PHASE_RAD = 0.01
+#: More than this is no delay but a wrong signal.
+MAX_PHASE_RAD = 1.0
+ROUNDS = 5
+#: The iteration has settled within this share of a sample.
+SETTLED_SAMPLES = 1e-3
+
+
+@dataclass(frozen=True)
+class Delay:
+    """How far speed and angle lag behind the torque, s; positive: they come later."""
+
+    angle: Nuisance  # of the angle behind the torque
+    speed: Nuisance  # of the speed behind the angle
+    frequency_hz: float
+
+    @property
+    def torque_to_speed(self) -> Nuisance:
+        """The whole delay of speed behind torque."""
+        return Nuisance(self.angle.value + self.speed.value, float(np.hypot(self.angle.std, self.speed.std)))
+
+    @property
+    def significant(self) -> bool:
+        """Whether one of the two is worth removing."""
+        return any(self._worth_removing(part) for part in (self.angle, self.speed))
+
+    def _worth_removing(self, part: Nuisance) -> bool:
+        return part.clear and 2 * np.pi * self.frequency_hz * abs(part.value) > MIN_PHASE_RAD
+
+    @property
+    def text(self) -> str:
+        """One sentence for the notes."""
+        whole = self.torque_to_speed
+        return (
+            f"The speed is reported {whole.value * 1e3:.3f} ± {2 * whole.std * 1e3:.2g} ms after the torque, "
+            f"{self.speed.value * 1e3:.3f} ms of it behind the angle; removed."
+        )
+
+
+def find_delay(session: Session, excited: Sequence[Run], machine: Machine) -> Delay | None:
+    """The delay of these runs; None where neither phases nor references take the motion out of them, or where
+    torque and speed do not belong to one machine at all.
+
+    Raises InputError where the runs do not align.
+    """
+    ripples = _ripples(session, excited)
+    if not ripples:
+        return None
+    speeds = [_speed_behind_angle(ripple) for ripple in ripples]
+    speed = _mean(speeds)
+    found = 0.0
+    settled = SETTLED_SAMPLES / ripples[0].sample_rate_hz
+    for _ in range(ROUNDS):
+        moved = [_moved(ripple, torque_s=found, speed_s=speed.value) for ripple in ripples]
+        fit = fit_curve(moved, machine)
+        further = fit.delay_s
+        found += further.value
+        if abs(further.value) < settled:
+            break
+    if not fit.physical or 2 * np.pi * ripples[0].frequency_hz * abs(found) > MAX_PHASE_RAD:
+        return None
+    return Delay(Nuisance(found, further.std), speed, ripples[0].frequency_hz)
+
+
+def without_delay(session: Session, delay: Delay) -> Session:
+    """The session with speed and torque of every run brought to the angle's time."""
+    return replace(session, runs=tuple(_run_without(run, delay) for run in session.runs))
+
+
+def _run_without(run: Run, delay: Delay) -> Run:
+    time = run.time_s
+    return replace(
+        run,
+        speed_rad_s=_shifted(run.speed_rad_s, time, -delay.speed.value),
+        torque_nm=_shifted(run.torque_nm, time, delay.angle.value),
+    )
+
+
+def _shifted(values: Array, time: Array, later_s: float) -> Array:
+    """The signal, later by so much; held at its ends."""
+    if later_s == 0:
+        return values
+    return np.asarray(CubicSpline(time, values)(np.clip(time - later_s, time[0], time[-1])))
+
+
+def _ripples(session: Session, excited: Sequence[Run]) -> list[Ripple]:
+    groups = phase_groups(excited)
+    if groups:
+        return [ripple_of_phases(group) for group in groups]
+    if not session.references:
+        return []
+    return [ripple_of_pair(pair) for pair in denoise(session, excited)]
+
+
+def _moved(ripple: Ripple, *, torque_s: float, speed_s: float) -> Ripple:
+    """The ripple with its torque later and its speed earlier, by their spectra; ends fade."""
+    f = np.fft.fftfreq(ripple.time_s.size, 1 / ripple.sample_rate_hz)
+    back, forward = np.exp(-2j * np.pi * f * torque_s), np.exp(2j * np.pi * f * speed_s)
+    return replace(
+        ripple,
+        torque_nm=_shifted(ripple.torque_nm, ripple.time_s, torque_s),
+        speed_rad_s=_shifted(ripple.speed_rad_s, ripple.time_s, -speed_s),
+        ripple_torque_nm=np.fft.ifft(back * np.fft.fft(ripple.ripple_torque_nm)),
+        ripple_speed_rad_s=np.fft.ifft(forward * np.fft.fft(ripple.ripple_speed_rad_s)),
+    )
+
+
+def _speed_behind_angle(ripple: Ripple) -> Nuisance:
+    """Ω(f) = jωΘ(f) e^{−jωτ} over the band, least squares."""
+    rate, frequency = ripple.sample_rate_hz, ripple.frequency_hz
+    fade = fade_in_and_out(ripple.time_s.size, rate, frequency)
+    f = np.fft.fftfreq(fade.size, 1 / rate)
+    chosen = (f >= BAND[0] * frequency) & (f <= min(BAND[1] * frequency, 0.45 * rate))
+    omega = 2 * np.pi * f[chosen]
+    speed = np.fft.fft(ripple.ripple_speed_rad_s * fade)[chosen]
+    moved = 1j * omega * np.fft.fft(ripple.ripple_position_rad * fade)[chosen]
+    noise = noise_floor(ripple.ripple_speed_rad_s * fade, rate, frequency) + omega**2 * noise_floor(
+        ripple.ripple_position_rad * fade, rate, frequency
+    )
+    delay = 0.0
+    information = np.inf
+    for _ in range(ROUNDS):
+        model = moved * np.exp(-1j * omega * delay)
+        information = float(np.sum(omega**2 * np.abs(model) ** 2 / noise))
+        if not information > 0:
+            return Nuisance(0.0, np.inf)
+        delay -= float(np.sum(omega * np.imag(np.conj(model) * speed) / noise)) / information
+    # a speed that a drive filters or rounds is not off by noise alone: no better than the misfit says
+    misfit = float(np.mean(np.abs(speed - moved * np.exp(-1j * omega * delay)) ** 2 / noise))
+    return Nuisance(delay, float(np.sqrt(max(misfit, 1.0) / 2 / information)))
+
+
+def _mean(parts: Sequence[Nuisance]) -> Nuisance:
+    """Mean by inverse variance."""
+    weight = np.array([1 / max(part.std, 1e-12) ** 2 for part in parts])
+    if not np.any(weight > 0):
+        return Nuisance(0.0, np.inf)
+    value = float(weight @ [part.value for part in parts] / weight.sum())
+    return Nuisance(value, float(1 / np.sqrt(weight.sum())))
+
+
+def delay_removed(
+    session: Session, excited: Sequence[Run], machine: Machine
+) -> tuple[Session, tuple[str, ...]]:
+    """The session without its delay where that is significant, and the note that says so.
+
+    Where the delay cannot be found (runs that do not align, a ripple lost in noise), the session as it is: the
+    method says what is wrong with it.
+    """
+    try:
+        delay = find_delay(session, excited, machine)
+    except (InputError, np.linalg.LinAlgError):
+        return session, ()
+    if delay is None or not delay.significant:
+        return session, ()
+    return without_delay(session, delay), (delay.text,)

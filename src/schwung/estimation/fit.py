@@ -1,0 +1,127 @@
+"""One curve J_l(θ) from the ripples of a session: all groups and repeats, each with the weight it deserves."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from schwung.drivetrain.machine import Machine
+from schwung.estimation.balance import Basis, Equations, LoadSide, equations, load_side
+from schwung.estimation.ripple import Ripple
+from schwung.estimation.sdft import ComplexArray
+from schwung.estimation.solve import Solution, solve
+from schwung.motion import Array
+
+#: What nobody would leave out of a machine file: friction of this share of the peak torque (at top speed).
+FRICTION_SHARE = 0.1
+#: Solutions in a row: the later ones know the weights and how the load answers to friction and delay.
+ROUNDS = 2
+#: An inertia positive over this share of the angles, and torque explained to this share, make a machine.
+MOSTLY = 0.9
+#: No machine leaves the phase between torque and speed more open than this.
+MAX_PHASE_STD_RAD = 0.05
+
+
+@dataclass(frozen=True)
+class Nuisance:
+    """What the fit found beside J_l: a value and its standard deviation."""
+
+    value: float
+    std: float
+
+    @property
+    def clear(self) -> bool:
+        """Whether it stands clear of the noise."""
+        return abs(self.value) > 4 * self.std
+
+
+@dataclass(frozen=True, eq=False)
+class CurveFit:
+    """J_l over the load angle with its covariance; `loads` are the ripples' load sides, in order."""
+
+    basis: Basis
+    solution: Solution
+    loads: tuple[LoadSide, ...]
+    ripples: tuple[Ripple, ...]
+    viscous_nms: Nuisance  # of the motor, beyond the machine file
+    dry_nm: Nuisance
+    delay_s: Nuisance  # of speed (and angle) behind torque
+    unexplained_share: float  # of the power of the load's driving torque in the band
+
+    @property
+    def physical(self) -> bool:
+        """Whether torque and speed belong together: a positive inertia, of which the phase is sure as well, explains
+        most of the torque.
+        """
+        positive = float(np.mean(self.solution.coefficients > 0)) > MOSTLY
+        turned = 2 * np.pi * max(ripple.frequency_hz for ripple in self.ripples) * self.delay_s.std
+        return positive and self.unexplained_share < 1 - MOSTLY and turned < MAX_PHASE_STD_RAD
+
+    def inertia_at(self, angle_rad: Array, derivative: int = 0) -> Array:
+        """J_l (kg·m²) or its derivatives by angle, (n,)."""
+        values: Array = np.matmul(self.basis.at(angle_rad, derivative), self.solution.coefficients)
+        return values
+
+    def std_at(self, angle_rad: Array) -> Array:
+        """Standard deviation of J_l (kg·m²), (n,): noise and what the roughness prior leaves open."""
+        basis, size = self.basis.at(angle_rad), self.basis.size
+        variance = np.einsum("ij,jk,ik->i", basis, self.solution.covariance[:size, :size], basis)
+        return np.sqrt(np.maximum(variance, 0.0))
+
+    def unexplained(self, number: int) -> ComplexArray:
+        """What the torque of one ripple leaves over, N·m, (n,)."""
+        load, ripple = self.loads[number], self.ripples[number]
+        rate = ripple.sample_rate_hz
+        inertia, slope, bend = (self.inertia_at(load.angle_rad, order) for order in range(3))
+        turning = bend * load.speed_rad_s**2 / 2 + slope * load.acceleration_rad_s2
+        spoiled = load.spoilers @ self.solution.nuisances
+        wind_up = load.spoilers_wind_up @ self.solution.nuisances
+        rate_of_wind_up = load.spoilers_wind_up_rate @ self.solution.nuisances
+        momentum = np.gradient(inertia * (load.ripple_speed_rad_s + rate_of_wind_up), 1 / rate)
+        turned = turning * (load.ripple_angle_rad + wind_up)
+        return np.asarray(load.driving_torque_nm - spoiled - momentum - turned)
+
+
+def fit_curve(ripples: Sequence[Ripple], machine: Machine) -> CurveFit:
+    """Fit J_l(θ), friction and delay to all ripples together.
+
+    Each ripple is weighted by its own noise floor first, then by what it left unexplained.
+    """
+    loads = tuple(load_side(ripple, machine) for ripple in ripples)
+    low = min(float(load.angle_rad.min()) for load in loads)
+    high = max(float(load.angle_rad.max()) for load in loads)
+    basis = Basis(low, max(high, low + 1e-9))
+    top_speed = max(float(np.max(np.abs(load.speed_rad_s))) for load in loads)
+    peak = FRICTION_SHARE * machine.motor.peak_torque_nm
+    prior = np.array(
+        [peak / max(top_speed, 1e-9), peak, 0.5 / (np.pi * min(r.frequency_hz for r in ripples))]
+    )
+    weights = np.ones(len(loads))
+    solution: Solution | None = None
+    for _ in range(ROUNDS):
+        curve = None if solution is None else solution.coefficients
+        parts = [
+            equations(load, ripple, basis, curve).scaled(float(weight))
+            for load, ripple, weight in zip(loads, ripples, weights, strict=True)
+        ]
+        solution = _solve(parts, prior)
+        ends = np.cumsum([part.y.size for part in parts])[:-1]
+        spread = np.array([np.sqrt(np.mean(rest**2)) for rest in np.split(solution.residual, ends)])
+        weights = weights / np.maximum(spread, 1e-12)
+    assert solution is not None  # ROUNDS is positive
+    std = np.sqrt(np.diag(solution.covariance)[basis.size :])
+    power = float(np.sum(np.concatenate([part.y for part in parts]) ** 2))
+    share = float(np.sum(solution.residual**2)) / max(power, 1e-300)
+    viscous, dry, delay = (Nuisance(float(v), float(s)) for v, s in zip(solution.nuisances, std, strict=True))
+    return CurveFit(basis, solution, loads, tuple(ripples), viscous, dry, delay, share)
+
+
+def _solve(parts: Sequence[Equations], prior: Array) -> Solution:
+    return solve(
+        np.vstack([part.inertia for part in parts]),
+        np.vstack([part.nuisance for part in parts]),
+        np.concatenate([part.y for part in parts]),
+        prior,
+    )
