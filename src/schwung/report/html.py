@@ -34,13 +34,17 @@ def write_report(content: ReportContent, path: Path) -> Path:
 
     Raises InputError where it cannot be written.
     """
-    page = render(content)
+    return write_page(render(content), path)
+
+
+def write_page(text: str, path: Path) -> Path:
+    """Write a page, whole or not at all; folders are made. Raises InputError where it cannot be written."""
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
     except OSError as error:
         reason = (error.strerror or str(error)).lower()
         raise InputError(str(path.parent), f"cannot be made: {reason}", "Choose another place.") from None
-    replace_file(path, page)
+    replace_file(path, text)
     return path
 
 
@@ -52,11 +56,16 @@ def render(content: ReportContent) -> str:
         _header(content),
         _verdict(content.estimate),
         _numbers(content),
-        _figure(leading) if leading else "",
-        *(_section(picture.title, _figure(picture)) for picture in drawn),
+        drawn_figure(leading) if leading else "",
+        *(section(picture.title, drawn_figure(picture)) for picture in drawn),
         *_tables(content),
         "<footer>Written by Schwung. This file needs nothing else: keep it, mail it, print it.</footer>",
     ]
+    return page(content.title, parts)
+
+
+def page(title: str, parts: Iterable[str]) -> str:
+    """A whole page of HTML sections: escaped title, the look of every report, nothing fetched from anywhere."""
     css = css_variables() + resources.files("schwung.report").joinpath("page.css").read_text("utf-8")
     body = "\n".join(part for part in parts if part)
     return f"""<!doctype html>
@@ -65,7 +74,7 @@ def render(content: ReportContent) -> str:
 <meta charset="utf-8">
 <meta name="viewport" content="width=device-width,initial-scale=1">
 <meta http-equiv="Content-Security-Policy" content="{_POLICY}">
-<title>{escape(content.title)}</title>
+<title>{escape(title)}</title>
 <style>
 {css}</style>
 </head>
@@ -86,7 +95,7 @@ def _header(content: ReportContent) -> str:
 def _verdict(estimate: Estimate | None) -> str:
     verdict = estimate.trust.verdict if estimate else "none"
     reasons = estimate.trust.reasons if estimate else ()
-    listing = _list(reason[:1].upper() + reason[1:] for reason in reasons)
+    listing = bullets(reason[:1].upper() + reason[1:] for reason in reasons)
     return f'<section class="verdict {verdict}"><strong>{_VERDICTS[verdict]}</strong>{listing}</section>'
 
 
@@ -153,21 +162,23 @@ def _experiment(content: ReportContent) -> Iterator[tuple[str, str, str]]:
     yield "Recorded", f"{len(session.runs)} run{'s' * (len(session.runs) != 1)}", small
 
 
-def _figure(picture: Picture) -> str:
+def drawn_figure(picture: Picture) -> str:
+    """A picture with its caption."""
     caption = f"<figcaption>{escape(picture.caption)}</figcaption>" if picture.caption else ""
     return f"<figure>{to_svg(picture.figure, picture.name, picture.title)}{caption}</figure>"
 
 
-def _section(title: str, inner: str) -> str:
+def section(title: str, inner: str) -> str:
+    """A titled section; nothing where there is nothing in it."""
     return f"<section><h2>{escape(title)}</h2>{inner}</section>" if inner else ""
 
 
 def _tables(content: ReportContent) -> Iterator[str]:
     checks = [(row.severity, row.name, row.text, row.remedy) for row in content.preflight]
-    yield _section("Preflight", _table(("Result", "Check", "Found", "Remedy"), checks, marked=True))
+    yield section("Preflight", rows_table(("Result", "Check", "Found", "Remedy"), checks, marked=True))
     changes = [(row.parameter, row.old, row.new, row.remark) for row in content.changes]
     head: tuple[str, ...] = ("Parameter", "Old", "New", "Remark")
-    yield _section("Parameters changed in the drive", _table(head, changes))
+    yield section("Parameters changed in the drive", rows_table(head, changes))
     head = ("Run", "Made by", "Period", "Off its grid, RMS", "99 %", "Maximum", "Lost samples")
     sync = [
         (
@@ -181,21 +192,22 @@ def _tables(content: ReportContent) -> Iterator[str]:
         )
         for row in content.sync
     ]
-    yield _section("SYNC timing", _table(head, sync))
-    yield _section("Settings", _table((), list(content.settings.items())))
+    yield section("SYNC timing", rows_table(head, sync))
+    yield section("Settings", rows_table((), list(content.settings.items())))
     drive = [(label.replace("_", " "), text) for label, text in _flat(content.session.drive or {})]
-    yield _section("Drive", _table((), drive))
-    yield _section("Believed machine", _table((), list(_machine(content))))
+    yield section("Drive", rows_table((), drive))
+    yield section("Believed machine", rows_table((), list(_machine(content))))
     notes = (*content.notes, *(content.estimate.notes if content.estimate else ()))
-    yield _section("Notes", _list(dict.fromkeys(notes)))  # each once, whoever passed it on
+    yield section("Notes", bullets(dict.fromkeys(notes)))  # each once, whoever passed it on
 
 
-def _list(texts: Iterable[str]) -> str:
+def bullets(texts: Iterable[str]) -> str:
+    """A list; nothing where it is empty."""
     items = "".join(f"<li>{escape(text)}</li>" for text in texts)
     return f"<ul>{items}</ul>" if items else ""
 
 
-def _table(head: Sequence[str], rows: Sequence[Sequence[str]], *, marked: bool = False) -> str:
+def rows_table(head: Sequence[str], rows: Sequence[Sequence[str]], *, marked: bool = False) -> str:
     """A table without the columns that no row fills; nothing at all when there is no row.
 
     `marked`: the first column is a check's severity, written as a coloured mark with its word.
