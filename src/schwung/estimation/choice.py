@@ -8,10 +8,14 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Protocol, runtime_checkable
 
+import numpy as np
+
 from schwung.errors import InputError
 from schwung.estimation.methods import METHODS, Method, Suitability, Task
 
 AUTO = "auto"
+#: Torque within this share of the peak counts as clipped.
+CLIPPED = 0.995
 
 
 @runtime_checkable
@@ -44,6 +48,12 @@ def choose(task: Task) -> Choice:
             "session", "suits no method of estimation", f"Name one: {', '.join(sorted(METHODS))}."
         )
     return max(found, key=lambda entry: entry[:2])[2]
+
+
+def clipped_share(task: Task) -> float:
+    """Largest share of samples of any run at the peak torque, 0…1."""
+    limit = CLIPPED * task.machine.motor.peak_torque_nm
+    return max(float(np.mean(np.abs(run.torque_nm) >= limit)) for run in task.session.runs)
 
 
 def is_joint(method: Method) -> bool:

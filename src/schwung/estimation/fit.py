@@ -68,7 +68,7 @@ class CurveFit:
         """Standard deviation of J_l (kg·m²), (n,): noise and what the roughness prior leaves open."""
         basis, size = self.basis.at(angle_rad), self.basis.size
         variance = np.einsum("ij,jk,ik->i", basis, self.solution.covariance[:size, :size], basis)
-        return np.sqrt(np.maximum(variance, 0.0))
+        return np.asarray(np.sqrt(np.maximum(variance, 0.0)))
 
     def unexplained(self, number: int) -> ComplexArray:
         """What the torque of one ripple leaves over, N·m, (n,)."""

@@ -11,9 +11,11 @@ import numpy as np
 
 from schwung.drivetrain.inertia import InertiaTable
 from schwung.errors import InputError
-from schwung.estimation.methods import Outcome, Task, register
+from schwung.estimation.choice import clipped_share
+from schwung.estimation.methods import Outcome, Suitability, Task, register
 from schwung.estimation.table import DEFAULT_POINTS
 from schwung.estimation.trajectory_fit import Fit, fit
+from schwung.estimation.trust import MAX_CLIPPED_SHARE
 from schwung.motion import Array
 
 #: Where the band is wider than this share of the inertia itself, there was no information.
@@ -27,14 +29,25 @@ class TrajectoryMethod:
 
     name = "trajectory"
     needs_reference = False
+    joint = True  # one curve for all frequencies
+
+    def suits(self, task: Task) -> Suitability | None:
+        """Where superposition fails, or nothing takes the motion out of the excited runs."""
+        share = clipped_share(task)
+        if share > MAX_CLIPPED_SHARE:
+            return Suitability(
+                4.0,
+                f"the torque is clipped in up to {100 * share:.0f} % of a run, where motion and injection do not add up",
+            )
+        return Suitability(0.5, "there is neither a reference run nor a full set of injection phases")
 
     def traces(self, task: Task) -> Outcome:
         """Fit, and tabulate with the posterior's standard deviation."""
         session = task.recorded or task.session
         found = fit(session.runs, task.machine, rotary=session.axis == "rotary")
         _check_explained(found)
-        table, notes = _table(found, DEFAULT_POINTS)
-        return Outcome(table=table, notes=(*notes, *_notes(found)))
+        table, notes = _table(found, task.points or DEFAULT_POINTS)
+        return Outcome(table=table, notes=(*notes, *_notes(found)), windowed=False)
 
 
 register(TrajectoryMethod())

@@ -16,6 +16,7 @@ import numpy as np
 
 from schwung.drivetrain.inertia import InertiaTable
 from schwung.drivetrain.response import disturbance_to_position_ratio
+from schwung.estimation.choice import CLIPPED
 from schwung.estimation.methods import Outcome, Task
 from schwung.estimation.sdft import sliding_dft
 from schwung.estimation.values import Trace, Trust, Verdict, finite
@@ -27,8 +28,6 @@ MIN_DPR = 0.05  # for the former method
 POSITION_DC_RATIO = (0.25, 1.0)
 IMAGINARY_RATIO = (0.1, 0.3)
 RELATIVE_STD = (0.03, 0.1)  # of a whole-record method
-#: Torque within this share of the peak counts as clipped.
-CLIPPED = 0.995
 MAX_CLIPPED_SHARE = 0.01  # of a run
 
 _ORDER: tuple[Verdict, ...] = ("good", "doubtful", "unusable")
