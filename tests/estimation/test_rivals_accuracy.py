@@ -161,3 +161,9 @@ def test_the_spline_needs_no_reference_and_uses_one(machine):
     both = estimate(session_of(record(motion, rate=1000.0), excited), machine, "bspline")
     assert rmse(alone) < 0.0005
     assert np.mean(both.table.std_kgm2) < np.mean(alone.table.std_kgm2)
+    assert "DPR" not in " ".join(alone.trust.reasons)  # the motion is modelled, not in the way
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_the_table_has_the_points_asked_for(bus_rate, machine, name):
+    assert estimate(bus_rate, machine, name, points=24).table.position_rad.size == 24

@@ -67,7 +67,7 @@ class BSplineExpansion:
         angles = np.concatenate([balance.angle_rad for balance in balances])
         knots = knots_for(angles, fastest / task.frequency_hz)
         fit = _regression(balances, knots, fastest, task)
-        grid = np.linspace(knots[0], knots[-1], DEFAULT_POINTS)
+        grid = np.linspace(knots[0], knots[-1], task.points or DEFAULT_POINTS)
         basis = _basis(knots)(grid)
         inertia = basis @ fit.coefficients
         std = np.sqrt(np.einsum("ij,jk,ik->i", basis, fit.covariance, basis))
@@ -88,7 +88,8 @@ class BSplineExpansion:
             )
         excited = balances[: len(task.excited)]
         traces = tuple(_trace(balance, knots, fit.coefficients, task) for balance in excited)
-        return Outcome(traces=traces, notes=notes, table=InertiaTable(grid[told], inertia[told], std[told]))
+        table = InertiaTable(grid[told], inertia[told], std[told])
+        return Outcome(traces=traces, notes=notes, table=table, windowed=False)
 
 
 def knots_for(angle_rad: Array, travel_rad: float) -> Array:

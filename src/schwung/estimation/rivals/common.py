@@ -6,8 +6,8 @@ period, a time constant of a quarter period. Results are labelled by their mean 
 Whatever else a rival needs follows from the session: noise levels from the third differences of the signals,
 band limits from f_est, first guesses from the denoised SDFT. Nothing is tuned to a machine or to the truth.
 
-How much hangs upon it, on the paper's machine at 500, 250 and 150 ms: half the time constant makes the Kalman and
-recursive filters better by −25 … 40 %, twice the time constant makes them worse by a factor of 1.6 to 3.
+How much hangs upon it, on the paper's machine at 500, 250 and 150 ms: half the time constant changes the
+error of the recursive filters by +20 to −40 %, twice the time constant multiplies it by 1.6 to 3.
 """
 
 from __future__ import annotations
