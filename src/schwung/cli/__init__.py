@@ -18,6 +18,7 @@ from schwung.cli.demo import demo
 from schwung.cli.estimate import estimate
 from schwung.cli.export import export
 from schwung.cli.report import report
+from schwung.cli.reproduce import reproduce
 from schwung.cli.restore import restore
 from schwung.cli.scan import scan
 from schwung.errors import SchwungError
@@ -48,7 +49,7 @@ def _root(
     pass
 
 
-for _command in (demo, scan, commission, estimate, export, restore, report, bench):
+for _command in (demo, scan, commission, estimate, export, restore, report, bench, reproduce):
     app.command()(_command)
 
 
