@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+import functools
 import json
 import logging
-import os
 import signal
 import sys
-from typing import Any
+from collections.abc import Callable
+from typing import ParamSpec, TypeVar
 
 import typer
 
@@ -21,11 +22,10 @@ from schwung.cli.report import report
 from schwung.cli.reproduce import reproduce
 from schwung.cli.restore import restore
 from schwung.cli.scan import scan
-from schwung.errors import SchwungError
+from schwung.errors import InputError, InterruptedByUser, SchwungError
 
 app = typer.Typer(
     name="schwung",
-    no_args_is_help=True,
     rich_markup_mode="rich",
     pretty_exceptions_enable=False,
     context_settings={"help_option_names": ["-h", "--help"]},
@@ -49,8 +49,36 @@ def _root(
     pass
 
 
+_Returned = TypeVar("_Returned")
+_Given = ParamSpec("_Given")
+
+
+def _told_interrupts(command: Callable[_Given, _Returned]) -> Callable[_Given, _Returned]:
+    """An interrupt in a command becomes one of our errors: the framework would end without a word."""
+
+    @functools.wraps(command)
+    def told(*args: _Given.args, **kwargs: _Given.kwargs) -> _Returned:
+        try:
+            return command(*args, **kwargs)
+        except SchwungError:
+            raise
+        except BaseException as error:
+            if _is_interrupt(error):
+                raise InterruptedByUser(f"schwung {command.__name__}", "interrupted") from error
+            raise
+
+    return told
+
+
+def _is_interrupt(error: BaseException | None) -> bool:
+    """Also where a library that was loading at that moment has made something else of it."""
+    while error is not None and not isinstance(error, KeyboardInterrupt):
+        error = error.__cause__ or error.__context__
+    return error is not None
+
+
 for _command in (demo, scan, commission, estimate, export, restore, report, bench, reproduce):
-    app.command()(_command)
+    app.command()(_told_interrupts(_command))
 
 
 def _interrupt(number: int, frame: object) -> None:
@@ -61,10 +89,14 @@ def _failure(error: BaseException) -> tuple[str, int]:
     """What to tell the user, and the exit code. Re-raises what is a defect of ours."""
     if isinstance(error, SchwungError):
         return str(error), error.exit_code
-    if isinstance(error, KeyboardInterrupt):
-        return "Interrupted.", 130
+    if isinstance(error, KeyboardInterrupt | typer.Abort):
+        return "interrupted", InterruptedByUser.exit_code
+    if callable(message := getattr(error, "format_message", None)):  # wrong usage, as the framework found it
+        context = getattr(error, "ctx", None)
+        command = context.command_path if context else app.info.name
+        return f"{str(message()).rstrip('.')}. See `{command} --help`.", InputError.exit_code
     if type(error).__module__.startswith("schwung_sim"):
-        return str(error), 2
+        return str(error), InputError.exit_code
     raise error
 
 
@@ -74,19 +106,16 @@ def main(arguments: list[str] | None = None) -> None:
         logging.NullHandler()
     )  # libraries' warnings: our own sentences say it better
     signal.signal(signal.SIGTERM, _interrupt)  # the same way out as Ctrl-C: quick stop, parameters back
-    given = sys.argv[1:] if arguments is None else arguments
+    given = (sys.argv[1:] if arguments is None else arguments) or ["--help"]
     try:
-        app(args=given, standalone_mode=True)
-    except BrokenPipeError:
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())  # a closed pipe is no failure of ours
-        sys.exit(0)
+        code = app(args=given, standalone_mode=False)
     except (Exception, KeyboardInterrupt) as error:
         sentence, code = _failure(error)
         notes = list(getattr(error, "__notes__", []))
         if "--json" in given:
-            document: dict[str, Any] = {"error": sentence, "notes": notes, "exit_code": code}
-            print(json.dumps(document, indent=2))
+            found = getattr(error, "document", {})  # what is known in spite of the failure
+            print(json.dumps({"error": sentence, "notes": notes, "exit_code": code, **found}, indent=2))
         typer.secho(f"Error: {sentence}", fg="red", err=True)
         for note in notes:
             typer.secho(f"  {note}", err=True)
-        sys.exit(code)
+    sys.exit(code or 0)

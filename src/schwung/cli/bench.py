@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from schwung.cli.options import Bitrate, BusOption, Channel, Interface, Node, bus_options
+from schwung.cli.options import Bitrate, BusOption, Channel, Interface, Json, Node, bus_options
+
+if TYPE_CHECKING:
+    from schwung.cli.console import Terminal
 
 
 def bench(
@@ -43,6 +46,7 @@ def bench(
     bitrate: Bitrate = None,
     bus: BusOption = None,
     node: Node = 1,
+    json_output: Json = False,
 ) -> None:
     """Run a simulated CiA 402 drive with a machine on its shaft until Ctrl-C.
 
@@ -54,11 +58,13 @@ def bench(
 
       schwung bench --tcp 127.0.0.1:0 --conceal coulomb_friction=3,cogging --seed 7
     """  # fmt: skip
+    from schwung.cli.console import Terminal
     from schwung.errors import InputError
     from schwung_sim.bench import Bench
 
+    terminal = Terminal(json_output)
     if listing:
-        _list_choices()
+        _list_choices(terminal)
         return
     if clock not in ("sync", "wall"):
         raise InputError("--clock", f'is "{clock}"', "Use sync or wall.")
@@ -71,14 +77,26 @@ def bench(
         interface=str(bus_settings.pop("interface", "socketcand")),
         channel=str(bus_settings.pop("channel", channel or "vcan0")), bus_options=bus_settings,
     )  # fmt: skip
-    machine_room.run_forever(seconds, announce=typer.echo)
+
+    def announce(line: str) -> None:
+        if json_output:
+            where = {"bus": machine_room.tool_options, "node": node, "plant": plant, "clock": clock}
+            terminal.result(where)
+        else:
+            typer.echo(line)
+
+    machine_room.run_forever(seconds, announce=announce)
 
 
-def _list_choices() -> None:
+def _list_choices(terminal: Terminal) -> None:
     """What --conceal and --fault take, as the machine room describes it."""
     from schwung_sim import faults
     from schwung_sim.plants import concealed
 
+    physics = {name: {"text": e.text, "keys": list(e.key_names)} for name, e in concealed.EFFECTS.items()}
+    if terminal.json_output:
+        terminal.result({"conceal": physics, "faults": sorted(faults.KINDS)})
+        return
     typer.echo(concealed.__doc__)
     for name, effect in concealed.EFFECTS.items():
         typer.echo(f"    {name:22s} {effect.text}\n    {'':22s} keys: {', '.join(effect.key_names)}")

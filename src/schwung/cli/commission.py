@@ -19,7 +19,8 @@ from schwung.cli.options import (
     Reference,
     Yes,
     bus_options,
-    quantity,
+    export_choice,
+    measured,
 )
 
 _MOTION, _LIMITS, _INJECTION = "Motion", "Limits", "Injection and recording"
@@ -30,13 +31,19 @@ def commission(
     distance: Annotated[
         float,
         typer.Option(
-            parser=quantity, metavar="RAD", help="Stroke, signed; e.g. 180deg.", rich_help_panel=_MOTION
+            parser=measured("angle", signed=True),
+            metavar="RAD",
+            help="Stroke, signed; e.g. 180deg.",
+            rich_help_panel=_MOTION,
         ),
     ],
     duration: Annotated[
         float,
         typer.Option(
-            parser=quantity, metavar="S", help="Time of one stroke; e.g. 250ms.", rich_help_panel=_MOTION
+            parser=measured("time"),
+            metavar="S",
+            help="Time of one stroke; e.g. 250ms.",
+            rich_help_panel=_MOTION,
         ),
     ],
     profile_kind: Annotated[
@@ -54,45 +61,61 @@ def commission(
     min_position: Annotated[
         float | None,
         typer.Option(
-            parser=quantity, metavar="RAD", help="Lower end of the window.", rich_help_panel=_LIMITS
+            parser=measured("angle", signed=True),
+            metavar="RAD",
+            help="Lower end of the window.",
+            rich_help_panel=_LIMITS,
         ),
     ] = None,
     max_position: Annotated[
         float | None,
         typer.Option(
-            parser=quantity, metavar="RAD", help="Upper end of the window.", rich_help_panel=_LIMITS
+            parser=measured("angle", signed=True),
+            metavar="RAD",
+            help="Upper end of the window.",
+            rich_help_panel=_LIMITS,
         ),
     ] = None,
     max_speed: Annotated[
         float | None,
-        typer.Option(parser=quantity, metavar="RAD/S", help="Speed limit.", rich_help_panel=_LIMITS),
+        typer.Option(parser=measured("speed"), metavar="RAD/S", help="Speed limit.", rich_help_panel=_LIMITS),
     ] = None,
     max_torque: Annotated[
         float | None,
-        typer.Option(parser=quantity, metavar="NM", help="Torque limit.", rich_help_panel=_LIMITS),
+        typer.Option(parser=measured("torque"), metavar="NM", help="Torque limit.", rich_help_panel=_LIMITS),
     ] = None,
     following_error: Annotated[
         float | None,
         typer.Option(
-            parser=quantity, metavar="RAD", help="Tolerated following error.", rich_help_panel=_LIMITS
+            parser=measured("angle"),
+            metavar="RAD",
+            help="Tolerated following error.",
+            rich_help_panel=_LIMITS,
         ),
     ] = None,
     frequency: Annotated[
         float | None,
-        typer.Option(parser=quantity, metavar="HZ", help="Injected frequency.", rich_help_panel=_INJECTION),
+        typer.Option(
+            parser=measured("frequency"), metavar="HZ", help="Injected frequency.", rich_help_panel=_INJECTION
+        ),
     ] = None,
     amplitude: Annotated[
         float | None,
-        typer.Option(parser=quantity, metavar="NM", help="Injected amplitude.", rich_help_panel=_INJECTION),
+        typer.Option(
+            parser=measured("torque"), metavar="NM", help="Injected amplitude.", rich_help_panel=_INJECTION
+        ),
     ] = None,
     rate: Annotated[
-        float, typer.Option(parser=quantity, metavar="HZ", help="SYNC rate.", rich_help_panel=_INJECTION)
+        float,
+        typer.Option(
+            parser=measured("frequency"), metavar="HZ", help="SYNC rate.", rich_help_panel=_INJECTION
+        ),
     ] = 1000.0,
     repeats: Annotated[int, typer.Option(min=1, help="Pairs of motions.", rich_help_panel=_INJECTION)] = 2,
     max_jitter: Annotated[
         float | None,
         typer.Option(
-            parser=quantity,
+            parser=measured("time"),
             metavar="S",
             help="Tolerated SYNC jitter (p99); default: a tenth of the period.",
             rich_help_panel=_INJECTION,
@@ -100,7 +123,10 @@ def commission(
     ] = None,
     export: Annotated[
         str | None,
-        typer.Option(metavar="FORM", help="Write the result into the drive: table, mean, max or at=ANGLE."),
+        typer.Option(
+            metavar="FORM",
+            help="Write the result into the drive, unless unusable: table, mean, max or at=ANGLE.",
+        ),
     ] = None,
     store: Annotated[bool, typer.Option(help="Save an export in the drive's memory (1010).")] = True,
     reference: Reference = None,
@@ -134,16 +160,17 @@ def commission(
     """  # fmt: skip
     from schwung.cli.console import Terminal
     from schwung.cli.drives import open_drive
-    from schwung.cli.flow import Ending, commission_and_show
+    from schwung.cli.flow import Ending, commission_and_show, finish
+    from schwung.cli.folders import planned_folder
     from schwung.cli.sessions import standard_of
-    from schwung.commissioning import LimitWishes, Wishes, parse_choice
+    from schwung.commissioning import LimitWishes, Wishes
     from schwung.commissioning.procedure import MAX_JITTER_SHARE
     from schwung.drivetrain import load_machine
     from schwung.errors import InputError
 
     terminal = Terminal(json_output)
     believed = load_machine(machine)
-    choice = parse_choice(export) if export else None
+    choice = export_choice(export) if export else None
     if mode not in ("csp", "pp"):
         raise InputError("--mode", f'is "{mode}"', "Use csp or pp.")
     wishes = Wishes(
@@ -162,31 +189,11 @@ def commission(
     standard = standard_of(believed, reference)
     ending = Ending(choice, store, standard.table, standard.label)
     options = bus_options(interface, channel, bitrate, bus)
-    folder = output_folder(out, dry_run)
+    folder = planned_folder(out)
     with open_drive(options, node, profile) as opened:
         result = commission_and_show(
             opened.drive, opened.profile, believed, wishes, folder, terminal,
-            confirm=lambda question: yes or typer.confirm(question, err=json_output),
+            confirm=lambda question: yes or terminal.ask(question),
             ending=ending, dry_run=dry_run,
         )  # fmt: skip
-    terminal.result(result)
-
-
-def output_folder(out: Path | None, dry_run: bool = False) -> Path:
-    """The folder for what a command writes, made now. Raises InputError where it holds a session already."""
-    from datetime import datetime
-
-    from schwung.errors import InputError
-
-    folder = out or Path(f"schwung-{datetime.now().astimezone():%Y%m%d-%H%M%S}")
-    if dry_run:
-        return folder
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise InputError(
-            str(folder), f"cannot be made ({error.strerror})", "Choose another --out."
-        ) from error
-    if (folder / "session.h5").exists():
-        raise InputError(str(folder), "holds a session already", "Choose another --out.")
-    return folder
+    finish(terminal, result)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 import sys
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
@@ -12,8 +13,12 @@ from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
 
+from schwung.errors import RefusedError
+
 if TYPE_CHECKING:
     from rich.progress import Progress, TaskID
+
+    from schwung.drivetrain import InertiaTable
 
 _SIGNS = {"ok": "[green]✓[/]", "note": "[cyan]i[/]", "warning": "[yellow]![/]", "stop": "[red]✗[/]"}
 _VERDICTS = {"good": "green", "doubtful": "yellow", "unusable": "red"}
@@ -30,11 +35,26 @@ class Terminal:
         """One sentence; rich markup is interpreted."""
         self.console.print(text, soft_wrap=True)
 
+    def ask(self, question: str) -> bool:
+        """Ask a question of yes or no; anything but y or yes is a no.
+
+        Raises RefusedError where nobody is there to answer.
+        """
+        self.console.print(f"{escape(question)} {escape('[y/N]')} ", end="", soft_wrap=True)
+        answer = sys.stdin.readline() if sys.stdin is not None else ""
+        if not answer:
+            self.console.print()
+            raise RefusedError(
+                "confirmation",
+                f'"{question}" found nobody to answer',
+                "Use --yes where nobody sits in front.",
+            )
+        return answer.strip().lower() in ("y", "yes")
+
     def result(self, document: Mapping[str, Any]) -> None:
         """The command's result for machines; silent unless --json was given."""
         if self.json_output:
-            json.dump(document, sys.stdout, indent=2, default=str)
-            sys.stdout.write("\n")
+            print(json_text(document), flush=True)
 
     def table(self, title: str, columns: Sequence[str], rows: Iterable[Sequence[object]]) -> None:
         """A table for people; cells are escaped."""
@@ -59,6 +79,39 @@ class Terminal:
     def verdict(self, verdict: str, text: str) -> None:
         """The verdict on trust, in its colour."""
         self.say(f"[bold {_VERDICTS.get(verdict, 'white')}]{verdict}[/]: {escape(text)}")
+
+
+def json_text(document: Mapping[str, Any]) -> str:
+    """A document as strict JSON: what is not finite becomes null, what JSON does not know becomes text."""
+    return json.dumps(_strict(document), indent=2, default=str, allow_nan=False)
+
+
+def _strict(value: Any) -> Any:
+    if isinstance(value, Mapping):
+        return {str(key): _strict(item) for key, item in value.items()}
+    if isinstance(value, list | tuple):
+        return [_strict(item) for item in value]
+    return None if isinstance(value, float) and not math.isfinite(value) else value
+
+
+#: Beyond so many turns an angle was likely meant in degrees.
+_MANY_TURNS = 10
+
+
+def describe_table(table: InertiaTable, axis: str = "rotary") -> str:
+    """An inertia table in one sentence, for the terminal; says so where its angles look like degrees."""
+    inertia, position = ("kg·m²", "rad") if axis == "rotary" else ("kg", "m")
+    first, last = float(table.position_rad[0]), float(table.position_rad[-1])
+    text = (
+        f"Load {'inertia' if axis == 'rotary' else 'mass'} {table.inertia_kgm2.min():.4f} … "
+        f"{table.inertia_kgm2.max():.4f} {inertia} over {first:.3g} … {last:.3g} {position}"
+    )
+    if axis == "rotary":
+        text += f" ({math.degrees(first):.0f} … {math.degrees(last):.0f}°)"
+        turns = (last - first) / (2 * math.pi)
+        if turns > _MANY_TURNS:
+            text += f"\n[yellow]![/] These are {turns:.0f} turns: the angles are meant in rad, not in degrees"
+    return text
 
 
 def _is_markup(cell: str) -> bool:

@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from schwung.cli.options import Json, quantity
+from schwung.cli.options import Json, measured
 
 #: What an engineer would know before the measurement: motor and coupling from the data sheets, a guess of the load.
 _BELIEF = """\
@@ -33,7 +33,9 @@ def demo(
     out: Annotated[
         Path | None, typer.Option(help="Folder for session, table, report; default: schwung-<time>.")
     ] = None,
-    duration: Annotated[float, typer.Option(parser=quantity, metavar="S", help="Time of one stroke.")] = 0.25,
+    duration: Annotated[
+        float, typer.Option(parser=measured("time"), metavar="S", help="Time of one stroke.")
+    ] = 0.25,
     plant: Annotated[str, typer.Option(help="slider-crank (MuJoCo) or two-mass.")] = "slider-crank",
     conceal: Annotated[str, typer.Option(metavar="NAME=VALUE,…", help="Physics to hide in the plant.")] = "",
     seed: Annotated[int, typer.Option(help="Everything random follows from it.")] = 0,
@@ -55,25 +57,27 @@ def demo(
 
     import numpy as np
 
-    from schwung.cli.commission import output_folder
     from schwung.cli.console import Terminal
     from schwung.cli.drives import open_drive
-    from schwung.cli.flow import Ending, commission_and_show
+    from schwung.cli.flow import Ending, commission_and_show, finish
+    from schwung.cli.folders import make_folder, planned_folder
     from schwung.commissioning import ExportChoice, Wishes
     from schwung.drivetrain import InertiaTable, load_machine, write_inertia_csv
     from schwung.fieldbus.canopen import BusOptions
+    from schwung.files import replace_file
     from schwung_sim.bench import Bench
 
     terminal = Terminal(json_output)
-    folder = output_folder(out)
+    folder = planned_folder(out)
     machine_file = folder / "machine.toml"
-    machine_file.write_text(_BELIEF, encoding="utf-8")
     channel = f"schwung-demo-{os.getpid()}"
-    terminal.say(f"A simulated {plant} on a virtual CAN bus; the machine file is {machine_file}")
     with (
         Bench(plant, conceal=conceal, seed=seed, channel=channel, node_id=1) as bench,
         open_drive(BusOptions("virtual", channel, 1_000_000), 1, "schwung-bench") as opened,
     ):
+        make_folder(folder)
+        replace_file(machine_file, _BELIEF)
+        terminal.say(f"A simulated {plant} on a virtual CAN bus; the machine file is {machine_file}")
         angles = np.linspace(0.0, math.pi, 181)
         truth = InertiaTable(angles, bench.plant.true_inertia(angles))
         write_inertia_csv(truth, folder / "true_inertia.csv")
@@ -87,4 +91,4 @@ def demo(
             confirm=lambda _question: True,
             ending=Ending(ExportChoice("table"), True, truth, "true inertia"),
         )
-    terminal.result(result)
+    finish(terminal, result)

@@ -17,9 +17,11 @@ from schwung.cli.options import (
     Profile,
     Yes,
     bus_options,
+    export_choice,
 )
 
 if TYPE_CHECKING:
+    from schwung.cli.console import Terminal
     from schwung.commissioning import ExportChoice
     from schwung.drivetrain import InertiaTable
 
@@ -68,14 +70,13 @@ def export(
 
       schwung export inertia.csv --profile schwung-bench -n 3 --dcf drive.dcf
     """
-    from schwung.cli.commission import output_folder
-    from schwung.cli.console import Terminal, observing
+    from schwung.cli.console import Terminal, describe_table, observing
     from schwung.cli.drives import open_drive
     from schwung.cli.flow import Verification, export_summary, show_plan, show_verification
+    from schwung.cli.folders import make_folder, planned_folder
     from schwung.commissioning import (
         export_table,
         export_values,
-        parse_choice,
         prepare,
         repeat_reference,
         wishes_of,
@@ -85,13 +86,9 @@ def export(
     from schwung.session import read_session
 
     terminal = Terminal(json_output)
-    inertia, choice = read_inertia_csv(table), parse_choice(form)
+    inertia, choice = read_inertia_csv(table), export_choice(form)
     if dcf is not None:
-        if profile is None:
-            raise InputError("--dcf", "needs to know the drive family", "Add --profile.")
-        written = _write_dcf(dcf, profile, node, inertia, choice)
-        terminal.say(f"{written} parameters in [bold]{dcf}[/]")
-        terminal.result({"dcf": str(dcf), "parameters": written})
+        _write_dcf(dcf, profile, node, inertia, choice, terminal)
         return
     if (verify is None) != (machine is None):
         raise InputError(
@@ -99,6 +96,8 @@ def export(
         )
     wishes = wishes_of(read_session(verify)) if verify else None
     believed = load_machine(machine) if machine else None
+    folder = planned_folder(out)
+    terminal.say(describe_table(inertia))
     with open_drive(bus_options(interface, channel, bitrate, bus), node, profile) as opened:
         drive = opened.drive
         values = export_values(drive.parameter, opened.profile, inertia, choice)
@@ -117,9 +116,9 @@ def export(
             terminal.result(document)
             return
         question = "Write these parameters, and move the machine?" if prepared else "Write these parameters?"
-        if not (yes or typer.confirm(question, err=json_output)):
+        if not (yes or terminal.ask(question)):
             raise RefusedError("export", "you said no", "Nothing was written, nothing moved.")
-        folder = output_folder(out)
+        make_folder(folder)
         with observing(terminal) as observer:
             before = repeat_reference(drive, prepared, folder, "before", observer) if prepared else None
             observer.phase(f"Writing {len(values)} parameters")
@@ -138,12 +137,20 @@ def export(
     terminal.result(document)
 
 
-def _write_dcf(path: Path, profile_name: str, node: int, inertia: InertiaTable, choice: ExportChoice) -> int:
+def _write_dcf(
+    path: Path, family: str | None, node: int, table: InertiaTable, choice: ExportChoice, terminal: Terminal
+) -> None:
+    from schwung.cli.console import describe_table
     from schwung.commissioning import export_values
+    from schwung.errors import InputError
     from schwung.fieldbus.dcf import dictionary_lookup, write_dcf
     from schwung.fieldbus.profile import load_profile
 
-    profile = load_profile(profile_name)
-    values = export_values(dictionary_lookup(profile.eds_path, node), profile, inertia, choice)
+    if family is None:
+        raise InputError("--dcf", "needs to know the drive family", "Add --profile.")
+    profile = load_profile(family)
+    values = export_values(dictionary_lookup(profile.eds_path, node), profile, table, choice)
     write_dcf(profile.eds_path, node, values, path)
-    return len(values)
+    terminal.say(describe_table(table))
+    terminal.say(f"{len(values)} parameters in [bold]{path}[/]")
+    terminal.result({"dcf": str(path), "parameters": len(values)})

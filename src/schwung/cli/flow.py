@@ -2,18 +2,20 @@
 
 from __future__ import annotations
 
-import json
-from collections.abc import Callable
+import sys
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from schwung.cli.console import Terminal, observing
+from schwung.cli.console import Terminal, describe_table, json_text, observing
+from schwung.cli.folders import make_folder
 from schwung.commissioning import (
     Change,
     Commissioned,
     ExportChoice,
     Exported,
+    Plan,
     Prepared,
     Wishes,
     carry_out,
@@ -23,13 +25,23 @@ from schwung.commissioning import (
     prepare,
     repeat_reference,
 )
+from schwung.commissioning.commission import settings_of
 from schwung.drivetrain import InertiaTable, Machine, write_inertia_csv
 from schwung.errors import RefusedError
 from schwung.fieldbus.drive import Drive, RawValue
 from schwung.fieldbus.profile import DeviceProfile
+from schwung.files import replace_file
 from schwung.report import ChangeRow, FollowingError, ReportContent, SyncRow, write_report
 from schwung.report.content import deviation
 from schwung.session import Run
+
+
+class PreflightRefusedError(RefusedError):
+    """Preflight said no; `document` holds plan and checks for machines."""
+
+    def __init__(self, refusal: RefusedError, document: Mapping[str, Any]) -> None:
+        super().__init__(refusal.place, refusal.problem, refusal.remedy)
+        self.document = document
 
 
 @dataclass(frozen=True)
@@ -78,13 +90,20 @@ def commission_and_show(
     """
     prepared = prepare(drive, profile, machine, wishes)
     show_plan(terminal, prepared)
-    result: dict[str, Any] = {"preflight": [vars(check) for check in prepared.preflight.checks]}
-    prepared.preflight.require()
+    result: dict[str, Any] = {
+        "plan": _plan(prepared.plan),
+        "preflight": [vars(check) for check in prepared.preflight.checks],
+    }
+    try:
+        prepared.preflight.require()
+    except RefusedError as refusal:
+        raise PreflightRefusedError(refusal, result) from None
     if dry_run:
         terminal.say("Dry run: nothing was changed, nothing moved.")
         return result
     if not confirm("The machine will move. Is it clear?"):
         raise RefusedError("commission", "you said no", "Nothing was changed, nothing moved.")
+    make_folder(out)
     with observing(terminal) as observer:
         done = carry_out(drive, prepared, out, observer, wishes.max_jitter_share)
     write_inertia_csv(done.estimate.table, out / "inertia.csv")
@@ -95,9 +114,16 @@ def commission_and_show(
     content = report_content(done, ending, verification)
     write_report(content, out / "report.html")
     result |= _summary(done, ending, verification, out)
-    (out / "estimate.json").write_text(json.dumps(result, indent=2, default=str), encoding="utf-8")
+    replace_file(out / "estimate.json", json_text(result))
     terminal.say(f"Report: [bold]{out / 'report.html'}[/]")
     return result
+
+
+def finish(terminal: Terminal, result: Mapping[str, Any]) -> None:
+    """Print the result for machines; end with the code of a refusal where a wished export was not made."""
+    terminal.result(result)
+    if "refused" in result.get("export", {}):
+        sys.exit(RefusedError.exit_code)
 
 
 def _export_and_verify(
@@ -158,10 +184,7 @@ def show_plan(terminal: Terminal, prepared: Prepared) -> None:
 def show_estimate(terminal: Terminal, done: Commissioned, ending: Ending) -> None:
     """The curve in numbers, and the verdict."""
     table, trust = done.estimate.table, done.estimate.trust
-    span = f"{table.position_rad[0]:.3g} … {table.position_rad[-1]:.3g} rad"
-    terminal.say(
-        f"Load inertia {table.inertia_kgm2.min():.4f} … {table.inertia_kgm2.max():.4f} kg·m² over {span}"
-    )
+    terminal.say(describe_table(table, done.session.axis))
     off = deviation(table, ending.reference)
     if off is not None:
         former = deviation(done.contrast.table, ending.reference) if done.contrast else None
@@ -245,7 +268,21 @@ def _summary(
     }
     if verification is not None:
         summary["export"] = export_summary(verification)
+    elif ending.export is not None:
+        summary["export"] = {"refused": "an unusable table does not go into a drive"}
     return summary
+
+
+def _plan(plan: Plan) -> dict[str, Any]:
+    """The plan for machines."""
+    return {
+        "motion": plan.motion.model_dump(),
+        "excitation": plan.excitation.model_dump(),
+        "repeats": plan.repeats,
+        "sample_rate_hz": plan.acquisition.sample_rate_hz,
+        "duration_s": plan.duration_s,
+        **settings_of(plan),
+    }
 
 
 def export_summary(verification: Verification) -> dict[str, Any]:

@@ -4,36 +4,55 @@ from __future__ import annotations
 
 import math
 import re
+from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 if TYPE_CHECKING:
+    from schwung.commissioning import ExportChoice
     from schwung.fieldbus.canopen import BusOptions
 
 _UNITS = {
-    "": 1.0, "rad": 1.0, "deg": math.pi / 180, "°": math.pi / 180, "rev": 2 * math.pi,
-    "s": 1.0, "ms": 1e-3, "us": 1e-6, "hz": 1.0, "khz": 1e3, "nm": 1.0, "mnm": 1e-3,
-    "rad/s": 1.0, "rpm": 2 * math.pi / 60, "deg/s": math.pi / 180,
-}  # fmt: skip
+    "angle": {"rad": 1.0, "mrad": 1e-3, "deg": math.pi / 180, "°": math.pi / 180, "rev": 2 * math.pi},
+    "time": {"s": 1.0, "ms": 1e-3, "us": 1e-6, "µs": 1e-6},
+    "speed": {"rad/s": 1.0, "deg/s": math.pi / 180, "rpm": 2 * math.pi / 60},
+    "torque": {"nm": 1.0, "n·m": 1.0, "mnm": 1e-3},
+    "frequency": {"hz": 1.0, "khz": 1e3},
+}
 
 
-def quantity(text: str) -> float:
-    """A number in SI units, or with a unit behind it: 180deg, 250ms, 3000rpm, 1kHz.
+def measured(what: str, signed: bool = False) -> Callable[[str], float]:
+    """A parser for one kind of quantity: a number in SI units, or with a unit of that kind (180deg, 250ms, 1kHz).
 
-    Raises typer.BadParameter where it is none.
+    Raises typer.BadParameter for anything else; unless `signed`, also for zero and below.
     """
-    match = re.fullmatch(r"\s*([-+]?[0-9.]+(?:[eE][-+]?[0-9]+)?)\s*([a-zA-Z°/]*)\s*", str(text))
-    unit = match[2].lower() if match else None
-    try:
-        if match is None or unit not in _UNITS:
-            raise ValueError(text)
-        return float(match[1]) * _UNITS[unit]
-    except ValueError:
-        raise typer.BadParameter(
-            f"{text!r} is not a quantity; write a number in SI units, or with one of {', '.join(filter(None, _UNITS))}"
-        ) from None
+    units = _UNITS[what]
+
+    def parse(text: str) -> float:
+        match = re.fullmatch(r"\s*([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)\s*(\D*)", str(text).strip())
+        factor = units.get(match[2].strip().lower() or next(iter(units))) if match else None
+        if match is None or factor is None:
+            raise typer.BadParameter(
+                f'"{text}" is no {what}; write a number, with {" or ".join(units)} behind it.'
+            )
+        value = float(match[1]) * factor
+        if not math.isfinite(value) or not (signed or value > 0):
+            raise typer.BadParameter(f'"{text}" is {"not finite" if value > 0 else "not above zero"}.')
+        return value
+
+    return parse
+
+
+def export_choice(text: str) -> ExportChoice:
+    """table, mean, max or at=ANGLE, the angle with its unit. Raises InputError for anything else."""
+    from schwung.commissioning import parse_choice
+
+    form, _, where = text.partition("=")
+    if form == "at" and where:
+        text = f"at={measured('angle', signed=True)(where)!r}"
+    return parse_choice(text)
 
 
 Interface = Annotated[

@@ -29,7 +29,7 @@ def report(
       schwung report session.h5 -m machine.toml --out monday.html --figures pictures
     """
     from schwung.cli.console import Terminal
-    from schwung.cli.sessions import content_of, standard_of
+    from schwung.cli.sessions import content_of, in_file, standard_of
     from schwung.drivetrain import load_machine
     from schwung.estimation import estimate
     from schwung.report import save_figures, write_report
@@ -37,7 +37,10 @@ def report(
 
     terminal = Terminal(json_output)
     believed, recorded = load_machine(machine), read_session(session)
-    content = content_of(recorded, believed, estimate(recorded, believed), standard_of(believed, reference))
+    standard = standard_of(believed, reference)
+    with in_file(session):
+        found = estimate(recorded, believed)
+    content = content_of(recorded, believed, found, standard)
     write_report(content, out)
     files = save_figures(content, figures) if figures else []
     terminal.say(f"Report: [bold]{out}[/]")

@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 
 from schwung.commissioning import contrast_of
 from schwung.drivetrain import InertiaTable, Machine, read_inertia_csv
+from schwung.errors import InputError
 from schwung.estimation import Estimate
 from schwung.report import ReportContent, SyncRow
 from schwung.session import Session
@@ -18,6 +21,17 @@ class Standard:
 
     table: InertiaTable | None
     label: str
+
+
+@contextmanager
+def in_file(path: Path) -> Iterator[None]:
+    """Errors about a session name its file."""
+    try:
+        yield
+    except InputError as error:
+        if error.place != "session":
+            raise
+        raise InputError(str(path), error.problem, error.remedy) from error
 
 
 def standard_of(machine: Machine, reference: Path | None) -> Standard:
