@@ -32,6 +32,7 @@ class Wishes:
     frequency_hz: float | None = None
     amplitude_nm: float | None = None
     repeats: int = 2
+    phases: int = 1
     max_jitter_share: float = MAX_JITTER_SHARE
 
 
@@ -93,6 +94,7 @@ def prepare(drive: Drive, profile: DeviceProfile, machine: Machine, wishes: Wish
         frequency_hz=wishes.frequency_hz,
         amplitude_nm=wishes.amplitude_nm,
         repeats=wishes.repeats,
+        phases=wishes.phases,
         torque_held=injected is None or injected.between_syncs == "held",
     )
     forward = FeedForward(speed_share=gains.get("speed_feed_forward", 0.0))

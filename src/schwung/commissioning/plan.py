@@ -11,6 +11,7 @@ import numpy as np
 
 from schwung.drivetrain import InertiaTable, Machine, anti_resonance_hz
 from schwung.errors import InputError
+from schwung.estimation import MIN_PHASES
 from schwung.fieldbus.drive import Acquisition, DriveLimits, Guard, Move, OperatingMode, Setpoints
 from schwung.motion import Excitation, Motion, MotionKind
 from schwung.session import Role
@@ -83,12 +84,23 @@ class Plan:
     limits: Limits
     start_position_rad: float
     reasons: tuple[str, ...] = ()
+    phases: int = 1  # of the injection, equally spaced over a period; one excited run for each
 
     def runs(self) -> Iterator[PlannedRun]:
-        """The motions in the order in which they are made: reference, then excited, so often as repeated."""
+        """The motions in the order in which they are made: reference, then excited, so often as repeated.
+
+        Several phases need no reference: one is made all the same, for the following error without injection.
+        """
         for repeat in range(self.repeats):
-            yield PlannedRun("reference", repeat, self.motion, None)
-            yield PlannedRun("excited", repeat, self.motion, self.excitation)
+            if self.phases == 1 or repeat == 0:
+                yield PlannedRun("reference", repeat, self.motion, None)
+            for number in range(self.phases):
+                yield PlannedRun("excited", repeat, self.motion, self._turned(number))
+
+    def _turned(self, number: int) -> Excitation:
+        """The injection at its `number`-th phase."""
+        turned = self.excitation.phase_rad + 2 * math.pi * number / self.phases
+        return self.excitation.model_copy(update={"phase_rad": turned})
 
     def start_of(self, run: PlannedRun) -> float:
         """Where a run starts (rad)."""
@@ -105,7 +117,7 @@ class Plan:
     @property
     def duration_s(self) -> float:
         """Bus time of all motions."""
-        return 2 * self.repeats * self.motion.total_s * (1 if self.motion.returns else 2)
+        return len(tuple(self.runs())) * self.motion.total_s * (1 if self.motion.returns else 2)
 
 
 def limits_of(wishes: LimitWishes, drive: DriveLimits, machine: Machine) -> Limits:
@@ -186,6 +198,7 @@ def make_plan(
     frequency_hz: float | None = None,
     amplitude_nm: float | None = None,
     repeats: int = 2,
+    phases: int = 1,
     torque_held: bool = True,
     heartbeat_s: float = 0.1,
 ) -> Plan:
@@ -196,6 +209,10 @@ def make_plan(
     """
     reasons = []
     _require_sense(distance_rad, duration_s, kind, sample_rate_hz, frequency_hz, amplitude_nm, repeats)
+    if phases != 1 and (phases < MIN_PHASES or phases % 2):
+        raise InputError(
+            "--phases", f"is {phases}", "Use 1, or an even number from 4: pairs cancel the motion."
+        )
     if mode == "pp" and kind != "third":
         raise InputError("--profile-kind", f'is "{kind}"', "In PP the drive makes a trapezoid: use third.")
     if frequency_hz is None:
@@ -251,6 +268,7 @@ def make_plan(
         limits=limits,
         start_position_rad=start_position_rad,
         reasons=tuple(reasons),
+        phases=phases,
     )
 
 

@@ -105,11 +105,13 @@ def preflight(
     plan: Plan, machine: Machine, seen: Survey, feed_forward: FeedForward | None = None
 ) -> Preflight:
     """Check a plan against the drive and against the simulated motion. Never raises for what it finds."""
-    reference, excited = (simulated_run(run, plan, machine, feed_forward) for run in list(plan.runs())[:2])
+    first = [run for run in plan.runs() if run.repeat == 0]
+    reference, *phases = (simulated_run(run, plan, machine, feed_forward) for run in first)
+    excited = max(phases, key=lambda simulated: simulated.peak_torque_nm)
     back = plan.way_back(next(plan.runs()))
     way_back = [] if back is None else [simulated_run(back, plan, machine, feed_forward)]
-    motions = (reference, excited, *way_back)
-    predicted = _predicted(plan, reference, excited, machine)
+    motions = (reference, *phases, *way_back)
+    predicted = _predicted(plan, zip(first, (reference, *phases), strict=True), machine)
     source, resolution_checks = _resolution(plan, seen.resolution, reference, excited)
     checks = [
         *drive_checks(seen, plan.acquisition.mode),
@@ -154,12 +156,11 @@ def _limited(machine: Machine, plan: Plan) -> Machine:
     return machine.model_copy(update={"motor": motor})
 
 
-def _predicted(plan: Plan, reference: Simulated, excited: Simulated, machine: Machine) -> Estimate | None:
+def _predicted(
+    plan: Plan, simulated: Iterable[tuple[PlannedRun, Simulated]], machine: Machine
+) -> Estimate | None:
     """What the estimator would make of the simulated recording; None where it would refuse."""
-    runs = [
-        _sampled(planned, plan, simulated)
-        for planned, simulated in zip(plan.runs(), (reference, excited), strict=False)
-    ]
+    runs = [_sampled(planned, plan, made) for planned, made in simulated]
     try:
         return estimate(Session(tuple(runs), created="", source="simulated"), machine)
     except SchwungError:

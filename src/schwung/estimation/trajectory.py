@@ -37,7 +37,7 @@ class TrajectoryMethod:
         if share > MAX_CLIPPED_SHARE:
             return Suitability(
                 4.0,
-                f"the torque is clipped in up to {100 * share:.0f} % of a run, where motion and injection no longer add",
+                f"the torque is clipped in up to {100 * share:.0f} % of a run, where motion and injection do not add",
             )
         return Suitability(0.5, "there is neither a reference run nor a full set of injection phases")
 
