@@ -18,6 +18,7 @@ from schwung.commissioning import (
 )
 from schwung.errors import DriveError, RefusedError, SampleLossError, SchwungError
 from schwung.estimation import estimate
+from schwung.fieldbus.canopen import sync
 from schwung.session import read_session
 
 CHANGED = [
@@ -135,8 +136,9 @@ def test_a_motion_out_of_the_window_is_refused_before_the_drive_is_touched(tmp_p
     ],
 )
 def test_a_fault_ends_with_a_sentence_a_stopped_drive_and_what_was_recorded(
-    fault: str, words: str, tmp_path: Path
+    fault: str, words: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
+    monkeypatch.setattr(sync, "LOST_AFTER_S", 0.03)  # what is waited for each answer that never comes
     with desk(seed=9, faults=fault) as room:
         with pytest.raises(SchwungError, match=rf"(?i){words}") as caught:
             room.commission(

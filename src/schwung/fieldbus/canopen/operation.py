@@ -192,10 +192,11 @@ class Operation:
             if producer is not None:
                 with contextlib.suppress(Exception):
                     producer.hold(self._frame(cia402.QUICK_STOP))
-            self._sdo.write_once(_CONTROLWORD, cia402.QUICK_STOP, lock_timeout_s=0.2, timeout_s=0.2)
+            heard = self._sdo.write_once(_CONTROLWORD, cia402.QUICK_STOP, lock_timeout_s=0.2, timeout_s=0.2)
             if producer is not None:
                 with contextlib.suppress(Exception):
-                    self._await_standstill()
+                    if not self._await_standstill() and not heard and not self._answering:
+                        self._sdo.assume_silent()
         finally:
             self._halting.release()
 
@@ -422,18 +423,18 @@ class Operation:
 
     def _await_standstill(self) -> bool:
         """Let time pass until the position hardly changes; False after two seconds of the drive's time or silence."""
+        if not self._pump(0.0):
+            return False
         tolerance = _STILL_RAD / abs(self._scales.position_rad) if self._scales is not None else 0.0
         elapsed, still, last = 0.0, 0, self._position()
-        while elapsed < _STANDSTILL_S:
+        while elapsed < _STANDSTILL_S and still < 3:
             if not self._pump(_STILL_STEP_S):
                 return False
             elapsed += _STILL_STEP_S
             now = self._position()
             still = still + 1 if abs(now - last) <= tolerance else 0
             last = now
-            if still >= 3:
-                return True
-        return False
+        return still >= 3
 
     def _to_pre_operational(self) -> None:
         with contextlib.suppress(BusError):

@@ -41,6 +41,7 @@ ABORT_CODES = {
     0x08000022: "data cannot be stored in the present device state",
     0x08000023: "object dictionary generation failed", 0x08000024: "no data available",
 }  # fmt: skip
+_SILENT_TIMEOUT_S = 0.2  # for a node that did not answer last time: the way out shall be short
 _ABSENT = (0x06020000, 0x06090011)
 _REMEDIES = {
     0x08000022: "Disable the drive, or put the node in pre-operational, and try again.",
@@ -168,6 +169,10 @@ class SdoChannel:
             self._lock.release()
         return True
 
+    def assume_silent(self) -> None:
+        """The node answers nothing at all, by other evidence: ask only once, briefly, until it does."""
+        self._silent = True
+
     def _block_upload(self, parameter: Parameter) -> bytes:
         with self._client.open(
             parameter.index, parameter.subindex, "rb", buffering=0, block_transfer=True
@@ -208,9 +213,12 @@ class SdoChannel:
         place = f"node {self.node_id}, {parameter.label}"
         with self._lock:
             attempts = 1 if self._silent else self.attempts
+            patience = timeout_s or (
+                min(self.timeout_s, _SILENT_TIMEOUT_S) if self._silent else self.timeout_s
+            )
             for attempt in range(attempts):
                 try:
-                    result = self._transfer(parameter, action, timeout_s or self.timeout_s)
+                    result = self._transfer(parameter, action, patience)
                     self._silent = False
                     return result
                 except _AbortedError as error:
