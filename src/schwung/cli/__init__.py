@@ -14,6 +14,7 @@ import typer
 
 from schwung import __version__
 from schwung.cli.bench import bench
+from schwung.cli.bode import bode
 from schwung.cli.commission import commission
 from schwung.cli.demo import demo
 from schwung.cli.estimate import estimate
@@ -77,7 +78,7 @@ def _is_interrupt(error: BaseException | None) -> bool:
     return error is not None
 
 
-for _command in (demo, scan, commission, estimate, export, restore, report, bench, reproduce):
+for _command in (demo, scan, commission, estimate, export, restore, report, bench, bode, reproduce):
     app.command()(_told_interrupts(_command))
 
 

@@ -337,8 +337,8 @@ def _runs(
         if angle is not None:
             for repeat, excitation in enumerate(excitations):
                 length = (excitation.end_s or 0.0) + _REST_S
-                still = Motion(
-                    distance_rad=0.0, duration_s=length, start_time_s=0.0, returns=False, dwell_s=0.0
+                still = Motion(  # there and back, by nothing
+                    distance_rad=0.0, duration_s=length / 2, start_time_s=0.0, returns=True, dwell_s=0.0
                 )
                 yield PlannedRun("excited", repeat, still, excitation, here)
 

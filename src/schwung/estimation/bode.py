@@ -163,6 +163,11 @@ class _Solved:
         return float(np.sum(residual**2)) / max(residual.size - self.x.size, 1)
 
     @property
+    def believed_rotor_kgm2(self) -> float:
+        """J_r as believed: rigid, only the sum is seen."""
+        return self.believed.motor.inertia_kgm2 if self.believed is not None else 0.0
+
+    @property
     def covariance(self) -> Array:
         """Of the parameters, widened where χ² says so."""
         jacobian = np.asarray(self.solution.jac)
@@ -202,6 +207,7 @@ def _result(found: _Solved) -> BodeFit:
             chi2=found.chi2,
             responses=tuple(found.responses),
             corrected=tuple(corrected),
+            believed_rotor_kgm2=found.believed_rotor_kgm2,
         )
     )
 
@@ -222,8 +228,8 @@ def _angle_fit(
         return float(np.sqrt(p["stiffness"] * (1 / p["rotor"] + 1 / load(y))) / (2 * np.pi))
 
     if not shape.coupled:  # only the sum is seen
-        rotor = found.believed.motor.inertia_kgm2 if found.believed is not None else 0.0
-        return AngleFit(position_rad, fitted(lambda y: load(y) - rotor), None, None)
+        rest = fitted(lambda y: load(y) - found.believed_rotor_kgm2)
+        return AngleFit(position_rad, rest, None, None)
     return AngleFit(position_rad, fitted(load), fitted(anti_resonance), fitted(resonance))
 
 

@@ -9,7 +9,9 @@ import numpy as np
 
 from schwung.drivetrain import Coupling, InertiaTable, Machine
 from schwung.errors import InputError
+from schwung.estimation.bode_model import mobility
 from schwung.estimation.response import BAND_SHARE, ComplexArray, Response
+from schwung.motion import Array
 
 #: Half-width of the 95 % interval in standard deviations.
 _Z95 = 1.96
@@ -60,7 +62,7 @@ class AngleFit:
 class BodeFit:
     """Two masses as fitted; SI units. `coupled` False: nothing in the band needs a coupling, J_r is as believed.
 
-    `corrected`: the measured points with the images of a held injection taken out by the model, one per response.
+    `corrected`: the measured points with delay and the images of a held injection taken out by the model.
     """
 
     coupled: bool
@@ -74,6 +76,7 @@ class BodeFit:
     chi2: float
     responses: tuple[Response, ...]
     corrected: tuple[ComplexArray, ...]
+    believed_rotor_kgm2: float = 0.0  # what was taken off the sum where nothing showed a coupling
     notes: tuple[str, ...] = ()
 
     @property
@@ -81,6 +84,20 @@ class BodeFit:
         """Smallest and largest fitted J_l."""
         values = [angle.inertia.value for angle in self.angles]
         return min(values), max(values)
+
+    def response_at(self, number: int, frequency_hz: Array) -> ComplexArray:
+        """The fitted speed over torque of one angle (rad/s per N·m), without the reporting delay, (n,)."""
+        s = np.asarray(2j * np.pi * frequency_hz, dtype=np.complex128)
+        p = {"rotor_friction": self.rotor_friction.value, "load_friction": self.load_friction.value}
+        if self.rotor is not None and self.stiffness is not None and self.damping is not None:
+            p |= {
+                "rotor": self.rotor.value,
+                "stiffness": self.stiffness.value,
+                "damping": self.damping.value,
+            }
+        else:
+            p |= {"rotor": self.believed_rotor_kgm2, "stiffness": np.inf, "damping": 0.0}
+        return mobility(p, self.angles[number].inertia.value, s)
 
     def machine(self, believed: Machine) -> Machine:
         """The believed machine with what was determined in place of what was believed.

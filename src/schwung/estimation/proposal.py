@@ -3,11 +3,10 @@
 For every frequency with a whole number of samples a period, the expected error of J_l at the worst measured angle:
 
     noise    the spread of a speed phasor over one period, as measured, over |∂G/∂J_l|·|T|
-    model    what the intervals of J_r, k and b do to it, each by itself: Re(∂G/∂p · σ_p / (∂G/∂J_l))
-    blur     what becomes of a J_l that swings once over the stroke, x = π·peak speed/stroke: a window of one period
-             and the load's own memory m = d ln Y/ds of its impedance Y, long near its anti-resonance, leave
-             ΔJ_l (x |Re m| + x² (1/(12 f²) + |m|²/2))
+    model    what the intervals of J_r, k, b and the delay do to it, each by itself: Re(∂G/∂p · σ_p / (∂G/∂J_l))
+    blur     what a window of one period makes of a J_l that swings once over the stroke: ΔJ_l π²/12 · (travel/stroke)²
 
+Simulated sessions of the paper's machine had 0.9 to 1.4 times the blur as RMSE from 25 to 60 Hz, and 0.001 kg·m² above.
 The amplitude is the usual share of the torque limit, or what linearity, room and the motion's own torque leave of it.
 """
 
@@ -50,22 +49,27 @@ class Stroke:
 
 @dataclass(frozen=True)
 class Candidate:
-    """One frequency: amplitude and what is to be expected at the worst angle."""
+    """One frequency: amplitude and what is to be expected at the worst angle, where J_l is `inertia_kgm2`."""
 
     frequency_hz: float
     samples: int
     amplitude_nm: float
+    inertia_kgm2: float
     noise_kgm2: float
     model_kgm2: float
     blur_kgm2: float
     deviation_rad: float
     dpr: float | None
-    relative: float  # expected error over J_l
 
     @property
     def error_kgm2(self) -> float:
         """Expected error of J_l."""
         return math.hypot(self.noise_kgm2, self.model_kgm2, self.blur_kgm2)
+
+    @property
+    def relative(self) -> float:
+        """Expected error over J_l."""
+        return self.error_kgm2 / self.inertia_kgm2
 
 
 @dataclass(frozen=True)
@@ -83,7 +87,7 @@ class Proposal:
             "amplitude_nm": self.best.amplitude_nm,
             "expected_error_kgm2": self.best.error_kgm2,
             "reasons": list(self.reasons),
-            "candidates": [vars(candidate) for candidate in self.candidates],
+            "candidates": [vars(c) | {"error_kgm2": c.error_kgm2} for c in self.candidates],
         }
 
 
@@ -131,8 +135,9 @@ def _candidate(
         # two runs are subtracted (variance × 2), the real part is taken (÷ 2)
         noise = spread * math.sqrt(frequency) / (abs(slope) * torque)
         model = _model_error(fit, machine, inertia, frequency, slope)
-        found.append((inertia, noise, model, _blur(fit, machine, inertia, frequency, stroke)))
-    inertia, noise, model, blur = max(found, key=lambda row: math.hypot(*row[1:]) / row[0])
+        found.append((inertia, noise, model))
+    blur = _blur(fit, frequency, stroke)
+    inertia, noise, model = max(found, key=lambda row: math.hypot(row[1], row[2], blur) / row[0])
     range_kgm2 = np.array(fit.inertia_range_kgm2)
     deviation = (
         amplitude * np.abs(injection_to_speed(machine, range_kgm2, frequency)) / (2 * np.pi * frequency)
@@ -148,12 +153,12 @@ def _candidate(
         frequency_hz=frequency,
         samples=samples,
         amplitude_nm=amplitude,
+        inertia_kgm2=inertia,
         noise_kgm2=noise,
         model_kgm2=model,
         blur_kgm2=blur,
         deviation_rad=float(deviation.max()),
         dpr=dpr,
-        relative=math.hypot(noise, model, blur) / inertia,
     )
 
 
@@ -185,11 +190,13 @@ def _slope(machine: Machine, inertia: float, frequency: float) -> complex:
 
 
 def _model_error(fit: BodeFit, machine: Machine, inertia: float, frequency: float, slope: complex) -> float:
-    """What the intervals of J_r, k and b make of J_l, as if they were independent (kg·m²)."""
+    """What the intervals of J_r, k, b and the delay make of J_l, as if they were independent (kg·m²)."""
     coupling, motor = machine.coupling, machine.motor
-    if coupling is None or fit.rotor is None or fit.stiffness is None or fit.damping is None:
-        return 0.0
     here = complex(torque_to_speed(machine, inertia, frequency))
+    late = math.hypot(fit.delay.value, fit.delay.std)  # the estimator knows of no delay
+    square = (2j * math.pi * frequency * here * late / slope).real ** 2
+    if coupling is None or fit.rotor is None or fit.stiffness is None or fit.damping is None:
+        return math.sqrt(square)
     changed = (
         (machine.model_copy(update={"coupling": coupling.model_copy(update={
             "stiffness_nm_rad": coupling.stiffness_nm_rad * (1 + _STEP)})}),
@@ -201,7 +208,6 @@ def _model_error(fit: BodeFit, machine: Machine, inertia: float, frequency: floa
             "inertia_kgm2": motor.inertia_kgm2 * (1 + _STEP)})}),
          motor.inertia_kgm2, fit.rotor.std),
     )  # fmt: skip
-    square = 0.0
     for other, value, std in changed:
         if value > 0:
             change = (complex(torque_to_speed(other, inertia, frequency)) - here) / (_STEP * value)
@@ -209,29 +215,12 @@ def _model_error(fit: BodeFit, machine: Machine, inertia: float, frequency: floa
     return math.sqrt(square)
 
 
-def _blur(fit: BodeFit, machine: Machine, inertia: float, frequency: float, stroke: Stroke | None) -> float:
-    """At the stroke's highest speed, on J_0 + ΔJ sin²(πθ/stroke) (kg·m²)."""
+def _blur(fit: BodeFit, frequency: float, stroke: Stroke | None) -> float:
+    """A window of one period at the stroke's highest speed, on J_0 + ΔJ sin²(πθ/stroke) (kg·m²)."""
     if stroke is None:
         return 0.0
     low, high = fit.inertia_range_kgm2
-    swing = math.pi * _PEAK_SPEED / stroke.duration_s
-    memory = _memory_s(machine, inertia, frequency)
-    return (high - low) * (
-        swing * abs(memory.real) + swing**2 * (1 / (12 * frequency**2) + abs(memory) ** 2 / 2)
-    )
-
-
-def _memory_s(machine: Machine, inertia: float, frequency: float) -> complex:
-    """d ln(Y/s)/ds of the load's impedance Y = T/ω_r − J_r s − b_r (s)."""
-
-    def apparent(f: float) -> complex:
-        s = 2j * math.pi * f
-        motor = machine.motor.inertia_kgm2 * s + machine.motor.viscous_friction_nms
-        return (1 / complex(torque_to_speed(machine, inertia, f)) - motor) / s
-
-    step = _STEP * frequency
-    slope = (apparent(frequency + step) - apparent(frequency - step)) / (4j * math.pi * step)
-    return slope / apparent(frequency)
+    return (high - low) * math.pi**2 / 12 * (_PEAK_SPEED / (frequency * stroke.duration_s)) ** 2
 
 
 def _reasons(

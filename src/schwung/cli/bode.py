@@ -1,0 +1,362 @@
+"""`schwung bode`: frequency responses at standstill, the drive train fitted to them, and what to inject."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from schwung.cli.options import (
+    Bitrate,
+    BusOption,
+    Channel,
+    Interface,
+    Json,
+    Machine,
+    Node,
+    Profile,
+    Yes,
+    bus_options,
+    measured,
+)
+
+if TYPE_CHECKING:
+    from schwung.cli.console import Terminal
+    from schwung.commissioning.bode import BodeWishes, PreparedBode
+    from schwung.drivetrain import Machine as DriveTrain
+    from schwung.estimation.bode_values import BodeFit
+    from schwung.estimation.proposal import Proposal, Stroke
+    from schwung.session import Session
+
+_LIMITS, _INJECTION, _MOTION = "Limits", "Injection and recording", "The motion to propose for"
+#: A machine that is measured at several angles is assumed to move between the outer ones in so long (s).
+_USUAL_STROKE_S = 0.25
+
+
+def bode(
+    machine: Machine,
+    angles: Annotated[
+        str | None,
+        typer.Option(metavar="LIST", help="Where to measure, drive coordinates; e.g. 0,90deg,180deg."),
+    ] = None,
+    session: Annotated[
+        Path | None,
+        typer.Option(metavar="FILE", help="Fit a recorded session again; nothing moves."),
+    ] = None,
+    waveform: Annotated[
+        str,
+        typer.Option(
+            help="multisine: all frequencies at once; sine: one by one.", rich_help_panel=_INJECTION
+        ),
+    ] = "multisine",
+    amplitude: Annotated[
+        float | None,
+        typer.Option(
+            parser=measured("torque"),
+            metavar="NM",
+            help="Peak of the injected torque.",
+            rich_help_panel=_INJECTION,
+        ),
+    ] = None,
+    lowest: Annotated[
+        float | None,
+        typer.Option(
+            parser=measured("frequency"), metavar="HZ", help="Lowest frequency.", rich_help_panel=_INJECTION
+        ),
+    ] = None,
+    highest: Annotated[
+        float | None,
+        typer.Option(
+            parser=measured("frequency"),
+            metavar="HZ",
+            help="Highest; at most 0.4 of the SYNC rate.",
+            rich_help_panel=_INJECTION,
+        ),
+    ] = None,
+    periods: Annotated[int, typer.Option(min=2, help="Periods of each run.", rich_help_panel=_INJECTION)] = 4,
+    repeats: Annotated[int, typer.Option(min=1, help="Runs at each angle.", rich_help_panel=_INJECTION)] = 2,
+    rate: Annotated[
+        float,
+        typer.Option(
+            parser=measured("frequency"), metavar="HZ", help="SYNC rate.", rich_help_panel=_INJECTION
+        ),
+    ] = 1000.0,
+    max_jitter: Annotated[
+        float | None,
+        typer.Option(
+            parser=measured("time"),
+            metavar="S",
+            rich_help_panel=_INJECTION,
+            help="Tolerated SYNC jitter (p99); default: a tenth of the period.",
+        ),
+    ] = None,
+    min_position: Annotated[
+        float | None,
+        typer.Option(
+            parser=measured("angle", signed=True),
+            metavar="RAD",
+            help="Lower end of the window.",
+            rich_help_panel=_LIMITS,
+        ),
+    ] = None,
+    max_position: Annotated[
+        float | None,
+        typer.Option(
+            parser=measured("angle", signed=True),
+            metavar="RAD",
+            help="Upper end of the window.",
+            rich_help_panel=_LIMITS,
+        ),
+    ] = None,
+    max_speed: Annotated[
+        float | None,
+        typer.Option(parser=measured("speed"), metavar="RAD/S", help="Speed limit.", rich_help_panel=_LIMITS),
+    ] = None,
+    max_torque: Annotated[
+        float | None,
+        typer.Option(parser=measured("torque"), metavar="NM", help="Torque limit.", rich_help_panel=_LIMITS),
+    ] = None,
+    following_error: Annotated[
+        float | None,
+        typer.Option(
+            parser=measured("angle"),
+            metavar="RAD",
+            help="Tolerated following error.",
+            rich_help_panel=_LIMITS,
+        ),
+    ] = None,
+    distance: Annotated[
+        float | None,
+        typer.Option(
+            parser=measured("angle", signed=True),
+            metavar="RAD",
+            rich_help_panel=_MOTION,
+            help="Its stroke; default: between the outer angles.",
+        ),
+    ] = None,
+    duration: Annotated[
+        float, typer.Option(parser=measured("time"), metavar="S", help="Its time.", rich_help_panel=_MOTION)
+    ] = _USUAL_STROKE_S,
+    out: Annotated[
+        Path | None, typer.Option(help="Folder for session, machine.toml, report; default: schwung-<time>.")
+    ] = None,
+    dry_run: Annotated[
+        bool, typer.Option("--dry-run", help="Plan and check; change and move nothing.")
+    ] = False,
+    yes: Yes = False,
+    interface: Interface = None,
+    channel: Channel = None,
+    bitrate: Bitrate = None,
+    bus: BusOption = None,
+    node: Node = 1,
+    profile: Profile = None,
+    json_output: Json = False,
+) -> None:
+    """Measure the response from torque to speed at standstill, and fit motor inertia, stiffness, damping, load inertia.
+
+    Moves slowly to each angle and injects there. Nothing moves before it was simulated within all limits and you said
+    yes. Ends with a proposal of frequency and amplitude for `schwung commission`, and a machine.toml as fitted.
+
+    [bold]Examples[/]
+
+      schwung bode -m machine.toml --angles 0,90deg,180deg -i socketcan -c can0 -n 3
+
+      schwung bode -m machine.toml --angles 0.2,1.4 --waveform sine --duration 150ms --dry-run
+
+      schwung bode -m machine.toml --session schwung-20260101-120000/session.h5 --json
+    """  # fmt: skip
+    from schwung.cli.console import Terminal
+    from schwung.cli.drives import open_drive
+    from schwung.cli.folders import planned_folder
+    from schwung.commissioning import LimitWishes
+    from schwung.commissioning.bode import BodeWishes
+    from schwung.commissioning.procedure import MAX_JITTER_SHARE
+    from schwung.drivetrain import load_machine
+    from schwung.errors import InputError
+
+    terminal, believed = Terminal(json_output), load_machine(machine)
+    if (angles is None) == (session is None):
+        raise InputError("--angles", "and --session: one of them is needed", "Give --angles to measure.")
+    if session is not None:
+        _offline(terminal, believed, session, out, distance, duration)
+        return
+    if waveform not in ("multisine", "sine"):
+        raise InputError("--waveform", f'is "{waveform}"', "Use multisine or sine.")
+    wishes = BodeWishes(
+        angles_rad=parse_angles(angles or ""),
+        limits=LimitWishes(min_position, max_position, max_speed, max_torque, following_error),
+        waveform="sine" if waveform == "sine" else "multisine",
+        amplitude_nm=amplitude,
+        lowest_hz=lowest,
+        highest_hz=highest,
+        periods=periods,
+        repeats=repeats,
+        sample_rate_hz=rate,
+        max_jitter_share=MAX_JITTER_SHARE if max_jitter is None else max_jitter * rate,
+    )
+    folder = planned_folder(out)
+    options = bus_options(interface, channel, bitrate, bus)
+    with open_drive(options, node, profile) as opened:
+        terminal.result(
+            measure_and_show(
+                opened.drive, opened.profile, believed, wishes, folder, terminal,
+                confirm=lambda question: yes or terminal.ask(question),
+                motion=(distance, duration), dry_run=dry_run,
+            )
+        )  # fmt: skip
+
+
+def parse_angles(text: str) -> tuple[float, ...]:
+    """ "0,90deg,180deg" in rad. Raises InputError where one of them is no angle."""
+    from schwung.errors import InputError
+
+    try:
+        angle = measured("angle", signed=True)
+        return tuple(angle(part) for part in text.split(",") if part.strip())
+    except typer.BadParameter as error:
+        raise InputError("--angles", str(error), "Write for instance 0,90deg,180deg.") from None
+
+
+def measure_and_show(
+    drive: Any,
+    profile: Any,
+    believed: DriveTrain,
+    wishes: BodeWishes,
+    folder: Path,
+    terminal: Terminal,
+    confirm: Any,
+    motion: tuple[float | None, float],
+    dry_run: bool,
+) -> dict[str, Any]:
+    """Plan, ask, measure, show; returns the machine-readable result.
+
+    Raises RefusedError where preflight or the user say no, and what the procedure raises.
+    """
+    from schwung.cli.console import observing
+    from schwung.cli.folders import make_folder
+    from schwung.commissioning.bode import measure_bode, prepare_bode
+    from schwung.errors import RefusedError
+
+    prepared = prepare_bode(drive, profile, believed, wishes)
+    _show_plan(terminal, prepared, wishes)
+    checks = [vars(check) for check in prepared.preflight.checks]
+    prepared.preflight.require()
+    if dry_run:
+        terminal.say("Dry run: nothing was changed, nothing moved.")
+        return {"preflight": checks}
+    if not confirm("The machine will move. Is it clear?"):
+        raise RefusedError("bode", "you said no", "Nothing was changed, nothing moved.")
+    make_folder(folder)
+    with observing(terminal) as observer:
+        done = measure_bode(drive, prepared, folder, observer, wishes.max_jitter_share)
+    limit = prepared.plan.limits.torque_max_nm
+    rows = [(c.severity, c.name, c.text, c.remedy) for c in prepared.preflight.checks]
+    shown = _show(terminal, done.session, done.fit, prepared.machine, folder, limit, motion, rows)
+    return {"preflight": checks} | shown
+
+
+def _offline(
+    terminal: Terminal,
+    believed: DriveTrain,
+    path: Path,
+    out: Path | None,
+    distance: float | None,
+    duration: float,
+) -> None:
+    from schwung.cli.folders import output_folder
+    from schwung.estimation.bode import fit_bode
+    from schwung.estimation.response import measured_responses
+    from schwung.session import read_session
+
+    session = read_session(path)
+    fit = fit_bode(measured_responses(session), believed)
+    folder = output_folder(out)
+    motion = (distance, duration)
+    terminal.result(_show(terminal, session, fit, believed, folder, None, motion, ()))
+
+
+def _show_plan(terminal: Terminal, prepared: PreparedBode, wishes: BodeWishes) -> None:
+    limits = prepared.plan.limits
+    terminal.table(
+        "Plan",
+        ("", ""),
+        (
+            ("angles", ", ".join(f"{angle:.4g}" for angle in wishes.angles_rad) + " rad, slowly, and back"),
+            ("recording", f"{len(prepared.runs)} runs at {wishes.sample_rate_hz:g} Hz, "
+                          f"{prepared.duration_s:.1f} s of bus time"),
+            ("limits", f"{limits.position_min_rad:.4g} … {limits.position_max_rad:.4g} rad, "
+                       f"{limits.speed_max_rad_s:.4g} rad/s, {limits.torque_max_nm:.4g} N·m, "
+                       f"following error {limits.following_error_rad:.3g} rad"),
+            *(("injection", reason) for reason in prepared.plan.reasons),
+        ),
+    )  # fmt: skip
+    terminal.checks((c.name, c.severity, c.text, c.remedy) for c in prepared.preflight.checks)
+
+
+def _show(
+    terminal: Terminal,
+    session: Session,
+    fit: BodeFit,
+    believed: DriveTrain,
+    folder: Path,
+    torque_max_nm: float | None,
+    motion: tuple[float | None, float],
+    checks: Any,
+) -> dict[str, Any]:
+    """Tables, proposal, files; returns the machine-readable result."""
+    from schwung.cli.console import json_text
+    from schwung.drivetrain import write_machine
+    from schwung.report.bode import BodeContent, angle_rows, parameter_rows, write_bode_report
+
+    terminal.table(
+        "Load inertia at each angle",
+        ("angle", "J_l, kg·m²", "± (95 %)", "anti-resonance, Hz", "resonance, Hz"),
+        angle_rows(fit),
+    )
+    terminal.table("Drive train", ("", "fitted", "± (95 %)", "believed", ""), parameter_rows(fit, believed))
+    for note in fit.notes:
+        terminal.say(f"[cyan]i[/] {note}")
+    found = fit.machine(believed)
+    proposal = _proposal(terminal, fit, found, torque_max_nm, _stroke(fit, *motion))
+    write_machine(found, folder / "machine.toml")
+    title = f"{believed.name}: frequency response at standstill"
+    write_bode_report(BodeContent(title, session, fit, believed, proposal, checks), folder / "report.html")
+    files = {name: str(folder / name) for name in ("machine.toml", "report.html", "bode.png")}
+    result = fit.to_json() | {"proposal": proposal and proposal.to_json(), "files": files}
+    (folder / "bode.json").write_text(json_text(result), encoding="utf-8")
+    terminal.say(
+        f"Machine as fitted: [bold]{files['machine.toml']}[/]  Report: [bold]{files['report.html']}[/]"
+    )
+    return result
+
+
+def _stroke(fit: BodeFit, distance: float | None, duration: float) -> Stroke | None:
+    """The motion to propose for: as given, or between the outer angles; None where there is one angle only."""
+    from schwung.estimation.proposal import Stroke
+
+    span = fit.angles[-1].position_rad - fit.angles[0].position_rad
+    way = distance if distance is not None else span
+    return Stroke(way, duration) if way else None
+
+
+def _proposal(
+    terminal: Terminal, fit: BodeFit, machine: DriveTrain, torque_max_nm: float | None, stroke: Stroke | None
+) -> Proposal | None:
+    """The proposal in words; None where the gains are not known, which is said."""
+    from schwung.estimation.proposal import propose
+
+    if machine.control is None:
+        terminal.say(
+            "[cyan]i[/] No proposal: the controller's gains are not known. Give \\[control] in the machine file."
+        )
+        return None
+    proposal = propose(fit, machine, fit.responses[0].sample_rate_hz, torque_max_nm, stroke)
+    best = proposal.best
+    terminal.say(
+        f"Proposal: [bold]--frequency {best.frequency_hz:.6g} --amplitude {best.amplitude_nm:.3g}[/]"
+        + (f" for {stroke.distance_rad:.4g} rad in {stroke.duration_s * 1e3:g} ms" if stroke else "")
+    )
+    for reason in proposal.reasons:
+        terminal.say(f"  · {reason}")
+    return proposal
