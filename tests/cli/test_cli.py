@@ -140,6 +140,9 @@ def test_the_demo_commissions_and_says_where_the_report_lies(
     )  # fmt: skip
     assert code == 0
     assert all(Path(name).stat().st_size > 1000 for name in json.loads(out)["figures"])
+    again = (tmp_path / "again.html").read_text()
+    for heading in ("What the export brought", "Preflight", "Parameters changed in the drive", "SYNC timing"):
+        assert heading in again  # as it was told when the machine moved
     code, _, err = _run(capsys, "demo", "--out", str(tmp_path / "d"))
     assert code == 2
     assert "holds a session already" in err

@@ -99,7 +99,7 @@ def full() -> ReportContent:
         following_error=FollowingError(
             before.time_s, before.following_error_rad, after.time_s, after.following_error_rad
         ),
-        sync=(SyncRow("/run/0000", "kernel", 1e-3, 11e-6, 38e-6, 1.2e-3, lost=3),),
+        sync=(SyncRow("/run/0000", "kernel", 1e-3, 11e-6, 38e-6, 1.2e-3),),
         settings={"Mode": "cyclic <position>"},
         notes=("Mind the <gap>.",),
     )

@@ -129,7 +129,7 @@ def test_everything_given_has_its_place(parsed: _Page) -> None:
     ]
     seen = " ".join(parsed.text)
     assert "csp, pp" in seen
-    assert "motor / inertia_kgm2" in seen
+    assert "motor inertia, kg·m²" in seen
     assert "1.2 ms" in seen  # the worst SYNC
     for reason in estimated().trust.reasons:
         assert reason[1:] in seen

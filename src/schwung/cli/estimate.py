@@ -55,7 +55,7 @@ def estimate(
             recorded, believed, method=method, inversion="magnitude" if inversion == "magnitude" else "complex",
             frequency_hz=frequency, points=points,
         )  # fmt: skip
-    content = content_of(recorded, believed, found, standard)
+    content = content_of(recorded, believed, found, standard, session.parent)
     make_folder(folder)
     write_inertia_csv(found.table, folder / "inertia.csv")
     document = found.to_json() | {"session": str(session), "machine": str(machine)}

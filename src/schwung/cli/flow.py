@@ -10,8 +10,8 @@ from typing import Any
 
 from schwung.cli.console import Terminal, describe_table, json_text, observing
 from schwung.cli.folders import make_folder
+from schwung.cli.sessions import change_row, following
 from schwung.commissioning import (
-    Change,
     Commissioned,
     ExportChoice,
     Exported,
@@ -20,7 +20,6 @@ from schwung.commissioning import (
     Wishes,
     carry_out,
     export_table,
-    following_error,
     following_error_rms,
     prepare,
     repeat_reference,
@@ -28,10 +27,10 @@ from schwung.commissioning import (
 from schwung.commissioning.commission import settings_of
 from schwung.drivetrain import InertiaTable, Machine, write_inertia_csv
 from schwung.errors import RefusedError
-from schwung.fieldbus.drive import Drive, RawValue
+from schwung.fieldbus.drive import Drive
 from schwung.fieldbus.profile import DeviceProfile
 from schwung.files import replace_file
-from schwung.report import ChangeRow, FollowingError, ReportContent, SyncRow, write_report
+from schwung.report import ReportContent, SyncRow, write_report
 from schwung.report.content import deviation
 from schwung.session import Run
 
@@ -199,10 +198,9 @@ def show_estimate(terminal: Terminal, done: Commissioned, ending: Ending) -> Non
 def report_content(done: Commissioned, ending: Ending, verification: Verification | None) -> ReportContent:
     """Everything that the report shows of a commissioning."""
     prepared, plan = done.prepared, done.prepared.plan
-    identity = prepared.survey.identity
-    rows = [_change_row(change, "put back") for change in done.changes]
+    rows = [change_row(change, "put back") for change in done.changes]
     if verification is not None:
-        rows += [_change_row(change, "exported, read back equal") for change in verification.exported.changes]
+        rows += [change_row(change, "exported, read back equal") for change in verification.exported.changes]
     return ReportContent(
         title=f"{prepared.machine.name}: load inertia over angle",
         session=done.session,
@@ -213,40 +211,17 @@ def report_content(done: Commissioned, ending: Ending, verification: Verificatio
         reference_label=ending.reference_label,
         preflight=prepared.preflight.checks,
         changes=rows,
-        following_error=_following(verification),
+        following_error=following(verification.before, verification.after) if verification else None,
         sync=[
             SyncRow(f"run {number:04d}", t.producer, t.period_s, t.rms_s, t.p99_s, t.max_s)
             for number, t in enumerate(done.recorded.timing)
         ],
         settings={
-            "drive": f"{identity.name}, node {identity.node_id}, serial {identity.serial}",
-            "identity": f"vendor {identity.vendor_id:#010x}, product {identity.product_code:#010x}, "
-            f"revision {identity.revision:#010x}",
-            "limits": f"{plan.limits.position_min_rad:.4g} … {plan.limits.position_max_rad:.4g} rad, "
-            f"{plan.limits.speed_max_rad_s:.4g} rad/s, {plan.limits.torque_max_nm:.4g} N·m",
             "speed taken from": prepared.preflight.speed_source,
             "motions made again because of lost samples": str(done.recorded.retries),
         },
         notes=[*plan.reasons, *done.estimate.notes],
     )
-
-
-def _change_row(change: Change, remark: str) -> ChangeRow:
-    """Raw values as people write them: communication objects in hexadecimal."""
-
-    def text(raw: RawValue) -> str:
-        return f"0x{raw:X}" if change.parameter.index < 0x2000 and isinstance(raw, int) else str(raw)
-
-    return ChangeRow(change.parameter.label, text(change.old), text(change.new), remark)
-
-
-def _following(verification: Verification | None) -> FollowingError | None:
-    if verification is None:
-        return None
-    before, after = following_error(verification.before), following_error(verification.after)
-    if before is None or after is None:
-        return None
-    return FollowingError(verification.before.time_s, before, verification.after.time_s, after)
 
 
 def _summary(

@@ -40,7 +40,7 @@ def report(
     standard = standard_of(believed, reference)
     with in_file(session):
         found = estimate(recorded, believed)
-    content = content_of(recorded, believed, found, standard)
+    content = content_of(recorded, believed, found, standard, session.parent)
     write_report(content, out)
     files = save_figures(content, figures) if figures else []
     terminal.say(f"Report: [bold]{out}[/]")

@@ -2,17 +2,19 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 
-from schwung.commissioning import contrast_of
+from schwung.commissioning import Change, Check, contrast_of, following_error, read_backup
 from schwung.drivetrain import InertiaTable, Machine, read_inertia_csv
-from schwung.errors import InputError
+from schwung.errors import InputError, SchwungError
 from schwung.estimation import Estimate
-from schwung.report import ReportContent, SyncRow
-from schwung.session import Session
+from schwung.fieldbus.drive import RawValue
+from schwung.report import ChangeRow, FollowingError, ReportContent, SyncRow
+from schwung.session import Run, Session, read_session
 
 
 @dataclass(frozen=True)
@@ -42,8 +44,10 @@ def standard_of(machine: Machine, reference: Path | None) -> Standard:
     return Standard(believed if isinstance(believed, InertiaTable) else None, "believed")
 
 
-def content_of(session: Session, machine: Machine, estimate: Estimate, standard: Standard) -> ReportContent:
-    """Everything that a report can show of a recorded session alone."""
+def content_of(
+    session: Session, machine: Machine, estimate: Estimate, standard: Standard, folder: Path
+) -> ReportContent:
+    """Everything that a report can show of a recorded session and of what commissioning left beside it."""
     return ReportContent(
         title=f"{machine.name}: load inertia over angle",
         session=session,
@@ -52,10 +56,57 @@ def content_of(session: Session, machine: Machine, estimate: Estimate, standard:
         contrast=contrast_of(session, machine) if estimate.method != "former" else None,
         reference=standard.table,
         reference_label=standard.label,
+        preflight=_preflight(folder / "estimate.json"),
+        changes=[
+            *_changes(folder / "setup.backup.json", "not put back"),
+            *_changes(folder / "export.backup.json", "exported"),
+        ],
+        following_error=_verification(session, folder / "verification.h5"),
         sync=_sync_rows(session),
-        settings=_settings(session),
         notes=estimate.notes,
     )
+
+
+def change_row(change: Change, remark: str) -> ChangeRow:
+    """Raw values as people write them: communication objects in hexadecimal."""
+
+    def text(raw: RawValue) -> str:
+        return f"0x{raw:X}" if change.parameter.index < 0x2000 and isinstance(raw, int) else str(raw)
+
+    return ChangeRow(change.parameter.label, text(change.old), text(change.new), remark)
+
+
+def following(before: Run, after: Run) -> FollowingError | None:
+    """The same motion before and after an export; None where a recording has no demand."""
+    first, second = following_error(before), following_error(after)
+    if first is None or second is None:
+        return None
+    return FollowingError(before.time_s, first, after.time_s, second)
+
+
+def _changes(path: Path, remark: str) -> list[ChangeRow]:
+    """What a backup beside the session tells; a file that does not belong there tells nothing."""
+    try:
+        backup = read_backup(path)
+    except SchwungError:
+        return []
+    return [change_row(change, "put back" if backup.restored else remark) for change in backup.changes]
+
+
+def _verification(session: Session, path: Path) -> FollowingError | None:
+    try:
+        after = read_session(path).runs
+    except SchwungError:
+        return None
+    return following(session.runs[0], after[0]) if after else None
+
+
+def _preflight(path: Path) -> list[Check]:
+    """The checks as commissioning wrote them; none where the file is another command's."""
+    try:
+        return [Check(**check) for check in json.loads(path.read_text(encoding="utf-8"))["preflight"]]
+    except (OSError, ValueError, KeyError, TypeError):
+        return []
 
 
 def _sync_rows(session: Session) -> list[SyncRow]:
@@ -67,14 +118,4 @@ def _sync_rows(session: Session) -> list[SyncRow]:
                 float(timing.get(key, 0.0)) for key in ("period_s", "rms_s", "p99_s", "max_s")
             )
             rows.append(SyncRow(f"run {number:04d}", str(timing["producer"]), period, rms, p99, largest))
-    return rows
-
-
-def _settings(session: Session) -> dict[str, str]:
-    drive = session.drive or {}
-    rows: dict[str, str] = {}
-    for part in ("identity", "settings"):
-        content = drive.get(part)
-        if isinstance(content, dict):
-            rows |= {str(key): str(value) for key, value in content.items()}
     return rows

@@ -45,7 +45,7 @@ class ChangeRow:
 
 @dataclass(frozen=True)
 class SyncRow:
-    """How evenly SYNC came during one recording (s), and how many samples were lost."""
+    """How evenly SYNC came during one recording (s); a recording that lost a sample is not in a session."""
 
     run: str
     producer: str
@@ -53,7 +53,6 @@ class SyncRow:
     rms_s: float
     p99_s: float
     max_s: float
-    lost: int = 0
 
 
 @dataclass(frozen=True, eq=False)

@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from html import escape
 from importlib import resources
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
@@ -15,6 +14,7 @@ from schwung.estimation.values import Estimate
 from schwung.files import replace_file
 from schwung.report.content import ReportContent, deviation
 from schwung.report.pictures import Picture, pictures
+from schwung.report.rows import rows_of
 from schwung.report.style import css_variables, to_svg
 
 _VERDICTS = {
@@ -179,23 +179,18 @@ def _tables(content: ReportContent) -> Iterator[str]:
     changes = [(row.parameter, row.old, row.new, row.remark) for row in content.changes]
     head: tuple[str, ...] = ("Parameter", "Old", "New", "Remark")
     yield section("Parameters changed in the drive", rows_table(head, changes))
-    head = ("Run", "Made by", "Period", "Off its grid, RMS", "99 %", "Maximum", "Lost samples")
+    head = ("Run", "Made by", "Period", "Off its grid, RMS", "99 %", "Maximum")
     sync = [
-        (
-            row.run,
-            row.producer,
-            _time(row.period_s),
-            _time(row.rms_s),
-            _time(row.p99_s),
-            _time(row.max_s),
-            str(row.lost),
-        )
+        (row.run, row.producer, *map(_time, (row.period_s, row.rms_s, row.p99_s, row.max_s)))
         for row in content.sync
     ]
     yield section("SYNC timing", rows_table(head, sync))
-    yield section("Settings", rows_table((), list(content.settings.items())))
-    drive = [(label.replace("_", " "), text) for label, text in _flat(content.session.drive or {})]
-    yield section("Drive", rows_table((), drive))
+    linear, drive = content.session.axis == "linear", dict(content.session.drive or {})
+    made = drive.pop("settings", None)  # what commissioning was told; its reasons are among the notes
+    known = {key: value for key, value in made.items() if key != "reasons"} if isinstance(made, dict) else {}
+    settings = (*content.settings.items(), *rows_of(known, linear))
+    yield section("Settings", rows_table((), settings))
+    yield section("Drive", rows_table((), list(rows_of(drive, linear))))
     yield section("Believed machine", rows_table((), list(_machine(content))))
     notes = (*content.notes, *(content.estimate.notes if content.estimate else ()))
     yield section("Notes", bullets(dict.fromkeys(notes)))  # each once, whoever passed it on
@@ -237,20 +232,9 @@ def _time(seconds: float) -> str:
 
 
 def _machine(content: ReportContent) -> Iterable[tuple[str, str]]:
-    """The believed parameters by the names that carry their units; tables are drawn, not listed."""
+    """The believed parameters with their units; tables are drawn, not listed."""
     if content.machine is None:
         return ()
     tables = {"load": {"inertia_table", "torque_table"}}
-    return _flat(content.machine.model_dump(exclude_none=True, exclude=tables))
-
-
-def _flat(values: Mapping[str, Any], prefix: str = "") -> Iterator[tuple[str, str]]:
-    """Nested JSON as rows: ("identity / serial", "1")."""
-    for name, value in values.items():
-        label = f"{prefix}{name}"
-        if isinstance(value, Mapping):
-            yield from _flat(value, f"{label} / ")
-        elif isinstance(value, list | tuple):
-            yield from [(label, ", ".join(str(item) for item in value))] if value else []
-        elif value is not None:
-            yield label, f"{value:g}" if isinstance(value, float) else str(value)
+    believed = content.machine.model_dump(exclude_none=True, exclude=tables)
+    return rows_of(believed, content.session.axis == "linear")
