@@ -23,7 +23,8 @@ from schwung.cli.options import (
 
 if TYPE_CHECKING:
     from schwung.cli.console import Terminal
-    from schwung.commissioning.bode import BodeWishes, PreparedBode
+    from schwung.commissioning.bode import PreparedBode
+    from schwung.commissioning.bode_excitation import BodeWishes
     from schwung.drivetrain import Machine as DriveTrain
     from schwung.estimation.bode_values import BodeFit
     from schwung.estimation.proposal import Proposal, Stroke
@@ -170,7 +171,7 @@ def bode(
     from schwung.cli.drives import open_drive
     from schwung.cli.folders import planned_folder
     from schwung.commissioning import LimitWishes
-    from schwung.commissioning.bode import BodeWishes
+    from schwung.commissioning.bode_excitation import BodeWishes
     from schwung.commissioning.procedure import MAX_JITTER_SHARE
     from schwung.drivetrain import load_machine
     from schwung.errors import InputError
@@ -215,7 +216,7 @@ def parse_angles(text: str) -> tuple[float, ...]:
         angle = measured("angle", signed=True)
         return tuple(angle(part) for part in text.split(",") if part.strip())
     except typer.BadParameter as error:
-        raise InputError("--angles", str(error), "Write for instance 0,90deg,180deg.") from None
+        raise InputError("--angles", str(error).rstrip("."), "Write for instance 0,90deg,180deg.") from None
 
 
 def measure_and_show(
@@ -265,11 +266,13 @@ def _offline(
     duration: float,
 ) -> None:
     from schwung.cli.folders import output_folder
+    from schwung.commissioning.bode import with_recorded_gains
     from schwung.estimation.bode import fit_bode
     from schwung.estimation.response import measured_responses
     from schwung.session import read_session
 
     session = read_session(path)
+    believed = with_recorded_gains(believed, session)
     fit = fit_bode(measured_responses(session), believed)
     folder = output_folder(out)
     motion = (distance, duration)

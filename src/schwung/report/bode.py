@@ -113,9 +113,9 @@ def parameter_rows(fit: BodeFit, believed: Machine | None) -> Iterator[tuple[str
         if fitted is not None:
             yield (
                 name,
-                f"{fitted.value:.4g}",
+                f"{fitted.value:.5g}",
                 f"{fitted.half_width:.2g}",
-                f"{beliefs[name]:.4g}" if name in beliefs else "",
+                f"{beliefs[name]:.5g}" if name in beliefs else "",
                 "" if fitted.determined else "not determined: the belief is kept",
             )
     yield "reporting delay, µs", f"{fit.delay.value * 1e6:.1f}", f"{fit.delay.half_width * 1e6:.1f}", "", ""
