@@ -20,7 +20,9 @@ _COMPILED_FILES = (
     "plants/effects.py",
     "plants/profile.py",
     "plants/two_mass.py",
-    "plants/slider_crank.py",
+    "plants/crank_kernel.py",
+    "plants/native.py",
+    "drives/crank_loop.py",
     "drives/controller.py",
 )
 

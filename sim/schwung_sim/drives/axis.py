@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import Any, Literal
 
@@ -68,11 +69,24 @@ class Trace:
 _SETTINGS = frozenset(AxisSettings.__dataclass_fields__)
 
 
+def _compiled(plant: Plant) -> tuple[Callable[..., None], Any]:
+    """The loop that steps a plant without leaving compiled code, and the plant as it takes it."""
+    if isinstance(plant, TwoMassPlant):
+        return ctl.two_mass_loop, (plant.parameters, plant.state, plant.tables)
+    from schwung_sim.drives.crank_loop import crank_loop  # needs MuJoCo
+    from schwung_sim.plants.slider_crank import SliderCrankPlant
+
+    if not isinstance(plant, SliderCrankPlant):
+        raise BenchError("axis", f"has no compiled loop for the plant {plant.name}")
+    return crank_loop, plant.kernel
+
+
 class ServoAxis:
     """Plant, encoder, filters, cascade, feed-forward, generator and trace; repeatable from `seed`."""
 
     def __init__(self, plant: Plant, settings: AxisSettings | None = None, seed: int = 0) -> None:
         self.plant = plant
+        self._loop, self._machine = _compiled(plant)
         self._control = np.zeros(1, ctl.CONTROL)
         self._c: Any = self._control[0]  # a view: writes go to the array
         self._segments = np.zeros(ctl.SEGMENTS_SHAPE)
@@ -212,18 +226,9 @@ class ServoAxis:
         """Let time pass: whole control ticks of 125 µs."""
         ticks = round(duration_s / TICK_S)
         self._ticks += ticks
-        plant, c = self.plant, self._c
-        if isinstance(plant, TwoMassPlant):
-            memory = (self._segments, self._table, self._history, self._trace)
-            ctl.two_mass_loop(ticks, self._control, memory, (plant.parameters, plant.state, plant.tables))
-            plant.check()
-            return
-        for _ in range(ticks):
-            torque = ctl.law_tick(self._control, self._segments, self._table, self._trace)
-            if c["motion_started"]:
-                plant.begin_motion()
-            plant.step(torque)
-            ctl.sample_tick(self._control, self._segments, self._history, plant.motor_rad)
+        memory = (self._segments, self._table, self._history, self._trace)
+        self._loop(ticks, self._control, memory, self._machine)
+        self.plant.check()
 
     def _read_encoder(self) -> None:
         c = self._c

@@ -225,18 +225,6 @@ def update_demand_tick(cs: Any, segments: Any) -> None:
 
 
 @compiled
-def law_tick(cs: Any, segments: Any, inertia: Any, trace: Any) -> Any:
-    """The control law on an array of one record: for plants that are stepped from Python."""
-    return control_law(cs[0], segments, inertia, trace)
-
-
-@compiled
-def sample_tick(cs: Any, segments: Any, history: Any, angle: float) -> None:
-    """The sampling on an array of one record: for plants that are stepped from Python."""
-    sample(cs[0], segments, history, angle)
-
-
-@compiled
 def two_mass_loop(ticks: int, cs: Any, memory: Any, machine: Any) -> None:
     """Closed loop around the two-mass machine, whole ticks without leaving compiled code."""
     segments, inertia, history, trace = memory

@@ -37,6 +37,10 @@ class Plant(Protocol):
         """Let one control tick (TICK_S) pass with this torque commanded."""
         ...
 
+    def check(self) -> None:
+        """Raise BenchError where the integration has diverged."""
+        ...
+
     def begin_motion(self) -> None:
         """A motion starts now."""
         ...

@@ -18,26 +18,17 @@ from typing import Any
 import mujoco
 import numpy as np
 
-from schwung_sim.compiled import compiled
 from schwung_sim.errors import BenchError
 from schwung_sim.plants.concealed import Concealed, Scale
-from schwung_sim.plants.effects import (
-    PARAMETERS,
-    STATE,
-    coupling_torque,
-    dry_friction,
-    load_disturbance,
-    motor_disturbance,
-    sliding_direction,
-    speed_friction,
-    true_torque,
-)
+from schwung_sim.plants.crank_kernel import CRANK, MOTOR, CrankKernel, one_tick
+from schwung_sim.plants.effects import PARAMETERS, STATE
+from schwung_sim.plants.native import step_address
 from schwung_sim.plants.profile import Array
 from schwung_sim.plants.two_mass import TICK_S, TwoMassMachine
 
 #: MuJoCo's steps per control tick; more where the coupling is not MuJoCo's own.
 _STEPS, _STEPS_OUTSIDE = 2, 4
-_MOTOR, _CRANK, _ROD, _SLIDER, _THIRD = range(5)  # degrees of freedom
+_ROD, _SLIDER, _THIRD = range(2, 5)  # further degrees of freedom
 _DIVERGED_RAD_S = 1e5
 _STANDARD_GRAVITY = 9.80665
 
@@ -123,28 +114,6 @@ def _mjcf(m: SliderCrankMachine, p: Any, gravity: bool) -> str:
 </mujoco>"""
 
 
-@compiled
-def _outside(ps: Any, ss: Any, load_torque: Any, command_nm: float, at: Any) -> Any:
-    """What MuJoCo does not model: torque on motor and crank, sliding direction, level of dry friction."""
-    p, s = ps[0], ss[0]
-    motor, motor_speed, angle, speed = at
-    h = p.substep_s
-    torque = true_torque(p, s, command_nm, h)
-    torque += motor_disturbance(p, s.time_s + 0.5 * h, motor) + speed_friction(p, motor_speed)
-    load = load_disturbance(p, load_torque, s.motion_time_s + 0.5 * h, angle)
-    shaft = coupling_torque(p, motor - angle, motor_speed - speed)
-    direction = sliding_direction(p, s, motor, motor_speed, torque - shaft)
-    friction = dry_friction(p, s, motor, motor_speed, direction)
-    torque = shaft if direction == 0.0 else torque - direction * friction  # held: in balance
-    if p.coupling_outside != 0.0:
-        torque -= shaft
-        load += shaft
-    s.time_s += h
-    if s.motion_time_s >= 0.0:
-        s.motion_time_s += h
-    return torque, load, direction, friction
-
-
 class SliderCrankPlant:
     """Motor, coupling and slider-crank; starts at rest at angle 0, the outer dead centre (unless shifted)."""
 
@@ -166,26 +135,37 @@ class SliderCrankPlant:
         for name in ("rotor_viscous_nms", "stiffness_nm_rad", "damping_nms"):
             self.parameters[name] = getattr(drive, name)
         scale = Scale(drive.peak_torque_nm, drive.stiffness_nm_rad, drive.damping_nms, inertia_kgm2=0.11)
-        self._load_torque = self.concealed.apply(self.parameters, scale, seed).samples
+        load_torque = self.concealed.apply(self.parameters, scale, seed).samples
         self.sensor = self.concealed.sensor(scale)
         p = self.parameters[0]
         p["coupling_outside"] = float(p["gap_rad"] > 0 or p["cubic_nm_rad3"] > 0)
-        self._calls, self._steps = (_STEPS_OUTSIDE, 1) if p["coupling_outside"] else (1, _STEPS)
-        p["substep_s"] = TICK_S / self._calls
+        calls, steps = (_STEPS_OUTSIDE, 1) if p["coupling_outside"] else (1, _STEPS)
+        p["substep_s"] = TICK_S / calls
         self.model = mujoco.MjModel.from_xml_string(_mjcf(self.machine, p, gravity))
         self.data = mujoco.MjData(self.model)
         self._shift = float(p["inertia_shift_rad"])
         self._place(self.data, self._shift)
-        self.data.qpos[_MOTOR] = self._shift
+        self.data.qpos[MOTOR] = self._shift
         if p["third_inertia_kgm2"] > 0:
             self.data.qpos[_THIRD] = self._shift
+        self._kernel = CrankKernel(
+            addresses=(step_address(), self.model._address, self.data._address),
+            repeats=(calls, steps),
+            parameters=self.parameters,
+            state=self.state,
+            load_torque=load_torque,
+            shift_rad=self._shift,
+            angle=self.data.qpos,
+            speed=self.data.qvel,
+            torque=self.data.qfrc_applied,
+        )
 
     def _place(self, data: Any, crank_rad: float) -> None:
         """Set crank, rod and slider so that the loop is closed."""
         m = self.machine
         across = m.crank_m * math.sin(crank_rad) / m.rod_m
         rod_rad = -math.asin(across)  # against the slide
-        data.qpos[_CRANK] = crank_rad
+        data.qpos[CRANK] = crank_rad
         data.qpos[_ROD] = rod_rad - crank_rad
         data.qpos[_SLIDER] = m.crank_m * (math.cos(crank_rad) - 1) + m.rod_m * (math.cos(rod_rad) - 1)
 
@@ -197,30 +177,26 @@ class SliderCrankPlant:
     @property
     def motor_rad(self) -> float:
         """True motor angle."""
-        return float(self.data.qpos[_MOTOR]) - self._shift
+        return float(self.data.qpos[MOTOR]) - self._shift
 
     def begin_motion(self) -> None:
         """A motion starts now: events in it are timed from here, drift counts it."""
         self.state["motion_time_s"] = 0.0
         self.state["motions"] += 1.0
 
+    @property
+    def kernel(self) -> CrankKernel:
+        """What compiled code needs to step this plant; valid as long as the plant lives."""
+        return self._kernel
+
     def step(self, torque_nm: float) -> None:
         """One control tick (125 µs) with this torque commanded."""
-        data, shift = self.data, self._shift
-        q, v, applied = data.qpos, data.qvel, data.qfrc_applied
-        for _ in range(self._calls):
-            held = float(q[_MOTOR])
-            at = (held - shift, float(v[_MOTOR]), float(q[_CRANK]) - shift, float(v[_CRANK]))
-            motor, load, direction, friction = _outside(
-                self.parameters, self.state, self._load_torque, torque_nm, at
-            )
-            applied[_MOTOR], applied[_CRANK] = motor, load
-            mujoco.mj_step(self.model, data, self._steps)
-            if direction == 0.0:
-                q[_MOTOR], v[_MOTOR] = held, 0.0
-            elif friction > 0.0 and v[_MOTOR] * direction < 0.0:
-                v[_MOTOR] = 0.0  # dry friction stops a shaft, it never turns it back
-        if not abs(v[_MOTOR]) < _DIVERGED_RAD_S:
+        one_tick(self._kernel, torque_nm)
+        self.check()
+
+    def check(self) -> None:
+        """Raise BenchError where the integration has diverged."""
+        if not abs(self.data.qvel[MOTOR]) < _DIVERGED_RAD_S:
             raise BenchError(
                 "plant slider-crank", "has diverged", "Conceal less: smaller torques, softer coupling."
             )
@@ -234,10 +210,10 @@ class SliderCrankPlant:
             mujoco.mj_forward(self.model, data)
             unit = np.eye(self.model.nv)
             columns = np.zeros((self.model.nv, data.nefc))
-            for dof in (_CRANK, _ROD, _SLIDER):
+            for dof in (CRANK, _ROD, _SLIDER):
                 mujoco.mj_mulJacVec(self.model, data, columns[dof], unit[dof])
-            follow = np.linalg.lstsq(columns[[_ROD, _SLIDER]].T, -columns[_CRANK], rcond=None)[0]
-            speed = unit[_CRANK] + follow[0] * unit[_ROD] + follow[1] * unit[_SLIDER]
+            follow = np.linalg.lstsq(columns[[_ROD, _SLIDER]].T, -columns[CRANK], rcond=None)[0]
+            speed = unit[CRANK] + follow[0] * unit[_ROD] + follow[1] * unit[_SLIDER]
             momentum = np.zeros(self.model.nv)
             mujoco.mj_mulM(self.model, data, momentum, speed)
             values.append(float(speed @ momentum))
