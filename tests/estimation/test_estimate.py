@@ -193,7 +193,7 @@ def test_phases_of_the_injection_do_not_matter(fast, machine):
 
 
 def test_clipped_torque_is_unusable_and_the_reason_is_given(clipped, machine):
-    result = estimate(clipped, machine)
+    result = estimate(clipped, machine, "denoised")
     assert result.trust.verdict == "unusable"
     assert any("peak torque" in reason for reason in result.trust.reasons)
     assert rms(table_error(result)) > 0.005

@@ -54,7 +54,7 @@ def test_position_deviation_is_a_sine_with_little_else(fast, machine):
 
 def test_too_fast_a_motion_shows_in_both_checks(machine):
     """120 ms: clipped at times; variation and deviation both grow out of bounds (Fig. 10)."""
-    trust = estimate(pair(0.12), machine).trust
+    trust = estimate(pair(0.12), machine, "denoised").trust
     assert trust.verdict == "unusable"
     assert trust.position_dc_rad > trust.position_amplitude_rad
     assert trust.relative_miv > RELATIVE_MIV[1]

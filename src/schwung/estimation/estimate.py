@@ -42,7 +42,7 @@ def estimate(
     """
     if inversion not in ("complex", "magnitude"):
         raise InputError("inversion", f'there is no "{inversion}"', 'Use "complex" or "magnitude".')
-    ready = prepared(session)
+    ready = prepared(session, machine)
     excited, frequency = excited_at(ready, frequency_hz)
     task = Task(ready, excited, machine, frequency, inversion, session, points)
     choice = choose(task) if method == AUTO else Choice(method_named(method), "")

@@ -1,0 +1,95 @@
+"""The method that a session allows is taken, and the reason told; several frequencies make one table."""
+
+import numpy as np
+import pytest
+from estimation_plant import crank, noisy, phases, session_of
+
+from schwung.drivetrain.inertia import InertiaTable
+from schwung.errors import InputError
+from schwung.estimation import estimate
+from schwung.estimation.choice import choose
+from schwung.estimation.methods import METHODS, Suitability, Task, register
+from schwung.estimation.table import combine_tables
+
+
+@pytest.fixture(scope="module")
+def four():
+    return phases(0.25, rate=1000.0)
+
+
+def chosen(session, machine):
+    return choose(Task(session, session.excited, machine, 50.0, "complex"))
+
+
+def test_four_phases_before_a_reference_before_none(four, bus_rate, machine):
+    both = session_of(bus_rate.references[0], *four.runs)
+    assert chosen(both, machine).method.name == "multiphase"
+    assert chosen(bus_rate, machine).method.name == "denoised"
+    assert chosen(session_of(*bus_rate.excited), machine).method.name == "trajectory"
+
+
+def test_clipped_torque_wants_the_whole_trajectory(clipped, machine):
+    choice = chosen(clipped, machine)
+    assert choice.method.name == "trajectory"
+    assert "clipped in up to" in choice.reason
+
+
+def test_the_reason_is_told_and_a_name_overrides(four, machine):
+    found = estimate(four, machine)
+    assert found.notes[0].startswith("Method multiphase was chosen: 4 equally spaced phases")
+    named = estimate(four, machine, "former")
+    assert named.method == "former"
+    assert not any("was chosen" in note for note in named.notes)
+
+
+def test_any_registered_method_may_take_part(four, machine):
+    class Best:
+        name = "best-of-tests"
+        needs_reference = False
+
+        def suits(self, task):
+            return Suitability(99.0, "the test says so")
+
+        def traces(self, task):
+            raise InputError("best", "was asked")
+
+    register(Best())
+    try:
+        with pytest.raises(InputError, match="was asked"):
+            estimate(four, machine)
+    finally:
+        del METHODS["best-of-tests"]
+
+
+def test_frequencies_are_combined(bus_rate, fractional, machine):
+    both = session_of(*bus_rate.runs, *(noisy(run, 1) for run in fractional.runs))
+    result = estimate(both, machine, "denoised")
+    each = [estimate(both, machine, "denoised", frequency_hz=f) for f in (47.0, 50.0)]
+    assert len(result.traces) == 2
+    assert any("inverse variance: 47 Hz" in note for note in result.notes)
+
+    def rmse(found):
+        return np.sqrt(np.mean((found.table.inertia_kgm2 - crank(found.table.position_rad)) ** 2))
+
+    assert rmse(result) < max(rmse(found) for found in each)
+
+
+def test_inverse_variance_by_hand():
+    angle = np.array([0.0, 1.0, 2.0])
+    one = InertiaTable(angle, np.array([0.1, 0.1, 0.1]), np.array([0.01, 0.01, 0.01]))
+    other = InertiaTable(angle, np.array([0.11, 0.11, 0.2]), np.array([0.02, 0.02, 0.02]))
+    table, shares = combine_tables([one, other])
+    assert shares == pytest.approx([0.8, 0.2])
+    np.testing.assert_allclose(table.inertia_kgm2, [0.102, 0.102, 0.12])
+    agreed = 1 / np.sqrt(1 / 0.01**2 + 1 / 0.02**2)
+    np.testing.assert_allclose(table.std_kgm2[:2], agreed)
+    assert table.std_kgm2[2] > 4 * agreed, "tables that disagree widen the band"
+
+
+def test_outside_a_table_it_has_no_say():
+    wide = InertiaTable(np.linspace(0, 4, 5), np.full(5, 0.1), np.full(5, 0.01))
+    narrow = InertiaTable(np.array([0.0, 1.0]), np.array([0.2, 0.2]), np.array([0.01, 0.01]))
+    table, _ = combine_tables([wide, narrow])
+    np.testing.assert_allclose(table.inertia_kgm2, [0.15, 0.15, 0.1, 0.1, 0.1])
+    bare = InertiaTable(np.linspace(0, 4, 5), np.full(5, 0.3))
+    assert combine_tables([wide, bare])[1] == pytest.approx([0.5, 0.5])
