@@ -98,6 +98,20 @@ def test_references_and_excited_runs_alternate() -> None:
     ]  # fmt: skip
 
 
+def test_four_phases_are_a_quarter_period_apart_and_need_one_reference() -> None:
+    plan = _plan(repeats=2, phases=4)
+    runs = list(plan.runs())
+    assert [run.role for run in runs] == ["reference"] + 8 * ["excited"]
+    assert [run.repeat for run in runs] == [0, 0, 0, 0, 0, 1, 1, 1, 1]
+    phases = [run.excitation.phase_rad for run in runs[1:5] if run.excitation]
+    assert phases == pytest.approx([0, np.pi / 2, np.pi, 3 * np.pi / 2])
+    assert plan.duration_s == pytest.approx(9 * plan.motion.total_s)
+    first, *others = (setpoints_of(run, plan).torque_added_nm for run in runs[1:5])
+    np.testing.assert_allclose(first + others[1], 0.0, atol=1e-9)
+    with pytest.raises(InputError, match="--phases: is 3"):
+        _plan(phases=3)
+
+
 def test_wishes_that_no_motion_can_meet_are_refused() -> None:
     with pytest.raises(InputError, match="samples a period"):
         _plan(frequency_hz=150.0)

@@ -111,7 +111,17 @@ def commission(
             parser=measured("frequency"), metavar="HZ", help="SYNC rate.", rich_help_panel=_INJECTION
         ),
     ] = 1000.0,
-    repeats: Annotated[int, typer.Option(min=1, help="Pairs of motions.", rich_help_panel=_INJECTION)] = 2,
+    repeats: Annotated[
+        int, typer.Option(min=1, help="How often everything is made.", rich_help_panel=_INJECTION)
+    ] = 2,
+    phases: Annotated[
+        int,
+        typer.Option(
+            help="1: each excited motion beside one without injection; 4: four excited motions, the injection "
+            "shifted by a quarter period each: several times more accurate, and for faster motions.",
+            rich_help_panel=_INJECTION,
+        ),
+    ] = 1,
     max_jitter: Annotated[
         float | None,
         typer.Option(
@@ -184,6 +194,7 @@ def commission(
         frequency_hz=frequency,
         amplitude_nm=amplitude,
         repeats=repeats,
+        phases=phases,
         max_jitter_share=MAX_JITTER_SHARE if max_jitter is None else max_jitter * rate,
     )
     standard = standard_of(believed, reference)

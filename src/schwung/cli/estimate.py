@@ -16,7 +16,12 @@ def estimate(
     out: Annotated[Path, typer.Option(help="Folder for inertia.csv, estimate.json, report.html.")] = Path(
         "estimate"
     ),
-    method: Annotated[str, typer.Option(help="denoised or former.")] = "denoised",
+    method: Annotated[
+        str,
+        typer.Option(
+            help="auto: the best that the session allows; multiphase, trajectory, denoised, former or a rival."
+        ),
+    ] = "auto",
     inversion: Annotated[str, typer.Option(help="complex or magnitude.")] = "complex",
     frequency: Annotated[
         float | None,

@@ -169,7 +169,7 @@ def show_plan(terminal: Terminal, prepared: Prepared) -> None:
             ("motion", f"{motion.kind} profile, {motion.distance_rad:.4g} rad in {motion.duration_s * 1e3:g} ms{back}, "
                        f"from {plan.start_position_rad:.4g} rad"),
             ("injection", f"{excitation.amplitude_nm:.3g} N·m at {excitation.frequency_hz:g} Hz"),
-            ("recording", f"{2 * plan.repeats} motions at {plan.acquisition.sample_rate_hz:g} Hz, "
+            ("recording", f"{len(tuple(plan.runs()))} motions at {plan.acquisition.sample_rate_hz:g} Hz, "
                           f"{plan.acquisition.mode.upper()}, {plan.duration_s:.1f} s of bus time"),
             ("limits", f"{limits.position_min_rad:.4g} … {limits.position_max_rad:.4g} rad, "
                        f"{limits.speed_max_rad_s:.4g} rad/s, {limits.torque_max_nm:.4g} N·m, "
@@ -254,6 +254,7 @@ def _plan(plan: Plan) -> dict[str, Any]:
         "motion": plan.motion.model_dump(),
         "excitation": plan.excitation.model_dump(),
         "repeats": plan.repeats,
+        "phases": plan.phases,
         "sample_rate_hz": plan.acquisition.sample_rate_hz,
         "duration_s": plan.duration_s,
         **settings_of(plan),
