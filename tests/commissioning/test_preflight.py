@@ -43,6 +43,14 @@ def test_a_sound_plan_passes_and_says_what_to_expect() -> None:
     assert _severity(found, "room to move") == "ok"
 
 
+def test_a_drive_that_has_not_told_its_nmt_state_is_not_called_unknown() -> None:
+    plan = _plan()
+    for nmt, text in (("UNKNOWN", "switch on disabled"), ("OPERATIONAL", "operational, switch on disabled")):
+        state = replace(_survey(plan).state, nmt=nmt, cia402="SWITCH ON DISABLED")
+        found = _flight(plan, replace(_survey(plan), state=state))
+        assert [check.text for check in found.checks if check.name == "drive state"] == [text]
+
+
 def test_a_motion_out_of_the_window_is_stopped() -> None:
     found = _flight(_plan(LimitWishes(position_max_rad=3.0)))
     assert _severity(found, "room to move") == "stop"

@@ -45,7 +45,9 @@ def test_what_is_not_given_comes_from_the_environment(monkeypatch: pytest.Monkey
 @pytest.mark.parametrize(
     ("options", "named"),
     [
-        (BusOptions(), "interface"),
+        (BusOptions(), "no interface is given"),
+        (BusOptions("socketcand", "x"), "host or port is missing"),
+        (BusOptions("socketcand", "x", extra={"host": "127.0.0.1", "port": "abc"}), "must be a number. Give"),
         (BusOptions("no-such-interface", "x"), "no-such-interface"),
         (BusOptions("virtual", "x", extra={"receive_own_messages": True}), "receive_own_messages"),
     ],

@@ -207,7 +207,9 @@ def drive_checks(seen: Survey, mode: OperatingMode = "csp") -> Iterable[Check]:
             "Switch it off in whatever holds it; after a crash of ours, `schwung restore` does.",
         )
     else:
-        yield Check("drive state", "ok", f"{seen.state.nmt.lower()}, {seen.state.cia402.lower()}")
+        # the NMT state is told by heartbeats, which a drive need not send yet
+        told = [word.lower() for word in (seen.state.nmt, seen.state.cia402)]
+        yield Check("drive state", "ok", ", ".join(word for word in told if word != "unknown"))
     for capability in seen.capabilities:
         if not capability.available:
             moving = "cyclic position" if mode == "csp" else "profile position"

@@ -56,11 +56,10 @@ class Delay:
     @property
     def text(self) -> str:
         """One sentence for the notes."""
-        whole = self.torque_to_speed
-        return (
-            f"The speed is reported {whole.value * 1e3:.3f} ± {2 * whole.std * 1e3:.2g} ms after the torque, "
-            f"{self.speed.value * 1e3:.3f} ms of it behind the angle; removed."
-        )
+        whole, speed = self.torque_to_speed, round(self.speed.value * 1e3, 3)
+        order = "after" if whole.value > 0 else "ahead of"
+        text = f"The speed is reported {abs(whole.value) * 1e3:.3f} ± {2 * whole.std * 1e3:.2g} ms {order} the torque"
+        return text + (f", {speed:.3f} ms behind the angle; removed." if speed else "; removed.")
 
 
 def find_delay(session: Session, excited: Sequence[Run], machine: Machine) -> Delay | None:

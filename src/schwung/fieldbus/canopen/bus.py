@@ -61,7 +61,9 @@ class BusOptions:
         try:
             config: dict[str, Any] = dict(load_config(config=given))
         except (can.CanError, ValueError, TypeError) as error:
-            raise InputError("bus", str(error), _REMEDY) from error
+            missing = isinstance(error, can.CanInterfaceNotImplementedError) and self.interface is None
+            problem = "no interface is given or configured" if missing else _sentence(error)
+            raise InputError("bus", problem, _REMEDY) from error
         if config.get("interface") is None:
             raise InputError("bus", "no interface is given or configured", _REMEDY)
         return {key: value for key, value in config.items() if value is not None}
@@ -70,6 +72,12 @@ class BusOptions:
 _REMEDY = (
     "Give --interface and --channel (e.g. socketcan can0), or set CAN_INTERFACE and CAN_CHANNEL or can.conf."
 )
+_INSTALL = "Install what python-can needs for it, e.g. pip install 'python-can[serial]'."
+
+
+def _sentence(error: Exception) -> str:
+    """A library's complaint without its full stop: ours follows."""
+    return str(error).rstrip(".! ")
 
 
 def open_bus(options: BusOptions) -> can.BusABC:
@@ -84,10 +92,13 @@ def open_bus(options: BusOptions) -> can.BusABC:
     try:
         bus = can.Bus(ignore_config=True, **config)
     except (can.CanInterfaceNotImplementedError, ValueError, TypeError) as error:
-        raise InputError(f"bus {where}", str(error), _REMEDY) from error
+        remedy = _INSTALL if "not installed" in str(error) else _REMEDY
+        raise InputError(f"bus {where}", _sentence(error), remedy) from error
     except (can.CanError, OSError, TimeoutError) as error:
         raise BusError(
-            f"bus {where}", f"cannot be opened ({error})", "Is the adapter plugged in and the interface up?"
+            f"bus {where}",
+            f"cannot be opened ({_sentence(error)})",
+            "Is the adapter plugged in, its driver installed and the interface up?",
         ) from error
     _widen(bus)
     return bus
@@ -96,6 +107,10 @@ def open_bus(options: BusOptions) -> can.BusABC:
 def _require_server(config: Mapping[str, Any], where: str) -> None:
     """python-can asks a server that is not there again for ten seconds; once is enough."""
     host, port = str(config.get("host", "")), config.get("port", 0)
+    if not host or not port:
+        raise InputError(
+            f"bus {where}", "host or port is missing", "Add --bus host=ADDRESS --bus port=NUMBER."
+        )
     try:
         with socket.create_connection((host, int(port)), timeout=2.0):
             pass
