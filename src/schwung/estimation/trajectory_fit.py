@@ -19,27 +19,31 @@ from schwung.estimation.sampling import is_held
 from schwung.estimation.trajectory_model import (
     STICKING,
     Basis,
+    Equations,
     Layout,
-    Linearised,
     Model,
     Noise,
-    Signals,
-    load_angle_range,
-    signals_of,
 )
-from schwung.estimation.trajectory_prior import posterior, prior_for
+from schwung.estimation.trajectory_prior import Posterior, posterior, prior_for
+from schwung.estimation.trajectory_signals import Signals, load_angle_range, signals_of
 from schwung.motion import Array
 from schwung.session.model import Run
 
 #: Spline pieces over the visited range: at the least, at the most, and per rad on a rotary axis.
 PIECES, MOST_PIECES, PIECES_PER_RAD = 40, 160, 12.0
-MOST_ITERATIONS, NOISE_ITERATIONS = 25, 10
+MOST_ITERATIONS = 40
 #: Runs that the sizes of noise and the start are found from, at most.
 FEW = 4
 #: Converged: no coefficient moves by more than this share of its standard deviation.
 SETTLED = 0.05
+#: Nearly so, and ready for what had been held back.
+NEARLY = 1.0
+#: Pieces are halved where a cubic leaves out more than this share of the band.
+LEFT_OUT = 0.3
 #: No step changes log J_l by more than this.
 LARGEST_STEP = 1.0
+#: Highest excited frequency times this: the band that sensitivities are looked at in.
+BAND = 5.0
 #: Constant inertias tried at the start, over the rotor's.
 _TRIED = np.geomspace(0.05, 2000.0, 20)
 #: Smallest error of the angle that is believed, over the visited range.
@@ -69,34 +73,63 @@ class Passed:
 
 
 def fit(recorded: Sequence[Run], machine: Machine, *, rotary: bool = True) -> Fit:
-    """Fit the model to all runs at once."""
-    runs = tuple(signals_of(run, machine) for run in recorded)
+    """Fit the model to all runs at once.
+
+    The coupling is held as believed until the rest has settled: stiffness and inertia, both far off, can make up for
+    each other. Then pieces are halved until the curve's bends are resolved.
+    """
+    band = BAND * max((run.excitation.frequency_hz for run in recorded if run.excitation), default=np.inf)
+    runs = tuple(signals_of(run, machine, band) for run in recorded)
     low, high = load_angle_range(runs)
     pieces = int(np.clip((high - low) * PIECES_PER_RAD if rotary else PIECES, PIECES, MOST_PIECES))
-    layout = Layout(Basis(low, high, pieces))
+    basis = Basis(low, high, pieces)
     peak_speed = max(float(np.max(np.abs(run.states[:, 1]))) for run in runs)
-    model = Model(machine, layout, STICKING * peak_speed)
+    model = Model(machine, Layout(basis, basis), STICKING * peak_speed)
     noise = _first_noise(runs)
     inertia = _constant_inertia(model, _few(runs), noise)
-    prior = prior_for(layout, machine, inertia, held=any(is_held(run) for run in recorded))
+    held = any(is_held(run) for run in recorded)
+    prior = prior_for(model.layout, machine, inertia, held=held, coupling=False)
     parameters, smoothness = prior.mean, (np.log(0.01), np.log(0.01))
-    restless = True
-    for iteration in range(1, MOST_ITERATIONS + 1):
+    restless, released, settled, iteration = True, machine.coupling is None, False, 0
+    while not settled and iteration < MOST_ITERATIONS:
+        iteration += 1
         if restless:
             likely = likely_noise(model, _few(runs), parameters, noise, 1.0 if iteration == 1 else 0.3)
-            restless = iteration < NOISE_ITERATIONS and (iteration < 3 or likely.differs_from(noise))
-            noise = likely
+            restless, noise = likely.differs_from(noise), likely
         passed = passed_over(model, runs, parameters, noise)
         found = posterior(prior, passed.information, passed.slope, parameters, smoothness)
-        step = found.parameters - parameters
-        largest = float(np.max(np.abs(step[layout.inertia])))
-        parameters = parameters + step * min(1.0, LARGEST_STEP / max(largest, 1e-12))
         smoothness = found.log_deviations
-        runs = resmoothed(model, passed.runs, parameters, noise)
+        step = found.parameters - parameters
+        largest = float(np.max(np.abs(step[model.layout.inertia])))
         moved = float(np.max(np.abs(step) / np.sqrt(np.diag(found.covariance))))
-        if moved < SETTLED and iteration > 2:
-            break
-    return Fit(model, parameters, found.covariance, noise, runs, iteration, moved < SETTLED)
+        parameters = parameters + step * min(1.0, LARGEST_STEP / max(largest, 1e-12))
+        runs = resmoothed(model, passed.runs, parameters, noise)
+        if moved < NEARLY and not released:
+            released, restless = True, True
+            prior = prior_for(model.layout, machine, inertia, held=held, coupling=True)
+        elif moved < NEARLY and _too_coarse(model, found):
+            model, parameters = _refined(model, parameters)
+            prior = prior_for(model.layout, machine, inertia, held=held, coupling=True)
+            restless = True
+        else:
+            settled = moved < SETTLED and not restless
+            restless = restless or moved > NEARLY
+    return Fit(model, parameters, found.covariance, noise, runs, iteration, settled)
+
+
+def _too_coarse(model: Model, found: Posterior) -> bool:
+    """Whether pieces are too long for the curve: what a cubic leaves out, fourth difference/384, against the band."""
+    where = model.layout.inertia
+    left_out = np.abs(np.diff(found.parameters[where], 4)) / 384
+    deviation = np.sqrt(np.diag(found.covariance)[where])[2:-2]
+    return model.layout.basis.pieces < MOST_PIECES and bool(np.any(left_out > LEFT_OUT * deviation))
+
+
+def _refined(model: Model, parameters: Array) -> tuple[Model, Array]:
+    """The same curves with pieces half as long."""
+    at = model.layout
+    finer = np.concatenate([at.basis.refined(parameters[at.inertia]), parameters[at.inertia.stop :]])
+    return replace(model, layout=replace(at, basis=at.basis.finer())), finer
 
 
 def _few(runs: Sequence[Signals]) -> Sequence[Signals]:
@@ -109,42 +142,41 @@ def passed_over(model: Model, runs: Sequence[Signals], parameters: Array, noise:
     size = model.layout.size
     information, slope, smoothed = np.zeros((size, size)), np.zeros(size), []
     for run in runs:
-        system = model.linearised(run, parameters, columns=True)
-        result = kernel.filtered(*_filter_arguments(system, noise, run))
-        rows = kernel.whitened(system.transition, result, system.columns, system.of_speed)
+        system = model.equations(run, parameters)
+        result = kernel.filtered(_system(system, noise, run))
+        columns = model.columns(run, parameters, system)
+        rows = kernel.whitened(system.transition, result, *columns)
         information += rows.T @ rows
         slope += rows.T @ (result.error / np.sqrt(result.variance)).ravel()
-        smoothed.append(replace(run, states=kernel.smoothed(system.transition, result)))
+        smoothed.append(replace(run, states=kernel.smoothed(system.transition, result)[:, :-1]))
     return Passed(information, slope, tuple(smoothed))
 
 
-def resmoothed(
-    model: Model, runs: Sequence[Signals], parameters: Array, noise: Noise
-) -> tuple[Signals, ...]:
+def resmoothed(model: Model, runs: Sequence[Signals], parameters: Array, noise: Noise) -> tuple[Signals, ...]:
     """The runs with the states that these parameters make likely."""
     systems = _systems(model, runs, parameters)
-    results = [kernel.filtered(*_filter_arguments(s, noise, r)) for s, r in zip(systems, runs, strict=True)]
+    results = [kernel.filtered(_system(s, noise, r)) for s, r in zip(systems, runs, strict=True)]
     return tuple(
-        replace(run, states=kernel.smoothed(system.transition, result))
+        replace(run, states=kernel.smoothed(system.transition, result)[:, :-1])
         for run, system, result in zip(runs, systems, results, strict=True)
     )
 
 
-def _filter_arguments(system: Linearised, noise: Noise, run: Signals) -> tuple[Array, ...]:
+def _system(equations: Equations, noise: Noise, run: Signals) -> kernel.System:
+    """The filter's problem: equations, sizes of noise, and a first state that is known a little."""
     speed = 0.1 * float(np.ptp(run.states[:, 1])) + noise.speed_rad_s
     position = 1e-3 * float(np.ptp(run.position_rad)) + noise.position_rad
-    spread = np.array([position, speed] if run.rigid else [position, speed, position, speed])
-    variances = np.array([noise.position_rad**2, noise.speed_rad_s**2])
-    power = noise.torque_nm**2 + system.slack
-    return (
-        system.transition,
-        system.forcing,
-        system.noise,
-        power,
-        system.measured,
-        variances,
-        system.first,
-        spread,
+    power = noise.torque_nm**2 + equations.slack
+    shaft = [position, speed] if run.rigid else [position, speed, position, speed]
+    return kernel.System(
+        equations.transition,
+        equations.forcing,
+        equations.noise,
+        power[1:],
+        equations.measured,
+        np.array([noise.position_rad**2, noise.speed_rad_s**2]),
+        equations.first,
+        np.array([*shaft, np.sqrt(power[0])]),
     )
 
 
@@ -171,15 +203,15 @@ def _constant_inertia(model: Model, runs: Sequence[Signals], noise: Noise) -> fl
     return float(_TRIED[int(np.argmin(values))] * rotor)
 
 
-def _systems(model: Model, runs: Sequence[Signals], parameters: Array) -> list[Linearised]:
-    return [model.linearised(run, parameters, columns=False) for run in runs]
+def _systems(model: Model, runs: Sequence[Signals], parameters: Array) -> list[Equations]:
+    return [model.equations(run, parameters) for run in runs]
 
 
-def _deviance(systems: Sequence[Linearised], runs: Sequence[Signals], noise: Noise, *, scaled: bool) -> float:
+def _deviance(systems: Sequence[Equations], runs: Sequence[Signals], noise: Noise, *, scaled: bool) -> float:
     """−2 log likelihood but for a constant; `scaled`: with the best common factor of all noise."""
     logs = squares = 0.0
     for system, run in zip(systems, runs, strict=True):
-        log, square = kernel.deviance(*_filter_arguments(system, noise, run))
+        log, square = kernel.deviance(_system(system, noise, run))
         logs, squares = logs + log, squares + square
     if not (np.isfinite(logs) and np.isfinite(squares)):
         return float(np.finfo(float).max)

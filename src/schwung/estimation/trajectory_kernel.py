@@ -29,6 +29,19 @@ class Shaft(NamedTuple):
     rigid: bool
 
 
+class System(NamedTuple):
+    """x⁺ = Φx + forcing + noise·w, of which the first two states are measured."""
+
+    transition: Array  # (n − 1, s, s)
+    forcing: Array  # (n − 1, s)
+    noise: Array  # (n − 1, s)
+    power: Array  # (n − 1,) variance of w
+    measured: Array  # (n, 2)
+    variances: Array  # (2,) of the measurements
+    first: Array  # (s,) the state at first, and how well it is known
+    spread: Array  # (s,)
+
+
 class Filtered(NamedTuple):
     """What the filter leaves behind: per sample k the two scalar updates (position, then speed)."""
 
@@ -119,22 +132,15 @@ def _carried(phi: Array, p: Array, half: Array, noise: Array, power: float) -> N
 
 
 @njit(cache=True, error_model="numpy")
-def filtered(
-    transition: Array,
-    forcing: Array,
-    noise: Array,
-    power: Array,
-    measured: Array,
-    variances: Array,
-    state: Array,
-    spread: Array,
-) -> Filtered:
-    """Kalman filter: x⁺ = Φx + forcing + noise·w, var w = power; measured (n, 2) are the first two states."""
-    count, size = measured.shape[0], state.size
+def filtered(system: System) -> Filtered:
+    """Kalman's filter."""
+    transition, forcing, noise, power = system.transition, system.forcing, system.noise, system.power
+    measured, variances = system.measured, system.variances
+    count, size = measured.shape[0], system.first.size
     errors, spreads = np.empty((count, 2)), np.empty((count, 2))
     gains = np.empty((count, 2, size))
     states, covariances = np.empty((count, size)), np.empty((count, size, size))
-    x, p = state.copy(), np.diag(spread**2)
+    x, p = system.first.copy(), np.diag(system.spread**2)
     gain, row, ahead, half = np.empty(size), np.empty(size), np.empty(size), np.empty((size, size))
     for k in range(count):
         if k > 0:
@@ -160,18 +166,9 @@ def filtered(
 
 
 @njit(cache=True, error_model="numpy")
-def deviance(
-    transition: Array,
-    forcing: Array,
-    noise: Array,
-    power: Array,
-    measured: Array,
-    variances: Array,
-    state: Array,
-    spread: Array,
-) -> tuple[float, float]:
+def deviance(system: System) -> tuple[float, float]:
     """Σ log of the innovations' variances, and Σ innovation²/variance."""
-    result = filtered(transition, forcing, noise, power, measured, variances, state, spread)
+    result = filtered(system)
     return np.sum(np.log(result.variance)), np.sum(result.error**2 / result.variance)
 
 
@@ -223,3 +220,17 @@ def whitened(transition: Array, result: Filtered, columns: Array, of_speed: Arra
                 for c in range(number):
                     x[i, c] -= factor * seen[c]
     return rows
+
+
+@njit(cache=True, error_model="numpy", fastmath=True)
+def cholesky(matrix: Array) -> Array:
+    """Lower factor of a positive definite matrix (P, P); NaN where it is none. One thread, no wait for others."""
+    factor = matrix.copy()
+    for i in range(factor.shape[0]):
+        for j in range(i + 1):
+            rest = factor[i, j]
+            for c in range(j):
+                rest -= factor[i, c] * factor[j, c]
+            factor[i, j] = np.sqrt(rest) if i == j else rest / factor[j, j]
+        factor[i, i + 1 :] = 0.0
+    return factor

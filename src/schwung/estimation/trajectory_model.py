@@ -10,17 +10,14 @@ the latest smoothed one, so that each step of the filter is linear; it changes b
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import astuple, dataclass, replace
+from dataclasses import astuple, dataclass
 
 import numpy as np
-from scipy.interpolate import CubicSpline
 
 from schwung.drivetrain.machine import Machine
 from schwung.estimation import trajectory_kernel as kernel
-from schwung.estimation.sampling import is_held
+from schwung.estimation.trajectory_signals import Signals, Steps
 from schwung.motion import Array
-from schwung.session.model import Run
 
 #: Dry friction is smoothed within this share of the peak speed; up to a few times that its sign is open.
 STICKING = 0.005
@@ -37,6 +34,18 @@ class Basis:
     @property
     def size(self) -> int:
         return self.pieces + 3
+
+    def finer(self) -> Basis:
+        """Twice the pieces."""
+        return Basis(self.low_rad, self.high_rad, 2 * self.pieces)
+
+    def refined(self, coefficients: Array) -> Array:
+        """The same curve's coefficients in the finer basis: each piece halved (exact)."""
+        c = coefficients
+        between, at = (c[1:] + c[:-1]) / 2, (c[:-2] + 6 * c[1:-1] + c[2:]) / 8
+        result = np.empty(between.size + at.size)
+        result[::2], result[1::2] = between, at
+        return result
 
     def rows(self, angle_rad: Array) -> tuple[Array, Array]:
         """All splines and their derivatives at angles (n,): (n, size) each."""
@@ -59,7 +68,8 @@ class Basis:
 class Layout:
     """Where each parameter stands in the vector of all."""
 
-    basis: Basis
+    basis: Basis  # of the inertia
+    coarse: Basis  # of the load torque
 
     @property
     def inertia(self) -> slice:  # log of kg·m²
@@ -67,11 +77,11 @@ class Layout:
 
     @property
     def load_torque(self) -> slice:  # N·m
-        return slice(self.basis.size, 2 * self.basis.size)
+        return slice(self.basis.size, self.basis.size + self.coarse.size)
 
     @property
     def coulomb(self) -> int:  # N·m
-        return 2 * self.basis.size
+        return self.basis.size + self.coarse.size
 
     @property
     def viscous(self) -> int:  # N·m·s/rad beyond the machine's
@@ -117,127 +127,35 @@ class Noise:
 
 
 @dataclass(frozen=True, eq=False)
-class Drive:
-    """The torque of one run, between its samples."""
+class Equations:
+    """One run about its latest states: all that the filter takes. The last state is the torque's error (N·m)."""
 
-    time_s: Array
-    smooth: CubicSpline  # all of it, or the controller's part where the injection is held
-    held_nm: Array  # (n − 1,) held over each interval
-
-    def between(self, delay_s: float, controller_delay_s: float) -> tuple[Array, Array, Array, Array]:
-        """Torque at start and end of each interval (n − 1,), and what either delay changes in both.
-
-        The straight line between both has the true mean over the interval.
-        """
-        step = float(self.time_s[1] - self.time_s[0])
-        at = np.clip(self.time_s - delay_s - controller_delay_s, self.time_s[0], self.time_s[-1])
-        value = self.smooth(at)
-        rise = np.diff(value)
-        area = np.diff(self.smooth.antiderivative()(at))
-        lift = area / np.maximum(np.diff(at), 1e-12) - (value[1:] + value[:-1]) / 2
-        before = np.concatenate([self.held_nm[:1], self.held_nm[:-1]])
-        after = np.concatenate([self.held_nm[1:], self.held_nm[-1:]])
-        jump = self.held_nm - before if delay_s >= 0 else after - self.held_nm
-        lift = np.where(np.diff(at) > 0, lift, 0.0) + self.held_nm - jump * delay_s / step
-        return value[:-1] + lift, value[1:] + lift, -(rise + jump) / step, -rise / step
+    transition: Array  # (n − 1, s, s)
+    forcing: Array  # (n − 1, s)
+    noise: Array  # (n − 1, s): what the torque's error of the sample at the end of each step does
+    slack: Array  # (n,) variance of the torque (N·m)² beyond the sensor's
+    measured: Array  # (n, 2)
+    first: Array  # (s,)
+    torques: tuple[Array, Array]  # on motor and load (n − 1, 2), at start and end of each step
 
 
 @dataclass(frozen=True, eq=False)
-class Signals:
-    """One run, and the latest belief of its states (n, s)."""
+class _Along:
+    """What depends on the angles and speeds of a run's latest states, at each sample."""
 
-    time_s: Array
-    step_s: float
-    position_rad: Array
-    speed_rad_s: Array
-    drive: Drive
-    states: Array
-    rigid: bool
+    rows: Array
+    slopes: Array
+    gentle: Array
+    inertia: Array
+    bend: Array  # dJ_l/dθ
+    speed: Array
+    direction: Array
+    centrifugal: Array  # ½ ω_l²
 
     @property
-    def load_angle_rad(self) -> Array:
-        return self.position_rad if self.rigid else self.states[:, 0] - self.states[:, 2]
-
-    @property
-    def load_speed_rad_s(self) -> Array:
-        return np.asarray(self.states[:, 1 if self.rigid else 3])
-
-
-#: Inertias at which a step is worked out; between them it is interpolated (relative error below 1e-9).
-_NODES = 96
-_DIFFERENCE = 1e-4  # of log k and log b, for their sensitivities
-
-
-@dataclass(frozen=True, eq=False)
-class Steps:
-    """Every step of a run, which depends on the load inertia alone: state⁺ = Φ state + S start + E end.
-
-    The three stand side by side, (m, s, s + 4), to be applied to `stacked` (m, s + 4).
-    """
-
-    matrix: Array
-    by_inertia: Array  # ∂/∂ log J_l
-    by_stiffness: Array
-    by_damping: Array
-
-    @classmethod
-    def of(cls, shaft: kernel.Shaft, inertia: Array, step_s: float, *, slopes: bool) -> Steps:
-        logs = np.log(inertia)
-        nodes = np.linspace(logs.min() - 1e-3, logs.max() + 1e-3, _NODES)
-
-        def table(which: kernel.Shaft) -> Array:
-            return np.concatenate(kernel.steps(which, np.exp(nodes), step_s), axis=2)
-
-        def by(name: str) -> Array:
-            ends = [
-                table(shaft._replace(**{name: getattr(shaft, name) * np.exp(d)}))
-                for d in (_DIFFERENCE, -_DIFFERENCE)
-            ]
-            return np.asarray(CubicSpline(nodes, (ends[0] - ends[1]) / (2 * _DIFFERENCE))(logs))
-
-        curve = CubicSpline(nodes, table(shaft))
-        matrix = curve(logs)
-        if not slopes:
-            return cls(matrix, *(np.empty(0),) * 3)
-        if shaft.rigid:
-            return cls(matrix, curve(logs, 1), *(np.zeros_like(matrix),) * 2)
-        return cls(matrix, curve(logs, 1), by("stiffness"), by("damping"))
-
-
-@dataclass(frozen=True, eq=False)
-class Linearised:
-    """One run about its latest states: all that the filter takes."""
-
-    transition: Array
-    forcing: Array
-    noise: Array
-    slack: Array  # (N·m)², what the torque's variance is more than the sensor's in each interval
-    measured: Array
-    first: Array
-    columns: Array  # empty (…, 0) where not asked for
-    of_speed: Array
-
-
-def signals_of(run: Run, machine: Machine) -> Signals:
-    """A recorded run made ready; where the injection is held, the torque is a staircase plus the controller's."""
-    held, smooth = np.zeros(len(run) - 1), run.torque_nm
-    if is_held(run) and run.torque_added_nm is not None:
-        held, smooth = run.torque_added_nm[1:], run.torque_nm - run.torque_added_nm
-    position, rigid = run.position_rad, machine.coupling is None
-    speed = (
-        CubicSpline(run.time_s, position).derivative()(run.time_s) if np.ptp(run.speed_rad_s) == 0 else None
-    )
-    speed = run.speed_rad_s if speed is None else speed
-    states = [position, speed] if rigid else [position, speed, np.zeros_like(speed), speed]
-    return Signals(
-        time_s=run.time_s,
-        step_s=1 / run.sample_rate_hz,
-        position_rad=position,
-        speed_rad_s=run.speed_rad_s,
-        drive=Drive(run.time_s, CubicSpline(run.time_s, smooth), held),
-        states=np.column_stack(states),
-        rigid=rigid,
-    )
+    def middle(self) -> Array:
+        """Inertia of each step."""
+        return np.asarray((self.inertia[1:] + self.inertia[:-1]) / 2)
 
 
 @dataclass(frozen=True, eq=False)
@@ -249,6 +167,7 @@ class Model:
     sticking_rad_s: float
 
     def shaft(self, parameters: Array) -> kernel.Shaft:
+        """The coupling and the inertias and frictions that are not asked for."""
         motor, coupling = self.machine.motor, self.machine.coupling
         k, b = (coupling.stiffness_nm_rad, coupling.damping_nms) if coupling else (0.0, 0.0)
         return kernel.Shaft(
@@ -260,68 +179,84 @@ class Model:
             coupling is None,
         )
 
-    def linearised(self, run: Signals, parameters: Array, *, columns: bool) -> Linearised:
-        """The run's filter equations about its states, with the parameters' columns if asked for."""
-        at, shaft = self.layout, self.shaft(parameters)
+    def _along(self, run: Signals, parameters: Array) -> _Along:
+        at = self.layout
         rows, slopes = at.basis.rows(run.load_angle_rad)
         inertia = np.exp(rows @ parameters[at.inertia])
-        bend = inertia * (slopes @ parameters[at.inertia])
-        centrifugal = run.load_speed_rad_s**2 / 2
-        load = rows @ parameters[at.load_torque] - bend * centrifugal
-        load += self.machine.load_torque_at(run.load_angle_rad)
         speed = run.states[:, 1]
-        direction = np.tanh(speed / self.sticking_rad_s)
-        friction = parameters[at.coulomb] * direction + parameters[at.viscous] * speed
-        start, end, by_delay, by_controller = run.drive.between(
-            parameters[at.torque_delay], parameters[at.controller_delay]
+        return _Along(
+            rows=rows,
+            slopes=slopes,
+            gentle=at.coarse.rows(run.load_angle_rad)[0],
+            inertia=inertia,
+            bend=inertia * (slopes @ parameters[at.inertia]),
+            speed=speed,
+            direction=np.tanh(speed / self.sticking_rad_s),
+            centrifugal=run.load_speed_rad_s**2 / 2,
         )
-        on_motor, on_load = -friction, load + _lift(load)
-        torques = (
-            np.stack([start + on_motor[:-1], on_load[:-1]], 1),
-            np.stack([end + on_motor[1:], on_load[1:]], 1),
-        )
-        middle = (inertia[1:] + inertia[:-1]) / 2
-        steps = Steps.of(shaft, middle, run.step_s, slopes=columns)
-        size = run.states.shape[1]
-        transition = np.ascontiguousarray(steps.matrix[:, :, :size])
-        at_start, at_end = steps.matrix[:, :, size : size + 2], steps.matrix[:, :, size + 2 :]
-        stacked = np.concatenate([run.states[:-1], *torques], axis=1)
-        forcing = np.einsum("ksi,ki->ks", steps.matrix[:, :, size:], stacked[:, size:])
-        motor = np.ascontiguousarray((at_start + at_end)[:, :, 0])
-        late = CubicSpline(run.time_s, speed)
-        then = np.clip(run.time_s - parameters[at.speed_delay], run.time_s[0], run.time_s[-1])
-        measured = np.column_stack([run.position_rad, run.speed_rad_s - late(then) + speed])
-        slack = self._slack(speed, parameters[at.coulomb])
-        result = Linearised(
-            transition, forcing, motor, slack, measured, run.states[0],
-            np.empty((0, 0, 0)), np.empty((0, 0)),
-        )  # fmt: skip
-        if not columns:
-            return result
-        by_inertia, by_stiffness, by_damping = (
-            np.einsum("ksi,ki->ks", slope, stacked)
-            for slope in (steps.by_inertia, steps.by_stiffness, steps.by_damping)
-        )
-        made = np.zeros((middle.size, transition.shape[1], at.size))
-        share = inertia[:, None] * rows / 2
-        on = -centrifugal[:, None] * (bend[:, None] * rows + inertia[:, None] * slopes)
-        made[:, :, at.inertia] = (
-            by_inertia[:, :, None] * ((share[1:] + share[:-1]) / middle[:, None])[:, None, :]
-        )
-        made[:, :, at.inertia] += _added(at_start, at_end, on, 1)
-        made[:, :, at.load_torque] = _added(at_start, at_end, rows, 1)
-        made[:, :, [at.coulomb, at.viscous]] = _added(at_start, at_end, -np.stack([direction, speed], 1), 0)
-        made[:, :, at.torque_delay] = motor * by_delay[:, None]
-        made[:, :, at.controller_delay] = motor * by_controller[:, None]
-        made[:, :, at.stiffness], made[:, :, at.damping] = by_stiffness, by_damping
-        of_speed = np.zeros((speed.size, at.size))
-        of_speed[:, at.speed_delay] = -late(then, 1)
-        return replace(result, columns=made, of_speed=of_speed)
 
-    def _slack(self, speed: Array, coulomb_nm: float) -> Array:
-        """Where the shaft may stick, friction is anything within ±F for as long: the torque is not known there."""
-        sticking = np.exp(-((speed / (3 * self.sticking_rad_s)) ** 2))
-        return np.asarray(100 * coulomb_nm**2 * (sticking[1:] + sticking[:-1]) / 2)
+    def equations(self, run: Signals, parameters: Array) -> Equations:
+        """The run's filter equations about its states."""
+        at, along = self.layout, self._along(run, parameters)
+        load = along.gentle @ parameters[at.load_torque] - along.bend * along.centrifugal
+        load += self.machine.load_torque_at(run.load_angle_rad)
+        load += _lift(load)
+        friction = parameters[at.coulomb] * along.direction + parameters[at.viscous] * along.speed
+        motor = run.drive.between(parameters[at.torque_delay], parameters[at.controller_delay])
+        torques = (
+            np.stack([motor.start_nm - friction[:-1], load[:-1]], 1),
+            np.stack([motor.end_nm - friction[1:], load[1:]], 1),
+        )
+        steps = Steps.of(self.shaft(parameters), along.middle, run.step_s, slopes=False)
+        size = steps.transition.shape[1]
+        transition, forcing = (
+            np.zeros((load.size - 1, size + 1, size + 1)),
+            np.zeros((load.size - 1, size + 1)),
+        )
+        transition[:, :size, :size] = steps.transition
+        transition[:, :size, size] = -steps.at_start[:, :, 0]
+        noise = np.column_stack([-steps.at_end[:, :, 0], np.ones(load.size - 1)])
+        forcing[:, :size] = np.einsum("ksi,ki->ks", steps.at_start, torques[0])
+        forcing[:, :size] += np.einsum("ksi,ki->ks", steps.at_end, torques[1])
+        late = run.speed_at(parameters[at.speed_delay])
+        measured = np.column_stack([run.position_rad, run.speed_rad_s - late + along.speed])
+        # where the shaft may stick, dry friction is anything within ±F for as long: the torque is not known there
+        sticking = np.exp(-((along.speed / (3 * self.sticking_rad_s)) ** 2))
+        slack = 100 * parameters[at.coulomb] ** 2 * sticking
+        first = np.append(run.states[0], 0.0)
+        return Equations(transition, forcing, noise, slack, measured, first, torques)
+
+    def columns(self, run: Signals, parameters: Array, equations: Equations) -> tuple[Array, Array]:
+        """What a unit of each parameter adds to each step (n − 1, s, P), and to the speed's samples (n, P).
+
+        About *quiet* states and torques, from which the noise above the motion's band is filtered: in the sensitivities
+        it would meet itself in the innovations and bias the parameters (errors in variables), stiffness above all. As
+        instruments, quiet ones are as good and know nothing of it.
+        """
+        at, along = self.layout, self._along(run, parameters)
+        motor = run.drive.between(parameters[at.torque_delay], parameters[at.controller_delay])
+        steps = Steps.of(self.shaft(parameters), along.middle, run.step_s, slopes=True)
+        size = steps.transition.shape[1]
+        start, end = (run.quiet(torque) for torque in equations.torques)
+        stacked = np.concatenate([run.quiet(run.states)[:-1], start, end], axis=1)
+        made = np.zeros((start.shape[0], size + 1, at.size))
+        part = made[:, :size]
+        share = along.inertia[:, None] * along.rows / 2
+        on_load = along.bend[:, None] * along.rows + along.inertia[:, None] * along.slopes
+        part[:, :, at.inertia] = np.einsum("ksi,ki->ks", steps.by_inertia, stacked)[:, :, None]
+        part[:, :, at.inertia] *= ((share[1:] + share[:-1]) / along.middle[:, None])[:, None, :]
+        part[:, :, at.inertia] += steps.added(-along.centrifugal[:, None] * on_load, 1)
+        part[:, :, at.load_torque] = steps.added(along.gentle, 1)
+        friction = np.stack([along.direction, along.speed], 1)
+        part[:, :, [at.coulomb, at.viscous]] = steps.added(-friction, 0)
+        both = (steps.at_start + steps.at_end)[:, :, 0]
+        part[:, :, at.torque_delay] = both * motor.by_delay[:, None]
+        part[:, :, at.controller_delay] = both * motor.by_controller_delay[:, None]
+        part[:, :, at.stiffness] = np.einsum("ksi,ki->ks", steps.by_stiffness, stacked)
+        part[:, :, at.damping] = np.einsum("ksi,ki->ks", steps.by_damping, stacked)
+        of_speed = np.zeros((along.speed.size, at.size))
+        of_speed[:, at.speed_delay] = -run.speed_at(parameters[at.speed_delay], derivative=1)
+        return made, of_speed
 
 
 def _lift(values: Array) -> Array:
@@ -329,15 +264,3 @@ def _lift(values: Array) -> Array:
     bent = np.zeros_like(values)
     bent[1:-1] = -(values[2:] - 2 * values[1:-1] + values[:-2]) / 12
     return bent
-
-
-def _added(at_start: Array, at_end: Array, nodes: Array, shaft: int) -> Array:
-    """What torques at the nodes (n, c) add to each step, (n − 1, s, c)."""
-    start, end = at_start[:, :, shaft], at_end[:, :, shaft]
-    return np.asarray(start[:, :, None] * nodes[:-1, None, :] + end[:, :, None] * nodes[1:, None, :])
-
-
-def load_angle_range(runs: Sequence[Signals]) -> tuple[float, float]:
-    """Lowest and highest load angle (rad) of all runs."""
-    angles = [run.load_angle_rad for run in runs]
-    return min(float(a.min()) for a in angles), max(float(a.max()) for a in angles)

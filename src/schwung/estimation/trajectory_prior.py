@@ -9,12 +9,14 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cache
 
 import numpy as np
-from scipy.linalg import cho_factor, cho_solve
+from scipy.linalg import solve_triangular
 from scipy.optimize import minimize
 
 from schwung.drivetrain.machine import Machine
+from schwung.estimation import trajectory_kernel as kernel
 from schwung.estimation.trajectory_model import Layout
 from schwung.motion import Array
 
@@ -31,21 +33,35 @@ _LOWEST, _HIGHEST = np.log(1e-6), np.log(3.0)
 class Prior:
     """Normal prior: mean and precision (P,) of each parameter, and roughness of the two curves."""
 
+    layout: Layout
     mean: Array
     precision: Array
-    roughness: tuple[Array, Array]  # second-difference matrices (P, P) of log J_l and of T_l
     torque_nm: float
 
-    def matrix(self, log_deviations: Sequence[float]) -> Array:
-        """The whole precision (P, P) with the given deviations of second differences."""
-        bent, loaded = (float(np.exp(-2 * value)) for value in log_deviations)
-        result = np.diag(self.precision) + bent * self.roughness[0]
-        result += loaded / self.torque_nm**2 * self.roughness[1]
-        return np.asarray(result)
+    def matrix(self, log_deviations: Sequence[float]) -> tuple[Array, float]:
+        """The whole precision (P, P) with the given deviations of second differences, and log of its determinant."""
+        at, result = self.layout, np.diag(self.precision)
+        logs = np.log(self.precision)
+        for where, weight in (
+            (at.inertia, np.exp(-2 * log_deviations[0])),
+            (at.load_torque, np.exp(-2 * log_deviations[1]) / self.torque_nm**2),
+        ):
+            bends, values = _bends(where.stop - where.start)
+            result[where, where] += weight * bends
+            logs[where] = np.log(self.precision[where] + weight * values)
+        return result, float(np.sum(logs))
 
 
-def prior_for(layout: Layout, machine: Machine, inertia_kgm2: float, *, held: bool) -> Prior:
-    """The prior of a machine about a constant inertia; what it cannot have is pinned to zero."""
+@cache
+def _bends(count: int) -> tuple[Array, Array]:
+    """Sum of squared second differences as a matrix (count, count), and its eigenvalues."""
+    second = np.diff(np.eye(count), 2, axis=0)
+    matrix = second.T @ second
+    return matrix, np.maximum(np.linalg.eigvalsh(matrix), 0.0)
+
+
+def prior_for(layout: Layout, machine: Machine, inertia_kgm2: float, *, held: bool, coupling: bool) -> Prior:
+    """The prior of a machine about a constant inertia; what it cannot have is pinned, and its coupling unless asked."""
     peak = machine.motor.peak_torque_nm
     mean, deviation = np.zeros(layout.size), np.ones(layout.size)
     mean[layout.inertia] = np.log(inertia_kgm2)
@@ -55,19 +71,10 @@ def prior_for(layout: Layout, machine: Machine, inertia_kgm2: float, *, held: bo
     deviation[layout.viscous] = 0.01 * peak
     deviation[[layout.torque_delay, layout.speed_delay]] = DELAY_S
     deviation[layout.controller_delay] = DELAY_S if held else _PINNED
-    deviation[layout.stiffness] = STIFFNESS if machine.coupling else _PINNED
-    deviation[layout.damping] = DAMPING if machine.coupling and machine.coupling.damping_nms > 0 else _PINNED
-    return Prior(
-        mean, deviation**-2.0, (_bend(layout, layout.inertia), _bend(layout, layout.load_torque)), peak
-    )
-
-
-def _bend(layout: Layout, where: slice) -> Array:
-    count = layout.basis.size
-    second = np.diff(np.eye(count), 2, axis=0)
-    result = np.zeros((layout.size, layout.size))
-    result[where, where] = second.T @ second
-    return result
+    shaft = machine.coupling if coupling else None
+    deviation[layout.stiffness] = STIFFNESS if shaft else _PINNED
+    deviation[layout.damping] = DAMPING if shaft and shaft.damping_nms > 0 else _PINNED
+    return Prior(layout, mean, deviation**-2.0, peak)
 
 
 @dataclass(frozen=True, eq=False)
@@ -85,23 +92,23 @@ def posterior(
     """The most likely parameters, for data of `information` (P, P) and `slope` (P,) about `about` (P,)."""
     pull = information @ about + slope
 
-    def solved(log_deviations: Sequence[float]) -> tuple[float, Array, tuple[Array, bool], Array]:
-        precision = prior.matrix(log_deviations)
+    def solved(log_deviations: Sequence[float]) -> tuple[float, Array, Array]:
+        precision, volume = prior.matrix(log_deviations)
         whole = information + precision
         scale = 1 / np.sqrt(np.diag(whole))
-        factor = cho_factor(whole * scale[:, None] * scale)
-        found = scale * cho_solve(factor, scale * (pull + precision @ prior.mean))
+        factor = kernel.cholesky(whole * scale[:, None] * scale)
+        half = solve_triangular(factor, scale * (pull + precision @ prior.mean), lower=True)
+        found = scale * solve_triangular(factor, half, lower=True, trans="T")
         step, away = found - about, found - prior.mean
         cost = -slope @ step + step @ information @ step / 2 + away @ precision @ away / 2
-        cost += np.sum(np.log(np.diag(factor[0]))) - np.sum(np.log(scale))
-        return float(cost - np.linalg.slogdet(precision)[1] / 2), found, factor, scale
+        cost += np.sum(np.log(np.diag(factor))) - np.sum(np.log(scale)) - volume / 2
+        return float(cost), found, factor / scale[:, None]
 
-    bounds = [(_LOWEST, _HIGHEST)] * 2
     best = minimize(
-        lambda v: solved(np.clip(v, _LOWEST, _HIGHEST))[0], np.array(start), method="Nelder-Mead", bounds=bounds,
-        options={"xatol": 0.02, "fatol": 1e-3, "initial_simplex": np.add(start, [[0, 0], [0.7, 0], [0, 0.7]])},
+        lambda v: solved(v)[0], np.array(start), method="Nelder-Mead", bounds=[(_LOWEST, _HIGHEST)] * 2,
+        options={"xatol": 0.05, "fatol": 0.02, "initial_simplex": np.array(start) + 0.7 * np.eye(3, 2, -1)},
     )  # fmt: skip
     chosen = (float(best.x[0]), float(best.x[1]))
-    _, found, factor, scale = solved(chosen)
-    covariance = scale[:, None] * cho_solve(factor, np.eye(scale.size)) * scale
-    return Posterior(found, covariance, chosen)
+    _, found, factor = solved(chosen)
+    root = solve_triangular(factor, np.eye(found.size), lower=True)
+    return Posterior(found, root.T @ root, chosen)

@@ -1,0 +1,166 @@
+"""A run as the trajectory fit takes it: the torque between samples, the states believed, and exact steps."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.interpolate import CubicSpline
+from scipy.signal import butter, sosfiltfilt
+
+from schwung.drivetrain.machine import Machine
+from schwung.estimation import trajectory_kernel as kernel
+from schwung.estimation.sampling import is_held
+from schwung.motion import Array
+from schwung.session.model import Run
+
+#: Bands above this share of the highest frequency are not worth a filter.
+WIDEST = 0.8
+_EDGE = 30  # samples of padding at either end
+#: Inertias at which a step is worked out; between them it is interpolated (relative error below 1e-9).
+_NODES = 96
+_DIFFERENCE = 1e-4  # of log k and log b, for their sensitivities
+
+
+@dataclass(frozen=True, eq=False)
+class Between:
+    """Torque at start and end of each step (N·m), and what a second of either delay adds to both; (n − 1,) each."""
+
+    start_nm: Array
+    end_nm: Array
+    by_delay: Array
+    by_controller_delay: Array
+
+
+@dataclass(frozen=True, eq=False)
+class Drive:
+    """The torque of one run, between its samples."""
+
+    time_s: Array
+    smooth: CubicSpline  # all of it, or the controller's part where the injection is held
+    held_nm: Array  # (n − 1,) held over each interval
+
+    def between(self, delay_s: float, controller_delay_s: float) -> Between:
+        """Torque between samples, delayed. The straight line from start to end has the true mean of the step."""
+        step = float(self.time_s[1] - self.time_s[0])
+        at = np.clip(self.time_s - delay_s - controller_delay_s, self.time_s[0], self.time_s[-1])
+        value = self.smooth(at)
+        rise = np.diff(value)
+        area = np.diff(self.smooth.antiderivative()(at))
+        lift = area / np.maximum(np.diff(at), 1e-12) - (value[1:] + value[:-1]) / 2
+        before = np.concatenate([self.held_nm[:1], self.held_nm[:-1]])
+        after = np.concatenate([self.held_nm[1:], self.held_nm[-1:]])
+        jump = self.held_nm - before if delay_s >= 0 else after - self.held_nm
+        lift = np.where(np.diff(at) > 0, lift, 0.0) + self.held_nm - jump * delay_s / step
+        return Between(value[:-1] + lift, value[1:] + lift, -(rise + jump) / step, -rise / step)
+
+
+@dataclass(frozen=True, eq=False)
+class Signals:
+    """One run, and the latest belief of its states (n, s)."""
+
+    time_s: Array
+    step_s: float
+    position_rad: Array
+    speed_rad_s: Array
+    drive: Drive
+    states: Array
+    rigid: bool
+    band_hz: float  # within which the motion and the injection lie
+
+    @property
+    def load_angle_rad(self) -> Array:
+        return self.position_rad if self.rigid else self.states[:, 0] - self.states[:, 2]
+
+    @property
+    def load_speed_rad_s(self) -> Array:
+        return np.asarray(self.states[:, 1 if self.rigid else 3])
+
+    def quiet(self, values: Array) -> Array:
+        """Signals (n, …) without what lies above the band, without lag."""
+        if 2 * self.band_hz * self.step_s >= WIDEST or values.shape[0] <= _EDGE:
+            return values
+        sections = butter(2, 2 * self.band_hz * self.step_s, output="sos")
+        return np.asarray(sosfiltfilt(sections, values, axis=0, padlen=_EDGE))
+
+    def speed_at(self, delay_s: float, derivative: int = 0) -> Array:
+        """The believed motor speed `delay_s` before each sample, or its derivative, (n,)."""
+        then = np.clip(self.time_s - delay_s, self.time_s[0], self.time_s[-1])
+        return np.asarray(CubicSpline(self.time_s, self.states[:, 1])(then, derivative))
+
+
+def signals_of(run: Run, machine: Machine, band_hz: float) -> Signals:
+    """A recorded run made ready; where the injection is held, the torque is a staircase plus the controller's."""
+    held, smooth = np.zeros(len(run) - 1), run.torque_nm
+    if is_held(run) and run.torque_added_nm is not None:
+        held, smooth = run.torque_added_nm[1:], run.torque_nm - run.torque_added_nm
+    position, rigid = run.position_rad, machine.coupling is None
+    speed = (
+        CubicSpline(run.time_s, position).derivative()(run.time_s) if np.ptp(run.speed_rad_s) == 0 else None
+    )
+    speed = run.speed_rad_s if speed is None else speed
+    states = [position, speed] if rigid else [position, speed, np.zeros_like(speed), speed]
+    return Signals(
+        time_s=run.time_s,
+        step_s=1 / run.sample_rate_hz,
+        position_rad=position,
+        speed_rad_s=run.speed_rad_s,
+        drive=Drive(run.time_s, CubicSpline(run.time_s, smooth), held),
+        states=np.column_stack(states),
+        rigid=rigid,
+        band_hz=band_hz,
+    )
+
+
+def load_angle_range(runs: Sequence[Signals]) -> tuple[float, float]:
+    """Lowest and highest load angle (rad) of all runs."""
+    angles = [run.load_angle_rad for run in runs]
+    return min(float(a.min()) for a in angles), max(float(a.max()) for a in angles)
+
+
+@dataclass(frozen=True, eq=False)
+class Steps:
+    """Every step of a run, which depends on the load inertia alone: state⁺ = Φ state + S start + E end.
+
+    `start` and `end`: torques on motor and load. The derivatives hold Φ, S and E side by side, (m, s, s + 4).
+    """
+
+    transition: Array  # (m, s, s)
+    at_start: Array  # (m, s, 2)
+    at_end: Array
+    by_inertia: Array  # ∂/∂ log J_l
+    by_stiffness: Array  # ∂/∂ log k
+    by_damping: Array
+
+    @classmethod
+    def of(cls, shaft: kernel.Shaft, inertia: Array, step_s: float, *, slopes: bool) -> Steps:
+        """Steps of the given inertias (m,); without `slopes` the derivatives are empty."""
+        logs = np.log(inertia)
+        nodes = np.linspace(logs.min() - 1e-3, logs.max() + 1e-3, _NODES)
+
+        def table(which: kernel.Shaft) -> Array:
+            return np.concatenate(kernel.steps(which, np.exp(nodes), step_s), axis=2)
+
+        def by(name: str) -> Array:
+            ends = [
+                table(shaft._replace(**{name: getattr(shaft, name) * np.exp(d)}))
+                for d in (_DIFFERENCE, -_DIFFERENCE)
+            ]
+            return np.asarray(CubicSpline(nodes, (ends[0] - ends[1]) / (2 * _DIFFERENCE))(logs))
+
+        curve = CubicSpline(nodes, table(shaft))
+        transition, at_start, at_end = np.split(curve(logs), [-4, -2], axis=2)
+        none = np.empty(0)
+        if not slopes:
+            return cls(transition, at_start, at_end, none, none, none)
+        by_inertia = curve(logs, 1)
+        if shaft.rigid:
+            none = np.zeros_like(by_inertia)
+            return cls(transition, at_start, at_end, by_inertia, none, none)
+        return cls(transition, at_start, at_end, by_inertia, by("stiffness"), by("damping"))
+
+    def added(self, nodes: Array, shaft: int) -> Array:
+        """What torques at the samples (n, c) add to each step, (n − 1, s, c); `shaft` 0: motor, 1: load."""
+        start, end = self.at_start[:, :, shaft], self.at_end[:, :, shaft]
+        return np.asarray(start[:, :, None] * nodes[:-1, None, :] + end[:, :, None] * nodes[1:, None, :])
