@@ -31,6 +31,8 @@ _DRAWS = 64
 _LOWEST_SHARE, _FADE_SHARE = 1 / 8, 1 / 2
 #: Length of the grid's period for a stepped sine (s), and of every ramp (s).
 _SINE_GRID_S, _RAMP_S = 0.2, 0.05
+#: Every repeat of a sine is weaker by this share: the same sine would meet the same counts of the encoder again.
+_LESS_EACH_REPEAT = 0.1
 #: However little the loop is damped, no run waits longer than this (s).
 _LONGEST_SETTLING_S = 2.0
 
@@ -98,9 +100,13 @@ def excitations_of(
     found = []
     if wishes.waveform == "sine":
         steady = math.ceil(wishes.periods * _SINE_GRID_S * rate) / rate
-        for _ in range(wishes.repeats):
+        for repeat in range(wishes.repeats):
             for line in lines:
-                amplitude = peak * _share(machine, limits, np.array([line]), np.array([-1j * peak]))
+                amplitude = (
+                    (1 - _LESS_EACH_REPEAT) ** repeat
+                    * peak
+                    * _share(machine, limits, np.array([line]), np.array([-1j * peak]))
+                )
                 found.append(
                     Excitation(
                         frequency_hz=float(line), amplitude_nm=amplitude, ramp_s=_RAMP_S, settle_s=settle,

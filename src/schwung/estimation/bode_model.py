@@ -148,7 +148,7 @@ def predict(d: Points, p: dict[str, float], inertia_kgm2: float) -> Predicted:
     reported = 1 - d.direct + np.sum(seen * speed, axis=0)
     folded = np.sum(d.s / d.images * np.exp(-d.images * p["delay"]) * speed, axis=0)
     unfiltered = np.exp(d.s * p["lag"] - d.s**2 * p["smear"] / 2)
-    within = -reported / (d.response - folded)
+    within = -reported / ((d.response - folded) * np.exp(d.s * p["delay"]))
     described = _controller(p, d.s, p["gain_delay"], p["gain_smear"])
     return Predicted(plain * (d.direct + reported * unfiltered) + folded, within / described)
 

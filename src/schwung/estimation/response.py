@@ -1,8 +1,9 @@
 """The response from torque to speed at standstill, as measured: complex points with their spread and coherence.
 
 The axis is held by its controller, so the torque is the *total* motor torque and the ratio of phasors is the open
-loop (method.md, step 2). Every line of a sine or multisine is fitted over blocks of whole periods; what differs
-from block to block and from run to run is the spread.
+loop (method.md, step 2). Every line of a sine or multisine is fitted over blocks of whole periods. The spread is what
+differs from block to block or from run to run, or what is found at frequencies that nobody injected: the counts of
+encoder and torque repeat with the vibration, and so do their errors, in every block alike.
 
 A torque that a bus refreshes once per SYNC is a staircase a_k, and samples of the same rate hold its images at
 f + i·f_s, too (`sampling.py`). Here the torque is the fundamental of what acts: S·a, S = (e^{sT} − 1)/(sT), for the
@@ -37,6 +38,8 @@ BAND_SHARE = 0.4
 MIN_COHERENCE = 0.8
 #: The spread is averaged over so many lines on either side: of a handful of periods it is a coarse number itself.
 _SMOOTHED_LINES = 2
+#: Free frequencies that are looked at beside each line.
+_STRAYS = 4
 #: Blocks are a whole number of samples to this accuracy (samples); so many periods are tried for it.
 _WHOLE, _MOST_PERIODS = 0.02, 40
 #: The shortest block (s): a few periods of a fast sine are one block.
@@ -80,6 +83,8 @@ class _Blocks:
     torque: ComplexArray
     added: ComplexArray
     commanded_nm: Array
+    stray_speed: ComplexArray  # (n, m, _STRAYS), beside each line, over the amplitude that was commanded
+    stray_torque: ComplexArray
     block_s: float
     hold_s: float | None
 
@@ -119,7 +124,9 @@ def _response(runs: Sequence[Run]) -> Response:
     blocks = [_phasors(run) for run in runs]
     lines = np.unique(np.concatenate([b.frequency_hz for b in blocks]).round(9))
     points = [_point(line, blocks) for line in lines]
-    within, between = (_smoothed(np.array([p[key] for p in points])) for key in ("within", "between"))
+    within, between, stray = (
+        _smoothed(np.array([p[key] for p in points])) for key in ("within", "between", "stray")
+    )
     torque = np.array([p["torque"] for p in points])
     response = np.array([p["response"] for p in points])
     lowest = response[: max(3, lines.size // 4)]
@@ -133,7 +140,7 @@ def _response(runs: Sequence[Run]) -> Response:
         position_rad=float(np.mean([_angle(run) for run in runs])),
         frequency_hz=lines,
         response=response,
-        std=np.sqrt(np.maximum(within, between)) / np.abs(torque),
+        std=np.sqrt(np.maximum(np.maximum(within, between), stray)) / np.abs(torque),
         coherence=np.array([p["coherence"] for p in points]).real,
         staircase=np.array([p["added"] for p in points]) / torque,
         speed_noise=np.array([p["noise"] for p in points]).real,
@@ -159,6 +166,8 @@ def _point(line: float, blocks: Sequence[_Blocks]) -> dict[str, complex]:
     between = float(np.sum(np.abs(means) ** 2)) / (runs * (runs - 1)) if runs > 1 else 0.0
     cross = abs(np.vdot(torque, speed)) ** 2
     power = float(np.sum(np.abs(speed) ** 2) * np.sum(np.abs(torque) ** 2))
+    beside = [b.stray_speed[:, column] - response * b.stray_torque[:, column] for b, column in holding]
+    stray = float(np.mean([np.mean(np.abs(error.mean(axis=0)) ** 2) for error in beside])) / runs
     amplitude = float(np.mean([b.commanded_nm[column] for b, column in holding]))
     duration = float(np.mean([b.block_s for b, _ in holding]))
     return {
@@ -167,6 +176,7 @@ def _point(line: float, blocks: Sequence[_Blocks]) -> dict[str, complex]:
         "added": complex(added.mean()),
         "within": scatter / n,
         "between": between,
+        "stray": stray,
         "coherence": cross / power if power > 0 else 0.0,
         "noise": np.sqrt(scatter * duration) * amplitude,
     }
@@ -194,34 +204,78 @@ def _phasors(run: Run) -> _Blocks:
     if count < 2:
         raise InputError(
             run.name or "excited run",
-            f"has {max(last - first, 0) / rate:.3g} s of steady vibration, less than two blocks of {size / rate:.3g} s",
+            f"vibrates steadily for {max(last - first, 0) / rate:.3g} s, less than two blocks of {size / rate:.3g} s",
             "Record more periods.",
         )
-    local = np.arange(size) / rate
-    turning = np.multiply.outer(local, 2 * np.pi * lines)
-    drift = np.stack([np.ones(size), local - local.mean()], axis=1)  # it may creep
-    inverse = np.linalg.pinv(np.hstack([np.cos(turning), np.sin(turning), drift]))
+    fitter = _Fitter.of(size, rate, excitation)
     starts = run.time_s[first : first + count * size : size]
-    back = np.exp(-2j * np.pi * np.multiply.outer(starts, lines)) / excitation.phasors_nm
 
-    def of(samples: Array) -> ComplexArray:
-        fitted = samples[first : first + count * size].reshape(count, size) @ inverse.T
-        m = lines.size
-        return np.asarray((fitted[:, :m] - 1j * fitted[:, m : 2 * m]) * back)
+    def of(samples: Array) -> _Phasors:
+        return fitter.fit(samples[first : first + count * size].reshape(count, size), starts)
 
     s = np.asarray(2j * np.pi * lines, dtype=np.complex128)
     hold = excitation.hold_s if _is_held(run, excitation) else None
+    by_position = hold is not None or run.extra.get("speed_source") == "position"
+    torque, added_nm = run.torque_nm, np.zeros(len(run))
     if hold is not None:
         added_nm = excitation.torque(run.time_s) if run.torque_added_nm is None else run.torque_added_nm
-        added = of(added_nm)
-        torque = added * staircase_gain(s, hold) + of(run.torque_nm - added_nm)
-        speed = of(run.position_rad) * s
-    else:
-        torque = of(run.torque_nm)
-        added = np.zeros_like(torque)
-        by_position = run.extra.get("speed_source") == "position"
-        speed = of(run.position_rad) * s if by_position else of(run.speed_rad_s)
-    return _Blocks(lines, speed, torque, added, np.abs(excitation.phasors_nm), size / rate, hold)
+        torque = torque - added_nm
+    added, vibration = of(added_nm).lines, of(run.position_rad if by_position else run.speed_rad_s)
+    turned = of(torque)
+    stray_s = 2j * np.pi * fitter.strays_hz
+    return _Blocks(
+        frequency_hz=lines,
+        speed=vibration.lines * (s if by_position else 1.0),
+        torque=turned.lines if hold is None else turned.lines + added * staircase_gain(s, hold),
+        added=added,
+        commanded_nm=np.abs(excitation.phasors_nm),
+        stray_speed=vibration.strays * (stray_s if by_position else 1.0),
+        stray_torque=turned.strays,
+        block_s=size / rate,
+        hold_s=hold,
+    )
+
+
+@dataclass(frozen=True, eq=False)
+class _Phasors:
+    """Per block: at the lines (n, m), over the commanded phasor; beside them (n, m, _STRAYS), over its size."""
+
+    lines: ComplexArray
+    strays: ComplexArray
+
+
+@dataclass(frozen=True, eq=False)
+class _Fitter:
+    """Least squares for lines, mean and drift of a block; what is left, at the nearest free frequencies."""
+
+    lines_hz: Array
+    strays_hz: Array  # (m, _STRAYS)
+    commanded: ComplexArray
+    design: Array
+    inverse: Array
+    stray_bins: NDArray[np.int64]
+
+    @classmethod
+    def of(cls, size: int, rate: float, excitation: Excitation) -> _Fitter:
+        lines, local = excitation.lines_hz, np.arange(size) / rate
+        turning = np.multiply.outer(local, 2 * np.pi * lines)
+        drift = np.stack([np.ones(size), local - local.mean()], axis=1)  # it may creep
+        design = np.hstack([np.cos(turning), np.sin(turning), drift])
+        taken = np.rint(lines * size / rate)
+        free = np.setdiff1d(np.arange(1, (size - 1) // 2), taken)
+        nearest = np.argsort(np.abs(free - taken[:, None]), axis=1, kind="stable")[:, :_STRAYS]
+        bins = free[nearest]
+        return cls(lines, bins * rate / size, excitation.phasors_nm, design, np.linalg.pinv(design), bins)
+
+    def fit(self, samples: Array, starts_s: Array) -> _Phasors:
+        """Phasors of samples (n, size) that start at the given instants (n,)."""
+        fitted = samples @ self.inverse.T
+        m = self.lines_hz.size
+        back = np.exp(-2j * np.pi * np.multiply.outer(starts_s, self.lines_hz)) / self.commanded
+        left = np.fft.rfft(samples - fitted @ self.design.T, axis=1) * 2 / samples.shape[1]
+        shift = np.exp(-2j * np.pi * np.multiply.outer(starts_s, self.strays_hz))
+        strays = left[:, self.stray_bins] * shift / np.abs(self.commanded)[:, None]
+        return _Phasors(np.asarray((fitted[:, :m] - 1j * fitted[:, m : 2 * m]) * back), np.asarray(strays))
 
 
 def _is_held(run: Run, excitation: Excitation) -> bool:

@@ -1,0 +1,102 @@
+"""A two-mass machine at standstill under a sampled cascade, stepped by matrix exponentials: exact, and independent.
+
+Written from the equations alone. The drive runs at 8 kHz; the bus holds the injected torque for a millisecond and
+samples angle and torque at its end. Reported torque passes a first-order filter, as in drives.
+"""
+
+from math import pi
+
+import numpy as np
+from scipy.linalg import expm
+
+from schwung.motion import Excitation
+from schwung.session import Run, Session
+
+ROTOR, ROTOR_FRICTION, STIFFNESS, DAMPING, LOAD_FRICTION = 0.012, 0.2, 24963.0, 8.62, 0.1
+K_PP, K_PS, T_N = 60.0, 7.0, 20e-3
+TICK, PER_SYNC = 125e-6, 8
+COUNT = 2 * pi / 2**20
+LINES = np.unique(np.rint(np.geomspace(8, 400, 36) / 2)) * 2
+
+
+def multisine(amplitude=4.0, lines=LINES, seed=1, periods=3, rate=1000.0, settle=1.0):
+    """Random phases, base frequency 2 Hz; weak at low frequencies, where the axis would wander."""
+    phases = np.random.default_rng(seed).uniform(-pi, pi, lines.size)
+    amplitudes = amplitude * np.minimum(1, lines / 30)
+    return Excitation(
+        waveform="multisine",
+        frequency_hz=2.0,
+        amplitude_nm=float(amplitudes.sum()),
+        frequencies_hz=tuple(lines.tolist()),
+        amplitudes_nm=tuple(amplitudes.tolist()),
+        phases_rad=tuple(phases.tolist()),
+        ramp_s=0.05,
+        settle_s=settle,
+        end_s=0.1 + settle + periods / 2.0,
+        hold_s=1 / rate,
+    )
+
+
+def sine(frequency, amplitude=20.0, steady=0.8, settle=1.0):
+    """One line of a stepped sine."""
+    end = 0.1 + settle + steady
+    return Excitation(
+        frequency_hz=frequency, amplitude_nm=amplitude, ramp_s=0.05, settle_s=settle, end_s=end, hold_s=1e-3
+    )
+
+
+def step_matrices(load, rotor=ROTOR, stiffness=STIFFNESS, damping=DAMPING):
+    """x = (motor angle, motor speed, wind-up, load speed) after one tick of held torque."""
+    k, b = stiffness, damping
+    a = np.array([
+        [0, 1, 0, 0],
+        [0, -(b + ROTOR_FRICTION) / rotor, -k / rotor, b / rotor],
+        [0, 1, 0, -1],
+        [0, b / load, k / load, -(b + LOAD_FRICTION) / load],
+    ])  # fmt: skip
+    whole = np.zeros((5, 5))
+    whole[:4, :4], whole[1, 4] = a, 1 / rotor
+    moved = expm(whole * TICK)
+    return moved[:4, :4], moved[:4, 4]
+
+
+def record(
+    angle, load, excitation, *, count=COUNT, noise_nm=0.02, seed=0, filter_s=100e-6, latency_ticks=0, **plant
+):
+    """One run at 1 kHz, sampled at the end of each step; `latency_ticks`: the angle is reported so much later."""
+    ahead, push = step_matrices(load, **plant)
+    rng = np.random.default_rng(seed)
+    time = np.arange(round((excitation.end_s + 0.1) * 1000)) / 1000
+    added = excitation.torque(time)
+    x, seen, speed, integral, reported = np.zeros(4), 0.0, 0.0, 0.0, 0.0
+    share = 1 - np.exp(-TICK / filter_s)
+    past = [0.0] * (latency_ticks + 1)
+    position, torque, speeds = np.empty_like(time), np.empty_like(time), np.empty_like(time)
+    for n, injected in enumerate(added):
+        for _ in range(PER_SYNC):
+            error = -K_PP * seen - speed
+            motor = K_PS * error + integral + injected
+            integral += K_PS * error * TICK / T_N
+            x = ahead @ x + push * motor
+            before, seen = seen, (np.floor(x[0] / count) * count if count else x[0])
+            speed += share * ((seen - before) / TICK - speed)
+            reported += share * (motor - reported)
+            past = [seen, *past[:-1]]
+        position[n], torque[n], speeds[n] = past[-1], reported, speed
+    torque = torque + noise_nm * rng.normal(size=torque.size)
+    return Run(
+        role="excited",
+        repeat=seed,
+        sample_rate_hz=1000.0,
+        time_s=time,
+        position_rad=position + angle,
+        speed_rad_s=speeds,
+        torque_nm=torque,
+        torque_added_nm=added,
+        excitation=excitation,
+        name=f"angle {angle:g}",
+    )
+
+
+def session(*runs):
+    return Session(runs=tuple(runs), created="2026-01-01T00:00:00+00:00", source="exact physics")
