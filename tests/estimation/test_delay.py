@@ -93,3 +93,15 @@ def test_a_rigid_machine(rigid):
     session = delayed(pair(0.25, rigid=True, rate=1000.0), speed_s=5e-4)
     found = find_delay(session, session.excited, rigid)
     assert found.torque_to_speed.value == pytest.approx(5e-4, abs=5e-5)
+
+
+def test_an_angle_too_noisy_to_tell_makes_no_delay(four, machine):
+    """2 mrad: half the ripple itself; the comparison of speed and angle must not pass chance off as a lag."""
+    for seed in range(4):
+        rng = np.random.default_rng(seed)
+        coarse = [
+            replace(run, position_rad=run.position_rad + 2e-3 * rng.normal(size=len(run)))
+            for run in four.runs
+        ]
+        found = find_delay(session_of(*coarse), tuple(coarse), machine)
+        assert not found.significant

@@ -16,7 +16,7 @@ from scipy.interpolate import CubicSpline
 
 from schwung.drivetrain.machine import Machine
 from schwung.errors import InputError
-from schwung.estimation.balance import BAND, fade_in_and_out, noise_floor
+from schwung.estimation.balance import fade_in_and_out, noise_floor
 from schwung.estimation.denoise import denoise
 from schwung.estimation.fit import Nuisance, fit_curve
 from schwung.estimation.ripple import Ripple, phase_groups, ripple_of_pair, ripple_of_phases
@@ -28,6 +28,8 @@ MIN_PHASE_RAD = 0.01
 #: More than this is no delay but a wrong signal.
 MAX_PHASE_RAD = 1.0
 ROUNDS = 5
+#: Speed and angle are compared this far about the injected frequency, as a share of it.
+ABOUT = 0.25
 #: The iteration has settled within this share of a sample.
 SETTLED_SAMPLES = 1e-3
 
@@ -48,10 +50,7 @@ class Delay:
     @property
     def significant(self) -> bool:
         """Whether one of the two is worth removing."""
-        return any(self._worth_removing(part) for part in (self.angle, self.speed))
-
-    def _worth_removing(self, part: Nuisance) -> bool:
-        return part.clear and 2 * np.pi * self.frequency_hz * abs(part.value) > MIN_PHASE_RAD
+        return any(_worth_removing(part, self.frequency_hz) for part in (self.angle, self.speed))
 
     @property
     def text(self) -> str:
@@ -60,6 +59,10 @@ class Delay:
         order = "after" if whole.value > 0 else "ahead of"
         text = f"The speed is reported {abs(whole.value) * 1e3:.3f} ± {2 * whole.std * 1e3:.2g} ms {order} the torque"
         return text + (f", {speed:.3f} ms behind the angle; removed." if speed else "; removed.")
+
+
+def _worth_removing(part: Nuisance, frequency_hz: float) -> bool:
+    return part.clear and 2 * np.pi * frequency_hz * abs(part.value) > MIN_PHASE_RAD
 
 
 def find_delay(session: Session, excited: Sequence[Run], machine: Machine) -> Delay | None:
@@ -73,6 +76,8 @@ def find_delay(session: Session, excited: Sequence[Run], machine: Machine) -> De
         return None
     speeds = [_speed_behind_angle(ripple) for ripple in ripples]
     speed = _mean(speeds)
+    if not _worth_removing(speed, ripples[0].frequency_hz):
+        speed = Nuisance(0.0, speed.std)  # else the torque would be moved to make up for a chance
     found = 0.0
     settled = SETTLED_SAMPLES / ripples[0].sample_rate_hz
     for _ in range(ROUNDS):
@@ -131,28 +136,30 @@ def _moved(ripple: Ripple, *, torque_s: float, speed_s: float) -> Ripple:
 
 
 def _speed_behind_angle(ripple: Ripple) -> Nuisance:
-    """Ω(f) = jωΘ(f) e^{−jωτ} over the band, least squares."""
+    """Ω(f) = jωΘ(f) e^{−jωτ} about the injected frequency, least squares; both sides are noisy."""
     rate, frequency = ripple.sample_rate_hz, ripple.frequency_hz
     fade = fade_in_and_out(ripple.time_s.size, rate, frequency)
     f = np.fft.fftfreq(fade.size, 1 / rate)
-    chosen = (f >= BAND[0] * frequency) & (f <= min(BAND[1] * frequency, 0.45 * rate))
+    chosen = np.abs(f / frequency - 1) < ABOUT
     omega = 2 * np.pi * f[chosen]
     speed = np.fft.fft(ripple.ripple_speed_rad_s * fade)[chosen]
     moved = 1j * omega * np.fft.fft(ripple.ripple_position_rad * fade)[chosen]
-    noise = noise_floor(ripple.ripple_speed_rad_s * fade, rate, frequency) + omega**2 * noise_floor(
-        ripple.ripple_position_rad * fade, rate, frequency
-    )
+    of_speed = noise_floor(ripple.ripple_speed_rad_s * fade, rate, frequency)
+    of_angle = omega**2 * noise_floor(ripple.ripple_position_rad * fade, rate, frequency)
+    noise = of_speed + of_angle
     delay = 0.0
-    information = np.inf
     for _ in range(ROUNDS):
         model = moved * np.exp(-1j * omega * delay)
-        information = float(np.sum(omega**2 * np.abs(model) ** 2 / noise))
+        # the product of two signals with noises of their own holds none of either's power
+        signal = np.real(np.conj(model) * speed)
+        information = float(np.sum(omega**2 * signal / noise))
         if not information > 0:
             return Nuisance(0.0, np.inf)
         delay -= float(np.sum(omega * np.imag(np.conj(model) * speed) / noise)) / information
+    scatter = np.sum(omega**2 * (np.maximum(signal, 0.0) * noise + of_speed * of_angle) / noise**2) / 2
     # a speed that a drive filters or rounds is not off by noise alone: no better than the misfit says
     misfit = float(np.mean(np.abs(speed - moved * np.exp(-1j * omega * delay)) ** 2 / noise))
-    return Nuisance(delay, float(np.sqrt(max(misfit, 1.0) / 2 / information)))
+    return Nuisance(delay, float(np.sqrt(max(misfit, 1.0) * scatter)) / information)
 
 
 def _mean(parts: Sequence[Nuisance]) -> Nuisance:
