@@ -33,7 +33,7 @@ from schwung.session.model import Run
 PIECES, MOST_PIECES, PIECES_PER_RAD = 40, 160, 12.0
 MOST_ITERATIONS = 40
 #: Runs that the sizes of noise and the start are found from, at most.
-FEW = 4
+FEW = 3
 #: Converged: no coefficient moves by more than this share of its standard deviation.
 SETTLED = 0.05
 #: Nearly so, and ready for what had been held back.
@@ -78,8 +78,7 @@ def fit(recorded: Sequence[Run], machine: Machine, *, rotary: bool = True) -> Fi
     The coupling is held as believed until the rest has settled: stiffness and inertia, both far off, can make up for
     each other. Then pieces are halved until the curve's bends are resolved.
     """
-    band = BAND * max((run.excitation.frequency_hz for run in recorded if run.excitation), default=np.inf)
-    runs = tuple(signals_of(run, machine, band) for run in recorded)
+    runs = tuple(signals_of(run, machine, band_of(recorded)) for run in recorded)
     low, high = load_angle_range(runs)
     pieces = int(np.clip((high - low) * PIECES_PER_RAD if rotary else PIECES, PIECES, MOST_PIECES))
     basis = Basis(low, high, pieces)
@@ -115,6 +114,11 @@ def fit(recorded: Sequence[Run], machine: Machine, *, rotary: bool = True) -> Fi
             settled = moved < SETTLED and not restless
             restless = restless or moved > NEARLY
     return Fit(model, parameters, found.covariance, noise, runs, iteration, settled)
+
+
+def band_of(recorded: Sequence[Run]) -> float:
+    """The band (Hz) that motion and injection are in; infinite without injection."""
+    return BAND * max((run.excitation.frequency_hz for run in recorded if run.excitation), default=np.inf)
 
 
 def _too_coarse(model: Model, found: Posterior) -> bool:

@@ -1,0 +1,118 @@
+"""The Cramér-Rao bound of a session: how well its J_l(θ) can be known at all, whatever the method.
+
+No unbiased estimate from these recordings, with this machine and this noise, has a smaller standard deviation. It
+comes from the sensitivities of the innovations of a Kalman filter along the session's own trajectories (Ljung, System
+Identification, 2nd ed., 7.4), the same model as the trajectory fit's; other parameters may be known or not.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from schwung.drivetrain.machine import Machine
+from schwung.errors import InputError
+from schwung.estimation.sampling import is_held
+from schwung.estimation.table import DEFAULT_POINTS
+from schwung.estimation.trajectory_fit import band_of, likely_noise, passed_over, resmoothed
+from schwung.estimation.trajectory_model import STICKING, Basis, Layout, Model, Noise
+from schwung.estimation.trajectory_prior import posterior, prior_for
+from schwung.estimation.trajectory_signals import load_angle_range, signals_of
+from schwung.motion import Array
+from schwung.session.model import Session
+
+#: Spline pieces over the visited range, unless asked for: detail of a sixteenth of the stroke.
+PIECES = 16
+#: How often the states are brought to agree with the given machine.
+_ROUNDS = 4
+_GIVEN = 1e12  # precision of a logarithm that is given
+_ROUGH = (0.0, 0.0)
+
+
+@dataclass(frozen=True, eq=False)
+class Bound:
+    """The least standard deviation over the load angle; arrays (points,)."""
+
+    position_rad: Array
+    inertia_kgm2: Array  # the given one
+    std_kgm2: Array
+    noise: Noise  # that it holds for
+
+    @property
+    def rms_kgm2(self) -> float:
+        """Root mean square over the angles: the least RMSE of a table over them."""
+        return float(np.sqrt(np.mean(self.std_kgm2**2)))
+
+
+def cramer_rao(
+    session: Session,
+    machine: Machine,
+    *,
+    noise: Noise | None = None,
+    pieces: int = PIECES,
+    points: int = DEFAULT_POINTS,
+    all_else_known: bool = False,
+) -> Bound:
+    """The bound of a session for a machine whose inertia is given, as the truth or as an estimate of it.
+
+    Args:
+        session: as recorded; its noise hardly matters, its trajectories do.
+        machine: with load inertia; its `coulomb_friction` and `viscous_friction` terms count.
+        noise: of each sample; None: what the recordings show.
+        pieces: of the spline over the visited angles whose coefficients are unknown; more pieces resolve finer
+            detail and are bound to larger deviations (about as √pieces).
+        points: angles of the answer, uniform over those visited.
+        all_else_known: load torque, frictions, delays and coupling are known; else estimated beside the inertia.
+
+    Raises InputError where the machine's inertia is unknown or a number is out of range.
+    """
+    if pieces < 1 or points < 2:
+        raise InputError(
+            "pieces" if pieces < 1 else "points", "is too small", "Give 1 piece, 2 points or more."
+        )
+    runs = tuple(signals_of(run, machine, band_of(session.runs)) for run in session.runs)
+    low, high = load_angle_range(runs)
+    peak_speed = max(float(np.max(np.abs(run.states[:, 1]))) for run in runs)
+    basis = Basis(low, high, pieces)
+    model = Model(machine, Layout(basis, basis), STICKING * peak_speed)
+    parameters = _truth(model)
+    found = noise or Noise(0.01 * machine.motor.peak_torque_nm, 1e-3 * peak_speed, 1e-6 * (high - low))
+    at, held = model.layout, any(is_held(run) for run in session.runs)
+    prior = prior_for(at, machine, 1.0, held=held, coupling=True)
+    precision, mean = prior.precision.copy(), prior.mean.copy()
+    precision[at.inertia], mean[at.inertia] = _GIVEN, parameters[at.inertia]
+    given = replace(prior, precision=precision, mean=mean)
+    for _ in range(_ROUNDS):  # what the session says of all else, so that its trajectories are met
+        runs = resmoothed(model, runs, parameters, found)
+        found = noise or likely_noise(model, runs, parameters, found, 1.0)
+        passed = passed_over(model, runs, parameters, found)
+        parameters = posterior(given, passed.information, passed.slope, parameters, _ROUGH).parameters
+    # the prior enters where there is no data: what is pinned stays so, and no matrix is singular
+    information = passed.information + np.diag(prior.precision)
+    if all_else_known:
+        covariance = np.linalg.inv(information[at.inertia, at.inertia])
+    else:
+        scale = 1 / np.sqrt(np.diag(information))
+        covariance = scale[:, None] * np.linalg.inv(information * scale[:, None] * scale) * scale
+        covariance = covariance[at.inertia, at.inertia]
+    grid = np.linspace(low, high, points)
+    rows, _ = basis.rows(grid)
+    inertia = machine.load_inertia_at(grid)
+    spread = np.einsum("ni,ij,nj->n", rows, covariance, rows)
+    return Bound(grid, inertia, inertia * np.sqrt(np.maximum(spread, 0.0)), found)
+
+
+def _truth(model: Model) -> Array:
+    """The parameters that the machine stands for; its own load torque and frictions are in the equations already."""
+    at, machine = model.layout, model.machine
+    grid = np.linspace(at.basis.low_rad, at.basis.high_rad, 8 * at.basis.size)
+    parameters = np.zeros(at.size)
+    rows, _ = at.basis.rows(grid)
+    parameters[at.inertia] = np.linalg.lstsq(rows, np.log(machine.load_inertia_at(grid)), rcond=None)[0]
+    for term in machine.physics:
+        if term.name == "coulomb_friction":
+            parameters[at.coulomb] += term.number("torque_nm")
+        elif term.name == "viscous_friction":
+            parameters[at.viscous] += term.number("coefficient_nms")
+    return parameters
