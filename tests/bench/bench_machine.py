@@ -65,14 +65,20 @@ class Desk:
 
 
 @contextmanager
-def desk(plant: str = "two-mass", sync: str = "auto", **bench_options: object) -> Iterator[Desk]:
+def desk(
+    plant: str = "two-mass",
+    sync: str = "auto",
+    bit_rate: int = 1_000_000,
+    profile: DeviceProfile | None = None,
+    **bench_options: object,
+) -> Iterator[Desk]:
     """A connected desk; both ends are closed at the end."""
     channel = f"desk-{next(_channels)}"
-    profile = load_profile("schwung-bench")
+    profile = profile or load_profile("schwung-bench")
     with Bench(plant, channel=channel, node_id=1, **bench_options) as bench:  # type: ignore[arg-type]  # by name
-        bus = open_bus(BusOptions("virtual", channel, 1_000_000))
+        bus = open_bus(BusOptions("virtual", channel, bit_rate))
         try:
-            drive = CanopenDrive(bus, 1, profile, bit_rate=1_000_000, sync=sync)  # type: ignore[arg-type]  # a literal
+            drive = CanopenDrive(bus, 1, profile, bit_rate=bit_rate, sync=sync)  # type: ignore[arg-type]  # a literal
             try:
                 yield Desk(bench, drive, profile)
             finally:

@@ -9,6 +9,7 @@ import pytest
 from bench_machine import Desk, Silence, desk
 
 from schwung.commissioning import (
+    Commissioned,
     ExportChoice,
     LimitWishes,
     export_table,
@@ -20,6 +21,7 @@ from schwung.drivetrain import InertiaTable
 from schwung.errors import DriveError, RefusedError, SampleLossError, SchwungError
 from schwung.estimation import estimate
 from schwung.fieldbus.canopen import sync
+from schwung.fieldbus.drive import Acquisition, ParameterValue, Setpoints
 from schwung.session import read_session
 
 CHANGED = [
@@ -106,6 +108,77 @@ def test_profile_position_gives_the_same_table(tmp_path: Path) -> None:
         by_moves = room.commission(tmp_path / "pp", mode="pp").estimate.table
         shared = by_moves.position_rad[(by_moves.position_rad > 0.1) & (by_moves.position_rad < 3.0)]
         assert np.max(np.abs(by_moves.at(shared) - by_setpoints.at(shared))) < 0.006
+
+
+def _error_rms(room: Desk, done: Commissioned) -> float:
+    table = done.estimate.table
+    error = table.inertia_kgm2 - room.bench.plant.true_inertia(table.position_rad)
+    return float(np.sqrt(np.mean(error**2)))
+
+
+@pytest.mark.parametrize(
+    "wishes",
+    [
+        {"returns": False},
+        {"returns": False, "mode": "pp"},
+        {"distance_rad": -np.pi},
+        {"distance_rad": -np.pi, "returns": False},
+        {"sample_rate_hz": 500.0},
+        {"sample_rate_hz": 2000.0},
+        {"frequency_hz": 47.0},
+        {"kind": "poly5"},
+    ],
+    ids=str,
+)
+def test_other_motions_rates_and_frequencies_find_the_inertia_and_end_where_they_began(
+    wishes: dict[str, object], tmp_path: Path
+) -> None:
+    with desk(seed=3) as room:
+        done = room.commission(tmp_path / "out", **wishes)
+        assert _error_rms(room, done) <= 0.003
+        assert room.bench.axis.position_rad == pytest.approx(0.0, abs=0.01)
+        assert _is_off(room)
+
+
+def test_a_motion_may_start_elsewhere_than_at_zero(tmp_path: Path) -> None:
+    """From 1 rad, where the loop rings longest: both motions have to start from rest."""
+    with desk(seed=3) as room:
+        acquisition = Acquisition("csp", 1000.0)
+        before = [room.drive.read(value.parameter) for value in room.drive.setup(acquisition)]
+        room.drive.write(room.drive.setup(acquisition))
+        room.drive.start(acquisition)
+        room.drive.enable()
+        path = 0.5 * (1 - np.cos(np.linspace(0, np.pi, 1000)))
+        room.drive.play(Setpoints(1000.0, path, np.zeros(1000)))
+        room.drive.disable()
+        room.drive.stop()
+        room.drive.write(before)
+        done = room.commission(tmp_path / "out")
+        assert done.prepared.plan.start_position_rad == pytest.approx(1.0, abs=0.05)
+        assert _error_rms(room, done) <= 0.003
+
+
+def test_a_coarse_speed_or_none_at_all_is_replaced_by_that_of_the_position(tmp_path: Path) -> None:
+    with desk(seed=3) as room:
+        room.drive.write([ParameterValue(room.drive.parameter(0x60A9), 0x00B44700)])  # 1 rpm a count
+        assert _error_rms(room, room.commission(tmp_path / "coarse")) <= 0.003
+    quantities = room.profile.quantities.model_copy(update={"speed": None})
+    silent = room.profile.model_copy(
+        update={"quantities": quantities, "pdo": tuple(p for p in room.profile.pdo if p.number == 1)}
+    )
+    with desk(seed=3, profile=silent) as room:
+        done = room.commission(tmp_path / "none")
+        assert _error_rms(room, done) <= 0.003
+        assert np.max(done.session.runs[0].speed_rad_s) == pytest.approx(1.5 * np.pi / 0.25, rel=0.2)
+
+
+@pytest.mark.parametrize(("bit_rate", "rate_hz"), [(250_000, 1000.0), (500_000, 2000.0)])
+def test_a_bus_that_is_too_slow_is_refused(bit_rate: int, rate_hz: float, tmp_path: Path) -> None:
+    with (
+        desk(bit_rate=bit_rate) as room,
+        pytest.raises(RefusedError, match=rf"bus load.*{bit_rate // 1000} kbit/s"),
+    ):
+        room.commission(tmp_path / "out", sample_rate_hz=rate_hz)
 
 
 def test_an_injection_held_between_syncs_has_to_be_known_as_such(tmp_path: Path) -> None:

@@ -248,6 +248,15 @@ def test_a_wrong_node_or_profile_is_refused_with_a_remedy(tmp_path_factory: pyte
         assert not bench.servo.power.energised
 
 
+def test_an_eds_of_another_drive_is_refused(tmp_path: Path) -> None:
+    profile = load_profile("schwung-bench")
+    text = profile.eds_path.read_text()
+    assert "ProductNumber=0x00000402" in text
+    (tmp_path / profile.eds).write_text(text.replace("ProductNumber=0x00000402", "ProductNumber=7"))
+    with bench_and_bus() as (_, bus), pytest.raises(InputError, match=r"product code \(EDS\)"):
+        CanopenDrive(bus, NODE, profile.model_copy(update={"folder": tmp_path}))
+
+
 def test_a_domain_is_read_by_block_transfer_or_else_by_segments(monkeypatch: pytest.MonkeyPatch) -> None:
     with enabled() as (_, drive):
         trace = drive.parameter(0x2200, 4)

@@ -251,13 +251,16 @@ def _run_of(recording: Recording, planned: PlannedRun, plan: Plan, source: Speed
     actual, commanded = slice(1, None), slice(None, -1)
     position = recording.position_rad[actual]
     demand = recording.position_demand_rad[commanded] if plan.acquisition.mode == "csp" else None
+    speed = recording.speed_rad_s[actual]
+    if np.all(np.isnan(speed)):  # the drive has none: nothing was lost
+        speed = np.gradient(position, 1 / recording.sample_rate_hz)
     return Run(
         role=planned.role,
         repeat=planned.repeat,
         sample_rate_hz=recording.sample_rate_hz,
         time_s=np.arange(position.size) / recording.sample_rate_hz,
         position_rad=position,
-        speed_rad_s=recording.speed_rad_s[actual],
+        speed_rad_s=speed,
         torque_nm=recording.torque_nm[actual],
         position_demand_rad=demand,
         torque_added_nm=recording.torque_added_nm[commanded],

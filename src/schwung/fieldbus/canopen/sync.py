@@ -77,7 +77,7 @@ class LockstepProducer:
             self._send_next()
         seen, since = -1, time.monotonic()
         shown = 0.0
-        while not self._over.wait(_PROGRESS_S if recorder is not None else 0.01):
+        while not self._over.wait(LOST_AFTER_S / 4 if recorder is not None else 0.01):
             now = time.monotonic()
             if self._position != seen:
                 seen, since = self._position, now
