@@ -164,11 +164,21 @@ def test_what_is_not_determined_keeps_the_belief(fitted):
     machine = fitted.machine(believed)
     assert machine.coupling.stiffness_nm_rad == fitted.stiffness.value
     assert machine.load.inertia_table.inertia_kgm2 == pytest.approx(list(LOADS.values()), rel=0.01)
-    for fit, value, belief in (
-        (fitted.rotor_friction, machine.motor.viscous_friction_nms, believed.motor.viscous_friction_nms),
-        (fitted.load_friction, machine.load.viscous_friction_nms, believed.load.viscous_friction_nms),
-    ):
-        assert value == (fit.value if fit.determined else belief)
+    vague = replace(fitted, rotor=replace(fitted.rotor, std=fitted.rotor.value))
+    assert vague.machine(believed).motor.inertia_kgm2 == believed.motor.inertia_kgm2
+
+
+def test_dry_friction_passes_for_viscous_at_standstill_and_does_not_get_into_the_machine(fitted):
+    """Its describing function is real: 4 T_c/(π ω) of the vibration's speed, here as large as 3 N·m·s/rad."""
+    rng = np.random.default_rng(8)
+    plain = [_synthetic(load, 0.005, rng) for load in LOADS.values()]
+    sticky = fit_bode([replace(r, response=1 / (1 / r.response + 3.0)) for r in plain])
+    assert sticky.rotor_friction.value == pytest.approx(3.2, abs=0.1)
+    assert sticky.stiffness.value == pytest.approx(STIFFNESS, rel=0.01)
+    assert any("dry friction" in note for note in sticky.notes)
+    assert sticky.machine(paper_machine()).motor == paper_machine().motor.model_copy(
+        update={"inertia_kgm2": sticky.rotor.value}
+    )
 
 
 def test_a_compliance_that_the_model_lacks_is_said_and_widens_the_intervals():

@@ -100,10 +100,10 @@ class BodeFit:
         return mobility(p, self.angles[number].inertia.value, s)
 
     def machine(self, believed: Machine) -> Machine:
-        """The believed machine with what was determined in place of what was believed.
+        """The believed machine with what was determined in place of what was believed; frictions stay as believed.
 
-        Several angles make an inertia table, one angle a number. Raises InputError where an inertia came out
-        negative.
+        At standstill dry friction passes for viscous, many times what is felt in motion. Several angles make an
+        inertia table, one angle a number. Raises InputError where an inertia came out negative.
         """
         if self.inertia_range_kgm2[0] <= 0:
             raise InputError(
@@ -121,11 +121,7 @@ class BodeFit:
                     stiffness_nm_rad=self.stiffness.value,
                     damping_nms=self.damping.value if damped or coupling is None else coupling.damping_nms,
                 )
-        if self.rotor_friction.determined:
-            motor = motor.model_copy(update={"viscous_friction_nms": self.rotor_friction.value})
         load = believed.load.model_copy(update=self._load())
-        if self.load_friction.determined:
-            load = load.model_copy(update={"viscous_friction_nms": self.load_friction.value})
         return believed.model_copy(update={"motor": motor, "coupling": coupling, "load": load})
 
     def _load(self) -> dict[str, Any]:
@@ -210,10 +206,14 @@ def _notes(fit: BodeFit) -> list[str]:
                     f"{name} is not determined by this recording: ±{fitted.half_width:.2g} of {fitted.value:.3g}"
                 )
     for name, fitted in (("motor", fit.rotor_friction), ("load", fit.load_friction)):
-        if not fitted.determined:
+        if fitted.determined:
             notes.append(
-                f"viscous friction of the {name} is not determined: below {max(fitted.ci95[1], 0):.2g} N·m·s/rad"
+                f"friction of the {name}, {fitted.value:.2g} ± {fitted.half_width:.1g} N·m·s/rad, is that of this "
+                "small vibration; dry friction is in it, and the machine file keeps what it has"
             )
+        else:
+            most = max(fitted.ci95[1], 0)
+            notes.append(f"viscous friction of the {name} is not determined: below {most:.2g} N·m·s/rad")
     if fit.chi2 > _POOR_CHI2:
         notes.append(
             f"the fit misses the points by {np.sqrt(fit.chi2):.1f} times their spread: friction, play or a further "

@@ -57,7 +57,7 @@ def render_bode(content: BodeContent) -> str:
         drawn_figure(Picture("bode", "Frequency response", caption, bode_figure(fit))),
         section("Load inertia at each angle", rows_table(angles, angle_rows(fit))),
         section("Drive train", rows_table(head, list(parameter_rows(fit, content.believed)))),
-        section("What this recording did not show", bullets(fit.notes)),
+        section("What to mind", bullets(fit.notes)),
         _proposed(content.proposal),
         section("Preflight", rows_table(("Result", "Check", "Found", "Remedy"), content.checks, marked=True)),
         "<footer>Written by Schwung. This file needs nothing else: keep it, mail it, print it.</footer>",
@@ -116,9 +116,15 @@ def parameter_rows(fit: BodeFit, believed: Machine | None) -> Iterator[tuple[str
                 f"{fitted.value:.5g}",
                 f"{fitted.half_width:.2g}",
                 f"{beliefs[name]:.5g}" if name in beliefs else "",
-                "" if fitted.determined else "not determined: the belief is kept",
+                _remark(name, fitted),
             )
     yield "reporting delay, µs", f"{fit.delay.value * 1e6:.1f}", f"{fit.delay.half_width * 1e6:.1f}", "", ""
+
+
+def _remark(name: str, fitted: Fitted) -> str:
+    if not fitted.determined:
+        return "not determined: the belief is kept"
+    return "of a small vibration: the belief is kept" if "friction" in name else ""
 
 
 def _beliefs(machine: Machine) -> dict[str, float]:
