@@ -225,6 +225,7 @@ def test_a_table_in_degrees_is_noticed() -> None:
     angles = np.linspace(0.0, 180.0, 5)
     assert "degrees" in describe_table(InertiaTable(angles, np.full(5, 0.1)))
     assert "degrees" not in describe_table(InertiaTable(np.radians(angles), np.full(5, 0.1)))
+    assert "(0 … 180°)" in describe_table(InertiaTable(np.radians(angles) - 1e-4, np.full(5, 0.1)))
     assert "kg " in describe_table(InertiaTable(angles, np.full(5, 0.1)), "linear")
 
 

@@ -45,7 +45,7 @@ class ParameterStore:
             return {int(k, 16): bytes.fromhex(v) if isinstance(v, str) else v for k, v in content.items()}
         except (OSError, ValueError, AttributeError, TypeError) as error:
             raise BenchError(
-                str(path), f"is no drive memory ({error})", "Delete it to start afresh."
+                str(path), f"is no drive memory ({error})", "Name a new file, or one that a bench wrote."
             ) from error
 
     def power_up(self, only: range = _GROUPS[1]) -> None:

@@ -37,7 +37,7 @@ def bench(
     fault: Annotated[
         list[str] | None, typer.Option(metavar="FAULT", help="A fault to make; see --list. Repeatable.")
     ] = None,
-    seconds: Annotated[float | None, typer.Option(help="End by itself after so long.")] = None,
+    seconds: Annotated[float | None, typer.Option(min=0.0, help="End by itself after so long.")] = None,
     listing: Annotated[
         bool, typer.Option("--list", help="List what can be concealed and which faults there are.")
     ] = False,

@@ -107,7 +107,7 @@ def describe_table(table: InertiaTable, axis: str = "rotary") -> str:
         f"{table.inertia_kgm2.max():.4f} {inertia} over {first:.3g} … {last:.3g} {position}"
     )
     if axis == "rotary":
-        text += f" ({math.degrees(first):.0f} … {math.degrees(last):.0f}°)"
+        text += f" ({round(math.degrees(first))} … {round(math.degrees(last))}°)"
         turns = (last - first) / (2 * math.pi)
         if turns > _MANY_TURNS:
             text += f"\n[yellow]![/] These are {turns:.0f} turns: the angles are meant in rad, not in degrees"
