@@ -1,8 +1,8 @@
 """The compiled inside of the trajectory fit: exact steps of the two-mass model, Kalman filter, smoother.
 
 State of the flexible machine: motor angle, motor speed, wind-up θ_r − θ_l, load speed; of the rigid one: angle and
-speed. Over one sampling interval the load inertia stands still and the torques run straight from `start` to `end`;
-the step is then a matrix exponential, exact for any stiffness.
+speed. Over one sampling interval the load inertia stands still and the torques are parabolas; the step is then made of
+matrix exponentials, exact for any stiffness.
 """
 
 from __future__ import annotations
@@ -53,8 +53,8 @@ class Filtered(NamedTuple):
 
 
 @njit(cache=True, error_model="numpy")
-def _exponentials(shaft: Shaft, inertia: float, duration: float) -> tuple[Array, Array, Array]:
-    """e^{Ah}, ∫e^{A(h−t)}B dt and ∫e^{A(h−t)}B t dt for one interval h; B: torque on motor, on load."""
+def _exponentials(shaft: Shaft, inertia: float, duration: float) -> tuple[Array, Array, Array, Array]:
+    """e^{Ah} and ∫e^{A(h−t)}B tⁱ dt, i = 0, 1, 2, over one interval h; B: torque on motor, on load."""
     size = 2 if shaft.rigid else 4
     rates, inputs = np.zeros((size, size)), np.zeros((size, 2))
     rates[0, 1] = 1.0
@@ -74,33 +74,38 @@ def _exponentials(shaft: Shaft, inertia: float, duration: float) -> tuple[Array,
         fastest += shaft.motor_friction / rotor + shaft.load_friction / inertia
     doublings = max(0, int(np.ceil(np.log2(max(fastest * duration / _REACH, 1e-9)))))
     h = duration / 2**doublings
-    moved, first, second = np.eye(size), np.zeros((size, size)), np.zeros((size, size))
-    term = np.eye(size)
+    moved, term = np.eye(size), np.eye(size)
+    first, second, third = np.zeros((size, size)), np.zeros((size, size)), np.zeros((size, size))
     for i in range(_TERMS):  # term = (Ah)^i / i!
         first += term * (h / (i + 1))
         second += term * (h * h / ((i + 1) * (i + 2)))
+        third += term * (2.0 * h * h * h / ((i + 1) * (i + 2) * (i + 3)))
         term = term @ rates * (h / (i + 1))
         moved += term
     for _ in range(doublings):
+        third = moved @ third + third + 2.0 * h * second + h * h * first
         second = moved @ second + second + h * first
         first = moved @ first + first
         moved = moved @ moved
         h *= 2.0
-    return moved, first @ inputs, second @ inputs
+    return moved, first @ inputs, second @ inputs, third @ inputs
 
 
 @njit(cache=True, error_model="numpy")
-def steps(shaft: Shaft, inertia: Array, duration: float) -> tuple[Array, Array, Array]:
-    """For every interval: transition (m, s, s), and what torques at its start and at its end add, (m, s, 2)."""
+def steps(shaft: Shaft, inertia: Array, duration: float) -> Array:
+    """For every interval, side by side (m, s, s + 6): the transition, and what torques add, on motor and load each.
+
+    Torques run straight from start to end, with a parabola on top: start, end, height of the parabola.
+    """
     count, size = inertia.size, 2 if shaft.rigid else 4
-    transition = np.empty((count, size, size))
-    at_start, at_end = np.empty((count, size, 2)), np.empty((count, size, 2))
+    result = np.empty((count, size, size + 6))
     for i in range(count):
-        moved, first, second = _exponentials(shaft, inertia[i], duration)
-        transition[i] = moved
-        at_end[i] = second / duration
-        at_start[i] = first - second / duration
-    return transition, at_start, at_end
+        moved, first, second, third = _exponentials(shaft, inertia[i], duration)
+        result[i, :, :size] = moved
+        result[i, :, size : size + 2] = first - second / duration
+        result[i, :, size + 2 : size + 4] = second / duration
+        result[i, :, size + 4 :] = 4.0 * (second - third / duration) / duration
+    return result
 
 
 @njit(cache=True, error_model="numpy")

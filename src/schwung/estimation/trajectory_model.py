@@ -136,7 +136,7 @@ class Equations:
     slack: Array  # (n,) variance of the torque (N·m)² beyond the sensor's
     measured: Array  # (n, 2)
     first: Array  # (s,)
-    torques: tuple[Array, Array]  # on motor and load (n − 1, 2), at start and end of each step
+    torques: Array  # (n − 1, 6) over each step, see `Steps`
 
 
 @dataclass(frozen=True, eq=False)
@@ -200,24 +200,18 @@ class Model:
         at, along = self.layout, self._along(run, parameters)
         load = along.gentle @ parameters[at.load_torque] - along.bend * along.centrifugal
         load += self.machine.load_torque_at(run.load_angle_rad)
-        load += _lift(load)
         friction = parameters[at.coulomb] * along.direction + parameters[at.viscous] * along.speed
         motor = run.drive.between(parameters[at.torque_delay], parameters[at.controller_delay])
-        torques = (
-            np.stack([motor.start_nm - friction[:-1], load[:-1]], 1),
-            np.stack([motor.end_nm - friction[1:], load[1:]], 1),
-        )
+        start, end = motor.start_nm - friction[:-1], motor.end_nm - friction[1:]
+        torques = np.stack([start, load[:-1], end, load[1:], motor.bulge_nm, _bulge(load)], 1)
         steps = Steps.of(self.shaft(parameters), along.middle, run.step_s, slopes=False)
         size = steps.transition.shape[1]
-        transition, forcing = (
-            np.zeros((load.size - 1, size + 1, size + 1)),
-            np.zeros((load.size - 1, size + 1)),
-        )
+        transition = np.zeros((load.size - 1, size + 1, size + 1))
+        forcing = np.zeros((load.size - 1, size + 1))
         transition[:, :size, :size] = steps.transition
-        transition[:, :size, size] = -steps.at_start[:, :, 0]
-        noise = np.column_stack([-steps.at_end[:, :, 0], np.ones(load.size - 1)])
-        forcing[:, :size] = np.einsum("ksi,ki->ks", steps.at_start, torques[0])
-        forcing[:, :size] += np.einsum("ksi,ki->ks", steps.at_end, torques[1])
+        transition[:, :size, size] = -steps.inputs[:, :, 0]
+        noise = np.column_stack([-steps.inputs[:, :, 2], np.ones(load.size - 1)])
+        forcing[:, :size] = np.einsum("ksi,ki->ks", steps.inputs, torques)
         late = run.speed_at(parameters[at.speed_delay])
         measured = np.column_stack([run.position_rad, run.speed_rad_s - late + along.speed])
         # where the shaft may stick, dry friction is anything within ±F for as long: the torque is not known there
@@ -237,9 +231,8 @@ class Model:
         motor = run.drive.between(parameters[at.torque_delay], parameters[at.controller_delay])
         steps = Steps.of(self.shaft(parameters), along.middle, run.step_s, slopes=True)
         size = steps.transition.shape[1]
-        start, end = (run.quiet(torque) for torque in equations.torques)
-        stacked = np.concatenate([run.quiet(run.states)[:-1], start, end], axis=1)
-        made = np.zeros((start.shape[0], size + 1, at.size))
+        stacked = np.concatenate([run.quiet(run.states)[:-1], run.quiet(equations.torques)], axis=1)
+        made = np.zeros((stacked.shape[0], size + 1, at.size))
         part = made[:, :size]
         share = along.inertia[:, None] * along.rows / 2
         on_load = along.bend[:, None] * along.rows + along.inertia[:, None] * along.slopes
@@ -249,7 +242,7 @@ class Model:
         part[:, :, at.load_torque] = steps.added(along.gentle, 1)
         friction = np.stack([along.direction, along.speed], 1)
         part[:, :, [at.coulomb, at.viscous]] = steps.added(-friction, 0)
-        both = (steps.at_start + steps.at_end)[:, :, 0]
+        both = steps.inputs[:, :, 0] + steps.inputs[:, :, 2]
         part[:, :, at.torque_delay] = both * motor.by_delay[:, None]
         part[:, :, at.controller_delay] = both * motor.by_controller_delay[:, None]
         part[:, :, at.stiffness] = np.einsum("ksi,ki->ks", steps.by_stiffness, stacked)
@@ -259,8 +252,8 @@ class Model:
         return made, of_speed
 
 
-def _lift(values: Array) -> Array:
-    """What makes the straight line between nodes have the cubic's mean, about, (n,)."""
-    bent = np.zeros_like(values)
-    bent[1:-1] = -(values[2:] - 2 * values[1:-1] + values[:-2]) / 12
-    return bent
+def _bulge(values: Array) -> Array:
+    """Height over the straight line of a smooth curve in the middle between samples (n,), (n − 1,)."""
+    bend = np.zeros_like(values)
+    bend[1:-1] = values[2:] - 2 * values[1:-1] + values[:-2]
+    return np.asarray(-(bend[1:] + bend[:-1]) / 16)

@@ -25,10 +25,11 @@ _DIFFERENCE = 1e-4  # of log k and log b, for their sensitivities
 
 @dataclass(frozen=True, eq=False)
 class Between:
-    """Torque at start and end of each step (N·m), and what a second of either delay adds to both; (n − 1,) each."""
+    """Torque over each step (N·m), and what a second of either delay adds to it; (n − 1,) each."""
 
     start_nm: Array
     end_nm: Array
+    bulge_nm: Array  # height of a parabola over the straight line from start to end
     by_delay: Array
     by_controller_delay: Array
 
@@ -42,18 +43,19 @@ class Drive:
     held_nm: Array  # (n − 1,) held over each interval
 
     def between(self, delay_s: float, controller_delay_s: float) -> Between:
-        """Torque between samples, delayed. The straight line from start to end has the true mean of the step."""
+        """Torque between samples, delayed, with its true mean over each step."""
         step = float(self.time_s[1] - self.time_s[0])
         at = np.clip(self.time_s - delay_s - controller_delay_s, self.time_s[0], self.time_s[-1])
         value = self.smooth(at)
         rise = np.diff(value)
         area = np.diff(self.smooth.antiderivative()(at))
-        lift = area / np.maximum(np.diff(at), 1e-12) - (value[1:] + value[:-1]) / 2
+        mean = area / np.maximum(np.diff(at), 1e-12)
+        bulge = np.where(np.diff(at) > 0, 1.5 * (mean - (value[1:] + value[:-1]) / 2), 0.0)
         before = np.concatenate([self.held_nm[:1], self.held_nm[:-1]])
         after = np.concatenate([self.held_nm[1:], self.held_nm[-1:]])
         jump = self.held_nm - before if delay_s >= 0 else after - self.held_nm
-        lift = np.where(np.diff(at) > 0, lift, 0.0) + self.held_nm - jump * delay_s / step
-        return Between(value[:-1] + lift, value[1:] + lift, -(rise + jump) / step, -rise / step)
+        held = self.held_nm - jump * delay_s / step
+        return Between(value[:-1] + held, value[1:] + held, bulge, -(rise + jump) / step, -rise / step)
 
 
 @dataclass(frozen=True, eq=False)
@@ -121,14 +123,14 @@ def load_angle_range(runs: Sequence[Signals]) -> tuple[float, float]:
 
 @dataclass(frozen=True, eq=False)
 class Steps:
-    """Every step of a run, which depends on the load inertia alone: state⁺ = Φ state + S start + E end.
+    """Every step of a run, which depends on the load inertia alone: state⁺ = Φ state + inputs · torques.
 
-    `start` and `end`: torques on motor and load. The derivatives hold Φ, S and E side by side, (m, s, s + 4).
+    `torques`: at start, at end, and the height of a parabola between, on motor and load each. The derivatives hold
+    Φ and inputs side by side, (m, s, s + 6).
     """
 
     transition: Array  # (m, s, s)
-    at_start: Array  # (m, s, 2)
-    at_end: Array
+    inputs: Array  # (m, s, 6)
     by_inertia: Array  # ∂/∂ log J_l
     by_stiffness: Array  # ∂/∂ log k
     by_damping: Array
@@ -140,7 +142,7 @@ class Steps:
         nodes = np.linspace(logs.min() - 1e-3, logs.max() + 1e-3, _NODES)
 
         def table(which: kernel.Shaft) -> Array:
-            return np.concatenate(kernel.steps(which, np.exp(nodes), step_s), axis=2)
+            return np.asarray(kernel.steps(which, np.exp(nodes), step_s))
 
         def by(name: str) -> Array:
             ends = [
@@ -150,17 +152,17 @@ class Steps:
             return np.asarray(CubicSpline(nodes, (ends[0] - ends[1]) / (2 * _DIFFERENCE))(logs))
 
         curve = CubicSpline(nodes, table(shaft))
-        transition, at_start, at_end = np.split(curve(logs), [-4, -2], axis=2)
+        transition, inputs = np.split(curve(logs), [-6], axis=2)
         none = np.empty(0)
         if not slopes:
-            return cls(transition, at_start, at_end, none, none, none)
+            return cls(transition, inputs, none, none, none)
         by_inertia = curve(logs, 1)
         if shaft.rigid:
             none = np.zeros_like(by_inertia)
-            return cls(transition, at_start, at_end, by_inertia, none, none)
-        return cls(transition, at_start, at_end, by_inertia, by("stiffness"), by("damping"))
+            return cls(transition, inputs, by_inertia, none, none)
+        return cls(transition, inputs, by_inertia, by("stiffness"), by("damping"))
 
     def added(self, nodes: Array, shaft: int) -> Array:
         """What torques at the samples (n, c) add to each step, (n − 1, s, c); `shaft` 0: motor, 1: load."""
-        start, end = self.at_start[:, :, shaft], self.at_end[:, :, shaft]
+        start, end = self.inputs[:, :, shaft], self.inputs[:, :, 2 + shaft]
         return np.asarray(start[:, :, None] * nodes[:-1, None, :] + end[:, :, None] * nodes[1:, None, :])
