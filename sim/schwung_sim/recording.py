@@ -59,7 +59,7 @@ def play(
         speed = np.rint(speed / noise.speed_count_rad_s) * noise.speed_count_rad_s
     last = slice(every - 1, None, every)
     return AxisRecording(
-        time_s=np.arange(rows.shape[0]) * every * TICK_S,
+        time_s=np.arange(rows.shape[0], dtype=float) * every * TICK_S,
         position_rad=rows[:, 0].copy(),
         speed_rad_s=speed,
         torque_nm=rows[:, 2] + noise.torque_nm * chance.standard_normal(rows.shape[0]),
