@@ -250,7 +250,7 @@ def test_injection_shorter_than_a_period(fast, machine):
 
 
 def test_choices_that_do_not_exist(fast, machine):
-    with pytest.raises(InputError, match="denoised, ekf|denoised, .*former"):
+    with pytest.raises(InputError, match=r"denoised, ekf|denoised, .*former"):
         estimate(fast, machine, "guess")
     with pytest.raises(InputError, match='"complex" or "magnitude"'):
         estimate(fast, machine, inversion="phase")
