@@ -42,6 +42,7 @@ def estimate(
     from schwung.cli.console import Terminal, describe_table, json_text
     from schwung.cli.folders import make_folder, planned_folder
     from schwung.cli.sessions import content_of, in_file, standard_of
+    from schwung.commissioning.bode import with_recorded_gains
     from schwung.drivetrain import load_machine, write_inertia_csv
     from schwung.errors import InputError
     from schwung.estimation import estimate as estimate_session
@@ -51,6 +52,7 @@ def estimate(
 
     terminal = Terminal(json_output)
     believed, recorded = load_machine(machine), read_session(session)
+    believed = with_recorded_gains(believed, recorded)
     standard = standard_of(believed, reference)
     if inversion not in ("complex", "magnitude"):
         raise InputError("--inversion", f'is "{inversion}"', "Use complex or magnitude.")

@@ -19,7 +19,7 @@ from schwung.commissioning.bode_excitation import (
     excitations_of,
     grid_of,
 )
-from schwung.commissioning.commission import read_gains, settings_of
+from schwung.commissioning.commission import control_of, read_gains, settings_of
 from schwung.commissioning.journal import Change, ParameterJournal
 from schwung.commissioning.plan import (
     AMPLITUDE_SHARE,
@@ -150,8 +150,7 @@ def measure_bode(
         session_path=path,
         journal=journal,
         observer=observer,
-        settings=settings_of(prepared.plan)
-        | {"control": prepared.machine.required_control().model_dump(by_alias=True)},
+        settings=settings_of(prepared.plan) | control_of(prepared.machine),
         max_jitter_share=max_jitter_share,
         runs=prepared.runs,
         source="schwung bode",

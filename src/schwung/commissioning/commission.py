@@ -119,6 +119,11 @@ def settings_of(plan: Plan) -> dict[str, Any]:
     }
 
 
+def control_of(machine: Machine) -> dict[str, Any]:
+    """The gains as stored with the session, for estimates made later; see `with_recorded_gains`."""
+    return {"control": machine.required_control().model_dump(by_alias=True)}
+
+
 def carry_out(
     drive: Drive,
     prepared: Prepared,
@@ -140,7 +145,7 @@ def carry_out(
         session_path=session_path,
         journal=journal,
         observer=observer,
-        settings=settings_of(prepared.plan),
+        settings=settings_of(prepared.plan) | control_of(prepared.machine),
         max_jitter_share=max_jitter_share,
     )
     observer.phase("Estimating the load inertia")
