@@ -16,12 +16,13 @@ from schwung.estimation.methods import Outcome, Suitability, Task, register
 from schwung.estimation.table import DEFAULT_POINTS
 from schwung.estimation.trajectory_fit import Fit, fit
 from schwung.estimation.trust import MAX_CLIPPED_SHARE
-from schwung.motion import Array
 
 #: Where the band is wider than this share of the inertia itself, there was no information.
 UNKNOWN = 0.3
 #: A torque that the model misses by more than this share of its rms belongs to another machine, or has the wrong sign.
 UNEXPLAINED = 0.3
+#: A model that misses so many times the noise of the torque's own samples leaves physics out.
+MISFIT = 4.0
 
 
 class TrajectoryMethod:
@@ -53,20 +54,11 @@ class TrajectoryMethod:
 register(TrajectoryMethod())
 
 
-def inertia_at(found: Fit, angle_rad: Array) -> tuple[Array, Array]:
-    """J_l (kg·m²) and its standard deviation at load angles (rad), (n,) each."""
-    where = found.model.layout.inertia
-    rows, _ = found.model.layout.basis.rows(angle_rad)
-    inertia = np.exp(rows @ found.parameters[where])
-    spread = np.einsum("ni,ij,nj->n", rows, found.covariance[where, where], rows)
-    return inertia, inertia * np.sqrt(np.maximum(spread, 0.0))
-
-
 def _table(found: Fit, points: int) -> tuple[InertiaTable, tuple[str, ...]]:
     """The table over all visited angles that the data say something about."""
     basis = found.model.layout.basis
     grid = np.linspace(basis.low_rad, basis.high_rad, points)
-    inertia, deviation = inertia_at(found, grid)
+    inertia, deviation = found.inertia_at(grid)
     keep = deviation < UNKNOWN * inertia
     if keep.sum() < 2:
         raise InputError(
@@ -101,6 +93,7 @@ def _notes(found: Fit) -> tuple[str, ...]:
     def told(name: str, index: int, unit: str, scale: float = 1.0) -> str:
         return f"{name} {scale * values[index]:.3g} ± {scale * deviations[index]:.2g} {unit}"
 
+    missed, sensor = noise.torque_nm, _sensor_noise(found)
     lines = [
         f"Noise found: torque {noise.torque_nm:.2g} N·m, speed {noise.speed_rad_s:.2g} rad/s, "
         f"position {noise.position_rad:.2g} rad.",
@@ -115,6 +108,17 @@ def _notes(found: Fit) -> tuple[str, ...]:
         )
         + ".",
     ]
+    if missed > MISFIT * sensor:
+        lines.append(
+            f"The model misses {missed:.2g} N·m (rms), {missed / sensor:.0f} times the noise of the torque itself: "
+            "the machine does something that the model does not hold, and the inertia may be off by more than its band."
+        )
     if not found.converged:
         lines.append(f"The fit had not settled after {found.iterations} iterations.")
     return tuple(lines)
+
+
+def _sensor_noise(found: Fit) -> float:
+    """The noise of the torque's samples (N·m), from third differences: what no machine could follow."""
+    bends = np.concatenate([np.diff(run.drive.smooth(run.time_s), 3) for run in found.runs])
+    return max(float(np.sqrt(np.mean(bends**2) / 20)), 1e-300)
