@@ -72,7 +72,7 @@ def test_the_two_mass_machine_comes_out_within_its_intervals(tmp_path: Path) -> 
 def test_the_multi_body_slider_crank_comes_out_within_a_few_per_cent(tmp_path: Path) -> None:
     """MuJoCo's integrator has about 0.8 % more stiffness and 3 % less rotor at these frequencies: no 3 σ here."""
     with desk("slider-crank", seed=6) as room:
-        done = _measure(room, tmp_path / "out", angles_rad=(0.4,), repeats=1)
+        done = _measure(room, tmp_path / "out", angles_rad=(0.4,), periods=3, lowest_hz=12.0)
         truth = float(room.bench.plant.true_inertia(np.array([0.4]))[0])
     fit = done.fit
     assert fit.rotor is not None

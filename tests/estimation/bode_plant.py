@@ -14,7 +14,7 @@ from schwung.session import Run, Session
 
 ROTOR, ROTOR_FRICTION, STIFFNESS, DAMPING, LOAD_FRICTION = 0.012, 0.2, 24963.0, 8.62, 0.1
 K_PP, K_PS, T_N = 60.0, 7.0, 20e-3
-TICK, PER_SYNC = 125e-6, 8
+TICK = 125e-6
 COUNT = 2 * pi / 2**20
 LINES = np.unique(np.rint(np.geomspace(8, 400, 36) / 2)) * 2
 
@@ -61,19 +61,29 @@ def step_matrices(load, rotor=ROTOR, stiffness=STIFFNESS, damping=DAMPING):
 
 
 def record(
-    angle, load, excitation, *, count=COUNT, noise_nm=0.02, seed=0, filter_s=100e-6, latency_ticks=0, **plant
+    angle,
+    load,
+    excitation,
+    *,
+    rate=1000,
+    count=COUNT,
+    noise_nm=0.02,
+    seed=0,
+    filter_s=100e-6,
+    latency_ticks=0,
+    **plant,
 ):
-    """One run at 1 kHz, sampled at the end of each step; `latency_ticks`: the angle is reported so much later."""
+    """One run, sampled at the end of each step; `latency_ticks`: the angle is reported so much later."""
     ahead, push = step_matrices(load, **plant)
     rng = np.random.default_rng(seed)
-    time = np.arange(round((excitation.end_s + 0.1) * 1000)) / 1000
+    time = np.arange(round((excitation.end_s + 0.1) * rate)) / rate
     added = excitation.torque(time)
     x, seen, speed, integral, reported = np.zeros(4), 0.0, 0.0, 0.0, 0.0
     share = 1 - np.exp(-TICK / filter_s)
     past = [0.0] * (latency_ticks + 1)
     position, torque, speeds = np.empty_like(time), np.empty_like(time), np.empty_like(time)
     for n, injected in enumerate(added):
-        for _ in range(PER_SYNC):
+        for _ in range(round(1 / (rate * TICK))):
             error = -K_PP * seen - speed
             motor = K_PS * error + integral + injected
             integral += K_PS * error * TICK / T_N
@@ -87,7 +97,7 @@ def record(
     return Run(
         role="excited",
         repeat=seed,
-        sample_rate_hz=1000.0,
+        sample_rate_hz=float(rate),
         time_s=time,
         position_rad=position + angle,
         speed_rad_s=speeds,

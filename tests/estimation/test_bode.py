@@ -103,6 +103,21 @@ def test_a_late_angle_is_found_as_a_delay_and_does_not_pass_for_damping():
     assert found.damping.value == pytest.approx(DAMPING, rel=0.05)
 
 
+@pytest.mark.parametrize("rate", [500, 200])
+def test_images_carry_what_lies_above_the_band_and_another_minimum_is_not_taken_for_it(rate):
+    """At 200 Hz both anti-resonance and resonance are out of reach, and wrong machines fit to a few per cent."""
+    lines = LINES[0.4 * rate >= LINES]
+    runs = [record(a, load, multisine(lines=lines, rate=rate), rate=rate) for a, load in LOADS.items()]
+    found = fit_bode(measured_responses(session(*runs)))
+    pairs = [(found.rotor, ROTOR), (found.stiffness, STIFFNESS), (found.damping, DAMPING)]
+    pairs += [(a.inertia, load) for a, load in zip(found.angles, LOADS.values(), strict=True)]
+    for fitted, truth in pairs:
+        assert abs(fitted.value - truth) < 3 * fitted.std
+    assert found.stiffness.value == pytest.approx(STIFFNESS, rel=0.05)
+    assert any("resonance" in note and "above" in note for note in found.notes)
+    assert found.ambiguous == any("another machine" in note for note in found.notes)
+
+
 def test_a_stepped_sine_agrees_with_the_multisine():
     lines = np.array([20.0, 40, 55, 60, 65, 70, 80, 110, 150, 200, 230, 250, 300, 360])
     runs = [record(1.5, 0.16, sine(float(f), amplitude=min(30.0, f / 2))) for f in lines]

@@ -25,6 +25,10 @@ from schwung.motion import Array
 DELAY_PRIOR_S = 5e-4
 #: Fewer points over all angles are no fit.
 _FEWEST = 8
+#: Another minimum whose χ² is larger by less than this may be the true one: the intervals reach there.
+_NEARLY_AS_WELL = 50.0
+#: It is another one where a parameter is so many standard deviations away.
+_ELSEWHERE = 4.0
 
 
 def fit_bode(responses: Sequence[Response], believed: Machine | None = None) -> BodeFit:
@@ -44,18 +48,19 @@ def fit_bode(responses: Sequence[Response], believed: Machine | None = None) -> 
     held = all(d.held for d in data)
     flexible, rigid = Shape(True, held, len(data)), Shape(False, held, len(data))
     starts = [flexible.start(*start) for start in _starts(responses, data, believed)]
-    rough = min(
-        (_solve(data, flexible, start, 1e-3) for start in starts), key=lambda found: float(found.cost)
-    )
-    two, one = (
-        _solve(data, flexible, rough.x, 1e-9),
-        _solve(data, rigid, rigid.start(*_rigid_start(responses, data)), 1e-9),
-    )
-    coupled = 2 * (one.cost - two.cost) > 3 * np.log(
-        2 * points
-    )  # Schwarz: what is added has to earn its keep
+    tried = sorted((_solve(data, flexible, start, 1e-3) for start in starts), key=_cost)
+    found = sorted((_solve(data, flexible, rough.x, 1e-6) for rough in tried[:_FOLLOWED]), key=_cost)
+    two = _solve(data, flexible, found[0].x, 1e-9)
+    one = _solve(data, rigid, rigid.start(*_rigid_start(responses, data)), 1e-9)
+    # Schwarz' criterion: what is added has to earn its keep
+    coupled = 2 * (one.cost - two.cost) > 3 * np.log(2 * points)
     shape, solved = (flexible, two) if coupled else (rigid, one)
-    return _result(_Solved(responses, data, shape, np.asarray(solved.x), solved, believed))
+    others = [np.asarray(f.x) for f in found if 2 * (f.cost - two.cost) < _NEARLY_AS_WELL] if coupled else []
+    return _result(_Solved(responses, data, shape, np.asarray(solved.x), solved, others, believed))
+
+
+def _cost(solution: Any) -> float:
+    return float(solution.cost)
 
 
 def _residuals(x: Array, data: Sequence[Points], shape: Shape) -> Array:
@@ -67,7 +72,7 @@ def _residuals(x: Array, data: Sequence[Points], shape: Shape) -> Array:
         off = (predicted.response - d.response) / d.std
         parts += [off.real, off.imag]
         if d.held:
-            controller = (predicted.controller - 1) * d.fast
+            controller = (predicted.controller - 1) * d.known
             others += [controller.real, controller.imag]
     prior = np.array([p["delay"], p["lag"], p["smear"] / DELAY_PRIOR_S]) / DELAY_PRIOR_S
     return np.concatenate([*parts, *others, prior])
@@ -86,6 +91,12 @@ def _solve(data: Sequence[Points], shape: Shape, start: Array, tolerance: float)
 
 _Start = tuple[dict[str, float], Array]
 
+#: What is tried: J_r as a share of the smallest sum of inertias, damping ratios of the coupling.
+_ROTOR_SHARES = (0.02, 0.06, 0.15, 0.3, 0.6)
+_DAMPING_RATIOS = (0.02, 0.1, 0.4)
+#: So many of what they lead to are followed to the end: there are other minima.
+_FOLLOWED = 10
+
 
 def _starts(responses: Sequence[Response], data: list[Points], believed: Machine | None) -> list[_Start]:
     """From the shape of each response, and from the belief."""
@@ -94,19 +105,18 @@ def _starts(responses: Sequence[Response], data: list[Points], believed: Machine
     low = np.array([s.anti_resonance_hz for s in seen])
     controller = controller_start(data)
     pairs = []
-    for wide in (1.0, 3.0):  # the resonance may lie beyond the band: then it is taken above it
-        high = np.maximum(np.array([s.resonance_hz for s in seen]) * wide, 1.2 * low)
-        rotor = float(np.median(total * (low / high) ** 2))
-        load = np.maximum(total - rotor, 0.05 * total)
-        pairs.append((rotor, float(np.median(load * (2 * np.pi * low) ** 2))))
+    for share in _ROTOR_SHARES:  # of the smallest sum; one of them puts the resonance about where it was seen
+        rotor = share * float(total.min())
+        pairs.append((rotor, float(np.median((total - rotor) * (2 * np.pi * low) ** 2))))
     if believed is not None and believed.coupling is not None:
         pairs.append((believed.motor.inertia_kgm2, believed.coupling.stiffness_nm_rad))
     starts: list[_Start] = []
     for rotor, stiffness in pairs:
         load = np.maximum(total - rotor, 0.05 * total)
-        damping = 0.1 * np.sqrt(stiffness * min(rotor, float(load.min())))
-        coupling = {"rotor": rotor, "stiffness": stiffness, "damping": float(damping)}
-        starts.append((coupling | _friction(total) | controller, load))
+        for ratio in _DAMPING_RATIOS:
+            damping = 2 * ratio * float(np.sqrt(stiffness * min(rotor, float(load.min()))))
+            coupling = {"rotor": rotor, "stiffness": stiffness, "damping": damping}
+            starts.append((coupling | _friction(total) | controller, load))
     return starts
 
 
@@ -126,20 +136,16 @@ class _Seen:
 
     total_kgm2: float
     anti_resonance_hz: float
-    resonance_hz: float
 
 
 def _seen(response: Response) -> _Seen:
-    """Total inertia from the lowest frequencies; extremes of the apparent inertia |T/(ω s)| above them."""
+    """Total inertia from the lowest frequencies; where the apparent inertia |T/(ω s)| is largest, the load resists."""
     used = response.used
     f = response.frequency_hz[used]
     apparent = 1 / (np.abs(response.response[used]) * 2 * np.pi * f)
-    total = float(np.median(apparent[: max(2, f.size // 5)]))
-    low = int(np.argmax(apparent))
-    high = low + int(np.argmin(apparent[low:]))
-    if low == 0:  # no peak: the anti-resonance lies below or above the band
-        return _Seen(total, float(f[-1]), 2 * float(f[-1]))
-    return _Seen(total, float(f[low]), float(f[max(high, min(low + 1, f.size - 1))]))
+    total = float(np.median(apparent[: max(2, f.size // 8)]))
+    largest = int(np.argmax(apparent))
+    return _Seen(total, float(f[largest]) if largest > 0 else float(f[-1]))
 
 
 # ── the result ───────────────────────────────────────────────────────────────────────────────────────────────────
@@ -154,6 +160,7 @@ class _Solved:
     shape: Shape
     x: Array
     solution: Any
+    others: Sequence[Array]  # further minima that are nearly as deep
     believed: Machine | None
 
     @property
@@ -175,9 +182,18 @@ class _Solved:
         inverse = np.linalg.pinv((jacobian / scale).T @ (jacobian / scale)) / np.outer(scale, scale)
         return np.asarray((inverse + inverse.T) / 2 * max(self.chi2, 1.0))
 
+    @property
+    def ways(self) -> list[Array]:
+        """To the other minima (n,), where a parameter of the machine is several standard deviations away there."""
+        std = np.sqrt(np.diag(self.covariance))
+        machine = np.r_[0:3, len(self.shape.names) : std.size]  # J_r, k, b and the inertias
+        away = [other - self.x for other in self.others]
+        return [way for way in away if np.any(np.abs(way[machine]) > _ELSEWHERE * std[machine])]
+
 
 def _result(found: _Solved) -> BodeFit:
-    shape, x, covariance = found.shape, found.x, found.covariance
+    shape, x, ways = found.shape, found.x, found.ways
+    covariance = found.covariance + sum(np.outer(way, way) for way in ways)
 
     def fitted(of: Callable[[Array], float]) -> Fitted:
         return _propagated(of, x, covariance)
@@ -207,6 +223,7 @@ def _result(found: _Solved) -> BodeFit:
             chi2=found.chi2,
             responses=tuple(found.responses),
             corrected=tuple(corrected),
+            ambiguous=bool(ways),
             believed_rotor_kgm2=found.believed_rotor_kgm2,
         )
     )

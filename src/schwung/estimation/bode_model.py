@@ -7,8 +7,8 @@ controller's torque over speed as reported, C° as it acts, the sampled speed ov
     ω_i = G(s_i) S(s_i) α / (1 + C°(s_i) G(s_i))      c_0 = (1 − S(s) α + Σ_{i≠0} C(s_i) ω_i) · C°(s)/C(s)
 
 τ: the speed is reported late. C°/C = e^{s·lag − s²·smear/2}: torque is reported through a filter, of which lag and
-smear are mean and variance. C = K e^{β/s − s·delay + s²·smear_K/2} describes gain, integrator, dead time and filters
-above the controller's own corner; it is needed at the images only, and held to its values within the band.
+smear are mean and variance. C = K (1 + rise/s + sag/s²) e^{−s·delay + s²·smear_K/2}, a P-PI cascade with dead time and
+filters, is needed at the images only, and held to its values within the band.
 """
 
 from __future__ import annotations
@@ -24,9 +24,7 @@ from schwung.motion import Array
 _IMAGES = 8
 #: The model's own error per point: a drive's sampling and quantisation are not in it. For the controller likewise.
 MODEL_SHARE, CONTROLLER_SHARE = 2e-3, 1e-2
-#: The controller is described above this share of the highest frequency.
-_FAST_SHARE = 0.25
-#: Units of delays (s) and of their squares within the fit, and of β (1/s).
+#: Units within the fit of delays (s), their squares, rise (1/s) and sag (1/s²).
 _UNITS = {
     "delay": 1e-4,
     "lag": 1e-4,
@@ -51,7 +49,9 @@ class Shape:
     def names(self) -> tuple[str, ...]:
         """The shared parameters, in order."""
         coupled = ("rotor", "stiffness", "damping") if self.coupled else ()
-        held = ("lag", "smear", "gain", "gain_delay", "gain_smear", "gain_rise") if self.held else ()
+        held = (
+            ("lag", "smear", "gain", "gain_delay", "gain_smear", "gain_rise", "gain_sag") if self.held else ()
+        )
         return (*coupled, "rotor_friction", "load_friction", "delay", *held)
 
     def start(self, values: dict[str, float], inertia_kgm2: Array) -> Array:
@@ -92,7 +92,7 @@ class Points:
     direct: ComplexArray  # S(s)·α
     images: ComplexArray
     image_torque: ComplexArray  # S(s_i)·α
-    fast: Array  # weight of the controller's points
+    known: Array  # weight of the controller's points
 
     @property
     def held(self) -> bool:
@@ -114,8 +114,8 @@ def points_of(response: Response) -> Points:
     direct = staircase_gain(s, response.hold_s) * alpha
     share = np.maximum(np.abs(1 - direct), 1e-9)  # where the controller does little, little is known of it
     spread = std / np.abs(measured) * (1 + 1 / share)
-    fast = (s.imag >= _FAST_SHARE * s.imag.max()) / np.hypot(CONTROLLER_SHARE, spread)
-    return Points(measured, std, s, direct, images, staircase_gain(images, response.hold_s) * alpha, fast)
+    known = 1 / np.hypot(CONTROLLER_SHARE, spread)
+    return Points(measured, std, s, direct, images, staircase_gain(images, response.hold_s) * alpha, known)
 
 
 def mobility(p: dict[str, float], inertia_kgm2: float, s: ComplexArray) -> ComplexArray:
@@ -154,18 +154,33 @@ def predict(d: Points, p: dict[str, float], inertia_kgm2: float) -> Predicted:
 
 
 def _controller(p: dict[str, float], s: ComplexArray, delay_s: float, smear_s2: float) -> ComplexArray:
-    return np.asarray(p["gain"] * np.exp(p["gain_rise"] / s - s * delay_s + s**2 * smear_s2 / 2))
+    cascade = p["gain"] * (1 + p["gain_rise"] / s + p["gain_sag"] / s**2)
+    return np.asarray(cascade * np.exp(s**2 * smear_s2 / 2 - s * delay_s))
 
 
 def controller_start(data: list[Points]) -> dict[str, float]:
-    """Gain and delay of the controller at first sight, images neglected; empty where nothing was held."""
+    """The controller at first sight, from low frequencies, where images are small; empty where nothing was held."""
     if not all(d.held for d in data):
         return {}
-    ratio = np.concatenate([(-(1 - d.direct) / d.response)[d.fast > 0] for d in data])
-    s = np.concatenate([d.s[d.fast > 0] for d in data])
+    parts = []
+    for d in data:
+        slow = slice(0, max(4, d.s.size // 2))
+        parts.append((d.s[slow], -(1 - d.direct[slow]) / d.response[slow], d.known[slow]))
+    s, ratio, weight = (np.concatenate(column) for column in zip(*parts, strict=True))
+    # K (1 + rise/s + sag/s²) (1 − s·delay) to first order: linear in what is looked for
+    terms = np.stack([np.ones_like(s), 1 / s, 1 / s**2, -s], axis=1) * weight[:, None]
+    scale = np.linalg.norm(terms, axis=0)
+    whole = np.vstack([(terms / scale).real, (terms / scale).imag])
+    wanted = np.concatenate([(ratio * weight).real, (ratio * weight).imag])
+    gain, rise, sag, delay = np.linalg.lstsq(whole, wanted, rcond=None)[0] / scale
+    if not gain > 0:
+        gain, rise, sag, delay = float(np.median(np.abs(ratio))), 0.0, 0.0, 0.0
     return {
-        "gain": float(np.median(np.abs(ratio))),
-        "gain_delay": float(np.clip(np.median(-np.angle(ratio) / s.imag), 0.0, 2e-3)),
+        "gain": float(gain),
+        "gain_rise": float(rise / gain),
+        "gain_sag": float(sag / gain),
+        "gain_delay": float(np.clip(delay / gain, 0.0, 2e-3)),
+        "lag": 1e-4,
         "smear": 1e-9,
         "gain_smear": 1e-8,
     }

@@ -76,6 +76,7 @@ class BodeFit:
     chi2: float
     responses: tuple[Response, ...]
     corrected: tuple[ComplexArray, ...]
+    ambiguous: bool = False  # another machine fits nearly as well; the intervals reach to it
     believed_rotor_kgm2: float = 0.0  # what was taken off the sum where nothing showed a coupling
     notes: tuple[str, ...] = ()
 
@@ -154,6 +155,7 @@ class BodeFit:
                 }
                 for angle in self.angles
             ],
+            "ambiguous": self.ambiguous,
             "chi2_per_degree_of_freedom": self.chi2,
             "responses": [_points(response) for response in self.responses],
             "notes": list(self.notes),
@@ -205,6 +207,11 @@ def _notes(fit: BodeFit) -> list[str]:
                 notes.append(
                     f"{name} is not determined by this recording: ±{fitted.half_width:.2g} of {fitted.value:.3g}"
                 )
+    if fit.ambiguous:
+        notes.append(
+            "another machine fits nearly as well, and the intervals reach to it: measure at a higher rate, or up to "
+            "higher frequencies"
+        )
     for name, fitted in (("motor", fit.rotor_friction), ("load", fit.load_friction)):
         if fitted.determined:
             notes.append(
