@@ -234,7 +234,7 @@ def test_the_compiled_step_allocates_nothing():
 
 def test_pushing_keeps_no_memory():
     online = OnlineEstimator(MACHINE, RATE, FREQUENCY)
-    values = np.random.default_rng(0).normal(size=(2000, 2)).tolist()
+    values = np.random.default_rng(0).normal(size=(20_000, 2)).tolist()
     for torque, speed in values:
         online.push(torque, speed)
     tracemalloc.start()
@@ -245,7 +245,9 @@ def test_pushing_keeps_no_memory():
         after, _ = tracemalloc.get_traced_memory()
     finally:
         tracemalloc.stop()
-    assert after - before < 1000
+    assert after - before < 1.0 * len(values), (
+        "less than a byte a sample: the interpreter's own, now and then"
+    )
     assert online.memory_bytes < 60 * WINDOW
 
 

@@ -141,18 +141,13 @@ class Heartbeats:
                     self.silent.discard(node)
                     self._back()
 
-    def forgive(self, seconds: float) -> None:
-        """The drive itself was held up for so long: what came meanwhile has not been looked at yet."""
-        for node in self._heard:
-            self._heard[node] += seconds
-
-    def tick(self, now: float) -> None:
-        """Send our own where it is due; find those that have fallen silent."""
+    def tick(self, now: float, judge: bool = True) -> None:
+        """Send our own where it is due; find those that have fallen silent, where it is time to `judge`."""
         period = self._dictionary.number(0x1017) * 1e-3
         if period and now >= self._next_s and not self.muted:
             self._next_s = now + period if now - self._next_s > period else self._next_s + period
             self._send()
-        for k in self._consumers:
+        for k in self._consumers if judge else ():
             value = int(self._dictionary.values[k])
             node, limit = value >> 16 & 0xFF, (value & 0xFFFF) * 1e-3
             if limit and node in self._heard and node not in self.silent and now - self._heard[node] > limit:

@@ -83,6 +83,9 @@ class CanopenServo:
         self._debt_s = 0.0  # time owed to the axis: less than a communication period
         self._last_tick_s = self._last_sync_s = monotonic()
         self._due_s = monotonic()
+        self._behind_until = (
+            0.0  # until when (time.time) frames may wait unread after a stall of the computer
+        )
 
         self.nmt = Nmt.BOOT_UP
         self.dictionary = dictionary = read_eds(eds, node_id)
@@ -224,15 +227,16 @@ class CanopenServo:
 
     # -- Time -------------------------------------------------------------------------------------
 
-    def tick(self) -> None:
-        """Look at the timers; cheap when nothing is due."""
+    def tick(self, up_to_date: bool = True) -> None:
+        """Look at the timers; cheap when nothing is due. `up_to_date`: all that came has been read."""
         now = self._monotonic()
         if now < self._due_s:
             return
         if now - self._due_s > STALL_S:
-            self.heartbeats.forgive(now - self._due_s)
+            self._behind_until = time.time()  # what came meanwhile is still to be read, heartbeats among it
         self._due_s = now + TICK_S
-        self.heartbeats.tick(now)
+        self.heartbeats.tick(now, judge=not self._behind_until)
+        self._behind_until = 0.0 if up_to_date else self._behind_until
         self.sdo.tick(now)
         deserted = now - self._last_sync_s > SYNC_LOST_S
         if self._wall or (deserted and self.power.coming_to_rest):
@@ -265,7 +269,7 @@ class CanopenServo:
                 if self._bus_off:
                     self._bus_back()
                 self.service(message)
-            self.tick()
+            self.tick(message is None or message.timestamp >= self._behind_until)
 
     def stop(self) -> None:
         """End `run`; from any thread."""
