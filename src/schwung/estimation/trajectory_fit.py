@@ -32,6 +32,8 @@ from schwung.session.model import Run
 #: Spline pieces over the visited range: at the least, at the most, and per rad on a rotary axis.
 PIECES, MOST_PIECES, PIECES_PER_RAD = 40, 160, 12.0
 MOST_ITERATIONS = 40
+#: Iterations after which sizes of noise may keep wandering a little.
+PATIENT = 12
 #: Runs that the sizes of noise and the start are found from, at most.
 FEW = 3
 #: Converged: no coefficient moves by more than this share of its standard deviation.
@@ -42,8 +44,9 @@ NEARLY = 1.0
 LEFT_OUT = 0.3
 #: No step changes log J_l by more than this.
 LARGEST_STEP = 1.0
-#: Highest excited frequency times this: the band that sensitivities are looked at in.
-BAND = 5.0
+#: Highest excited frequency times this: the band that sensitivities are looked at in. Wider ones let noise in, which
+#: biases where its torque is not small; narrower ones lose nothing until they touch the injection itself.
+BAND = 1.8
 #: Innovations further apart than this are taken as independent.
 STRETCH_S = 0.02
 #: Relative error of the model, and of samples per (ω_est × sampling period)²: how far fits without noise are off
@@ -120,7 +123,7 @@ def fit(recorded: Sequence[Run], machine: Machine, *, rotary: bool = True) -> Fi
         iteration += 1
         if restless:
             likely = likely_noise(model, _few(runs), parameters, noise, 1.0 if iteration == 1 else 0.3)
-            restless, noise = likely.differs_from(noise), likely
+            restless, noise = likely.differs_from(noise, 0.03 if iteration < PATIENT else 0.3), likely
         passed = passed_over(model, runs, parameters, noise)
         found = posterior(prior, passed.information, passed.slope, parameters, smoothness)
         smoothness = found.log_deviations
@@ -262,7 +265,7 @@ def likely_noise(
 
     def noise_of(logs: Array) -> Noise:
         torque, speed, position = (float(v) for v in np.exp(logs))
-        return Noise(torque, speed, max(position, finest))
+        return Noise(torque, speed, float(max(position, finest)))
 
     def cost(logs: Array) -> float:
         return _deviance(systems, runs, noise_of(logs), scaled=False)

@@ -17,7 +17,7 @@ from schwung.session.model import Run
 
 #: Bands above this share of the highest frequency are not worth a filter.
 WIDEST = 0.8
-_EDGE = 30  # samples of padding at either end
+_EDGE = 60  # samples of padding at either end
 #: Inertias at which a step is worked out; between them it is interpolated (relative error below 1e-9).
 _NODES = 96
 _DIFFERENCE = 1e-4  # of log k and log b, for their sensitivities
@@ -83,7 +83,7 @@ class Signals:
         """Signals (n, …) without what lies above the band, without lag."""
         if 2 * self.band_hz * self.step_s >= WIDEST or values.shape[0] <= _EDGE:
             return values
-        sections = butter(2, 2 * self.band_hz * self.step_s, output="sos")
+        sections = butter(4, 2 * self.band_hz * self.step_s, output="sos")
         return np.asarray(sosfiltfilt(sections, values, axis=0, padlen=_EDGE))
 
     def speed_at(self, delay_s: float, derivative: int = 0) -> Array:

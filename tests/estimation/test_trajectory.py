@@ -1,0 +1,206 @@
+"""The fit of the whole trajectory, held to exact physics that it does not share a line with."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from estimation_plant import Hidden, crank, motion_of, record, session_of, sine_for
+from scipy.integrate import solve_ivp
+
+from schwung.drivetrain import Control, Coupling, InertiaTable, Load, Machine, Motor, simulate
+from schwung.errors import InputError
+from schwung.estimation import estimate
+from schwung.estimation import trajectory_kernel as kernel
+from schwung.estimation.trajectory_fit import fit
+from schwung.estimation.trajectory_model import Basis
+from schwung.motion import Excitation, Motion
+from schwung.session import Run, Session
+
+UNMENTIONED = Hidden(coulomb=3.0, viscous=0.2, gravity=20.0, load_torque=4.0)
+
+
+def rmse(table, truth=crank):
+    return float(np.sqrt(np.mean((table.inertia_kgm2 - truth(table.position_rad)) ** 2)))
+
+
+@pytest.fixture(scope="module")
+def recorded():
+    """Reference and excited run of a motion, once each."""
+    made = {}
+
+    def of(duration, **options):
+        key = (duration, *sorted(options.items()))
+        if key not in made:
+            motion = motion_of(duration)
+            made[key] = session_of(record(motion, **options), record(motion, sine_for(motion), **options))
+        return made[key]
+
+    return of
+
+
+@pytest.mark.parametrize(
+    ("duration", "options", "demanded"),
+    [
+        (0.25, {}, 0.0006),
+        (0.15, {}, 0.0008),
+        (0.10, {"peak": 1e4}, 0.0010),
+        (0.10, {}, 0.0020),
+        (0.15, {"hidden": UNMENTIONED}, 0.0012),
+        (0.10, {"hidden": UNMENTIONED}, 0.0030),
+    ],
+    ids=["250 ms", "150 ms", "100 ms", "100 ms clipped", "150 ms hidden", "100 ms clipped hidden"],
+)
+def test_table_1_machine_within_a_fifth_of_what_was_demanded(recorded, machine, duration, options, demanded):
+    """1/3 profile, 50 Hz, 20 % T_max, 4 kHz, 0.02 rad/s and 0.1 N·m of noise; friction and load unmentioned."""
+    result = estimate(recorded(duration, **options), machine, "trajectory")
+    assert rmse(result.table) < demanded / 5
+    assert result.table.position_rad.size == 64
+    assert np.all(result.table.std_kgm2 < demanded / 2)
+
+
+def test_frictions_are_told_beside_the_inertia(recorded, machine):
+    found = fit(recorded(0.15, hidden=UNMENTIONED).runs, machine)
+    at = found.model.layout
+    assert found.converged
+    assert found.parameters[at.coulomb] == pytest.approx(3.0, abs=0.05)
+    assert found.parameters[at.viscous] == pytest.approx(0.2, abs=0.01)
+    assert found.noise.torque_nm == pytest.approx(0.1, rel=0.25)
+    assert found.noise.speed_rad_s == pytest.approx(0.02, rel=0.1)
+
+
+def test_constant_inertia_comes_out_constant(recorded, machine):
+    table = estimate(recorded(0.15, inertia=0.1), machine, "trajectory").table
+    assert np.max(np.abs(table.inertia_kgm2 - 0.1)) < 1e-4
+
+
+def test_a_rigid_machine(recorded, rigid):
+    table = estimate(recorded(0.15, rigid=True), rigid, "trajectory").table
+    assert rmse(table) < 2e-4
+
+
+def test_late_speed_and_a_wrong_stiffness_are_found(recorded, machine):
+    """Speed two samples late, stiffness a quarter too high in the file: neither touches the inertia."""
+    session = recorded(0.15)
+    late = tuple(replace(r, speed_rad_s=np.r_[r.speed_rad_s[:1], r.speed_rad_s[:1], r.speed_rad_s[:-2]])
+                 for r in session.runs)  # fmt: skip
+    stiff = machine.model_copy(
+        update={"coupling": Coupling(stiffness_nm_rad=1.25 * 24963.0, damping_nms=8.62)}
+    )
+    found = fit(late, stiff)
+    at = found.model.layout
+    assert found.parameters[at.speed_delay] == pytest.approx(0.5e-3, abs=1e-5)
+    assert found.parameters[at.stiffness] == pytest.approx(-np.log(1.25), abs=0.01)
+    inertia, _ = found.inertia_at(np.linspace(0.1, 3.0, 30))
+    assert np.max(np.abs(inertia - crank(np.linspace(0.1, 3.0, 30)))) < 2e-4
+
+
+def test_wrong_sign_of_torque_is_an_error(recorded, machine):
+    session = recorded(0.15)
+    wrong = replace(session, runs=tuple(replace(run, torque_nm=-run.torque_nm) for run in session.runs))
+    with pytest.raises(InputError, match="sign of torque"):
+        estimate(wrong, machine, "trajectory")
+
+
+# Sampled and held control ---------------------------------------------------------------------------------
+
+
+def _machine(inertia):
+    angle = np.linspace(-0.5, 3.7, 400)
+    return Machine(
+        name="held-out",
+        motor=Motor(inertia_kgm2=0.003, viscous_friction_nms=0.02, peak_torque_nm=40.0),
+        coupling=Coupling(stiffness_nm_rad=6000.0, damping_nms=1.0),
+        load=Load(viscous_friction_nms=0.02, inertia_table=InertiaTable(angle, inertia(angle))),
+        control=Control(
+            position_gain_per_s=50.0, speed_gain_nms=1.5, speed_integral_time_s=15e-3, sample_rate_hz=8000.0
+        ),
+    )
+
+
+def _bent(angle):
+    return 0.012 + 0.010 * np.exp(-(((angle - 1.9) / 0.5) ** 2)) + 0.004 * np.cos(angle) ** 2
+
+
+def _bus_session(seed, duration, *, held, speed_noise=0.1, torque_noise=0.2):
+    """What a drive reports at 1 kHz, with 20-bit angle; the injection held for 1 ms or not."""
+    rate, finer = 1000.0, 8
+    rng = np.random.default_rng(seed)
+    motion = Motion(distance_rad=3.0, duration_s=duration, start_time_s=0.1, dwell_s=0.1)
+    excitation = Excitation(frequency_hz=50.0, amplitude_nm=8.0, ramp_s=0.04, end_s=motion.total_s - 0.01,
+                            hold_s=1 / rate if held else None)  # fmt: skip
+    fine = motion.time(finer * rate)
+    runs = []
+    for role in ("reference", "excited"):
+        commanded_at = fine[np.arange(fine.size) // finer * finer] if held else fine
+        torque = excitation.torque(commanded_at) if role == "excited" else np.zeros_like(fine)
+        made = simulate(_machine(_bent), motion.demand(fine), fine, torque, hold_torque_added=True)
+        count = made.position_rad[finer::finer].size
+        time = np.arange(count) / rate
+        runs.append(
+            Run(
+                role=role, repeat=0, sample_rate_hz=rate, time_s=time, motion=motion,
+                position_rad=np.round(made.position_rad[finer::finer] * 2**20 / 2 / np.pi) * 2 * np.pi / 2**20,
+                speed_rad_s=made.speed_rad_s[finer::finer] + speed_noise * rng.normal(size=count),
+                torque_nm=made.torque_nm[finer - 1 : -1 : finer] + torque_noise * rng.normal(size=count),
+                torque_added_nm=torque[finer - 1 : -1 : finer], excitation=excitation if role == "excited" else None,
+            )
+        )  # fmt: skip
+    return Session(tuple(runs), created="2026-01-01T00:00:00", source="simulated")
+
+
+def _believed():
+    machine = _machine(_bent)
+    return machine.model_copy(update={"load": Load(viscous_friction_nms=0.02)})
+
+
+def test_held_injection_at_1_khz_is_estimated_from_the_raw_runs():
+    table = estimate(_bus_session(0, 0.2, held=True), _believed(), "trajectory").table
+    assert rmse(table, _bent) < 0.01 * 0.015
+
+
+def test_the_band_is_calibrated():
+    """Over machines' worth of noise 95 % bands contain the truth; neither empty nor boastful."""
+    errors = []
+    for seed in range(6):
+        table = estimate(
+            _bus_session(seed, 0.12, held=False, speed_noise=0.3, torque_noise=0.6), _believed(), "trajectory"
+        ).table
+        errors.append((table.inertia_kgm2 - _bent(table.position_rad)) / table.std_kgm2)
+    inside = float(np.mean(np.abs(errors) < 1.96))
+    assert 0.85 < inside <= 1.0
+    assert 0.5 < float(np.sqrt(np.mean(np.square(errors)))) < 1.5
+
+
+# Parts ----------------------------------------------------------------------------------------------------
+
+
+def test_a_step_is_exact():
+    """Against scipy's integration of the same equations, torques a parabola over the step."""
+    shaft = kernel.Shaft(0.012, 0.2, 0.1, 24963.0, 8.62, False)
+    inertia, duration = 0.09, 1e-3
+    torque = np.array([5.0, -2.0, 9.0, 1.0, 0.7, 0.3])  # start, end, height; motor and load each
+    first = np.array([0.2, 3.0, 1e-3, 2.5])
+
+    def rates(t, x):
+        u = t / duration
+        motor, load = torque[0:2] * (1 - u) + torque[2:4] * u + torque[4:6] * 4 * u * (1 - u)
+        coupling = 24963.0 * x[2] + 8.62 * (x[1] - x[3])
+        return [
+            x[1],
+            (motor - 0.2 * x[1] - coupling) / 0.012,
+            x[1] - x[3],
+            (load - 0.1 * x[3] + coupling) / inertia,
+        ]
+
+    true = solve_ivp(rates, (0, duration), first, rtol=1e-11, atol=1e-13).y[:, -1]
+    step = kernel.steps(shaft, np.array([inertia]), duration)[0]
+    np.testing.assert_allclose(step @ np.concatenate([first, torque]), true, rtol=1e-8, atol=1e-11)
+
+
+def test_halving_pieces_changes_no_curve():
+    basis = Basis(-0.2, 3.1, 7)
+    coefficients = np.random.default_rng(0).normal(size=basis.size)
+    angle = np.linspace(-0.2, 3.1, 101)
+    finer = basis.finer()
+    for before, after in zip(basis.rows(angle), finer.rows(angle), strict=True):
+        np.testing.assert_allclose(after @ basis.refined(coefficients), before @ coefficients, atol=1e-10)
