@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from estimation_plant import Hidden, crank, motion_of, record, session_of, sine_for
+from estimation_plant import Hidden, crank, motion_of, record, session_of, sine_for, thinned
 from scipy.integrate import solve_ivp
 
 from schwung.drivetrain import Control, Coupling, InertiaTable, Load, Machine, Motor, simulate
@@ -69,12 +69,12 @@ def test_frictions_are_told_beside_the_inertia(recorded, machine):
 
 
 def test_constant_inertia_comes_out_constant(recorded, machine):
-    table = estimate(recorded(0.15, inertia=0.1), machine, "trajectory").table
+    table = estimate(thinned(recorded(0.15, inertia=0.1), 2), machine, "trajectory").table
     assert np.max(np.abs(table.inertia_kgm2 - 0.1)) < 1e-4
 
 
 def test_a_rigid_machine(recorded, rigid):
-    table = estimate(recorded(0.15, rigid=True), rigid, "trajectory").table
+    table = estimate(thinned(recorded(0.15, rigid=True), 2), rigid, "trajectory").table
     assert rmse(table) < 2e-4
 
 
@@ -95,7 +95,7 @@ def test_late_speed_and_a_wrong_stiffness_are_found(recorded, machine):
 
 
 def test_wrong_sign_of_torque_is_an_error(recorded, machine):
-    session = recorded(0.15)
+    session = thinned(recorded(0.15), 4)
     wrong = replace(session, runs=tuple(replace(run, torque_nm=-run.torque_nm) for run in session.runs))
     with pytest.raises(InputError, match="sign of torque"):
         estimate(wrong, machine, "trajectory")
@@ -161,7 +161,7 @@ def test_held_injection_at_1_khz_is_estimated_from_the_raw_runs():
 def test_the_band_is_calibrated():
     """Over machines' worth of noise 95 % bands contain the truth; neither empty nor boastful."""
     errors = []
-    for seed in range(6):
+    for seed in range(4):
         table = estimate(
             _bus_session(seed, 0.12, held=False, speed_noise=0.3, torque_noise=0.6), _believed(), "trajectory"
         ).table
