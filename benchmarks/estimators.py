@@ -208,7 +208,7 @@ def _cell(scores: list[Score], quantity: str) -> str:
     if not np.isfinite(values).any():
         return "–"
     refused = int(np.sum(~np.isfinite(values)))
-    text = f"{np.nanmedian(values):.4f}" if quantity != "band" else f"{100 * np.nanmean(values):.0f} %"
+    text = f"{np.nanmedian(values):.2g}" if quantity != "band" else f"{100 * np.nanmean(values):.0f} %"
     return text + (f" ({refused} refused)" if refused else "")
 
 
