@@ -7,7 +7,7 @@ import pytest
 from commissioning_drive import DeskDrive, believed_machine
 
 from schwung.commissioning import ParameterJournal, read_backup, restore_backup
-from schwung.errors import InputError, RefusedError, SdoError
+from schwung.errors import DriveError, InputError, RefusedError, SdoError
 from schwung.fieldbus.drive import ParameterValue
 
 
@@ -104,6 +104,23 @@ def test_another_drive_is_refused(drive: DeskDrive, tmp_path: Path) -> None:
         restore_backup(other, tmp_path / "a.backup.json")
     restore_backup(other, tmp_path / "a.backup.json", force=True)
     assert other.objects[0x6060, 0] == 1
+
+
+def test_a_value_that_is_refused_does_not_keep_the_others_from_being_put_back(
+    drive: DeskDrive, tmp_path: Path
+) -> None:
+    before = dict(drive.objects)
+    path = tmp_path / "a.backup.json"
+    _journal(drive, tmp_path).change(drive.setup(None))  # type: ignore[arg-type]  # not looked at
+    drive.unwritable.add((0x1016, 1))
+    with pytest.raises(DriveError, match=r"2 of 3 parameters are put back, but not 0x1016"):
+        restore_backup(drive, path)
+    assert {key for key in before if drive.objects[key] != before[key]} == {(0x1016, 1)}
+    assert read_backup(path).restored is None
+    drive.unwritable.clear()
+    restore_backup(drive, path)
+    assert drive.objects == before
+    assert read_backup(path).restored is not None
 
 
 @pytest.mark.parametrize(

@@ -13,7 +13,7 @@ from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any, Protocol
 
-from schwung.errors import InputError, RefusedError
+from schwung.errors import DriveError, InputError, RefusedError, SdoError
 from schwung.fieldbus.drive import DriveIdentity, Parameter, ParameterValue, RawValue
 from schwung.files import replace_file
 
@@ -212,7 +212,9 @@ def restore_backup(drive: ParameterAccess, path: Path, force: bool = False) -> t
     The power stage is switched off first, after standstill. Where the new values had been stored in the drive's memory,
     the old ones are stored over them. Returns what was written.
 
-    Raises RefusedError where the drive is another one (1018 differs), unless forced.
+    Raises RefusedError where the drive is another one (1018 differs), unless forced. A value that the drive refuses
+    does not keep the others from being put back: DriveError names it afterwards, and the file does not count as
+    restored.
     """
     backup = read_backup(path)
     was, now = backup.drive.get("identity") or {}, drive.identity
@@ -225,10 +227,37 @@ def restore_backup(drive: ParameterAccess, path: Path, force: bool = False) -> t
             )
     values = first_values(backup.changes)
     drive.disable()  # a drive that stopped by itself may still hold the axis
-    drive.write(values)
+    refused = _write_what_is_taken(drive, values)
+    if refused:
+        raise DriveError(
+            str(path),
+            f"{len(values) - len(refused)} of {len(values)} parameters are put back, but not {'; '.join(refused)}",
+            "Mend the cause or set these by hand; running restore again does no harm.",
+        )
     if backup.stored:
         drive.store()
     document = json.loads(path.read_text(encoding="utf-8"))
     document["restored"] = _now()
     replace_file(path, json.dumps(document, indent=2))
     return tuple(values)
+
+
+def _write_what_is_taken(drive: ParameterAccess, values: Sequence[ParameterValue]) -> list[str]:
+    """Write all values, leaving out one by one what the drive refuses; returns those errors.
+
+    Raises SdoError where the drive does not answer any more, or an error names none of the parameters.
+    """
+    left, refused = list(values), []
+    while left:
+        try:
+            drive.write(left)
+            break
+        except SdoError as error:
+            taken = [value for value in left if value.parameter.label not in error.place]
+            if len(taken) == len(left):
+                raise
+            for value in taken[:1]:
+                drive.read(value.parameter)  # a drive that is gone is not asked for each of them
+            left = taken
+            refused.append(str(error))
+    return refused
