@@ -1,0 +1,164 @@
+"""What an explanation is: located mismatch, named physics with intervals, proof on held-out runs, and its JSON.
+
+The JSON's names and units are the contract of `explanation.json`; everything here is immutable and plot-free.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any, Literal
+
+from schwung.drivetrain.machine import Machine
+from schwung.motion import Array
+from schwung.session.model import Axis
+
+Verdict = Literal["consistent", "explained", "partly_explained", "unexplained"]
+Coordinate = Literal[
+    "position", "speed", "direction", "acceleration", "torque", "time_in_motion", "frequency", "run"
+]
+
+
+@dataclass(frozen=True)
+class Located:
+    """Where a mismatch is: over which coordinate, on which interval, with which share of its energy."""
+
+    coordinate: Coordinate
+    interval: tuple[float, float]
+    unit: str
+    share_of_energy: float  # 0…1
+    p_value: float
+    text: str
+
+
+@dataclass(frozen=True, eq=False)
+class Quantity:
+    """A parameter with its 95 % interval; `value` is a table of pairs where the parameter is one."""
+
+    value: float | tuple[tuple[float, float], ...]
+    unit: str
+    ci95: tuple[float, float] | None  # None for tables
+
+
+@dataclass(frozen=True, eq=False)
+class Finding:
+    """One named physics term."""
+
+    physics: str
+    parameters: Mapping[str, Quantity]
+    where: Located
+    indistinguishable_from: tuple[str, ...]
+    evidence: Mapping[str, float]
+    text: str
+
+
+@dataclass(frozen=True)
+class Misfit:
+    """Root mean square of what the model misses, over the runs that it is judged by."""
+
+    torque_rmse_nm: float
+    speed_rmse_rad_s: float
+
+
+@dataclass(frozen=True)
+class HeldOut:
+    """The proof: runs that took no part in choosing or fitting, before and after."""
+
+    train_runs: tuple[int, ...]
+    heldout_runs: tuple[int, ...]
+    before: Misfit
+    after: Misfit
+
+
+@dataclass(frozen=True)
+class NoiseFloor:
+    """What no model can explain, in torque, and how it was found."""
+
+    torque_nm: float
+    how: str
+
+
+@dataclass(frozen=True, eq=False)
+class Overlay:
+    """One run for pictures: what was measured, and what the belief needed before and after; arrays (n,)."""
+
+    run: int
+    heldout: bool
+    time_s: Array
+    position_rad: Array
+    speed_rad_s: Array
+    acceleration_rad_s2: Array
+    torque_nm: Array  # as recorded, within the band that is compared
+    before_nm: Array  # torque that the belief needs for the recorded motion
+    after_nm: Array  # the same with the named physics
+    terms_nm: Mapping[str, Array]  # what each named term changes in it
+    considered: Array  # 1 where the sample is compared, 0 where it is not (standstill, edges)
+
+
+@dataclass(frozen=True, eq=False)
+class Explanation:
+    """Everything that `schwung explain` says."""
+
+    verdict: Verdict
+    axis: Axis
+    noise_floor: NoiseFloor
+    mismatch: tuple[Located, ...]
+    findings: tuple[Finding, ...]
+    fit: HeldOut
+    machine: Machine  # the belief with the learned terms
+    overlays: tuple[Overlay, ...]
+    notes: tuple[str, ...] = ()  # plain sentences: what limits this explanation, and what would help
+    remainder: tuple[Located, ...] = field(default=())  # where structure is left after the named terms
+
+    def to_json(self) -> dict[str, Any]:
+        """The document of `explanation.json`."""
+        return {
+            "format": "schwung-explanation",
+            "version": 1,
+            "verdict": self.verdict,
+            "noise_floor": {"torque_nm": self.noise_floor.torque_nm, "how": self.noise_floor.how},
+            "mismatch": [_located(where) for where in self.mismatch],
+            "findings": [
+                {
+                    "physics": finding.physics,
+                    "parameters": {key: _quantity(value) for key, value in finding.parameters.items()},
+                    "where": _located(finding.where),
+                    "indistinguishable_from": list(finding.indistinguishable_from),
+                    "evidence": dict(finding.evidence),
+                    "text": finding.text,
+                }
+                for finding in self.findings
+            ],
+            "fit": {
+                "train_runs": list(self.fit.train_runs),
+                "heldout_runs": list(self.fit.heldout_runs),
+                "before": _misfit(self.fit.before),
+                "after": _misfit(self.fit.after),
+            },
+            "remainder": [_located(where) for where in self.remainder],
+            "notes": list(self.notes),
+        }
+
+
+def _located(where: Located) -> dict[str, Any]:
+    return {
+        "coordinate": where.coordinate,
+        "interval": list(where.interval),
+        "unit": where.unit,
+        "share_of_energy": where.share_of_energy,
+        "p_value": where.p_value,
+        "text": where.text,
+    }
+
+
+def _quantity(quantity: Quantity) -> dict[str, Any]:
+    value = quantity.value if isinstance(quantity.value, float) else [list(pair) for pair in quantity.value]
+    return {
+        "value": value,
+        "unit": quantity.unit,
+        "ci95": None if quantity.ci95 is None else list(quantity.ci95),
+    }
+
+
+def _misfit(misfit: Misfit) -> dict[str, float]:
+    return {"torque_rmse_nm": misfit.torque_rmse_nm, "speed_rmse_rad_s": misfit.speed_rmse_rad_s}
