@@ -1,0 +1,249 @@
+"""The physics that a plain two-mass belief leaves out: names, parameters and compiled equations of every term.
+
+One room for them all: the closed-loop simulation drives them, and `schwung explain` fits them. Names and keys are the
+file contract's (`[[physics]]` of machine.toml, findings of explanation.json). Every term has a neutral value at which
+it is not there. Dry friction is regularised as tanh(ω/ω_s).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import numpy as np
+from numba import njit
+
+from schwung.errors import InputError
+
+if TYPE_CHECKING:
+    from schwung.drivetrain.machine import PhysicsTerm
+
+
+class Effects(NamedTuple):
+    """Every term's parameters, neutral by default; SI, motor side unless it says load."""
+
+    coulomb_positive_nm: float = 0.0
+    coulomb_negative_nm: float = 0.0
+    stribeck_rise_nm: float = 0.0  # breakaway minus Coulomb
+    stribeck_speed_rad_s: float = 1.0
+    local_friction_nm: float = 0.0
+    local_centre_rad: float = 0.0
+    local_width_rad: float = 1.0  # from end to end of a raised cosine
+    drift_nm: float = 0.0  # of dry friction, from first run to last
+    viscous_nms: float = 0.0
+    drag_nms2: float = 0.0
+    load_amplitude_nm: float = 0.0  # × sin(θ_l + phase), on the load
+    load_phase_rad: float = 0.0
+    offset_nm: float = 0.0
+    event_time_s: float = 0.0  # after the motion leaves rest
+    event_duration_s: float = 1.0
+    event_peak_nm: float = 0.0  # raised cosine, on the load
+    periodic_frequency_hz: float = 1.0
+    periodic_amplitude_nm: float = 0.0
+    cogging_order: float = 1.0
+    cogging_amplitude_nm: float = 0.0  # × sin(order·θ + phase)
+    cogging_phase_rad: float = 0.0
+    torque_gain: float = 1.0  # true over reported
+    torque_lag_s: float = 0.0
+    torque_limit_nm: float = np.inf
+    speed_delay_s: float = 0.0
+    eccentricity_rad: float = 0.0  # reported angle = θ + amplitude·sin(θ + phase)
+    eccentricity_phase_rad: float = 0.0
+    gap_rad: float = 0.0
+    stiffness_nm_rad: float = 0.0  # in place of the coupling's; 0: the coupling's
+    damping_nms: float = -1.0  # in place of the coupling's; negative: the coupling's
+    cubic_nm_rad3: float = 0.0
+    third_inertia_kgm2: float = 0.0  # behind the load
+    third_stiffness_nm_rad: float = 0.0
+    third_damping_nms: float = 0.0
+    inertia_delta_kgm2: float = 0.0
+    inertia_scale: float = 1.0
+    inertia_shift_rad: float = 0.0  # true J_l(θ) = believed J_l(θ + shift)
+
+
+@dataclass(frozen=True)
+class Key:
+    """A parameter of a term, the Effects field that it sets, its unit on a rotary axis, and what is allowed."""
+
+    field: str
+    unit: str
+    lowest: float = -np.inf
+    optional: float | None = None  # the value where the key is absent
+
+
+_NOT_NEGATIVE = 0.0
+_POSITIVE = 1e-300
+
+#: Name of a term -> its keys. Names and keys are those of the file contract.
+PHYSICS: Mapping[str, Mapping[str, Key]] = {
+    "coulomb_friction": {"torque_nm": Key("coulomb", "N·m")},
+    "stribeck_friction": {
+        "coulomb_torque_nm": Key("coulomb", "N·m"),
+        "breakaway_torque_nm": Key("stribeck_rise_nm", "N·m"),
+        "stribeck_speed_rad_s": Key("stribeck_speed_rad_s", "rad/s", _POSITIVE),
+    },
+    "asymmetric_friction": {
+        "torque_positive_nm": Key("coulomb_positive_nm", "N·m"),
+        "torque_negative_nm": Key("coulomb_negative_nm", "N·m"),
+    },
+    "viscous_friction": {"coefficient_nms": Key("viscous_nms", "N·m·s/rad")},
+    "quadratic_drag": {"coefficient_nms2": Key("drag_nms2", "N·m·s²/rad²")},
+    "local_friction": {
+        "torque_nm": Key("local_friction_nm", "N·m"),
+        "centre_rad": Key("local_centre_rad", "rad"),
+        "width_rad": Key("local_width_rad", "rad", _POSITIVE),
+    },
+    "friction_drift": {"change_nm": Key("drift_nm", "N·m")},
+    "load_torque": {
+        "amplitude_nm": Key("load_amplitude_nm", "N·m"),
+        "phase_rad": Key("load_phase_rad", "rad"),
+    },
+    "torque_offset": {"torque_nm": Key("offset_nm", "N·m")},
+    "load_event": {
+        "time_s": Key("event_time_s", "s"),
+        "duration_s": Key("event_duration_s", "s", _POSITIVE),
+        "peak_nm": Key("event_peak_nm", "N·m"),
+    },
+    "periodic_disturbance": {
+        "frequency_hz": Key("periodic_frequency_hz", "Hz", _POSITIVE),
+        "amplitude_nm": Key("periodic_amplitude_nm", "N·m"),
+    },
+    "cogging": {
+        "order": Key("cogging_order", "1/rev", _POSITIVE),
+        "amplitude_nm": Key("cogging_amplitude_nm", "N·m"),
+        "phase_rad": Key("cogging_phase_rad", "rad"),
+    },
+    "torque_constant": {"gain": Key("torque_gain", "", _POSITIVE)},
+    "torque_lag": {"time_constant_s": Key("torque_lag_s", "s", _NOT_NEGATIVE)},
+    "torque_saturation": {"limit_nm": Key("torque_limit_nm", "N·m", _POSITIVE)},
+    "measurement_delay": {"delay_s": Key("speed_delay_s", "s")},
+    "encoder_eccentricity": {
+        "amplitude_rad": Key("eccentricity_rad", "rad"),
+        "phase_rad": Key("eccentricity_phase_rad", "rad", optional=0.0),
+    },
+    "backlash": {"gap_rad": Key("gap_rad", "rad", _NOT_NEGATIVE)},
+    "coupling_stiffness": {"stiffness_nm_rad": Key("stiffness_nm_rad", "N·m/rad", _POSITIVE)},
+    "coupling_damping": {"damping_nms": Key("damping_nms", "N·m·s/rad", _NOT_NEGATIVE)},
+    "nonlinear_stiffness": {"cubic_nm_rad3": Key("cubic_nm_rad3", "N·m/rad³")},
+    "extra_compliance": {
+        "inertia_kgm2": Key("third_inertia_kgm2", "kg·m²", _POSITIVE),
+        "stiffness_nm_rad": Key("third_stiffness_nm_rad", "N·m/rad", _POSITIVE),
+        "damping_nms": Key("third_damping_nms", "N·m·s/rad", _NOT_NEGATIVE),
+    },
+    "load_inertia": {
+        "delta_kgm2": Key("inertia_delta_kgm2", "kg·m²", optional=0.0),
+        "scale": Key("inertia_scale", "", _POSITIVE, optional=1.0),
+    },
+    "inertia_profile_shift": {"shift_rad": Key("inertia_shift_rad", "rad")},
+}
+
+#: Fields that several terms add to; the others are set by one term alone.
+_ADDED = ("coulomb_positive_nm", "coulomb_negative_nm", "viscous_nms", "offset_nm", "inertia_delta_kgm2")
+
+
+def effects_of(terms: Sequence[PhysicsTerm]) -> Effects:
+    """All terms together. Tables of load_torque are not among them.
+
+    Raises InputError that names term and key for an unknown name, a missing or impossible number, or a term given
+    twice that cannot be added to itself.
+    """
+    values: dict[str, float] = {}
+    for term in terms:
+        for field, value in _fields(term).items():
+            if field in values and field not in _ADDED:
+                raise InputError(
+                    f"physics.{term.name}", "is given twice", "Put it once; only its torques would add."
+                )
+            values[field] = values.get(field, 0.0) + value
+    return Effects(**values)
+
+
+def _fields(term: PhysicsTerm) -> dict[str, float]:
+    keys = PHYSICS.get(term.name)
+    if keys is None:
+        raise InputError(
+            f"physics.{term.name}", "is not a known physics term", f"There are {', '.join(PHYSICS)}."
+        )
+    if term.name == "load_torque" and "table" in term.parameters:
+        return {}
+    values: dict[str, float] = {}
+    for name, key in keys.items():
+        absent = key.optional is not None and name not in term.parameters
+        value = key.optional if absent else term.number(name)
+        assert value is not None
+        if value < key.lowest:
+            raise InputError(
+                f"physics.{term.name}",
+                f"{name} is {value:g}",
+                f"It has to be {'positive' if key.lowest > 0 else 'zero or more'}.",
+            )
+        if key.field == "coulomb":
+            values["coulomb_positive_nm"] = values["coulomb_negative_nm"] = value
+        else:
+            values[key.field] = value
+    if term.name == "stribeck_friction":
+        values["stribeck_rise_nm"] -= values["coulomb_positive_nm"]
+    return values
+
+
+@njit(cache=True, error_model="numpy")
+def dry_friction(e: Any, angle: float, speed: float, share: float) -> float:
+    """Level of dry friction on the motor (N·m, not negative): direction, Stribeck, tight spot, drift.
+
+    `share`: how far through the session the run is, 0…1.
+    """
+    level = e.coulomb_positive_nm if speed > 0.0 else e.coulomb_negative_nm
+    level += e.drift_nm * share
+    if e.stribeck_rise_nm != 0.0:
+        level += e.stribeck_rise_nm * np.exp(-((speed / e.stribeck_speed_rad_s) ** 2))
+    if e.local_friction_nm != 0.0:
+        away = angle - e.local_centre_rad
+        away -= 2.0 * np.pi * np.round(away / (2.0 * np.pi))  # a tight spot of the shaft comes back every turn
+        if abs(away) < 0.5 * e.local_width_rad:
+            level += e.local_friction_nm * 0.5 * (1.0 + np.cos(2.0 * np.pi * away / e.local_width_rad))
+    return level
+
+
+@njit(cache=True, error_model="numpy")
+def motor_torque(
+    e: Any, angle: float, speed: float, time: float, phase: float, share: float, smoothing: float
+) -> float:
+    """What friction and disturbances add to the motor's torque (N·m; positive accelerates).
+
+    `time`: since the run began (s); `phase`: of the periodic disturbance then (rad); `smoothing`: speed within which
+    dry friction changes sign (rad/s).
+    """
+    torque = e.offset_nm - (e.viscous_nms + e.drag_nms2 * abs(speed)) * speed
+    torque -= dry_friction(e, angle, speed, share) * np.tanh(speed / smoothing)
+    if e.cogging_amplitude_nm != 0.0:
+        torque += e.cogging_amplitude_nm * np.sin(e.cogging_order * angle + e.cogging_phase_rad)
+    if e.periodic_amplitude_nm != 0.0:
+        torque += e.periodic_amplitude_nm * np.sin(2.0 * np.pi * e.periodic_frequency_hz * time + phase)
+    return torque
+
+
+@njit(cache=True, error_model="numpy")
+def load_torque(e: Any, angle: float, motion_time: float) -> float:
+    """What acts on the load (N·m): a torque over its angle, and one event at a time in the motion (s)."""
+    torque = 0.0
+    if e.load_amplitude_nm != 0.0:
+        torque += e.load_amplitude_nm * np.sin(angle + e.load_phase_rad)
+    if e.event_peak_nm != 0.0:
+        share = (motion_time - e.event_time_s) / e.event_duration_s
+        if 0.0 < share < 1.0:
+            torque += e.event_peak_nm * 0.5 * (1.0 - np.cos(2.0 * np.pi * share))
+    return torque
+
+
+@njit(cache=True, error_model="numpy")
+def coupling_torque(e: Any, stiffness: float, damping: float, twist: float, twist_speed: float) -> float:
+    """What the coupling takes from the motor and gives to the load (N·m). With play it can only push."""
+    if e.gap_rad <= 0.0:
+        return (stiffness + e.cubic_nm_rad3 * twist * twist) * twist + damping * twist_speed
+    wound = abs(twist) - 0.5 * e.gap_rad
+    if wound <= 0.0:
+        return 0.0
+    side = 1.0 if twist > 0.0 else -1.0
+    push = (stiffness + e.cubic_nm_rad3 * wound * wound) * wound + damping * side * twist_speed
+    return side * max(push, 0.0)
