@@ -73,9 +73,9 @@ class LoadSide:
     ripple_speed_rad_s: ComplexArray
     driving_torque_nm: ComplexArray  # of the coupling, less the load's viscous friction
     motor_speed_rad_s: ComplexArray  # the ripple's
-    spoilers: ComplexArray  # (n, 3) torques per unit: viscous friction, dry friction, delay (dT~/dt)
-    spoilers_wind_up: ComplexArray  # (n, 3) what each winds up the coupling by
-    spoilers_wind_up_rate: ComplexArray  # (n, 3) its derivative
+    spoilers: ComplexArray  # (n, 4) torques per unit: viscous and dry friction, delay (dT~/dt), filter's loss (−d²T~/dt²)
+    spoilers_wind_up: ComplexArray  # (n, 4) what each winds up the coupling by
+    spoilers_wind_up_rate: ComplexArray  # (n, 4) its derivative
     noise: Array  # standard deviation of a Fourier coefficient's real part, at `frequencies`
     frequencies: Array
     fade: Array
@@ -87,7 +87,7 @@ class Equations:
     """y = inertia·c + nuisance·p + noise of unit variance, as far as the noise floors tell; real rows."""
 
     inertia: Array  # (rows, basis.size)
-    nuisance: Array  # (rows, 3), of `spoilers`
+    nuisance: Array  # (rows, 4), of `spoilers`
     y: Array
 
     def scaled(self, weight: float) -> Equations:
@@ -130,6 +130,7 @@ def load_side(ripple: Ripple, machine: Machine) -> LoadSide:
             np.fft.ifft(speed),
             np.fft.ifft(gain * np.fft.fft(_friction(ripple, smooth_speed, np.fft.ifft(speed)))),
             np.fft.ifft(s * torque),
+            np.fft.ifft(-(s**2) * torque),
         ]
     )
     wound = np.fft.fft(spoilers.T).T * (gain * compliance)[:, None]

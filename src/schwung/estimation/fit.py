@@ -22,6 +22,8 @@ ROUNDS = 2
 MOSTLY = 0.9
 #: No machine leaves the phase between torque and speed more open than this.
 MAX_PHASE_STD_RAD = 0.05
+#: The share of its amplitude that a torque without lag may have lost to a filter.
+NO_LOSS = 1e-6
 
 
 @dataclass(frozen=True)
@@ -95,9 +97,9 @@ def fit_curve(ripples: Sequence[Ripple], machine: Machine) -> CurveFit:
     basis = Basis(low, max(high, low + 1e-9))
     top_speed = max(float(np.max(np.abs(load.speed_rad_s))) for load in loads)
     peak = FRICTION_SHARE * machine.motor.peak_torque_nm
-    prior = np.array(
-        [peak / max(top_speed, 1e-9), peak, 0.5 / (np.pi * min(r.frequency_hz for r in ripples))]
-    )
+    slowest = 2 * np.pi * min(ripple.frequency_hz for ripple in ripples)
+    loss = max(max(ripple.loss_std_s2 for ripple in ripples), NO_LOSS / slowest**2)
+    prior = np.array([peak / max(top_speed, 1e-9), peak, 1 / slowest, loss])
     weights = np.ones(len(loads))
     solution: Solution | None = None
     for _ in range(ROUNDS):
@@ -114,7 +116,9 @@ def fit_curve(ripples: Sequence[Ripple], machine: Machine) -> CurveFit:
     std = np.sqrt(np.diag(solution.covariance)[basis.size :])
     power = float(np.sum(np.concatenate([part.y for part in parts]) ** 2))
     share = float(np.sum(solution.residual**2)) / max(power, 1e-300)
-    viscous, dry, delay = (Nuisance(float(v), float(s)) for v, s in zip(solution.nuisances, std, strict=True))
+    viscous, dry, delay, _ = (
+        Nuisance(float(v), float(s)) for v, s in zip(solution.nuisances, std, strict=True)
+    )
     return CurveFit(basis, solution, loads, tuple(ripples), viscous, dry, delay, share)
 
 

@@ -26,6 +26,8 @@ MIN_PHASES = 4
 PHASE_TOLERANCE = 1e-3
 #: Injections count as one when amplitude and ramp agree to this share.
 SAME_INJECTION = 1e-6
+#: Attribute of a run: how sure it is what the torque's filter took off, standard deviation of γ in 1 − γω² (s²).
+LOSS_STD = "torque_loss_std_s2"
 
 
 @dataclass(frozen=True, eq=False)
@@ -45,6 +47,7 @@ class Ripple:
     ripple_torque_nm: ComplexArray
     phases_rad: tuple[float, ...]
     real: bool  # one phase only: the ripple is its real part
+    loss_std_s2: float = 0.0  # of the torque, see LOSS_STD
 
 
 def phase_groups(excited: Sequence[Run]) -> tuple[tuple[Run, ...], ...]:
@@ -133,6 +136,7 @@ def ripple_of_phases(runs: Sequence[Run]) -> Ripple:
         ripple_torque_nm=torque[1],
         phases_rad=tuple(phases.tolist()),
         real=False,
+        loss_std_s2=float(first.extra.get(LOSS_STD, 0.0)),
     )
 
 
@@ -154,6 +158,7 @@ def ripple_of_pair(pair: Denoised) -> Ripple:
         ripple_torque_nm=pair.torque_nm.astype(np.complex128),
         phases_rad=(0.0,),
         real=True,
+        loss_std_s2=float(pair.excited.extra.get(LOSS_STD, 0.0)),
     )
 
 
