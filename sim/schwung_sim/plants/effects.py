@@ -28,8 +28,8 @@ _REALS = (
     "cogging_order", "cogging_amplitude_nm", "cogging_phase_rad",
     # the actuator
     "torque_gain", "torque_lag_s", "torque_limit_nm",
-    # the coupling (`outside`: not by MuJoCo), and a third mass
-    "gap_rad", "cubic_nm_rad3", "coupling_outside",
+    # the coupling, and a third mass
+    "gap_rad", "cubic_nm_rad3",
     "third_inertia_kgm2", "third_stiffness_nm_rad", "third_damping_nms",
     # the load's inertia: scale·J(θ + shift) + delta
     "inertia_delta_kgm2", "inertia_scale", "inertia_shift_rad",
