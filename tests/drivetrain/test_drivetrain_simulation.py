@@ -158,7 +158,6 @@ def test_load_torque_and_learned_friction_against_scipy() -> None:
     physics = (
         PhysicsTerm.model_validate({"name": "coulomb_friction", "torque_nm": 2.0}),
         PhysicsTerm.model_validate({"name": "viscous_friction", "coefficient_nms": 0.15}),
-        PhysicsTerm.model_validate({"name": "backlash", "gap_rad": 0.01}),
     )
     load = Load(viscous_friction_nms=0.1, inertia_kgm2=0.1, torque_nm=-4.0)
     machine = _machine(rigid=True, load=load, physics=physics)
@@ -171,7 +170,6 @@ def test_load_torque_and_learned_friction_against_scipy() -> None:
     )
     assert np.max(np.abs(theirs)) > 5
     np.testing.assert_allclose(ours.speed_rad_s, theirs, atol=2e-5)
-    assert ours.left_out == ("backlash",)
 
 
 def test_torque_offset_is_held_at_rest() -> None:

@@ -81,12 +81,15 @@ class TestReading:
         np.testing.assert_allclose(machine.load_torque_at(np.array([0.0, 0.5, 1.0, 5.0])), [-1, 1, 3, 3])
         assert machine.load_inertia == 0.1
 
-    def test_unknown_keys_and_terms_are_kept(self, tmp_path: Path) -> None:
+    def test_unknown_keys_and_learned_terms_are_kept(self, tmp_path: Path) -> None:
         path = _file(
             tmp_path,
             motor={**MOTOR, "maker": "who"},
             service={"due": 2030},
-            physics=[{"name": "coulomb_friction", "torque_nm": 1.5}, {"name": "new", "table": [[0.0, 1.0]]}],
+            physics=[
+                {"name": "coulomb_friction", "torque_nm": 1.5, "learned_on": "Monday"},
+                {"name": "load_torque", "table": [[0.0, 1.0], [2, -3.5]]},
+            ],
         )
         machine = load_machine(path)
         assert machine.physics[0].number("torque_nm") == 1.5
@@ -95,7 +98,8 @@ class TestReading:
         assert again == machine
         assert again.model_extra == {"service": {"due": 2030}}
         assert again.motor.model_extra == {"maker": "who"}
-        assert again.physics[1].parameters == {"table": [[0.0, 1.0]]}
+        assert again.physics[0].parameters == {"torque_nm": 1.5, "learned_on": "Monday"}
+        assert again.physics[1].parameters == {"table": [[0.0, 1.0], [2, -3.5]]}
 
     def test_only_the_keys_of_the_file_format_count(self, tmp_path: Path) -> None:
         motor = {"inertia_kgm2": 0.012, "viscous_friction": 0.2, "peak_torque": 233.0}
@@ -265,8 +269,12 @@ def machines(draw: st.DrawFn) -> Machine:
             )
         ),
         physics=tuple(
-            PhysicsTerm.model_validate({"name": name, "torque_nm": value})
-            for name, value in draw(st.dictionaries(text, _numbers(-1e9, 1e9), max_size=3)).items()
+            PhysicsTerm.model_validate({"name": name, "torque_nm": value, "remark": draw(text)})
+            for name, value in draw(
+                st.dictionaries(
+                    st.sampled_from(["coulomb_friction", "torque_offset"]), _numbers(-1e9, 1e9), max_size=2
+                )
+            ).items()
         ),
     )
 

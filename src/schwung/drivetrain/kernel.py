@@ -1,8 +1,7 @@
 """The compiled inside of the simulation: plant equations, Runge-Kutta steps, and the drive's cascade.
 
-Plain numbers and arrays only; `simulation.py` is the way in. Everything is njit with a cache on disk: the
-first call on a computer compiles for some seconds, later processes load it. numpy's error model (no check of
-every division) makes it three times faster.
+Plain numbers and arrays only; `simulation.py` is the way in. This is the lean machine without learned terms;
+`learned.py` has those. Compiled code is cached on disk: the first call on a computer takes some seconds.
 """
 
 from __future__ import annotations
@@ -10,8 +9,8 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 
+from schwung.drivetrain.compiled import compiled
 from schwung.motion import Array
 
 
@@ -31,9 +30,6 @@ class Plant(NamedTuple):
     stiffness: float  # 0 with `rigid`
     damping: float
     rigid: bool
-    coulomb: float  # dry friction of the motor side
-    coulomb_speed: float  # within which it is smoothed (tanh)
-    offset: float  # constant torque on the motor
     inertia: Curve
     load_torque: Curve
 
@@ -67,7 +63,7 @@ class State(NamedTuple):
     load_speed: float
 
 
-@njit(cache=True, error_model="numpy")
+@compiled
 def _piece(curve: Curve, angle: float) -> int:
     """Index of the piece that holds the angle, which lies within the knots."""
     low, high = 0, curve.knots.size - 1
@@ -80,7 +76,7 @@ def _piece(curve: Curve, angle: float) -> int:
     return low
 
 
-@njit(cache=True, error_model="numpy")
+@compiled
 def value_and_slope(curve: Curve, angle: float) -> tuple[float, float]:
     """The curve and its derivative at one angle (rad)."""
     inside = min(max(angle, curve.knots[0]), curve.knots[-1])
@@ -96,15 +92,13 @@ def value_and_slope(curve: Curve, angle: float) -> tuple[float, float]:
     return ((a * u + b) * u + c) * u + d, slope
 
 
-@njit(cache=True, error_model="numpy")
+@compiled
 def _rates(plant: Plant, state: State, torque: float) -> State:
-    """Time derivative of the state: method.md (1), (A7), with dry friction and a constant torque beside."""
+    """Time derivative of the state: method.md (1), (A7)."""
     inertia, inertia_slope = value_and_slope(plant.inertia, state.load_angle)
     load, _ = value_and_slope(plant.load_torque, state.load_angle)
     load -= plant.load_friction * state.load_speed + 0.5 * inertia_slope * state.load_speed**2
-    motor = torque + plant.offset - plant.motor_friction * state.motor_speed
-    if plant.coulomb != 0.0:
-        motor -= plant.coulomb * np.tanh(state.motor_speed / plant.coulomb_speed)
+    motor = torque - plant.motor_friction * state.motor_speed
     if plant.rigid:
         acceleration = (motor + load) / (plant.rotor_inertia + inertia)
         return State(state.motor_speed, acceleration, state.load_speed, acceleration)
@@ -119,7 +113,7 @@ def _rates(plant: Plant, state: State, torque: float) -> State:
     )
 
 
-@njit(cache=True, error_model="numpy")
+@compiled
 def _moved(state: State, rates: State, by: float) -> State:
     return State(
         state.motor_angle + by * rates.motor_angle,
@@ -129,7 +123,7 @@ def _moved(state: State, rates: State, by: float) -> State:
     )
 
 
-@njit(cache=True, error_model="numpy")
+@compiled
 def advance(plant: Plant, state: State, torque: float, duration: float, substeps: int) -> State:
     """The state after `duration` (s) under a constant motor torque (N·m): classical Runge-Kutta."""
     step = duration / substeps
@@ -145,7 +139,21 @@ def advance(plant: Plant, state: State, torque: float, duration: float, substeps
     return state
 
 
-@njit(cache=True, error_model="numpy")
+@compiled
+def command(
+    cascade: Cascade, inputs: Inputs, tick: int, angle: float, speed: float, integral: float
+) -> tuple[float, float, float]:
+    """The drive's torque (N·m) at a tick from what it reads: clipped, as wanted, and its integrator's next."""
+    error = cascade.position_gain * (inputs.position[tick] - angle)
+    error += inputs.speed_forward[tick] - speed
+    wanted = cascade.speed_gain * error + integral + inputs.torque_forward[tick] + inputs.torque_added[tick]
+    torque = min(max(wanted, -cascade.peak_torque), cascade.peak_torque)
+    if torque == wanted or error * wanted < 0.0:  # anti-windup: at the limit it may only unwind
+        integral += cascade.speed_gain * error * cascade.period / cascade.integral_time
+    return torque, wanted, integral
+
+
+@compiled
 def run(
     plant: Plant, cascade: Cascade, inputs: Inputs, state: State, held_torque: float
 ) -> tuple[Array, Array]:
@@ -158,12 +166,7 @@ def run(
     states, torques = np.empty((n, 4)), np.empty((n, 2))
     integral = held_torque
     for i in range(n):
-        error = cascade.position_gain * (inputs.position[i] - state.motor_angle)
-        error += inputs.speed_forward[i] - state.motor_speed
-        wanted = cascade.speed_gain * error + integral + inputs.torque_forward[i] + inputs.torque_added[i]
-        torque = min(max(wanted, -cascade.peak_torque), cascade.peak_torque)
-        if torque == wanted or error * wanted < 0.0:  # anti-windup: at the limit it may only unwind
-            integral += cascade.speed_gain * error * cascade.period / cascade.integral_time
+        torque, wanted, integral = command(cascade, inputs, i, state.motor_angle, state.motor_speed, integral)
         states[i, 0], states[i, 1] = state.motor_angle, state.motor_speed
         states[i, 2], states[i, 3] = state.load_angle, state.load_speed
         torques[i, 0], torques[i, 1] = torque, wanted

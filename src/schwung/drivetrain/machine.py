@@ -32,6 +32,7 @@ from schwung.drivetrain.inertia import (
     write_inertia_csv,
     write_load_torque_csv,
 )
+from schwung.drivetrain.physics import check_physics
 from schwung.errors import InputError
 from schwung.files import replace_file
 from schwung.motion import Array
@@ -194,6 +195,7 @@ class Machine(_Table):
                 f"reaches {highest:g}, {highest / self.motor.inertia_kgm2:.2g} times the motor's",
                 "Give both in kg·m² (1 kg·cm² = 1e-4, 1 g·cm² = 1e-7).",
             )
+        check_physics(self.physics, rigid=self.coupling is None)
         return self
 
     @property

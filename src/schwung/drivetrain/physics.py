@@ -9,11 +9,13 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, NamedTuple
+from itertools import pairwise
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
-from numba import njit
 
+from schwung.drivetrain.compiled import compiled
+from schwung.drivetrain.inertia import LoadTorqueTable
 from schwung.errors import InputError
 
 if TYPE_CHECKING:
@@ -41,6 +43,7 @@ class Effects(NamedTuple):
     event_peak_nm: float = 0.0  # raised cosine, on the load
     periodic_frequency_hz: float = 1.0
     periodic_amplitude_nm: float = 0.0
+    periodic_phase_rad: float = 0.0  # at the run's time 0
     cogging_order: float = 1.0
     cogging_amplitude_nm: float = 0.0  # × sin(order·θ + phase)
     cogging_phase_rad: float = 0.0
@@ -62,6 +65,10 @@ class Effects(NamedTuple):
     inertia_shift_rad: float = 0.0  # true J_l(θ) = believed J_l(θ + shift)
 
 
+_NOT_NEGATIVE = 0.0
+_POSITIVE = 1e-300
+
+
 @dataclass(frozen=True)
 class Key:
     """A parameter of a term, the Effects field that it sets, its unit on a rotary axis, and what is allowed."""
@@ -70,10 +77,16 @@ class Key:
     unit: str
     lowest: float = -np.inf
     optional: float | None = None  # the value where the key is absent
+    highest: float = np.inf
 
+    @property
+    def wanted(self) -> str:
+        """What is allowed, in words."""
+        if self.highest < np.inf:
+            low = "more than 0" if self.lowest == _POSITIVE else f"{self.lowest:g} or more"
+            return f"{low} and at most {self.highest:g}{f' {self.unit}' if self.unit else ''}"
+        return "positive" if self.lowest > 0 else "zero or more"
 
-_NOT_NEGATIVE = 0.0
-_POSITIVE = 1e-300
 
 #: Name of a term -> its keys. Names and keys are those of the file contract.
 PHYSICS: Mapping[str, Mapping[str, Key]] = {
@@ -108,21 +121,22 @@ PHYSICS: Mapping[str, Mapping[str, Key]] = {
     "periodic_disturbance": {
         "frequency_hz": Key("periodic_frequency_hz", "Hz", _POSITIVE),
         "amplitude_nm": Key("periodic_amplitude_nm", "N·m"),
+        "phase_rad": Key("periodic_phase_rad", "rad", optional=0.0),
     },
     "cogging": {
         "order": Key("cogging_order", "1/rev", _POSITIVE),
         "amplitude_nm": Key("cogging_amplitude_nm", "N·m"),
         "phase_rad": Key("cogging_phase_rad", "rad"),
     },
-    "torque_constant": {"gain": Key("torque_gain", "", _POSITIVE)},
-    "torque_lag": {"time_constant_s": Key("torque_lag_s", "s", _NOT_NEGATIVE)},
+    "torque_constant": {"gain": Key("torque_gain", "", _POSITIVE, highest=100.0)},
+    "torque_lag": {"time_constant_s": Key("torque_lag_s", "s", _NOT_NEGATIVE, highest=1.0)},
     "torque_saturation": {"limit_nm": Key("torque_limit_nm", "N·m", _POSITIVE)},
-    "measurement_delay": {"delay_s": Key("speed_delay_s", "s")},
+    "measurement_delay": {"delay_s": Key("speed_delay_s", "s", _NOT_NEGATIVE, highest=1.0)},
     "encoder_eccentricity": {
-        "amplitude_rad": Key("eccentricity_rad", "rad"),
+        "amplitude_rad": Key("eccentricity_rad", "rad", -0.5, highest=0.5),
         "phase_rad": Key("eccentricity_phase_rad", "rad", optional=0.0),
     },
-    "backlash": {"gap_rad": Key("gap_rad", "rad", _NOT_NEGATIVE)},
+    "backlash": {"gap_rad": Key("gap_rad", "rad", _NOT_NEGATIVE, highest=2 * np.pi)},
     "coupling_stiffness": {"stiffness_nm_rad": Key("stiffness_nm_rad", "N·m/rad", _POSITIVE)},
     "coupling_damping": {"damping_nms": Key("damping_nms", "N·m·s/rad", _NOT_NEGATIVE)},
     "nonlinear_stiffness": {"cubic_nm_rad3": Key("cubic_nm_rad3", "N·m/rad³")},
@@ -138,12 +152,50 @@ PHYSICS: Mapping[str, Mapping[str, Key]] = {
     "inertia_profile_shift": {"shift_rad": Key("inertia_shift_rad", "rad")},
 }
 
+#: Terms that change the coupling, and so need one.
+_OF_COUPLING = ("backlash", "coupling_stiffness", "coupling_damping", "nonlinear_stiffness")
+
 #: Fields that several terms add to; the others are set by one term alone.
 _ADDED = ("coulomb_positive_nm", "coulomb_negative_nm", "viscous_nms", "offset_nm", "inertia_delta_kgm2")
 
 
+def check_physics(terms: Sequence[PhysicsTerm], rigid: bool) -> None:
+    """Raises InputError for terms that make no sense, alone, together, or on a machine without a coupling."""
+    effects_of(terms)
+    load_torque_table(terms)
+    for term in terms:
+        if rigid and term.name in _OF_COUPLING:
+            raise InputError(
+                f"physics.{term.name}",
+                "needs a coupling, and the machine has none",
+                "Add [coupling] with stiffness and damping, or leave the term out.",
+            )
+
+
+def load_torque_table(terms: Sequence[PhysicsTerm]) -> LoadTorqueTable | None:
+    """The learned load torque that is given as a table of pairs (rad, N·m); None without one.
+
+    Raises InputError for what is no such table, and for two of them.
+    """
+    tables = [t.parameters["table"] for t in terms if t.name == "load_torque" and "table" in t.parameters]
+    if not tables:
+        return None
+    place = "physics.load_torque"
+    if len(tables) > 1:
+        raise InputError(place, "has two tables", "Add them up in one.")
+    rows = tables[0] if isinstance(tables[0], list | tuple) else []
+    pairs = [row for row in rows if isinstance(row, list | tuple) and len(row) == 2]
+    numbers = all(isinstance(x, int | float) and not isinstance(x, bool) for row in pairs for x in row)
+    if len(rows) < 2 or len(pairs) < len(rows) or not numbers or not np.all(np.isfinite(pairs)):
+        raise InputError(place, "table is not made of pairs of numbers", "Write [[rad, N·m], [rad, N·m], …].")
+    if any(left[0] >= right[0] for left, right in pairwise(pairs)):
+        raise InputError(place, "the angles of its table do not increase", "Sort the pairs, drop duplicates.")
+    angles, torques = np.array(pairs, dtype=float).T
+    return LoadTorqueTable(angles, torques)
+
+
 def effects_of(terms: Sequence[PhysicsTerm]) -> Effects:
-    """All terms together. Tables of load_torque are not among them.
+    """All terms together. Tables of load_torque are not among them (`load_torque_table`).
 
     Raises InputError that names term and key for an unknown name, a missing or impossible number, or a term given
     twice that cannot be added to itself.
@@ -166,18 +218,16 @@ def _fields(term: PhysicsTerm) -> dict[str, float]:
             f"physics.{term.name}", "is not a known physics term", f"There are {', '.join(PHYSICS)}."
         )
     if term.name == "load_torque" and "table" in term.parameters:
+        if "amplitude_nm" in term.parameters:
+            raise InputError("physics.load_torque", "has amplitude_nm beside table", "Keep one of the two.")
         return {}
     values: dict[str, float] = {}
     for name, key in keys.items():
         absent = key.optional is not None and name not in term.parameters
         value = key.optional if absent else term.number(name)
         assert value is not None
-        if value < key.lowest:
-            raise InputError(
-                f"physics.{term.name}",
-                f"{name} is {value:g}",
-                f"It has to be {'positive' if key.lowest > 0 else 'zero or more'}.",
-            )
+        if not key.lowest <= value <= key.highest:
+            raise InputError(f"physics.{term.name}", f"{name} is {value:g}", f"It has to be {key.wanted}.")
         if key.field == "coulomb":
             values["coulomb_positive_nm"] = values["coulomb_negative_nm"] = value
         else:
@@ -187,8 +237,8 @@ def _fields(term: PhysicsTerm) -> dict[str, float]:
     return values
 
 
-@njit(cache=True, error_model="numpy")
-def dry_friction(e: Any, angle: float, speed: float, share: float) -> float:
+@compiled
+def dry_friction(e: Effects, angle: float, speed: float, share: float) -> float:
     """Level of dry friction on the motor (N·m, not negative): direction, Stribeck, tight spot, drift.
 
     `share`: how far through the session the run is, 0…1.
@@ -199,15 +249,15 @@ def dry_friction(e: Any, angle: float, speed: float, share: float) -> float:
         level += e.stribeck_rise_nm * np.exp(-((speed / e.stribeck_speed_rad_s) ** 2))
     if e.local_friction_nm != 0.0:
         away = angle - e.local_centre_rad
-        away -= 2.0 * np.pi * np.round(away / (2.0 * np.pi))  # a tight spot of the shaft comes back every turn
+        away -= 2.0 * np.pi * np.round(away / (2.0 * np.pi))  # a tight spot comes back every turn
         if abs(away) < 0.5 * e.local_width_rad:
             level += e.local_friction_nm * 0.5 * (1.0 + np.cos(2.0 * np.pi * away / e.local_width_rad))
-    return level
+    return max(level, 0.0)
 
 
-@njit(cache=True, error_model="numpy")
+@compiled
 def motor_torque(
-    e: Any, angle: float, speed: float, time: float, phase: float, share: float, smoothing: float
+    e: Effects, angle: float, speed: float, time: float, phase: float, share: float, smoothing: float
 ) -> float:
     """What friction and disturbances add to the motor's torque (N·m; positive accelerates).
 
@@ -215,7 +265,7 @@ def motor_torque(
     dry friction changes sign (rad/s).
     """
     torque = e.offset_nm - (e.viscous_nms + e.drag_nms2 * abs(speed)) * speed
-    torque -= dry_friction(e, angle, speed, share) * np.tanh(speed / smoothing)
+    torque -= dry_friction(e, angle, speed, share) * float(np.tanh(speed / smoothing))
     if e.cogging_amplitude_nm != 0.0:
         torque += e.cogging_amplitude_nm * np.sin(e.cogging_order * angle + e.cogging_phase_rad)
     if e.periodic_amplitude_nm != 0.0:
@@ -223,8 +273,8 @@ def motor_torque(
     return torque
 
 
-@njit(cache=True, error_model="numpy")
-def load_torque(e: Any, angle: float, motion_time: float) -> float:
+@compiled
+def load_torque(e: Effects, angle: float, motion_time: float) -> float:
     """What acts on the load (N·m): a torque over its angle, and one event at a time in the motion (s)."""
     torque = 0.0
     if e.load_amplitude_nm != 0.0:
@@ -236,8 +286,8 @@ def load_torque(e: Any, angle: float, motion_time: float) -> float:
     return torque
 
 
-@njit(cache=True, error_model="numpy")
-def coupling_torque(e: Any, stiffness: float, damping: float, twist: float, twist_speed: float) -> float:
+@compiled
+def coupling_torque(e: Effects, stiffness: float, damping: float, twist: float, twist_speed: float) -> float:
     """What the coupling takes from the motor and gives to the load (N·m). With play it can only push."""
     if e.gap_rad <= 0.0:
         return (stiffness + e.cubic_nm_rad3 * twist * twist) * twist + damping * twist_speed
@@ -247,3 +297,9 @@ def coupling_torque(e: Any, stiffness: float, damping: float, twist: float, twis
     side = 1.0 if twist > 0.0 else -1.0
     push = (stiffness + e.cubic_nm_rad3 * wound * wound) * wound + damping * side * twist_speed
     return side * max(push, 0.0)
+
+
+@compiled
+def third_torque(e: Effects, twist: float, twist_speed: float) -> float:
+    """What the load passes on to the third mass behind it (N·m)."""
+    return e.third_stiffness_nm_rad * twist + e.third_damping_nms * twist_speed

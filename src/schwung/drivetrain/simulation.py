@@ -3,8 +3,8 @@
 Two masses (or one) with the load's inertia over its angle, under the drive's cascade, sampled and held at
 control.sample_rate (method.md (1), A7). Compiled; see `benchmarks/simulation.py` for its speed and error.
 
-What it does not model: encoder counts, speed filter, current loop, and the learned terms other than
-`coulomb_friction`, `viscous_friction` and `torque_offset` (`Simulated.left_out` names those).
+All learned terms of the machine (`physics.PHYSICS`) take part; without any, a leaner kernel runs. What it does
+not model: encoder counts, speed filter, and a current loop other than `torque_lag`.
 """
 
 from __future__ import annotations
@@ -13,21 +13,15 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.interpolate import CubicSpline, PchipInterpolator
+from scipy.interpolate import CubicSpline
 
-from schwung.drivetrain import kernel
+from schwung.drivetrain import kernel, learned, plant
 from schwung.drivetrain.inertia import InertiaTable
-from schwung.drivetrain.machine import Machine, PhysicsTerm
+from schwung.drivetrain.machine import Machine
+from schwung.drivetrain.physics import check_physics
 from schwung.errors import InputError
 from schwung.motion import Array, Demand
 
-#: Highest |eigenvalue| × sub-step. With it the paper's machine is off by 2e-6 rad/s at 20 rad/s.
-_COUPLING_STEP = 0.1
-#: The same for smoothed dry friction, which only has to be stable (limit of Runge-Kutta: 2.8).
-_FRICTION_STEP = 1.0
-#: Dry friction is smoothed within this speed (rad/s).
-_COULOMB_SPEED_RAD_S = 0.02
-_MAX_SUBSTEPS = 20_000
 #: Instants this close to a tick are the tick's own (ticks).
 _ON_TICK = 1e-6
 
@@ -57,7 +51,6 @@ class Simulated:
     load_position_rad: Array
     load_speed_rad_s: Array
     clipped: NDArray[np.bool_]  # peak torque was not enough somewhere between this sample and the next
-    left_out: tuple[str, ...] = ()  # learned terms of the machine that were not simulated
 
     @property
     def following_error_rad(self) -> Array:
@@ -106,6 +99,7 @@ def simulate(
     start_rad: float = 0.0,
     hold_torque_added: bool = False,
     substeps: int | None = None,
+    session_share: float = 0.0,
 ) -> Simulated:
     """Simulate the machine under its drive, from rest at the first demand.
 
@@ -116,30 +110,29 @@ def simulate(
         torque_added_nm: injected torque at `time`, (n,); straight between samples like a drive's own sine
             generator, or with `hold_torque_added` held, like a torque offset that is sent once per sample.
         feed_forward: what the drive adds by itself; None: nothing.
-        inertia: load inertia J_l (kg·m²) in place of the machine's.
+        inertia: load inertia J_l (kg·m²) in place of the machine's; terms that change the load's inertia change this.
         start_rad: absolute motor angle of demand 0 (`Motion.demand` starts from 0); tables are over absolute
             angles.
         substeps: Runge-Kutta steps per tick; None: as many as coupling and friction need.
+        session_share: how far through a session this run is, 0 (first) … 1 (last); only `friction_drift` asks.
 
     At a tick the drive reads angle and speed and sets the torque that acts until the next tick: the torque
-    sample belongs to the interval that begins with it. Raises InputError for a machine that cannot be
-    simulated (unknown inertia, no control) and for arrays that do not fit.
+    sample belongs to the interval that begins with it. Angle, speed and torque of the motor are as the drive has
+    them, in its loop too: a learned `encoder_eccentricity`, `measurement_delay` or `torque_constant` stands between
+    them and the truth. Raises InputError for a machine that cannot be simulated (unknown inertia, no control, terms
+    that do not fit it) and for arrays that do not fit.
     """
     control = machine.required_control()
     added = np.zeros_like(time) if torque_added_nm is None else torque_added_nm
     _check_arrays(demand, time, added)
     if substeps is not None and substeps < 1:
         raise InputError("substeps", f"is {substeps}", "Give 1 or more, or leave it out.")
-    plant, left_out = _plant(machine, inertia)
+    if not 0.0 <= session_share <= 1.0:
+        raise InputError(
+            "session_share", f"is {session_share:g}", "Give 0 for the first run … 1 for the last."
+        )
+    check_physics(machine.physics, rigid=machine.coupling is None)
     period = 1.0 / control.sample_rate_hz
-    cascade = kernel.Cascade(
-        control.position_gain_per_s,
-        control.speed_gain_nms,
-        control.speed_integral_time_s,
-        machine.motor.peak_torque_nm,
-        period,
-        substeps or _substeps(machine, plant, period),
-    )
     in_ticks = (time - time[0]) * control.sample_rate_hz
     ticks = time[0] + period * np.arange(int(np.ceil(in_ticks[-1] - _ON_TICK)) + 1)
     at_tick = Demand(
@@ -152,7 +145,22 @@ def simulate(
     else:
         added = np.interp(ticks, time, added)
     inputs = _inputs(machine, at_tick, added, feed_forward or FeedForward())
-    states, torques = kernel.run(plant, cascade, inputs, *_rest(plant, inputs.position[0]))
+    body = plant.plant_of(machine, inertia)
+    top_speed = float(np.max(np.abs(at_tick.speed_rad_s)))
+    cascade = kernel.Cascade(
+        control.position_gain_per_s,
+        control.speed_gain_nms,
+        control.speed_integral_time_s,
+        machine.motor.peak_torque_nm,
+        period,
+        substeps or plant.substeps(machine, body, period, top_speed, session_share),
+    )
+    if machine.physics:
+        known = plant.learned_of(machine, body, ticks, at_tick, session_share)
+        rest = plant.learned_rest(known, inputs.position[0])
+        states, torques = learned.run_learned(known, cascade, inputs, *rest, float(time[0]))
+    else:
+        states, torques = kernel.run(body, cascade, inputs, *plant.rest(body, inputs.position[0]))
     if not np.all(np.isfinite(states)):
         raise InputError(
             f'machine "{machine.name}"',
@@ -172,7 +180,6 @@ def simulate(
         load_position_rad=states[:, 2],
         load_speed_rad_s=states[:, 3],
         clipped=np.logical_or.reduceat(clipped, tick),
-        left_out=left_out,
     )
 
 
@@ -190,75 +197,6 @@ def _check_arrays(demand: Demand, time: Array, torque_added: Array) -> None:
             raise InputError(name, "is not finite, or not one value per instant", "Sample it at `time`.")
 
 
-def _curve(position: Array, values: Array) -> kernel.Curve:
-    pieces = PchipInterpolator(position, values)
-    return kernel.Curve(np.ascontiguousarray(pieces.x, float), np.ascontiguousarray(pieces.c, float))
-
-
-def _constant(value: float) -> kernel.Curve:
-    return _curve(np.array([0.0, 1.0]), np.array([value, value]))
-
-
-def _plant(machine: Machine, inertia: InertiaTable | float | None) -> tuple[kernel.Plant, tuple[str, ...]]:
-    """The plant with the learned terms that can be simulated, and the names of those that cannot."""
-    believed = machine.load_inertia if inertia is None else inertia
-    if believed is None:
-        raise InputError(
-            f'machine "{machine.name}"',
-            "load.inertia is not known, so nothing can be simulated",
-            "Estimate it, or give load.inertia or load.inertia_table.",
-        )
-    if not (isinstance(believed, InertiaTable) or 0 < believed < np.inf):
-        raise InputError("inertia", f"is {believed!r} kg·m²", "An inertia is a positive number.")
-    load, coupling = machine.load, machine.coupling
-    torque = load.torque_table
-    load_torque = _constant(load.torque_nm or 0.0)
-    if torque is not None:
-        load_torque = _curve(torque.position_rad, torque.load_torque_nm)
-    learned, left_out = _learned(machine.physics)
-    return kernel.Plant(
-        rotor_inertia=machine.motor.inertia_kgm2,
-        motor_friction=machine.motor.viscous_friction_nms + learned["viscous_friction"],
-        load_friction=load.viscous_friction_nms,
-        stiffness=coupling.stiffness_nm_rad if coupling else 0.0,
-        damping=coupling.damping_nms if coupling else 0.0,
-        rigid=coupling is None,
-        coulomb=learned["coulomb_friction"],
-        coulomb_speed=_COULOMB_SPEED_RAD_S,
-        offset=learned["torque_offset"],
-        inertia=_curve(believed.position_rad, believed.inertia_kgm2)
-        if isinstance(believed, InertiaTable)
-        else _constant(believed),
-        load_torque=load_torque,
-    ), left_out
-
-
-#: The learned terms that are simulated, all of the motor side, and the parameter that each has.
-_LEARNED = {
-    "coulomb_friction": "torque_nm",
-    "viscous_friction": "coefficient_nms",
-    "torque_offset": "torque_nm",
-}
-
-
-def _learned(terms: tuple[PhysicsTerm, ...]) -> tuple[dict[str, float], tuple[str, ...]]:
-    """Sums of the learned terms that are simulated, and the names of the others."""
-    sums = dict.fromkeys(_LEARNED, 0.0)
-    for term in terms:
-        if term.name in _LEARNED:
-            sums[term.name] += term.number(_LEARNED[term.name])
-    return sums, tuple(term.name for term in terms if term.name not in _LEARNED)
-
-
-def _rest(plant: kernel.Plant, motor_angle: float) -> tuple[kernel.State, float]:
-    """Standstill at a motor angle (rad), and the motor torque that holds it."""
-    load_angle = motor_angle
-    for _ in range(100 if plant.stiffness else 0):  # the coupling's wind-up is tiny: this contracts fast
-        load_angle = motor_angle + kernel.value_and_slope(plant.load_torque, load_angle)[0] / plant.stiffness
-    held = -kernel.value_and_slope(plant.load_torque, load_angle)[0] - plant.offset
-    return kernel.State(motor_angle, 0.0, load_angle, 0.0), held
-
-
 def _inputs(machine: Machine, demand: Demand, added: Array, forward: FeedForward) -> kernel.Inputs:
     """What reaches the drive; the torque added from the demand is the inverse of the rigid machine."""
     rotor, load = machine.motor.inertia_kgm2, forward.inertia
@@ -270,23 +208,3 @@ def _inputs(machine: Machine, demand: Demand, added: Array, forward: FeedForward
     else:
         torque = (rotor + load) * acceleration
     return kernel.Inputs(position, forward.speed_share * speed, torque, added)
-
-
-def _substeps(machine: Machine, plant: kernel.Plant, period: float) -> int:
-    """Runge-Kutta steps per tick, from the fastest thing that the plant does."""
-    last, _ = kernel.value_and_slope(plant.inertia, plant.inertia.knots[-1])
-    lightest = min(float(np.min(plant.inertia.coefficients[3])), last)
-    if plant.rigid:
-        moved, fastest = plant.rotor_inertia + lightest, 0.0
-    else:
-        moved, mobility = plant.rotor_inertia, 1 / plant.rotor_inertia + 1 / lightest
-        fastest = max(np.sqrt(plant.stiffness * mobility), plant.damping * mobility)
-    rubbing = (plant.motor_friction + plant.coulomb / plant.coulomb_speed) / moved
-    needed = int(np.ceil(max(period * fastest / _COUPLING_STEP, period * rubbing / _FRICTION_STEP, 1.0)))
-    if needed > _MAX_SUBSTEPS:
-        raise InputError(
-            f'machine "{machine.name}"',
-            f"swings at {fastest / (2 * np.pi):.3g} Hz, too fast to simulate",
-            "Leave out [coupling] where it is rigid, or check stiffness and inertias.",
-        )
-    return needed

@@ -1,0 +1,166 @@
+"""The compiled inside of the simulation with learned terms: every effect of physics.py in the loop of kernel.py.
+
+Apart from the lean kernel, which stays as fast as it is. The drive commands and reports; the plant obeys a torque
+that may be off, clipped or late, and the drive reads an angle that may be off and a speed that may be late.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from schwung.drivetrain.compiled import compiled
+from schwung.drivetrain.kernel import Cascade, Curve, Inputs, Plant, command, value_and_slope
+from schwung.drivetrain.physics import Effects, coupling_torque, load_torque, motor_torque, third_torque
+from schwung.motion import Array
+
+
+class Learned(NamedTuple):
+    """A plant and what was learned about it; SI. Stiffness, damping and inertia are in the plant already."""
+
+    plant: Plant
+    effects: Effects
+    load_table: Curve  # learned load torque, beside the plant's own
+    smoothing: float  # speed within which dry friction changes sign (rad/s)
+    leaves_rest: float  # when the motion begins (s)
+    share: float  # how far through the session the run is, 0…1
+
+
+class Masses(NamedTuple):
+    """Motor, load, and a third mass behind it: angle (rad) and speed (rad/s)."""
+
+    motor_angle: float
+    motor_speed: float
+    load_angle: float
+    load_speed: float
+    third_angle: float
+    third_speed: float
+
+
+@compiled
+def _rates(machine: Learned, state: Masses, torque: float, time: float) -> Masses:
+    """Time derivative of the state: method.md (1), (A7), with everything that was learned."""
+    plant, e = machine.plant, machine.effects
+    inertia, slope = value_and_slope(plant.inertia, state.load_angle)
+    load = value_and_slope(plant.load_torque, state.load_angle)[0]
+    load += value_and_slope(machine.load_table, state.load_angle)[0]
+    load += load_torque(e, state.load_angle, time - machine.leaves_rest)
+    load -= plant.load_friction * state.load_speed + 0.5 * slope * state.load_speed**2
+    third = 0.0
+    if e.third_inertia_kgm2 > 0.0:
+        passed = third_torque(e, state.load_angle - state.third_angle, state.load_speed - state.third_speed)
+        load -= passed
+        third = passed / e.third_inertia_kgm2
+    motor = torque - plant.motor_friction * state.motor_speed
+    motor += motor_torque(
+        e,
+        state.motor_angle,
+        state.motor_speed,
+        time,
+        e.periodic_phase_rad,
+        machine.share,
+        machine.smoothing,
+    )
+    if plant.rigid:
+        both = (motor + load) / (plant.rotor_inertia + inertia)
+        return Masses(state.motor_speed, both, state.load_speed, both, state.third_speed, third)
+    shaft = coupling_torque(
+        e,
+        plant.stiffness,
+        plant.damping,
+        state.motor_angle - state.load_angle,
+        state.motor_speed - state.load_speed,
+    )
+    return Masses(
+        state.motor_speed,
+        (motor - shaft) / plant.rotor_inertia,
+        state.load_speed,
+        (load + shaft) / inertia,
+        state.third_speed,
+        third,
+    )
+
+
+@compiled
+def _moved(state: Masses, rates: Masses, by: float) -> Masses:
+    return Masses(
+        state.motor_angle + by * rates.motor_angle,
+        state.motor_speed + by * rates.motor_speed,
+        state.load_angle + by * rates.load_angle,
+        state.load_speed + by * rates.load_speed,
+        state.third_angle + by * rates.third_angle,
+        state.third_speed + by * rates.third_speed,
+    )
+
+
+@compiled
+def shaft_torque(e: Effects, reported: float) -> float:
+    """What a torque that the drive reports makes of itself on the shaft, once its current loop has settled (N·m)."""
+    return min(max(e.torque_gain * reported, -e.torque_limit_nm), e.torque_limit_nm)
+
+
+@compiled
+def _advance(
+    machine: Learned, state: Masses, wanted: float, acting: float, time: float, step: float, substeps: int
+) -> tuple[Masses, float]:
+    """State and shaft torque after so many steps (s) towards the shaft torque `wanted`: classical Runge-Kutta.
+
+    The lag is first-order and solved exactly: each step has the mean of the torque within it.
+    """
+    lag = machine.effects.torque_lag_s
+    decay = np.exp(-step / lag) if lag > 0.0 else 0.0
+    mean = (1.0 - decay) * lag / step
+    for i in range(substeps):
+        begin = time + i * step
+        torque = wanted + (acting - wanted) * mean
+        acting = wanted + (acting - wanted) * decay
+        k1 = _rates(machine, state, torque, begin)
+        k2 = _rates(machine, _moved(state, k1, step / 2), torque, begin + step / 2)
+        k3 = _rates(machine, _moved(state, k2, step / 2), torque, begin + step / 2)
+        k4 = _rates(machine, _moved(state, k3, step), torque, begin + step)
+        state = _moved(state, k1, step / 6)
+        state = _moved(state, k2, step / 3)
+        state = _moved(state, k3, step / 3)
+        state = _moved(state, k4, step / 6)
+    return state, acting
+
+
+@compiled
+def _late(speeds: Array, tick: int, ticks_late: float) -> float:
+    """A speed so many ticks ago, straight between ticks; before the first it stood as then."""
+    at = max(tick - ticks_late, 0.0)
+    before = int(at)
+    if before >= tick:
+        return float(speeds[tick])
+    share = at - before
+    return float((1.0 - share) * speeds[before] + share * speeds[before + 1])
+
+
+@compiled
+def run_learned(
+    machine: Learned, cascade: Cascade, inputs: Inputs, state: Masses, held_torque: float, begin: float
+) -> tuple[Array, Array]:
+    """Closed loop over n ticks of the drive from the time `begin` (s); as `kernel.run`.
+
+    States (n, 4) are motor angle and speed as the drive reads them, then the load's as they are.
+    """
+    e = machine.effects
+    n = inputs.position.size
+    states, torques, speeds = np.empty((n, 4)), np.empty((n, 2)), np.empty(n)
+    integral, acting = held_torque, shaft_torque(e, held_torque)
+    step, ticks_late = cascade.period / cascade.substeps, e.speed_delay_s / cascade.period
+    for i in range(n):
+        turned = state.motor_angle + e.eccentricity_phase_rad
+        angle = state.motor_angle + e.eccentricity_rad * np.sin(turned)
+        speeds[i] = state.motor_speed * (1.0 + e.eccentricity_rad * np.cos(turned))
+        speed = _late(speeds, i, ticks_late)
+        torque, wanted, integral = command(cascade, inputs, i, angle, speed, integral)
+        states[i, 0], states[i, 1] = angle, speed
+        states[i, 2], states[i, 3] = state.load_angle, state.load_speed
+        torques[i, 0], torques[i, 1] = torque, wanted
+        time = begin + i * cascade.period
+        state, acting = _advance(
+            machine, state, shaft_torque(e, torque), acting, time, step, cascade.substeps
+        )
+    return states, torques

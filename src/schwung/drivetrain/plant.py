@@ -1,0 +1,196 @@
+"""From a machine as believed to what the compiled kernels take: equations' constants, standstill, sub-steps."""
+
+from __future__ import annotations
+
+import numpy as np
+from scipy.interpolate import PchipInterpolator
+from scipy.optimize import brentq
+
+from schwung.drivetrain import kernel, learned, physics
+from schwung.drivetrain.inertia import InertiaTable
+from schwung.drivetrain.machine import Machine
+from schwung.errors import InputError
+from schwung.motion import Array, Demand
+
+#: Highest |eigenvalue| × sub-step. With it the paper's machine is off by 2e-6 rad/s at 20 rad/s.
+_COUPLING_STEP = 0.1
+#: The same with play: where the coupling takes hold its torque has a corner.
+_CONTACT_STEP = 0.02
+#: The same for smoothed dry friction, which only has to be stable (limit of Runge-Kutta: 2.8).
+_FRICTION_STEP = 1.0
+#: Dry friction is smoothed within this speed (rad/s).
+_SMOOTHING_RAD_S = 0.02
+_MAX_SUBSTEPS = 20_000
+
+
+def plant_of(machine: Machine, inertia: InertiaTable | float | None) -> kernel.Plant:
+    """The lean plant, with what was learned about stiffness, damping and inertia in place.
+
+    `inertia` (kg·m²) stands in for the machine's. Raises InputError where it is unknown or not positive.
+    """
+    load, coupling = machine.load, machine.coupling
+    effects = physics.effects_of(machine.physics)
+    stiffness, damping = (coupling.stiffness_nm_rad, coupling.damping_nms) if coupling else (0.0, 0.0)
+    torque = load.torque_table
+    return kernel.Plant(
+        rotor_inertia=machine.motor.inertia_kgm2,
+        motor_friction=machine.motor.viscous_friction_nms,
+        load_friction=load.viscous_friction_nms,
+        stiffness=effects.stiffness_nm_rad or stiffness,
+        damping=damping if effects.damping_nms < 0 else effects.damping_nms,
+        rigid=coupling is None,
+        inertia=_inertia_curve(machine, inertia, effects),
+        load_torque=_constant(load.torque_nm or 0.0)
+        if torque is None
+        else _curve(torque.position_rad, torque.load_torque_nm),
+    )
+
+
+def learned_of(
+    machine: Machine, plant: kernel.Plant, ticks: Array, demand: Demand, share: float
+) -> learned.Learned:
+    """The plant with all its learned terms; demand and its instants `ticks` (s) say when the motion begins."""
+    table = physics.load_torque_table(machine.physics)
+    moving = (demand.position_rad != demand.position_rad[0]) | (demand.speed_rad_s != 0)
+    leaves_rest = float(ticks[max(int(np.argmax(moving)) - 1, 0)]) if np.any(moving) else np.inf
+    return learned.Learned(
+        plant=plant,
+        effects=physics.effects_of(machine.physics),
+        load_table=_constant(0.0) if table is None else _curve(table.position_rad, table.load_torque_nm),
+        smoothing=_SMOOTHING_RAD_S,
+        leaves_rest=leaves_rest,
+        share=share,
+    )
+
+
+def _curve(position: Array, values: Array) -> kernel.Curve:
+    pieces = PchipInterpolator(position, values)
+    return kernel.Curve(np.ascontiguousarray(pieces.x, float), np.ascontiguousarray(pieces.c, float))
+
+
+def _constant(value: float) -> kernel.Curve:
+    return _curve(np.array([0.0, 1.0]), np.array([value, value]))
+
+
+def _inertia_curve(
+    machine: Machine, inertia: InertiaTable | float | None, effects: physics.Effects
+) -> kernel.Curve:
+    believed = machine.load_inertia if inertia is None else inertia
+    if believed is None:
+        raise InputError(
+            f'machine "{machine.name}"',
+            "load.inertia is not known, so nothing can be simulated",
+            "Estimate it, or give load.inertia or load.inertia_table.",
+        )
+    if not (isinstance(believed, InertiaTable) or 0 < believed < np.inf):
+        raise InputError("inertia", f"is {believed!r} kg·m²", "An inertia is a positive number.")
+    if isinstance(believed, InertiaTable):
+        angles, values = believed.position_rad - effects.inertia_shift_rad, believed.inertia_kgm2
+    else:
+        angles, values = np.array([0.0, 1.0]), np.array([believed, believed])
+    true = effects.inertia_scale * values + effects.inertia_delta_kgm2
+    if not np.min(true) > 0:
+        raise InputError(
+            "physics.load_inertia",
+            f"makes the load's inertia {np.min(true):g} kg·m²",
+            "Correct delta_kgm2, or the inertia that it is added to.",
+        )
+    return _curve(angles, true)
+
+
+def rest(plant: kernel.Plant, motor_angle: float) -> tuple[kernel.State, float]:
+    """Standstill of the lean plant at a motor angle (rad), and the motor torque (N·m) that holds it."""
+    load_angle = motor_angle
+    for _ in range(100 if plant.stiffness else 0):  # the coupling's wind-up is tiny: this contracts fast
+        load_angle = motor_angle + kernel.value_and_slope(plant.load_torque, load_angle)[0] / plant.stiffness
+    held = -kernel.value_and_slope(plant.load_torque, load_angle)[0]
+    return kernel.State(motor_angle, 0.0, load_angle, 0.0), held
+
+
+def learned_rest(machine: learned.Learned, read_angle: float) -> tuple[learned.Masses, float]:
+    """Standstill where the drive reads this angle (rad), and the torque (N·m) it has to report to hold it.
+
+    Dry friction holds nothing here: it is smooth. Raises InputError where the coupling cannot bear the load's torque.
+    """
+    e, plant = machine.effects, machine.plant
+    motor_angle = read_angle
+    for _ in range(100):  # |eccentricity| is at most 0.5: each round halves the error
+        motor_angle = read_angle - e.eccentricity_rad * np.sin(motor_angle + e.eccentricity_phase_rad)
+
+    def load_torque(angle: float) -> float:
+        table = kernel.value_and_slope(plant.load_torque, angle)[0]
+        table += kernel.value_and_slope(machine.load_table, angle)[0]
+        return table + physics.load_torque(e, angle, -np.inf)
+
+    def pull(angle: float) -> float:
+        """What would turn the load from this angle on (N·m)."""
+        twist = motor_angle - angle
+        return load_torque(angle) + physics.coupling_torque(e, plant.stiffness, plant.damping, twist, 0.0)
+
+    load_angle = motor_angle
+    if not plant.rigid and pull(motor_angle) != 0.0:
+        towards = np.sign(pull(motor_angle))
+        wound = 0.5 * e.gap_rad + 1e-3 * abs(load_torque(motor_angle)) / plant.stiffness
+        while pull(motor_angle + towards * wound) * towards > 0.0:
+            wound *= 2.0
+            if wound > 100.0:
+                raise InputError(
+                    "machine",
+                    "its coupling cannot bear the load's torque",
+                    "Check stiffness, and load torque.",
+                )
+        load_angle = brentq(pull, motor_angle, motor_angle + towards * wound, xtol=1e-15)
+    held = -load_torque(load_angle) - e.offset_nm
+    held -= e.cogging_amplitude_nm * np.sin(e.cogging_order * motor_angle + e.cogging_phase_rad)
+    state = learned.Masses(motor_angle, 0.0, load_angle, 0.0, load_angle, 0.0)
+    return state, float(held) / e.torque_gain
+
+
+def substeps(machine: Machine, plant: kernel.Plant, period: float, top_speed: float, share: float) -> int:
+    """Runge-Kutta steps per tick (s), from the fastest thing that the plant does at speeds up to `top_speed` (rad/s).
+
+    Raises InputError where that is too fast.
+    """
+    e = physics.effects_of(machine.physics)
+    last, _ = kernel.value_and_slope(plant.inertia, plant.inertia.knots[-1])
+    lightest = min(float(np.min(plant.inertia.coefficients[3])), last)
+    step = _CONTACT_STEP if e.gap_rad > 0 else _COUPLING_STEP
+    if plant.rigid:
+        moved, fastest = plant.rotor_inertia + lightest, 0.0
+    else:
+        moved, mobility = plant.rotor_inertia, 1 / plant.rotor_inertia + 1 / lightest
+        stiffness = plant.stiffness + 3.0 * max(e.cubic_nm_rad3, 0.0) * _wound(machine, plant, e) ** 2
+        fastest = max(np.sqrt(stiffness * mobility), plant.damping * mobility)
+    if e.third_inertia_kgm2 > 0:
+        mobility = 1 / e.third_inertia_kgm2 + 1 / (moved if plant.rigid else lightest)
+        third = max(np.sqrt(e.third_stiffness_nm_rad * mobility), e.third_damping_nms * mobility)
+        fastest = np.hypot(fastest, third)
+    if e.cogging_amplitude_nm != 0:
+        ripple = np.sqrt(abs(e.cogging_amplitude_nm) * e.cogging_order**2 / moved)
+        fastest = max(fastest, ripple, e.cogging_order * top_speed)
+    if e.periodic_amplitude_nm != 0:
+        fastest = max(fastest, 2 * np.pi * e.periodic_frequency_hz)
+    rubbing = plant.motor_friction + max(e.viscous_nms, 0.0) + 2.0 * abs(e.drag_nms2) * top_speed
+    rubbing = (rubbing + _dry_level(e, share) / _SMOOTHING_RAD_S) / moved
+    needed = int(np.ceil(max(period * fastest / step, period * rubbing / _FRICTION_STEP, 1.0)))
+    if needed > _MAX_SUBSTEPS:
+        raise InputError(
+            f'machine "{machine.name}"',
+            f"swings at {max(fastest, rubbing) / (2 * np.pi):.3g} Hz, too fast to simulate",
+            "Leave out [coupling] where it is rigid, or check stiffness and inertias.",
+        )
+    return needed
+
+
+def _dry_level(e: physics.Effects, share: float) -> float:
+    """The most that dry friction can be (N·m)."""
+    level = max(e.coulomb_positive_nm, e.coulomb_negative_nm) + e.drift_nm * share
+    return max(level + max(e.stribeck_rise_nm, 0.0) + max(e.local_friction_nm, 0.0), 0.0)
+
+
+def _wound(machine: Machine, plant: kernel.Plant, e: physics.Effects) -> float:
+    """How far the motor's peak torque winds a coupling up that stiffens (rad)."""
+    if e.cubic_nm_rad3 <= 0:
+        return 0.0
+    peak = machine.motor.peak_torque_nm
+    return float(min(peak / plant.stiffness, np.cbrt(peak / e.cubic_nm_rad3)))
