@@ -19,6 +19,7 @@ from schwung.cli.commission import commission
 from schwung.cli.demo import demo
 from schwung.cli.estimate import estimate
 from schwung.cli.export import export
+from schwung.cli.import_ import import_
 from schwung.cli.report import report
 from schwung.cli.reproduce import reproduce
 from schwung.cli.restore import restore
@@ -65,10 +66,15 @@ def _told_interrupts(command: Callable[_Given, _Returned]) -> Callable[_Given, _
             raise
         except BaseException as error:
             if _is_interrupt(error):
-                raise InterruptedByUser(f"schwung {command.__name__}", "interrupted") from error
+                raise InterruptedByUser(f"schwung {_name(command)}", "interrupted") from error
             raise
 
     return told
+
+
+def _name(command: Callable[_Given, _Returned]) -> str:
+    """The command's name as typed; a trailing underscore is Python's, not the user's."""
+    return command.__name__.removesuffix("_")
 
 
 def _is_interrupt(error: BaseException | None) -> bool:
@@ -78,8 +84,8 @@ def _is_interrupt(error: BaseException | None) -> bool:
     return error is not None
 
 
-for _command in (demo, scan, commission, estimate, export, restore, report, bench, bode, reproduce):
-    app.command()(_told_interrupts(_command))
+for _command in (demo, scan, commission, estimate, export, restore, report, bench, bode, reproduce, import_):
+    app.command(_name(_command))(_told_interrupts(_command))
 
 
 def _interrupt(number: int, frame: object) -> None:

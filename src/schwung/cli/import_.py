@@ -1,0 +1,205 @@
+"""`schwung import`: recordings from elsewhere to a session."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from schwung.cli.options import Json
+
+if TYPE_CHECKING:
+    from schwung.session import Session
+
+_COLUMNS, _UNITS, _TIME, _RUNS = "Columns", "Units", "Time", "Runs"
+
+
+def import_(
+    files: Annotated[list[Path] | None, typer.Argument(help="CSV, TwinCAT Scope or MAT files.")] = None,
+    out: Annotated[Path, typer.Option("-o", "--out", help="The session to write.")] = Path("session.h5"),
+    recipe: Annotated[
+        Path | None, typer.Option(metavar="TOML", help="Options from a file; those given here come first.")
+    ] = None,
+    time: Annotated[
+        str | None,
+        typer.Option(
+            metavar="COLUMN",
+            rich_help_panel=_COLUMNS,
+            help="Time stamps; names, numbers from 0, data\\[:,2] or data(:,3).",
+        ),
+    ] = None,
+    position: Annotated[
+        str | None, typer.Option(metavar="COLUMN", rich_help_panel=_COLUMNS, help="Motor position.")
+    ] = None,
+    speed: Annotated[
+        str | None,
+        typer.Option(metavar="COLUMN", rich_help_panel=_COLUMNS, help="Motor speed; default: from position."),
+    ] = None,
+    torque: Annotated[
+        str | None, typer.Option(metavar="COLUMN", rich_help_panel=_COLUMNS, help="Motor torque or force.")
+    ] = None,
+    position_demand: Annotated[
+        str | None, typer.Option(metavar="COLUMN", rich_help_panel=_COLUMNS, help="Demanded position.")
+    ] = None,
+    torque_added: Annotated[
+        str | None, typer.Option(metavar="COLUMN", rich_help_panel=_COLUMNS, help="Injected torque.")
+    ] = None,
+    axis: Annotated[
+        str | None,
+        typer.Option(rich_help_panel=_UNITS, help="rotary or linear; default: by --position-unit."),
+    ] = None,
+    time_unit: Annotated[
+        str | None, typer.Option(metavar="UNIT", rich_help_panel=_UNITS, help="s, ms, us, ns.")
+    ] = None,
+    position_unit: Annotated[
+        str | None,
+        typer.Option(
+            metavar="UNIT",
+            rich_help_panel=_UNITS,
+            help="rad, deg, rev, m, mm, um, counts=N per turn (or metre).",
+        ),
+    ] = None,
+    speed_unit: Annotated[
+        str | None,
+        typer.Option(metavar="UNIT", rich_help_panel=_UNITS, help="rad/s, rpm, deg/s, rev/s, m/s, mm/s, …"),
+    ] = None,
+    torque_unit: Annotated[
+        str | None,
+        typer.Option(
+            metavar="UNIT",
+            rich_help_panel=_UNITS,
+            help="N·m, mN·m, kN·m, N, kN, %=RATED, permille=RATED, A=N·m per ampere.",
+        ),
+    ] = None,
+    position_scale: Annotated[
+        str | None,
+        typer.Option(metavar="FACTOR", rich_help_panel=_UNITS, help="Before the unit; -1 turns the sign."),
+    ] = None,
+    speed_scale: Annotated[
+        str | None, typer.Option(metavar="FACTOR", rich_help_panel=_UNITS, help="Likewise.")
+    ] = None,
+    torque_scale: Annotated[
+        str | None,
+        typer.Option(metavar="FACTOR", rich_help_panel=_UNITS, help="Likewise, or a number in the MAT file."),
+    ] = None,
+    rate: Annotated[
+        float | None,
+        typer.Option(metavar="HZ", rich_help_panel=_TIME, help="Without --time, or to be resampled to."),
+    ] = None,
+    resample: Annotated[
+        bool | None,
+        typer.Option(
+            "--resample/--no-resample",
+            rich_help_panel=_TIME,
+            help="Bring samples that are not uniform on a uniform time base.",
+        ),
+    ] = None,
+    unwrap: Annotated[
+        bool | None,
+        typer.Option("--unwrap/--no-unwrap", rich_help_panel=_TIME, help="Undo jumps of a whole turn."),
+    ] = None,
+    split: Annotated[
+        str | None,
+        typer.Option(
+            metavar="HOW",
+            rich_help_panel=_RUNS,
+            help="auto: motions between rests, there and back together, or cycles; rest; none; 6.24s.",
+        ),
+    ] = None,
+    role: Annotated[
+        str | None, typer.Option(rich_help_panel=_RUNS, help="reference or excited (with the injected sine).")
+    ] = None,
+    excitation: Annotated[
+        str | None,
+        typer.Option(
+            metavar="HZ,N·m[,RAD]",
+            rich_help_panel=_RUNS,
+            help="The injected sine over the file's time: frequency, amplitude, phase.",
+        ),
+    ] = None,
+    overwrite: Annotated[bool, typer.Option("--overwrite", help="Replace a session of that name.")] = False,
+    json_output: Json = False,
+) -> None:
+    """Make a session of recordings from elsewhere: CSV, TwinCAT Scope, MATLAB.
+
+    [bold]Examples[/]
+
+      schwung import scope.csv --position Axis.ActPos --position-unit deg --torque Axis.ActTorque
+
+      schwung import emps.mat --axis linear --time t --position qm --torque vir --torque-scale gtau
+
+      schwung import --recipe emps.toml --out emps.h5
+    """
+    from schwung.cli.console import Terminal
+    from schwung.session.imports import import_recordings, make_recipe, read_recipe, write_session
+
+    terminal = Terminal(json_output)
+    options: dict[str, Any] = {
+        "time": time, "position": position, "speed": speed, "torque": torque,
+        "position_demand": position_demand, "torque_added": torque_added, "axis": axis, "time_unit": time_unit,
+        "position_unit": position_unit, "speed_unit": speed_unit, "torque_unit": torque_unit,
+        "position_scale": position_scale, "speed_scale": speed_scale, "torque_scale": torque_scale, "rate": rate,
+        "resample": resample, "unwrap": unwrap, "split": split, "role": role,
+        "excitation": _excitation(excitation),
+    }  # fmt: skip
+    given = {key: value for key, value in options.items() if value is not None}
+    kept = read_recipe(recipe) if recipe else {}
+    wanted = make_recipe(kept | given, str(recipe) if recipe else "schwung import")
+    imported = import_recordings(files or [Path(name) for name in wanted.files], wanted)
+    write_session(imported.session, out, overwrite)
+    _show(terminal, imported.session, imported.notes, out)
+    terminal.result(_document(imported.session, imported.notes, out))
+
+
+def _excitation(text: str | None) -> dict[str, float] | None:
+    """FREQUENCY,AMPLITUDE[,PHASE] as numbers. Raises InputError for anything else."""
+    from schwung.errors import InputError
+
+    if text is None:
+        return None
+    keys = ("frequency_hz", "amplitude_nm", "phase_rad")
+    try:
+        values = [float(part) for part in text.split(",")]
+    except ValueError:
+        values = []
+    if len(values) not in (2, 3):
+        raise InputError("--excitation", f'is "{text}"', "Write FREQUENCY,AMPLITUDE[,PHASE]: 50,20,0.")
+    return dict(zip(keys, values, strict=False))
+
+
+def _show(terminal: Any, session: Session, notes: tuple[str, ...], out: Path) -> None:
+    from rich.markup import escape
+
+    unit = "rad" if session.axis == "rotary" else "m"
+    rows = [
+        (str(k), str(run.extra["source_file"]), f"{run.extra['source_start_s']:.4g}",
+         f"{len(run) / run.sample_rate_hz:.4g}", f"{run.sample_rate_hz:g}",
+         f"{run.position_rad.min():.4g} … {run.position_rad.max():.4g}",
+         f"{run.extra['same_motion']}", str(run.repeat))
+        for k, run in enumerate(session.runs)
+    ]  # fmt: skip
+    columns = ("run", "file", "from s", "long s", "Hz", f"position {unit}", "motion", "repeat")
+    terminal.table("Runs", columns, rows)
+    for note in notes:
+        terminal.say(f"[cyan]i[/] {escape(note)}")
+    terminal.say(f"Session: [bold]{escape(str(out))}[/]")
+
+
+def _document(session: Session, notes: tuple[str, ...], out: Path) -> dict[str, Any]:
+    return {
+        "session": str(out),
+        "axis": session.axis,
+        "source": session.source,
+        "runs": [
+            {
+                "role": run.role,
+                "repeat": run.repeat,
+                "samples": len(run),
+                "sample_rate_hz": run.sample_rate_hz,
+            }
+            | dict(run.extra)
+            for run in session.runs
+        ],
+        "notes": list(notes),
+    }

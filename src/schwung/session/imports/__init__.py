@@ -1,0 +1,17 @@
+"""Recordings from elsewhere (CSV, TwinCAT Scope, MATLAB) -> a session."""
+
+from schwung.session.imports.build import Imported, import_recordings, read_table, write_session
+from schwung.session.imports.motions import motion_identity, repeats
+from schwung.session.imports.recipe import Recipe, make_recipe, read_recipe
+
+__all__ = [
+    "Imported",
+    "Recipe",
+    "import_recordings",
+    "make_recipe",
+    "motion_identity",
+    "read_recipe",
+    "read_table",
+    "repeats",
+    "write_session",
+]

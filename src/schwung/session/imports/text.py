@@ -1,0 +1,190 @@
+"""Text files: CSV of any separator and decimal mark, with or without header, and the exports of TwinCAT Scope."""
+
+from __future__ import annotations
+
+import csv
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from schwung.errors import InputError
+from schwung.motion import Array
+from schwung.session.imports.table import Column, Table
+from schwung.session.imports.twincat import is_scope_header, scope_table
+
+#: In this order: a decimal comma is as frequent in its lines as any separator, so the comma comes late.
+_SEPARATORS = (";", "\t", ",", " ")
+_PROBED_LINES = 20
+_COMMENT = re.compile(r"^\s*[#%]+\s?")
+_END_MARK = "EOF"
+
+
+@dataclass(frozen=True)
+class Layout:
+    """How a text file is written: separator, decimal mark, number of columns, line of the first sample (from 0)."""
+
+    separator: str
+    decimal_comma: bool
+    columns: int
+    first_line: int
+
+
+def read_text(path: Path) -> Table:
+    """Read a text file of samples. Raises InputError, with line and column, for what is not a table of numbers."""
+    lines = _decoded(path).splitlines()
+    while lines and (not lines[-1].strip(" \t;,") or lines[-1].strip(' \t;,"') == _END_MARK):
+        lines.pop()
+    layout = _layout(lines, path)
+    header = [_cells(line, layout.separator) for line in lines[: layout.first_line]]
+    if is_scope_header(header):
+        body = _Body(path, lines, layout)
+        return scope_table(path, header, body.column, layout.columns, layout.first_line + 1)
+    names, units = _names(lines[: layout.first_line], layout)
+    values = _numbers(path, lines, layout)
+    columns = tuple(
+        Column(names[k], _without_end(values[:, k]), units[k], (), None, layout.first_line + 1)
+        for k in range(layout.columns)
+        if np.any(np.isfinite(values[:, k])) or names[k] != f"column {k}"
+    )
+    return Table(path, columns, described="CSV")
+
+
+def _decoded(path: Path) -> str:
+    try:
+        data = path.read_bytes()
+    except OSError as error:
+        reason = (error.strerror or str(error)).lower()
+        raise InputError(str(path), f"cannot be read: {reason}", "Check the path.") from None
+    if data.startswith((b"\xff\xfe", b"\xfe\xff")):
+        return data.decode("utf-16", errors="replace")
+    if b"\0" in data[:4096]:
+        raise InputError(str(path), "is neither text nor a MAT file", "Export it as CSV or MAT.")
+    try:
+        return data.decode("utf-8-sig")
+    except UnicodeDecodeError:
+        return data.decode("cp1252", errors="replace")
+
+
+def _cells(line: str, separator: str) -> list[str]:
+    if separator == " ":
+        return line.split()
+    if '"' in line:
+        return [cell.strip() for cell in next(csv.reader([line], delimiter=separator), [])]
+    return [cell.strip() for cell in line.split(separator)]
+
+
+def _is_number(cell: str, decimal_comma: bool) -> bool:
+    try:
+        float(cell.replace(",", ".") if decimal_comma else cell)
+    except ValueError:
+        return False
+    return True
+
+
+def _layout(lines: Sequence[str], path: Path) -> Layout:
+    probed = [line for line in lines[-3 * _PROBED_LINES :] if line.strip()][-_PROBED_LINES:]
+    for separator in _SEPARATORS:
+        rows = [_cells(line, separator) for line in probed]
+        count = max((len(row) for row in rows), default=0)
+        decimal_comma = separator != "," and any("," in cell for row in rows for cell in row)
+        quoted = separator == "," and any('"' in line for line in probed)
+        decimal_comma = decimal_comma or (quoted and any("," in cell for row in rows for cell in row))
+        filled = [cell for row in rows for cell in row if cell]
+        if count > 1 and filled and all(_is_number(cell, decimal_comma) for cell in filled):
+            first = _first_line(lines, separator, decimal_comma, path)
+            top = [_cells(line, separator) for line in lines[first : first + _PROBED_LINES]]
+            count = max(count, *(len(row) for row in top))  # slow channels of a Scope export end early
+            return Layout(separator, decimal_comma, count, first)
+    if probed and all(_is_number(line.strip(), False) for line in probed):  # a single column
+        return Layout(";", False, 1, _first_line(lines, ";", False, path))
+    shown = probed[-1].strip()[:60] if probed else "nothing"
+    raise InputError(
+        str(path),
+        f'its last lines are not columns of numbers ("{shown}")',
+        "Give columns separated by semicolon, tab, comma or blank, one sample per line.",
+    )
+
+
+def _first_line(lines: Sequence[str], separator: str, decimal_comma: bool, path: Path) -> int:
+    for index, line in enumerate(lines):
+        cells = [cell for cell in _cells(line, separator) if cell]
+        if cells and all(_is_number(cell, decimal_comma) for cell in cells):
+            return index
+    raise InputError(str(path), "has no line of numbers", "Give a file with samples.")  # pragma: no cover
+
+
+def _names(header: Sequence[str], layout: Layout) -> tuple[list[str], list[str]]:
+    """Names and units of the columns, from the lines right above the samples; comment marks are ignored."""
+    rows = [_cells(_COMMENT.sub("", line), layout.separator) for line in header if line.strip()]
+    rows = [row for row in rows if len(row) in (layout.columns, layout.columns - 1)][-2:]
+    rows = [row + [""] * (layout.columns - len(row)) for row in rows]
+    units = [""] * layout.columns
+    if len(rows) == 2 and all(re.fullmatch(r"[\[(]?[^\s\[\]()]{0,8}[\])]?", cell) for cell in rows[1]):
+        bracketed = all(cell[:1] in "[(" for cell in rows[1] if cell)
+        known = re.compile(r"(s|ms|rad|deg|°|m|mm|nm|n·m|a|v|n|%|rpm|rad/s|deg/s|m/s|mm/s|-)", re.IGNORECASE)
+        if bracketed or all(known.fullmatch(cell) for cell in rows[1] if cell):
+            units = [cell.strip("[]()") for cell in rows[1]]
+            rows.pop()
+    names = rows[-1] if rows else [""] * layout.columns
+    return [name.strip() or f"column {k}" for k, name in enumerate(names)], units
+
+
+def _numbers(path: Path, lines: Sequence[str], layout: Layout) -> Array:
+    """All samples (n, columns), NaN where a cell is empty. The fast way first; the slow one names the bad cell."""
+    body = lines[layout.first_line :]
+    if '"' not in body[0] and layout.columns > 1:
+        text = (line.replace(",", ".") for line in body) if layout.decimal_comma else iter(body)
+        delimiter = None if layout.separator == " " else layout.separator
+        try:
+            values = np.loadtxt(text, delimiter=delimiter, ndmin=2, comments=None)
+        except ValueError:
+            pass
+        else:
+            if values.shape[1] == layout.columns:
+                return np.asarray(values, dtype=np.float64)
+    read = _Body(path, lines, layout)
+    return np.column_stack([read.column(k) for k in range(layout.columns)])
+
+
+def _without_end(values: Array) -> Array:
+    """A column without the empty cells below its last sample."""
+    filled = np.flatnonzero(~np.isnan(values))
+    return values[: filled[-1] + 1] if filled.size else values[:0]
+
+
+class _Body:
+    """The samples of a text file, cell by cell."""
+
+    def __init__(self, path: Path, lines: Sequence[str], layout: Layout) -> None:
+        self._path, self._layout = path, layout
+        self._rows = [
+            (number, _cells(line, layout.separator))
+            for number, line in enumerate(lines[layout.first_line :], layout.first_line + 1)
+            if line.strip()
+        ]
+
+    def column(self, k: int, base: bool = False) -> Array:
+        """Column k (n,), NaN where a cell is empty; with `base` whole numbers count from the first (file times).
+
+        Raises InputError with line and column for a cell that is no number.
+        """
+        comma = self._layout.decimal_comma
+        origin: int | None = None
+        values = np.full(len(self._rows), np.nan)
+        for row, (number, cells) in enumerate(self._rows):
+            cell = cells[k] if k < len(cells) else ""
+            if not cell:
+                continue
+            try:
+                if base and cell.isdigit():  # 18 digits do not fit a float
+                    origin = int(cell) if origin is None else origin
+                    values[row] = int(cell) - origin
+                else:
+                    values[row] = float(cell.replace(",", ".") if comma else cell)
+            except ValueError:
+                raise InputError(f"{self._path}: line {number}, column {k}", f'"{cell}" is not a number',
+                                 "Correct that cell, or cut the file before it.") from None  # fmt: skip
+        return values
