@@ -58,6 +58,11 @@ _DOTS = (
     "Dots: the measured {u.torque_word} minus everything that the model needs without this term, in all recorded "
     "runs. Green: the term as fitted. "
 )
+_SPECTRUM = "Orange: what the model leaves without this term; green: with it. "
+_DRIFT = "Dots: the mean of what acts against the motion in each run; green: the term as fitted. "
+_WIND_UP = "Grey: what the coupling had to carry in the recorded runs; beyond it nothing was seen. "
+_SMALL = 0.1  # s, rad, m: below it they are written in thousandths
+_LARGEST_POWER = 6  # numbers beyond are written with a power of ten
 _UNIT_ENDS = (
     "_nm_rad3", "_nm_rad", "_rad_s", "_kgm2", "_nms2", "_nms", "_nm", "_rad", "_hz", "_s",
 )  # fmt: skip
@@ -166,35 +171,44 @@ def place_of(where: Located) -> str:
         return name + sides.get((low < 0, high > 0), "")
     if not (math.isfinite(low) and math.isfinite(high)):
         return name
-    unit = f" {where.unit}" if where.unit and where.unit != "1" else ""
-    return f"{name}, {_plain(low)} … {_plain(high)}{unit}"
+    return f"{name}, {_plain(low)} … {_plain(high)}{_spaced(where.unit)}"
 
 
 def value_text(quantity: Quantity) -> str:
     """'2.10 N·m (2.04 … 2.16)': as many digits as the 95 % interval deserves; a table by its extent."""
-    unit = f" {quantity.unit}" if quantity.unit and quantity.unit != "1" else ""
     value = quantity.value
     if not isinstance(value, int | float):
         heights = [pair[1] for pair in value]
         span = f", {_plain(min(heights))} … {_plain(max(heights))}" if heights else ""
-        return f"table of {len(value)} points{span}{unit}"
+        return f"{len(value)} points{span}{_spaced(quantity.unit)}"
+    milli = quantity.unit in ("s", "rad", "m") and 0 < abs(value) < _SMALL
+    factor, unit = (1e3, f"m{quantity.unit}") if milli else (1.0, quantity.unit)
     if quantity.ci95 is None:
-        return f"{_plain(value)}{unit}"
-    low, high = quantity.ci95
-    finite = math.isfinite(high - low) and high > low
-    digits = 1 - math.floor(math.log10(high - low)) if finite else 4
-    shown = [_rounded(number, digits) for number in (value, low, high)]
-    return f"{shown[0]}{unit} ({shown[1]} … {shown[2]})"
+        return f"{_plain(factor * value)}{_spaced(unit)}"
+    low, high = (factor * end for end in quantity.ci95)
+    known = math.isfinite(high - low) and high > low
+    digits = -math.floor(math.log10((high - low) / 3)) if known else 4
+    shown = [_rounded(number, digits) for number in (factor * value, low, high)]
+    return f"{shown[0]}{_spaced(unit)} {_unbroken(f'({shown[1]} … {shown[2]})')}"
+
+
+def _spaced(unit: str) -> str:
+    return f" {unit}" if unit and unit != "1" else ""
 
 
 def _rounded(value: float, digits: int) -> str:
-    """To so many decimals; beyond six by powers of ten, and a proper minus."""
+    """To so many decimals, with a proper minus; very large and very small ones with a power of ten."""
     if not math.isfinite(value):
         return f"{value:g}".replace("-", "−").replace("inf", "∞")
-    if digits > 6 or abs(value) >= 1e6:
-        significant = max(1, digits + 1 + math.floor(math.log10(abs(value)))) if value else 1
-        return f"{value:.{min(significant, 8)}g}".replace("-", "−")
+    size = math.floor(math.log10(abs(value))) if value else 0
+    if value and (size >= _LARGEST_POWER or digits > _LARGEST_POWER):
+        power = str(size).translate(str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹"))
+        return f"{value / 10**size:.{min(max(digits + size, 0), 6)}f}·10{power}".replace("-", "−")
     return f"{round(value, digits) + 0.0:.{max(digits, 0)}f}".replace("-", "−")
+
+
+def _unbroken(text: str) -> str:
+    return text.replace(" ", "\u00a0")
 
 
 def _plain(value: float) -> str:
@@ -288,7 +302,9 @@ def _finding_cells(finding: Finding, *, linear: bool) -> Iterator[str]:
     yield f"<strong>{escape(name.capitalize())}</strong><br><code>{escape(finding.physics)}</code>"
     yield "<br>".join(_parameter_lines(finding.parameters, linear=linear))
     where = finding.where
-    share = f"{100 * where.share_of_energy:.0f} % of the mismatch, p {probability(where.p_value)}"
+    share = (
+        f"{100 * where.share_of_energy:.0f} % of the mismatch, {_unbroken(f'p {probability(where.p_value)}')}"
+    )
     yield f"{escape(place_of(where))}<br>{escape(share)}"
     others = [words_of(other, linear=linear).name for other in finding.indistinguishable_from]
     yield escape("; ".join(others)) if others else "nothing else in the library"
@@ -308,7 +324,7 @@ def _machine_file(content: ExplanationContent) -> str:
         if content.explanation.findings
         else "Nothing was learned: this is the machine as you gave it."
     )
-    return f"<p>{learned}</p><pre>{escape(content.machine_file)}</pre>"
+    return f'<p>{learned}</p><div class="wide"><pre>{escape(content.machine_file)}</pre></div>'
 
 
 # ------------------------------------------------------------------------------------------- pictures
@@ -327,17 +343,17 @@ def explanation_pictures(content: ExplanationContent) -> Iterator[Picture]:
         )
         title = "Before and after" if named else "Measured and believed"
         yield Picture("overlay", title, caption, overlay_figure(shown, floor, units, named=named))
-    yield from _term_pictures(content)
-    yield Picture("proof", "The proof", _proof_caption(explanation), proof_figure(explanation, units))
     if runs and explanation.verdict != "consistent":
         caption = (
             "Orange: the machine needed more than the model knows; blue: less; the stronger, the more. "
             "Empty: the axis was not there."
         )
         yield Picture("map", "Where it is missing", caption, map_figure(runs, floor, units, named=named))
+    yield from _term_pictures(content)
+    yield Picture("proof", "The proof", _proof_caption(explanation), proof_figure(explanation, units))
     for name, title, located in (
         ("located", "What the mismatch follows", explanation.mismatch),
-        ("remainder", "What is left", explanation.remainder),
+        ("remainder", "What is left", explanation.remainder if named or not explanation.mismatch else ()),
     ):
         if located:
             caption = (
@@ -355,7 +371,8 @@ def _term_pictures(content: ExplanationContent) -> Iterator[Picture]:
             continue
         words = words_of(finding.physics, linear=content.linear)
         where = _DRAWN[words.view].format(u=content.units)
-        dots = _DOTS.format(u=content.units) if words.view not in ("wind_up", "frequency", "run") else ""
+        own = {"wind_up": _WIND_UP, "frequency": _SPECTRUM, "run": _DRIFT}
+        dots = own.get(words.view, _DOTS.format(u=content.units))
         title = f"{words.name[:1].upper()}{words.name[1:]}, {where.partition(':')[0]}"
         slope = where.partition(": ")[2]
         caption = dots + finding.text + (f" {slope.capitalize()}." if slope else "")

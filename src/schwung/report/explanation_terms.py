@@ -40,6 +40,7 @@ _BINS = 60
 _FINE_BINS = 140  # over position, where teeth have to show
 _FOLDED = 2  # periods shown of a term that repeats more often than _REPEATS times
 _REPEATS = 5
+_CARRIED = 0.97  # of what the term explains lies below the highest frequency drawn, but for a margin
 _WIND_UP_POINTS = 401
 
 
@@ -88,8 +89,8 @@ def _scatter_figure(finding: Finding, runs: Sequence[Overlay], view: View, units
     )  # fmt: skip
     _draw_means(axes, samples, view)
     axes.axhline(0, color=MUTED.light, linewidth=0.8)
-    shown = np.abs(np.concatenate([samples.asked_nm, samples.term_nm]))
-    reach = 1.15 * float(np.quantile(shown, 0.995)) or 1e-9
+    usual = float(np.quantile(np.abs(samples.asked_nm), 0.99))
+    reach = 1.15 * max(usual, float(np.max(np.abs(samples.term_nm)))) or 1e-9
     axes.set_ylim(-reach, reach)
     axes.set_title(
         f"{words_of(finding.physics, linear=units.position == 'm').name.capitalize()}, {units.torque}"
@@ -221,12 +222,12 @@ def _spectrum_figure(finding: Finding, runs: Sequence[Overlay], units: Units) ->
     axes = figure.axes[0]
     longest = max(run.time_s.size for run in runs)
     step = float(np.median(np.diff(runs[0].time_s)))
-    f = np.fft.rfftfreq(longest, step)
+    f = np.asarray(np.fft.rfftfreq(longest, step), dtype=np.float64)
     without = [residual(run, run.after_nm - run.terms_nm[finding.physics]) for run in runs]
     before = _mean_amplitude(without, longest)
     after = _mean_amplitude([residual(run, run.after_nm) for run in runs], longest)
-    held = np.cumsum(before**2) / max(float(np.sum(before**2)), 1e-300)
-    last = min(int(np.searchsorted(held, 0.99) * 1.3) + 8, f.size)
+    carried = np.cumsum(np.maximum(before**2 - after**2, 0.0))
+    last = min(int(np.searchsorted(carried, _CARRIED * carried[-1]) * 1.5) + 8, f.size)
     x, y = thin(f[1:last], before[1:last])
     axes.fill_between(x, y, color=EXCITED.light, alpha=0.25, linewidth=0)
     axes.plot(x, y, color=EXCITED.light, linewidth=1.1, label="without it")

@@ -37,6 +37,7 @@ from schwung.report.style import (
 CLOSE_TO_FLOOR = 1.2
 _CELLS = (34, 18)  # of the map, over position and over speed
 _FAINTEST = 0.04  # opacity of a visited cell in which nothing is left
+_OUT_OF_SIGHT = 6.0  # what is so many times smaller needs a panel of its own
 _SURE = 0.05  # p-values below it are called significant
 
 
@@ -70,27 +71,31 @@ def shown_overlay(explanation: Explanation) -> Overlay | None:
 
 @in_style
 def overlay_figure(overlay: Overlay, floor_nm: float, units: Units, *, named: bool = True) -> Figure:
-    """One run: torque as measured and as needed, by the belief and with the named physics; below, what is left."""
-    figure = new_figure(5.2, (3, 2))
-    above, below = figure.axes
-    time = overlay.time_s
-    left = residual(overlay, overlay.before_nm)
-    after = residual(overlay, overlay.after_nm)
+    """One run: torque as measured and as needed, by the belief and with the named physics; below, what is left.
+
+    Where the belief misses so much that the floor could not be seen beside it, what the physics leaves has a
+    panel of its own.
+    """
+    before, after = (residual(overlay, needed) for needed in (overlay.before_nm, overlay.after_nm))
+    own = named and rms(before) > _OUT_OF_SIGHT * max(floor_nm, rms(after))
+    figure = new_figure(6.2 if own else 5.2, (3, 1.6, 1.6) if own else (3, 2))
+    above, below, time = figure.axes[0], figure.axes[1], overlay.time_s
     curve(above, time, overlay.torque_nm, INK, label="measured", width=1.7)
     curve(above, time, overlay.before_nm, EXCITED, label="belief", width=1.3)
-    curve(below, time, left, EXCITED, width=1.0)
+    curve(below, time, before, EXCITED, width=1.0)
     if named:
         curve(above, time, overlay.after_nm, GOOD, label="belief + physics", width=1.1)
-        curve(below, time, after, GOOD, width=1.0)
-    below.axhspan(-2 * floor_nm, 2 * floor_nm, color=GRID.light, linewidth=0, zorder=0.5)
-    below.annotate(
-        "± 2 × noise floor", (1.0, 2 * floor_nm), xycoords=("axes fraction", "data"), xytext=(-2, 3),
-        textcoords="offset points", ha="right", color=MUTED.light, fontsize=8,
-    )  # fmt: skip
-    _reach(below, (left, after) if named else (left,), 3 * floor_nm)
+        for axes in figure.axes[1:]:
+            curve(axes, time, after, GOOD, width=1.0)
+    for axes in figure.axes[1:]:
+        axes.axhspan(-2 * floor_nm, 2 * floor_nm, color=GRID.light, linewidth=0, zorder=0.5)
+    _reach(below, (before, after) if named else (before,), 3 * floor_nm)
     above.set_title(f"Motor {units.torque_word}, {units.torque}")
-    below.set_title(f"Measured minus needed, {units.torque}")
-    below.set_xlabel("time, s")
+    below.set_title(f"Measured minus needed, {units.torque} · grey: ± 2 × noise floor")
+    if own:
+        _reach(figure.axes[2], (after,), 3 * floor_nm)
+        figure.axes[2].set_title("The same, belief + physics alone")
+    figure.axes[-1].set_xlabel("time, s")
     key(above)
     return figure
 
@@ -125,11 +130,15 @@ def map_figure(runs: Sequence[Overlay], floor_nm: float, units: Units, *, named:
     axes[0].set_ylabel(f"speed, {units.speed}")
     steps = (-1.0, -0.5, 0.0, 0.5, 1.0)
     figure.legend(
-        handles=[Patch(facecolor=_shade(step), label=f"{step * full:+.2g}" if step else "0") for step in steps],
+        handles=[Patch(facecolor=_shade(step), label=_signed(step * full)) for step in steps],
         loc="outside upper right", ncols=len(steps), fontsize=8, handlelength=1.2,
         title=f"measured minus needed, mean of each cell, {units.torque}", title_fontsize=8, alignment="right",
     )  # fmt: skip
     return figure
+
+
+def _signed(value: float) -> str:
+    return f"{value:+.2g}".replace("-", "−") if value else "0"
 
 
 def _joined(runs: Sequence[Overlay], name: str) -> Array:
@@ -181,13 +190,15 @@ def proof_figure(explanation: Explanation, units: Units) -> Figure:
         bars.append(("belief + physics", fit.after.torque_rmse_nm, GOOD))
     bars.append(("noise floor", floor, PLAIN))
     names = [name for name, *_ in bars]
+    limit = CLOSE_TO_FLOOR * floor if explanation.findings else 0.0
     for name, value, colour in bars:
         axes.barh(name, value, color=colour.light, height=0.62)
         axes.annotate(
-            f"{value:.3g}", (value, name), xytext=(4, 0), textcoords="offset points", va="center",
+            f"{value:.3g}", (max(value, limit), name), xytext=(4, 0), textcoords="offset points", va="center",
             color=colour.light, fontweight="bold",
         )  # fmt: skip
-    axes.axvline(CLOSE_TO_FLOOR * floor, color=MUTED.light, linewidth=1.0, linestyle=DASHED)
+    if limit:
+        axes.axvline(limit, color=MUTED.light, linewidth=1.0, linestyle=DASHED)
     axes.set_ylim(len(names) - 0.4, -0.6)
     axes.set_xlim(0, 1.12 * max(value for _, value, _ in bars) or 1.0)
     axes.grid(visible=False, axis="y")
