@@ -18,6 +18,7 @@ from schwung.cli.bode import bode
 from schwung.cli.commission import commission
 from schwung.cli.demo import demo
 from schwung.cli.estimate import estimate
+from schwung.cli.explain import explain
 from schwung.cli.export import export
 from schwung.cli.import_ import import_
 from schwung.cli.report import report
@@ -84,7 +85,20 @@ def _is_interrupt(error: BaseException | None) -> bool:
     return error is not None
 
 
-for _command in (demo, scan, commission, estimate, export, restore, report, bench, bode, reproduce, import_):
+for _command in (
+    demo,
+    scan,
+    commission,
+    estimate,
+    explain,
+    export,
+    restore,
+    report,
+    bench,
+    bode,
+    reproduce,
+    import_,
+):
     app.command(_name(_command))(_told_interrupts(_command))
 
 

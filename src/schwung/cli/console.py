@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import math
 import sys
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any
 
@@ -147,13 +147,31 @@ class TerminalObserver:
 @contextmanager
 def observing(terminal: Terminal) -> Iterator[TerminalObserver]:
     """A progress display that ends with the block."""
+    with _display(terminal) as progress:
+        yield TerminalObserver(terminal, progress)
+
+
+@contextmanager
+def progress_bar(terminal: Terminal) -> Iterator[Callable[[str, float], None]]:
+    """One bar that ends with the block: call it with what is being done and the share done of all, 0…1."""
+    with _display(terminal) as progress:
+        task = progress.add_task("", total=1.0)
+
+        def tell(text: str, share: float) -> None:
+            progress.update(task, description=escape(text), completed=share)
+
+        yield tell
+
+
+def _display(terminal: Terminal) -> Progress:
+    """Spinner, words, bar and the time left."""
     from rich.progress import BarColumn, Progress, SpinnerColumn, TextColumn, TimeRemainingColumn
 
-    columns = (
+    return Progress(
         SpinnerColumn(),
         TextColumn("{task.description}"),
         BarColumn(),
         TimeRemainingColumn(compact=True),
+        console=terminal.console,
+        transient=False,
     )
-    with Progress(*columns, console=terminal.console, transient=False) as progress:
-        yield TerminalObserver(terminal, progress)

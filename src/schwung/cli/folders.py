@@ -9,13 +9,14 @@ from pathlib import Path
 from schwung.errors import InputError
 
 
-def planned_folder(out: Path | None) -> Path:
+def planned_folder(out: Path | None, *, beside_session: bool = False) -> Path:
     """The folder that a command will write to; nothing is made yet.
 
-    Raises InputError where it holds a session already, or where it cannot be made or written.
+    Raises InputError where it holds a session already (unless what is written may lie beside one), or where it
+    cannot be made or written.
     """
     folder = out or Path(f"schwung-{datetime.now().astimezone():%Y%m%d-%H%M%S}")
-    if (folder / "session.h5").exists():
+    if not beside_session and (folder / "session.h5").exists():
         raise InputError(str(folder), "holds a session already", "Choose another --out.")
     there = next(place for place in (folder, *folder.absolute().parents) if place.exists())
     if not there.is_dir():

@@ -102,7 +102,7 @@ def render_explanation(content: ExplanationContent) -> str:
         _verdict(content),
         _numbers(content),
         section("What was left out", _findings_table(content)),
-        section("What cannot be told apart", bullets(separations(explanation, linear=content.linear))),
+        section("What cannot be told apart", bullets(separations(explanation))),
         *(section(picture.title, drawn_figure(picture)) for picture in explanation_pictures(content)),
         section("Notes", bullets(dict.fromkeys(explanation.notes))),
         section("The learned machine", _machine_file(content)),
@@ -235,9 +235,9 @@ def runs_text(runs: Iterable[int]) -> str:
     )
 
 
-def separations(explanation: Explanation, *, linear: bool = False) -> Iterator[str]:
+def separations(explanation: Explanation) -> Iterator[str]:
     """One sentence for each pair of names that this session cannot tell apart: the motion that would."""
-    seen = set()
+    seen, linear = set(), explanation.axis == "linear"
     for finding in explanation.findings:
         for other in finding.indistinguishable_from:
             if frozenset((finding.physics, other)) not in seen:
@@ -281,39 +281,38 @@ def _key_numbers(content: ExplanationContent) -> Iterator[tuple[str, str, str]]:
 
 
 def _findings_table(content: ExplanationContent) -> str:
-    rows = [
-        "<tr>"
-        + "".join(f"<td>{cell}</td>" for cell in _finding_cells(finding, linear=content.linear))
-        + "</tr>"
-        for finding in content.explanation.findings
-    ]
+    head = ("Physics", "Parameters (95 % interval)", "Where", "Could as well be")
+    rows = [finding_row(finding, linear=content.linear) for finding in content.explanation.findings]
     if not rows:
         return ""
-    head = "".join(
-        f"<th>{text}</th>" for text in ("Physics", "Parameters (95 % interval)", "Where", "Could as well be")
-    )
-    return (
-        f'<div class="wide"><table><thead><tr>{head}</tr></thead><tbody>{"".join(rows)}</tbody></table></div>'
-    )
+    top = "".join(f"<th>{text}</th>" for text in head)
+    lines = "".join(_row(*row) for row in rows)
+    return f'<div class="wide"><table><thead><tr>{top}</tr></thead><tbody>{lines}</tbody></table></div>'
 
 
-def _finding_cells(finding: Finding, *, linear: bool) -> Iterator[str]:
-    name = words_of(finding.physics, linear=linear).name
-    yield f"<strong>{escape(name.capitalize())}</strong><br><code>{escape(finding.physics)}</code>"
-    yield "<br>".join(_parameter_lines(finding.parameters, linear=linear))
-    where = finding.where
-    share = (
-        f"{100 * where.share_of_energy:.0f} % of the mismatch, {_unbroken(f'p {probability(where.p_value)}')}"
-    )
-    yield f"{escape(place_of(where))}<br>{escape(share)}"
+def _row(name: str, *cells: str) -> str:
+    words, _, key = name.partition("\n")
+    first = f"<td><strong>{escape(words)}</strong><br><code>{escape(key)}</code></td>"
+    rest = ("<br>".join(escape(line) for line in cell.split("\n")) for cell in cells)
+    return f"<tr>{first}{''.join(f'<td>{cell}</td>' for cell in rest)}</tr>"
+
+
+def finding_row(finding: Finding, *, linear: bool = False) -> tuple[str, str, str, str]:
+    """One finding for a table, lines within a cell by line feeds: physics, parameters, where, what else it could be."""
     others = [words_of(other, linear=linear).name for other in finding.indistinguishable_from]
-    yield escape("; ".join(others)) if others else "nothing else in the library"
+    share = f"{100 * finding.where.share_of_energy:.0f} % of the mismatch"
+    return (
+        f"{words_of(finding.physics, linear=linear).name.capitalize()}\n{finding.physics}",
+        "\n".join(_parameter_lines(finding.parameters, linear=linear)),
+        f"{place_of(finding.where)}\n{share}, {_unbroken(f'p {probability(finding.where.p_value)}')}",
+        "\n".join(others) or "nothing else known",
+    )
 
 
 def _parameter_lines(parameters: Mapping[str, Quantity], *, linear: bool) -> Iterator[str]:
     for key, quantity in parameters.items():
         label = label_of(key).replace("torque", "force") if linear else label_of(key)
-        yield escape(f"{label}: {value_text(quantity)}")
+        yield f"{label}: {value_text(quantity)}"
 
 
 def _machine_file(content: ExplanationContent) -> str:

@@ -1,0 +1,103 @@
+"""`schwung explain`: which physics the belief leaves out, found in a recorded session."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from schwung.cli.options import Json, Machine
+
+if TYPE_CHECKING:
+    from schwung.cli.console import Terminal
+    from schwung.explain.values import Explanation
+
+_COLOURS = {
+    "consistent": "green",
+    "explained": "green",
+    "partly_explained": "yellow",
+    "unexplained": "red",
+}
+
+
+def explain(
+    session: Annotated[Path, typer.Argument(help="The recorded session, *.h5.")],
+    machine: Machine,
+    out: Annotated[
+        Path, typer.Option(help="Folder for explanation.json, explanation.html and the learned machine.toml.")
+    ] = Path("explanation"),
+    json_output: Json = False,
+) -> None:
+    """Locate where a recording departs from the belief, name the physics left out, and prove it on runs kept aside.
+
+    The learned machine.toml has the named physics as [[physics]]; use it in place of the one given.
+
+    [bold]Examples[/]
+
+      schwung explain session.h5 -m machine.toml
+
+      schwung explain session.h5 -m machine.toml --out monday --json
+    """
+    from schwung.cli.console import Terminal, json_text, progress_bar
+    from schwung.cli.folders import make_folder, planned_folder
+    from schwung.cli.sessions import in_file
+    from schwung.drivetrain import load_machine, write_machine
+    from schwung.explain.explain import explain as explain_session
+    from schwung.files import replace_file
+    from schwung.report.explanation import ExplanationContent, write_explanation
+    from schwung.session import read_session
+
+    terminal = Terminal(json_output)
+    believed, recorded = load_machine(machine), read_session(session)
+    folder = planned_folder(out, beside_session=True)
+    learned = folder / "machine.toml"
+    _keep_beliefs(learned, machine)
+    with in_file(session), progress_bar(terminal) as progress:
+        found = explain_session(recorded, believed, progress=progress)
+    make_folder(folder)
+    document = found.to_json() | {"session": str(session), "machine": str(machine)}
+    replace_file(folder / "explanation.json", json_text(document))
+    write_machine(found.machine, learned)
+    content = ExplanationContent(
+        title=f"{believed.name}: what the belief leaves out",
+        explanation=found,
+        believed=believed,
+        session=recorded,
+        machine_file=learned.read_text(encoding="utf-8"),
+    )
+    write_explanation(content, folder / "explanation.html")
+    _tell(terminal, found)
+    terminal.say(f"Explanation: [bold]{folder / 'explanation.html'}[/]  Learned machine: [bold]{learned}[/]")
+    terminal.result(document)
+
+
+def _keep_beliefs(learned: Path, machine: Path) -> None:
+    """Raise InputError where the learned machine would take the place of the given one, or of a stranger's."""
+    from schwung.errors import InputError
+
+    if learned.exists() and (learned.samefile(machine) or not learned.with_name("explanation.json").exists()):
+        raise InputError(str(learned), "is a machine file that would be lost", "Choose another --out.")
+
+
+def _tell(terminal: Terminal, found: Explanation) -> None:
+    """Verdict, findings, proof and notes for people."""
+    from rich.markup import escape
+
+    from schwung.report.content import LINEAR, ROTARY
+    from schwung.report.explanation import finding_row, headline, runs_text, separations
+
+    linear = found.axis == "linear"
+    unit = (LINEAR if linear else ROTARY).torque
+    words = found.verdict.replace("_", " ")
+    terminal.say(f"[bold {_COLOURS[found.verdict]}]{words}[/]: {escape(headline(found))}")
+    if found.findings:
+        rows = [finding_row(finding, linear=linear) for finding in found.findings]
+        terminal.table("Left out", ("physics", "parameters (95 %)", "where", "could as well be"), rows)
+    error = [("belief", found.fit.before.torque_rmse_nm)]
+    error += [("belief + physics", found.fit.after.torque_rmse_nm)] if found.findings else []
+    error += [("noise floor", found.noise_floor.torque_nm)]
+    title = f"Error on runs {runs_text(found.fit.heldout_runs)}, kept aside"
+    terminal.table(title, ("", f"RMS, {unit}"), [(name, f"{value:.3g}") for name, value in error])
+    for note in dict.fromkeys((*separations(found), *found.notes)):
+        terminal.say(f"[cyan]i[/] {escape(note)}")
