@@ -63,8 +63,23 @@ def content_of(
         ],
         following_error=_verification(session, folder / "verification.h5"),
         sync=_sync_rows(session),
-        notes=estimate.notes,
+        notes=(*estimate.notes, *explanation_note(folder)),
     )
+
+
+def explanation_note(folder: Path) -> tuple[str, ...]:
+    """Where an explanation of the session lies beside it, and its verdict; nothing where there is none."""
+    for place in (folder, folder / "explanation"):
+        try:
+            found = json.loads((place / "explanation.json").read_text(encoding="utf-8"))
+            if found["format"] == "schwung-explanation":
+                verdict = str(found["verdict"]).replace("_", " ")
+                return (
+                    f"What the believed machine leaves out is {verdict}: see {place / 'explanation.html'}.",
+                )
+        except (OSError, ValueError, KeyError, TypeError):
+            continue
+    return ()
 
 
 def change_row(change: Change, remark: str) -> ChangeRow:
