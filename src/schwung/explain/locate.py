@@ -1,0 +1,224 @@
+"""Where the mismatch is: how much of the residual's energy follows from which coordinate, and on which interval.
+
+The residual is predicted jointly (additively) from shapes of eight coordinates; a coordinate's share is its part of the
+joint prediction, so that what several coordinates could predict is credited to the simplest that does. Every coordinate
+is tested beyond the others by permutation (locate_chance.py), with its best shape sought in every draw.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from schwung.explain.locate_columns import Residual, dictionary, gather, raised_cosine
+from schwung.explain.locate_interval import interval_of
+from schwung.explain.locate_lines import Comb
+from schwung.explain.locate_search import COORDINATES, LEAST_SHARE, SIGNIFICANT, Search
+from schwung.explain.locate_space import Space
+from schwung.explain.locate_words import sentence, unit_of
+from schwung.explain.values import Coordinate, Located
+from schwung.motion import Array
+from schwung.session.model import Axis
+
+__all__ = ["Residual", "Share", "interval_of", "locate", "shares"]
+
+EQUAL = 0.01  # of a coordinate's gain: another one that misses no more than this cannot be told from it
+
+
+@dataclass(frozen=True)
+class Share:
+    """How much of the residual's energy a coordinate predicts alone, jointly, and beyond the others."""
+
+    coordinate: Coordinate
+    alone: float
+    joint: float
+    beyond: float
+    p_value: float
+
+
+def locate(residuals: Sequence[Residual], axis: Axis) -> tuple[Located, ...]:
+    """The coordinates that the residual follows significantly, by share; empty where it is noise.
+
+    A coordinate that this session cannot tell from a named one comes with it, its text says so.
+    """
+    search = _searched(residuals, axis)
+    if search is None:
+        return ()
+    tested = _tested(search)
+    kept = [c for c, p in tested.items() if p < SIGNIFICANT]
+    search.chosen = [i for i in search.chosen if search.space.shapes[i].coordinate in kept]
+    found: list[Located] = []
+    for coordinate in kept:
+        mine = _of(search, coordinate)
+        contribution = search.space.contribution(search.chosen, mine)
+        share = float(contribution @ search.samples.residual) / search.space.energy
+        if share < LEAST_SHARE:
+            continue
+        p_value = tested[coordinate]
+        interval = _interval(search, coordinate, mine, contribution)
+        found.append(_located(search, coordinate, interval, min(share, 1.0), p_value, axis, None))
+        found.extend(_twins(search, coordinate, mine, min(share, 1.0), p_value, axis))
+    return tuple(_once(sorted(found, key=lambda one: -one.share_of_energy)))
+
+
+def shares(residuals: Sequence[Residual], axis: Axis) -> tuple[Share, ...]:
+    """Every coordinate's share of the residual's energy alone, in the joint prediction, and beyond the others.
+
+    p_value is corrected for eight coordinates; 1 for those that have no part in the joint prediction.
+    """
+    search = _searched(residuals, axis)
+    if search is None:
+        return ()
+    space, tested = search.space, _tested(search)
+    gains = space.beyond([]).gains(space.products)
+    whole = space.explained(search.chosen)
+    result = []
+    for coordinate in COORDINATES:
+        mine = _of(search, coordinate)
+        of_it = np.array([shape.coordinate == coordinate for shape in space.shapes])
+        prices = np.array([shape.price for shape in space.shapes])
+        alone = np.max(np.where(of_it, gains - prices * search.samples.noise_nm**2, 0.0), initial=0.0)
+        alone = max(alone, space.explained(mine)) if mine else alone
+        joint = space.contribution(search.chosen, mine) @ search.samples.residual
+        others = [i for i in search.chosen if i not in mine]
+        result.append(
+            Share(
+                coordinate,
+                float(alone) / space.energy,
+                float(joint) / space.energy,
+                (whole - space.explained(others)) / space.energy,
+                tested.get(coordinate, 1.0),
+            )
+        )
+    return tuple(sorted(result, key=lambda one: -one.joint))
+
+
+def _searched(residuals: Sequence[Residual], axis: Axis) -> Search | None:
+    samples = gather(residuals)
+    if samples is None or not np.any(samples.residual):
+        return None
+    search = Search(samples, Space.of(samples, dictionary(samples, axis)), Comb.of(samples, axis))
+    search.run()
+    return search
+
+
+def _of(search: Search, coordinate: Coordinate) -> list[int]:
+    return [i for i in search.chosen if search.space.shapes[i].coordinate == coordinate]
+
+
+def _tested(search: Search) -> dict[Coordinate, float]:
+    """p-value of every coordinate that has a part, beyond the others."""
+    parts = {coordinate: _of(search, coordinate) for coordinate in COORDINATES}
+    return {
+        coordinate: search.p_value(coordinate, mine, [i for i in search.chosen if i not in mine])
+        for coordinate, mine in parts.items()
+        if mine
+    }
+
+
+def _interval(
+    search: Search, coordinate: Coordinate, mine: Sequence[int], contribution: Array
+) -> tuple[float, float]:
+    samples = search.samples
+    if coordinate == "frequency":
+        places = [search.line_place[i] for i in mine]
+        span = 1 / float(
+            np.median([samples.grid_s[end - 1] - samples.grid_s[a] for a, end in samples.bounds])
+        )
+        return min(places) - 0.5 * span, max(places) + 0.5 * span
+    values = samples.values(coordinate)
+    if coordinate == "run":
+        return float(np.min(values)), float(np.max(values))
+    if coordinate == "direction":
+        sizes = {sign: float(np.mean(np.abs(contribution[values == sign]))) for sign in np.unique(values)}
+        heavy = [sign for sign, size in sizes.items() if size > 0.05 * max(sizes.values())]
+        return float(min(heavy)), float(max(heavy))
+    bumps = [search.space.shapes[i] for i in mine if search.space.shapes[i].bump is not None]
+    if bumps and len(bumps) == len(mine):
+        centre, half = _refined(search, mine)
+        return max(centre - 0.8 * half, float(np.min(values))), min(
+            centre + 0.8 * half, float(np.max(values))
+        )
+    return interval_of(values, contribution)
+
+
+def _refined(search: Search, mine: Sequence[int]) -> tuple[float, float]:
+    """Centre and half width of one raised cosine in place of the chosen bumps, to better than the hats' spacing."""
+    samples, space = search.samples, search.space
+    main = max(mine, key=lambda i: float(np.sum(space.contribution(search.chosen, [i]) ** 2)))
+    shape = space.shapes[main]
+    assert shape.bump is not None
+    centre, half = shape.bump
+    values = samples.values(shape.coordinate)
+    factor = samples.sign if shape.signed else np.ones_like(samples.sign)
+    target = search.remainder(search.chosen) + space.contribution(search.chosen, mine)
+
+    def gain(at: float, wide: float) -> float:
+        column = raised_cosine(values, at, wide) * factor
+        own = float(column @ column)
+        return float(column @ target) ** 2 / own if own > 0 else 0.0
+
+    best, step = gain(centre, half), 0.35
+    while step > 0.02:
+        tries = [
+            (centre + d * half * step, half * (1 + w * step)) for d, w in ((1, 0), (-1, 0), (0, 1), (0, -1))
+        ]
+        scores = [gain(at, wide) for at, wide in tries]
+        if max(scores) > best:
+            best, (centre, half) = max(scores), tries[int(np.argmax(scores))]
+        else:
+            step /= 2
+    return centre, half
+
+
+def _twins(
+    search: Search, coordinate: Coordinate, mine: list[int], share: float, p_value: float, axis: Axis
+) -> list[Located]:
+    """Coordinates that would do as well with a shape no richer, given the rest."""
+    space = search.space
+    others = [i for i in search.chosen if i not in mine]
+    own = space.explained(search.chosen) - space.explained(others)
+    price = sum(space.shapes[i].price for i in mine)
+    gains = space.beyond(others).gains(space.products)
+    slack = max(EQUAL * own, 6 * search.samples.noise_nm**2)
+    found = []
+    for other in COORDINATES:
+        if other in (coordinate, "frequency") or _of(search, other):
+            continue
+        fit = [
+            i
+            for i, shape in enumerate(space.shapes)
+            if shape.coordinate == other and shape.price <= price and gains[i] >= own - slack
+        ]
+        if not fit:
+            continue
+        best = max(fit, key=lambda i: gains[i])
+        contribution = space.contribution([*others, best], [best])
+        interval = (
+            interval_of(search.samples.values(other), contribution)
+            if other not in ("run", "direction")
+            else _interval(search, other, [best], contribution)
+        )
+        less = share * min(gains[best] / own, 1.0) * (1 - 1e-9)
+        found.append(_located(search, other, interval, less, p_value, axis, coordinate))
+    return found
+
+
+def _located(
+    search: Search, coordinate: Coordinate, interval: tuple[float, float], share: float, p_value: float,
+    axis: Axis, twin: Coordinate | None,
+) -> Located:  # fmt: skip
+    values = search.samples.values(coordinate)
+    visited = (float(np.min(values)), float(np.max(values)))
+    text = sentence(coordinate, interval, visited, share, axis, twin)
+    return Located(coordinate, interval, unit_of(coordinate, axis), share, p_value, text)
+
+
+def _once(found: Sequence[Located]) -> list[Located]:
+    """Each coordinate once, where it says most."""
+    seen: dict[Coordinate, Located] = {}
+    for one in found:
+        seen.setdefault(one.coordinate, one)
+    return list(seen.values())

@@ -1,0 +1,124 @@
+"""Lines: a ripple locked to the angle, and a disturbance fixed in frequency with its phase free in every run."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.optimize import minimize_scalar
+from scipy.stats import chi2
+
+from schwung.explain.locate_columns import TURN, Samples, Shape
+from schwung.motion import Array
+from schwung.session.model import Axis
+
+HIGHEST_ORDER = 130.0  # per turn
+FINEST = 400.0  # periods over the visited range, on a linear axis
+FEWEST = 3.0  # periods over the visited range, and in time
+
+
+@dataclass(frozen=True, eq=False)
+class Line:
+    """The strongest line: where (rad/rad or Hz), the energy it predicts, and its columns (n, k)."""
+
+    place: float
+    gain: float
+    columns: Array
+    shape: Shape
+
+
+@dataclass(frozen=True, eq=False)
+class Comb:
+    """Where the position lines may be: bins of position and the wave numbers of their transform."""
+
+    bins: Array
+    count: int
+    step: float
+    wave: Array
+
+    @classmethod
+    def of(cls, samples: Samples, axis: Axis) -> Comb | None:
+        """None where the motion is too short for a line."""
+        reach = float(np.ptp(samples.position))
+        if reach <= 0:
+            return None
+        lowest = FEWEST * TURN / reach
+        sampled = 0.8 * np.pi * samples.rate_hz / max(float(np.percentile(np.abs(samples.speed), 75)), 1e-12)
+        highest = min(HIGHEST_ORDER if axis == "rotary" else FINEST * TURN / reach, sampled)
+        if highest <= lowest:
+            return None
+        step = TURN / (12 * highest)
+        bins = ((samples.position - np.min(samples.position)) / step).astype(np.int64)
+        count = 1 << int(np.ceil(np.log2(4 * (int(np.max(bins)) + 1))))
+        wave = TURN * np.fft.rfftfreq(count, step)
+        wave[(wave < lowest) | (wave > highest)] = np.nan
+        return cls(bins, count, step, wave)
+
+    def powers(self, remainder: Array) -> Array:
+        """Energy that a line of each wave number predicts (waves,), 0 outside the comb."""
+        held = np.bincount(self.bins, weights=remainder, minlength=self.count)
+        power = np.abs(np.fft.rfft(held)) ** 2 * 2 / remainder.size
+        return np.where(np.isnan(self.wave), 0.0, power)
+
+    def strongest(self, samples: Samples, remainder: Array) -> Line:
+        """The line that predicts most."""
+        guess = float(self.wave[int(np.argmax(self.powers(remainder)))])
+        near = TURN / (self.count * self.step)
+
+        def lost(wave: float) -> float:
+            return -float(np.abs(remainder @ np.exp(-1j * wave * samples.position)) ** 2)
+
+        found = minimize_scalar(
+            lost, bounds=(guess - near, guess + near), method="bounded", options={"xatol": near / 50}
+        )
+        angle = float(found.x) * samples.position
+        columns = np.stack([np.cos(angle), np.sin(angle)], axis=1)
+        gain = -float(found.fun) * 2 / remainder.size
+        return Line(float(found.x), gain, columns, Shape("position", "line", np.eye(2), 4.0))
+
+
+def frequency_line(samples: Samples, remainder: Array) -> tuple[Line, float] | None:
+    """The strongest line in time, its phase free in every run, and its p-value against the spectrum around it.
+
+    The sum over the runs of their periodograms follows χ² with two degrees of freedom per run, times the noise's
+    spectrum, which the median over the neighbouring frequencies gives.
+    """
+    spans = [samples.grid_s[end - 1] - samples.grid_s[start] for start, end in samples.bounds]
+    lowest = FEWEST / float(np.median(spans))
+    longest = max(int(samples.grid_s[end - 1] * samples.rate_hz) + 2 for _, end in samples.bounds)
+    size = 1 << int(np.ceil(np.log2(2 * longest)))
+    frequency = np.fft.rfftfreq(size, 1 / samples.rate_hz)
+    power = np.zeros(frequency.size)
+    for start, end in samples.bounds:
+        row = np.zeros(longest)
+        row[np.round(samples.grid_s[start:end] * samples.rate_hz).astype(np.int64)] = remainder[start:end]
+        power += np.abs(np.fft.rfft(row, size)) ** 2 * 2 / (end - start)
+    allowed = np.flatnonzero((frequency >= lowest) & (frequency <= 0.45 * samples.rate_hz))
+    if allowed.size < 20:
+        return None
+    peak = int(allowed[np.argmax(power[allowed])])
+    width = max(round(size / longest), 1)  # bins of one independent frequency
+    around = np.abs(np.arange(power.size) - peak)
+    beside = np.intersect1d(np.flatnonzero((around > 2 * width) & (around <= 16 * width)), allowed)
+    degrees = 2 * len(samples.bounds)
+    level = float(np.median(power[beside])) / float(chi2.median(degrees)) if beside.size >= 8 else np.inf
+    tries = 2 * allowed.size / width
+    p_value = min(1.0, tries * float(chi2.sf(power[peak] / level, degrees))) if level > 0 else 1.0
+    place = _top(frequency, power, peak)
+    angle = TURN * place * samples.grid_s
+    columns = np.zeros((remainder.size, degrees))
+    for i, (start, end) in enumerate(samples.bounds):
+        columns[start:end, 2 * i] = np.cos(angle[start:end])
+        columns[start:end, 2 * i + 1] = np.sin(angle[start:end])
+    gain = float(power[peak]) - degrees * (level if np.isfinite(level) else 0.0)
+    return Line(place, gain, columns, Shape("frequency", "line", np.eye(degrees), 6.0)), p_value
+
+
+def _top(places: Array, heights: Array, peak: int) -> float:
+    """Where a parabola through the peak and its neighbours is highest."""
+    if not 0 < peak < heights.size - 1:
+        return float(places[peak])
+    left, top, right = heights[peak - 1 : peak + 2]
+    bend = left - 2 * top + right
+    off = 0.5 * (left - right) / bend if bend < 0 else 0.0
+    return float(places[peak] + np.clip(off, -0.5, 0.5) * (places[1] - places[0]))

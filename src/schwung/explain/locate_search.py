@@ -1,0 +1,150 @@
+"""Which shapes of which coordinates predict the residual: forward, swapped, and pruned."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from schwung.explain.locate_chance import Null, p_of_position_line, p_of_shapes
+from schwung.explain.locate_columns import Samples
+from schwung.explain.locate_lines import Comb, Line, frequency_line
+from schwung.explain.locate_space import Space
+from schwung.explain.values import Coordinate
+from schwung.motion import Array
+
+#: A shape has to carry this share of the energy to be a place worth naming.
+LEAST_SHARE = 0.01
+#: What a free number of a shape has to earn, as a share of what is still unexplained. First dearly, so that simple
+#: shapes come before free curves; then cheaply, so that curves may take what no simple shape explains.
+DEAR, CHEAP = 0.03, 0.003
+MOST_SHAPES = 10
+#: A coordinate is named below this p-value, corrected for having tried all of them.
+SIGNIFICANT = 0.01
+COORDINATES: tuple[Coordinate, ...] = (
+    "direction", "speed", "acceleration", "torque", "position", "time_in_motion", "run", "frequency",
+)  # fmt: skip
+#: Noise that a free number takes with it, in σ² (autocorrelated noise: more than one).
+NOISE_PRICE = 3.0
+
+
+@dataclass(eq=False)
+class Search:
+    """Grows and prunes a set of shapes on one session's samples."""
+
+    samples: Samples
+    space: Space
+    comb: Comb | None
+    chosen: list[int] = field(default_factory=list)
+    line_p: dict[int, float] = field(default_factory=dict)  # shape of a frequency line -> p-value
+    line_place: dict[int, float] = field(default_factory=dict)
+
+    def run(self) -> None:
+        """Choose."""
+        for toll in (DEAR, CHEAP):
+            while len(self.chosen) < MOST_SHAPES and self._grow(toll):
+                pass
+        for _ in range(2):
+            self._prune()
+            if not self._swap():
+                break
+        self._prune()
+
+    def remainder(self, chosen: list[int]) -> Array:
+        """What the chosen shapes leave of the residual (n,)."""
+        return self.samples.residual - self.space.contribution(chosen, chosen)
+
+    def _scores(self, gains: Array, left: float, toll: float) -> Array:
+        """Gain less what the shapes' free numbers cost; -inf where it is too little to be named. `left`: energy."""
+        noise = self.samples.noise_nm**2
+        prices = np.array([shape.price for shape in self.space.shapes])
+        structure = max(left - noise * self.samples.residual.size, 0.0)
+        scores = gains - prices * (toll * structure + NOISE_PRICE * noise)
+        return np.where((gains >= LEAST_SHARE * self.space.energy) & (scores > 0), scores, -np.inf)
+
+    def _grow(self, toll: float) -> bool:
+        """Take in the shape that earns most, if it is more than noise makes of its coordinate."""
+        left = self.space.energy - self.space.explained(self.chosen)
+        self._offer_lines(left, toll)
+        gains = self.space.beyond(self.chosen).gains(self.space.products)
+        scores = self._scores(gains, left, toll)
+        scores[self.chosen] = -np.inf
+        null: Null | None = None
+        while np.isfinite(np.max(scores)):
+            best = int(np.argmax(scores))
+            shape = self.space.shapes[best]
+            if null is None:
+                null = Null.of(self.samples, self.space, self.remainder(self.chosen))
+            if self.p_value(shape.coordinate, [best], self.chosen, null) < SIGNIFICANT:
+                self.chosen.append(best)
+                return True
+            scores[[one.coordinate == shape.coordinate for one in self.space.shapes]] = -np.inf
+        return False
+
+    def p_value(
+        self, coordinate: Coordinate, mine: Sequence[int], others: Sequence[int], null: Null | None = None
+    ) -> float:
+        """p-value of a coordinate (its shapes `mine`) beyond the other shapes; corrected for eight coordinates.
+
+        `null`: draws of what the others leave, made where not given.
+        """
+        known = [self.line_p[i] for i in mine if i in self.line_p]
+        if known:
+            return min(1.0, min(known) * len(COORDINATES))
+        if null is None:
+            null = Null.of(self.samples, self.space, self.remainder(list(others)))
+        p_value = p_of_shapes(self.space, others, coordinate, null)
+        if self.comb is not None and any(i in self.line_place for i in mine):
+            p_value = 2 * min(p_value, p_of_position_line(self.comb, self.remainder(list(others)), null))
+        return min(1.0, p_value * len(COORDINATES))
+
+    def _offer_lines(self, left: float, toll: float) -> None:
+        """Put the strongest lines of what is left among the shapes, where they carry anything."""
+        remainder = self.remainder(self.chosen)
+        offers: list[tuple[Line, float | None]] = []
+        if self.comb is not None:
+            offers.append((self.comb.strongest(self.samples, remainder), None))
+        found = frequency_line(self.samples, remainder)
+        if found is not None:
+            offers.append(found)
+        for line, p_value in offers:
+            if line.gain < max(LEAST_SHARE * self.space.energy, toll * line.shape.price * left * 0.5):
+                continue
+            if any(abs(place / line.place - 1) < 1e-3 and self.space.shapes[i].coordinate == line.shape.coordinate
+                   for i, place in self.line_place.items()):  # fmt: skip
+                continue
+            self.space = self.space.with_columns(self.samples, line.columns, line.shape)
+            self.line_place[len(self.space.shapes) - 1] = line.place
+            if p_value is not None:
+                self.line_p[len(self.space.shapes) - 1] = p_value
+
+    def _swap(self) -> bool:
+        """Let every shape be replaced by a better one, given the others."""
+        changed = False
+        for one in list(self.chosen):
+            others = [i for i in self.chosen if i != one]
+            left = self.space.energy - self.space.explained(others)
+            scores = self._scores(self.space.beyond(others).gains(self.space.products), left, CHEAP)
+            scores[others] = -np.inf
+            best = int(np.argmax(scores))
+            if best != one and np.isfinite(scores[best]) and scores[best] > scores[one]:
+                self.chosen[self.chosen.index(one)] = best
+                changed = True
+        return changed
+
+    def _prune(self) -> None:
+        """Drop what the others make superfluous, the least first."""
+        while self.chosen:
+            whole = self.space.explained(self.chosen)
+            worth = []
+            for one in self.chosen:
+                others = [i for i in self.chosen if i != one]
+                without = self.space.explained(others)
+                gains = np.zeros(len(self.space.shapes))
+                gains[one] = whole - without
+                worth.append(self._scores(gains, self.space.energy - without, CHEAP)[one])
+            least = int(np.argmin(worth))
+            if np.isfinite(worth[least]):
+                return
+            del self.chosen[least]
