@@ -9,8 +9,10 @@ from commissioning_drive import DeskDrive, Silence, believed_machine
 from schwung.commissioning import LimitWishes
 from schwung.commissioning.bode import measure_bode, prepare_bode
 from schwung.commissioning.bode_excitation import MAX_DEVIATION_RAD, MAX_TORQUE_SHARE, BodeWishes
+from schwung.drivetrain import simulate
 from schwung.errors import InputError, RefusedError
 from schwung.fieldbus.profile import load_profile
+from schwung.motion import Demand
 
 PROFILE = load_profile("schwung-bench")
 
@@ -77,6 +79,40 @@ def test_a_stepped_sine_is_one_run_per_frequency_weaker_each_time():
     for one, other in zip(first, second, strict=True):
         assert other.excitation.amplitude_nm < one.excitation.amplitude_nm
         assert one.excitation.waveform == "sine"
+
+
+def test_a_sine_takes_no_longer_than_it_needs():
+    """Whole periods in each block; by when its block is read, what rings is a thousandth of the steady sine."""
+    machine = believed_machine()
+    sines = [
+        run.excitation
+        for run in _prepared(waveform="sine", repeats=1, angles_rad=(0.5,)).runs
+        if run.excitation
+    ]
+    lengths = [sine.end_s for sine in sines]
+    assert lengths[0] > 1.5 * lengths[-1]
+    assert lengths[-1] == pytest.approx(0.05 + 0.05 + 4 * 0.05 + 0.05)
+    still = np.zeros(40000)
+    time = np.arange(still.size) / 8000
+    for sine in (sines[0], sines[5], sines[-1]):
+        settled = sine.ramp_s + sine.settle_s
+        made = simulate(machine, Demand(still, still, still), time, sine.torque(time))
+        block = 0.2 if sine.frequency_hz < 30 else 0.1 if sine.frequency_hz < 60 else 0.05
+        periods = block * sine.frequency_hz
+        assert periods == pytest.approx(round(periods), abs=1e-6)
+        early, late = (
+            _phasor(made.position_rad, time, sine.frequency_hz, start, block)
+            for start in (settled, sine.end_s - sine.ramp_s - block)
+        )
+        assert abs(early / late - 1) < 2e-3
+
+
+def _phasor(values, time, frequency_hz, start_s, length_s):
+    part = (time >= start_s) & (time < start_s + length_s - 1e-9)
+    at, turning = time[part], 2 * np.pi * frequency_hz * time[part]
+    design = np.stack([np.cos(turning), np.sin(turning), np.ones_like(at), at - at.mean()], axis=1)
+    cosine, sine = np.linalg.lstsq(design, values[part], rcond=None)[0][:2]
+    return complex(cosine, -sine)
 
 
 @pytest.mark.parametrize(

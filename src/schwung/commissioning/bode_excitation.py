@@ -29,8 +29,12 @@ LINES = {"multisine": 40, "sine": 16}
 _DRAWS = 64
 #: The lowest frequency as a share of the lowest believed anti-resonance; the lines below half of it fade.
 _LOWEST_SHARE, _FADE_SHARE = 1 / 8, 1 / 2
-#: Length of the grid's period for a stepped sine (s), and of every ramp (s).
-_SINE_GRID_S, _RAMP_S = 0.2, 0.05
+#: Blocks of a stepped sine (s), each with so many whole periods at the least: a fast sine is told sooner.
+_SINE_BLOCKS_S, _PERIODS_IN_BLOCK = (0.05, 0.1, 0.2), 3
+#: Length of every ramp (s).
+_RAMP_S = 0.05
+#: What is left of the ramp's transient when a sine counts as steady, over the sine.
+_SETTLED = 1e-3
 #: Every repeat of a sine is weaker by this share: the same sine would meet the same counts of the encoder again.
 _LESS_EACH_REPEAT = 0.1
 #: However little the loop is damped, no run waits longer than this (s).
@@ -79,10 +83,21 @@ def grid_of(machine: Machine, wishes: BodeWishes) -> Grid:
             f"{lowest:.4g} … {highest:.4g} Hz cannot be measured at {rate:g} Hz",
             f"Stay at or below {BAND_SHARE:g} of the sampling rate, {top:g} Hz, or raise --rate.",
         )
-    period = round(_SINE_GRID_S * rate) if wishes.waveform == "sine" else round(4 * rate / lowest)
-    orders = np.geomspace(lowest, highest, LINES[wishes.waveform]) * period / rate
-    highest_order = int(highest * period / rate + 1e-9)
-    return Grid(rate / period, np.unique(np.clip(np.rint(orders), 1, highest_order)) * rate / period)
+    wanted = np.geomspace(lowest, highest, LINES[wishes.waveform])
+    if wishes.waveform == "sine":
+        period = round(_SINE_BLOCKS_S[-1] * rate)
+        steps = np.array([1 / _sine_block_s(line) for line in wanted])
+    else:
+        period = round(4 * rate / lowest)
+        steps = np.full(wanted.size, rate / period)
+    orders = np.clip(np.rint(wanted / steps), 1, np.floor(highest / steps * (1 + 1e-9)))
+    return Grid(rate / period, np.unique((orders * steps).round(9)))
+
+
+def _sine_block_s(line_hz: float) -> float:
+    """The shortest block with enough periods of a line."""
+    long_enough = [block for block in _SINE_BLOCKS_S if block * line_hz >= _PERIODS_IN_BLOCK * (1 - 1e-9)]
+    return long_enough[0] if long_enough else _SINE_BLOCKS_S[-1]
 
 
 def excitations_of(
@@ -96,12 +111,13 @@ def excitations_of(
         raise InputError("--periods", "and --repeats are too few for a spread", "Two periods, one repeat.")
     peak = wishes.amplitude_nm or AMPLITUDE_SHARE * limits.torque_max_nm
     rate, base, lines = wishes.sample_rate_hz, grid.base_hz, grid.lines_hz
-    hold, settle = 1 / rate if held else None, _settling_s(machine)
+    hold = 1 / rate if held else None
     found = []
     if wishes.waveform == "sine":
-        steady = math.ceil(wishes.periods * _SINE_GRID_S * rate) / rate
         for repeat in range(wishes.repeats):
             for line in lines:
+                settle = _sine_settling_s(machine, float(line))
+                steady = math.ceil(wishes.periods * _sine_block_s(line) * rate) / rate
                 amplitude = (
                     (1 - _LESS_EACH_REPEAT) ** repeat
                     * peak
@@ -114,7 +130,7 @@ def excitations_of(
                     )
                 )  # fmt: skip
         return found
-    shape = np.minimum(1.0, lines / _fade_hz(machine, lines))
+    settle, shape = _settling_s(machine), np.minimum(1.0, lines / _fade_hz(machine, lines))
     time = np.arange(round(rate / base) * 4) / (4 * rate)
     for repeat in range(wishes.repeats):
         draw = _quiet_phases(lines, shape, time, seed=repeat)
@@ -163,20 +179,65 @@ def _quiet_phases(lines: Array, shape: Array, time: Array, seed: int) -> _Draw:
 
 
 def _settling_s(machine: Machine) -> float:
-    """How long the loop, taken as rigid, rings down to a thousandth with the largest inertia, and more of it (s).
-
-    (J s³ + K_ps s² + K_ps (K_pp + 1/T_n) s + K_ps K_pp/T_n = 0.)
-    """
-    control, (_, largest) = machine.required_control(), believed_inertia_range(machine)
-    gain, outer, inner = (
-        control.speed_gain_nms,
-        control.position_gain_per_s,
-        1 / control.speed_integral_time_s,
-    )
-    inertia = machine.motor.inertia_kgm2 + HEAVIER * largest
-    poles = np.roots([inertia, gain, gain * (outer + inner), gain * outer * inner])
+    """How long the loop rings down to a thousandth with the largest inertia, and more of it (s)."""
+    poles = _position_per_torque(machine, HEAVIER * believed_inertia_range(machine)[1])[1].roots
     slowest = max(float(-poles.real.max()), 1e-3)
-    return float(np.clip(math.log(1000) / slowest, SETTLE_S, _LONGEST_SETTLING_S))
+    return float(np.clip(-math.log(_SETTLED) / slowest, SETTLE_S, _LONGEST_SETTLING_S))
+
+
+def _sine_settling_s(machine: Machine, line_hz: float) -> float:
+    """How long after its ramp a sine is told to a thousandth in the position, whatever still rings beside it (s).
+
+    A smooth ramp of several periods hardly moves a slow loop; a fast sine's block sees what rings slowly as drift.
+    """
+    low, high = believed_inertia_range(machine)
+    longest = max(_ringing_s(machine, load, line_hz) for load in (low, high, HEAVIER * high))
+    return float(np.clip(longest, _RAMP_S, _LONGEST_SETTLING_S))
+
+
+def _ringing_s(machine: Machine, load_kgm2: float, line_hz: float) -> float:
+    """For one inertia: what each pole keeps of a sine that comes in by the ramp, beyond its part in the steady one."""
+    above, below = _position_per_torque(machine, load_kgm2)
+    s, step = 2j * math.pi * line_hz, _RAMP_S / 2000
+    time = np.arange(0.5 * step, _RAMP_S, step)
+    ramped = Excitation(frequency_hz=line_hz, amplitude_nm=1.0, ramp_s=_RAMP_S).torque(time)
+    swing, longest = abs(above(s) / below(s)), 0.0
+    for pole in below.roots:
+        met = np.sum(np.exp(pole * (_RAMP_S - time)) * ramped) * step
+        steady = sum(sign * np.exp(sign * s * _RAMP_S) / (sign * s - pole) for sign in (1, -1)) / 2j
+        left = (
+            abs(above(pole) / below.deriv()(pole) * (met - steady)) / swing * _taken_for_line(pole, line_hz)
+        )
+        longest = max(longest, math.log(max(left / _SETTLED, 1.0)) / max(float(-pole.real), 1e-3))
+    return longest
+
+
+def _taken_for_line(pole: complex, line_hz: float) -> float:
+    """Amplitude that a block's fit of line, mean and drift (`response.py`) finds in e^{pt}."""
+    block = _sine_block_s(line_hz)
+    time = np.linspace(0.0, block, 400, endpoint=False)
+    turning = 2 * math.pi * line_hz * time
+    design = np.stack([np.cos(turning), np.sin(turning), np.ones_like(time), time / block], axis=1)
+    found = np.linalg.lstsq(design, np.exp(pole * time), rcond=None)[0]
+    return float(np.linalg.norm(found[:2]))
+
+
+def _position_per_torque(machine: Machine, load_kgm2: float) -> tuple[np.poly1d, np.poly1d]:
+    """θ_r/T_add of the closed loop without frictions, as numerator and denominator: s q / (s² n + K (s + a)(s + c) q).
+
+    n/q is torque over speed of the two masses, K (1 + a/s)(1 + c/s) the cascade's.
+    """
+    control, motor = machine.required_control(), machine.motor.inertia_kgm2
+    if machine.coupling is None:
+        q, n = np.poly1d([1.0]), np.poly1d([motor + load_kgm2, 0.0])
+    else:
+        shaft = np.poly1d([machine.coupling.damping_nms, machine.coupling.stiffness_nm_rad])
+        q = np.poly1d([load_kgm2, 0.0, 0.0]) + shaft
+        n = np.poly1d([motor, 0.0]) * q + np.poly1d([load_kgm2, 0.0]) * shaft
+    cascade = control.speed_gain_nms * np.poly1d(
+        [-control.position_gain_per_s, -1 / control.speed_integral_time_s], True
+    )
+    return np.poly1d([1.0, 0.0]) * q, np.poly1d([1.0, 0.0, 0.0]) * n + cascade * q
 
 
 def _share(machine: Machine, limits: Limits, lines: Array, phasors: ComplexArray) -> float:
