@@ -31,11 +31,19 @@ _STAMP = _stamp()
 def compiled(function: F) -> F:
     """Compile with numba under numpy's error model (no check of every division: three times faster), cached on disk.
 
-    For code of other rooms that calls this one's compiled functions, too. The stamp is set through numba's private
-    `_cache_file`; a numba without it merely has the coarser cache.
+    For code of other rooms that calls this one's compiled functions, too.
     """
-    dispatcher = cast(F, numba.njit(cache=True, error_model="numpy")(function))
+    return _stamped(numba.njit(cache=True, error_model="numpy")(function), function)
+
+
+def inlined(function: F) -> F:
+    """`compiled`, and put wherever it is called: for small functions whose arguments are many."""
+    return _stamped(numba.njit(cache=True, error_model="numpy", forceinline=True)(function), function)
+
+
+def _stamped(dispatcher: Any, _: F) -> F:
+    """The stamp is set through numba's private `_cache_file`; a numba without it merely has the coarser cache."""
     cache_file: Any = getattr(getattr(dispatcher, "_cache", None), "_cache_file", None)
     if hasattr(cache_file, "_source_stamp"):
         cache_file._source_stamp = (cache_file._source_stamp, _STAMP)
-    return dispatcher
+    return cast(F, dispatcher)

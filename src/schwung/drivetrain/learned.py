@@ -10,7 +10,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from schwung.drivetrain.compiled import compiled
+from schwung.drivetrain.compiled import compiled, inlined
 from schwung.drivetrain.kernel import Cascade, Curve, Inputs, Plant, command, value_and_slope
 from schwung.drivetrain.physics import Effects, coupling_torque, load_torque, motor_torque, third_torque
 from schwung.motion import Array
@@ -38,7 +38,7 @@ class Masses(NamedTuple):
     third_speed: float
 
 
-@compiled
+@inlined
 def _rates(machine: Learned, state: Masses, torque: float, time: float) -> Masses:
     """Time derivative of the state: method.md (1), (A7), with everything that was learned."""
     plant, e = machine.plant, machine.effects
@@ -82,7 +82,7 @@ def _rates(machine: Learned, state: Masses, torque: float, time: float) -> Masse
     )
 
 
-@compiled
+@inlined
 def _moved(state: Masses, rates: Masses, by: float) -> Masses:
     return Masses(
         state.motor_angle + by * rates.motor_angle,
@@ -94,7 +94,7 @@ def _moved(state: Masses, rates: Masses, by: float) -> Masses:
     )
 
 
-@compiled
+@inlined
 def shaft_torque(e: Effects, reported: float) -> float:
     """What a torque that the drive reports makes of itself on the shaft, once its current loop has settled (N·m)."""
     return min(max(e.torque_gain * reported, -e.torque_limit_nm), e.torque_limit_nm)
@@ -106,24 +106,26 @@ def _advance(
 ) -> tuple[Masses, float]:
     """State and shaft torque after so many steps (s) towards the shaft torque `wanted`: classical Runge-Kutta.
 
-    The lag is first-order and solved exactly: each step has the mean of the torque within it.
+    The lag is first-order and solved exactly. Runge-Kutta weighs a torque at its stages as Simpson's rule does: what
+    the middle ones get makes that the true mean over the step, however short the lag is beside it.
     """
     lag = machine.effects.torque_lag_s
+    behind = acting - wanted if lag > 0.0 else 0.0
     decay = np.exp(-step / lag) if lag > 0.0 else 0.0
-    mean = (1.0 - decay) * lag / step
+    middle = (6.0 * (1.0 - decay) * lag / step - 1.0 - decay) / 4.0
     for i in range(substeps):
         begin = time + i * step
-        torque = wanted + (acting - wanted) * mean
-        acting = wanted + (acting - wanted) * decay
-        k1 = _rates(machine, state, torque, begin)
-        k2 = _rates(machine, _moved(state, k1, step / 2), torque, begin + step / 2)
-        k3 = _rates(machine, _moved(state, k2, step / 2), torque, begin + step / 2)
-        k4 = _rates(machine, _moved(state, k3, step), torque, begin + step)
+        halfway = wanted + behind * middle
+        k1 = _rates(machine, state, wanted + behind, begin)
+        k2 = _rates(machine, _moved(state, k1, step / 2), halfway, begin + step / 2)
+        k3 = _rates(machine, _moved(state, k2, step / 2), halfway, begin + step / 2)
+        behind *= decay
+        k4 = _rates(machine, _moved(state, k3, step), wanted + behind, begin + step)
         state = _moved(state, k1, step / 6)
         state = _moved(state, k2, step / 3)
         state = _moved(state, k3, step / 3)
         state = _moved(state, k4, step / 6)
-    return state, acting
+    return state, wanted + behind
 
 
 @compiled

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from schwung.drivetrain.compiled import compiled
+from schwung.drivetrain.compiled import inlined
 from schwung.drivetrain.inertia import LoadTorqueTable
 from schwung.errors import InputError
 
@@ -237,7 +237,7 @@ def _fields(term: PhysicsTerm) -> dict[str, float]:
     return values
 
 
-@compiled
+@inlined
 def dry_friction(e: Effects, angle: float, speed: float, share: float) -> float:
     """Level of dry friction on the motor (N·m, not negative): direction, Stribeck, tight spot, drift.
 
@@ -255,7 +255,7 @@ def dry_friction(e: Effects, angle: float, speed: float, share: float) -> float:
     return max(level, 0.0)
 
 
-@compiled
+@inlined
 def motor_torque(
     e: Effects, angle: float, speed: float, time: float, phase: float, share: float, smoothing: float
 ) -> float:
@@ -273,7 +273,7 @@ def motor_torque(
     return torque
 
 
-@compiled
+@inlined
 def load_torque(e: Effects, angle: float, motion_time: float) -> float:
     """What acts on the load (N·m): a torque over its angle, and one event at a time in the motion (s)."""
     torque = 0.0
@@ -286,7 +286,7 @@ def load_torque(e: Effects, angle: float, motion_time: float) -> float:
     return torque
 
 
-@compiled
+@inlined
 def coupling_torque(e: Effects, stiffness: float, damping: float, twist: float, twist_speed: float) -> float:
     """What the coupling takes from the motor and gives to the load (N·m). With play it can only push."""
     if e.gap_rad <= 0.0:
@@ -299,7 +299,7 @@ def coupling_torque(e: Effects, stiffness: float, damping: float, twist: float, 
     return side * max(push, 0.0)
 
 
-@compiled
+@inlined
 def third_torque(e: Effects, twist: float, twist_speed: float) -> float:
     """What the load passes on to the third mass behind it (N·m)."""
     return e.third_stiffness_nm_rad * twist + e.third_damping_nms * twist_speed
