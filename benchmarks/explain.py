@@ -16,7 +16,7 @@ import shutil
 import time
 from pathlib import Path
 
-from schwung_sim.sealed import LABELS, NAMES, CaseWishes, draw_case, write_case
+from schwung_sim.sealed import LABELS, CaseWishes, draw_case, write_case
 
 KINDS = ("single", "weak", "gross", "two", "three", "none", "foreign")
 
@@ -25,7 +25,7 @@ def wishes_of(options: argparse.Namespace) -> CaseWishes:
     """The kind of the command line as the generator takes it: weak and gross are single effects."""
     level = options.kind if options.kind in ("weak", "gross") else options.level
     kind = "single" if options.kind in ("weak", "gross") else options.kind
-    among = tuple(options.effects.split(",")) if options.effects else NAMES
+    among = tuple(options.effects.split(",")) if options.effects else ()
     return CaseWishes(kind, level, among, options.control)
 
 

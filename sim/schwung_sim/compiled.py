@@ -18,6 +18,7 @@ F = TypeVar("F", bound=Callable[..., Any])
 _ROOM = Path(__file__).parent
 _COMPILED_FILES = (
     "plants/effects.py",
+    "plants/foreign.py",
     "plants/profile.py",
     "plants/two_mass.py",
     "plants/crank_kernel.py",

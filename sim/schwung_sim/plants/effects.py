@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 
 from schwung_sim.compiled import compiled
+from schwung_sim.plants.foreign import PARAMETER_FIELDS, STATE_FIELDS
 from schwung_sim.plants.profile import read_profile
 
 _REALS = (
@@ -34,6 +35,7 @@ _REALS = (
     # the load's inertia: scale·J(θ + shift) + delta
     "inertia_delta_kgm2", "inertia_scale", "inertia_shift_rad",
     "substep_s",
+    *PARAMETER_FIELDS,
 )  # fmt: skip
 
 #: Everything that does not change during a simulation.
@@ -47,6 +49,7 @@ STATE = np.dtype(
             for name in (
                 "time_s", "motion_time_s", "motions", "true_torque_nm",
                 "motor_rad", "motor_rad_s", "load_rad", "load_rad_s", "third_rad", "third_rad_s",
+                *STATE_FIELDS,
             )
         ),
     ],

@@ -9,6 +9,7 @@ shaft until the other torques exceed it, and a sub-step in which the shaft would
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
@@ -30,6 +31,13 @@ from schwung_sim.plants.effects import (
     speed_friction,
     third_mass_torque,
     true_torque,
+)
+from schwung_sim.plants.foreign import (
+    apply_foreign,
+    faded_torque,
+    hidden_coupling_torque,
+    hidden_load_torque,
+    presliding_torque,
 )
 from schwung_sim.plants.profile import PROFILES, Array, Profile, ProfileName, Samples
 
@@ -62,9 +70,10 @@ class Tables(NamedTuple):
 def _accelerations(p: Any, s: Any, tables: Any, held: Any, at: Any) -> Any:
     """Angular accelerations (rad/s²) of motor, load and third mass.
 
-    `held` over the sub-step: motor torque, sliding direction. `at`: seconds into it, angle and speed of each.
+    `held` over the sub-step: motor torque, sliding direction, foreign torque on the load. `at`: seconds into it,
+    angle and speed of each.
     """
-    torque, direction = held
+    torque, direction, on_load = held
     later, motor, motor_speed, angle, speed, third, third_speed = at
     shaft = coupling_torque(p, motor - angle, motor_speed - speed)
     motor_acceleration = 0.0
@@ -80,7 +89,7 @@ def _accelerations(p: Any, s: Any, tables: Any, held: Any, at: Any) -> Any:
         third_acceleration = third_shaft / p.third_inertia_kgm2
     j, j_slope = load_inertia(p, tables.inertia, angle)
     load_torque = shaft - third_shaft - p.load_viscous_nms * speed - 0.5 * j_slope * speed**2
-    load_torque += load_disturbance(p, tables.load_torque, s.motion_time_s + later, angle)
+    load_torque += load_disturbance(p, tables.load_torque, s.motion_time_s + later, angle) + on_load
     return motor_acceleration, load_torque / j, third_acceleration
 
 
@@ -90,10 +99,15 @@ def _substep(p: Any, s: Any, tables: Any, command_nm: float) -> None:
     h = p.substep_s
     g = 0.5 * h
     torque = true_torque(p, s, command_nm, h)
+    on_load = 0.0
+    if p.foreign != 0.0:
+        hidden = hidden_coupling_torque(p, s, h)
+        on_load = hidden + hidden_load_torque(p, s, h)
+        torque = faded_torque(p, s, torque, h) - hidden + presliding_torque(p, s, h)
     x0, v0, x1, v1, x2, v2 = s.motor_rad, s.motor_rad_s, s.load_rad, s.load_rad_s, s.third_rad, s.third_rad_s
     others = torque - coupling_torque(p, x0 - x1, v0 - v1) + motor_disturbance(p, s.time_s, x0)
     direction = sliding_direction(p, s, x0, v0, others)
-    held = (torque, direction)
+    held = (torque, direction, on_load)
     ka0, ka1, ka2 = _accelerations(p, s, tables, held, (0.0, x0, v0, x1, v1, x2, v2))
     vb0, vb1, vb2 = v0 + g * ka0, v1 + g * ka1, v2 + g * ka2
     b = (g, x0 + g * v0, vb0, x1 + g * v1, vb1, x2 + g * v2, vb2)
@@ -139,6 +153,7 @@ class TwoMassPlant:
         inertia: Profile | ProfileName = "slider-crank",
         concealed: Concealed | None = None,
         seed: int = 0,
+        foreign: Mapping[str, Mapping[str, float]] | None = None,
     ) -> None:
         self.machine = machine or TwoMassMachine()
         self.inertia = inertia if isinstance(inertia, Profile) else PROFILES[inertia]()
@@ -151,6 +166,7 @@ class TwoMassPlant:
             self.parameters[field] = getattr(self.machine, field)
         self.parameters["substeps"] = _SUBSTEPS
         self.parameters["substep_s"] = TICK_S / _SUBSTEPS
+        apply_foreign(self.parameters, foreign or {})
         load_torque = self.concealed.apply(self.parameters, self.scale, seed)
         self.tables = Tables(self.inertia.samples, load_torque.samples)
         self.sensor = self.concealed.sensor(self.scale)

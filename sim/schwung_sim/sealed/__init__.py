@@ -1,7 +1,8 @@
 """Sealed sessions: recordings of random machines that conceal physics, and apart from them the labels that say which.
 
-A case is drawn from a seed (`machines`, `hiding`), its strength set against the noise floor (`strength`), recorded and
-written (`cases`, `files`). Nothing here is known to the tool under test; only a scoring step may open the labels.
+A case is drawn from a seed (`machines`, `shapes`, `foreign`), its strength set against the noise floor (`hiding`,
+`strength`), recorded and written (`cases`, `files`). Nothing here is known to the tool under test; only a scoring step
+may open the labels.
 """
 
 from schwung_sim.sealed.cases import (
@@ -13,8 +14,9 @@ from schwung_sim.sealed.cases import (
     read_labels,
     write_case,
 )
-from schwung_sim.sealed.hiding import NAMES
+from schwung_sim.sealed.foreign import FOREIGN_NAMES
+from schwung_sim.sealed.shapes import NAMES
 
 __all__ = [
-    "LABELS", "LEVELS", "NAMES", "CaseWishes", "SealedCase", "draw_case", "read_labels", "write_case",
+    "FOREIGN_NAMES", "LABELS", "LEVELS", "NAMES", "CaseWishes", "SealedCase", "draw_case", "read_labels", "write_case",
 ]  # fmt: skip

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, Literal
 
@@ -15,17 +15,11 @@ from schwung_sim.errors import BenchError
 from schwung_sim.plants import TICK_S
 from schwung_sim.plants.two_mass import TwoMassPlant
 from schwung_sim.sealed.files import Belief, RecordedRun, write_belief, write_session
-from schwung_sim.sealed.hiding import EXCLUSIVE, NAMES, Parameters, conceal, draw_shape
+from schwung_sim.sealed.foreign import FOREIGN_NAMES
+from schwung_sim.sealed.hiding import HiddenEffect, hide, make_plant
 from schwung_sim.sealed.machines import Chance, DrawnMachine, draw_machine
-from schwung_sim.sealed.strength import (
-    PlayedRun,
-    floor_nm,
-    play_runs,
-    representative_runs,
-    residual_rms,
-    size_for,
-    strength,
-)
+from schwung_sim.sealed.shapes import EXCLUSIVE, NAMES
+from schwung_sim.sealed.strength import PlayedRun, floor_nm, play_runs, residual_rms, strength
 
 Array = NDArray[np.float64]
 Kind = Literal["none", "single", "two", "three", "foreign"]
@@ -42,27 +36,21 @@ LEVELS: Mapping[Level, tuple[float, float]] = {
 LABELS = "sealed/labels.jsonl"
 _HIDDEN: Mapping[Kind, int] = {"none": 0, "single": 1, "two": 2, "three": 3, "foreign": 1}
 _ATTEMPTS = 60
-#: Effects of which a few runs are not representative: they are measured on all.
-_UNEVEN = ("friction_drift", "torque_saturation")
 
 
 @dataclass(frozen=True)
 class CaseWishes:
-    """What to draw: how many effects, from which names, how strong, and what the belief says of the controller."""
+    """What to draw: how many effects, from which names (none: all), how strong, and which gains are believed."""
 
     kind: Kind = "single"
     level: Level = "clear"
-    among: tuple[str, ...] = NAMES
+    among: tuple[str, ...] = ()
     control: ControlBelief = "given"
 
-
-@dataclass(frozen=True)
-class HiddenEffect:
-    """An effect that a session hides, and its strength alone: residual over the floor."""
-
-    physics: str
-    parameters: Parameters
-    strength: float
+    @property
+    def names(self) -> tuple[str, ...]:
+        """`among`, or all there are of this kind."""
+        return self.among or (FOREIGN_NAMES if self.kind == "foreign" else NAMES)
 
 
 @dataclass(frozen=True, eq=False)
@@ -88,8 +76,13 @@ class SealedCase:
             "floor_nm": self.floor_nm,
             "strength": self.strength,
             "effects": [
-                {"physics": e.physics, "parameters": dict(e.parameters), "strength": e.strength}
-                for e in self.effects
+                {
+                    "physics": effect.physics,
+                    "parameters": dict(effect.parameters),
+                    "strength": effect.strength,
+                    "likeness": effect.likeness,
+                }
+                for effect in self.effects
             ],
             "covered": _covered(self.drawn, self.played),
             "machine": {
@@ -106,10 +99,9 @@ def draw_case(seed: int, wishes: CaseWishes) -> SealedCase:
 
     Raises BenchError for names that do not exist, and where no machine is found.
     """
-    if unknown := sorted(set(wishes.among) - set(NAMES)):
-        raise BenchError(
-            "sealed case", f"no effect is called {', '.join(unknown)}", f"There are {', '.join(NAMES)}."
-        )
+    known = FOREIGN_NAMES if wishes.kind == "foreign" else NAMES
+    if unknown := sorted(set(wishes.names) - set(known)):
+        raise BenchError("sealed case", f"hides no {', '.join(unknown)}", f"There are {', '.join(known)}.")
     names = _choose(seed, wishes)
     for attempt in range(_ATTEMPTS):
         made = _attempt(seed, np.random.default_rng([seed, attempt, 71]), names, wishes)
@@ -123,16 +115,17 @@ def _choose(seed: int, wishes: CaseWishes) -> tuple[str, ...]:
     count = _HIDDEN[wishes.kind]
     if count == 0:
         return ()
-    block, place = divmod(seed, len(wishes.among))
-    names = [wishes.among[np.random.default_rng([block, 3]).permutation(len(wishes.among))[place]]]
-    others = [wishes.among[i] for i in np.random.default_rng([seed, 5]).permutation(len(wishes.among))]
+    among = wishes.names
+    block, place = divmod(seed, len(among))
+    names = [among[np.random.default_rng([block, 3]).permutation(len(among))[place]]]
+    others = [among[i] for i in np.random.default_rng([seed, 5]).permutation(len(among))]
     for name in others:
         if len(names) < count and name not in names and not any(
             name in group and not group.isdisjoint(names) for group in EXCLUSIVE
         ):  # fmt: skip
             names.append(name)
     if len(names) < count:
-        raise BenchError("sealed case", f"{count} of {', '.join(wishes.among)} do not go together")
+        raise BenchError("sealed case", f"{count} of {', '.join(among)} do not go together")
     return tuple(names)
 
 
@@ -142,50 +135,22 @@ def _attempt(seed: int, chance: Chance, names: tuple[str, ...], wishes: CaseWish
     low, high = np.log(LEVELS[wishes.level])
     plain = TwoMassPlant(drawn.drive, drawn.profile, seed=seed)
     silent = play_runs(drawn, plain, seed)
-    effects = []
+    effects: list[HiddenEffect] = []
     for name in names:
-        hidden = _hide(seed, chance, drawn, name, float(np.exp(chance.uniform(low, high))), floor, silent)
+        target = float(np.exp(chance.uniform(low, high)))
+        hidden = hide(seed, chance, drawn, name, target * floor, silent)
         if hidden is None:
             return None
-        effects.append(hidden)
-    concealed = conceal({effect.physics: effect.parameters for effect in effects})
+        effects.append(replace(hidden, strength=hidden.strength / floor))
     try:
-        played = play_runs(drawn, TwoMassPlant(drawn.drive, drawn.profile, concealed, seed), seed)
+        played = play_runs(drawn, make_plant(drawn, {e.physics: e.parameters for e in effects}, seed), seed)
     except BenchError:
         return None
     highest = max(float(np.max(np.abs(run.rows[:, 2]))) for run in played)
     if highest > 0.97 * drawn.drive.peak_torque_nm:
         return None  # the drive's own limit would be a further effect
-    total = strength(drawn, played, floor, residual_rms(drawn, silent))
+    total = strength(drawn, played, residual_rms(drawn, silent)) / floor
     return SealedCase(seed, wishes, drawn, tuple(effects), floor, total, tuple(played))
-
-
-def _hide(
-    seed: int,
-    chance: Chance,
-    drawn: DrawnMachine,
-    name: str,
-    target: float,
-    floor: float,
-    silent: list[PlayedRun],
-) -> HiddenEffect | None:
-    """An effect of a random shape, as strong as wished; None where this machine cannot have it."""
-    peak = max(float(np.max(np.abs(run.rows[:, 2]))) for run in silent)
-    shape = draw_shape(chance, drawn, name, peak)
-    if shape is None:
-        return None
-    indices = list(range(len(drawn.runs))) if name in _UNEVEN else representative_runs(drawn)
-    silent_nm = residual_rms(drawn, [silent[i] for i in indices])
-
-    def measure(size: float) -> float:
-        plant = TwoMassPlant(drawn.drive, drawn.profile, conceal({name: shape.at(size)}), seed)
-        try:
-            return strength(drawn, play_runs(drawn, plant, seed, indices), floor, silent_nm)
-        except BenchError:
-            return float("inf")
-
-    size = size_for(measure, target, shape.highest)
-    return None if size is None else HiddenEffect(name, shape.at(size), measure(size))
 
 
 def _covered(drawn: DrawnMachine, played: tuple[PlayedRun, ...]) -> dict[str, list[float]]:

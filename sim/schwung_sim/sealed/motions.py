@@ -63,7 +63,7 @@ class Stroke:
     @property
     def time_s(self) -> Array:
         """The control ticks of a run (s), (m,)."""
-        return np.arange(round(self.total_s / TICK_S)) * TICK_S
+        return np.arange(round(self.total_s / TICK_S), dtype=float) * TICK_S
 
     def demand_rad(self) -> Array:
         """Demanded angle at the control ticks, (m,)."""

@@ -64,11 +64,22 @@ def residual(drawn: DrawnMachine, plain: TwoMassPlant, run: PlayedRun) -> Array:
     return np.asarray(sosfiltfilt(_LOW_PASS, run.rows[:, 2] - needed))
 
 
+def residuals(drawn: DrawnMachine, played: Sequence[PlayedRun]) -> Array:
+    """The residuals within the strokes of these runs (N·m), one after the other, (m,)."""
+    plain = TwoMassPlant(drawn.drive, drawn.profile)
+    return np.concatenate(
+        [residual(drawn, plain, run)[drawn.runs[run.index].stroke.moving()] for run in played]
+    )
+
+
 def residual_rms(drawn: DrawnMachine, played: Sequence[PlayedRun]) -> float:
     """Root mean square of the residual over the strokes of these runs (N·m)."""
-    plain = TwoMassPlant(drawn.drive, drawn.profile)
-    squares = [residual(drawn, plain, run)[drawn.runs[run.index].stroke.moving()] ** 2 for run in played]
-    return float(np.sqrt(np.mean(np.concatenate(squares))))
+    return rms(residuals(drawn, played))
+
+
+def rms(values: Array) -> float:
+    """Root mean square."""
+    return float(np.sqrt(np.mean(values**2)))
 
 
 def representative_runs(drawn: DrawnMachine) -> list[int]:
@@ -110,10 +121,9 @@ def floor_nm(drawn: DrawnMachine) -> float:
     return float(np.sqrt(np.trapezoid(density, frequency)))
 
 
-def strength(drawn: DrawnMachine, played: Sequence[PlayedRun], floor: float, silent_nm: float) -> float:
-    """Residual of these runs over the floor; `silent_nm` is what the same runs have with nothing concealed."""
-    rms = residual_rms(drawn, played)
-    return float(np.sqrt(max(rms**2 - silent_nm**2, 0.0))) / floor
+def strength(drawn: DrawnMachine, played: Sequence[PlayedRun], silent_nm: float) -> float:
+    """What is hidden in these runs (N·m rms): their residual without what they have with nothing hidden."""
+    return float(np.sqrt(max(residual_rms(drawn, played) ** 2 - silent_nm**2, 0.0)))
 
 
 def size_for(
