@@ -31,7 +31,7 @@ def explain(
 ) -> None:
     """Locate where a recording departs from the belief, name the physics left out, and prove it on runs kept aside.
 
-    The learned machine.toml has the named physics as [[physics]]; use it in place of the one given.
+    The machine.toml that it writes has the named physics in it: use it in place of the one given.
 
     [bold]Examples[/]
 
@@ -92,12 +92,15 @@ def _tell(terminal: Terminal, found: Explanation) -> None:
     words = found.verdict.replace("_", " ")
     terminal.say(f"[bold {_COLOURS[found.verdict]}]{words}[/]: {escape(headline(found))}")
     if found.findings:
-        rows = [finding_row(finding, linear=linear) for finding in found.findings]
+        rows = [
+            (name, parameters, where.partition("\n")[0], others)
+            for name, parameters, where, others in (finding_row(f, linear=linear) for f in found.findings)
+        ]
         terminal.table("Left out", ("physics", "parameters (95 %)", "where", "could as well be"), rows)
     error = [("belief", found.fit.before.torque_rmse_nm)]
     error += [("belief + physics", found.fit.after.torque_rmse_nm)] if found.findings else []
     error += [("noise floor", found.noise_floor.torque_nm)]
-    title = f"Error on runs {runs_text(found.fit.heldout_runs)}, kept aside"
-    terminal.table(title, ("", f"RMS, {unit}"), [(name, f"{value:.3g}") for name, value in error])
+    head = (f"on runs {runs_text(found.fit.heldout_runs)}, kept aside", f"RMS, {unit}")
+    terminal.table("Error", head, [(name, f"{value:.3g}") for name, value in error])
     for note in dict.fromkeys((*separations(found), *found.notes)):
         terminal.say(f"[cyan]i[/] {escape(note)}")

@@ -1,0 +1,214 @@
+"""The pictures of an explanation, held against the signals that they are drawn from."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from explanation_samples import (
+    COULOMB,
+    COULOMB_NM,
+    HELD_OUT,
+    NOISE_NM,
+    OTHERS,
+    Concealed,
+    consistent,
+    explained,
+)
+from matplotlib.axes import Axes
+from matplotlib.collections import PolyCollection
+from matplotlib.figure import Figure
+
+from schwung.drivetrain.machine import paper_machine
+from schwung.explain.values import Explanation, Overlay
+from schwung.motion import Array
+from schwung.report.content import ROTARY
+from schwung.report.explanation_terms import term_figure
+from schwung.report.explanation_words import words_of
+from schwung.report.figures_explanation import (
+    judged,
+    map_figure,
+    overlay_figure,
+    proof_figure,
+    residual,
+    shown_overlay,
+)
+from schwung.report.style import ESTIMATE, EXCITED
+
+STIFFNESS = 24963.0
+
+
+def _effect(physics: str) -> Concealed:
+    return next(effect for effect in OTHERS if effect.physics == physics)
+
+
+def _term(physics: str) -> Figure:
+    explanation = explained((_effect(physics),))
+    figure = term_figure(explanation.findings[0], explanation.overlays, paper_machine(), ROTARY)
+    assert figure is not None
+    return figure
+
+
+def _line(axes: Axes, label: str) -> tuple[Array, Array]:
+    (line,) = [line for line in axes.lines if line.get_label() == label]
+    return np.asarray(line.get_xdata(), dtype=float), np.asarray(line.get_ydata(), dtype=float)
+
+
+def _shown(explanation: Explanation) -> Overlay:
+    run = shown_overlay(explanation)
+    assert run is not None
+    return run
+
+
+def test_the_run_shown_was_kept_aside() -> None:
+    assert _shown(explained()).run in HELD_OUT
+    assert [run.run for run in judged(explained())] == list(HELD_OUT)
+    without = tuple(run for run in explained().overlays if not run.heldout)
+    assert _shown(replace(explained(), overlays=without)).run not in HELD_OUT
+    assert shown_overlay(replace(explained(), overlays=())) is None
+
+
+def test_what_is_left_stands_against_the_floor() -> None:
+    figure = overlay_figure(_shown(explained()), NOISE_NM, ROTARY)
+    above, below, alone = figure.axes
+    assert [text.get_text() for text in above.get_legend().get_texts()] == [
+        "measured", "belief", "belief + physics",
+    ]  # fmt: skip
+    before, after = (np.asarray(line.get_ydata(), dtype=float) for line in below.lines[:2])
+    assert np.nanmean(np.abs(before)) == pytest.approx(COULOMB_NM, rel=0.02)
+    assert np.nanstd(after) == pytest.approx(NOISE_NM, rel=0.1)
+    assert alone.get_ylim()[1] < 1.5
+    band = below.patches[0].get_extents().transformed(below.transData.inverted())
+    assert (band.y0, band.y1) == pytest.approx((-2 * NOISE_NM, 2 * NOISE_NM))
+    assert np.isnan(before[0])  # at rest nothing is compared
+
+
+def test_a_small_mismatch_needs_no_magnifying_glass() -> None:
+    assert len(overlay_figure(_shown(consistent()), NOISE_NM, ROTARY, named=False).axes) == 2
+
+
+def test_the_map_is_orange_forward_and_blue_backward_for_friction_and_fades_once_named() -> None:
+    figure = map_figure(judged(explained()), NOISE_NM, ROTARY)
+    strength = []
+    for axes in figure.axes:
+        (cells,) = [c for c in axes.collections if isinstance(c, PolyCollection)]
+        colours = np.asarray(cells.get_facecolor())
+        strength.append(colours[:, 3])
+        for path, colour in zip(cells.get_paths(), colours, strict=True):
+            speed = path.vertices[:4, 1].mean()
+            if abs(speed) > 2 and axes is figure.axes[0]:
+                wanted = EXCITED if speed > 0 else ESTIMATE
+                assert 255 * colour[0] == pytest.approx(int(wanted.light[1:3], 16))
+    assert strength[0].mean() > 0.8
+    assert strength[1].max() < 3.5 * NOISE_NM / COULOMB_NM  # a cell may hold one sample
+    assert strength[1].mean() < 0.06
+
+
+def test_bars_are_the_errors_on_the_runs_kept_aside() -> None:
+    explanation = explained()
+    bars = [bar.get_width() for bar in proof_figure(explanation, ROTARY).axes[0].patches]
+    fit = explanation.fit
+    assert bars == pytest.approx([fit.before.torque_rmse_nm, fit.after.torque_rmse_nm, NOISE_NM])
+    assert len(proof_figure(consistent(), ROTARY).axes[0].patches) == 2
+
+
+def test_dots_are_what_the_recording_asks_of_this_term_alone() -> None:
+    """With two effects at once, the dots of each are its own torque and noise."""
+    viscous = _effect("viscous_friction")
+    explanation = explained((COULOMB, viscous))
+    figure = term_figure(explanation.findings[1], explanation.overlays, paper_machine(), ROTARY)
+    assert figure is not None
+    speed, asked = _line(figure.axes[0], "asked for by the recording")
+    assert np.std(asked - 0.31 * speed) == pytest.approx(NOISE_NM, rel=0.1)
+    speed, named = _line(figure.axes[0], "named")
+    np.testing.assert_allclose(named, 0.31 * speed, atol=0.31 * 0.7)  # one bin's width
+
+
+def test_a_tight_spot_has_two_branches_and_a_load_one() -> None:
+    labels = {line.get_label() for line in _term("local_friction").axes[0].lines}
+    assert {"named, forward", "named, backward"} <= labels
+    labels = {line.get_label() for line in _term("load_torque").axes[0].lines}
+    assert "named" in labels
+    assert "named, backward" not in labels
+
+
+def test_cogging_is_laid_on_two_of_its_periods() -> None:
+    angle, torque = _line(_term("cogging").axes[0], "named")
+    assert 0 <= angle.min() < angle.max() <= 4 * np.pi / 24
+    np.testing.assert_allclose(torque, 2.5 * np.sin(24 * angle + 0.4), atol=0.15)
+
+
+def test_the_slope_over_the_rate_of_torque_is_the_delay() -> None:
+    rate, torque = _line(_term("measurement_delay").axes[0], "named")
+    assert np.polyfit(rate, torque, 1)[0] == pytest.approx(1.5e-3, rel=0.02)
+
+
+def test_clipped_torque_shows_to_its_end() -> None:
+    axes = _term("torque_saturation").axes[0]
+    _, torque = _line(axes, "named")
+    assert axes.get_ylim()[1] > torque.max() > 0.5
+
+
+def test_drift_is_drawn_run_by_run() -> None:
+    run, change = _line(_term("friction_drift").axes[0], "named")
+    np.testing.assert_allclose(change, 3 * run / 5, atol=0.02)
+
+
+def test_a_disturbance_stands_at_its_frequency() -> None:
+    axes = _term("periodic_disturbance").axes[0]
+    frequency, amplitude = _line(axes, "without it")
+    assert frequency[amplitude.argmax()] == pytest.approx(37.0, abs=1.5)
+    assert amplitude.max() == pytest.approx(2.0, rel=0.1)
+    _, left = _line(axes, "with it")
+    assert left.max() < 0.1
+    assert "37 Hz" in [text.get_text() for text in axes.texts]
+
+
+@pytest.mark.parametrize(
+    ("physics", "wind_up_of"),
+    [
+        ("coupling_stiffness", lambda torque: torque / 17000.0),
+        ("backlash", lambda torque: torque / STIFFNESS + 1e-3 * np.sign(torque)),
+    ],
+)
+def test_the_coupling_is_drawn_over_its_wind_up(physics: str, wind_up_of: object) -> None:
+    assert callable(wind_up_of)
+    axes = _term(physics).axes[0]
+    wind_up, torque = _line(axes, "belief")
+    np.testing.assert_allclose(wind_up, 1e3 * torque / STIFFNESS)
+    wind_up, torque = _line(axes, "belief + physics")
+    np.testing.assert_allclose(wind_up, 1e3 * wind_up_of(torque))
+
+
+def test_a_stiffening_coupling_keeps_its_law() -> None:
+    wind_up, torque = _line(_term("nonlinear_stiffness").axes[0], "belief + physics")
+    back = STIFFNESS * wind_up / 1e3 + 3e9 * (wind_up / 1e3) ** 3
+    np.testing.assert_allclose(back, torque, atol=1e-2)
+
+
+def test_a_rigid_belief_is_a_vertical_line() -> None:
+    explanation = explained((_effect("backlash"),))
+    rigid = paper_machine().model_copy(update={"coupling": None})
+    figure = term_figure(explanation.findings[0], explanation.overlays, rigid, ROTARY)
+    assert figure is not None
+    wind_up, _ = _line(figure.axes[0], "belief: rigid")
+    assert np.all(wind_up == 0)
+    wind_up, _ = _line(figure.axes[0], "belief + physics")
+    assert np.unique(wind_up).tolist() == pytest.approx([-1.0, 0.0, 1.0])
+
+
+def test_a_term_without_signals_is_left_out() -> None:
+    explanation = explained()
+    bare = tuple(replace(run, terms_nm={}) for run in explanation.overlays)
+    assert term_figure(explanation.findings[0], bare, paper_machine(), ROTARY) is None
+
+
+def test_residuals_are_unknown_where_nothing_is_compared() -> None:
+    run = explained().overlays[0]
+    left = residual(run, run.after_nm)
+    assert np.array_equal(np.isnan(left), run.considered == 0)
+
+
+def test_words_follow_the_axis() -> None:
+    assert words_of("torque_lag", linear=True).name == "a force that lags"
