@@ -12,6 +12,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from schwung.drivetrain.machine import Machine
+from schwung.drivetrain.physics import effects_of
 from schwung.errors import InputError
 from schwung.estimation.sampling import is_held
 from schwung.estimation.table import DEFAULT_POINTS
@@ -58,7 +59,7 @@ def cramer_rao(
 
     Args:
         session: as recorded; its noise hardly matters, its trajectories do.
-        machine: with load inertia; its `coulomb_friction` and `viscous_friction` terms count.
+        machine: with load inertia; its learned dry and viscous friction count.
         noise: of each sample; None: what the recordings show.
         pieces: of the spline over the visited angles whose coefficients are unknown; more pieces resolve finer
             detail and are bound to larger deviations (about as √pieces).
@@ -110,9 +111,7 @@ def _truth(model: Model) -> Array:
     parameters = np.zeros(at.size)
     rows, _ = at.basis.rows(grid)
     parameters[at.inertia] = np.linalg.lstsq(rows, np.log(machine.load_inertia_at(grid)), rcond=None)[0]
-    for term in machine.physics:
-        if term.name == "coulomb_friction":
-            parameters[at.coulomb] += term.number("torque_nm")
-        elif term.name == "viscous_friction":
-            parameters[at.viscous] += term.number("coefficient_nms")
+    learned = effects_of(machine.physics)
+    parameters[at.coulomb] = (learned.coulomb_positive_nm + learned.coulomb_negative_nm) / 2
+    parameters[at.viscous] = learned.viscous_nms
     return parameters
