@@ -55,7 +55,7 @@ class MultiphaseMethod:
         if left_out:
             notes.append(f"{left_out} excited runs belong to no complete set of phases and were left out.")
         traces = tuple(_trace(fit, number) for number in range(len(groups)))
-        return Outcome(traces, notes=tuple(notes + friction_notes(fit)), table=table, windowed=False)
+        return Outcome(traces, notes=tuple(notes + friction_notes(fit)), table=table, windowed=False, fit=fit)
 
 
 register(MultiphaseMethod())

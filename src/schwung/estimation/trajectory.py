@@ -10,6 +10,7 @@ from __future__ import annotations
 import numpy as np
 
 from schwung.drivetrain.inertia import InertiaTable
+from schwung.drivetrain.machine import Coupling, Machine
 from schwung.errors import InputError
 from schwung.estimation.choice import clipped_share
 from schwung.estimation.methods import Outcome, Suitability, Task, register
@@ -48,7 +49,13 @@ class TrajectoryMethod:
         found = fit(session.runs, task.machine, rotary=session.axis == "rotary")
         _check_explained(found)
         table, notes = _table(found, task.points or DEFAULT_POINTS)
-        return Outcome(table=table, notes=(*notes, *_notes(found)), windowed=False)
+        return Outcome(
+            table=table,
+            notes=(*notes, *_notes(found)),
+            windowed=False,
+            machine=_as_found(found),
+            missed=_missed(found),
+        )
 
 
 register(TrajectoryMethod())
@@ -73,6 +80,26 @@ def _table(found: Fit, points: int) -> tuple[InertiaTable, tuple[str, ...]]:
         else (f"{int(np.sum(~keep))} of {points} angles are not determined and were left out.",)
     )
     return InertiaTable(grid[keep], inertia[keep], deviation[keep]), notes
+
+
+def _as_found(found: Fit) -> Machine:
+    """The machine with the stiffness and damping that were found."""
+    believed, at = found.model.machine, found.model.layout
+    if believed.coupling is None:
+        return believed
+    stiffer, damped = np.exp(found.parameters[[at.stiffness, at.damping]])
+    coupling = Coupling(
+        stiffness_nm_rad=believed.coupling.stiffness_nm_rad * float(stiffer),
+        damping_nms=believed.coupling.damping_nms * float(damped),
+    )
+    return believed.model_copy(update={"coupling": coupling})
+
+
+def _missed(found: Fit) -> float:
+    """The torque that the model misses beyond the noise of its samples, over all torque (both rms)."""
+    torque = np.concatenate([run.drive.smooth(run.time_s) for run in found.runs])
+    beyond = max(found.noise.torque_nm**2 - _sensor_noise(found) ** 2, 0.0)
+    return float(np.sqrt(beyond / max(float(np.mean(torque**2)), 1e-300)))
 
 
 def _check_explained(found: Fit) -> None:
