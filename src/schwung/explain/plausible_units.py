@@ -1,0 +1,371 @@
+"""Mistakes of unit and sign: speed against the change of position, torque against what the believed inertia needs.
+
+Both are judged by one number over the whole session, a factor that should be 1. Wrong units make it a number that
+everybody knows (9.55, 57.3, 1000, …); wrong beliefs and missing physics do not.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import lru_cache
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.signal import butter, sosfiltfilt
+
+from schwung.drivetrain.inertia import InertiaTable
+from schwung.drivetrain.machine import Machine
+from schwung.explain.plausible_values import Correction, Doubt, Signal
+from schwung.motion import Array
+from schwung.session.imports.signals import white_noise
+from schwung.session.model import Axis, Run, Session
+
+_TURN = 2 * np.pi
+_DEGREE = np.pi / 180
+_RPM = _TURN / 60
+#: The band in which a machine is about rigid and accelerations are not noise.
+_BAND_HZ, _BAND_SHARE = 25.0, 0.2
+#: A factor is that of a unit within this much (relative); factors between 0.9 and 1.1 are not questioned.
+_SAME_FACTOR, _NO_QUESTION = 0.03, 0.1
+#: Speed and the change of position are one motion above this correlation.
+_ONE_MOTION = 0.9
+#: A coefficient is known when it is so many times its standard error.
+_KNOWN = 5.0
+_CERTAIN = 10.0
+#: An inertia may be believed wrong by up to this factor; beyond it a unit is wrong, or the whole belief.
+_BELIEVABLE = 4.0
+#: Torques are in another unit where the factor is that of the unit within this one: the belief need not be right.
+_NEAR_UNIT = 2.2
+#: Cut into so many parts, each with a mean torque of its own, runs shall still give the same inertia within this factor:
+#: one that only shows in slow changes of torque could as well be drift, or friction of another form.
+_PARTS, _PARTS_AGREE = (2, 3, 5), 1.5
+_MOVES = 0.02  # of the highest speed
+
+
+@dataclass(frozen=True)
+class _Mistake:
+    """Reported speed over the change of reported position, where units are mixed up."""
+
+    ratio: float
+    text: str
+    corrections: tuple[Correction, ...]
+
+
+def _scales(*pairs: tuple[Signal, float]) -> tuple[Correction, ...]:
+    return tuple(Correction(signal, "scale", value) for signal, value in pairs)
+
+
+_SPEED_MISTAKES: dict[Axis, tuple[_Mistake, ...]] = {
+    "rotary": (
+        _Mistake(1 / _RPM, "speed is in rpm", _scales(("speed", _RPM))),
+        _Mistake(1 / _DEGREE, "speed is in degrees per second", _scales(("speed", _DEGREE))),
+        _Mistake(1 / _TURN, "speed is in turns per second", _scales(("speed", _TURN))),
+        _Mistake(_DEGREE, "position is in degrees", _scales(("position", _DEGREE))),
+        _Mistake(_TURN, "position is in turns", _scales(("position", _TURN))),
+        _Mistake(
+            _DEGREE / _RPM,
+            "position is in degrees and speed in rpm",
+            _scales(("position", _DEGREE), ("speed", _RPM)),
+        ),
+        _Mistake(
+            60.0, "position is in turns and speed in rpm", _scales(("position", _TURN), ("speed", _RPM))
+        ),
+        _Mistake(1e3, "speed is in mrad/s", _scales(("speed", 1e-3))),
+        _Mistake(1e-3, "position is in mrad", _scales(("position", 1e-3))),
+    ),
+    "linear": (
+        _Mistake(1e3, "speed is in mm/s", _scales(("speed", 1e-3))),
+        _Mistake(1e-3, "position is in mm", _scales(("position", 1e-3))),
+        _Mistake(60.0, "speed is in m/min", _scales(("speed", 1 / 60))),
+        _Mistake(6e4, "speed is in mm/min", _scales(("speed", 1e-3 / 60))),
+    ),
+}
+
+
+@dataclass(frozen=True)
+class Fitted:
+    """Reported torque over the torque that the believed inertia needs: the factor, and how well it is known."""
+
+    factor: float
+    error: float  # standard
+    within_parts: tuple[float, ...]  # the same from within halves, thirds, … of the runs only
+
+    @property
+    def known(self) -> bool:
+        """Whether the recording determines an inertia: significant, and the same from its parts."""
+        if abs(self.factor) < _KNOWN * self.error:
+            return False
+        return all(1 / _PARTS_AGREE < each / self.factor < _PARTS_AGREE for each in self.within_parts)
+
+
+def low_pass(values: Array, rate_hz: float) -> Array:
+    """Without lag, to the band in which a machine is about rigid."""
+    band = min(_BAND_HZ, _BAND_SHARE * rate_hz)
+    if values.size < 32:
+        return values
+    return np.asarray(sosfiltfilt(_filter(band / (rate_hz / 2)), values))
+
+
+@lru_cache
+def _filter(cutoff: float) -> Array:
+    """Butterworth sections (k, 6); cutoff over the Nyquist frequency."""
+    return np.asarray(butter(4, cutoff, output="sos"))
+
+
+def speed_doubts(session: Session, machine: Machine) -> list[Doubt]:
+    """Speed against the change of position: units, signs, and whether they are one motion at all."""
+    pairs = [
+        (low_pass(run.speed_rad_s, run.sample_rate_hz), _change(run))
+        for run in session.runs
+    ]  # fmt: skip
+    speed, change = (np.concatenate(each) for each in zip(*pairs, strict=True))
+    power, derived = float(speed @ speed), float(change @ change)
+    if derived <= 0 or power <= 0:
+        still = "speed" if power <= 0 else "position"
+        return [
+            Doubt(
+                "no_motion", f"all runs/{still}", "does not change", "Record while the axis moves", "stop",
+                still="Nothing can be said about the machine",
+            )
+        ]  # fmt: skip
+    likeness = float(speed @ change) / np.sqrt(power * derived)
+    ratio = float(np.sqrt(power / derived))
+    if abs(likeness) < _ONE_MOTION:
+        return [
+            Doubt(
+                "speed_unrelated", "all runs/speed",
+                f"is not the change of position (correlation {likeness:.2f})",
+                "Check which columns were recorded, or derive speed from position", "stop",
+                (Correction("speed", "derive"),),
+                "With speed from position everything else can be looked at",
+            )
+        ]  # fmt: skip
+    doubts = []
+    if likeness < 0:
+        doubts.append(_opposed(session, machine))
+    if abs(np.log(ratio)) > np.log(1 + _NO_QUESTION):
+        doubts.append(_speed_unit(ratio, session.axis))
+    return doubts
+
+
+def _change(run: Run) -> Array:
+    return low_pass(np.gradient(run.position_rad, 1 / run.sample_rate_hz), run.sample_rate_hz)
+
+
+def _speed_unit(ratio: float, axis: Axis) -> Doubt:
+    nearest = min(_SPEED_MISTAKES[axis], key=lambda mistake: abs(np.log(ratio / mistake.ratio)))
+    if abs(np.log(ratio / nearest.ratio)) < _SAME_FACTOR:
+        signal = nearest.corrections[0].signal
+        factors = " and ".join(f"{each.signal} × {each.value:.6g}" for each in nearest.corrections)
+        return Doubt(
+            f"{signal}_unit", f"all runs/{signal}",
+            f"reported speed is {ratio:.4g} times the change of position: {nearest.text}",
+            f"Import again with the right unit, or apply {factors}", "stop", nearest.corrections,
+            "With the unit put right everything can be looked at",
+        )  # fmt: skip
+    return Doubt(
+        "speed_scale", "all runs/speed",
+        f"reported speed is {ratio:.4g} times the change of position, which is no mixed-up unit",
+        "Check the gear ratio and the scaling of both, or derive speed from position", "stop",
+        (Correction("speed", "derive"),), "Positions, and speeds derived from them, may still be right",
+    )  # fmt: skip
+
+
+def _opposed(session: Session, machine: Machine) -> Doubt:
+    """Speed and position run against each other: the torque says which of them is reversed."""
+    fitted = inertia_factor(session, machine)
+    signal: Signal = "speed"
+    how = "position and torque agree"
+    if fitted is None or abs(fitted.factor) < _KNOWN * fitted.error:
+        how = "which of both is not known, torque says nothing"
+    elif fitted.factor < 0:
+        signal, how = "position", "speed and torque agree"
+    return Doubt(
+        f"{signal}_sign", f"all runs/{signal}", f"is reversed against the other of speed and position ({how})",
+        f"Import again with --{signal}-scale -1", "stop", _scales((signal, -1.0)),
+        "With the sign put right everything can be looked at",
+    )  # fmt: skip
+
+
+def inertia_factor(session: Session, machine: Machine) -> Fitted | None:
+    """Reported torque over that of the believed inertia, by least squares beside friction, offset and sin θ, cos θ.
+
+    Motion from position alone, in a band in which the machine is about rigid. None where nothing moves or nothing
+    accelerates. With an unknown load inertia the factor is over the motor's alone.
+    """
+    rows: list[Array] = []
+    torques: list[Array] = []
+    shares: list[Array] = []  # how far through its run each sample is, plus the run's number
+    peak = max((float(np.max(np.abs(_change(run)))) for run in session.runs), default=0.0)
+    rotary_span = max(float(np.ptp(run.position_rad)) for run in session.runs) if session.runs else 0.0
+    swings = session.axis == "rotary" and rotary_span > 1.0
+    for run in session.runs:
+        rate = run.sample_rate_hz
+        speed = _change(run)
+        inertia, slope = _inertia(machine, run.position_rad)
+        needed = inertia * np.gradient(speed, 1 / rate) + slope * speed**2 / 2
+        columns = [needed, speed, np.tanh(speed / (_MOVES * peak)) if peak else speed, np.ones_like(speed)]
+        if swings:
+            columns += [np.sin(run.position_rad), np.cos(run.position_rad)]
+        known = machine.load_torque_at(run.position_rad)
+        edge = min(len(run) // 4, round(rate / _BAND_HZ))
+        inside = slice(edge, len(run) - edge)
+        moves = np.abs(speed[inside]) > _MOVES * peak
+        rows.append(np.column_stack(columns)[inside][moves])
+        torques.append(low_pass(run.torque_nm + known, rate)[inside][moves])
+        shares.append((np.arange(len(run)) / len(run))[inside][moves] + len(shares))
+    if not rows:
+        return None
+    matrix, torque, share = np.concatenate(rows), np.concatenate(torques), np.concatenate(shares)
+    if torque.size < 4 * matrix.shape[1] or np.std(matrix[:, 0]) == 0:
+        return None
+    rate = session.runs[0].sample_rate_hz
+    independent = min(1.0, 2 * _BAND_HZ / rate)  # share of the samples that are, within the band
+    factor, error = _coefficient(matrix, torque, independent)
+    within = []
+    for parts in _PARTS:
+        part = np.floor(share * parts).astype(np.int64)
+        within.append(
+            _coefficient(_within(matrix, part), _within(torque[:, None], part)[:, 0], independent)[0]
+        )
+    return Fitted(factor, error, tuple(within))
+
+
+def _inertia(machine: Machine, position: Array) -> tuple[Array, Array]:
+    """Believed total inertia over the motor's angle, and its slope."""
+    load = machine.load_inertia
+    rotor = np.full_like(position, machine.motor.inertia_kgm2)
+    if load is None:
+        return rotor, np.zeros_like(position)
+    if isinstance(load, InertiaTable):
+        return rotor + load.at(position), load.slope_at(position)
+    return rotor + load, np.zeros_like(position)
+
+
+def _coefficient(matrix: Array, torque: Array, independent: float) -> tuple[float, float]:
+    """The first coefficient of a least squares fit, and its standard error."""
+    scale = np.sqrt(np.mean(matrix**2, axis=0)) + 1e-300
+    scaled = matrix / scale
+    inverse = np.linalg.pinv(scaled.T @ scaled, rcond=1e-10)
+    fitted = inverse @ (scaled.T @ torque)
+    misses = torque - scaled @ fitted
+    freedom = max(1.0, independent * torque.size - matrix.shape[1])
+    error = np.sqrt(float(misses @ misses) / freedom * float(inverse[0, 0]))
+    return float(fitted[0] / scale[0]), float(error / scale[0])
+
+
+def _within(values: Array, part: NDArray[np.int64]) -> Array:
+    """Values (n, k) less the mean of their part."""
+    _, index = np.unique(part, return_inverse=True)
+    counts = np.bincount(index).astype(float)
+    means = np.column_stack([np.bincount(index, column) / counts for column in values.T])
+    return np.asarray(values - means[index])
+
+
+def torque_doubts(session: Session, machine: Machine) -> list[Doubt]:
+    """Torque against what the believed inertia needs: units, sign, and whether an inertia is determined at all."""
+    fitted = inertia_factor(session, machine)
+    force = "torque" if session.axis == "rotary" else "force"
+    highest = max(float(np.max(np.abs(run.torque_nm))) for run in session.runs)
+    if highest == 0:
+        return [Doubt("no_torque", f"all runs/{force}", "is zero throughout", "Record the torque", "stop",
+                      still="Only the motion can be looked at")]  # fmt: skip
+    if fitted is None or not fitted.known:
+        return [*_undetermined(fitted, machine, session), *_beyond_peak(session, machine, highest)]
+    doubts = []
+    if fitted.factor < 0 and abs(fitted.factor) > _CERTAIN * fitted.error:
+        doubts.append(
+            Doubt(
+                "torque_sign", f"all runs/{force}", "is reversed: it brakes where the axis gathers speed",
+                "Import again with --torque-scale -1", "stop", _scales(("torque", -1.0)),
+                "With the sign put right everything can be looked at",
+            )
+        )  # fmt: skip
+    factor = abs(fitted.factor)
+    if machine.load_inertia is None and machine.coupling is not None:  # rigid: the motor's is all there is
+        return [*doubts, *_beyond_peak(session, machine, highest)]
+    unit = _torque_unit(factor, highest, machine, session)
+    if unit is not None:
+        return [*doubts, unit]
+    if not 1 / _BELIEVABLE < factor < _BELIEVABLE:
+        doubts.append(
+            Doubt(
+                "inertia_far_off", "machine/inertia",
+                f"the recorded {force} is {factor:.3g} times what the believed inertia needs, by no known unit",
+                "Check the inertias in the machine file and the scale of the torque", "warning",
+                still="The shape of what is missing can be said, its size not",
+            )
+        )  # fmt: skip
+    return [*doubts, *_beyond_peak(session, machine, highest)]
+
+
+def _torque_unit(factor: float, highest: float, machine: Machine, session: Session) -> Doubt | None:
+    """The unit that explains a factor of torque over need, None where none does."""
+    linear = session.axis == "linear"
+    force, milli, kilo = ("force", "mN", "kN") if linear else ("torque", "mN·m", "kN·m")
+    share = highest / machine.motor.peak_torque_nm  # of the peak; far below 1 speaks for too large a unit
+    found: list[tuple[float, str, tuple[Correction, ...]]] = [
+        (1e3, f"{force} is in {milli}", _scales(("torque", 1e-3)))
+    ]
+    if share < 0.02:
+        found.append((1e-3, f"{force} is in {kilo}", _scales(("torque", 1e3))))
+    elif linear:
+        found.append((1e-3, "position and speed are in mm", _scales(("position", 1e-3), ("speed", 1e-3))))
+    else:
+        both = _scales(("position", _DEGREE), ("speed", _DEGREE))
+        found.append((_DEGREE, "position and speed are in degrees", both))
+    rated = machine.motor.rated_torque_nm
+    if rated is not None:
+        found.append((100 / rated, f"{force} is in % of the rated one", _scales(("torque", rated / 100))))
+        found.append(
+            (1e3 / rated, f"{force} is in per mille of the rated one", _scales(("torque", rated / 1e3)))
+        )
+    near = [each for each in found if abs(np.log(factor / each[0])) < np.log(_NEAR_UNIT)]
+    if not near or 1 / _BELIEVABLE < factor < _BELIEVABLE:
+        return None
+    _, text, corrections = min(near, key=lambda each: abs(np.log(factor / each[0])))
+    signal = corrections[0].signal
+    applied = " and ".join(f"{each.signal} × {each.value:.6g}" for each in corrections)
+    return Doubt(
+        f"{signal}_unit", f"all runs/{signal}",
+        f"the recorded {force} is {factor:.3g} times what the believed inertia needs: {text}",
+        f"Import again with the right unit, or apply {applied}", "stop", corrections,
+        "With the unit put right everything can be looked at",
+    )  # fmt: skip
+
+
+def _undetermined(fitted: Fitted | None, machine: Machine, session: Session) -> list[Doubt]:
+    inertia = "inertia" if session.axis == "rotary" else "mass"
+    unit = "kg·m²" if session.axis == "rotary" else "kg"
+    if fitted is None:
+        return []  # nothing accelerates, which is said elsewhere
+    position = session.runs[0].position_rad
+    total = float(np.mean(_inertia(machine, position)[0]))
+    if abs(fitted.factor) < _KNOWN * fitted.error:
+        text = f"{abs(fitted.factor) * total:.2g} ± {1.96 * fitted.error * total:.2g} {unit}"
+    else:
+        low, high = min(fitted.within_parts) * total, max(fitted.within_parts) * total
+        text = f"{fitted.factor * total:.2g} {unit} from all, {low:.2g} to {high:.2g} from within its parts"
+    return [
+        Doubt(
+            "inertia_undetermined", "all runs/torque",
+            f"the recording does not determine the {inertia} ({text}): hardly any torque goes into acceleration",
+            "Record motions that accelerate harder", "warning",
+            still="Friction, load and offset at the speeds that were run can still be named",
+        )
+    ]  # fmt: skip
+
+
+def _beyond_peak(session: Session, machine: Machine, highest: float) -> list[Doubt]:
+    noise = max(white_noise(run.torque_nm) for run in session.runs)
+    peak = machine.motor.peak_torque_nm
+    if highest - 5 * noise <= 1.2 * peak:
+        return []
+    unit = "N·m" if session.axis == "rotary" else "N"
+    return [
+        Doubt(
+            "torque_beyond_peak", "all runs/torque",
+            f"reaches {highest:.4g} {unit}, beyond the stated peak of {peak:.4g} {unit}",
+            "Check the unit of the torque and peak_torque in the machine file", "warning",
+        )
+    ]  # fmt: skip
