@@ -73,7 +73,7 @@ class LoadSide:
     ripple_speed_rad_s: ComplexArray
     driving_torque_nm: ComplexArray  # of the coupling, less the load's viscous friction
     motor_speed_rad_s: ComplexArray  # the ripple's
-    spoilers: ComplexArray  # (n, 4) torques per unit: viscous and dry friction, delay (dT~/dt), filter's loss (−d²T~/dt²)
+    spoilers: ComplexArray  # (n, 4) torques per unit: viscous, dry friction, delay (dT~/dt), loss (−d²T~/dt²)
     spoilers_wind_up: ComplexArray  # (n, 4) what each winds up the coupling by
     spoilers_wind_up_rate: ComplexArray  # (n, 4) its derivative
     noise: Array  # standard deviation of a Fourier coefficient's real part, at `frequencies`
@@ -90,9 +90,10 @@ class Equations:
     nuisance: Array  # (rows, 4), of `spoilers`
     y: Array
 
-    def scaled(self, weight: float) -> Equations:
-        """The same with another weight."""
-        return Equations(weight * self.inertia, weight * self.nuisance, weight * self.y)
+    def scaled(self, weight: Array) -> Equations:
+        """The same with other weights, (rows,)."""
+        column = weight[:, None]
+        return Equations(column * self.inertia, column * self.nuisance, weight * self.y)
 
 
 def load_side(ripple: Ripple, machine: Machine) -> LoadSide:

@@ -17,7 +17,9 @@ from schwung.motion import Array
 #: What nobody would leave out of a machine file: friction of this share of the peak torque (at top speed).
 FRICTION_SHARE = 0.1
 #: Solutions in a row: the later ones know the weights and how the load answers to friction and delay.
-ROUNDS = 2
+ROUNDS = 3
+#: Noise is taken as even over so wide a part of the band, as a share of the injected frequency (standard deviation).
+EVEN = 0.25
 #: An inertia positive over this share of the angles, and torque explained to this share, make a machine.
 MOSTLY = 0.9
 #: No machine leaves the phase between torque and speed more open than this.
@@ -89,7 +91,8 @@ class CurveFit:
 def fit_curve(ripples: Sequence[Ripple], machine: Machine) -> CurveFit:
     """Fit J_l(θ), friction and delay to all ripples together.
 
-    Each ripple is weighted by its own noise floor first, then by what it left unexplained.
+    Each equation is weighted by the noise floors first, then by what its neighbours in frequency left unexplained:
+    neither counts of an encoder nor what the model leaves out make noise of the colour that floors tell of.
     """
     loads = tuple(load_side(ripple, machine) for ripple in ripples)
     low = min(float(load.angle_rad.min()) for load in loads)
@@ -98,20 +101,25 @@ def fit_curve(ripples: Sequence[Ripple], machine: Machine) -> CurveFit:
     top_speed = max(float(np.max(np.abs(load.speed_rad_s))) for load in loads)
     peak = FRICTION_SHARE * machine.motor.peak_torque_nm
     slowest = 2 * np.pi * min(ripple.frequency_hz for ripple in ripples)
-    loss = max(max(ripple.loss_std_s2 for ripple in ripples), NO_LOSS / slowest**2)
+    loss = max(*(ripple.loss_std_s2 for ripple in ripples), NO_LOSS / slowest**2)
     prior = np.array([peak / max(top_speed, 1e-9), peak, 1 / slowest, loss])
-    weights = np.ones(len(loads))
+    weights = [np.ones(2 * load.frequencies.size) for load in loads]
     solution: Solution | None = None
     for _ in range(ROUNDS):
         curve = None if solution is None else solution.coefficients
         parts = [
-            equations(load, ripple, basis, curve).scaled(float(weight))
+            equations(load, ripple, basis, curve).scaled(weight)
             for load, ripple, weight in zip(loads, ripples, weights, strict=True)
         ]
         solution = _solve(parts, prior)
         ends = np.cumsum([part.y.size for part in parts])[:-1]
-        spread = np.array([np.sqrt(np.mean(rest**2)) for rest in np.split(solution.residual, ends)])
-        weights = weights / np.maximum(spread, 1e-12)
+        weights = [
+            weight / _spread(rest, 1 - followed, load.frequencies / ripple.frequency_hz)
+            for weight, rest, followed, load, ripple in zip(
+                weights, np.split(solution.residual, ends), np.split(solution.leverage, ends), loads, ripples,
+                strict=True,
+            )
+        ]  # fmt: skip
     assert solution is not None  # ROUNDS is positive
     std = np.sqrt(np.diag(solution.covariance)[basis.size :])
     power = float(np.sum(np.concatenate([part.y for part in parts]) ** 2))
@@ -120,6 +128,17 @@ def fit_curve(ripples: Sequence[Ripple], machine: Machine) -> CurveFit:
         Nuisance(float(v), float(s)) for v, s in zip(solution.nuisances, std, strict=True)
     )
     return CurveFit(basis, solution, loads, tuple(ripples), viscous, dry, delay, share)
+
+
+def _spread(residual: Array, free: Array, frequency: Array) -> Array:
+    """Standard deviation of the noise around each row, (2n,): of real and imaginary parts at n frequencies.
+
+    `free`: the share of each row's noise that is left in its residual.
+    """
+    near = np.exp(-(((frequency[:, None] - frequency) / EVEN) ** 2) / 2)
+    squares, degrees = (values.reshape(2, -1).sum(0) for values in (residual**2, free))
+    spread = np.sqrt((near @ squares) / np.maximum(near @ degrees, 1e-300))
+    return np.tile(np.maximum(spread, 1e-12), 2)
 
 
 def _solve(parts: Sequence[Equations], prior: Array) -> Solution:

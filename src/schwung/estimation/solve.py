@@ -15,13 +15,17 @@ ORDER = 3
 
 @dataclass(frozen=True, eq=False)
 class Solution:
-    """Coefficients (K,), nuisances (m,), covariance of both (K + m, K + m), residuals (rows,) and their variance."""
+    """Coefficients (K,), nuisances (m,), covariance of both (K + m, K + m), residuals (rows,) and their variance.
+
+    `leverage`, (rows,): the share of each row's own noise that the fit has followed, 0…1.
+    """
 
     coefficients: Array
     nuisances: Array
     covariance: Array
     variance: float
     residual: Array
+    leverage: Array
 
 
 def solve(inertia: Array, nuisance: Array, y: Array, prior_std: Array) -> Solution:
@@ -53,5 +57,7 @@ def solve(inertia: Array, nuisance: Array, y: Array, prior_std: Array) -> Soluti
     matrix = normal + unit * 10.0**exponent * penalty + known
     x = np.linalg.solve(matrix, right)
     back = np.concatenate([np.ones(size), 1 / scale])
-    covariance = variance * np.linalg.inv(matrix) * np.outer(back, back)
-    return Solution(x[:size], x[size:] / scale, covariance, variance, y - design @ x)
+    inverse = np.linalg.inv(matrix)
+    leverage = np.clip(np.einsum("ri,ri->r", design @ inverse, design), 0.0, 1.0)
+    covariance = variance * inverse * np.outer(back, back)
+    return Solution(x[:size], x[size:] / scale, covariance, variance, y - design @ x, leverage)

@@ -11,7 +11,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.optimize import minimize
+from scipy.optimize import minimize, minimize_scalar
 
 from schwung.drivetrain.machine import Machine
 from schwung.estimation import trajectory_kernel as kernel
@@ -49,9 +49,8 @@ LARGEST_STEP = 1.0
 BAND = 1.8
 #: Innovations further apart than this are taken as independent.
 STRETCH_S = 0.02
-#: Relative error of the model, and of samples per (ω_est × sampling period)²: how far fits without noise are off
-#: against three independent simulations at 1, 4 and 8 kHz.
-MODEL_ERROR, SAMPLING_ERROR = 1.5e-4, 2.5e-3
+#: A step over more standard deviations than this must make the recordings likelier, or is halved, so often at most.
+FAR, HALVINGS = 10.0, 6
 #: Constant inertias tried at the start, over the rotor's.
 _TRIED = np.geomspace(0.05, 2000.0, 20)
 #: Smallest error of the angle that is believed, over the visited range.
@@ -78,7 +77,6 @@ class Fit:
 
         The deviation is the posterior's, or where the innovations turn out not to be white, as with physics that the
         model leaves out, the larger one that their sums over stretches of time call for (the "sandwich", White 1982).
-        The error of the sampled model itself comes on top.
         """
         where = self.model.layout.inertia
         rows, _ = self.model.layout.basis.rows(angle_rad)
@@ -86,9 +84,7 @@ class Fit:
         reach = rows @ self.covariance[where]
         posterior = np.einsum("ni,ni->n", reach[:, where], rows)
         observed = np.sum((reach @ self.scores.T) ** 2, axis=1)
-        sampled = max((2 * np.pi * run.band_hz / BAND * run.step_s) ** 2 for run in self.runs)
-        finite = MODEL_ERROR + (SAMPLING_ERROR * sampled if np.isfinite(sampled) else 0.0)
-        return inertia, inertia * np.sqrt(np.maximum(posterior, observed) + finite**2)
+        return inertia, inertia * np.sqrt(np.maximum(posterior, observed))
 
 
 @dataclass(frozen=True, eq=False)
@@ -130,7 +126,10 @@ def fit(recorded: Sequence[Run], machine: Machine, *, rotary: bool = True) -> Fi
         step = found.parameters - parameters
         largest = float(np.max(np.abs(step[model.layout.inertia])))
         moved = float(np.max(np.abs(step) / np.sqrt(np.diag(found.covariance))))
-        parameters = parameters + step * min(1.0, LARGEST_STEP / max(largest, 1e-12))
+        step *= min(1.0, LARGEST_STEP / max(largest, 1e-12))
+        if moved > FAR:
+            step = _likelier(model, _few(runs), parameters, step, noise)
+        parameters = parameters + step
         runs = resmoothed(model, passed.runs, parameters, noise)
         if moved < NEARLY and not released:
             released, restless = True, True
@@ -148,6 +147,20 @@ def fit(recorded: Sequence[Run], machine: Machine, *, rotary: bool = True) -> Fi
 def band_of(recorded: Sequence[Run]) -> float:
     """The band (Hz) that motion and injection are in; infinite without injection."""
     return BAND * max((run.excitation.frequency_hz for run in recorded if run.excitation), default=np.inf)
+
+
+def _likelier(model: Model, runs: Sequence[Signals], parameters: Array, step: Array, noise: Noise) -> Array:
+    """The step, halved until the runs are likelier after it: far from the truth, a linear model promises too much."""
+
+    def deviance(where: Array) -> float:
+        return _deviance(_systems(model, runs, where), runs, noise, scaled=True)
+
+    before = deviance(parameters)
+    for _ in range(HALVINGS):
+        if deviance(parameters + step) < before:
+            break
+        step = step / 2
+    return step
 
 
 def _too_coarse(model: Model, found: Posterior) -> bool:
@@ -230,13 +243,18 @@ def _first_noise(runs: Sequence[Signals]) -> Noise:
 
 def _constant_inertia(model: Model, runs: Sequence[Signals], noise: Noise) -> float:
     """The constant inertia (kg·m²) that explains the runs best, whatever the size of the noise."""
-    rotor = model.machine.motor.inertia_kgm2
-    values = []
-    for ratio in _TRIED:
+
+    def deviance(log_inertia: float) -> float:
         parameters = np.zeros(model.layout.size)
-        parameters[model.layout.inertia] = np.log(ratio * rotor)
-        values.append(_deviance(_systems(model, runs, parameters), runs, noise, scaled=True))
-    return float(_TRIED[int(np.argmin(values))] * rotor)
+        parameters[model.layout.inertia] = log_inertia
+        return _deviance(_systems(model, runs, parameters), runs, noise, scaled=True)
+
+    logs = np.log(_TRIED * model.machine.motor.inertia_kgm2)
+    best = int(np.argmin([deviance(value) for value in logs]))
+    around = (logs[max(best - 1, 0)], logs[min(best + 1, logs.size - 1)])
+    return float(
+        np.exp(minimize_scalar(deviance, bounds=around, method="bounded", options={"xatol": 0.01}).x)
+    )
 
 
 def _systems(model: Model, runs: Sequence[Signals], parameters: Array) -> list[Equations]:
