@@ -147,3 +147,21 @@ def test_the_report_points_to_an_explanation_beside_the_session(
     assert "explanation.html" in note
     (places / "explanation" / "explanation.json").write_text('{"format": "other", "verdict": 3}')
     assert explanation_note(places) == ()
+
+
+def test_help_has_examples(capsys: pytest.CaptureFixture[str]) -> None:
+    with pytest.raises(SystemExit):
+        main(["explain", "--help"])
+    out = capsys.readouterr().out
+    assert "schwung explain session.h5 -m machine.toml" in out
+    assert "--machine" in out
+
+
+def test_a_folder_that_cannot_be_written_is_told_before_the_search(
+    places: Path, answer: Answer, capsys: pytest.CaptureFixture[str]
+) -> None:
+    answer(AssertionError("searched in vain"))
+    (places / "file").write_text("")
+    code, _, err = _run(capsys, places, "--out", str(places / "file" / "result"))
+    assert code == 2
+    assert "is a file" in err

@@ -127,10 +127,18 @@ def test_every_physics_of_the_contract_has_words_and_a_picture() -> None:
     effects = (COULOMB, *OTHERS)
     assert {effect.physics for effect in effects} == set(PHYSICS)
     assert len(PHYSICS) == 24
-    for number in range(0, len(effects), 8):
-        some = effects[number : number + 8]
-        drawn = [picture.name for picture in explanation_pictures(_content(explained(some)))]
-        assert [name for name in drawn if name.startswith("term")] == [f"term{i}" for i in range(len(some))]
+    law = [number for number, effect in enumerate(effects) if words_of(effect.physics).view == "wind_up"]
+    drawn = [picture.name for picture in explanation_pictures(_content(explained(effects)))]
+    named = [name for name in drawn if name.startswith(("term", "coupling"))]
+    assert named == [*(f"term{i}" for i in range(24) if i not in law), "coupling"]
+
+
+def test_the_manual_has_the_same_words() -> None:
+    manual = (Path(__file__).parents[2] / "docs" / "explain.md").read_text("utf-8")
+    for physics, words in PHYSICS.items():
+        assert f"| `{physics}` | {words.name} | {words.shown_by} |" in manual
+    for one, other in re.findall(r"\| `(\w+)` \| `(\w+)` \|", manual):
+        assert f"| `{one}` | `{other}` | {told_apart_by(one, other)} |" in manual
 
 
 def test_a_name_from_a_later_version_is_shown_as_it_is() -> None:

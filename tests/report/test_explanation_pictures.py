@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
@@ -20,11 +21,11 @@ from matplotlib.axes import Axes
 from matplotlib.collections import PolyCollection
 from matplotlib.figure import Figure
 
-from schwung.drivetrain.machine import paper_machine
+from schwung.drivetrain.machine import Machine, paper_machine
 from schwung.explain.values import Explanation, Overlay
 from schwung.motion import Array
 from schwung.report.content import ROTARY
-from schwung.report.explanation_terms import term_figure
+from schwung.report.explanation_terms import coupling_figure, term_figure
 from schwung.report.explanation_words import words_of
 from schwung.report.figures_explanation import (
     judged,
@@ -45,9 +46,16 @@ def _effect(physics: str) -> Concealed:
 
 def _term(physics: str) -> Figure:
     explanation = explained((_effect(physics),))
-    figure = term_figure(explanation.findings[0], explanation.overlays, paper_machine(), ROTARY)
+    figure = term_figure(explanation.findings[0], explanation.overlays, ROTARY)
     assert figure is not None
     return figure
+
+
+def _law(*physics: str, believed: Machine | None = None) -> Axes:
+    explanation = explained([_effect(name) for name in physics])
+    figure = coupling_figure(explanation.findings, explanation.overlays, believed or paper_machine(), ROTARY)
+    assert figure is not None
+    return figure.axes[0]
 
 
 def _line(axes: Axes, label: str) -> tuple[Array, Array]:
@@ -117,7 +125,7 @@ def test_dots_are_what_the_recording_asks_of_this_term_alone() -> None:
     """With two effects at once, the dots of each are its own torque and noise."""
     viscous = _effect("viscous_friction")
     explanation = explained((COULOMB, viscous))
-    figure = term_figure(explanation.findings[1], explanation.overlays, paper_machine(), ROTARY)
+    figure = term_figure(explanation.findings[1], explanation.overlays, ROTARY)
     assert figure is not None
     speed, asked = _line(figure.axes[0], "asked for by the recording")
     assert np.std(asked - 0.31 * speed) == pytest.approx(NOISE_NM, rel=0.1)
@@ -168,13 +176,15 @@ def test_a_disturbance_stands_at_its_frequency() -> None:
 @pytest.mark.parametrize(
     ("physics", "wind_up_of"),
     [
-        ("coupling_stiffness", lambda torque: torque / 17000.0),
-        ("backlash", lambda torque: torque / STIFFNESS + 1e-3 * np.sign(torque)),
+        (["coupling_stiffness"], lambda torque: torque / 17000.0),
+        (["backlash"], lambda torque: torque / STIFFNESS + 1e-3 * np.sign(torque)),
+        (["coupling_stiffness", "backlash"], lambda torque: torque / 17000.0 + 1e-3 * np.sign(torque)),
     ],
 )
-def test_the_coupling_is_drawn_over_its_wind_up(physics: str, wind_up_of: object) -> None:
-    assert callable(wind_up_of)
-    axes = _term(physics).axes[0]
+def test_the_coupling_is_drawn_over_its_wind_up(
+    physics: list[str], wind_up_of: Callable[[Array], Array]
+) -> None:
+    axes = _law(*physics)
     wind_up, torque = _line(axes, "belief")
     np.testing.assert_allclose(wind_up, 1e3 * torque / STIFFNESS)
     wind_up, torque = _line(axes, "belief + physics")
@@ -182,26 +192,23 @@ def test_the_coupling_is_drawn_over_its_wind_up(physics: str, wind_up_of: object
 
 
 def test_a_stiffening_coupling_keeps_its_law() -> None:
-    wind_up, torque = _line(_term("nonlinear_stiffness").axes[0], "belief + physics")
+    wind_up, torque = _line(_law("nonlinear_stiffness"), "belief + physics")
     back = STIFFNESS * wind_up / 1e3 + 3e9 * (wind_up / 1e3) ** 3
     np.testing.assert_allclose(back, torque, atol=1e-2)
 
 
 def test_a_rigid_belief_is_a_vertical_line() -> None:
-    explanation = explained((_effect("backlash"),))
-    rigid = paper_machine().model_copy(update={"coupling": None})
-    figure = term_figure(explanation.findings[0], explanation.overlays, rigid, ROTARY)
-    assert figure is not None
-    wind_up, _ = _line(figure.axes[0], "belief: rigid")
+    axes = _law("backlash", believed=paper_machine().model_copy(update={"coupling": None}))
+    wind_up, _ = _line(axes, "belief: rigid")
     assert np.all(wind_up == 0)
-    wind_up, _ = _line(figure.axes[0], "belief + physics")
+    wind_up, _ = _line(axes, "belief + physics")
     assert np.unique(wind_up).tolist() == pytest.approx([-1.0, 0.0, 1.0])
 
 
 def test_a_term_without_signals_is_left_out() -> None:
     explanation = explained()
     bare = tuple(replace(run, terms_nm={}) for run in explanation.overlays)
-    assert term_figure(explanation.findings[0], bare, paper_machine(), ROTARY) is None
+    assert term_figure(explanation.findings[0], bare, ROTARY) is None
 
 
 def test_residuals_are_unknown_where_nothing_is_compared() -> None:

@@ -9,10 +9,12 @@ from html import escape
 from itertools import pairwise
 from pathlib import Path
 
+from matplotlib.figure import Figure
+
 from schwung.drivetrain.machine import Machine
 from schwung.explain.values import Explanation, Finding, Located, Quantity
 from schwung.report.content import LINEAR, ROTARY, Units
-from schwung.report.explanation_terms import term_figure
+from schwung.report.explanation_terms import coupling_figure, term_figure
 from schwung.report.explanation_words import View, told_apart_by, words_of
 from schwung.report.figures_explanation import (
     judged,
@@ -356,26 +358,36 @@ def explanation_pictures(content: ExplanationContent) -> Iterator[Picture]:
     ):
         if located:
             caption = (
-                "How much of its energy each coordinate can predict beyond the noise. Coordinates share what they "
-                "have in common, so the bars need not add up to 100 %. Grey: may be chance."
+                "Share of its energy that follows from each coordinate. What several could predict is credited to "
+                "the simplest; one that this session cannot tell from another is listed with it. Grey: may be chance."
             )
             places = [place_of(where) for where in located]
             yield Picture(name, title, caption, located_figure(located, places, "Share of the energy, %"))
 
 
 def _term_pictures(content: ExplanationContent) -> Iterator[Picture]:
-    for number, finding in enumerate(content.explanation.findings):
-        figure = term_figure(finding, content.explanation.overlays, content.believed, content.units)
-        if figure is None:
-            continue
-        words = words_of(finding.physics, linear=content.linear)
-        where = _DRAWN[words.view].format(u=content.units)
-        own = {"wind_up": _WIND_UP, "frequency": _SPECTRUM, "run": _DRIFT}
-        dots = own.get(words.view, _DOTS.format(u=content.units))
-        title = f"{words.name[:1].upper()}{words.name[1:]}, {where.partition(':')[0]}"
-        slope = where.partition(": ")[2]
-        caption = dots + finding.text + (f" {slope.capitalize()}." if slope else "")
-        yield Picture(f"term{number}", title, caption, figure)
+    """Each named term over its own coordinate; all that was named of the coupling's law in one picture."""
+    findings, runs = content.explanation.findings, content.explanation.overlays
+    for number, finding in enumerate(findings):
+        figure = term_figure(finding, runs, content.units)
+        if figure is not None:
+            yield _term_picture(content, f"term{number}", [finding], figure)
+    law = [finding for finding in findings if words_of(finding.physics).view == "wind_up"]
+    figure = coupling_figure(law, runs, content.believed, content.units) if law else None
+    if figure is not None:
+        yield _term_picture(content, "coupling", law, figure)
+
+
+def _term_picture(
+    content: ExplanationContent, name: str, findings: Sequence[Finding], figure: Figure
+) -> Picture:
+    words = [words_of(finding.physics, linear=content.linear) for finding in findings]
+    where, _, slope = _DRAWN[words[0].view].format(u=content.units).partition(": ")
+    called = _listed([each.name for each in words])
+    own = {"wind_up": _WIND_UP, "frequency": _SPECTRUM, "run": _DRIFT}
+    caption = own.get(words[0].view, _DOTS.format(u=content.units))
+    caption += " ".join(finding.text for finding in findings) + (f" {slope.capitalize()}." if slope else "")
+    return Picture(name, f"{called[:1].upper()}{called[1:]}, {where}", caption, figure)
 
 
 def _proof_caption(explanation: Explanation) -> str:

@@ -55,13 +55,14 @@ class _Samples:
 
 
 @in_style
-def term_figure(finding: Finding, runs: Sequence[Overlay], believed: Machine, units: Units) -> Figure | None:
-    """The term over its own coordinate, from all runs given; None where there is nothing to draw it from."""
+def term_figure(finding: Finding, runs: Sequence[Overlay], units: Units) -> Figure | None:
+    """The term over its own coordinate, from all runs given; None where there is nothing to draw it from.
+
+    Terms of the coupling's law have no such picture: `coupling_figure` draws it.
+    """
     view = words_of(finding.physics).view
     with_term = [run for run in runs if finding.physics in run.terms_nm and compared(run).any()]
-    if view == "wind_up":
-        return _wind_up_figure(finding, runs, believed, units) if runs else None
-    if not with_term:
+    if not with_term or view == "wind_up":
         return None
     if view == "frequency":
         return _spectrum_figure(finding, with_term, units)
@@ -269,8 +270,13 @@ def _mark_frequency(axes: Axes, finding: Finding) -> None:
 # ------------------------------------------------------------------------------------- over wind-up
 
 
-def _wind_up_figure(finding: Finding, runs: Sequence[Overlay], believed: Machine, units: Units) -> Figure:
-    """Torque in the coupling over its wind-up: as believed and as named, with the torque that was reached."""
+@in_style
+def coupling_figure(
+    findings: Sequence[Finding], runs: Sequence[Overlay], believed: Machine, units: Units
+) -> Figure | None:
+    """Torque in the coupling over its wind-up: as believed and as named; None where no run is at hand."""
+    if not runs:
+        return None
     figure = new_figure(3.0)
     axes = figure.axes[0]
     motor = believed.motor
@@ -287,37 +293,27 @@ def _wind_up_figure(finding: Finding, runs: Sequence[Overlay], believed: Machine
     axes.axhspan(low, high, color=GRID.light, linewidth=0, zorder=0.5, label="reached in the session")
     label = "belief" if np.isfinite(stiffness) else "belief: rigid"
     axes.plot(1e3 * torque / stiffness, torque, color=EXCITED.light, linewidth=1.4, label=label)
-    axes.plot(
-        1e3 * _wind_up(finding, torque, stiffness),
-        torque,
-        color=GOOD.light,
-        linewidth=2.0,
-        label="belief + physics",
-    )
+    wind_up = 1e3 * _wind_up(findings, torque, stiffness)
+    axes.plot(wind_up, torque, color=GOOD.light, linewidth=2.0, label="belief + physics")
     axes.set_title(f"{units.torque_word.capitalize()} in the coupling, {units.torque}")
     axes.set_xlabel(f"wind-up, m{units.position}")
-    legend = axes.legend(loc="upper left", fontsize=8.5, handlelength=1.4)
-    for text in legend.get_texts():
-        text.set_color(INK.light)
+    axes.legend(loc="upper left", fontsize=8.5, handlelength=1.4)
     return figure
 
 
-def _wind_up(finding: Finding, torque: Array, stiffness: float) -> Array:
-    """Wind-up (rad) at each torque (N·m), (n,), with the named term."""
+def _wind_up(findings: Sequence[Finding], torque: Array, stiffness: float) -> Array:
+    """Wind-up (rad) at each torque (N·m), (n,), of the coupling with all that was named of it.
 
-    def number(name: str, default: float) -> float:
-        quantity = finding.parameters.get(name)
-        return float(quantity.value) if quantity and isinstance(quantity.value, int | float) else default
-
-    if finding.physics == "coupling_stiffness":
-        return torque / number("stiffness_nm_rad", stiffness)
-    if finding.physics == "backlash":
-        return torque / stiffness + number("gap_rad", 0.0) / 2 * np.sign(torque)
-    cubic = number("cubic_nm_rad3", 0.0)
-    if not np.isfinite(stiffness):
-        return np.cbrt(torque / cubic) if cubic > 0 else 0 * torque
-    reach = np.linspace(0.0, 2.0 * float(np.max(np.abs(torque))) / stiffness, 4 * _WIND_UP_POINTS)
-    held = np.maximum.accumulate(
-        stiffness * reach + cubic * reach**3
-    )  # up to where it would soften to nothing
-    return np.sign(torque) * np.interp(np.abs(torque), held, reach)
+    |T| = k δ + c δ³ beyond half of the play, k as named or as believed (infinite: rigid).
+    """
+    named = {key: quantity.value for finding in findings for key, quantity in finding.parameters.items()}
+    numbers = {key: float(value) for key, value in named.items() if isinstance(value, int | float)}
+    stiffness = numbers.get("stiffness_nm_rad", stiffness)
+    cubic, gap = numbers.get("cubic_nm_rad3", 0.0), numbers.get("gap_rad", 0.0)
+    size = np.abs(torque)
+    wound = size / stiffness
+    if cubic and np.isfinite(stiffness):
+        reach = np.linspace(0.0, 2.0 * float(wound.max()), 4 * _WIND_UP_POINTS)
+        held = np.maximum.accumulate(stiffness * reach + cubic * reach**3)  # to where it softens to nothing
+        wound = np.interp(size, held, reach)
+    return np.asarray(np.sign(torque) * (wound + gap / 2))
