@@ -9,19 +9,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
-MACHINE = """\
-name = "bench machine"
-[motor]
-inertia = 0.012
-viscous_friction = 0.2
-peak_torque = 233.0
-[coupling]
-stiffness = 24963.0
-damping = 8.62
-[load]
-viscous_friction = 0.1
-inertia = 0.11
-"""
+from schwung.cli.demo import BELIEF
 
 
 @contextmanager
@@ -58,7 +46,7 @@ def schwung(*arguments: str, timeout_s: float = 60) -> subprocess.CompletedProce
 def commission_arguments(folder: Path, bus: list[str], *more: str) -> list[str]:
     """A commissioning of the bench's machine into folder/out."""
     machine = folder / "machine.toml"
-    machine.write_text(MACHINE)
+    machine.write_text(BELIEF)
     return [
         "commission", "-m", str(machine), "--distance", "180deg", "--duration", "250ms", "-y",
         "--out", str(folder / "out"), *bus, *more,

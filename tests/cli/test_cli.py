@@ -6,33 +6,14 @@ import sys
 from pathlib import Path
 
 import pytest
-
-from schwung.cli import main
-
-BELIEF = """\
-name = "m"
-[motor]
-inertia = 0.012
-viscous_friction = 0.2
-peak_torque = 233.0
-[load]
-viscous_friction = 0.1
-inertia = 0.11
-"""
+from cli_running import RIGID_MACHINE, invoke
 
 
 @pytest.fixture
 def machine(tmp_path: Path) -> str:
     path = tmp_path / "machine.toml"
-    path.write_text(BELIEF)
+    path.write_text(RIGID_MACHINE)
     return str(path)
-
-
-def _run(capsys: pytest.CaptureFixture[str], *arguments: str) -> tuple[int, str, str]:
-    with pytest.raises(SystemExit) as ended:
-        main(list(arguments))
-    out, err = capsys.readouterr()
-    return int(ended.value.code or 0), out, err
 
 
 def test_help_loads_nothing_heavy() -> None:
@@ -46,14 +27,14 @@ def test_help_loads_nothing_heavy() -> None:
     "command", ["", "demo", "scan", "commission", "estimate", "export", "restore", "report", "bench"]
 )
 def test_every_command_has_help_with_examples(capsys: pytest.CaptureFixture[str], command: str) -> None:
-    code, out, _ = _run(capsys, *filter(None, [command]), "--help")
+    code, out, _ = invoke(capsys, *filter(None, [command]), "--help")
     assert code == 0
     assert "schwung" in out
     assert command == "" or "Examples" in out
 
 
 def test_the_version_is_told(capsys: pytest.CaptureFixture[str]) -> None:
-    code, out, _ = _run(capsys, "--version")
+    code, out, _ = invoke(capsys, "--version")
     assert code == 0
     assert out.startswith("schwung 0.")
 
@@ -103,7 +84,7 @@ def test_a_mistake_is_one_sentence_with_its_place(
 ) -> None:  # fmt: skip
     monkeypatch.chdir(tmp_path)
     given = [machine if argument == "MACHINE" else argument for argument in arguments]
-    code, _, err = _run(capsys, *given)
+    code, _, err = invoke(capsys, *given)
     assert code == 2, err
     assert words in err
     assert "Traceback" not in err
@@ -113,13 +94,13 @@ def test_a_mistake_is_one_sentence_with_its_place(
 def test_nonsense_quantities_are_refused_by_name(
     capsys: pytest.CaptureFixture[str], machine: str, text: str
 ) -> None:
-    code, _, err = _run(capsys, "commission", "-m", machine, f"--distance={text}", "--duration", "1")
+    code, _, err = invoke(capsys, "commission", "-m", machine, f"--distance={text}", "--duration", "1")
     assert code == 2
     assert "--distance" in err
 
 
 def test_errors_come_as_json_too(capsys: pytest.CaptureFixture[str], machine: str) -> None:
-    code, out, _ = _run(capsys, "estimate", "none.h5", "-m", machine, "--json")
+    code, out, _ = invoke(capsys, "estimate", "none.h5", "-m", machine, "--json")
     assert code == 2
     assert json.loads(out)["exit_code"] == 2
 
@@ -127,14 +108,14 @@ def test_errors_come_as_json_too(capsys: pytest.CaptureFixture[str], machine: st
 def test_the_demo_commissions_and_says_where_the_report_lies(
     capsys: pytest.CaptureFixture[str], tmp_path: Path
 ) -> None:
-    code, out, _ = _run(capsys, "demo", "--out", str(tmp_path / "d"), "--json")
+    code, out, _ = invoke(capsys, "demo", "--out", str(tmp_path / "d"), "--json")
     assert code == 0
     result = json.loads(out)
     assert result["rmse_kgm2"] <= 0.003
     assert result["former_rmse_kgm2"] > 5 * result["rmse_kgm2"]
     assert result["export"]["improvement"] >= 5
     assert Path(result["files"]["report"]).stat().st_size > 10_000
-    code, out, _ = _run(
+    code, out, _ = invoke(
         capsys, "report", str(tmp_path / "d/session.h5"), "-m", str(tmp_path / "d/machine.toml"),
         "--out", str(tmp_path / "again.html"), "--figures", str(tmp_path / "pictures"), "--json",
     )  # fmt: skip
@@ -143,13 +124,13 @@ def test_the_demo_commissions_and_says_where_the_report_lies(
     again = (tmp_path / "again.html").read_text()
     for heading in ("What the export brought", "Preflight", "Parameters changed in the drive", "SYNC timing"):
         assert heading in again  # as it was told when the machine moved
-    code, _, err = _run(capsys, "demo", "--out", str(tmp_path / "d"))
+    code, _, err = invoke(capsys, "demo", "--out", str(tmp_path / "d"))
     assert code == 2
     assert "holds a session already" in err
 
 
 def test_listing_shows_every_effect_and_fault(capsys: pytest.CaptureFixture[str]) -> None:
-    code, out, _ = _run(capsys, "bench", "--list")
+    code, out, _ = invoke(capsys, "bench", "--list")
     assert code == 0
     for word in ("coulomb_friction", "inertia_profile_shift", "torque_nm", "heartbeat-stop"):
         assert word in out

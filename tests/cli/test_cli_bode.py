@@ -4,8 +4,8 @@ import json
 
 import numpy as np
 import pytest
+from cli_running import invoke
 
-from schwung.cli import main
 from schwung.drivetrain import Control, load_machine, paper_machine, simulate, write_machine
 from schwung.motion import Demand, Excitation
 from schwung.session import Run, SessionWriter
@@ -52,15 +52,8 @@ def _inertia(machine, angle):
     return float(machine.load_inertia_at(np.array([angle]))[0])
 
 
-def _run(capsys, *arguments):
-    with pytest.raises(SystemExit) as ended:
-        main(list(arguments))
-    out, err = capsys.readouterr()
-    return int(ended.value.code or 0), out, err
-
-
 def test_a_recorded_session_gives_numbers_a_proposal_and_files(places, tmp_path, capsys):
-    code, out, _ = _run(
+    code, out, _ = invoke(
         capsys, "bode", "-m", str(places / "machine.toml"), "--session", str(places / "session.h5"),
         "--out", str(tmp_path / "out"), "--duration", "150ms", "--json",
     )  # fmt: skip
@@ -91,7 +84,7 @@ def test_a_recorded_session_gives_numbers_a_proposal_and_files(places, tmp_path,
 )
 def test_mistakes_are_one_sentence(places, capsys, tmp_path, monkeypatch, arguments, words):
     monkeypatch.chdir(tmp_path)
-    code, _, err = _run(capsys, "bode", "-m", str(places / "machine.toml"), *arguments)
+    code, _, err = invoke(capsys, "bode", "-m", str(places / "machine.toml"), *arguments)
     assert code == 2
     assert words in err
     assert "Traceback" not in err
@@ -99,6 +92,6 @@ def test_mistakes_are_one_sentence(places, capsys, tmp_path, monkeypatch, argume
 
 
 def test_help_has_examples(capsys):
-    code, out, _ = _run(capsys, "bode", "--help")
+    code, out, _ = invoke(capsys, "bode", "--help")
     assert code == 0
     assert "--angles 0,90deg,180deg" in " ".join(out.split())

@@ -11,8 +11,8 @@ import h5py
 import numpy as np
 import pytest
 import typer
+from cli_running import RIGID_MACHINE, invoke
 
-from schwung.cli import main
 from schwung.cli.console import Terminal, describe_table, json_text
 from schwung.cli.flow import finish
 from schwung.cli.folders import planned_folder
@@ -21,22 +21,11 @@ from schwung.drivetrain import InertiaTable
 from schwung.errors import InputError
 from schwung_sim.bench import Bench
 
-BELIEF = """\
-name = "m"
-[motor]
-inertia = 0.012
-viscous_friction = 0.2
-peak_torque = 233.0
-[load]
-viscous_friction = 0.1
-inertia = 0.11
-"""
-
 
 @pytest.fixture(autouse=True)
 def _elsewhere(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
-    (tmp_path / "machine.toml").write_text(BELIEF)
+    (tmp_path / "machine.toml").write_text(RIGID_MACHINE)
 
 
 @pytest.fixture
@@ -44,13 +33,6 @@ def channel(request: pytest.FixtureRequest) -> Iterator[str]:
     name = f"manners-{request.node.name}"
     with Bench("two-mass", channel=name, node_id=1):
         yield name
-
-
-def _run(capsys: pytest.CaptureFixture[str], *arguments: str) -> tuple[int, str, str]:
-    with pytest.raises(SystemExit) as ended:
-        main(list(arguments))
-    out, err = capsys.readouterr()
-    return int(ended.value.code or 0), out, err
 
 
 def _commission(channel: str, *more: str) -> list[str]:
@@ -102,14 +84,14 @@ def test_an_angle_of_an_export_may_be_in_degrees() -> None:
 def test_with_json_a_mistake_is_json_alone_on_stdout(
     capsys: pytest.CaptureFixture[str], arguments: list[str]
 ) -> None:
-    code, out, err = _run(capsys, *arguments, "--json")
+    code, out, err = invoke(capsys, *arguments, "--json")
     document = json.loads(out)
     assert code == document["exit_code"] == 2
     assert document["error"] in err
 
 
 def test_no_arguments_show_the_help(capsys: pytest.CaptureFixture[str]) -> None:
-    code, out, _ = _run(capsys)
+    code, out, _ = invoke(capsys)
     assert code == 0
     assert "commission" in out
 
@@ -118,7 +100,7 @@ def test_where_nobody_answers_nothing_moves_and_nothing_is_left_behind(
     capsys: pytest.CaptureFixture[str], channel: str, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
     monkeypatch.setattr("sys.stdin", io.StringIO(""))
-    code, out, _ = _run(capsys, *_commission(channel, "--json"))
+    code, out, _ = invoke(capsys, *_commission(channel, "--json"))
     assert code == 3
     assert "--yes" in json.loads(out)["error"]
     assert [path.name for path in tmp_path.iterdir()] == ["machine.toml"]
@@ -128,7 +110,7 @@ def test_a_no_is_a_no_and_leaves_nothing_behind(
     capsys: pytest.CaptureFixture[str], channel: str, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
     monkeypatch.setattr("sys.stdin", io.StringIO("maybe\n"))
-    code, _, err = _run(capsys, *_commission(channel))
+    code, _, err = invoke(capsys, *_commission(channel))
     assert code == 3
     assert "you said no" in err
     assert [path.name for path in tmp_path.iterdir()] == ["machine.toml"]
@@ -137,7 +119,7 @@ def test_a_no_is_a_no_and_leaves_nothing_behind(
 def test_a_refusal_tells_machines_every_check(
     capsys: pytest.CaptureFixture[str], channel: str, tmp_path: Path
 ) -> None:
-    code, out, _ = _run(capsys, *_commission(channel, "--max-torque", "10", "--yes", "--json"))
+    code, out, _ = invoke(capsys, *_commission(channel, "--max-torque", "10", "--yes", "--json"))
     document = json.loads(out)
     assert code == document["exit_code"] == 3
     assert {check["name"]: check["severity"] for check in document["preflight"]}["torque"] == "stop"
@@ -145,11 +127,29 @@ def test_a_refusal_tells_machines_every_check(
 
 
 def test_a_dry_run_tells_machines_the_plan(capsys: pytest.CaptureFixture[str], channel: str) -> None:
-    code, out, _ = _run(capsys, *_commission(channel, "--dry-run", "--json"))
+    code, out, _ = invoke(capsys, *_commission(channel, "--dry-run", "--json"))
     assert code == 0
     plan = json.loads(out)["plan"]
     assert plan["motion"]["distance_rad"] == pytest.approx(math.pi)
     assert plan["limits"]["torque_max_nm"] > 0
+
+
+def test_what_bode_found_is_planned_with_and_told(
+    capsys: pytest.CaptureFixture[str], channel: str, tmp_path: Path
+) -> None:
+    found = {
+        "format": "schwung-bode", "version": 1,
+        "parameters": {"stiffness_nm_rad": {"value": 24000.0, "std": 10.0}},
+        "proposal": {"frequency_hz": 62.5, "amplitude_nm": 30.0},
+    }  # fmt: skip
+    (tmp_path / "bode.json").write_text(json.dumps(found))
+    code, out, err = invoke(capsys, *_commission(channel, "--dry-run", "--json", "--bode", str(tmp_path)))
+    assert code == 0
+    plan = json.loads(out)["plan"]
+    assert plan["excitation"]["frequency_hz"] == 62.5
+    assert plan["excitation"]["amplitude_nm"] == 30.0
+    assert [reason for reason in plan["reasons"] if "bode" in reason] == plan["reasons"][:2]
+    assert "bode's proposal" in err
 
 
 @pytest.mark.parametrize(
@@ -162,7 +162,7 @@ def test_an_interrupt_is_told(
         raise error from KeyboardInterrupt()  # as a library does that was loading just then
 
     monkeypatch.setattr("schwung.drivetrain.load_machine", interrupted)
-    code, out, err = _run(capsys, "estimate", "none.h5", "-m", "machine.toml", "--json")
+    code, out, err = invoke(capsys, "estimate", "none.h5", "-m", "machine.toml", "--json")
     assert code == json.loads(out)["exit_code"] == 130
     assert "interrupted" in err
 
@@ -182,7 +182,7 @@ def test_a_folder_in_the_way_is_known_before_anything_starts(
 def test_a_demo_that_cannot_start_leaves_no_folder(
     capsys: pytest.CaptureFixture[str], tmp_path: Path
 ) -> None:
-    code, _, err = _run(capsys, "demo", "--plant", "nope", "--out", "d")
+    code, _, err = invoke(capsys, "demo", "--plant", "nope", "--out", "d")
     assert code == 2
     assert "nope" in err
     assert not (tmp_path / "d").exists()
@@ -198,13 +198,13 @@ def test_a_session_without_excited_run_is_named_by_its_file(
         for name, unit in {"time": "s", "position": "rad", "speed": "rad/s", "torque": "N·m"}.items():
             values = np.arange(500) / 1000 if name == "time" else np.zeros(500)
             run.create_dataset(name, data=values).attrs["unit"] = unit
-    code, _, err = _run(capsys, "estimate", "plain.h5", "-m", "machine.toml")
+    code, _, err = invoke(capsys, "estimate", "plain.h5", "-m", "machine.toml")
     assert code == 2
     assert "plain.h5" in err
 
 
 def test_the_bench_lists_its_choices_for_machines(capsys: pytest.CaptureFixture[str]) -> None:
-    code, out, _ = _run(capsys, "bench", "--list", "--json")
+    code, out, _ = invoke(capsys, "bench", "--list", "--json")
     assert code == 0
     listing = json.loads(out)
     assert "torque_nm" in listing["conceal"]["coulomb_friction"]["keys"]
@@ -212,7 +212,7 @@ def test_the_bench_lists_its_choices_for_machines(capsys: pytest.CaptureFixture[
 
 
 def test_the_bench_announces_itself_to_machines(capsys: pytest.CaptureFixture[str]) -> None:
-    code, out, _ = _run(capsys, "bench", "--tcp", "127.0.0.1:0", "--seconds", "0.1", "--json")
+    code, out, _ = invoke(capsys, "bench", "--tcp", "127.0.0.1:0", "--seconds", "0.1", "--json")
     assert code == 0
     assert json.loads(out)["bus"]["port"] > 0
 

@@ -12,23 +12,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from schwung.cli.demo import BELIEF
 from schwung.drivetrain import read_inertia_csv
 
 pytestmark = pytest.mark.vcan
-
-MACHINE = """\
-name = "bench machine"
-[motor]
-inertia = 0.012
-viscous_friction = 0.2
-peak_torque = 233.0
-[coupling]
-stiffness = 24963.0
-damping = 8.62
-[load]
-viscous_friction = 0.1
-inertia = 0.11
-"""
 
 
 def _schwung(*arguments: str) -> subprocess.CompletedProcess[str]:
@@ -45,7 +32,7 @@ def _schwung(*arguments: str) -> subprocess.CompletedProcess[str]:
 def test_the_table_over_vcan_is_that_of_the_virtual_bus(
     vcan_channel: str, tmp_path: Path, measured: Callable[[str, str], None]
 ) -> None:
-    (tmp_path / "machine.toml").write_text(MACHINE)
+    (tmp_path / "machine.toml").write_text(BELIEF)
     bus = ["-i", "socketcan", "-c", vcan_channel]
     bench = subprocess.Popen(
         [sys.executable, "-m", "schwung", "bench", *bus, "--seed", "3", "--seconds", "200"],

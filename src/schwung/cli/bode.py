@@ -8,17 +8,29 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from schwung.cli.options import (
+    INJECTION,
+    Amplitude,
     Bitrate,
     BusOption,
     Channel,
+    DryRun,
+    FollowingError,
     Interface,
     Json,
     Machine,
+    MaxJitter,
+    MaxPosition,
+    MaxSpeed,
+    MaxTorque,
+    MinPosition,
     Node,
+    Out,
     Profile,
+    Rate,
     Yes,
     bus_options,
     measured,
+    quantity,
 )
 
 if TYPE_CHECKING:
@@ -30,7 +42,7 @@ if TYPE_CHECKING:
     from schwung.estimation.proposal import Proposal, Stroke
     from schwung.session import Session
 
-_LIMITS, _INJECTION, _MOTION = "Limits", "Injection and recording", "The motion to propose for"
+_MOTION = "The motion to propose for"
 #: A machine that is measured at several angles is assumed to move between the outer ones in so long (s).
 _USUAL_STROKE_S = 0.25
 
@@ -47,104 +59,29 @@ def bode(
     ] = None,
     waveform: Annotated[
         str,
-        typer.Option(
-            help="multisine: all frequencies at once; sine: one by one.", rich_help_panel=_INJECTION
-        ),
+        typer.Option(help="multisine: all frequencies at once; sine: one by one.", rich_help_panel=INJECTION),
     ] = "multisine",
-    amplitude: Annotated[
-        float | None,
-        typer.Option(
-            parser=measured("torque"),
-            metavar="NM",
-            help="Peak of the injected torque.",
-            rich_help_panel=_INJECTION,
-        ),
-    ] = None,
-    lowest: Annotated[
-        float | None,
-        typer.Option(
-            parser=measured("frequency"), metavar="HZ", help="Lowest frequency.", rich_help_panel=_INJECTION
-        ),
-    ] = None,
+    amplitude: Amplitude = None,
+    lowest: Annotated[float | None, quantity("frequency", "HZ", "Lowest frequency.", INJECTION)] = None,
     highest: Annotated[
-        float | None,
-        typer.Option(
-            parser=measured("frequency"),
-            metavar="HZ",
-            help="Highest; at most 0.4 of the SYNC rate.",
-            rich_help_panel=_INJECTION,
-        ),
+        float | None, quantity("frequency", "HZ", "Highest; at most 0.4 of the SYNC rate.", INJECTION)
     ] = None,
-    periods: Annotated[int, typer.Option(min=2, help="Periods of each run.", rich_help_panel=_INJECTION)] = 4,
-    repeats: Annotated[int, typer.Option(min=1, help="Runs at each angle.", rich_help_panel=_INJECTION)] = 2,
-    rate: Annotated[
-        float,
-        typer.Option(
-            parser=measured("frequency"), metavar="HZ", help="SYNC rate.", rich_help_panel=_INJECTION
-        ),
-    ] = 1000.0,
-    max_jitter: Annotated[
-        float | None,
-        typer.Option(
-            parser=measured("time"),
-            metavar="S",
-            rich_help_panel=_INJECTION,
-            help="Tolerated SYNC jitter (p99); default: a tenth of the period.",
-        ),
-    ] = None,
-    min_position: Annotated[
-        float | None,
-        typer.Option(
-            parser=measured("angle", signed=True),
-            metavar="RAD",
-            help="Lower end of the window.",
-            rich_help_panel=_LIMITS,
-        ),
-    ] = None,
-    max_position: Annotated[
-        float | None,
-        typer.Option(
-            parser=measured("angle", signed=True),
-            metavar="RAD",
-            help="Upper end of the window.",
-            rich_help_panel=_LIMITS,
-        ),
-    ] = None,
-    max_speed: Annotated[
-        float | None,
-        typer.Option(parser=measured("speed"), metavar="RAD/S", help="Speed limit.", rich_help_panel=_LIMITS),
-    ] = None,
-    max_torque: Annotated[
-        float | None,
-        typer.Option(parser=measured("torque"), metavar="NM", help="Torque limit.", rich_help_panel=_LIMITS),
-    ] = None,
-    following_error: Annotated[
-        float | None,
-        typer.Option(
-            parser=measured("angle"),
-            metavar="RAD",
-            help="Tolerated following error.",
-            rich_help_panel=_LIMITS,
-        ),
-    ] = None,
+    periods: Annotated[int, typer.Option(min=2, help="Periods of each run.", rich_help_panel=INJECTION)] = 4,
+    repeats: Annotated[int, typer.Option(min=1, help="Runs at each angle.", rich_help_panel=INJECTION)] = 2,
+    rate: Rate = 1000.0,
+    max_jitter: MaxJitter = None,
+    min_position: MinPosition = None,
+    max_position: MaxPosition = None,
+    max_speed: MaxSpeed = None,
+    max_torque: MaxTorque = None,
+    following_error: FollowingError = None,
     distance: Annotated[
         float | None,
-        typer.Option(
-            parser=measured("angle", signed=True),
-            metavar="RAD",
-            rich_help_panel=_MOTION,
-            help="Its stroke; default: between the outer angles.",
-        ),
+        quantity("angle", "RAD", "Its stroke; default: between the outer angles.", _MOTION, signed=True),
     ] = None,
-    duration: Annotated[
-        float, typer.Option(parser=measured("time"), metavar="S", help="Its time.", rich_help_panel=_MOTION)
-    ] = _USUAL_STROKE_S,
-    out: Annotated[
-        Path | None, typer.Option(help="Folder for session, machine.toml, report; default: schwung-<time>.")
-    ] = None,
-    dry_run: Annotated[
-        bool, typer.Option("--dry-run", help="Plan and check; change and move nothing.")
-    ] = False,
+    duration: Annotated[float, quantity("time", "S", "Its time.", _MOTION)] = _USUAL_STROKE_S,
+    out: Out = None,
+    dry_run: DryRun = False,
     yes: Yes = False,
     interface: Interface = None,
     channel: Channel = None,
@@ -157,7 +94,8 @@ def bode(
     """Measure the response from torque to speed at standstill, and fit motor inertia, stiffness, damping, load inertia.
 
     Moves slowly to each angle and injects there. Nothing moves before it was simulated within all limits and you said
-    yes. Ends with a proposal of frequency and amplitude for `schwung commission`, and a machine.toml as fitted.
+    yes. Ends with a proposal of frequency and amplitude, which `schwung commission --bode FOLDER` takes together with
+    what was fitted, and a machine.toml as fitted.
 
     [bold]Examples[/]
 
@@ -309,7 +247,9 @@ def _show(
 ) -> dict[str, Any]:
     """Tables, proposal, files; returns the machine-readable result."""
     from schwung.cli.console import json_text
+    from schwung.commissioning.bode_result import BODE_FILE, FORMAT, VERSION
     from schwung.drivetrain import write_machine
+    from schwung.files import replace_file
     from schwung.report.bode import BodeContent, angle_rows, parameter_rows, write_bode_report
 
     terminal.table(
@@ -321,13 +261,17 @@ def _show(
     for note in fit.notes:
         terminal.say(f"[cyan]i[/] {note}")
     found = fit.machine(believed)
-    proposal = _proposal(terminal, fit, found, torque_max_nm, _stroke(fit, *motion))
+    stroke = _stroke(fit, *motion)
+    proposal = _proposal(terminal, fit, found, torque_max_nm, stroke)
     write_machine(found, folder / "machine.toml")
     title = f"{believed.name}: frequency response at standstill"
     write_bode_report(BodeContent(title, session, fit, believed, proposal, checks), folder / "report.html")
     files = {name: str(folder / name) for name in ("machine.toml", "report.html", "bode.png")}
-    result = fit.to_json() | {"proposal": proposal and proposal.to_json(), "files": files}
-    (folder / "bode.json").write_text(json_text(result), encoding="utf-8")
+    proposed = proposal and proposal.to_json() | {"stroke": stroke and vars(stroke)}
+    head = {"format": FORMAT, "version": VERSION}
+    result = head | fit.to_json() | {"proposal": proposed, "files": files}
+    replace_file(folder / BODE_FILE, json_text(result))
+    terminal.say(f"To use all of it: [bold]schwung commission --bode {folder} …[/]")
     terminal.say(
         f"Machine as fitted: [bold]{files['machine.toml']}[/]  Report: [bold]{files['report.html']}[/]"
     )

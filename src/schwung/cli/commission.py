@@ -8,44 +8,41 @@ from typing import Annotated
 import typer
 
 from schwung.cli.options import (
+    INJECTION,
+    Amplitude,
     Bitrate,
     BusOption,
     Channel,
+    DryRun,
+    FollowingError,
     Interface,
     Json,
     Machine,
+    MaxJitter,
+    MaxPosition,
+    MaxSpeed,
+    MaxTorque,
+    MinPosition,
     Node,
+    Out,
     Profile,
+    Rate,
     Reference,
     Yes,
     bus_options,
     export_choice,
-    measured,
+    quantity,
 )
 
-_MOTION, _LIMITS, _INJECTION = "Motion", "Limits", "Injection and recording"
+_MOTION = "Motion"
 
 
 def commission(
     machine: Machine,
     distance: Annotated[
-        float,
-        typer.Option(
-            parser=measured("angle", signed=True),
-            metavar="RAD",
-            help="Stroke, signed; e.g. 180deg.",
-            rich_help_panel=_MOTION,
-        ),
+        float, quantity("angle", "RAD", "Stroke, signed; e.g. 180deg.", _MOTION, signed=True)
     ],
-    duration: Annotated[
-        float,
-        typer.Option(
-            parser=measured("time"),
-            metavar="S",
-            help="Time of one stroke; e.g. 250ms.",
-            rich_help_panel=_MOTION,
-        ),
-    ],
+    duration: Annotated[float, quantity("time", "S", "Time of one stroke; e.g. 250ms.", _MOTION)],
     profile_kind: Annotated[
         str, typer.Option(help="third, poly5, scurve or cosine.", rich_help_panel=_MOTION)
     ] = "third",
@@ -58,79 +55,34 @@ def commission(
             help="csp: setpoints over the bus; pp: the drive's own profile.", rich_help_panel=_MOTION
         ),
     ] = "csp",
-    min_position: Annotated[
-        float | None,
+    min_position: MinPosition = None,
+    max_position: MaxPosition = None,
+    max_speed: MaxSpeed = None,
+    max_torque: MaxTorque = None,
+    following_error: FollowingError = None,
+    bode: Annotated[
+        Path | None,
         typer.Option(
-            parser=measured("angle", signed=True),
-            metavar="RAD",
-            help="Lower end of the window.",
-            rich_help_panel=_LIMITS,
+            metavar="DIR",
+            help="What `schwung bode` found: its proposal, its stiffness, damping and motor inertia.",
+            rich_help_panel=INJECTION,
         ),
     ] = None,
-    max_position: Annotated[
-        float | None,
-        typer.Option(
-            parser=measured("angle", signed=True),
-            metavar="RAD",
-            help="Upper end of the window.",
-            rich_help_panel=_LIMITS,
-        ),
-    ] = None,
-    max_speed: Annotated[
-        float | None,
-        typer.Option(parser=measured("speed"), metavar="RAD/S", help="Speed limit.", rich_help_panel=_LIMITS),
-    ] = None,
-    max_torque: Annotated[
-        float | None,
-        typer.Option(parser=measured("torque"), metavar="NM", help="Torque limit.", rich_help_panel=_LIMITS),
-    ] = None,
-    following_error: Annotated[
-        float | None,
-        typer.Option(
-            parser=measured("angle"),
-            metavar="RAD",
-            help="Tolerated following error.",
-            rich_help_panel=_LIMITS,
-        ),
-    ] = None,
-    frequency: Annotated[
-        float | None,
-        typer.Option(
-            parser=measured("frequency"), metavar="HZ", help="Injected frequency.", rich_help_panel=_INJECTION
-        ),
-    ] = None,
-    amplitude: Annotated[
-        float | None,
-        typer.Option(
-            parser=measured("torque"), metavar="NM", help="Injected amplitude.", rich_help_panel=_INJECTION
-        ),
-    ] = None,
-    rate: Annotated[
-        float,
-        typer.Option(
-            parser=measured("frequency"), metavar="HZ", help="SYNC rate.", rich_help_panel=_INJECTION
-        ),
-    ] = 1000.0,
+    frequency: Annotated[float | None, quantity("frequency", "HZ", "Injected frequency.", INJECTION)] = None,
+    amplitude: Amplitude = None,
+    rate: Rate = 1000.0,
     repeats: Annotated[
-        int, typer.Option(min=1, help="How often everything is made.", rich_help_panel=_INJECTION)
+        int, typer.Option(min=1, help="How often everything is made.", rich_help_panel=INJECTION)
     ] = 2,
     phases: Annotated[
         int,
         typer.Option(
             help="1: each excited motion beside one without injection; 4: four excited motions, the injection "
             "shifted by a quarter period each: several times more accurate, and for faster motions.",
-            rich_help_panel=_INJECTION,
+            rich_help_panel=INJECTION,
         ),
     ] = 1,
-    max_jitter: Annotated[
-        float | None,
-        typer.Option(
-            parser=measured("time"),
-            metavar="S",
-            help="Tolerated SYNC jitter (p99); default: a tenth of the period.",
-            rich_help_panel=_INJECTION,
-        ),
-    ] = None,
+    max_jitter: MaxJitter = None,
     export: Annotated[
         str | None,
         typer.Option(
@@ -140,12 +92,8 @@ def commission(
     ] = None,
     store: Annotated[bool, typer.Option(help="Save an export in the drive's memory (1010).")] = True,
     reference: Reference = None,
-    out: Annotated[
-        Path | None, typer.Option(help="Folder for session, table, report; default: schwung-<time>.")
-    ] = None,
-    dry_run: Annotated[
-        bool, typer.Option("--dry-run", help="Plan and check; change and move nothing.")
-    ] = False,
+    out: Out = None,
+    dry_run: DryRun = False,
     yes: Yes = False,
     interface: Interface = None,
     channel: Channel = None,
@@ -167,6 +115,8 @@ def commission(
       schwung commission -m machine.toml --distance 180deg --duration 250ms -i socketcan -c can0 -n 3 --export table
 
       schwung commission -m machine.toml --distance 1.2 --duration 0.4 --min-position -0.1 --max-position 1.4 -y
+
+      schwung commission -m machine.toml --distance 180deg --duration 150ms --bode schwung-20260101-120000 --phases 4
     """  # fmt: skip
     from schwung.cli.console import Terminal
     from schwung.cli.drives import open_drive
@@ -174,6 +124,7 @@ def commission(
     from schwung.cli.folders import planned_folder
     from schwung.cli.sessions import standard_of
     from schwung.commissioning import LimitWishes, Wishes
+    from schwung.commissioning.bode_result import read_bode
     from schwung.commissioning.procedure import MAX_JITTER_SHARE
     from schwung.drivetrain import load_machine
     from schwung.errors import InputError
@@ -197,6 +148,9 @@ def commission(
         phases=phases,
         max_jitter_share=MAX_JITTER_SHARE if max_jitter is None else max_jitter * rate,
     )
+    if bode is not None:
+        measured = read_bode(bode)
+        wishes, believed = measured.wishes(wishes), measured.machine(believed)
     standard = standard_of(believed, reference)
     ending = Ending(choice, store, standard.table, standard.label)
     options = bus_options(interface, channel, bitrate, bus)

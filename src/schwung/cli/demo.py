@@ -10,7 +10,7 @@ import typer
 from schwung.cli.options import Json, measured
 
 #: What an engineer would know before the measurement: motor and coupling from the data sheets, a guess of the load.
-_BELIEF = """\
+BELIEF = """\
 # What is believed about the demo's machine before it is measured: data sheets, and a guess of the load inertia.
 name = "Slider-crank"
 
@@ -76,7 +76,7 @@ def demo(
         open_drive(BusOptions("virtual", channel, 1_000_000), 1, "schwung-bench") as opened,
     ):
         make_folder(folder)
-        replace_file(machine_file, _BELIEF)
+        replace_file(machine_file, BELIEF)
         terminal.say(f"A simulated {plant} on a virtual CAN bus; the machine file is {machine_file}")
         angles = np.linspace(0.0, math.pi, 181)
         truth = InertiaTable(angles, bench.plant.true_inertia(angles))

@@ -6,7 +6,7 @@ import math
 import re
 from collections.abc import Callable
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
@@ -43,6 +43,11 @@ def measured(what: str, signed: bool = False) -> Callable[[str], float]:
         return value
 
     return parse
+
+
+def quantity(what: str, metavar: str, text: str, panel: str | None = None, *, signed: bool = False) -> Any:
+    """The declaration of an option that takes one measured quantity."""
+    return typer.Option(parser=measured(what, signed), metavar=metavar, help=text, rich_help_panel=panel)
 
 
 def export_choice(text: str) -> ExportChoice:
@@ -90,8 +95,32 @@ Reference = Annotated[
         "--reference", metavar="CSV", help="An inertia table to hold the result against, e.g. from CAD."
     ),
 ]
+Out = Annotated[
+    Path | None, typer.Option(help="Folder for what is recorded and found; default: schwung-<time>.")
+]
+DryRun = Annotated[bool, typer.Option("--dry-run", help="Plan and check; change and move nothing.")]
 Json = Annotated[bool, typer.Option("--json", help="Print the result as JSON on stdout.")]
 Yes = Annotated[bool, typer.Option("-y", "--yes", help="Do not ask before the machine moves.")]
+
+
+_LIMITS = "Limits"
+MinPosition = Annotated[
+    float | None, quantity("angle", "RAD", "Lower end of the window.", _LIMITS, signed=True)
+]
+MaxPosition = Annotated[
+    float | None, quantity("angle", "RAD", "Upper end of the window.", _LIMITS, signed=True)
+]
+MaxSpeed = Annotated[float | None, quantity("speed", "RAD/S", "Speed limit.", _LIMITS)]
+MaxTorque = Annotated[float | None, quantity("torque", "NM", "Torque limit.", _LIMITS)]
+FollowingError = Annotated[float | None, quantity("angle", "RAD", "Tolerated following error.", _LIMITS)]
+
+INJECTION = "Injection and recording"
+Amplitude = Annotated[float | None, quantity("torque", "NM", "Peak of the injected torque.", INJECTION)]
+Rate = Annotated[float, quantity("frequency", "HZ", "SYNC rate.", INJECTION)]
+MaxJitter = Annotated[
+    float | None,
+    quantity("time", "S", "Tolerated SYNC jitter (p99); default: a tenth of the period.", INJECTION),
+]
 
 
 def bus_options(

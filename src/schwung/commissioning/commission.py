@@ -34,6 +34,7 @@ class Wishes:
     repeats: int = 2
     phases: int = 1
     max_jitter_share: float = MAX_JITTER_SHARE
+    because: tuple[str, ...] = ()  # where wishes come from that nobody typed
 
 
 @dataclass(frozen=True, eq=False)
@@ -97,6 +98,7 @@ def prepare(drive: Drive, profile: DeviceProfile, machine: Machine, wishes: Wish
         phases=wishes.phases,
         torque_held=injected is None or injected.between_syncs == "held",
     )
+    plan = replace(plan, reasons=(*wishes.because, *plan.reasons))
     forward = FeedForward(speed_share=gains.get("speed_feed_forward", 0.0))
     seen = survey(drive, plan)
     return Prepared(plan, machine, seen, preflight(plan, machine, seen, forward), forward)
