@@ -211,6 +211,20 @@ def test_a_term_without_signals_is_left_out() -> None:
     assert term_figure(explanation.findings[0], bare, ROTARY) is None
 
 
+def test_an_event_is_drawn_since_the_motion_began_where_that_is_known() -> None:
+    explanation = explained((_effect("load_event"),))
+    axes = _term("load_event").axes[0]
+    time, torque = _line(axes, "named")
+    assert axes.get_xlabel() == "time in the run, s"
+    assert time[torque.argmax()] == pytest.approx(0.31, abs=0.01)
+    since = tuple(replace(run, motion_time_s=run.time_s - 0.1) for run in explanation.overlays)
+    figure = term_figure(explanation.findings[0], since, ROTARY)
+    assert figure is not None
+    time, torque = _line(figure.axes[0], "named")
+    assert figure.axes[0].get_xlabel() == "time since the motion began, s"
+    assert time[torque.argmax()] == pytest.approx(0.21, abs=0.01)
+
+
 def test_residuals_are_unknown_where_nothing_is_compared() -> None:
     run = explained().overlays[0]
     left = residual(run, run.after_nm)

@@ -93,6 +93,7 @@ class Overlay:
     after_nm: Array  # the same with the named physics
     terms_nm: Mapping[str, Array]  # what each named term changes in it
     considered: Array  # 1 where the sample is compared, 0 where it is not (standstill, edges)
+    motion_time_s: Array | None = None  # since the demand left rest; None: not known
 
 
 @dataclass(frozen=True, eq=False)

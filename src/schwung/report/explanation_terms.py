@@ -78,7 +78,8 @@ def _scatter_figure(finding: Finding, runs: Sequence[Overlay], view: View, units
     figure = new_figure(3.0)
     axes = figure.axes[0]
     samples = _samples(finding, runs, _coordinate(view))
-    label = _axis_label(view, units)
+    since_start = all(run.motion_time_s is not None for run in runs)
+    label = _axis_label(view, units, since_start=since_start)
     period = _period(finding, units)
     if view == "position" and period and np.ptp(samples.x) > _REPEATS * period:
         samples = _Samples(samples.x % (_FOLDED * period), samples.asked_nm, samples.term_nm, samples.forward)
@@ -119,17 +120,22 @@ def _coordinate(view: View) -> Callable[[Overlay], Array]:
         "torque_rate": lambda run: np.gradient(run.before_nm, run.time_s),
         "acceleration": lambda run: run.acceleration_rad_s2,
     }
-    return choices.get(view, lambda run: run.time_s)
+    return choices.get(view, _time)
 
 
-def _axis_label(view: View, units: Units) -> str:
+def _time(run: Overlay) -> Array:
+    """Since the motion began where that is known, else the run's."""
+    return run.time_s if run.motion_time_s is None else run.motion_time_s
+
+
+def _axis_label(view: View, units: Units, *, since_start: bool) -> str:
     return {
         "speed": f"speed, {units.speed}",
         "position": f"{units.position_word}, {units.position}",
         "torque": f"motor {units.torque_word}, {units.torque}",
         "torque_rate": f"rate of change of the {units.torque_word} needed, {units.torque}/s",
         "acceleration": f"acceleration, {units.position}/s²",
-    }.get(view, "time in the run, s")
+    }.get(view, "time since the motion began, s" if since_start else "time in the run, s")
 
 
 def _period(finding: Finding, units: Units) -> float | None:
