@@ -135,9 +135,9 @@ def learned_rest(machine: learned.Learned, read_angle: float) -> tuple[learned.M
             wound *= 2.0
             if wound > 100.0:
                 raise InputError(
-                    "machine",
-                    "its coupling cannot bear the load's torque",
-                    "Check stiffness, and load torque.",
+                    "coupling.stiffness",
+                    "is too low to bear the load's torque",
+                    "Check it, the learned stiffness, and the load torque.",
                 )
         load_angle = brentq(pull, motor_angle, motor_angle + towards * wound, xtol=1e-15)
     held = -load_torque(load_angle) - e.offset_nm
