@@ -12,6 +12,7 @@ import pytest
 from explanation_samples import COULOMB, COULOMB_NM, NOISE_NM, OTHERS, consistent, explained, session
 
 from schwung.drivetrain.machine import paper_machine
+from schwung.drivetrain.physics import PHYSICS as CONTRACT
 from schwung.explain.values import Explanation, Located, Quantity
 from schwung.report.explanation import (
     ExplanationContent,
@@ -126,6 +127,7 @@ def test_a_page_without_pictures_or_session_still_stands(tmp_path: Path) -> None
 def test_every_physics_of_the_contract_has_words_and_a_picture() -> None:
     effects = (COULOMB, *OTHERS)
     assert {effect.physics for effect in effects} == set(PHYSICS)
+    assert set(PHYSICS) == set(CONTRACT)
     assert len(PHYSICS) == 24
     law = [number for number, effect in enumerate(effects) if words_of(effect.physics).view == "wind_up"]
     drawn = [picture.name for picture in explanation_pictures(_content(explained(effects)))]
@@ -158,6 +160,7 @@ def test_a_name_from_a_later_version_is_shown_as_it_is() -> None:
         (Quantity(0.0015, "s", (0.00147, 0.00154)), "1.50 ms (1.47 … 1.54)"),
         (Quantity(3.1e9, "N·m/rad³", (2.9e9, 3.3e9)), "3.1·10⁹ N·m/rad³ (2.9·10⁹ … 3.3·10⁹)"),
         (Quantity(0.93, "1", (0.92, 0.94)), "0.930 (0.920 … 0.940)"),
+        (Quantity(24.0, "1/rev", (23.98, 24.03)), "24.00 per turn (23.98 … 24.03)"),
         (Quantity(5.0, "N·m", None), "5 N·m"),
         (Quantity(5.0, "N·m", (float("-inf"), float("inf"))), "5.0000 N·m (−∞ … ∞)"),
         (Quantity(((0.0, -1.0), (1.0, 4.5)), "N·m", None), "2 points, −1 … 4.5 N·m"),

@@ -63,6 +63,7 @@ _DOTS = (
 _SPECTRUM = "Orange: what the model leaves without this term; green: with it. "
 _DRIFT = "Dots: the mean of what acts against the motion in each run; green: the term as fitted. "
 _WIND_UP = "Grey: what the coupling had to carry in the recorded runs; beyond it nothing was seen. "
+_UNIT_WORDS = {"1/rev": "per turn"}
 _SMALL = 0.1  # s, rad, m: below it they are written in thousandths
 _LARGEST_POWER = 6  # numbers beyond are written with a power of ten
 _UNIT_ENDS = (
@@ -195,7 +196,7 @@ def value_text(quantity: Quantity) -> str:
 
 
 def _spaced(unit: str) -> str:
-    return f" {unit}" if unit and unit != "1" else ""
+    return f" {_UNIT_WORDS.get(unit, unit)}" if unit and unit != "1" else ""
 
 
 def _rounded(value: float, digits: int) -> str:

@@ -80,7 +80,7 @@ def _scatter_figure(finding: Finding, runs: Sequence[Overlay], view: View, units
     samples = _samples(finding, runs, _coordinate(view))
     since_start = all(run.motion_time_s is not None for run in runs)
     label = _axis_label(view, units, since_start=since_start)
-    period = _period(finding, units)
+    period = _period(finding)
     if view == "position" and period and np.ptp(samples.x) > _REPEATS * period:
         samples = _Samples(samples.x % (_FOLDED * period), samples.asked_nm, samples.term_nm, samples.forward)
         label = f"{units.position_word}, {_FOLDED} periods of many laid on each other, {units.position}"
@@ -138,9 +138,9 @@ def _axis_label(view: View, units: Units, *, since_start: bool) -> str:
     }.get(view, "time since the motion began, s" if since_start else "time in the run, s")
 
 
-def _period(finding: Finding, units: Units) -> float | None:
-    """After how much angle (rad) a term repeats; None where it doesn't, or on a linear axis."""
-    if units.position != "rad" or finding.physics not in ("cogging", "encoder_eccentricity"):
+def _period(finding: Finding) -> float | None:
+    """After how much angle (rad, or m) a term repeats; None where it does not."""
+    if finding.physics not in ("cogging", "encoder_eccentricity"):
         return None
     order = finding.parameters.get("order")
     turns = float(order.value) if order is not None and isinstance(order.value, int | float) else 1.0
