@@ -1,6 +1,8 @@
 """Which method a session allows, and why: `method="auto"`.
 
-A method takes part by having `suits(task)`; rivals have none and are only taken by name.
+A method takes part by having `suits(task)`; rivals have none and are only taken by name. Where the favourite's own
+evidence says that it misses physics, a method that is robust against more of it (it says so by an attribute `robust`)
+is asked as well, and the one with the smaller error to be expected is taken.
 """
 
 from __future__ import annotations
@@ -37,6 +39,11 @@ class Choice:
 
 def choose(task: Task) -> Choice:
     """The method with the highest score. Raises InputError where none can be used."""
+    return ranked(task)[0]
+
+
+def ranked(task: Task) -> tuple[Choice, ...]:
+    """All methods that the session allows, the best first. Raises InputError where there is none."""
     found: list[tuple[float, str, Choice]] = []
     for name, method in METHODS.items():
         suitability = method.suits(task) if isinstance(method, Candidate) else None
@@ -47,13 +54,18 @@ def choose(task: Task) -> Choice:
         raise InputError(
             "session", "suits no method of estimation", f"Name one: {', '.join(sorted(METHODS))}."
         )
-    return max(found, key=lambda entry: entry[:2])[2]
+    return tuple(choice for _, _, choice in sorted(found, key=lambda entry: entry[:2], reverse=True))
 
 
 def clipped_share(task: Task) -> float:
     """Largest share of samples of any run at the peak torque, 0…1."""
     limit = CLIPPED * task.machine.motor.peak_torque_nm
     return max(float(np.mean(np.abs(run.torque_nm) >= limit)) for run in task.session.runs)
+
+
+def is_robust(method: Method) -> bool:
+    """Whether it copes with what others miss: a wrong stiffness, clipping, short motions."""
+    return bool(getattr(method, "robust", False))
 
 
 def is_joint(method: Method) -> bool:

@@ -6,7 +6,7 @@ from dataclasses import replace
 
 from schwung.drivetrain.machine import Machine
 from schwung.errors import InputError
-from schwung.estimation.choice import AUTO, Choice, choose, is_joint
+from schwung.estimation.choice import AUTO, Choice, is_joint, is_robust, ranked
 from schwung.estimation.delay import delay_removed
 from schwung.estimation.methods import Method, Task, excited_at, frequencies_of, method_named
 from schwung.estimation.sampling import prepared
@@ -32,7 +32,8 @@ def estimate(
     """Estimate J_l over the load angle from every excited run of a session.
 
     `method`: any registered name, as "multiphase" (four injection phases), "denoised" (reference runs) or "former";
-    "auto" takes the best that the session allows and says why in the notes. `inversion`: "complex" or "magnitude",
+    "auto" takes the best that the session allows, or where its verdict is not good, a more robust one that is expected
+    to be less far off; the notes say why. `inversion`: "complex" or "magnitude",
     where the method inverts. `frequency_hz`: of one excitation; None: all, each with the weight it deserves.
     `points`: of the table, at most. `remove_delay`: look for a delay of speed behind torque and remove it where it
     is significant, which the notes say. On a linear axis every quantity has its linear counterpart: m, m/s, N, kg.
@@ -45,18 +46,43 @@ def estimate(
     ready = prepared(session, machine)
     excited, frequency = excited_at(ready, frequency_hz)
     task = Task(ready, excited, machine, frequency, inversion, session, points)
-    choice = choose(task) if method == AUTO else Choice(method_named(method), "")
-    notes: tuple[str, ...] = (choice.reason,) if choice.reason else ()
+    choices = ranked(task) if method == AUTO else (Choice(method_named(method), ""),)
+    notes: tuple[str, ...] = (choices[0].reason,) if choices[0].reason else ()
     if remove_delay:
         ready, said = delay_removed(ready, excited, machine)
         excited, _ = excited_at(ready, frequency_hz)
         task, notes = replace(task, session=ready, excited=excited), notes + said
-    frequencies = frequencies_of(excited)
-    if len(frequencies) == 1 or is_joint(choice.method):
-        found = _one(choice.method, task)
-    else:
-        found = _several(choice.method, task, frequencies)
+    found = _by(choices[0].method, task)
+    for choice in choices[1:]:
+        if found.trust.verdict != "good" and is_robust(choice.method):
+            found, said = _better_of(found, choice.method, task)
+            notes += said
     return replace(found, notes=notes + found.notes)
+
+
+def _by(how: Method, task: Task) -> Estimate:
+    """One method on all frequencies."""
+    frequencies = frequencies_of(task.excited)
+    if len(frequencies) == 1 or is_joint(how):
+        return _one(how, task)
+    return _several(how, task, frequencies)
+
+
+def _better_of(found: Estimate, how: Method, task: Task) -> tuple[Estimate, tuple[str, ...]]:
+    """The estimate at hand or that of another method, whichever is expected to be nearer; and what to say about it."""
+    doubts = "; ".join(found.trust.reasons[:2])
+    try:
+        other = _by(how, task)
+    except InputError as error:
+        return found, (
+            f"Method {found.method} is in doubt ({doubts}), but {how.name} cannot be used: {error}",
+        )
+    mine, others = found.trust.predicted_error, other.trust.predicted_error
+    if mine is None or others is None or others >= mine:
+        return found, (f"Method {found.method} is in doubt ({doubts}); {how.name} does no better.",)
+    return other, (
+        f"Method {found.method} is in doubt ({doubts}); {how.name}, which is robust against more, was taken.",
+    )
 
 
 def _one(how: Method, task: Task) -> Estimate:

@@ -32,6 +32,7 @@ class TrajectoryMethod:
     name = "trajectory"
     needs_reference = False
     joint = True  # one curve for all frequencies
+    robust = True  # stiffness and damping are found as well, and clipped torque does no harm
 
     def suits(self, task: Task) -> Suitability | None:
         """Where superposition fails, or nothing takes the motion out of the excited runs."""

@@ -1,10 +1,11 @@
-"""May the estimate be believed? DPR, MIV and position deviation (paper, equations 7, 15, 16), in words.
+"""May the estimate be believed? One verdict, from the relative error that the session itself lets expect.
 
-The paper's bounds on MIV, 0.05 and 0.08 kg·m², belong to its machine, whose mean load inertia is about
-0.11. The scale-free bounds used here are those two divided by 0.11: they say the same of that machine, and
-for others they are derived, not measured. The bounds on position deviation are ours: on the paper's machine
-(inertia inferred) the ratio stays below 0.16 down to 200 ms, is 0.35 at 150 ms and 4 at 100 ms, where the
-estimate fails.
+`evidence.py` derives that error from three scale-free balances and the band; it is below GOOD where the estimate is
+good and above UNUSABLE where it is not to be used. They take the place of the paper's MIV and position deviation
+(equations 15, 16), which go on being reported, and still judge where a recording allows no such balance (a method
+without reference runs): the paper's bounds on MIV, 0.05 and 0.08 kg·m², divided by its machine's mean load inertia
+of about 0.11; bounds on position deviation are ours (on the paper's machine the ratio stays below 0.16 down to
+200 ms, is 0.35 at 150 ms and 4 at 100 ms, where the estimate fails). DPR (7) judges methods that want slow motion.
 """
 
 from __future__ import annotations
@@ -17,6 +18,7 @@ import numpy as np
 from schwung.drivetrain.inertia import InertiaTable
 from schwung.drivetrain.response import disturbance_to_position_ratio
 from schwung.estimation.choice import CLIPPED
+from schwung.estimation.evidence import Evidence, gather
 from schwung.estimation.methods import Outcome, Task
 from schwung.estimation.sdft import sliding_dft
 from schwung.estimation.values import Trace, Trust, Verdict, finite
@@ -27,8 +29,10 @@ RELATIVE_MIV = (PAPER_MIV_KGM2[0] / PAPER_MEAN_INERTIA_KGM2, PAPER_MIV_KGM2[1] /
 MIN_DPR = 0.05  # for the former method
 POSITION_DC_RATIO = (0.25, 1.0)
 IMAGINARY_RATIO = (0.1, 0.3)
-RELATIVE_STD = (0.03, 0.1)  # of a whole-record method
+#: Relative error to be expected: good below the first, unusable from the second.
+PREDICTED = (0.035, 0.1)
 MAX_CLIPPED_SHARE = 0.01  # of a run
+STIFFNESS_OFF = 0.05  # worth a word
 
 _ORDER: tuple[Verdict, ...] = ("good", "doubtful", "unusable")
 
@@ -48,26 +52,21 @@ class _Finding:
 
 def judge(outcome: Outcome, task: Task, table: InertiaTable, *, needs_slow_motion: bool) -> Trust:
     """All checks together. `needs_slow_motion`: the method does not denoise, so that DPR counts (former)."""
-    linear = task.session.axis == "linear"
     mean = float(np.mean(table.inertia_kgm2))
     variation = np.abs(finite(outcome.traces, "inertia_variation_kgm2"))
     miv = float(np.max(variation, initial=0.0))
     dpr = _dpr(task, mean)
     deviation = _position_deviation(outcome, task.frequency_hz)
-    change = _graded(
-        miv / mean,
-        RELATIVE_MIV,
-        f"the inertia changes by up to {miv:.3g} {'kg' if linear else 'kg·m²'} within one period of the "
-        f"injected sine, {100 * miv / mean:.0f} % of its mean",
-        "move more slowly, or inject a higher frequency",
-    )
-    found = [
-        *([change] if outcome.windowed else _precision(table)),
-        *_path_shift(deviation),
-        *(_ripple(dpr) if needs_slow_motion and dpr is not None else ()),
-        *_imaginary(outcome.traces, mean),
-        *(_clipping(outcome, task, "N" if linear else "N·m") if outcome.windowed else ()),
-    ]
+    evidence = gather(outcome, task, table)
+    found = _expected(evidence, outcome, task)
+    if outcome.windowed:
+        if evidence.difference is None:
+            found += [_variation(miv, mean, task), *_path_shift(deviation), *_clipping(outcome, task)]
+        elif evidence.predicted >= PREDICTED[0]:
+            found += _clipping(outcome, task)
+        found += _imaginary(outcome.traces, mean)
+    if needs_slow_motion and dpr is not None:
+        found += _ripple(dpr)
     return Trust(
         dpr=dpr,
         miv_kgm2=miv,
@@ -76,7 +75,64 @@ def judge(outcome: Outcome, task: Task, table: InertiaTable, *, needs_slow_motio
         position_dc_rad=deviation.dc_rad,
         verdict=max((finding.verdict for finding in found), key=_ORDER.index),
         reasons=tuple(f.text for f in sorted(found, key=lambda f: -_ORDER.index(f.verdict))),
+        predicted_error=evidence.predicted,
     )
+
+
+def _expected(evidence: Evidence, outcome: Outcome, task: Task) -> list[_Finding]:
+    """The error to be expected, and where it is not small, what makes it and what would mend it."""
+    low, high = PREDICTED
+    predicted = evidence.predicted
+    verdict = _ORDER[int(predicted >= low) + int(predicted >= high)]
+    bounds = f"good below {100 * low:g} %" + (f", unusable from {100 * high:g} %" if predicted >= low else "")
+    found = [_Finding(verdict, f"expected error about {100 * predicted:.2g} % of the inertia ({bounds})")]
+    if predicted >= low:
+        largest = max(evidence.parts.values())
+        parts = sorted(evidence.parts.items(), key=lambda part: -part[1])
+        texts = _texts(evidence, outcome)
+        found += [_Finding(verdict, texts[name]) for name, part in parts if part >= largest / 2]
+    if abs(evidence.stiffer) > STIFFNESS_OFF:
+        found.append(_Finding("good", _texts(evidence, outcome)["stiffness"]))
+    return found
+
+
+def _texts(evidence: Evidence, outcome: Outcome) -> dict[str, str]:
+    """What each part of the evidence means, and the remedy."""
+
+    def percent(value: float | None) -> str:
+        return f"{100 * abs(value or 0.0):.2g} %"
+
+    scale = evidence.scale.value - 1 if evidence.scale is not None else 0.0
+    smear = (
+        f"windows of one period put the curve off by {percent(evidence.difference)}; inject four phases, move more "
+        "slowly, or inject a higher frequency"
+        if outcome.windowed
+        else f"the ripple by itself gives a curve that is {percent(evidence.difference)} away; look for play in the "
+        "coupling and for disturbances, and record again"
+    )
+    return {
+        "motion": f"the motion takes {percent(scale)} {'more' if scale > 0 else 'less'} torque than this inertia "
+        "needs; check stiffness (`schwung bode`), rotor inertia and torque constant in the machine file, and look for "
+        "play",
+        "difference": smear,
+        "unexplained": f"{percent(evidence.unexplained)} of the ripple's torque follows from no inertia, friction or "
+        "delay; look for play or noise, and inject more",
+        "missed": f"{percent(evidence.missed)} of the torque follows from no inertia, friction or load; look for play "
+        "and disturbances",
+        "band": f"the standard deviation is up to {percent(evidence.band)} of the inertia; inject more, repeat more "
+        "often, or move more slowly",
+        "stiffness": f"the stiffness comes out {percent(evidence.stiffer)} "
+        f"{'above' if evidence.stiffer > 0 else 'below'} the machine file's; should the file be right, torque constant "
+        "or rotor inertia are not, nor is this inertia",
+    }  # fmt: skip
+
+
+def _variation(miv: float, mean: float, task: Task) -> _Finding:
+    fact = (
+        f"the inertia changes by up to {miv:.3g} {'kg' if task.session.axis == 'linear' else 'kg·m²'} within one "
+        f"period of the injected sine, {100 * miv / mean:.0f} % of its mean"
+    )
+    return _graded(miv / mean, RELATIVE_MIV, fact, "move more slowly, or inject a higher frequency")
 
 
 def _graded(value: float, bounds: tuple[float, float], fact: str, remedy: str) -> _Finding:
@@ -89,15 +145,6 @@ def _graded(value: float, bounds: tuple[float, float], fact: str, remedy: str) -
             "doubtful", f"{fact} (good below {low:.0f} %, unreliable from {high:.0f} %); {remedy}"
         )
     return _Finding("unusable", f"{fact} (unreliable from {high:.0f} %); {remedy}")
-
-
-def _precision(table: InertiaTable) -> list[_Finding]:
-    """The band of a method that knows its own: the 90th percentile, so that one edge cell does not condemn it."""
-    if table.std_kgm2 is None:
-        return []
-    relative = float(np.quantile(table.std_kgm2 / table.inertia_kgm2, 0.9))
-    fact = f"the standard deviation is up to {100 * relative:.2g} % of the inertia"
-    return [_graded(relative, RELATIVE_STD, fact, "inject more, repeat more often, or move more slowly")]
 
 
 def _path_shift(deviation: _Deviation) -> list[_Finding]:
@@ -176,9 +223,9 @@ def _imaginary(traces: Sequence[Trace], mean_inertia: float) -> list[_Finding]:
     return [_graded(ratio, IMAGINARY_RATIO, fact, remedy)]
 
 
-def _clipping(outcome: Outcome, task: Task, unit: str) -> list[_Finding]:
+def _clipping(outcome: Outcome, task: Task) -> list[_Finding]:
     """Clipped torque breaks the superposition that denoising rests on."""
-    peak = task.machine.motor.peak_torque_nm
+    peak, unit = task.machine.motor.peak_torque_nm, "N" if task.session.axis == "linear" else "N·m"
     runs = [*task.excited, *(pair.reference for pair in outcome.denoised)]
     share = max(float(np.mean(np.abs(run.torque_nm) >= CLIPPED * peak)) for run in runs)
     if share == 0:

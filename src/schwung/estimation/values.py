@@ -61,6 +61,7 @@ class Trust:
     position_dc_rad: float  # largest mean of the position deviation over one period
     verdict: Verdict
     reasons: tuple[str, ...]
+    predicted_error: float | None = None  # relative to the mean inertia, rms; None: not judged by it
 
 
 @dataclass(frozen=True, eq=False)
@@ -96,6 +97,7 @@ class Estimate:
                 "relative_miv": trust.relative_miv,
                 "position_amplitude_rad": _finite(trust.position_amplitude_rad),
                 "position_dc_rad": _finite(trust.position_dc_rad),
+                "predicted_error": trust.predicted_error,
             },
             "runs": [trace.name for trace in self.traces],
             "notes": list(self.notes),

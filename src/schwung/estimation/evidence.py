@@ -1,0 +1,225 @@
+"""What a session itself says about an estimate's error: balances that a right table must keep, without the truth.
+
+Three balances, each dimensionless, take the place of the paper's MIV (15) and position deviation (16), whose bounds
+belong to one machine:
+
+*The ripple's own curve.* The balance of momentum of the ripple (`balance.py`) needs no window and carries d(Jω)/dt.
+A table made of windows of one period T is off from it by the window's bias: about ∂²J/∂t² T²/24 of smoothing, and by
+J̇/(jω) for taking Jω̇ for d(Jω)/dt. MIV = max |J(t) − J(t − T)| ≈ |J̇| T bounds the latter by MIV/2π; here the bias
+itself is measured: `difference`, the rms of table less curve over the mean, noise of the curve taken off.
+
+*What the ripple leaves unexplained.* Torque of the ripple that no J(θ), friction and delay accounts for, over all of
+it (rms): `unexplained`. A machine that is not linear over the ripple (play, sticking) shows here; the position
+deviation's DC part was its sign, and counts dry friction, which does no harm, as much as play, which does.
+
+*The motion.* Below half the injected frequency the same table has to carry the motion itself:
+
+    T − b ω = s [J_r α_r + d(J_l ω_l)/dt − ½ J_l' ω_l²] + F sign(ω) + v ω + T_0 + T_1 cos θ + T_2 sin θ
+
+by least squares; s must be 1. The coupling hardly winds up at so low a frequency, so that s does not depend on k,
+while the ripple's inertia does: with x = (ω_est/ω_anti)², a stiffness off by ε puts J_l off by about x ε and s with
+it. A wrong k, J_r or torque constant, play and further compliance all leave s ≠ 1: `contradiction` = |s − 1| less
+1.5 standard deviations. What no session shows is a factor on all of its torques: without a coupling of known
+stiffness, or where the method fits the stiffness, a wrong torque constant scales the result unseen, and a rotor
+inertia off by ΔJ shifts it by −ΔJ.
+
+The predicted error is √(Σ (weight × part)²): the weights say how much of the inertia's error each part shows, and
+were set on simulated machines (`benchmarks/calibration.py --hard`) that the published rates do not use.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from scipy.signal import butter, sosfiltfilt
+
+from schwung.drivetrain.inertia import InertiaTable
+from schwung.drivetrain.machine import Machine
+from schwung.errors import InputError
+from schwung.estimation.denoise import denoise
+from schwung.estimation.fit import CurveFit, Nuisance, fit_curve
+from schwung.estimation.methods import Outcome, Task
+from schwung.estimation.ripple import phase_groups, ripple_of_pair, ripple_of_phases
+from schwung.motion import Array
+from schwung.session.model import Run
+
+#: The motion's balance is looked at below this share of the injected frequency.
+MOTION_SHARE = 0.5
+#: Dry friction turns round within this share of the top speed.
+STICKING = 0.02
+#: What a part shows of the inertia's error.
+WEIGHT_MOTION, WEIGHT_UNEXPLAINED, WEIGHT_MISSED = 1.75, 0.5, 0.25
+#: Standard deviations of s that count as chance.
+CLEAR = 1.5
+#: A fitted stiffness that differs from the file's may tell of a wrong torque constant instead, which shifts the inertia
+#: as much: its share where stiffness is known to 10 % and the torque constant to 3 % beforehand.
+AMBIGUITY = 0.03**2 / (0.03**2 + 0.1**2)
+#: A scale this uncertain says nothing.
+VAGUE = 0.1
+
+
+@dataclass(frozen=True)
+class Evidence:
+    """Relative errors (1: the mean inertia) that the session lets expect; None where it cannot tell."""
+
+    band: float | None  # of the table, 90th percentile: one wide cell at an edge does not condemn it
+    difference: float | None
+    unexplained: float | None
+    scale: Nuisance | None  # s: what the motion asks for over what the table says
+    missed: float | None  # of a whole-record method
+    stiffer: float = 0.0  # how far the stiffness found is from the file's
+
+    @property
+    def contradiction(self) -> float:
+        """How far the motion contradicts the table beyond the balance's own uncertainty."""
+        if self.scale is None or (self.scale.std > VAGUE and abs(self.scale.value - 1) < 3 * self.scale.std):
+            return 0.0
+        return max(abs(self.scale.value - 1) - CLEAR * self.scale.std, 0.0)
+
+    @cached_property
+    def parts(self) -> dict[str, float]:
+        """Expected relative error by what shows it."""
+        found = {"motion": WEIGHT_MOTION * self.contradiction}
+        if self.difference is not None:
+            found["difference"] = self.difference
+        if self.unexplained is not None:
+            found["unexplained"] = WEIGHT_UNEXPLAINED * self.unexplained
+        elif self.missed is not None:
+            found["missed"] = WEIGHT_MISSED * self.missed
+        if self.band is not None:
+            found["band"] = self.band
+        if self.stiffer:
+            found["stiffness"] = AMBIGUITY * abs(self.stiffer)
+        return found
+
+    @property
+    def predicted(self) -> float:
+        """The relative error to be expected."""
+        return float(np.sqrt(sum(part**2 for part in self.parts.values())))
+
+
+def gather(outcome: Outcome, task: Task, table: InertiaTable) -> Evidence:
+    """All that the session says about this table."""
+    machine = outcome.machine or task.machine
+    fit = outcome.fit or _ripple_fit(task, machine)
+    difference = unexplained = None
+    if fit is not None:
+        difference = 0.0 if outcome.fit is not None else _difference(fit, table)
+        unexplained = float(np.sqrt(fit.unexplained_share))
+    # a windowed table's band holds its bias already, which the difference shows more sharply
+    band = None
+    if table.std_kgm2 is not None and not (outcome.windowed and fit is not None):
+        band = float(np.quantile(table.std_kgm2 / table.inertia_kgm2, 0.9))
+    return Evidence(
+        band=band,
+        difference=difference,
+        unexplained=unexplained,
+        scale=motion_scale(
+            _motion_runs(task), machine, table, task.frequency_hz, task.session.axis != "linear"
+        ),
+        missed=outcome.missed,
+        stiffer=_stiffer(task.machine, machine),
+    )
+
+
+def _stiffer(believed: Machine, found: Machine) -> float:
+    if believed.coupling is None or found.coupling is None:
+        return 0.0
+    return found.coupling.stiffness_nm_rad / believed.coupling.stiffness_nm_rad - 1
+
+
+def _ripple_fit(task: Task, machine: Machine) -> CurveFit | None:
+    """The window-free curve of the same runs; None where nothing takes the motion out of them."""
+    groups = phase_groups(task.excited)
+    try:
+        if groups:
+            ripples = [ripple_of_phases(group) for group in groups]
+        elif task.session.references:
+            ripples = [ripple_of_pair(pair) for pair in denoise(task.session, task.excited)]
+        else:
+            return None
+        fit = fit_curve(ripples, machine)
+    except (InputError, np.linalg.LinAlgError):
+        return None
+    return fit if fit.physical else None
+
+
+def _difference(fit: CurveFit, table: InertiaTable) -> float:
+    """Rms of table less curve over the mean inertia, the curve's own variance taken off."""
+    off = table.inertia_kgm2 - fit.inertia_at(table.position_rad)
+    beyond = float(np.mean(off**2 - fit.std_at(table.position_rad) ** 2))
+    return float(np.sqrt(max(beyond, 0.0))) / float(np.mean(table.inertia_kgm2))
+
+
+def _motion_runs(task: Task) -> Sequence[Run]:
+    """Runs of one motion whose mean shows it best: a set of phases, the references, or one excited run."""
+    groups = phase_groups(task.excited)
+    if groups:
+        return groups[0]
+    if task.session.references:
+        first = task.session.references[0]
+        return [run for run in task.session.references if run.motion == first.motion]
+    return task.excited[:1]
+
+
+def motion_scale(
+    runs: Sequence[Run], machine: Machine, table: InertiaTable, frequency_hz: float, rotary: bool
+) -> Nuisance | None:
+    """s of the motion's balance (see above) and its standard deviation; None where the record is too short.
+
+    `runs` are of one motion and averaged. Friction, a constant torque and on a rotary axis a weight (first harmonic
+    of the load angle) are fitted beside it and may be anything.
+    """
+    n = min(len(run) for run in runs)
+    rate = runs[0].sample_rate_hz
+    edge = MOTION_SHARE * frequency_hz
+    margin = int(rate / edge)
+    if n < 6 * margin or 2 * edge / rate >= 1:
+        return None
+    sections = butter(2, 2 * edge / rate, output="sos")
+
+    def slow(name: str) -> Array:
+        return _low(np.mean([getattr(run, name)[:n] for run in runs], axis=0))
+
+    def _low(values: Array) -> Array:
+        return np.asarray(sosfiltfilt(sections, values))
+
+    def rate_of(values: Array) -> Array:
+        return np.asarray(np.gradient(values, 1 / rate))
+
+    position, speed, torque = slow("position_rad"), slow("speed_rad_s"), slow("torque_nm")
+    top = float(np.max(np.abs(speed)))
+    if top == 0:
+        return None
+    motor = machine.motor
+    rotor = motor.inertia_kgm2 * rate_of(speed)
+    load, load_speed = position, speed
+    if machine.coupling is not None:
+        wind_up = (torque - rotor - motor.viscous_friction_nms * speed) / machine.coupling.stiffness_nm_rad
+        load, load_speed = position - wind_up, speed - rate_of(wind_up)
+    inertia = table.at(load)
+    moved = rotor + inertia * rate_of(load_speed) + rate_of(inertia) * load_speed / 2
+    known = motor.viscous_friction_nms * speed + machine.load.viscous_friction_nms * load_speed
+    known = known - machine.load_torque_at(load)
+    columns = [moved, np.tanh(speed / (STICKING * top)), speed / top, np.ones(n)]
+    if rotary:
+        columns += [np.cos(load), np.sin(load)]
+    inner = slice(margin, -margin)
+    design = np.column_stack([_low(column)[inner] for column in columns])
+    return _first_of(design, _low(torque - known)[inner], 2 * edge * n / rate)
+
+
+def _first_of(design: Array, y: Array, independent: float) -> Nuisance | None:
+    """Least squares: the first coefficient, of so many independent samples."""
+    size = np.linalg.norm(design, axis=0)
+    if size[0] == 0 or independent < design.shape[1] + 2:
+        return None
+    scaled = design / np.maximum(size, 1e-300)
+    solution = np.linalg.lstsq(scaled, y, rcond=1e-8)[0]
+    left = y - scaled @ solution
+    variance = float(left @ left) / (independent - design.shape[1])
+    spread = np.linalg.pinv(scaled.T @ scaled, rcond=1e-12)[0, 0] * variance
+    return Nuisance(float(solution[0] / size[0]), float(np.sqrt(max(spread, 0.0)) / size[0]))
