@@ -36,7 +36,7 @@ _CERTAIN = 10.0
 _BELIEVABLE = 4.0
 #: Torques are in another unit where the factor is that of the unit within this one: the belief need not be right.
 _NEAR_UNIT = 2.2
-#: Cut into so many parts, each with a mean torque of its own, runs shall still give the same inertia within this factor:
+#: Cut into so many parts, each with a mean torque of its own, runs shall give the same inertia within this factor:
 #: one that only shows in slow changes of torque could as well be drift, or friction of another form.
 _PARTS, _PARTS_AGREE = (2, 3, 5), 1.5
 _MOVES = 0.02  # of the highest speed

@@ -20,6 +20,7 @@ _SEPARATORS = (";", "\t", ",", " ")
 _PROBED_LINES = 20
 _COMMENT = re.compile(r"^\s*[#%]+\s?")
 _END_MARK = "EOF"
+_DECIMAL_COMMA = re.compile(r"[-+]?\d*,\d+([eE][-+]?\d+)?")
 
 
 @dataclass(frozen=True)
@@ -84,16 +85,24 @@ def _is_number(cell: str, decimal_comma: bool) -> bool:
     return True
 
 
+def _all_numbers(cells: Sequence[str], decimal_comma: bool) -> bool:
+    filled = [cell for cell in cells if cell]
+    return bool(filled) and all(_is_number(cell, decimal_comma) for cell in filled)
+
+
 def _layout(lines: Sequence[str], path: Path) -> Layout:
     probed = [line for line in lines[-3 * _PROBED_LINES :] if line.strip()][-_PROBED_LINES:]
     for separator in _SEPARATORS:
         rows = [_cells(line, separator) for line in probed]
-        count = max((len(row) for row in rows), default=0)
-        decimal_comma = separator != "," and any("," in cell for row in rows for cell in row)
-        quoted = separator == "," and any('"' in line for line in probed)
-        decimal_comma = decimal_comma or (quoted and any("," in cell for row in rows for cell in row))
-        filled = [cell for row in rows for cell in row if cell]
-        if count > 1 and filled and all(_is_number(cell, decimal_comma) for cell in filled):
+        splits_decimals = separator == "," and not any('"' in line for line in probed)
+        decimal_comma = not splits_decimals and any(
+            _DECIMAL_COMMA.fullmatch(cell) for row in rows for cell in row
+        )
+        samples = [row for row in rows if len(row) > 1 and _all_numbers(row, decimal_comma)]
+        if (
+            samples and len(samples) >= len(rows) / 2
+        ):  # the rest may be a header, or hold the cell to complain about
+            count = max(len(row) for row in samples)
             first = _first_line(lines, separator, decimal_comma, path)
             top = [_cells(line, separator) for line in lines[first : first + _PROBED_LINES]]
             count = max(count, *(len(row) for row in top))  # slow channels of a Scope export end early
@@ -110,8 +119,7 @@ def _layout(lines: Sequence[str], path: Path) -> Layout:
 
 def _first_line(lines: Sequence[str], separator: str, decimal_comma: bool, path: Path) -> int:
     for index, line in enumerate(lines):
-        cells = [cell for cell in _cells(line, separator) if cell]
-        if cells and all(_is_number(cell, decimal_comma) for cell in cells):
+        if _all_numbers(_cells(line, separator), decimal_comma):
             return index
     raise InputError(str(path), "has no line of numbers", "Give a file with samples.")  # pragma: no cover
 
