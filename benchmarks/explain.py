@@ -2,23 +2,37 @@
 
     python benchmarks/explain.py generate --out DIR --cases 24 --kind single
     python benchmarks/explain.py run      --out DIR
+    python benchmarks/explain.py peer     --out DIR         PySINDy on the same residual (extra `peers`)
     python benchmarks/explain.py score    --out DIR
-    python benchmarks/explain.py all      --out DIR --cases 24 --kind single
+    python benchmarks/explain.py all      --out DIR --cases 24 --kind single     the first four
+    python benchmarks/explain.py control  --out DIR --cases 24                   the drop without, with wrong [control]
 
 `generate` draws machines in the virtual machine room, which shares no code with the tool, and writes
 DIR/sessions/NNNN/ (session.h5, machine.toml, inertia.csv) and, apart, DIR/sealed/labels.jsonl. Only `score` opens that.
+What counts as right is written in explain_truth.py.
+
+An effect's strength is the torque residual that it makes (within 200 Hz, rms over the strokes), over the noise floor:
+the same residual of the noise alone, with the best combination of reported position and speed. weak: 3, clear: 8 to 30,
+gross: 30 to 100 floors, evenly in the logarithm. Of two or three each is as strong on its own. A foreign effect's
+strength is what it makes beyond the named effect that it is most like.
 """
 
 from __future__ import annotations
 
 import argparse
+import json
 import shutil
+import subprocess
+import sys
 import time
+import traceback
 from pathlib import Path
 
 from schwung_sim.sealed import LABELS, CaseWishes, draw_case, write_case
 
 KINDS = ("single", "weak", "gross", "two", "three", "none", "foreign")
+CONTROLS = ("given", "none", "wrong")
+_TIME_LIMIT_S = 300.0
 
 
 def wishes_of(options: argparse.Namespace) -> CaseWishes:
@@ -32,7 +46,8 @@ def wishes_of(options: argparse.Namespace) -> CaseWishes:
 def generate(options: argparse.Namespace) -> None:
     """Draw, record and write the cases; what the folder held before is replaced."""
     if (options.out / LABELS).exists():
-        shutil.rmtree(options.out / "sessions")
+        for folder in ("sessions", "explanations", "peer"):
+            shutil.rmtree(options.out / folder, ignore_errors=True)
         (options.out / LABELS).unlink()
     wishes = wishes_of(options)
     began = time.perf_counter()
@@ -44,27 +59,132 @@ def generate(options: argparse.Namespace) -> None:
     )
 
 
+def run(options: argparse.Namespace) -> None:
+    """Explain every session that has no explanation yet; it sees the session and the belief, nothing else."""
+    sessions = sorted((options.out / "sessions").iterdir())
+    for folder in sessions:
+        into = options.out / "explanations" / folder.name
+        if (into / "run.json").exists() and not options.again:
+            continue
+        shutil.rmtree(into, ignore_errors=True)
+        into.mkdir(parents=True)
+        began = time.perf_counter()
+        error = _by_command(folder, into) if options.through == "cli" else _by_call(folder, into)
+        seconds = time.perf_counter() - began
+        if error:
+            (into / "error.txt").write_text(error, encoding="utf-8")
+        (into / "run.json").write_text(json.dumps({"seconds": seconds}), encoding="utf-8")
+        print(f"\r{folder.name} of {len(sessions)}: {seconds:.1f} s", end="", flush=True)
+    print()
+
+
+def _by_call(folder: Path, into: Path) -> str:
+    """In this process; returns what went wrong, or nothing."""
+    from schwung.explain.explain import explain  # noqa: PLC0415
+
+    from schwung.drivetrain import load_machine  # noqa: PLC0415
+    from schwung.session import read_session  # noqa: PLC0415
+
+    try:
+        found = explain(read_session(folder / "session.h5"), load_machine(folder / "machine.toml"))
+        (into / "explanation.json").write_text(json.dumps(found.to_json()), encoding="utf-8")
+    except Exception:  # the benchmark counts whatever goes wrong and goes on
+        return traceback.format_exc()
+    return ""
+
+
+def _by_command(folder: Path, into: Path) -> str:
+    """As a user would; returns what went wrong, or nothing."""
+    command = [sys.executable, "-m", "schwung", "explain", str(folder / "session.h5")]
+    command += ["--machine", str(folder / "machine.toml"), "--out", str(into)]
+    try:
+        made = subprocess.run(command, capture_output=True, text=True, timeout=_TIME_LIMIT_S, check=False)
+    except subprocess.TimeoutExpired:
+        return f"took more than {_TIME_LIMIT_S:.0f} s"
+    return "" if (into / "explanation.json").exists() else f"{made.stdout}\n{made.stderr}"
+
+
+def peer(options: argparse.Namespace) -> None:
+    """PySINDy's names for every session, each in a process of its own."""
+    folder = options.out / "peer"
+    folder.mkdir(exist_ok=True)
+    script = Path(__file__).with_name("explain_peer.py")
+    for session in sorted((options.out / "sessions").iterdir()):
+        command = [sys.executable, str(script), str(session / "session.h5"), str(session / "machine.toml")]
+        made = subprocess.run(command, capture_output=True, text=True, check=False)
+        answer = (
+            json.loads(made.stdout.splitlines()[-1])
+            if made.returncode == 0
+            else {"names": [], "seconds": float("nan"), "error": made.stderr.strip().splitlines()[-1]}
+        )
+        (folder / f"{session.name}.json").write_text(json.dumps(answer), encoding="utf-8")
+
+
+def score(options: argparse.Namespace) -> None:
+    """Open the labels, print and write the figures."""
+    from explain_score import peer_scores, printed, score_all, write_scores  # noqa: PLC0415  opens the seal
+
+    scores, peers = score_all(options.out), peer_scores(options.out)
+    print(printed(scores, peers))
+    write_scores(options.out, scores)
+    if peers:
+        write_scores(options.out, peers, "peer")
+
+
+def everything(options: argparse.Namespace) -> None:
+    """generate, run, peer, score."""
+    for step in (generate, run, *(() if options.no_peer else (peer,)), score):
+        step(options)
+
+
+def control(options: argparse.Namespace) -> None:
+    """The same sessions with [control] given, without, and with wrong gains: how many names are lost."""
+    from explain_score import score_all  # noqa: PLC0415  opens the seal
+
+    rates = {}
+    folder = options.out
+    for belief in CONTROLS:
+        options.out, options.control = folder / belief, belief
+        generate(options)
+        run(options)
+        scores = score_all(options.out)
+        rates[belief] = 100 * sum(s.all_named and s.first_right for s in scores) / len(scores)
+    for belief in CONTROLS[1:]:
+        print(f"[control] {belief}: {rates[belief]:.1f} %, {rates[belief] - rates['given']:+.1f} points")
+
+
+STEPS = {
+    "generate": generate,
+    "run": run,
+    "peer": peer,
+    "score": score,
+    "all": everything,
+    "control": control,
+}
+
+
 def main() -> None:
     """Command line."""
     parser = argparse.ArgumentParser(
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
-    parser.add_argument("step", choices=("generate",))
+    parser.add_argument("step", choices=STEPS)
     parser.add_argument(
         "--out", type=Path, required=True, help="folder of the sessions and, apart, their labels"
     )
     parser.add_argument("--cases", type=int, default=24)
     parser.add_argument("--kind", choices=KINDS, default="single")
     parser.add_argument(
-        "--level", choices=("weak", "clear", "gross"), default="clear", help="how strong, for single"
+        "--level", choices=("weak", "clear", "gross"), default="clear", help="how strong each is"
     )
     parser.add_argument("--effects", default="", help="names to hide, separated by commas; default: all")
-    parser.add_argument(
-        "--control", choices=("given", "none", "wrong"), default="given", help="[control] of the belief"
-    )
+    parser.add_argument("--control", choices=CONTROLS, default="given", help="[control] of the belief")
     parser.add_argument("--first", type=int, default=0, help="seed of the first case")
+    parser.add_argument("--through", choices=("call", "cli"), default="call", help="how `run` calls the tool")
+    parser.add_argument("--again", action="store_true", help="run what has been run, too")
+    parser.add_argument("--no-peer", action="store_true", help="leave PySINDy out of `all`")
     options = parser.parse_args()
-    {"generate": generate}[options.step](options)
+    STEPS[options.step](options)
 
 
 if __name__ == "__main__":

@@ -90,6 +90,7 @@ class SealedCase:
                 "rate_hz": self.drawn.rate_hz,
                 "distance_rad": self.drawn.distance_rad,
                 "runs": len(self.drawn.runs),
+                "mean_inertia_kgm2": float(np.mean(self.drawn.profile.at(self.drawn.angles_rad()))),
             },
         }
 
