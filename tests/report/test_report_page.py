@@ -17,6 +17,7 @@ from report_samples import bare, estimated, full, session
 from schwung.drivetrain.inertia import InertiaTable
 from schwung.errors import InputError
 from schwung.estimation import Verdict
+from schwung.estimation.reach import Reach
 from schwung.report import ChangeRow, FollowingError, render, write_report
 from schwung.report.style import PALETTE
 
@@ -233,3 +234,19 @@ def test_a_place_that_cannot_be_written_is_named(tmp_path: Path) -> None:
 def test_pyplot_is_never_loaded() -> None:
     code = "import sys, schwung.report; sys.exit('matplotlib.pyplot' in sys.modules)"
     assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0
+
+
+def test_the_bound_stands_beside_the_band() -> None:
+    page = render(replace(full(), reach=Reach(0.0010, 0.0001, "denoised")))
+    assert "±0.002 kg·m²" in page
+    assert "at best 0.0002 from this recording" in page
+    assert "a better method would tell more" in page
+    assert "at best" not in render(full())
+
+
+def test_an_estimate_without_traces_has_a_page_all_the_same() -> None:
+    estimate = replace(estimated(), traces=(), denoised=())
+    page = render(replace(full(), estimate=estimate, contrast=None))
+    assert "Is it steady?" in render(full())
+    assert "Is it steady?" not in page
+    assert ">MIV<" not in page

@@ -63,12 +63,17 @@ def estimate(
             frequency_hz=frequency, points=points,
         )  # fmt: skip
     content = content_of(recorded, believed, found, standard, session.parent)
+    reach = content.reach
     make_folder(folder)
     write_inertia_csv(found.table, folder / "inertia.csv")
-    document = found.to_json() | {"session": str(session), "machine": str(machine)}
+    document = found.to_json() | {
+        "reach": reach and reach.to_json(), "session": str(session), "machine": str(machine),
+    }  # fmt: skip
     replace_file(folder / "estimate.json", json_text(document))
     write_report(content, folder / "report.html")
     terminal.say(describe_table(found.table, recorded.axis))
+    if reach is not None:
+        terminal.say(reach.text)
     terminal.verdict(found.trust.verdict, "; ".join(found.trust.reasons))
     terminal.say(f"Table: [bold]{folder / 'inertia.csv'}[/]  Report: [bold]{folder / 'report.html'}[/]")
     terminal.result(document)

@@ -192,6 +192,8 @@ def show_estimate(terminal: Terminal, done: Commissioned, ending: Ending) -> Non
             f"Against the {ending.reference_label}: RMSE [bold]{off.rmse_kgm2:.4f}[/] kg·m², "
             f"largest {off.max_kgm2:.4f}{against}"
         )
+    if done.reach is not None:
+        terminal.say(done.reach.text)
     terminal.verdict(trust.verdict, "; ".join(trust.reasons))
 
 
@@ -206,6 +208,7 @@ def report_content(done: Commissioned, ending: Ending, verification: Verificatio
         session=done.session,
         machine=prepared.machine,
         estimate=done.estimate,
+        reach=done.reach,
         contrast=done.contrast,
         reference=ending.reference,
         reference_label=ending.reference_label,
@@ -231,6 +234,7 @@ def _summary(
     former = deviation(done.contrast.table, ending.reference) if done.contrast else None
     summary: dict[str, Any] = {
         "estimate": done.estimate.to_json(),
+        "reach": done.reach and done.reach.to_json(),
         "reference": ending.reference_label if off else None,
         "rmse_kgm2": off.rmse_kgm2 if off else None,
         "max_error_kgm2": off.max_kgm2 if off else None,

@@ -12,6 +12,7 @@ from schwung.commissioning import Change, Check, contrast_of, following_error, r
 from schwung.drivetrain import InertiaTable, Machine, read_inertia_csv
 from schwung.errors import InputError, SchwungError
 from schwung.estimation import Estimate
+from schwung.estimation.reach import reach_of
 from schwung.fieldbus.drive import RawValue
 from schwung.report import ChangeRow, FollowingError, ReportContent, SyncRow
 from schwung.session import Run, Session, read_session
@@ -53,6 +54,7 @@ def content_of(
         session=session,
         machine=machine,
         estimate=estimate,
+        reach=reach_of(session, machine, estimate),
         contrast=contrast_of(session, machine) if estimate.method != "former" else None,
         reference=standard.table,
         reference_label=standard.label,

@@ -13,6 +13,7 @@ from schwung.commissioning.procedure import MAX_JITTER_SHARE, Observer, Recorded
 from schwung.drivetrain import FeedForward, Machine
 from schwung.errors import InputError, SchwungError
 from schwung.estimation import Estimate, estimate
+from schwung.estimation.reach import Reach, reach_of
 from schwung.fieldbus.drive import Drive, OperatingMode
 from schwung.fieldbus.profile import DeviceProfile, ScaledObject
 from schwung.session import Run, Session, read_session
@@ -57,6 +58,7 @@ class Commissioned:
     session: Session
     recorded: Recorded
     estimate: Estimate
+    reach: Reach | None
     contrast: Estimate | None
     changes: tuple[Change, ...]
 
@@ -152,12 +154,14 @@ def carry_out(
     )
     observer.phase("Estimating the load inertia")
     session = read_session(session_path)
+    found = estimate(session, prepared.machine)
     return Commissioned(
         prepared=prepared,
         session_path=session_path,
         session=session,
         recorded=recorded,
-        estimate=estimate(session, prepared.machine),
+        estimate=found,
+        reach=reach_of(session, prepared.machine, found),
         contrast=contrast_of(session, prepared.machine),
         changes=journal.changes,
     )

@@ -7,6 +7,7 @@ Identification, 2nd ed., 7.4), the same model as the trajectory fit's; other par
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -21,7 +22,7 @@ from schwung.estimation.trajectory_model import STICKING, Basis, Layout, Model, 
 from schwung.estimation.trajectory_prior import posterior, prior_for
 from schwung.estimation.trajectory_signals import load_angle_range, signals_of
 from schwung.motion import Array
-from schwung.session.model import Session
+from schwung.session.model import Run, Session
 
 #: Spline pieces over the visited range, unless asked for: detail of a sixteenth of the stroke.
 PIECES = 16
@@ -72,7 +73,9 @@ def cramer_rao(
         raise InputError(
             "pieces" if pieces < 1 else "points", "is too small", "Give 1 piece, 2 points or more."
         )
-    runs = tuple(signals_of(run, machine, band_of(session.runs)) for run in session.runs)
+    kinds = _kinds(session.runs)
+    runs = tuple(signals_of(run, machine, band_of(session.runs)) for run in kinds)
+    counts = tuple(kinds.values())
     low, high = load_angle_range(runs)
     peak_speed = max(float(np.max(np.abs(run.states[:, 1]))) for run in runs)
     basis = Basis(low, high, pieces)
@@ -87,10 +90,12 @@ def cramer_rao(
     for _ in range(_ROUNDS):  # what the session says of all else, so that its trajectories are met
         runs = resmoothed(model, runs, parameters, found)
         found = noise or likely_noise(model, runs, parameters, found, 1.0)
-        passed = passed_over(model, runs, parameters, found)
-        parameters = posterior(given, passed.information, passed.slope, parameters, _ROUGH).parameters
+        each = [passed_over(model, [run], parameters, found) for run in runs]
+        told = sum((n * one.information for n, one in zip(counts, each, strict=True)), np.zeros(()))
+        slope = sum((n * one.slope for n, one in zip(counts, each, strict=True)), np.zeros(()))
+        parameters = posterior(given, told, slope, parameters, _ROUGH).parameters
     # the prior enters where there is no data: what is pinned stays so, and no matrix is singular
-    information = passed.information + np.diag(prior.precision)
+    information = told + np.diag(prior.precision)
     if all_else_known:
         covariance = np.linalg.inv(information[at.inertia, at.inertia])
     else:
@@ -102,6 +107,20 @@ def cramer_rao(
     inertia = machine.load_inertia_at(grid)
     spread = np.einsum("ni,ij,nj->n", rows, covariance, rows)
     return Bound(grid, inertia, inertia * np.sqrt(np.maximum(spread, 0.0)), found)
+
+
+def _kinds(runs: Sequence[Run]) -> dict[Run, int]:
+    """One run of each kind, and how many there are of it: repeats of a motion tell as much as each other."""
+    kinds: list[tuple[Run, int]] = []
+    for run in runs:
+        for i, (other, count) in enumerate(kinds):
+            same = (run.role, run.motion, run.excitation) == (other.role, other.motion, other.excitation)
+            if same and run.motion is not None and len(run) == len(other):
+                kinds[i] = (other, count + 1)
+                break
+        else:
+            kinds.append((run, 1))
+    return dict(kinds)
 
 
 def _truth(model: Model) -> Array:

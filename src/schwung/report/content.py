@@ -11,6 +11,7 @@ import numpy as np
 from schwung.drivetrain.inertia import InertiaTable
 from schwung.drivetrain.machine import Machine
 from schwung.errors import InputError
+from schwung.estimation.reach import Reach
 from schwung.estimation.values import Estimate
 from schwung.motion import Array
 from schwung.session import Run, Session
@@ -113,14 +114,16 @@ LINEAR = Units("m", "m/s", "N", "kg", "position", "force", "mass")
 class ReportContent:
     """Everything that a report can show. Title and session are enough; the rest appears where it is given.
 
-    `contrast` is a second estimate of the same session, as a rule by the former method. `reference` is what
-    the curve is held against; `reference_label` says what it is: "CAD", "believed", "true inertia".
+    `reach` sets the recording's bound beside the table's band. `contrast` is a second estimate of the same session, as
+    a rule by the former method. `reference` is what the curve is held against; `reference_label` says what it is:
+    "CAD", "believed", "true inertia".
     """
 
     title: str
     session: Session
     machine: Machine | None = None
     estimate: Estimate | None = None
+    reach: Reach | None = None
     contrast: Estimate | None = None
     reference: InertiaTable | None = None
     reference_label: str = "reference"

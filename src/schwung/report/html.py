@@ -124,9 +124,13 @@ def _results(content: ReportContent) -> Iterator[tuple[str, str, str]]:
     if estimate is not None:
         trust = estimate.trust
         share = f"{100 * trust.relative_miv:.0f} % of the mean {units.inertia_word}"
-        yield "MIV", f"{trust.miv_kgm2:.3g} {units.inertia}", share
+        if estimate.traces:
+            yield "MIV", f"{trust.miv_kgm2:.3g} {units.inertia}", share
         if trust.dpr is not None:
             yield "DPR", f"{trust.dpr:.2g}", "injected over commanded speed"
+        if content.reach is not None:
+            least = f"at best {2 * content.reach.bound_kgm2:.2g} from this recording"
+            yield "Band, 2σ", f"±{2 * content.reach.table_kgm2:.2g} {units.inertia}", least
         yield _coverage(content, estimate)
 
 
@@ -192,7 +196,11 @@ def _tables(content: ReportContent) -> Iterator[str]:
     yield section("Settings", rows_table((), settings))
     yield section("Drive", rows_table((), list(rows_of(drive, linear))))
     yield section("Believed machine", rows_table((), list(_machine(content))))
-    notes = (*content.notes, *(content.estimate.notes if content.estimate else ()))
+    notes = (
+        *((content.reach.text,) if content.reach else ()),
+        *content.notes,
+        *(content.estimate.notes if content.estimate else ()),
+    )
     yield section("Notes", bullets(dict.fromkeys(notes)))  # each once, whoever passed it on
 
 

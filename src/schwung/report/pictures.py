@@ -86,7 +86,7 @@ def _pictures(content: ReportContent) -> Iterator[Picture]:
         caption = _EXPORT.format(gain=_gain(content.following_error.improvement))
         yield Picture("following_error", "What the export brought", caption,
                       figures.following_error_figure(content.following_error, units))  # fmt: skip
-    if estimate is not None:
+    if estimate is not None and estimate.traces:
         trust = estimate.trust
         caption = _VARIATION.format(miv=trust.miv_kgm2, u=units, share=100 * trust.relative_miv)
         caption += _IMAGINARY if figures.has_imaginary(estimate) else ""
