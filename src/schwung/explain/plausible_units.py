@@ -38,7 +38,7 @@ _BELIEVABLE = 4.0
 _NEAR_UNIT = 2.2
 #: Cut into so many parts, each with a mean torque of its own, runs shall give the same inertia within this factor:
 #: one that only shows in slow changes of torque could as well be drift, or friction of another form.
-_PARTS, _PARTS_AGREE = (2, 3, 5), 1.5
+_PARTS, _PARTS_AGREE = (2, 3, 4, 6), 1.3
 _MOVES = 0.02  # of the highest speed
 
 
