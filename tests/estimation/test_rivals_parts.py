@@ -7,20 +7,23 @@ from scipy.integrate import solve_ivp
 
 from schwung.drivetrain import paper_machine, simulate
 from schwung.errors import InputError
-from schwung.estimation.rivals import augmented, ekf, sigma_point
+from schwung.estimation.rivals import augmented
 from schwung.estimation.rivals.acceleration_median import sliding_median
 from schwung.estimation.rivals.bspline import knots_for
 from schwung.estimation.rivals.common import age_s, memory_s, noise_level
+from schwung.estimation.rivals.ekf import ExtendedKalman
 from schwung.estimation.rivals.gdft import half_period_phasor, window_samples
 from schwung.estimation.rivals.kalman_fourier import kalman_phasor
 from schwung.estimation.rivals.loadside import LoadSide, load_side
 from schwung.estimation.rivals.rls import recursive_least_squares
+from schwung.estimation.rivals.sigma_point import SigmaPoint
 from schwung.estimation.rivals.windowed_ls import sliding_line
 from schwung.motion import Motion
 
 RATE, FREQUENCY = 4000.0, 50.0
 OMEGA = 2 * np.pi * FREQUENCY
 TIME = np.arange(800) / RATE
+EXTENDED, SIGMA_POINT = ExtendedKalman().inertia, SigmaPoint().inertia
 
 
 class TestGeneralisedDft:
@@ -182,7 +185,7 @@ class TestAugmentedModel:
         np.testing.assert_allclose(found[:3], exact, rtol=2e-4, atol=1e-7)
         assert found[3] == start[3]
 
-    @pytest.mark.parametrize("kalman", [ekf.extended_kalman, sigma_point.sigma_point_kalman])
+    @pytest.mark.parametrize("kalman", [EXTENDED, SIGMA_POINT])
     def test_the_model_s_own_inertia_is_found(self, params, kalman):
         torque = 40 * np.sin(OMEGA * np.arange(600) / 1000)
         log_inertia = np.full(600, np.log(0.13))
@@ -209,4 +212,4 @@ class TestAugmentedModel:
             params, torque, speed, np.array([0.0, 0.0, 0.0, np.log(0.1)]),
             np.diag([1e-4, 1e-4, 0.0, 0.01]), np.array([1e-8, 0.0, 0.0, 1e-5]), 1e-4, 2.5e-3,
         )  # fmt: skip
-        np.testing.assert_allclose(ekf.extended_kalman(run), sigma_point.sigma_point_kalman(run), rtol=0.005)
+        np.testing.assert_allclose(EXTENDED(run), SIGMA_POINT(run), rtol=0.005)

@@ -9,6 +9,7 @@ the injection is not modelled, as in the sources. A rigid machine is one mass wh
 from __future__ import annotations
 
 import math
+from abc import ABC, abstractmethod
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import NamedTuple
@@ -19,8 +20,8 @@ from numba import njit
 from schwung.drivetrain.inertia import InertiaTable
 from schwung.drivetrain.machine import Machine
 from schwung.estimation.inversion import two_mass_response
-from schwung.estimation.methods import Task
-from schwung.estimation.rivals.common import memory_s, noise_level
+from schwung.estimation.methods import Outcome, Task
+from schwung.estimation.rivals.common import labelled, memory_s, noise_level, started
 from schwung.estimation.values import Denoised, Trace
 from schwung.motion import Array
 
@@ -62,6 +63,39 @@ class Filtering:
     process: Array  # covariance that a step adds, diagonal (4,)
     speed_variance: float
     memory_s: float
+
+    @property
+    def arguments(self) -> tuple[Array, Array, Array, Array, Array, float, Params]:
+        """What a compiled filter takes: torque and speed (n,), first state and covariance, what each step adds, …"""
+        return (
+            self.torque_nm, self.speed_rad_s, self.state, self.covariance, self.process, self.speed_variance,
+            self.params,
+        )  # fmt: skip
+
+
+@dataclass(frozen=True)
+class AugmentedKalman(ABC):
+    """One pass of a Kalman filter per run; how it passes a sample is the subclass's."""
+
+    name: str = ""
+    needs_reference: bool = True
+
+    @abstractmethod
+    def log_inertia(self, run: Filtering) -> Array:
+        """ln J_l after each sample, (n,)."""
+
+    def inertia(self, run: Filtering) -> Array:
+        """J_l (kg·m²) after each sample, (n,)."""
+        return np.asarray(np.exp(self.log_inertia(run)))
+
+    def traces(self, task: Task) -> Outcome:
+        """Filter, take the inertia, label it by the filter's lag. Raises InputError as denoising does."""
+        start, traces = started(task, self.name), []
+        for pair, trace in zip(start.denoised, start.traces, strict=True):
+            run = filtering(task, pair, trace)
+            age = lag_s(self.inertia, run)
+            traces.append(labelled(trace, pair, task, self.inertia(run), age=age))
+        return replace(start, traces=tuple(traces))
 
 
 def filtering(task: Task, pair: Denoised, trace: Trace) -> Filtering:

@@ -9,49 +9,32 @@ linear states. The covariance is updated in Joseph's form, which stays positive.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from numba import njit
 
-from schwung.estimation.methods import Outcome, Task
 from schwung.estimation.rivals.augmented import (
     LOG_INERTIA,
     ROTOR,
     STATES,
+    AugmentedKalman,
     Filtering,
     Params,
     advance,
-    filtering,
-    lag_s,
 )
-from schwung.estimation.rivals.common import labelled, started
 from schwung.motion import Array
 
 
 @dataclass(frozen=True)
-class ExtendedKalman:
-    """One pass of the filter per run."""
+class ExtendedKalman(AugmentedKalman):
+    """Extended Kalman filter."""
 
     name: str = "ekf"
-    needs_reference: bool = True
 
-    def traces(self, task: Task) -> Outcome:
-        """Filter, take the inertia, label it by the filter's lag. Raises InputError as denoising does."""
-        start, traces = started(task, self.name), []
-        for pair, trace in zip(start.denoised, start.traces, strict=True):
-            run = filtering(task, pair, trace)
-            age = lag_s(extended_kalman, run)
-            traces.append(labelled(trace, pair, task, extended_kalman(run), age=age))
-        return replace(start, traces=tuple(traces))
-
-
-def extended_kalman(run: Filtering) -> Array:
-    """The inertia (kg·m²) after each sample, (n,)."""
-    found = _filter(
-        run.torque_nm, run.speed_rad_s, run.state, run.covariance, run.process, run.speed_variance, run.params
-    )
-    return np.asarray(np.exp(found))
+    def log_inertia(self, run: Filtering) -> Array:
+        """Of the compiled filter, (n,)."""
+        return np.asarray(_filter(*run.arguments))
 
 
 @njit(cache=True, error_model="numpy")

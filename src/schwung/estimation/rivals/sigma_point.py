@@ -9,51 +9,34 @@ Model and tuning: `augmented`. Instead of a Jacobian the points themselves go th
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from numba import njit
 
-from schwung.estimation.methods import Outcome, Task
 from schwung.estimation.rivals.augmented import (
     LOG_INERTIA,
     ROTOR,
     STATES,
+    AugmentedKalman,
     Filtering,
     Params,
     advance,
-    filtering,
-    lag_s,
 )
-from schwung.estimation.rivals.common import labelled, started
 from schwung.motion import Array
 
 POINTS = 2 * STATES
 
 
 @dataclass(frozen=True)
-class SigmaPoint:
-    """One pass of the filter per run."""
+class SigmaPoint(AugmentedKalman):
+    """Sigma-point Kalman filter."""
 
     name: str = "sigma_point"
-    needs_reference: bool = True
 
-    def traces(self, task: Task) -> Outcome:
-        """Filter, take the inertia, label it by the filter's lag. Raises InputError as denoising does."""
-        start, traces = started(task, self.name), []
-        for pair, trace in zip(start.denoised, start.traces, strict=True):
-            run = filtering(task, pair, trace)
-            age = lag_s(sigma_point_kalman, run)
-            traces.append(labelled(trace, pair, task, sigma_point_kalman(run), age=age))
-        return replace(start, traces=tuple(traces))
-
-
-def sigma_point_kalman(run: Filtering) -> Array:
-    """The inertia (kg·m²) after each sample, (n,)."""
-    found = _filter(
-        run.torque_nm, run.speed_rad_s, run.state, run.covariance, run.process, run.speed_variance, run.params
-    )
-    return np.asarray(np.exp(found))
+    def log_inertia(self, run: Filtering) -> Array:
+        """Of the compiled filter, (n,)."""
+        return np.asarray(_filter(*run.arguments))
 
 
 @njit(cache=True, error_model="numpy")
