@@ -15,7 +15,7 @@ from scipy.signal import butter, sosfiltfilt
 
 from schwung.drivetrain.inertia import InertiaTable
 from schwung.drivetrain.machine import Machine
-from schwung.explain.plausible_values import Correction, Doubt, Signal
+from schwung.explain.plausible_values import Correction, Doubt, Signal, corrected
 from schwung.motion import Array
 from schwung.session.imports.signals import white_noise
 from schwung.session.model import Axis, Run, Session
@@ -39,6 +39,8 @@ _NEAR_UNIT = 2.2
 #: Cut into so many parts, each with a mean torque of its own, runs shall give the same inertia within this factor:
 #: one that only shows in slow changes of torque could as well be drift, or friction of another form.
 _PARTS, _PARTS_AGREE = (2, 3, 4, 6), 1.3
+#: Angles are in another unit where with it the inertia is known so much more clearly (factor over error).
+_CLEARER = 3.0
 _MOVES = 0.02  # of the highest speed
 
 
@@ -270,6 +272,9 @@ def torque_doubts(session: Session, machine: Machine) -> list[Doubt]:
     if highest == 0:
         return [Doubt("no_torque", f"all runs/{force}", "is zero throughout", "Record the torque", "stop",
                       still="Only the motion can be looked at")]  # fmt: skip
+    turned = _other_angles(session, machine, fitted)
+    if turned is not None:
+        return [turned]
     if fitted is None or not fitted.known:
         return [*_undetermined(fitted, machine, session), *_beyond_peak(session, machine, highest)]
     doubts = []
@@ -297,6 +302,28 @@ def torque_doubts(session: Session, machine: Machine) -> list[Doubt]:
             )
         )  # fmt: skip
     return [*doubts, *_beyond_peak(session, machine, highest)]
+
+
+def _other_angles(session: Session, machine: Machine, fitted: Fitted | None) -> Doubt | None:
+    """Angles and speeds both in degrees (or turns), where inertia changes with angle: only in rad the table fits."""
+    if session.axis == "linear" or not isinstance(machine.load_inertia, InertiaTable):
+        return None
+    if fitted is not None and fitted.known and 1 / _BELIEVABLE < abs(fitted.factor) < _BELIEVABLE:
+        return None
+    clearness = abs(fitted.factor) / fitted.error if fitted is not None else 0.0
+    for value, name in ((_DEGREE, "degrees"), (_TURN, "turns")):
+        corrections = _scales(("position", value), ("speed", value))
+        other = inertia_factor(corrected(session, corrections), machine)
+        if other is None or not other.known or not 1 / _BELIEVABLE < abs(other.factor) < _BELIEVABLE:
+            continue
+        if abs(other.factor) / other.error > _CLEARER * clearness:
+            return Doubt(
+                "position_unit", "all runs/position",
+                f"fits the believed inertia over angle only if position and speed are in {name}",
+                f"Import again with the right units, or apply position × {value:.6g} and speed × {value:.6g}", "stop",
+                corrections, "With the unit put right everything can be looked at",
+            )  # fmt: skip
+    return None
 
 
 def _torque_unit(factor: float, highest: float, machine: Machine, session: Session) -> Doubt | None:
