@@ -85,6 +85,38 @@ def test_units_become_si(tmp_path: Path, options: dict[str, Any], name: str, fac
     np.testing.assert_allclose(getattr(run, name), factor * reported, atol=1e-8 * abs(factor))
 
 
+def test_columns_of_text_are_passed_over(tmp_path: Path) -> None:
+    rows = "\n".join(
+        f"2024-01-01 12:00:00;{t:.3f};RUN;{q:.6f};{u:.6f}"
+        for t, q, u in zip(TIME, ANGLE, TORQUE, strict=True)
+    )
+    path = tmp_path / "a.csv"
+    path.write_text("date;t;state;q;u\n" + rows.replace(".", ","), encoding="utf-8")
+    np.testing.assert_allclose(brought(path).runs[0].position_rad, ANGLE, atol=1e-6)
+    with pytest.raises(InputError, match="state: holds no samples"):
+        brought(path, torque="state")
+
+
+def test_a_demand_in_another_turn_is_brought_to_the_position(tmp_path: Path) -> None:
+    turning = 30 * TIME
+    columns = (TIME, np.mod(turning - 0.01, 2 * np.pi), TORQUE, np.mod(turning + 0.01, 2 * np.pi))
+    run = brought(written(tmp_path / "a.csv", "t,q,u,d\n", columns=columns), position_demand="d").runs[0]
+    assert run.position_demand_rad is not None
+    np.testing.assert_allclose(run.position_demand_rad - run.position_rad, 0.02, atol=1e-6)
+
+
+def test_signals_may_be_rows_of_a_matrix(tmp_path: Path) -> None:
+    savemat(tmp_path / "a.mat", {"data": np.vstack([TIME, ANGLE, TORQUE])})
+    run = brought(tmp_path / "a.mat", time="data(1,:)", position="data[1,:]", torque="data[2,:]").runs[0]
+    np.testing.assert_allclose(run.torque_nm, TORQUE)
+
+
+def test_a_session_is_not_imported_again(tmp_path: Path) -> None:
+    write_session(brought(written(tmp_path / "a.csv", "t,q,u\n")), tmp_path / "s.h5")
+    with pytest.raises(InputError, match="is a schwung-session already"):
+        brought(tmp_path / "s.h5")
+
+
 def test_the_unit_of_position_tells_the_axis(tmp_path: Path) -> None:
     path = written(tmp_path / "a.csv", "t,q,u\n")
     assert brought(path, position_unit="mm").axis == "linear"

@@ -220,6 +220,10 @@ def _unwrap(signals: dict[str, Array], notes: list[str]) -> None:
             notes.append(
                 f"{name} jumped by a whole turn {found.wraps} times (first at sample {found.first}): unwrapped"
             )
+    position, demand = signals["position"], signals.get("position_demand")
+    if demand is not None and demand.size == position.size:  # each was within a turn of its own
+        apart = float(np.median(demand - position))
+        signals["position_demand"] = demand - 2 * np.pi * np.rint(apart / (2 * np.pi))
 
 
 def _times(

@@ -12,11 +12,12 @@ import numpy as np
 from schwung.errors import InputError
 from schwung.session.imports.table import Column, Table
 
-_MAX_COLUMNS = 4096  # of one matrix; wider ones are data of another kind
+_MAX_SIGNALS = 4096  # of one matrix; more are data of another kind
 
 
 def read_matlab(path: Path) -> Table:
-    """Read every numeric variable of a MAT file. Vectors become columns, matrices `name[:,k]`, scalars numbers.
+    """Read every numeric variable of a MAT file. Vectors become columns, matrices `name[:,k]` (`name[k,:]` where
+    signals are rows), scalars numbers.
 
     Raises InputError where it is not a MAT file or holds no numbers.
     """
@@ -34,10 +35,10 @@ def read_matlab(path: Path) -> Table:
             numbers[name] = float(value.ravel()[0])
         elif value.ndim == 1 or min(value.shape) == 1:
             columns.append(Column(name, value.ravel().astype(np.float64)))
-        elif value.ndim == 2 and value.shape[1] <= _MAX_COLUMNS:
-            columns += [
-                Column(f"{name}[:,{k}]", value[:, k].astype(np.float64)) for k in range(value.shape[1])
-            ]
+        elif value.ndim == 2 and value.shape[1] <= value.shape[0]:
+            columns += [Column(f"{name}[:,{k}]", each.astype(np.float64)) for k, each in enumerate(value.T)]
+        elif value.ndim == 2 and value.shape[0] <= _MAX_SIGNALS:
+            columns += [Column(f"{name}[{k},:]", each.astype(np.float64)) for k, each in enumerate(value)]
     if not columns:
         raise InputError(
             str(path), "holds no vectors or matrices of numbers", "Give the file with the samples."
@@ -69,6 +70,10 @@ def _flatten(name: str, value: Any) -> Iterator[tuple[str, Any]]:
         yield name, value
 
 
+def _text(value: Any) -> str:
+    return value.decode() if isinstance(value, bytes) else str(value)
+
+
 def _version_73(path: Path) -> Iterator[tuple[str, Any]]:
     found: dict[str, Any] = {}
 
@@ -79,5 +84,7 @@ def _version_73(path: Path) -> Iterator[tuple[str, Any]]:
             found[name.replace("/", ".")] = item[()].T  # MATLAB stores by columns
 
     with h5py.File(path, "r") as file:
+        if "format" in file.attrs:
+            raise InputError(str(path), f"is a {_text(file.attrs['format'])} already", "Use it as it is.")
         file.visititems(visit)
     yield from found.items()

@@ -100,9 +100,14 @@ def bare_name(name: str) -> str:
 
 
 def _matrix_column(wanted: str) -> str:
-    """One spelling for a column of a matrix, counting from 0."""
+    """One spelling for a column (or row) of a matrix, counting from 0."""
     python = re.fullmatch(r"(.+?)\[\s*:\s*,\s*(\d+)\s*\]", wanted)
     if python:
         return f"{python[1]}[:,{int(python[2])}]"
     matlab = re.fullmatch(r"(.+?)\(\s*:\s*,\s*([1-9]\d*)\s*\)", wanted)
-    return f"{matlab[1]}[:,{int(matlab[2]) - 1}]" if matlab else wanted
+    if matlab:
+        return f"{matlab[1]}[:,{int(matlab[2]) - 1}]"
+    row = re.fullmatch(r"(.+?)(?:\[\s*(\d+)\s*,\s*:\s*\]|\(\s*([1-9]\d*)\s*,\s*:\s*\))", wanted)
+    if row:
+        return f"{row[1]}[{int(row[2]) if row[2] else int(row[3]) - 1},:]"
+    return wanted

@@ -85,30 +85,35 @@ def _is_number(cell: str, decimal_comma: bool) -> bool:
     return True
 
 
-def _all_numbers(cells: Sequence[str], decimal_comma: bool) -> bool:
-    filled = [cell for cell in cells if cell]
-    return bool(filled) and all(_is_number(cell, decimal_comma) for cell in filled)
+def _numbers_in(cells: Sequence[str], decimal_comma: bool) -> int:
+    return sum(_is_number(cell, decimal_comma) for cell in cells if cell)
+
+
+def _is_sample(cells: Sequence[str], decimal_comma: bool, with_text: bool) -> bool:
+    """Whether a line is one of samples: numbers throughout, or, with text among them, two and half at the least."""
+    filled = sum(bool(cell) for cell in cells)
+    numbers = _numbers_in(cells, decimal_comma)
+    return numbers >= max(2, filled / 2) if with_text else 0 < numbers == filled
 
 
 def _layout(lines: Sequence[str], path: Path) -> Layout:
     probed = [line for line in lines[-3 * _PROBED_LINES :] if line.strip()][-_PROBED_LINES:]
-    for separator in _SEPARATORS:
-        rows = [_cells(line, separator) for line in probed]
-        splits_decimals = separator == "," and not any('"' in line for line in probed)
-        decimal_comma = not splits_decimals and any(
-            _DECIMAL_COMMA.fullmatch(cell) for row in rows for cell in row
-        )
-        samples = [row for row in rows if len(row) > 1 and _all_numbers(row, decimal_comma)]
-        if (
-            samples and len(samples) >= len(rows) / 2
-        ):  # the rest may be a header, or hold the cell to complain about
-            count = max(len(row) for row in samples)
-            first = _first_line(lines, separator, decimal_comma, path)
+    for with_text in (False, True):
+        for separator in _SEPARATORS:
+            rows = [_cells(line, separator) for line in probed]
+            quoted = any('"' in line for line in probed)
+            comma = (separator != "," or quoted) and any(
+                _DECIMAL_COMMA.fullmatch(cell) for row in rows for cell in row
+            )
+            samples = [row for row in rows if len(row) > 1 and _is_sample(row, comma, with_text)]
+            if not samples or len(samples) < len(rows) / 2:
+                continue  # half may be header, or hold the cell to complain about
+            first = _first_line(lines, separator, comma, with_text)
             top = [_cells(line, separator) for line in lines[first : first + _PROBED_LINES]]
-            count = max(count, *(len(row) for row in top))  # slow channels of a Scope export end early
-            return Layout(separator, decimal_comma, count, first)
+            count = max(len(row) for row in (*samples, *top))  # slow channels of a Scope export end early
+            return Layout(separator, comma, count, first)
     if probed and all(_is_number(line.strip(), False) for line in probed):  # a single column
-        return Layout(";", False, 1, _first_line(lines, ";", False, path))
+        return Layout(";", False, 1, _first_line(lines, ";", False, False))
     shown = probed[-1].strip()[:60] if probed else "nothing"
     raise InputError(
         str(path),
@@ -117,11 +122,13 @@ def _layout(lines: Sequence[str], path: Path) -> Layout:
     )
 
 
-def _first_line(lines: Sequence[str], separator: str, decimal_comma: bool, path: Path) -> int:
-    for index, line in enumerate(lines):
-        if _all_numbers(_cells(line, separator), decimal_comma):
-            return index
-    raise InputError(str(path), "has no line of numbers", "Give a file with samples.")  # pragma: no cover
+def _first_line(lines: Sequence[str], separator: str, decimal_comma: bool, with_text: bool) -> int:
+    """The first line of samples; there is one, the layout was found from it."""
+    return next(
+        index
+        for index, line in enumerate(lines)
+        if _is_sample(_cells(line, separator), decimal_comma, with_text)
+    )
 
 
 def _names(header: Sequence[str], layout: Layout) -> tuple[list[str], list[str]]:
@@ -154,7 +161,8 @@ def _numbers(path: Path, lines: Sequence[str], layout: Layout) -> Array:
             if values.shape[1] == layout.columns:
                 return np.asarray(values, dtype=np.float64)
     read = _Body(path, lines, layout)
-    return np.column_stack([read.column(k) for k in range(layout.columns)])
+    none = np.full(len(read), np.nan)
+    return np.column_stack([none if read.is_text(k) else read.column(k) for k in range(layout.columns)])
 
 
 def _without_end(values: Array) -> Array:
@@ -173,6 +181,14 @@ class _Body:
             for number, line in enumerate(lines[layout.first_line :], layout.first_line + 1)
             if line.strip()
         ]
+
+    def __len__(self) -> int:
+        return len(self._rows)
+
+    def is_text(self, k: int) -> bool:
+        """Whether column k holds text (a state, a date) as far as its first and last cells say."""
+        ends = [cells[k] for _, cells in (self._rows[0], self._rows[-1]) if k < len(cells) and cells[k]]
+        return bool(ends) and not _numbers_in(ends, self._layout.decimal_comma)
 
     def column(self, k: int, base: bool = False) -> Array:
         """Column k (n,), NaN where a cell is empty; with `base` whole numbers count from the first (file times).
