@@ -50,23 +50,12 @@ class Delay:
     speed: Nuisance  # of the speed behind the angle
     frequency_hz: float
     speed_loss_s2: Nuisance = NOTHING  # γ: of its amplitude the speed lost γω² against the angle
+    torque_loss_s2: Nuisance = NOTHING  # the torque, against the one that acts
 
     @property
     def torque_to_speed(self) -> Nuisance:
         """The whole delay of speed behind torque."""
         return Nuisance(self.angle.value + self.speed.value, float(np.hypot(self.angle.std, self.speed.std)))
-
-    @property
-    def torque_loss_s2(self) -> Nuisance:
-        """γ of the torque: the speed's, as far as the torque lags behind the angle like the speed does."""
-        lag, loss = self.speed.value, self.speed_loss_s2
-        if lag <= 0:
-            return NOTHING
-        alike = float(np.clip(-self.angle.value / lag, 0.0, 1.0))
-        off = float(np.hypot(self.angle.std, alike * self.speed.std)) / lag
-        return Nuisance(
-            alike**2 * loss.value, float(np.hypot(alike**2 * loss.std, 2 * alike * off * loss.value))
-        )
 
     @property
     def significant(self) -> bool:
@@ -95,11 +84,10 @@ def find_delay(session: Session, excited: Sequence[Run], machine: Machine) -> De
     ripples = _ripples(session, excited)
     if not ripples:
         return None
-    lags = [_speed_behind_angle(ripple) for ripple in ripples]
-    speed = _mean([lag.delay_s for lag in lags])
-    loss = _possible(_mean([lag.loss_s2 for lag in lags]), speed.value)
-    if not _worth_removing(speed, ripples[0].frequency_hz):
-        speed, loss = Nuisance(0.0, speed.std), NOTHING  # else the torque would make up for a chance
+    lag = _mean_lag([_speed_behind_angle(ripple) for ripple in ripples])
+    lagging = _worth_removing(lag.delay_s, ripples[0].frequency_hz)
+    # else the torque would be moved to make up for a chance
+    speed = lag.delay_s if lagging else Nuisance(0.0, lag.delay_s.std)
     found = 0.0
     settled = SETTLED_SAMPLES / ripples[0].sample_rate_hz
     for _ in range(ROUNDS):
@@ -111,7 +99,12 @@ def find_delay(session: Session, excited: Sequence[Run], machine: Machine) -> De
             break
     if not fit.physical or 2 * np.pi * ripples[0].frequency_hz * abs(found) > MAX_PHASE_RAD:
         return None
-    return Delay(Nuisance(found, further.std), speed, ripples[0].frequency_hz, loss)
+    angle = Nuisance(found, further.std)
+    losses = (NOTHING, NOTHING)
+    if lagging and speed.value > 0:
+        period = 1 / machine.control.sample_rate_hz if machine.control else 0.0
+        losses = _losses(lag, Nuisance(-found, further.std), period)
+    return Delay(angle, speed, ripples[0].frequency_hz, *losses)
 
 
 def without_delay(session: Session, delay: Delay) -> Session:
@@ -215,14 +208,31 @@ def _speed_behind_angle(ripple: Ripple) -> _Lag:
     )
 
 
-def _possible(loss_s2: Nuisance, lag_s: float) -> Nuisance:
-    """The loss as measured, and as a lag of τ suggests.
+def _losses(lag: _Lag, torque_lag_s: Nuisance, period_s: float) -> tuple[Nuisance, Nuisance]:
+    """What speed and torque lost, from their lags behind the angle and the loss of the speed as measured.
 
-    What lags behind the angle of the same drive was not sent later but averaged: over 2τ evenly, as a difference of
-    angles is, γ = τ²/6, or with a tail, as by a lag of first order, γ = τ²/2.
+    A difference of angles over one period T of the controller lags by ½T and loses γ = T²/24; a torque held for T
+    lags as much, but it is the one that acts that is smaller. What else lags behind the angle of the same drive was
+    not sent later but filtered: by a lag of first order, as a rule (γ = ½τ(τ + T) in steps of T), of which two in a
+    row (half of it) are taken to be two standard deviations off. The torque went through the same as far as its lag
+    says so.
     """
-    least, most = lag_s**2 / 6, lag_s**2 / 2
-    return _mean([loss_s2, Nuisance((least + most) / 2, (most - least) / float(np.sqrt(12)))])
+    behind = lag.delay_s.value
+    half = min(period_s / 2, behind)
+    rest = behind - half
+    expected = rest * (rest + 2 * half) / 2
+    loss = _mean([lag.loss_s2, Nuisance(expected + half**2 / 6, expected / 4)])
+    filtered = loss.value - half**2 / 6
+    held = float(np.clip(torque_lag_s.value, 0.0, half))
+    longest = max(rest, 1e-12)
+    alike = float(np.clip((torque_lag_s.value - held) / longest, 0.0, 1.0))
+    unsure = float(np.hypot(torque_lag_s.std, alike * lag.delay_s.std)) / longest
+    std = float(np.hypot(alike**2 * loss.std, 2 * alike * min(unsure, 1.0) * filtered))
+    return loss, Nuisance(alike**2 * filtered - held**2 / 6, std)
+
+
+def _mean_lag(lags: Sequence[_Lag]) -> _Lag:
+    return _Lag(_mean([lag.delay_s for lag in lags]), _mean([lag.loss_s2 for lag in lags]))
 
 
 def _mean(parts: Sequence[Nuisance]) -> Nuisance:

@@ -6,8 +6,10 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from schwung.drivetrain.machine import Machine
+from schwung.errors import InputError
 from schwung.estimation.balance import Basis, Equations, LoadSide, equations, load_side
 from schwung.estimation.ripple import Ripple
 from schwung.estimation.sdft import ComplexArray
@@ -24,6 +26,8 @@ EVEN = 0.25
 MOSTLY = 0.9
 #: No machine leaves the phase between torque and speed more open than this.
 MAX_PHASE_STD_RAD = 0.05
+#: From this share of its amplitude on an injection says something.
+INJECTED = 0.1
 #: The share of its amplitude that a torque without lag may have lost to a filter.
 NO_LOSS = 1e-6
 
@@ -74,6 +78,22 @@ class CurveFit:
         variance = np.einsum("ij,jk,ik->i", basis, self.solution.covariance[:size, :size], basis)
         return np.asarray(np.sqrt(np.maximum(variance, 0.0)))
 
+    def passed(self, angle_rad: Array) -> NDArray[np.bool_]:
+        """Whether the load passed each of the uniform angles (n,) while the injection was on: else what the curve
+        says there is its smoothness alone.
+        """
+        reach = float(angle_rad[1] - angle_rad[0])
+        result = np.zeros(angle_rad.size, dtype=bool)
+        for load, ripple in zip(self.loads, self.ripples, strict=True):
+            excitation = ripple.runs[0].excitation
+            assert excitation is not None  # guaranteed by Run
+            on = excitation.envelope(ripple.time_s) >= INJECTED
+            steps = np.abs(np.gradient(load.angle_rad))
+            at, near = load.angle_rad[on], np.maximum(steps[on], reach)
+            for number, angle in enumerate(angle_rad):
+                result[number] |= bool(np.any(np.abs(at - angle) <= near))
+        return result
+
     def unexplained(self, number: int) -> ComplexArray:
         """What the torque of one ripple leaves over, N·m, (n,)."""
         load, ripple = self.loads[number], self.ripples[number]
@@ -93,7 +113,18 @@ def fit_curve(ripples: Sequence[Ripple], machine: Machine) -> CurveFit:
 
     Each equation is weighted by the noise floors first, then by what its neighbours in frequency left unexplained:
     neither counts of an encoder nor what the model leaves out make noise of the colour that floors tell of.
+
+    Raises InputError where a ripple holds no torque or no motion.
     """
+    for ripple in ripples:
+        if not (
+            np.any(ripple.ripple_torque_nm) and np.any(ripple.ripple_speed_rad_s + ripple.ripple_position_rad)
+        ):
+            raise InputError(
+                ripple.name,
+                "holds no ripple: torque or speed do not answer to the injection at all",
+                "See whether the drive applies the injection, and whether both signals are recorded.",
+            )
     loads = tuple(load_side(ripple, machine) for ripple in ripples)
     low = min(float(load.angle_rad.min()) for load in loads)
     high = max(float(load.angle_rad.max()) for load in loads)

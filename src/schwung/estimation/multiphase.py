@@ -68,7 +68,7 @@ def table_of(fit: CurveFit, points: int) -> tuple[InertiaTable, list[str]]:
     """
     angle = np.linspace(fit.basis.low_rad, fit.basis.high_rad, points)
     inertia, std = fit.inertia_at(angle), fit.std_at(angle)
-    known = (inertia > 0) & (std < MAX_RELATIVE_STD * inertia)
+    known = (inertia > 0) & (std < MAX_RELATIVE_STD * inertia) & fit.passed(angle)
     if known.sum() < 2:
         raise InputError(
             fit.ripples[0].name,

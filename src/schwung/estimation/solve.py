@@ -5,12 +5,18 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.linalg import cholesky, solve_triangular
+from scipy.linalg import block_diag, cholesky, solve_triangular
 
 from schwung.motion import Array
 
-#: Order of the differences that the penalty squares: 3 draws towards a parabola.
-ORDER = 3
+#: Order of the differences that the penalty squares: 4 draws towards a cubic.
+ORDER = 4
+#: Exponents of λ over the mean power of a penalised column: from no smoothing at all to none but a cubic.
+_COARSE, _FINE, _FINEST = (
+    np.arange(-18.0, 8.1, 1.0),
+    np.arange(-0.75, 0.76, 0.25),
+    np.arange(-0.2, 0.21, 0.05),
+)
 
 
 @dataclass(frozen=True, eq=False)
@@ -29,35 +35,82 @@ class Solution:
 
 
 def solve(inertia: Array, nuisance: Array, y: Array, prior_std: Array) -> Solution:
-    """Minimise |y − inertia·c − nuisance·p|² + λ|Δ³c|² + σ²Σ(p/prior)², λ by restricted maximum likelihood."""
+    """Minimise |y − inertia·c − nuisance·p|² + λ|Δᵏc|² + σ²Σ(p/prior)², λ by restricted maximum likelihood.
+
+    In coordinates in which the penalty is λ times 1 or 0, and each column scaled to 1: else a stiff curve and a limp
+    one differ by so much that nothing is left of the covariance.
+    """
     size, count = inertia.shape[1], nuisance.shape[1]
-    scale = np.maximum(np.sqrt(np.sum(nuisance**2, axis=0)), 1e-300)
-    design = np.column_stack([inertia, nuisance / scale])
-    difference = np.diff(np.eye(size), ORDER, axis=0)
-    penalty = np.zeros((size + count,) * 2)
-    penalty[:size, :size] = difference.T @ difference
-    normal, right, power = design.T @ design, design.T @ y, float(y @ y)
-    normal[np.diag_indices_from(normal)] *= 1 + 1e-13
-    unit = np.trace(normal[:size, :size]) / np.trace(penalty)
+    bends = _bending_coordinates(size)
+    design = np.column_stack([inertia @ bends, nuisance])
+    scale = np.sqrt(np.sum(design**2, axis=0))
+    scale[ORDER:size] = np.sqrt(np.mean(scale[ORDER:size] ** 2))
+    power = float(y @ y)
+    scale = np.maximum(scale, 1e-12 * scale[0])
+    design = design / scale
+    normal, right = design.T @ design, design.T @ y
+    penalised = np.zeros(size + count)
+    penalised[ORDER:size] = 1.0
     degrees = y.size - ORDER
-    known = np.zeros((size + count,) * 2)
+    known = np.zeros(size + count)
     variance = exponent = 0.0
-    for exponents in (np.arange(-9.0, 9.1, 1.0), np.arange(-0.75, 0.76, 0.25), np.arange(-0.2, 0.21, 0.05)):
+    for exponents in (_COARSE, _FINE, _FINEST):
         found = []
         for tried in exponent + exponents:
-            strength = unit * 10.0**tried
-            factor = cholesky(normal + strength * penalty + known, lower=True, check_finite=False)
-            half = solve_triangular(factor, right, lower=True, check_finite=False)
+            root = _Root.of(normal, 10.0**tried * penalised + known)
+            half = root.lower(right)
             loss = max(power - float(half @ half), 1e-14 * power)
-            criterion = degrees * np.log(loss) + 2 * float(np.sum(np.log(np.diag(factor))))
-            found.append((criterion - (size - ORDER) * np.log(strength), tried, loss))
+            criterion = degrees * np.log(loss) + root.log_determinant
+            found.append((criterion - (size - ORDER) * np.log(10.0**tried), tried, loss))
         _, exponent, loss = min(found)
         variance = loss / degrees
-        known[size:, size:] = np.diag(variance / (prior_std * scale) ** 2)
-    matrix = normal + unit * 10.0**exponent * penalty + known
-    x = np.linalg.solve(matrix, right)
-    back = np.concatenate([np.ones(size), 1 / scale])
-    inverse = np.linalg.inv(matrix)
+        known[size:] = variance / (prior_std * scale[size:]) ** 2
+    root = _Root.of(normal, 10.0**exponent * penalised + known)
+    inverse = root.inverse()
+    x = inverse @ right
     leverage = np.clip(np.einsum("ri,ri->r", design @ inverse, design), 0.0, 1.0)
-    covariance = variance * inverse * np.outer(back, back)
-    return Solution(x[:size], x[size:] / scale, covariance, variance, y - design @ x, leverage)
+    back = block_diag(bends, np.eye(count)) / scale
+    values = back @ x
+    return Solution(
+        coefficients=values[:size],
+        nuisances=values[size:],
+        covariance=variance * back @ inverse @ back.T,
+        variance=variance,
+        residual=y - design @ x,
+        leverage=leverage,
+    )
+
+
+def _bending_coordinates(size: int) -> Array:
+    """Coefficients = result · z, of which the first ORDER bend nothing; |Δᵏc|² is the sum of the others squared."""
+    difference = np.diff(np.eye(size), ORDER, axis=0)
+    values, vectors = np.linalg.eigh(difference.T @ difference)
+    vectors[:, ORDER:] /= np.sqrt(values[ORDER:])
+    return np.asarray(vectors)
+
+
+@dataclass(frozen=True, eq=False)
+class _Root:
+    """Cholesky's factor of a matrix scaled to ones on its diagonal."""
+
+    factor: Array
+    scale: Array
+
+    @classmethod
+    def of(cls, matrix: Array, diagonal: Array) -> _Root:
+        whole = matrix + np.diag(diagonal)
+        whole[np.diag_indices_from(whole)] *= 1 + 1e-13
+        scale = 1 / np.sqrt(np.maximum(np.diag(whole), 1e-300))
+        return cls(cholesky(whole * scale[:, None] * scale, lower=True, check_finite=False), scale)
+
+    @property
+    def log_determinant(self) -> float:
+        return 2 * float(np.sum(np.log(np.diag(self.factor))) - np.sum(np.log(self.scale)))
+
+    def lower(self, right: Array) -> Array:
+        """The factor's inverse on a right-hand side."""
+        return np.asarray(solve_triangular(self.factor, self.scale * right, lower=True, check_finite=False))
+
+    def inverse(self) -> Array:
+        half = solve_triangular(self.factor, np.diag(self.scale), lower=True, check_finite=False)
+        return np.asarray(half.T @ half)

@@ -14,6 +14,7 @@ import numpy as np
 from scipy.optimize import minimize, minimize_scalar
 
 from schwung.drivetrain.machine import Machine
+from schwung.errors import InputError
 from schwung.estimation import trajectory_kernel as kernel
 from schwung.estimation.sampling import is_held
 from schwung.estimation.trajectory_model import (
@@ -102,7 +103,10 @@ def fit(recorded: Sequence[Run], machine: Machine, *, rotary: bool = True) -> Fi
 
     The coupling is held as believed until the rest has settled: stiffness and inertia, both far off, can make up for
     each other. Then pieces are halved until the curve's bends are resolved.
+
+    Raises InputError where there is no torque or no motion at all.
     """
+    _check_alive(recorded)
     runs = tuple(signals_of(run, machine, band_of(recorded)) for run in recorded)
     low, high = load_angle_range(runs)
     pieces = int(np.clip((high - low) * PIECES_PER_RAD if rotary else PIECES, PIECES, MOST_PIECES))
@@ -147,6 +151,18 @@ def fit(recorded: Sequence[Run], machine: Machine, *, rotary: bool = True) -> Fi
 def band_of(recorded: Sequence[Run]) -> float:
     """The band (Hz) that motion and injection are in; infinite without injection."""
     return BAND * max((run.excitation.frequency_hz for run in recorded if run.excitation), default=np.inf)
+
+
+def _check_alive(recorded: Sequence[Run]) -> None:
+    """There must be motion and torque, however little."""
+    for what, ranges in (
+        ("motion", [np.ptp(run.position_rad) for run in recorded]),
+        ("torque", [np.ptp(run.torque_nm) for run in recorded]),
+    ):
+        if not max(ranges) > 0:
+            raise InputError(
+                "session", f"holds no {what} at all", "Record a motion, with the motor's torque."
+            )
 
 
 def _likelier(model: Model, runs: Sequence[Signals], parameters: Array, step: Array, noise: Noise) -> Array:
