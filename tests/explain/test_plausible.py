@@ -227,6 +227,7 @@ def test_clipped_torque_is_found_and_compared_with_the_stated_peak(session: Sess
     "torque",
     [
         np.sin(np.linspace(0, 20, 3000)),
+        np.rint(500 * np.sin(np.linspace(0, 20, 3000))),  # counted: several samples at the top
         np.repeat([0.0, 1.0, 0.0, -1.0], 500),  # commanded steps stand still everywhere
         np.zeros(100),
     ],

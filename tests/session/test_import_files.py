@@ -187,6 +187,25 @@ def test_a_twincat_scope_export_is_understood(tmp_path: Path, form: dict[str, An
     assert "position is taken in °, as the file says" in found.notes
 
 
+@pytest.mark.parametrize("form", ["names only", "no times", "semicolons"])
+def test_scope_exports_of_other_settings_are_understood(tmp_path: Path, form: str) -> None:
+    rows = [[f"{1000 * t:.0f}", f"{q:.6f}", f"{u:.6f}"] for t, q, u in zip(TIME, ANGLE, TORQUE, strict=True)]
+    head = [["Name", "Scope"], ["File", "C:\\scope.csv"], [], ["Name", "Pos", "Torque"]]
+    separator = ","
+    if form == "no times":
+        head.append(["SampleTime[ms]", "1", "1"])
+        rows = [row[1:] for row in rows]
+    elif form == "semicolons":  # a time column per channel, and a separator at the end of each line
+        separator = ";"
+        head[-1] = ["Name", "Pos", "Name", "Torque", ""]
+        rows = [[row[0], row[1], row[0], row[2], ""] for row in rows]
+    path = tmp_path / "scope.csv"
+    path.write_text("\n".join(separator.join(row) for row in [*head, [], *rows]) + "\n", encoding="utf-8")
+    run = brought(path, position="Pos", torque="Torque").runs[0]
+    assert run.sample_rate_hz == 1000.0
+    np.testing.assert_allclose(run.torque_nm, TORQUE, atol=1e-6)
+
+
 def test_channels_of_different_rates_need_resample(tmp_path: Path) -> None:
     path = tmp_path / "scope.csv"
     path.write_text(scope_export(torque_ms=4), encoding="utf-8")

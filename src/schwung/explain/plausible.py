@@ -11,6 +11,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from schwung.drivetrain.machine import Machine
 from schwung.explain.plausible_units import low_pass, speed_doubts, torque_doubts
@@ -179,8 +180,9 @@ def _clipped(session: Session, machine: Machine) -> list[Doubt]:
 def plateau(torque: Array) -> float | None:
     """The level (unsigned) at which a torque (n,) is clipped, None where it is not.
 
-    Clipped torque repeats its extreme value exactly, sample after sample, while it changes elsewhere. Noise added
-    behind the limit hides this; then it is left to the explanation.
+    Clipped torque repeats its extreme value exactly, sample after sample, while it changes elsewhere, and it runs
+    into it: a smooth top that is merely counted in steps is reached step by step. Noise added behind the limit hides
+    all this; then it is left to the explanation.
     """
     highest = float(np.max(np.abs(torque)))
     if highest == 0:
@@ -192,10 +194,20 @@ def plateau(torque: Array) -> float | None:
     longest = int(np.max(edges[1::2] - edges[::2])) + 1 if edges.size else 0
     if longest < _PLATEAU_SAMPLES or np.mean(at_level) < _PLATEAU_SHARE:
         return None
+    if _arrives_by_counts(torque, edges):
+        return None
     elsewhere = float(np.mean(same[~held])) if np.any(~held) else 1.0
     return (
         highest if elsewhere < 0.5 else None
     )  # a torque that mostly stands still is held or commanded, not clipped
+
+
+def _arrives_by_counts(torque: Array, edges: NDArray[np.int64]) -> bool:
+    """Whether plateaus, given by the edges of their equal steps, are entered and left by single steps of counting."""
+    steps = np.abs(np.diff(torque))
+    count = float(steps[steps > 0].min())
+    outside = [steps[at] for at in (*(edges[::2] - 1), *edges[1::2]) if 0 <= at < steps.size]
+    return bool(outside) and max(outside) < 2.5 * count
 
 
 def _coarse(session: Session) -> list[Doubt]:
