@@ -12,7 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from schwung.explain.locate_columns import Residual, dictionary, gather, raised_cosine
+from schwung.explain.locate_columns import Residual, dictionary, gather
 from schwung.explain.locate_interval import interval_of
 from schwung.explain.locate_lines import Comb
 from schwung.explain.locate_search import COORDINATES, LEAST_SHARE, SIGNIFICANT, Search
@@ -24,6 +24,7 @@ from schwung.session.model import Axis
 
 __all__ = ["Residual", "Share", "interval_of", "locate", "shares"]
 
+HELD_WIDTH = 0.84  # of a raised cosine's width: where nearly all of it is, as in interval_of
 EQUAL = 0.01  # of a coordinate's gain: another one that misses no more than this cannot be told from it
 
 
@@ -137,40 +138,18 @@ def _interval(
         return float(min(heavy)), float(max(heavy))
     bumps = [search.space.shapes[i] for i in mine if search.space.shapes[i].bump is not None]
     if bumps and len(bumps) == len(mine):
-        centre, half = _refined(search, mine)
-        return max(centre - 0.8 * half, float(np.min(values))), min(
-            centre + 0.8 * half, float(np.max(values))
+        main = max(mine, key=lambda i: float(np.sum(search.space.contribution(search.chosen, [i]) ** 2)))
+        (centre, half), period = (
+            search.space.shapes[main].bump or (0.0, 0.0),
+            search.space.shapes[main].period,
         )
-    return interval_of(values, contribution)
-
-
-def _refined(search: Search, mine: Sequence[int]) -> tuple[float, float]:
-    """Centre and half width of one raised cosine in place of the chosen bumps, to better than the hats' spacing."""
-    samples, space = search.samples, search.space
-    main = max(mine, key=lambda i: float(np.sum(space.contribution(search.chosen, [i]) ** 2)))
-    shape = space.shapes[main]
-    assert shape.bump is not None
-    centre, half = shape.bump
-    values = samples.values(shape.coordinate)
-    factor = samples.sign if shape.signed else np.ones_like(samples.sign)
-    target = search.remainder(search.chosen) + space.contribution(search.chosen, mine)
-
-    def gain(at: float, wide: float) -> float:
-        column = raised_cosine(values, at, wide) * factor
-        own = float(column @ column)
-        return float(column @ target) ** 2 / own if own > 0 else 0.0
-
-    best, step = gain(centre, half), 0.35
-    while step > 0.02:
-        tries = [
-            (centre + d * half * step, half * (1 + w * step)) for d, w in ((1, 0), (-1, 0), (0, 1), (0, -1))
-        ]
-        scores = [gain(at, wide) for at, wide in tries]
-        if max(scores) > best:
-            best, (centre, half) = max(scores), tries[int(np.argmax(scores))]
-        else:
-            step /= 2
-    return centre, half
+        if period is not None:
+            lo = float(np.mod(centre - HELD_WIDTH * half, period))
+            return lo, lo + 2 * HELD_WIDTH * half
+        return max(centre - HELD_WIDTH * half, float(np.min(values))), min(
+            centre + HELD_WIDTH * half, float(np.max(values))
+        )
+    return interval_of(values, contribution, held=0.9)
 
 
 def _twins(
@@ -197,7 +176,7 @@ def _twins(
         best = max(fit, key=lambda i: gains[i])
         contribution = space.contribution([*others, best], [best])
         interval = (
-            interval_of(search.samples.values(other), contribution)
+            interval_of(search.samples.values(other), contribution, held=0.9)
             if other not in ("run", "direction")
             else _interval(search, other, [best], contribution)
         )
@@ -212,8 +191,13 @@ def _located(
 ) -> Located:  # fmt: skip
     values = search.samples.values(coordinate)
     visited = (float(np.min(values)), float(np.max(values)))
-    text = sentence(coordinate, interval, visited, share, axis, twin)
-    return Located(coordinate, interval, unit_of(coordinate, axis), share, p_value, text)
+    interval, share = (float(interval[0]), float(interval[1])), float(share)
+    shapes = [
+        shape for shape in (search.space.shapes[i] for i in search.chosen) if shape.coordinate == coordinate
+    ]
+    each_turn = bool(shapes) and all(shape.bump is not None and shape.period is not None for shape in shapes)
+    text = sentence(coordinate, interval, visited, share, axis, twin, each_turn)
+    return Located(coordinate, interval, unit_of(coordinate, axis), share, float(p_value), text)
 
 
 def _once(found: Sequence[Located]) -> list[Located]:

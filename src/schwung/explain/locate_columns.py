@@ -7,7 +7,7 @@ one matrix product; a shape is then a set of weights on the columns.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -120,6 +120,7 @@ class Shape:
     price: float
     bump: tuple[float, float] | None = None
     signed: bool = False  # times the sign of speed
+    period: float | None = None  # of a coordinate that comes back every turn
 
 
 @dataclass(frozen=True, eq=False)
@@ -142,9 +143,19 @@ def hats(values: Array, lowest: float, highest: float, count: int) -> Array:
     return result
 
 
-def raised_cosine(values: Array, centre: float, half_width: float) -> Array:
-    """1 at the centre, 0 from half a width on (n,)."""
-    away = np.abs(values - centre) / half_width
+def circular_hats(angle: Array, count: int) -> Array:
+    """The same on an angle that comes back every turn: knot i at i/count of a turn (n, count)."""
+    around = hats(np.mod(angle, TURN), 0.0, TURN, count + 1)
+    around[:, 0] += around[:, count]
+    return around[:, :count]
+
+
+def raised_cosine(values: Array, centre: float, half_width: float, period: float | None = None) -> Array:
+    """1 at the centre, 0 from half a width on (n,); with a period, at every return."""
+    away = values - centre
+    if period is not None:
+        away = away - period * np.round(away / period)
+    away = np.abs(away) / half_width
     bump: Array = np.where(away < 1, 0.5 * (1 + np.cos(np.pi * np.minimum(away, 1))), 0.0)
     return bump
 
@@ -154,7 +165,7 @@ class _Builder:
         self.samples = samples
         self.columns: list[Array] = []
         self.count = 0
-        self.planned: list[tuple[Coordinate, str, int, Array, float, tuple[float, float] | None, bool]] = []
+        self.planned: list[tuple[int, Shape]] = []  # with weights on the columns from the first on
 
     def add(self, block: Array) -> int:
         """Put columns (n,) or (n, k) in; tells the first one's index."""
@@ -166,10 +177,10 @@ class _Builder:
 
     def shape(
         self, coordinate: Coordinate, name: str, first: int, weights: Array, price: float,
-        bump: tuple[float, float] | None = None, signed: bool = False,
+        bump: tuple[float, float] | None = None, signed: bool = False, period: float | None = None,
     ) -> None:  # fmt: skip
         """A shape with weights (rows, k) on the columns from `first` on."""
-        self.planned.append((coordinate, name, first, weights, price, bump, signed))
+        self.planned.append((first, Shape(coordinate, name, weights, price, bump, signed, period)))
 
     def pick(self, coordinate: Coordinate, name: str, indices: Sequence[int], price: float) -> None:
         """A shape of whole columns."""
@@ -179,27 +190,31 @@ class _Builder:
         self.shape(coordinate, name, first, weights, price)
 
     def curves(
-        self, coordinate: Coordinate, first: int, count: int, lowest: float, highest: float, signed: bool
-    ) -> None:
-        """Free curves and bumps made of `count` hats from `first` on."""
-        knots = np.linspace(0.0, 1.0, count)
+        self, coordinate: Coordinate, first: int, span: tuple[float, float], count: int, signed: bool = False,
+        period: float | None = None,
+    ) -> None:  # fmt: skip
+        """Free curves and bumps made of `count` hats from `first` on, over a span (of one period)."""
+        lowest, highest = span
+        knots = np.arange(count)
         for fine in (8, 16, 40):
-            self.shape(coordinate, "curve", first, hats(knots, 0, 1, fine), fine, signed=signed)
-        step = (highest - lowest) / (count - 1)
-        places = np.arange(count)
+            made = circular_hats(knots * TURN / count, fine) if period else hats(knots, 0, count - 1, fine)
+            self.shape(coordinate, "curve", first, made, fine, None, signed, period)
+        step = (highest - lowest) / (count if period else count - 1)
         for half in BUMPS:
             for centre in np.arange(0, count, max(half / 3, 1.0)):
+                bump = raised_cosine(knots, centre, half, float(count) if period else None)
                 self.shape(
-                    coordinate, "bump", first, raised_cosine(places, centre, half)[:, None], 3.0,
-                    (lowest + centre * step, half * step), signed,
+                    coordinate, "bump", first, bump[:, None], 3.0, (lowest + centre * step, half * step),
+                    signed, period,
                 )  # fmt: skip
 
     def done(self) -> Dictionary:
+        """All columns, and the shapes with weights on all of them."""
         shapes = []
-        for coordinate, name, first, weights, price, bump, signed in self.planned:
-            full = np.zeros((self.count, weights.shape[1]))
-            full[first : first + weights.shape[0]] = weights
-            shapes.append(Shape(coordinate, name, full, price, bump, signed))
+        for first, shape in self.planned:
+            full = np.zeros((self.count, shape.weights.shape[1]))
+            full[first : first + shape.weights.shape[0]] = shape.weights
+            shapes.append(replace(shape, weights=full))
         return Dictionary(np.concatenate(self.columns, axis=1), tuple(shapes))
 
 
@@ -223,7 +238,7 @@ def dictionary(samples: Samples, axis: Axis) -> Dictionary:
     build.pick("speed", "proportional", [viscous], 1)
     build.pick("speed", "square", [drag], 1.5)
     build.pick("speed", "polynomial", [viscous, drag], 2.5)
-    for slow in (0.02, 0.04, 0.08, 0.16):
+    for slow in (0.015, 0.025, 0.04, 0.06, 0.08, 0.11, 0.15, 0.2):
         near = build.add(sign * np.exp(-((speed / slow) ** 2)))
         build.pick("speed", "near standstill", [near], 2)
         build.pick("speed", "falling", [dry, near], 3)
@@ -233,7 +248,7 @@ def dictionary(samples: Samples, axis: Axis) -> Dictionary:
     build.pick("speed", "curve", range(odd, odd + 8), 8)
     build.pick("speed", "curve", range(odd, even + 8), 16)
 
-    _inertia(build, acceleration, samples)
+    _inertia(build, acceleration, samples, axis)
     proportional, rate = build.add(torque), build.add(_scaled(samples.torque_rate))
     build.pick("torque", "proportional", [proportional], 1)
     build.pick("torque", "rate", [rate], 1.5)
@@ -247,24 +262,31 @@ def dictionary(samples: Samples, axis: Axis) -> Dictionary:
     earliest = float(np.min(samples.time_s))
     if latest > earliest:
         first = build.add(hats(samples.time_s, earliest, latest, INSTANTS))
-        build.curves("time_in_motion", first, INSTANTS, earliest, latest, signed=False)
+        build.curves("time_in_motion", first, (earliest, latest), INSTANTS)
     return build.done()
 
 
-def _inertia(build: _Builder, acceleration: Array, samples: Samples) -> None:
-    """Inertia that is off evenly, and over position: J a + ½ J' ω² for J = cos(jπu); and a late acceleration."""
+def _inertia(build: _Builder, acceleration: Array, samples: Samples, axis: Axis) -> None:
+    """Inertia that is off evenly, or over position (J a + ½ J' ω²) in waves of the range or the turn; or late."""
     build.pick("acceleration", "proportional", [build.add(acceleration)], 1)
     build.pick("acceleration", "rate", [build.add(_scaled(samples.jerk))], 1.5)
     reach = float(np.ptp(samples.position))
-    if reach > 0:
-        along = (samples.position - np.min(samples.position)) / reach
-        modes = [
-            samples.acceleration * np.cos(j * np.pi * along)
-            - 0.5 * samples.speed**2 * (j * np.pi / reach) * np.sin(j * np.pi * along)
-            for j in range(6)
-        ]
-        first = build.add(np.stack([_scaled(mode) for mode in modes], axis=1))
-        build.pick("acceleration", "curve", range(first, first + 6), 6)
+    if reach <= 0:
+        return
+    angle, half_square = samples.position, 0.5 * samples.speed**2
+
+    def mode(wave: float, phase: float) -> Array:
+        inertia, slope = np.cos(wave * angle - phase), -wave * np.sin(wave * angle - phase)
+        return _scaled(samples.acceleration * inertia + half_square * slope)
+
+    even = np.pi / reach
+    first = build.add(np.stack([mode(j * even, j * even * np.min(angle)) for j in range(8)], axis=1))
+    build.pick("acceleration", "curve", range(first, first + 5), 5)
+    build.pick("acceleration", "curve", range(first, first + 8), 8)
+    if axis == "rotary":
+        turns = [mode(1.0, 0.0), mode(1.0, np.pi / 2), mode(2.0, 0.0), mode(2.0, np.pi / 2)]
+        begin = build.add(np.stack(turns, axis=1))
+        build.pick("acceleration", "curve", [first, *range(begin, begin + 4)], 5)
 
 
 def _runs(build: _Builder, samples: Samples) -> None:
@@ -292,10 +314,11 @@ def _positions(build: _Builder, samples: Samples, axis: Axis) -> None:
         first = build.add(np.stack(waves, axis=1))
         build.pick("position", "once per turn", [first, first + 1], 2)
         build.pick("position", "twice per turn", range(first, first + 4), 4)
+    span = (lowest, highest)
     plain = hats(position, lowest, highest, PLACES)
-    build.curves("position", build.add(plain), PLACES, lowest, highest, signed=False)
-    build.curves("position", build.add(plain * sign), PLACES, lowest, highest, signed=True)
-    if axis == "rotary" and highest - lowest > 1.5 * TURN:  # what the shaft meets again every turn
-        folded = hats(np.mod(position, TURN), 0.0, TURN, PLACES)
-        build.curves("position", build.add(folded), PLACES, 0.0, TURN, signed=False)
-        build.curves("position", build.add(folded * sign), PLACES, 0.0, TURN, signed=True)
+    build.curves("position", build.add(plain), span, PLACES)
+    build.curves("position", build.add(plain * sign), span, PLACES, signed=True)
+    if axis == "rotary" and highest - lowest > 1.05 * TURN:  # what the shaft meets again every turn
+        folded = circular_hats(position, PLACES)
+        build.curves("position", build.add(folded), (0.0, TURN), PLACES, period=TURN)
+        build.curves("position", build.add(folded * sign), (0.0, TURN), PLACES, signed=True, period=TURN)

@@ -81,7 +81,7 @@ def frequency_line(samples: Samples, remainder: Array) -> tuple[Line, float] | N
     """The strongest line in time, its phase free in every run, and its p-value against the spectrum around it.
 
     The sum over the runs of their periodograms follows χ² with two degrees of freedom per run, times the noise's
-    spectrum, which the median over the neighbouring frequencies gives.
+    spectrum, for which the median beside the peak stands.
     """
     spans = [samples.grid_s[end - 1] - samples.grid_s[start] for start, end in samples.bounds]
     lowest = FEWEST / float(np.median(spans))
@@ -98,10 +98,8 @@ def frequency_line(samples: Samples, remainder: Array) -> tuple[Line, float] | N
         return None
     peak = int(allowed[np.argmax(power[allowed])])
     width = max(round(size / longest), 1)  # bins of one independent frequency
-    around = np.abs(np.arange(power.size) - peak)
-    beside = np.intersect1d(np.flatnonzero((around > 2 * width) & (around <= 16 * width)), allowed)
     degrees = 2 * len(samples.bounds)
-    level = float(np.median(power[beside])) / float(chi2.median(degrees)) if beside.size >= 8 else np.inf
+    level = _level(power, peak, width) / float(chi2.median(degrees))
     tries = 2 * allowed.size / width
     p_value = min(1.0, tries * float(chi2.sf(power[peak] / level, degrees))) if level > 0 else 1.0
     place = _top(frequency, power, peak)
@@ -110,8 +108,19 @@ def frequency_line(samples: Samples, remainder: Array) -> tuple[Line, float] | N
     for i, (start, end) in enumerate(samples.bounds):
         columns[start:end, 2 * i] = np.cos(angle[start:end])
         columns[start:end, 2 * i + 1] = np.sin(angle[start:end])
-    gain = float(power[peak]) - degrees * (level if np.isfinite(level) else 0.0)
+    gain = float(power[peak]) - degrees * level
     return Line(place, gain, columns, Shape("frequency", "line", np.eye(degrees), 6.0)), p_value
+
+
+def _level(power: Array, peak: int, width: int) -> float:
+    """Median power beside a peak, the higher of its two sides: at the foot of a slope nothing is a line."""
+    sides = []
+    for direction in (-1, 1):
+        places = peak + direction * np.arange(2 * width + 1, 16 * width)
+        places = places[(places >= width // 2) & (places < power.size)]
+        if places.size >= width:
+            sides.append(float(np.median(power[places])))
+    return max(sides, default=0.0)
 
 
 def _top(places: Array, heights: Array, peak: int) -> float:

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
 from schwung.explain.locate_chance import Null, p_of_position_line, p_of_shapes
-from schwung.explain.locate_columns import Samples
+from schwung.explain.locate_columns import Samples, raised_cosine
 from schwung.explain.locate_lines import Comb, Line, frequency_line
 from schwung.explain.locate_space import Space
 from schwung.explain.values import Coordinate
@@ -20,6 +20,8 @@ LEAST_SHARE = 0.01
 #: shapes come before free curves; then cheaply, so that curves may take what no simple shape explains.
 DEAR, CHEAP = 0.03, 0.003
 MOST_SHAPES = 10
+#: Shapes of this price or less are simple, more are free curves.
+SIMPLE = 4.0
 #: A coordinate is named below this p-value, corrected for having tried all of them.
 SIGNIFICANT = 0.01
 COORDINATES: tuple[Coordinate, ...] = (
@@ -45,9 +47,10 @@ class Search:
         for toll in (DEAR, CHEAP):
             while len(self.chosen) < MOST_SHAPES and self._grow(toll):
                 pass
-        for _ in range(2):
+        for _ in range(3):
             self._prune()
-            if not self._swap():
+            swapped = self._swap()
+            if not (self._split() or swapped):
                 break
         self._prune()
 
@@ -77,10 +80,40 @@ class Search:
             if null is None:
                 null = Null.of(self.samples, self.space, self.remainder(self.chosen))
             if self.p_value(shape.coordinate, [best], self.chosen, null) < SIGNIFICANT:
-                self.chosen.append(best)
+                self.chosen.append(best if shape.bump is None else self._refined(best))
                 return True
             scores[[one.coordinate == shape.coordinate for one in self.space.shapes]] = -np.inf
         return False
+
+    def _refined(self, bump: int) -> int:
+        """A bump whose place and width are fitted to what is left, to better than the hats' spacing; its index."""
+        samples, shape, target = self.samples, self.space.shapes[bump], self.remainder(self.chosen)
+        assert shape.bump is not None
+        centre, half = shape.bump
+        values = samples.values(shape.coordinate)
+        factor = samples.sign if shape.signed else np.ones_like(samples.sign)
+
+        def column(at: float, wide: float) -> Array:
+            return raised_cosine(values, at, wide, shape.period) * factor
+
+        def gain(at: float, wide: float) -> float:
+            made = column(at, wide)
+            return float(made @ target) ** 2 / max(float(made @ made), 1e-300)
+
+        best, step = gain(centre, half), 0.35
+        while step > 0.02:
+            tries = [
+                (centre + d * half * step, half * (1 + w * step))
+                for d, w in ((1, 0), (-1, 0), (0, 1), (0, -1))
+            ]
+            gains = [gain(at, wide) for at, wide in tries]
+            if max(gains) > best:
+                best, (centre, half) = max(gains), tries[int(np.argmax(gains))]
+            else:
+                step /= 2
+        fitted = replace(shape, bump=(centre, half))
+        self.space = self.space.with_columns(samples, column(centre, half)[:, None], fitted)
+        return len(self.space.shapes) - 1
 
     def p_value(
         self, coordinate: Coordinate, mine: Sequence[int], others: Sequence[int], null: Null | None = None
@@ -131,6 +164,32 @@ class Search:
             if best != one and np.isfinite(scores[best]) and scores[best] > scores[one]:
                 self.chosen[self.chosen.index(one)] = best
                 changed = True
+        return changed
+
+    def _split(self) -> bool:
+        """Put a few simple shapes in place of a free curve, where they do as well: dry friction and a tight spot."""
+        changed = False
+        for rich in [i for i in self.chosen if self.space.shapes[i].price > SIMPLE]:
+            kept, before = self.chosen, self.space.explained(self.chosen)
+            others = [i for i in kept if i != rich]
+            left = self.space.energy - self.space.explained(others)
+            self.chosen = list(others)
+            while len(self.chosen) < len(others) + 3:
+                gains = self.space.beyond(self.chosen).gains(self.space.products)
+                scores = self._scores(gains, left, CHEAP)
+                scores[[shape.price > SIMPLE for shape in self.space.shapes]] = -np.inf
+                scores[self.chosen] = -np.inf
+                best = int(np.argmax(scores))
+                if not np.isfinite(scores[best]):
+                    break
+                self.chosen.append(best if self.space.shapes[best].bump is None else self._refined(best))
+            new = self.chosen[len(others) :]
+            saved = self.space.shapes[rich].price - sum(self.space.shapes[i].price for i in new)
+            gained = self.space.explained(self.chosen) - before
+            if new and gained + saved * CHEAP * left > 0:
+                changed = True
+            else:
+                self.chosen = kept
         return changed
 
     def _prune(self) -> None:

@@ -5,8 +5,10 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import Any
 
 import numpy as np
+from scipy.sparse import csr_array
 
 from schwung.explain.locate_columns import Dictionary, Samples, Shape
 from schwung.motion import Array
@@ -59,12 +61,13 @@ class Space:
         )
 
     @cached_property
-    def singles(self) -> tuple[Array, Array]:
-        """Which shapes have one column (m,), and their weights (K, m)."""
+    def singles(self) -> tuple[Array, Any, Array]:
+        """Which shapes have one column (m,), their weights (m, K) as a sparse matrix, and their own energy (m,)."""
         which = np.array(
             [i for i, one in enumerate(self.shapes) if one.weights.shape[1] == 1], dtype=np.int64
         )
-        return which, np.concatenate([self.shapes[i].weights for i in which], axis=1)
+        weights = csr_array(np.concatenate([self.shapes[i].weights for i in which], axis=1).T)
+        return which, weights, np.asarray(weights.multiply(weights @ self.gram).sum(axis=1)).ravel()
 
     def weights(self, chosen: Sequence[int]) -> Array:
         """Weights (K, k) of the chosen shapes beside each other."""
@@ -119,13 +122,12 @@ class Beyond:
         left = self.products(products)
         asked = np.ones(len(space.shapes), dtype=bool) if which is None else which
         gains = np.zeros((len(space.shapes), *products.shape[1:]))
-        index, weights = space.singles
-        keep = asked[index]
-        index, weights = index[keep], weights[:, keep]
-        own = np.einsum("km,km->m", weights, self.gram @ weights)
-        whole = np.einsum("km,km->m", weights, space.gram @ weights)
+        index, weights, whole = space.singles
+        keep = np.flatnonzero(asked[index])
+        index, weights, whole = index[keep], weights[keep], whole[keep]
+        own = np.asarray(weights.multiply(weights @ self.gram).sum(axis=1)).ravel()
         usable = own > OWN * np.maximum(whole, 1e-300)
-        top = (weights.T @ left) ** 2
+        top = (weights @ left) ** 2
         factor = np.where(usable, 1 / np.where(usable, own, 1.0), 0.0)
         gains[index] = top * (factor if top.ndim == 1 else factor[:, None])
         for i, shape in enumerate(space.shapes):

@@ -34,9 +34,9 @@ def unit_of(coordinate: Coordinate, axis: Axis) -> str:
 
 def sentence(
     coordinate: Coordinate, interval: tuple[float, float], visited: tuple[float, float], share: float, axis: Axis,
-    twin: Coordinate | None = None,
+    twin: Coordinate | None = None, each_turn: bool = False,
 ) -> str:  # fmt: skip
-    """What a drive engineer reads; `twin`: the coordinate that this one cannot be told from."""
+    """What a drive engineer reads; `twin`: what this one cannot be told from; `each_turn`: the place comes back."""
     lo, hi = interval
     unit = unit_of(coordinate, axis)
     part = f"{100 * share:.0f} %"
@@ -57,6 +57,8 @@ def sentence(
         text = f"Over the whole range of {force}, {part} of what the belief misses follows from {force}"
     else:
         text = f"Between {lo:.4g} and {hi:.4g} {unit} of {force}, {part} of what the belief misses"
+    if each_turn:
+        text += ", again in every turn"
     if twin is not None:
         text += f"; this session cannot tell that from {_NAMES[twin]}"
     return text + "."
