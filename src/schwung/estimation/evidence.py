@@ -16,12 +16,12 @@ deviation's DC part was its sign, and counts dry friction, which does no harm, a
 
     T − b ω = s [J_r α_r + d(J_l ω_l)/dt − ½ J_l' ω_l²] + F sign(ω) + v ω + T_0 + T_1 cos θ + T_2 sin θ
 
-by least squares; s must be 1. The coupling hardly winds up at so low a frequency, so that s does not depend on k,
-while the ripple's inertia does: with x = (ω_est/ω_anti)², a stiffness off by ε puts J_l off by about x ε and s with
-it. A wrong k, J_r or torque constant, play and further compliance all leave s ≠ 1: `contradiction` = |s − 1| less
-1.5 standard deviations. What no session shows is a factor on all of its torques: without a coupling of known
-stiffness, or where the method fits the stiffness, a wrong torque constant scales the result unseen, and a rotor
-inertia off by ΔJ shifts it by −ΔJ.
+by least squares, with one more free torque for each rest, where dry friction holds anything; s must be 1. The
+coupling hardly winds up at so low a frequency, so that s does not depend on k, while the ripple's inertia does: with
+x = (ω_est/ω_anti)², a stiffness off by ε puts J_l off by about x ε, and s with it. A wrong k, J_r or torque constant,
+play and further compliance all leave s ≠ 1: `contradiction` = |s − 1| less 1.5 standard deviations. What no session
+shows is a factor on all of its torques: without a coupling of known stiffness, or where the method fits the
+stiffness, a wrong torque constant scales the result unseen, and a rotor inertia off by ΔJ shifts it by −ΔJ.
 
 The predicted error is √(Σ (weight × part)²): the weights say how much of the inertia's error each part shows, and
 were set on simulated machines (`benchmarks/calibration.py --hard`) that the published rates do not use.
@@ -29,8 +29,8 @@ were set on simulated machines (`benchmarks/calibration.py --hard`) that the pub
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -48,6 +48,8 @@ from schwung.session.model import Run
 
 #: The motion's balance is looked at below this share of the injected frequency.
 MOTION_SHARE = 0.5
+#: Signals are kept up to so many times that frequency until their products are made.
+WIDE = 4.0
 #: Dry friction turns round within this share of the top speed.
 STICKING = 0.02
 #: What a part shows of the inertia's error.
@@ -55,8 +57,9 @@ WEIGHT_MOTION, WEIGHT_UNEXPLAINED, WEIGHT_MISSED = 1.75, 0.5, 0.25
 #: Standard deviations of s that count as chance.
 CLEAR = 1.5
 #: A fitted stiffness that differs from the file's may tell of a wrong torque constant instead, which shifts the inertia
-#: as much: its share where stiffness is known to 10 % and the torque constant to 3 % beforehand.
-AMBIGUITY = 0.03**2 / (0.03**2 + 0.1**2)
+#: as much: its share with stiffness known to 10 % and the torque constant to 3 % beforehand.
+TORQUE_CONSTANT, STIFFNESS = 0.03, 0.1
+AMBIGUITY = TORQUE_CONSTANT**2 / (TORQUE_CONSTANT**2 + STIFFNESS**2)
 #: A scale this uncertain says nothing.
 VAGUE = 0.1
 
@@ -92,7 +95,7 @@ class Evidence:
         if self.band is not None:
             found["band"] = self.band
         if self.stiffer:
-            found["stiffness"] = AMBIGUITY * abs(self.stiffer)
+            found["stiffness"] = min(AMBIGUITY * abs(self.stiffer), TORQUE_CONSTANT)
         return found
 
     @property
@@ -106,7 +109,10 @@ def gather(outcome: Outcome, task: Task, table: InertiaTable) -> Evidence:
     machine = outcome.machine or task.machine
     fit = outcome.fit or _ripple_fit(task, machine)
     difference = unexplained = None
+    carried = table
     if fit is not None:
+        if outcome.windowed:  # the windows' bias is seen by the difference: once is enough
+            carried = replace(table, inertia_kgm2=_curve(fit, table), std_kgm2=None)
         difference = 0.0 if outcome.fit is not None else _difference(fit, table)
         unexplained = float(np.sqrt(fit.unexplained_share))
     # a windowed table's band holds its bias already, which the difference shows more sharply
@@ -118,7 +124,7 @@ def gather(outcome: Outcome, task: Task, table: InertiaTable) -> Evidence:
         difference=difference,
         unexplained=unexplained,
         scale=motion_scale(
-            _motion_runs(task), machine, table, task.frequency_hz, task.session.axis != "linear"
+            _motion_runs(task), machine, carried, task.frequency_hz, task.session.axis != "linear"
         ),
         missed=outcome.missed,
         stiffer=_stiffer(task.machine, machine),
@@ -145,6 +151,11 @@ def _ripple_fit(task: Task, machine: Machine) -> CurveFit | None:
     except (InputError, np.linalg.LinAlgError):
         return None
     return fit if fit.physical else None
+
+
+def _curve(fit: CurveFit, table: InertiaTable) -> Array:
+    """The fit's inertia at the table's angles; positive, also where the ripple says little."""
+    return np.maximum(fit.inertia_at(table.position_rad), 1e-3 * float(np.mean(table.inertia_kgm2)))
 
 
 def _difference(fit: CurveFit, table: InertiaTable) -> float:
@@ -179,18 +190,17 @@ def motion_scale(
     margin = int(rate / edge)
     if n < 6 * margin or 2 * edge / rate >= 1:
         return None
-    sections = butter(2, 2 * edge / rate, output="sos")
+    below = _low_pass(edge, rate)
+    # products are made of wider signals and filtered then: the other way round a jerk and a bend would miss each other
+    wide = _low_pass(min(WIDE * edge, 0.45 * rate), rate)
 
-    def slow(name: str) -> Array:
-        return _low(np.mean([getattr(run, name)[:n] for run in runs], axis=0))
-
-    def _low(values: Array) -> Array:
-        return np.asarray(sosfiltfilt(sections, values))
+    def mean(name: str) -> Array:
+        return wide(np.mean([getattr(run, name)[:n] for run in runs], axis=0))
 
     def rate_of(values: Array) -> Array:
         return np.asarray(np.gradient(values, 1 / rate))
 
-    position, speed, torque = slow("position_rad"), slow("speed_rad_s"), slow("torque_nm")
+    position, speed, torque = mean("position_rad"), mean("speed_rad_s"), mean("torque_nm")
     top = float(np.max(np.abs(speed)))
     if top == 0:
         return None
@@ -207,9 +217,27 @@ def motion_scale(
     columns = [moved, np.tanh(speed / (STICKING * top)), speed / top, np.ones(n)]
     if rotary:
         columns += [np.cos(load), np.sin(load)]
+    columns += _rests(speed, STICKING * top, margin)
     inner = slice(margin, -margin)
-    design = np.column_stack([_low(column)[inner] for column in columns])
-    return _first_of(design, _low(torque - known)[inner], 2 * edge * n / rate)
+    design = np.column_stack([below(column)[inner] for column in columns])
+    return _first_of(design, below(torque - known)[inner], 2 * edge * n / rate)
+
+
+def _rests(speed: Array, slowest: float, shortest: int) -> list[Array]:
+    """One column per rest: dry friction holds any torque there."""
+    turns = np.flatnonzero(np.diff(np.concatenate([[False], np.abs(speed) < slowest, [False]]).astype(int)))
+    columns = []
+    for start, end in zip(turns[::2], turns[1::2], strict=True):
+        if end - start > shortest:
+            columns.append(np.zeros(speed.size))
+            columns[-1][start:end] = 1.0
+    return columns
+
+
+def _low_pass(edge_hz: float, rate_hz: float) -> Callable[[Array], Array]:
+    """Butterworth, there and back: no lag."""
+    sections = butter(2, 2 * edge_hz / rate_hz, output="sos")
+    return lambda values: np.asarray(sosfiltfilt(sections, values))
 
 
 def _first_of(design: Array, y: Array, independent: float) -> Nuisance | None:

@@ -1,0 +1,111 @@
+"""What a session says against its own estimate: wrong numbers in the machine file, play, and what cannot be seen."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from estimation_plant import ROTOR, STIFFNESS, Hidden, crank, pair, phases
+
+from schwung.drivetrain.inertia import InertiaTable
+from schwung.drivetrain.machine import Coupling, Motor
+from schwung.estimation import estimate
+from schwung.estimation.evidence import Evidence, motion_scale
+from schwung.estimation.fit import Nuisance
+
+ANGLE = np.linspace(0.0, np.pi, 64)
+
+
+@pytest.fixture(scope="module")
+def four():
+    return phases(0.25, rate=2000.0)
+
+
+@pytest.fixture(scope="module")
+def true_table():
+    return InertiaTable(ANGLE, crank(ANGLE))
+
+
+def relative_rmse(found):
+    off = found.table.inertia_kgm2 - crank(found.table.position_rad)
+    return float(np.sqrt(np.mean(off**2)) / np.mean(crank(ANGLE)))
+
+
+def stiffer(machine, factor):
+    return machine.model_copy(
+        update={"coupling": Coupling(stiffness_nm_rad=factor * STIFFNESS, damping_nms=8.62)}
+    )
+
+
+def test_the_true_table_carries_the_motion(four, fast, machine, true_table):
+    for runs in (four.excited, fast.references):
+        found = motion_scale(runs, machine, true_table, 50.0, rotary=True)
+        assert found.value == pytest.approx(1.0, abs=0.005)
+        assert found.std < 0.005
+
+
+def test_a_table_ten_percent_up_is_contradicted_by_as_much(fast, machine, true_table):
+    """s weighs rotor and load together: (J_r + J)/(J_r + 1.1 J) of the mean."""
+    heavy = InertiaTable(ANGLE, 1.1 * true_table.inertia_kgm2)
+    mean = float(np.mean(crank(ANGLE)))
+    found = motion_scale(fast.references, machine, heavy, 50.0, rotary=True)
+    assert found.value == pytest.approx((ROTOR + mean) / (ROTOR + 1.1 * mean), abs=0.01)
+
+
+def test_friction_and_weight_that_nobody_mentioned_do_not_shift_the_scale(machine, true_table):
+    session = pair(0.25, rate=1000.0, hidden=Hidden(coulomb=4.0, viscous=0.3, gravity=6.0))
+    found = motion_scale(session.references, machine, true_table, 50.0, rotary=True)
+    assert abs(found.value - 1) < 0.01
+
+
+def test_a_wrong_stiffness_is_noticed_and_the_robust_method_taken(four, machine):
+    wrong = stiffer(machine, 0.7)
+    named = estimate(four, wrong, "multiphase")
+    assert relative_rmse(named) > 0.05
+    assert named.trust.verdict != "good"
+    assert 0.5 < named.trust.predicted_error / relative_rmse(named) < 2
+    assert any("check stiffness" in reason for reason in named.trust.reasons)
+    chosen = estimate(four, wrong)
+    assert chosen.method == "trajectory"
+    assert relative_rmse(chosen) < 0.01
+    assert chosen.trust.verdict == "good"
+    assert any("Method multiphase is in doubt" in note and "trajectory" in note for note in chosen.notes)
+    assert any("stiffness comes out" in reason for reason in chosen.trust.reasons)
+
+
+def test_a_right_file_is_good_with_either_method_and_needs_no_other(four, machine):
+    found = estimate(four, machine)
+    assert (found.method, found.trust.verdict) == ("multiphase", "good")
+    assert found.trust.predicted_error < 0.02
+    assert not any("in doubt" in note for note in found.notes)
+
+
+def test_a_heavy_rotor_in_the_file_shows_in_the_motion(four, machine, true_table):
+    motor = Motor(inertia_kgm2=3 * ROTOR, viscous_friction_nms=0.2, peak_torque_nm=233.0)
+    wrong = machine.model_copy(update={"motor": motor})
+    found = estimate(four, wrong, "multiphase")
+    assert relative_rmse(found) > 0.05
+    assert found.trust.verdict != "good"
+
+
+def test_a_factor_on_all_torques_is_not_seen_by_a_rigid_machine(constant_rigid, rigid):
+    """Torque constant off by a tenth: T and J_r + J_l both scale, and every balance holds. Said in the docs."""
+    off = replace(
+        constant_rigid, runs=tuple(replace(run, torque_nm=1.1 * run.torque_nm) for run in constant_rigid.runs)
+    )
+    found = estimate(off, rigid, "denoised")
+    assert np.mean(found.table.inertia_kgm2) > 1.08 * 0.1
+    assert found.trust.verdict == "good"
+
+
+def test_parts_add_up_by_squares_and_chance_does_not_count():
+    sure = Evidence(band=0.03, difference=0.04, unexplained=0.0, scale=Nuisance(1.0, 0.01), missed=None)
+    assert sure.predicted == pytest.approx(0.05)
+    assert Evidence(None, None, None, Nuisance(1.02, 0.02), None).contradiction == 0.0
+    assert Evidence(None, None, None, Nuisance(0.95, 0.02), None).contradiction == pytest.approx(0.02)
+    assert Evidence(None, None, None, Nuisance(1.25, 0.15), None).contradiction == 0.0, "too vague to accuse"
+    assert Evidence(None, None, None, None, missed=0.2).predicted == pytest.approx(0.05)
+
+
+def test_the_expected_error_goes_into_the_json(four, machine):
+    found = estimate(four, machine, "multiphase")
+    assert found.to_json()["trust"]["predicted_error"] == found.trust.predicted_error > 0
