@@ -18,7 +18,11 @@ def _document(**changes):
         "stiffness_nm_rad": {"value": 25100.0, "std": 80.0, "determined": True},
         "damping_nms": {"value": 8.9, "std": 0.2, "determined": True},
     }
-    proposal = {"frequency_hz": 83.3, "amplitude_nm": 40.0, "expected_error_kgm2": 0.0012, "stroke": STROKE}
+    phased = {"frequency_hz": 62.5, "amplitude_nm": 41.0, "expected_error_kgm2": 0.0001}
+    proposal = {
+        "frequency_hz": 83.3, "amplitude_nm": 40.0, "expected_error_kgm2": 0.0012, "stroke": STROKE,
+        "in_phases": phased,
+    }  # fmt: skip
     return {"format": "schwung-bode", "version": 1, "parameters": fitted, "proposal": proposal} | changes
 
 
@@ -37,6 +41,12 @@ def test_the_proposal_fills_the_gaps_and_says_so(tmp_path):
     first, second = wishes.because
     assert "83.3 Hz with 40 N·m: bode's proposal for 3.14 rad in 250 ms, expected error 0.0012" in first
     assert "stiffness 2.51e+04 N·m/rad, damping 8.9" in second
+
+
+def test_four_phases_have_a_proposal_of_their_own(tmp_path):
+    wishes = _read(tmp_path, _document()).wishes(_wishes(phases=4))
+    assert (wishes.frequency_hz, wishes.amplitude_nm) == (62.5, 41.0)
+    assert "62.5 Hz with 41 N·m" in wishes.because[0]
 
 
 def test_what_was_typed_stays(tmp_path):

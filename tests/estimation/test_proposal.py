@@ -93,3 +93,18 @@ def test_without_gains_or_frequencies_there_is_no_proposal():
         propose(_fit(), paper_machine().model_copy(update={"control": None}), 1000.0)
     with pytest.raises(InputError, match="samples a period"):
         propose(_fit(), MACHINE, 50.0)
+
+
+def test_four_phases_need_not_fear_the_window_but_want_samples():
+    found = _proposed(Stroke(np.pi, 0.15))
+    phased = found.in_phases
+    assert phased.samples >= 16
+    assert phased.frequency_hz < found.best.frequency_hz
+    for other in found.candidates:
+        if other.samples >= 16:
+            assert np.hypot(phased.noise_kgm2, phased.model_kgm2) / phased.inertia_kgm2 <= (
+                np.hypot(other.noise_kgm2, other.model_kgm2) / other.inertia_kgm2
+            )
+    assert found.to_json()["in_phases"]["frequency_hz"] == phased.frequency_hz
+    crowded = replace(found, candidates=tuple(c for c in found.candidates if c.samples < 16))
+    assert crowded.in_phases == found.best

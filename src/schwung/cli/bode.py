@@ -306,4 +306,9 @@ def _proposal(
     )
     for reason in proposal.reasons:
         terminal.say(f"  · {reason}")
+    phased = proposal.in_phases
+    terminal.say(
+        f"With four phases: [bold]--phases 4 --frequency {phased.frequency_hz:.6g} --amplitude "
+        f"{phased.amplitude_nm:.3g}[/], expected error {phased.sharp_kgm2:.2g} kg·m²: no window blurs the curve"
+    )
     return proposal

@@ -22,13 +22,21 @@ SAME_MOTION = 0.1
 
 
 @dataclass(frozen=True)
-class BodeResult:
-    """The proposal, and of J_r, k and b what is known well; None: was not proposed, or is not. SI units."""
+class Injection:
+    """What to inject and the error of J_l to expect; None: was not proposed."""
 
-    path: Path
     frequency_hz: float | None = None
     amplitude_nm: float | None = None
     expected_error_kgm2: float | None = None
+
+
+@dataclass(frozen=True)
+class BodeResult:
+    """The proposals, and of J_r, k and b what is known well, None where it is not; SI units."""
+
+    path: Path
+    single: Injection = Injection()
+    in_phases: Injection = Injection()
     distance_rad: float | None = None  # the stroke that the proposal is for
     duration_s: float | None = None
     motor_inertia_kgm2: float | None = None
@@ -49,23 +57,26 @@ class BodeResult:
 
     def wishes(self, wishes: Wishes) -> Wishes:
         """The wishes with the proposal in the gaps that they leave, and the reasons."""
+        injection = self._injection(wishes)
         return replace(
             wishes,
-            frequency_hz=wishes.frequency_hz or self.frequency_hz,
-            amplitude_nm=wishes.amplitude_nm or self.amplitude_nm,
+            frequency_hz=wishes.frequency_hz or injection.frequency_hz,
+            amplitude_nm=wishes.amplitude_nm or injection.amplitude_nm,
             because=(*wishes.because, *self._reasons(wishes)),
         )
 
+    def _injection(self, wishes: Wishes) -> Injection:
+        return self.single if wishes.phases == 1 else self.in_phases
+
     def _reasons(self, wishes: Wishes) -> Iterator[str]:
-        taken = []
-        if self.frequency_hz is not None and wishes.frequency_hz is None:
-            taken.append(f"{self.frequency_hz:g} Hz")
-        if self.amplitude_nm is not None and wishes.amplitude_nm is None:
-            taken.append(f"{self.amplitude_nm:.3g} N·m")
+        taken, injection = [], self._injection(wishes)
+        if injection.frequency_hz is not None and wishes.frequency_hz is None:
+            taken.append(f"{injection.frequency_hz:g} Hz")
+        if injection.amplitude_nm is not None and wishes.amplitude_nm is None:
+            taken.append(f"{injection.amplitude_nm:.3g} N·m")
         if taken:
-            error = (
-                f", expected error {self.expected_error_kgm2:.2g} kg·m²" if self.expected_error_kgm2 else ""
-            )
+            expected = injection.expected_error_kgm2
+            error = f", expected error {expected:.2g} kg·m²" if expected else ""
             yield f"injection of {' with '.join(taken)}: bode's proposal{self._stroke_text()}{error}"
             if not self._same_motion(wishes):
                 yield (
@@ -122,9 +133,14 @@ def read_bode(path: Path) -> BodeResult:
         )
     parameters, proposal = document.get("parameters") or {}, document.get("proposal") or {}
     stroke: Any = proposal.get("stroke") or {} if isinstance(proposal, dict) else None
+    phased: Any = proposal.get("in_phases") or {} if isinstance(proposal, dict) else None
     fitted = parameters.values() if isinstance(parameters, dict) else (None,)
-    if not all(isinstance(part, dict) for part in (proposal, stroke, *fitted)):
+    if not all(isinstance(part, dict) for part in (proposal, stroke, phased, *fitted)):
         raise _alien(file)
+
+    def injection(place: str, values: Mapping[str, Any]) -> Injection:
+        names = ("frequency_hz", "amplitude_nm", "expected_error_kgm2")
+        return Injection(*(_positive(file, place, values, name) for name in names))
 
     def known(name: str) -> float | None:
         found = parameters.get(name, {})
@@ -133,9 +149,8 @@ def read_bode(path: Path) -> BodeResult:
 
     return BodeResult(
         path=file,
-        frequency_hz=_positive(file, "proposal", proposal, "frequency_hz"),
-        amplitude_nm=_positive(file, "proposal", proposal, "amplitude_nm"),
-        expected_error_kgm2=_positive(file, "proposal", proposal, "expected_error_kgm2"),
+        single=injection("proposal", proposal),
+        in_phases=injection("proposal.in_phases", phased),
         distance_rad=_number(file, "proposal.stroke", stroke, "distance_rad"),
         duration_s=_positive(file, "proposal.stroke", stroke, "duration_s"),
         motor_inertia_kgm2=known("motor_inertia_kgm2"),
