@@ -23,8 +23,9 @@ from schwung.session import read_session
 
 Array = NDArray[np.float64]
 
-#: In units of the noise floor: contributions below are pruned.
-_THRESHOLD = 1.0
+#: In units of the noise floor: contributions below are pruned. This and the ridge named most singles right of
+#: thresholds 0.5 to 4 and ridges 1e-6 to 0.1 per sample.
+_THRESHOLD, _RIDGE = 2.0, 0.1
 _STRIBECK_SHARES = (0.06, 0.12, 0.2)
 _COGGING_ORDERS = range(6, 49)
 
@@ -101,7 +102,7 @@ def names(session_file: Path, machine_file: Path) -> list[str]:
     matrix = np.column_stack([column for columns in functions.values() for column in columns])
     scale = np.sqrt(np.mean(matrix**2, axis=0))
     model = pysindy.SINDy(
-        optimizer=pysindy.STLSQ(threshold=_THRESHOLD * floor, alpha=1e-6),
+        optimizer=pysindy.STLSQ(threshold=_THRESHOLD * floor, alpha=_RIDGE * target.size),
         feature_library=pysindy.IdentityLibrary(),
     )
     model.fit(matrix / scale, t=1.0, x_dot=target[:, np.newaxis])
