@@ -8,7 +8,7 @@ from schwung.drivetrain.inertia import InertiaTable
 from schwung.errors import InputError
 from schwung.estimation import estimate
 from schwung.estimation.choice import choose
-from schwung.estimation.methods import METHODS, Suitability, Task, register
+from schwung.estimation.methods import METHODS, Outcome, Suitability, Task, register
 from schwung.estimation.table import combine_tables
 
 
@@ -93,3 +93,64 @@ def test_outside_a_table_it_has_no_say():
     np.testing.assert_allclose(table.inertia_kgm2, [0.15, 0.15, 0.1, 0.1, 0.1])
     bare = InertiaTable(np.linspace(0, 4, 5), np.full(5, 0.3))
     assert combine_tables([wide, bare])[1] == pytest.approx([0.5, 0.5])
+
+
+@pytest.fixture
+def soft(machine):
+    """A machine file whose stiffness is far too low."""
+    coupling = machine.coupling.model_copy(
+        update={"stiffness_nm_rad": 0.7 * machine.coupling.stiffness_nm_rad}
+    )
+    return machine.model_copy(update={"coupling": coupling})
+
+
+@pytest.mark.parametrize("better", [True, False])
+def test_a_favourite_in_doubt_gives_way_to_a_robust_method_that_does_better(four, soft, better, monkeypatch):
+    class Sturdy:
+        name = "sturdy"
+        needs_reference = False
+        robust = True
+
+        def suits(self, task):
+            return Suitability(0.9, "the test says so")
+
+        def traces(self, task):
+            """The truth, or twice that."""
+            angle = np.linspace(0.05, 3.1, 64)
+            return Outcome(table=InertiaTable(angle, (1 if better else 2) * crank(angle)), windowed=False,
+                           machine=machine_as_it_is(task.machine))  # fmt: skip
+
+    def machine_as_it_is(believed):
+        stiffer = {"stiffness_nm_rad": believed.coupling.stiffness_nm_rad / 0.7}
+        return believed.model_copy(update={"coupling": believed.coupling.model_copy(update=stiffer)})
+
+    monkeypatch.setitem(METHODS, "sturdy", Sturdy())
+    monkeypatch.delitem(METHODS, "trajectory")
+    found = estimate(four, soft)
+    assert found.method == ("sturdy" if better else "multiphase")
+    told = [
+        note for note in found.notes if note.startswith("Method multiphase is in doubt (expected error about")
+    ]
+    assert len(told) == 1
+    assert ("was taken" if better else "does no better") in told[0]
+    assert (found.trust.verdict == "good") == better
+
+
+def test_a_robust_method_that_refuses_leaves_the_favourite(four, soft, monkeypatch):
+    class Refuses:
+        name = "refuses"
+        needs_reference = False
+        robust = True
+
+        def suits(self, task):
+            return Suitability(0.9, "the test says so")
+
+        def traces(self, task):
+            raise InputError("session", "is not to its taste")
+
+    monkeypatch.setitem(METHODS, "refuses", Refuses())
+    monkeypatch.delitem(METHODS, "trajectory")
+    found = estimate(four, soft)
+    assert (found.method, found.trust.verdict == "good") == ("multiphase", False)
+    assert any("refuses cannot be used" in note and "not to its taste" in note for note in found.notes)
+    assert estimate(four, soft, "multiphase").notes[:1] != found.notes[:1], "a named method asks no other"

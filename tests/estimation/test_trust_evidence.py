@@ -4,13 +4,18 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from estimation_plant import ROTOR, STIFFNESS, Hidden, crank, pair, phases
+from estimation_plant import ROTOR, STIFFNESS, Hidden, crank, pair, phases, session_of
 
 from schwung.drivetrain.inertia import InertiaTable
 from schwung.drivetrain.machine import Coupling, Motor
 from schwung.estimation import estimate
 from schwung.estimation.evidence import Evidence, motion_scale
 from schwung.estimation.fit import Nuisance
+from schwung.motion import Excitation, Motion
+from schwung.session import Run
+from schwung_sim.drives.axis import ServoAxis
+from schwung_sim.plants import TICK_S, TwoMassPlant, parse_conceal
+from schwung_sim.recording import Noise, play
 
 ANGLE = np.linspace(0.0, np.pi, 64)
 
@@ -109,3 +114,46 @@ def test_parts_add_up_by_squares_and_chance_does_not_count():
 def test_the_expected_error_goes_into_the_json(four, machine):
     found = estimate(four, machine, "multiphase")
     assert found.to_json()["trust"]["predicted_error"] == found.trust.predicted_error > 0
+
+
+def test_friction_that_shifts_the_path_but_not_the_inertia_is_no_reason_to_worry(machine):
+    """The paper's position check alone would condemn it."""
+    session = pair(0.25, rate=1000.0, hidden=Hidden(coulomb=5.0))
+    found = estimate(session, machine, "denoised")
+    assert relative_rmse(found) < 0.03
+    assert found.trust.position_dc_rad > 0.25 * found.trust.position_amplitude_rad
+    assert found.trust.verdict == "good"
+
+
+def on_the_bench(conceal):
+    """Four phases of the Table 1 machine with play or without, at 2 kHz, on the virtual axis."""
+    motion = Motion(distance_rad=np.pi, duration_s=0.25, start_time_s=0.15, dwell_s=0.1)
+    instants = motion.time(1 / TICK_S)
+    runs = []
+    for number in range(4):
+        sine = Excitation(
+            frequency_hz=50.0,
+            amplitude_nm=46.6,
+            phase_rad=number * np.pi / 2,
+            ramp_s=0.04,
+            end_s=motion.total_s,
+        )
+        axis = ServoAxis(TwoMassPlant(concealed=parse_conceal(conceal)))
+        demand, added = motion.demand(instants).position_rad, sine.torque(instants)
+        made = play(axis, demand, added, 4, Noise(), number)
+        signals = {
+            n: getattr(made, n)
+            for n in ("time_s", "position_rad", "speed_rad_s", "torque_nm", "torque_added_nm")
+        }
+        runs.append(
+            Run("excited", 0, 2000.0, **signals, motion=motion, excitation=sine, name=f"phase {number}")
+        )
+    return session_of(*runs)
+
+
+@pytest.mark.parametrize(("gap", "verdicts"), [("1e-6", {"good"}), ("1e-3", {"doubtful", "unusable"})])
+def test_play_in_the_coupling_is_told_from_its_absence(machine, gap, verdicts):
+    """The same plant with a play of nothing and of half the wind-up that the injection makes."""
+    found = estimate(on_the_bench(f"backlash={gap}"), machine, "multiphase")
+    assert found.trust.verdict in verdicts
+    assert (relative_rmse(found) < 0.02) == (verdicts == {"good"})
