@@ -225,6 +225,7 @@ def test_a_session_is_played_as_tick_by_tick(case: SealedCase) -> None:
     targets = np.concatenate([rest, run.stroke.demand_rad()])
     added = np.concatenate([rest, run.torque_added_nm()])
     rows = []
+    axis._c["count_offset"] = np.random.default_rng([5, len(drawn.runs) - 1, 41]).uniform()
     for target, torque in zip(targets, added, strict=True):
         axis.set_target(float(target), TICK_S)
         axis.set_torque_offset(float(torque))

@@ -43,6 +43,10 @@ class PlayedAxis(ServoAxis):
         super().__init__(plant, *arguments, **options)
         self.two_mass = plant
 
+    def begin_within_count(self, share: float) -> None:
+        """Where within an encoder count the axis begins, 0…1: no two runs begin alike, so neither do their counts."""
+        self._c["count_offset"] = share
+
     def play(self, demand_rad: Array, torque_added_nm: Array) -> Array:
         """Position (rad), speed (rad/s), torque (N·m) as reported after every tick, (m, 3), without noise.
 

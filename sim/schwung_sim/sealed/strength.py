@@ -48,6 +48,7 @@ def play_runs(
     played = []
     for index in range(len(drawn.runs)) if indices is None else indices:
         run = drawn.runs[index]
+        axis.begin_within_count(np.random.default_rng([seed, index, 41]).uniform())
         rest = np.zeros(round(run.pause_s / TICK_S))
         axis.play(rest, rest)
         plant.state["motions"] = float(index)  # the run's start counts it: drift is told run by run
