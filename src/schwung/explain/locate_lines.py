@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.optimize import minimize_scalar
 from scipy.stats import chi2
+from scipy.stats import f as f_law
 
 from schwung.explain.locate_columns import TURN, Samples, Shape
 from schwung.motion import Array
@@ -14,7 +15,9 @@ from schwung.session.model import Axis
 
 HIGHEST_ORDER = 130.0  # per turn
 FINEST = 400.0  # periods over the visited range, on a linear axis
-FEWEST = 3.0  # periods over the visited range, and in time
+MEDIAN_WORTH = 0.5  # what a median knows of a level, in mean values of as many
+FEWEST = 3.0  # periods over the visited range
+FEWEST_IN_TIME = 5.0  # periods in a run; slower ones have no spectrum below them to be judged by
 
 
 @dataclass(frozen=True, eq=False)
@@ -84,7 +87,7 @@ def frequency_line(samples: Samples, remainder: Array) -> tuple[Line, float] | N
     spectrum, for which the median beside the peak stands.
     """
     spans = [samples.grid_s[end - 1] - samples.grid_s[start] for start, end in samples.bounds]
-    lowest = FEWEST / float(np.median(spans))
+    lowest = FEWEST_IN_TIME / float(np.median(spans))
     longest = max(int(samples.grid_s[end - 1] * samples.rate_hz) + 2 for _, end in samples.bounds)
     size = 1 << int(np.ceil(np.log2(2 * longest)))
     frequency = np.fft.rfftfreq(size, 1 / samples.rate_hz)
@@ -99,9 +102,11 @@ def frequency_line(samples: Samples, remainder: Array) -> tuple[Line, float] | N
     peak = int(allowed[np.argmax(power[allowed])])
     width = max(round(size / longest), 1)  # bins of one independent frequency
     degrees = 2 * len(samples.bounds)
-    level = _level(power, peak, width) / float(chi2.median(degrees))
+    height, others = _level(power, peak, width)
+    level = height / float(chi2.median(degrees))
     tries = 2 * allowed.size / width
-    p_value = min(1.0, tries * float(chi2.sf(power[peak] / level, degrees))) if level > 0 else 1.0
+    ratio = power[peak] / (degrees * level) if level > 0 else 0.0
+    p_value = min(1.0, tries * float(f_law.sf(ratio, degrees, MEDIAN_WORTH * others * degrees)))
     place = _top(frequency, power, peak)
     angle = TURN * place * samples.grid_s
     columns = np.zeros((remainder.size, degrees))
@@ -112,15 +117,18 @@ def frequency_line(samples: Samples, remainder: Array) -> tuple[Line, float] | N
     return Line(place, gain, columns, Shape("frequency", "line", np.eye(degrees), 6.0)), p_value
 
 
-def _level(power: Array, peak: int, width: int) -> float:
-    """Median power beside a peak, the higher of its two sides: at the foot of a slope nothing is a line."""
-    sides = []
+def _level(power: Array, peak: int, width: int) -> tuple[float, float]:
+    """Median power beside a peak, the higher of its two sides: at the foot of a slope nothing is a line.
+
+    Also how many independent frequencies it rests on.
+    """
+    sides = [(0.0, 1.0)]
     for direction in (-1, 1):
-        places = peak + direction * np.arange(2 * width + 1, 16 * width)
+        places = peak + direction * np.arange(2 * width + 1, 10 * width)
         places = places[(places >= width // 2) & (places < power.size)]
         if places.size >= width:
-            sides.append(float(np.median(power[places])))
-    return max(sides, default=0.0)
+            sides.append((float(np.median(power[places])), places.size / width))
+    return max(sides)
 
 
 def _top(places: Array, heights: Array, peak: int) -> float:
