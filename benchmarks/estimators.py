@@ -166,6 +166,7 @@ def compute(methods: tuple[str, ...], todo: list[Case], folder: Path, workers: i
     """What is kept, and with `run` the rest of what was asked for; kept case by case, so that it may be stopped."""
     kept = _states(methods, folder)
     scores = [Score(**row) for store in kept.values() for row in store.rows()]
+    todo = sorted(todo, key=lambda case: case.condition != CLEAN and case.duration_s != USUAL_S)  # the page's first
     wanted = set(todo)
     scores = [s for s in scores if s.case in wanted]
     done = {(s.case, s.entrant) for s in scores}

@@ -20,7 +20,12 @@ def test_a_windowed_method_leaves_much_in_the_recording(bus_rate, believed):
     found = estimate(bus_rate, believed, method="denoised")
     reach = reach_of(bus_rate, believed, found)
     assert reach.ratio > 3
-    assert reach.table_kgm2 == pytest.approx(np.sqrt(np.mean(found.table.std_kgm2**2)))
+    trusting = replace(found, trust=replace(found.trust, predicted_error=None))
+    band = np.sqrt(np.mean(found.table.std_kgm2**2))
+    assert reach_of(bus_rate, believed, trusting).table_kgm2 == pytest.approx(band)
+    doubting = replace(found, trust=replace(found.trust, predicted_error=0.1))
+    expected = 0.1 * np.mean(found.table.inertia_kgm2)
+    assert reach_of(bus_rate, believed, doubting).table_kgm2 == pytest.approx(expected)
     assert "a better method would tell more" in reach.text
     assert reach.to_json()["ratio"] == reach.ratio
 
@@ -35,13 +40,13 @@ def test_the_whole_record_leaves_little(bus_rate, believed):
     [
         (1.5, "denoised", "only a better recording"),
         (3.0, "denoised", "a better method"),
-        (3.0, "trajectory", "what the model leaves out"),
+        (3.0, "trajectory", "what the model or the sampling leaves out"),
     ],
 )
 def test_the_sentence_says_what_would_help(table, method, words):
     text = Reach(table, 1.0, method, "kg").text
     assert words in text
-    assert f"±{2 * table:g} kg (2σ)" in text
+    assert f"±{table:g} kg (1σ)" in text
 
 
 def test_without_a_band_or_with_an_unusable_table_there_is_nothing_to_say(bus_rate, believed):

@@ -238,8 +238,8 @@ def test_pyplot_is_never_loaded() -> None:
 
 def test_the_bound_stands_beside_the_band() -> None:
     page = render(replace(full(), reach=Reach(0.0010, 0.0001, "denoised")))
-    assert "±0.002 kg·m²" in page
-    assert "at best 0.0002 from this recording" in page
+    assert "±0.001 kg·m²" in page
+    assert "at best ±0.0001 from this recording" in page
     assert "a better method would tell more" in page
     assert "at best" not in render(full())
 

@@ -24,7 +24,10 @@ _WHOLE = ("trajectory", "multiphase")
 
 @dataclass(frozen=True)
 class Reach:
-    """Standard deviations, root mean square over the table's angles (kg·m²; kg on a linear axis)."""
+    """Standard deviations, root mean square over the table's angles (kg·m²; kg on a linear axis).
+
+    `table_kgm2`: of the table's band, or what the verdict expects, if that is more.
+    """
 
     table_kgm2: float
     bound_kgm2: float
@@ -39,12 +42,14 @@ class Reach:
     @property
     def text(self) -> str:
         """One sentence for people."""
-        head = f"The table's band is ±{2 * self.table_kgm2:.2g} {self.unit} (2σ), this recording allows"
-        least = f"±{2 * self.bound_kgm2:.2g}"
+        head = f"The table is good to ±{self.table_kgm2:.2g} {self.unit} (1σ), this recording allows"
+        least = f"±{self.bound_kgm2:.2g}"
         if self.ratio <= NEAR:
             return f"{head} {least}: only a better recording would tell more (more injection or runs, less noise)."
         if self.method in _WHOLE:
-            return f"{head} {least}: not noise makes the band, but what the model leaves out."
+            return (
+                f"{head} {least}: not noise makes the error, but what the model or the sampling leaves out."
+            )
         remedy = "--method trajectory, or --phases 4 when it is recorded"
         return f"{head} {least}: a better method would tell more ({remedy})."
 
@@ -76,7 +81,8 @@ def reach_of(session: Session, machine: Machine, estimate: Estimate) -> Reach | 
         return None
     at = (bound.position_rad >= table.position_rad[0]) & (bound.position_rad <= table.position_rad[-1])
     least = float(np.sqrt(np.mean(bound.std_kgm2[at] ** 2)))
-    own = float(np.sqrt(np.mean(table.std_kgm2**2)))
+    expected = (estimate.trust.predicted_error or 0.0) * float(np.mean(table.inertia_kgm2))
+    own = max(float(np.sqrt(np.mean(table.std_kgm2**2))), expected)
     if not (np.isfinite(least) and least > 0 and np.isfinite(own)):
         return None
     return Reach(own, least, estimate.method, "kg" if session.axis == "linear" else "kg·m²")

@@ -129,8 +129,8 @@ def _results(content: ReportContent) -> Iterator[tuple[str, str, str]]:
         if trust.dpr is not None:
             yield "DPR", f"{trust.dpr:.2g}", "injected over commanded speed"
         if content.reach is not None:
-            least = f"at best {2 * content.reach.bound_kgm2:.2g} from this recording"
-            yield "Band, 2σ", f"±{2 * content.reach.table_kgm2:.2g} {units.inertia}", least
+            least = f"1σ; at best ±{content.reach.bound_kgm2:.2g} from this recording"
+            yield "Good to", f"±{content.reach.table_kgm2:.2g} {units.inertia}", least
         yield _coverage(content, estimate)
 
 
