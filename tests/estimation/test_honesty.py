@@ -14,6 +14,7 @@ from schwung.errors import InputError
 from schwung.estimation import estimate
 from schwung.estimation.balance import Basis
 from schwung.estimation.bound import cramer_rao
+from schwung.estimation.delay import LOSSES, amplitudes_restored
 from schwung.estimation.fit import _spread
 from schwung.estimation.methods import METHODS
 from schwung.estimation.solve import solve
@@ -117,6 +118,24 @@ def test_a_filter_of_torque_and_speed_is_given_to_the_angle_too(four, machine):
     assert abs(np.mean(off)) < 1e-3
     assert np.mean(np.abs(off) < 1.96 * table.std_kgm2 / table.inertia_kgm2) > 0.8
     assert np.mean(table.std_kgm2) > np.mean(plain.std_kgm2)  # what is not known of the filter shows
+
+
+def test_amplitudes_are_restored_in_the_session_as_recorded():
+    """1 − γω² of a 50 Hz sine in torque and speed each; the angle and all lags stay as they are."""
+    time = np.arange(1000) / 2000.0
+    sine = np.sin(2 * np.pi * 50 * time)
+    run = Run(
+        role="reference", repeat=0, sample_rate_hz=2000.0, time_s=time, position_rad=sine.copy(),
+        speed_rad_s=2 * sine, torque_nm=3 * sine,
+    )  # fmt: skip
+    made = replace(run, extra={LOSSES: (1e-8, 3e-8, 200.0)}, torque_nm=0 * sine)
+    found = amplitudes_restored(session_of(run, run), session_of(made, run))
+    inner, power = slice(100, -100), (2 * np.pi * 50) ** 2
+    restored, untouched = found.runs
+    np.testing.assert_allclose(restored.torque_nm[inner], 3 * (1 + 1e-8 * power) * sine[inner], atol=1e-5)
+    np.testing.assert_allclose(restored.speed_rad_s[inner], 2 * (1 + 3e-8 * power) * sine[inner], atol=1e-5)
+    np.testing.assert_array_equal(restored.position_rad, sine)
+    np.testing.assert_array_equal(untouched.torque_nm, run.torque_nm)
 
 
 # Cells without information ---------------------------------------------------------------------------------

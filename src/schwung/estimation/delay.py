@@ -35,6 +35,8 @@ MAX_PHASE_RAD = 1.0
 ROUNDS = 5
 #: Speed and angle are compared this far about the injected frequency, as a share of it.
 ABOUT = 0.25
+#: Attribute of a run: the losses γ of torque and speed (s²) that were made even, and up to which frequency (Hz).
+LOSSES = "losses_made_even"
 #: The iteration has settled within this share of a sample.
 SETTLED_SAMPLES = 1e-3
 
@@ -121,8 +123,26 @@ def _run_without(run: Run, delay: Delay) -> Run:
         position_rad=_lessened(run.position_rad, rate, torque.value, highest),
         speed_rad_s=_lessened(speed, rate, torque.value - delay.speed_loss_s2.value, highest),
         torque_nm=_shifted(run.torque_nm, time, delay.angle.value),
-        extra={**run.extra, LOSS_STD: torque.std},
+        extra={**run.extra, LOSS_STD: torque.std, LOSSES: (torque.value, delay.speed_loss_s2.value, highest)},
     )
+
+
+def amplitudes_restored(recorded: Session, ready: Session) -> Session:
+    """The session as recorded, its lags kept, but torque and speed with the amplitude that filters took off them, as
+    far as `delay_removed` found any and said so in the runs of `ready`, which are the same in number and order.
+    """
+
+    def one(run: Run, made: Run) -> Run:
+        if LOSSES not in made.extra:
+            return run
+        torque, speed, highest = made.extra[LOSSES]
+        return replace(
+            run,
+            torque_nm=_lessened(run.torque_nm, run.sample_rate_hz, -torque, highest),
+            speed_rad_s=_lessened(run.speed_rad_s, run.sample_rate_hz, -speed, highest),
+        )
+
+    return replace(recorded, runs=tuple(one(*both) for both in zip(recorded.runs, ready.runs, strict=True)))
 
 
 def _lessened(values: Array, rate: float, loss_s2: float, highest_hz: float) -> Array:

@@ -13,6 +13,7 @@ from schwung.drivetrain.inertia import InertiaTable
 from schwung.drivetrain.machine import Coupling, Machine
 from schwung.errors import InputError
 from schwung.estimation.choice import clipped_share
+from schwung.estimation.delay import amplitudes_restored
 from schwung.estimation.methods import Outcome, Suitability, Task, register
 from schwung.estimation.table import DEFAULT_POINTS
 from schwung.estimation.trajectory_fit import Fit, fit
@@ -46,7 +47,7 @@ class TrajectoryMethod:
 
     def traces(self, task: Task) -> Outcome:
         """Fit, and tabulate with the posterior's standard deviation."""
-        session = task.recorded or task.session
+        session = amplitudes_restored(task.recorded or task.session, task.session)
         found = fit(session.runs, task.machine, rotary=session.axis == "rotary")
         _check_explained(found)
         table, notes = _table(found, task.points or DEFAULT_POINTS)
