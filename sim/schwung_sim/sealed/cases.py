@@ -193,7 +193,7 @@ def _recorded(case: SealedCase) -> list[RecordedRun]:
     drawn = case.drawn
     every = round(1 / (drawn.rate_hz * TICK_S))
     chance = np.random.default_rng([case.seed, 29])
-    scales = (drawn.noise.position_rad, drawn.noise.speed_rad_s, drawn.noise.torque_nm)
+    scales = (0.0, drawn.noise.speed_rad_s, drawn.noise.torque_nm)  # the encoder's own has been in the loop
     recorded = []
     for run in case.played:
         plan = drawn.runs[run.index]

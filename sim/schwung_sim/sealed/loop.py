@@ -17,8 +17,8 @@ Array = NDArray[np.float64]
 
 
 @compiled
-def _play(cs: Any, memory: Any, machine: Any, demand: Any, added: Any, rows: Any) -> None:
-    """As recording.play does it tick by tick: setpoint, added torque, control, plant, sample."""
+def _play(cs: Any, memory: Any, machine: Any, demand: Any, added: Any, jitter: Any, rows: Any) -> None:
+    """As recording.play does it tick by tick: setpoint, added torque, control, plant, sample; the encoder is noisy."""
     segments, inertia, history, trace = memory
     ps, ss, tables = machine
     c, p, s = cs[0], ps[0], ss[0]
@@ -30,7 +30,7 @@ def _play(cs: Any, memory: Any, machine: Any, demand: Any, added: Any, rows: Any
             s.motion_time_s = 0.0
             s.motions += 1.0
         two_mass_tick(p, s, tables, torque)
-        sample(c, segments, history, s.motor_rad)
+        sample(c, segments, history, s.motor_rad + jitter[tick])
         rows[tick, 0] = c.position_rad
         rows[tick, 1] = c.reported_speed_rad_s
         rows[tick, 2] = c.reported_torque_nm
@@ -43,18 +43,15 @@ class PlayedAxis(ServoAxis):
         super().__init__(plant, *arguments, **options)
         self.two_mass = plant
 
-    def begin_within_count(self, share: float) -> None:
-        """Where within an encoder count the axis begins, 0…1: no two runs begin alike, so neither do their counts."""
-        self._c["count_offset"] = share
+    def play(self, demand_rad: Array, torque_added_nm: Array, jitter_rad: Array) -> Array:
+        """Position (rad), speed (rad/s), torque (N·m) as reported after every tick, (m, 3).
 
-    def play(self, demand_rad: Array, torque_added_nm: Array) -> Array:
-        """Position (rad), speed (rad/s), torque (N·m) as reported after every tick, (m, 3), without noise.
-
+        `jitter_rad` is the encoder's noise, (m,); the loop reacts to it as to any angle.
         Raises BenchError where the plant diverges.
         """
         rows = np.empty((demand_rad.size, 3))
         memory = (self._segments, self._table, self._history, self._trace)
-        _play(self._control, memory, self._machine, demand_rad, torque_added_nm, rows)
+        _play(self._control, memory, self._machine, demand_rad, torque_added_nm, jitter_rad, rows)
         self._ticks += demand_rad.size
         self.plant.check()
         return rows

@@ -25,6 +25,8 @@ PROFILE_KINDS = ("constant", "slider-crank", "four-bar", "table")
 RATES_HZ = (1000.0, 2000.0, 4000.0, 8000.0)
 _UNLIMITED_NM = 1e9
 _HIGHEST_TORQUE_NM = 1500.0
+#: The encoder's noise in counts, at least: with less, the errors of counting are the same in every repeat.
+_LEAST_JITTER = 0.4
 _ATTEMPTS = 60
 #: What is left of the peak speed, and of the stroke, 10 ms before a run ends.
 _AT_REST = 0.01
@@ -32,7 +34,7 @@ _AT_REST = 0.01
 
 @dataclass(frozen=True)
 class SignalNoise:
-    """Standard deviations of the white noise added to the reported values."""
+    """Standard deviations of white noise: the encoder's, within the loop, and what is added to speed and torque."""
 
     position_rad: float
     speed_rad_s: float
@@ -170,6 +172,7 @@ def _attempt(chance: Chance) -> DrawnMachine | None:
         _log_uniform(chance, 3e-4, 3e-3),
         _log_uniform(chance, 5e-4, 3e-3),
     )
+    encoder_rad = max(noise_shares[0], _LEAST_JITTER * 2 * np.pi / settings.encoder_counts)
     runs = _runs(chance, 1.0, distance)
     fastest = min((run for run in runs if run.injection is None), key=lambda run: run.stroke.duration_s)
     peak_speed = 1.5 * abs(distance) / fastest.stroke.duration_s
@@ -178,7 +181,7 @@ def _attempt(chance: Chance) -> DrawnMachine | None:
         kind,
         profile,
         settings,
-        SignalNoise(noise_shares[0], noise_shares[1] * peak_speed, 0.0),
+        SignalNoise(encoder_rad, noise_shares[1] * peak_speed, 0.0),
         rate,
         runs,
     )
@@ -211,7 +214,7 @@ def _peak_torque(drawn: DrawnMachine, run: PlannedRun) -> float | None:
     axis.energise(True)
     demand = run.stroke.demand_rad()
     try:
-        rows = axis.play(demand, np.zeros_like(demand))
+        rows = axis.play(demand, np.zeros_like(demand), np.zeros_like(demand))
     except BenchError:
         return None
     end = rows[-80:]

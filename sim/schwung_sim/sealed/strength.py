@@ -1,8 +1,8 @@
 """How strong an effect is: what it changes in the torque that the machine needs, over the noise floor.
 
 Residual: reported torque minus the torque that the plain machine needs for the reported motor motion, in a band up
-to BAND_HZ, root mean square over the strokes. Strength is the residual of a recording without noise, over the residual
-that the noise alone leaves: the floor. The floor counts on the best combination of reported position and speed.
+to BAND_HZ, root mean square over the strokes. Strength is what hidden physics adds to it, over the residual that the
+noise alone leaves: the floor. The floor counts on the best combination of reported position and speed.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ _BISECTIONS = 24
 
 @dataclass(frozen=True, eq=False)
 class PlayedRun:
-    """A run as played, without noise: position (rad), speed (rad/s), torque (N·m) at every tick, (m, 3)."""
+    """A run as played, with no noise but the encoder's: angle, speed and torque (SI) at every tick, (m, 3)."""
 
     index: int
     rows: Array
@@ -48,11 +48,13 @@ def play_runs(
     played = []
     for index in range(len(drawn.runs)) if indices is None else indices:
         run = drawn.runs[index]
-        axis.begin_within_count(np.random.default_rng([seed, index, 41]).uniform())
-        rest = np.zeros(round(run.pause_s / TICK_S))
-        axis.play(rest, rest)
+        rest = round(run.pause_s / TICK_S)
+        jitter = np.random.default_rng([seed, index, 41]).standard_normal(rest + run.stroke.time_s.size)
+        jitter *= drawn.noise.position_rad
+        axis.play(np.zeros(rest), np.zeros(rest), jitter[:rest])
         plant.state["motions"] = float(index)  # the run's start counts it: drift is told run by run
-        played.append(PlayedRun(index, axis.play(run.stroke.demand_rad(), run.torque_added_nm())))
+        rows = axis.play(run.stroke.demand_rad(), run.torque_added_nm(), jitter[rest:])
+        played.append(PlayedRun(index, rows))
     return played
 
 
@@ -109,9 +111,10 @@ def floor_nm(drawn: DrawnMachine) -> float:
     half_rate = 0.5 * drawn.rate_hz
     count = 2 * np.pi / drawn.settings.encoder_counts
     share = -np.expm1(-TICK_S / drawn.settings.speed_filter_s)
-    counted = count**2 / 12 * 2 / TICK_S**2 * share**2 / (2 - share)  # variance of the filtered difference
-    position = (drawn.noise.position_rad**2 + count**2 / 12) / half_rate
-    speed = (drawn.noise.speed_rad_s**2 + counted) / half_rate
+    angle = drawn.noise.position_rad**2 + count**2 / 12
+    difference = angle * 2 / TICK_S**2 * share**2 / (2 - share)  # over a tick, filtered
+    position = angle / half_rate
+    speed = (drawn.noise.speed_rad_s**2 + difference) / half_rate
     combined = 1 / (1 / speed + 1 / (np.abs(s) ** 2 * position))
     drive = drawn.drive
     coupling = drive.damping_nms + drive.stiffness_nm_rad / s
