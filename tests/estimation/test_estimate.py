@@ -167,8 +167,8 @@ def test_labels_are_load_angles(machine):
     motion = motion_of(0.25)
     reference, excited = record(motion), record(motion, sine_for(motion))
     lifted = [replace(run, torque_nm=run.torque_nm + 50.0) for run in (reference, excited)]
-    plain = estimate(session_of(reference, excited), soft).traces[0].position_rad
-    loaded = estimate(session_of(*lifted), soft).traces[0].position_rad
+    plain = estimate(session_of(reference, excited), soft, "denoised").traces[0].position_rad
+    loaded = estimate(session_of(*lifted), soft, "denoised").traces[0].position_rad
     rest = slice(200, 350)
     np.testing.assert_allclose((plain - loaded)[rest], 50.0 / 5e3, rtol=1e-6)
 
@@ -294,9 +294,9 @@ def test_coarse_speed_is_never_called_good(bus_rate, machine, rpm_per_count):
     def quantised(run):
         return replace(run, speed_rad_s=np.round(run.speed_rad_s / step) * step)
 
-    result = estimate(session_of(*map(quantised, bus_rate.runs)), machine)
+    result = estimate(session_of(*map(quantised, bus_rate.runs)), machine, "denoised")
     assert result.trust.verdict != "good"
-    assert any("within one period" in reason for reason in result.trust.reasons)
+    assert any("windows of one period" in reason for reason in result.trust.reasons)
 
 
 def test_frequency_that_is_none(fast, machine):
