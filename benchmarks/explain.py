@@ -6,6 +6,7 @@
     python benchmarks/explain.py score    --out DIR
     python benchmarks/explain.py all      --out DIR --cases 24 --kind single     the first four
     python benchmarks/explain.py control  --out DIR --cases 24                   the drop without, with wrong [control]
+    python benchmarks/explain.py likeness --out DIR         of wrong answers: could the truth have been told at all
 
 `generate` draws machines in the virtual machine room, which shares no code with the tool, and writes
 DIR/sessions/NNNN/ (session.h5, machine.toml, inertia.csv) and, apart, DIR/sealed/labels.jsonl. Only `score` opens that.
@@ -28,7 +29,7 @@ import time
 import traceback
 from pathlib import Path
 
-from schwung_sim.sealed import LABELS, CaseWishes, draw_case, write_case
+from schwung_sim.sealed import LABELS, CaseWishes, draw_case, likeness_of, read_labels, write_case
 
 KINDS = ("single", "weak", "gross", "two", "three", "none", "foreign")
 CONTROLS = ("given", "none", "wrong")
@@ -80,9 +81,8 @@ def run(options: argparse.Namespace) -> None:
 
 def _by_call(folder: Path, into: Path) -> str:
     """In this process; returns what went wrong, or nothing."""
-    from schwung.explain.explain import explain  # noqa: PLC0415
-
     from schwung.drivetrain import load_machine  # noqa: PLC0415
+    from schwung.explain.explain import explain  # noqa: PLC0415
     from schwung.session import read_session  # noqa: PLC0415
 
     try:
@@ -153,14 +153,28 @@ def control(options: argparse.Namespace) -> None:
         print(f"[control] {belief}: {rates[belief]:.1f} %, {rates[belief] - rates['given']:+.1f} points")
 
 
+def likeness(options: argparse.Namespace) -> None:
+    """For every wrongly named single case: how far the truth is from its best likeness. Opens the seal."""
+    from explain_score import score_all  # noqa: PLC0415
+
+    wishes = {label["case"]: label for label in read_labels(options.out)}
+    for found in score_all(options.out):
+        if found.kind != "single" or found.first_right:
+            continue
+        label = wishes[found.case]
+        among = tuple(label["among"])
+        case = draw_case(label["seed"], CaseWishes("single", label["level"], among, label["control"]))
+        beyond, alike = likeness_of(case)
+        print(
+            f"{found.case}  {found.truth[0]} ({found.strength:.1f} floors, {beyond:.2f} beyond {alike}): "
+            f"named {', '.join(found.names) or found.first}"
+        )
+
+
 STEPS = {
-    "generate": generate,
-    "run": run,
-    "peer": peer,
-    "score": score,
-    "all": everything,
-    "control": control,
-}
+    "generate": generate, "run": run, "peer": peer, "score": score, "all": everything, "control": control,
+    "likeness": likeness,
+}  # fmt: skip
 
 
 def main() -> None:

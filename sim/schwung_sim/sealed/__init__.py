@@ -11,6 +11,7 @@ from schwung_sim.sealed.cases import (
     CaseWishes,
     SealedCase,
     draw_case,
+    likeness_of,
     read_labels,
     write_case,
 )
@@ -18,5 +19,6 @@ from schwung_sim.sealed.foreign import FOREIGN_NAMES
 from schwung_sim.sealed.shapes import NAMES
 
 __all__ = [
-    "FOREIGN_NAMES", "LABELS", "LEVELS", "NAMES", "CaseWishes", "SealedCase", "draw_case", "read_labels", "write_case",
+    "FOREIGN_NAMES", "LABELS", "LEVELS", "NAMES", "CaseWishes", "SealedCase", "draw_case", "likeness_of",
+    "read_labels", "write_case",
 ]  # fmt: skip

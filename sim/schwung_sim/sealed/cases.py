@@ -15,11 +15,11 @@ from schwung_sim.errors import BenchError
 from schwung_sim.plants import TICK_S
 from schwung_sim.plants.two_mass import TwoMassPlant
 from schwung_sim.sealed.files import Belief, RecordedRun, write_belief, write_session
-from schwung_sim.sealed.foreign import FOREIGN_NAMES
+from schwung_sim.sealed.foreign import FOREIGN_NAMES, Likeness
 from schwung_sim.sealed.hiding import HiddenEffect, hide, make_plant
 from schwung_sim.sealed.machines import Chance, DrawnMachine, draw_machine
 from schwung_sim.sealed.shapes import EXCLUSIVE, NAMES
-from schwung_sim.sealed.strength import PlayedRun, floor_nm, play_runs, residual_rms, strength
+from schwung_sim.sealed.strength import PlayedRun, floor_nm, play_runs, residual_rms, residuals, strength
 
 Array = NDArray[np.float64]
 Kind = Literal["none", "single", "two", "three", "foreign"]
@@ -72,6 +72,7 @@ class SealedCase:
             "seed": self.seed,
             "kind": self.wishes.kind,
             "level": self.wishes.level,
+            "among": list(self.wishes.among),
             "control": self.wishes.control,
             "floor_nm": self.floor_nm,
             "strength": self.strength,
@@ -152,6 +153,18 @@ def _attempt(seed: int, chance: Chance, names: tuple[str, ...], wishes: CaseWish
         return None  # the drive's own limit would be a further effect
     total = strength(drawn, played, residual_rms(drawn, silent)) / floor
     return SealedCase(seed, wishes, drawn, tuple(effects), floor, total, tuple(played))
+
+
+def likeness_of(case: SealedCase) -> tuple[float, str]:
+    """Of a case with one effect: its strength beyond the other named effect that it is most like, and that one's name.
+
+    Where hardly anything is beyond, the torque residual does not tell the two apart (reported speed against reported
+    angle may: that is how a measurement delay differs from a torque lag).
+    """
+    drawn, name = case.drawn, case.effects[0].physics
+    likeness = Likeness(drawn, case.seed, list(range(len(drawn.runs))), without=name)
+    beyond, alike = likeness.beyond(residuals(drawn, case.played))
+    return beyond / case.floor_nm, alike
 
 
 def _covered(drawn: DrawnMachine, played: tuple[PlayedRun, ...]) -> dict[str, list[float]]:

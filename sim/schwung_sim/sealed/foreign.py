@@ -166,15 +166,17 @@ def _named(drawn: DrawnMachine) -> list[dict[str, dict[str, Value]]]:
 
 
 class Likeness:
-    """The named effects' residuals on one machine's runs, to take the most alike away from a foreign one."""
+    """The named effects' residuals on one machine's runs (`without` one), to take the most alike away from another."""
 
-    def __init__(self, drawn: DrawnMachine, seed: int, indices: list[int]) -> None:
+    def __init__(self, drawn: DrawnMachine, seed: int, indices: list[int], without: str = "") -> None:
         silent = residuals(
             drawn, play_runs(drawn, TwoMassPlant(drawn.drive, drawn.profile, seed=seed), seed, indices)
         )
         self._silent = silent
         self._directions: list[tuple[str, Array]] = []
         for effects in _named(drawn):
+            if without in effects:
+                continue
             plant = TwoMassPlant(drawn.drive, drawn.profile, Concealed(effects), seed)
             try:
                 change = residuals(drawn, play_runs(drawn, plant, seed, indices)) - silent
