@@ -1,0 +1,215 @@
+"""Session and belief -> explanation: what is missed, where, which physics, how sure, and the proof."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+from scipy.stats import chi2 as chi2_distribution
+
+from schwung.drivetrain.machine import Machine
+from schwung.explain import naming
+from schwung.explain.fit import TIMING, Fitted, Model, Problem
+from schwung.explain.locate import Residual, locate
+from schwung.explain.noise import whitener
+from schwung.explain.plausible import examine
+from schwung.explain.proof import Split, misfit, remainder, split
+from schwung.explain.residual import Residuals, Unknowns
+from schwung.explain.search import Found, chosen, reduced, search
+from schwung.explain.signals import Prepared, prepare
+from schwung.explain.timing import Shift, shift
+from schwung.explain.values import (
+    Explanation,
+    Finding,
+    HeldOut,
+    Located,
+    NoiseFloor,
+    Verdict,
+)
+from schwung.session.model import Session
+
+#: On held-out runs, RMS over the floor: explained up to the first; named at all where the excess falls below the
+#: second's share of what it was.
+EXPLAINED, NAMED_SHARE = 1.35, 0.02
+#: A belief that misses no more than this (mean square over the noise's) is consistent.
+CONSISTENT = 1.6
+
+Progress = Callable[[str, float], None]
+
+
+def explain(session: Session, machine: Machine, *, progress: Progress | None = None) -> Explanation:
+    """Say what the belief leaves out of a recorded session.
+
+    `progress`: told what is being done, and the share that is done, 0…1. Raises InputError where the session cannot be
+    what it says (units, signs, wraps), or has nothing that could be compared.
+    """
+    tell = progress or (lambda _text, _share: None)
+    tell("Looking at the recordings", 0.0)
+    doubts = examine(session, machine)
+    doubts.require(session.source or "session")
+    prepared = prepare(session, machine)
+    parts = split(session, prepared)
+    residuals = Residuals(prepared, machine)
+    numbers = range(len(session.runs))
+    noise = whitener(prepared, machine, residuals.all(numbers, Unknowns()))
+    problem = Problem(residuals, noise, parts.train)
+    first = problem.fit(Model())
+    tell("Trying physics terms", 0.05)
+    found = search(problem, first, lambda text, share: tell(text, 0.05 + 0.6 * share))
+    best = chosen(found)
+    tell("Weighing alternatives", 0.7)
+    return _Explained(session, machine, prepared, parts, residuals, found, best).result(
+        tell, doubts.notes, noise.how
+    )
+
+
+class _Explained:
+    """The search's outcome on its way to an explanation."""
+
+    def __init__(
+        self,
+        session: Session,
+        machine: Machine,
+        prepared: Prepared,
+        parts: Split,
+        residuals: Residuals,
+        found: Found,
+        best: Fitted,
+    ) -> None:
+        self.session, self.machine, self.prepared = session, machine, prepared
+        self.parts, self.residuals, self.found, self.best = parts, residuals, found, best
+        self.judged = parts.heldout or parts.train
+        self.floor = found.problem.whitener.torque_nm
+
+    def result(self, tell: Progress, notes: tuple[str, ...], how: str) -> Explanation:
+        """All of it."""
+        best, bare = self.best, self.found.bare
+        moved = self._shift()
+        late = (
+            -bare.model.unknowns.timing_s
+            if moved.name is None
+            else self.prepared.speed_delay_s - moved.seconds
+        )
+        before = misfit(self.session, self.residuals, self.judged, bare.model, late)
+        after = misfit(self.session, self.residuals, self.judged, best.model, self.prepared.speed_delay_s)
+        verdict = self._verdict(before.torque_rmse_nm, after.torque_rmse_nm, moved)
+        findings: tuple[Finding, ...] = ()
+        if verdict in ("explained", "partly_explained"):
+            tell("Intervals of the parameters", 0.75)
+            findings = self._findings(moved)
+        model = best.model if findings else bare.model
+        if not findings:
+            after = before
+        tell("Locating what was missed", 0.9)
+        left = (
+            locate(self._residuals(model), self.session.axis)
+            if verdict not in ("consistent", "explained")
+            else ()
+        )
+        mismatch = self._mismatch(findings, verdict)
+        tell("Done", 1.0)
+        return Explanation(
+            verdict=verdict,
+            axis=self.session.axis,
+            noise_floor=NoiseFloor(self.floor, how),
+            mismatch=mismatch,
+            findings=findings,
+            fit=HeldOut(self.parts.train, self.parts.heldout, before, after),
+            machine=naming.learned(self.machine, findings),
+            overlays=naming.overlays(self.residuals, self.parts, bare.model, model),
+            notes=tuple(dict.fromkeys((*notes, *self._notes(moved)))),
+            remainder=left,
+        )
+
+    def _verdict(self, before_nm: float, after_nm: float, moved: Shift) -> Verdict:
+        """By the runs kept aside; with a wrong name worse than none."""
+        if not self.best.model.terms:
+            if self.found.bare.misfit > CONSISTENT:
+                return "unexplained"
+            return "explained" if moved.name else "consistent"
+        if after_nm <= EXPLAINED * self.floor:
+            return "explained"
+        excess = (after_nm**2 - self.floor**2) / max(before_nm**2 - self.floor**2, 1e-300)
+        return "partly_explained" if excess < NAMED_SHARE else "unexplained"
+
+    def _shift(self) -> Shift:
+        """Late speed or torque, judged about the best model."""
+        best, problem = self.best, self.found.problem
+        names = best.model.names
+        spread = np.sqrt(np.maximum(np.diag(best.covariance()), 0.0))
+        lag = best.model.effects.torque_lag_s
+        lag_spread = float(spread[names.index("torque_lag_s")]) if "torque_lag_s" in names else 0.0
+        del problem
+        return shift(
+            self.prepared,
+            self.machine,
+            best.model.value(TIMING),
+            float(spread[names.index(TIMING)]),
+            lag,
+            lag_spread,
+        )
+
+    def _findings(self, moved: Shift) -> tuple[Finding, ...]:
+        best, found = self.best, self.found
+        spared = reduced(found, best) if best.model.terms else []
+        named = []
+        for term, without in zip(best.model.terms, spared, strict=True):
+            gain = (without.chi2 - best.chi2) / found.level
+            p_value = float(chi2_distribution.sf(gain, len(naming.parameters(term))))
+            share = min(1.0, (without.misfit - best.misfit) / max(found.bare.misfit - 1.0, 1e-300))
+            named.append(
+                naming.finding(
+                    self.session.axis, found, best, term, max(share, 0.0), p_value, self.parts.train
+                )
+            )
+        if moved.name and moved.name not in best.model.terms:
+            named.append(
+                naming.late(self.session.axis, self.prepared, moved, self.residuals, self.parts.train)
+            )
+        return tuple(sorted(named, key=lambda one: -one.where.share_of_energy))
+
+    def _mismatch(self, findings: tuple[Finding, ...], verdict: Verdict) -> tuple[Located, ...]:
+        """Where the belief misses: by the named physics first, then what the recording itself shows."""
+        if verdict == "consistent":
+            return ()
+        named = {finding.where.coordinate: finding.where for finding in reversed(findings)}
+        listed = sorted(named.values(), key=lambda one: -one.share_of_energy)
+        shown = (
+            locate(self._residuals(self.found.bare.model), self.session.axis)
+            if self.found.bare.misfit > CONSISTENT
+            else ()
+        )
+        return (*listed, *(one for one in shown if one.coordinate not in named))
+
+    def _residuals(self, model: Model) -> list[Residual]:
+        """What a model misses in the runs that may be looked at."""
+        result = []
+        for number in self.parts.train:
+            run, every = self.prepared.runs[number], self.prepared.every
+            at = slice(None, None, every)
+            result.append(
+                Residual(
+                    run=number,
+                    rate_hz=self.prepared.rate_hz / every,
+                    time_in_motion_s=run.motion_time_s[at],
+                    position_rad=run.position_rad[at],
+                    speed_rad_s=run.speed_rad_s[at],
+                    acceleration_rad_s2=run.acceleration_rad_s2[at],
+                    torque_nm=run.torque_nm[at],
+                    residual_nm=remainder(self.residuals, number, model),
+                    considered=self.residuals.valid(number),
+                    noise_nm=self.floor,
+                    repeat_of=run.group,
+                )
+            )
+        return result
+
+    def _notes(self, moved: Shift) -> list[str]:
+        notes = [moved.note] if moved.note else []
+        if not self.parts.heldout:
+            notes.append(
+                "no run could be kept aside, so that the fit is not proven: record more runs, of two motion times"
+            )
+        else:
+            notes.append(f"kept aside for the proof: {self.parts.how}")
+        return notes

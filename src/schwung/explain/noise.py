@@ -1,0 +1,122 @@
+"""What no model can explain: the noise of the residual, from repeats of one motion, and a filter that whitens it.
+
+Repeats differ by noise alone, so half the variance of their difference is the floor. Neighbours in time are taken, so
+that slow drift is not mistaken for noise. Without repeats the floor follows from what each channel has beyond a smooth
+motion, carried through the belief's equations. The whitening filter is autoregressive and short: it must not learn a
+disturbance that happens to differ between repeats.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.linalg import solve_toeplitz
+
+from schwung.drivetrain.machine import Machine
+from schwung.explain.signals import MOTION_BAND, Prepared
+from schwung.motion import Array
+
+#: Coefficients of the whitening filter.
+ORDER = 6
+#: Fewer compared samples of repeats than this say too little of the noise's colour.
+MIN_SAMPLES = 150
+#: Counts fall alike in repeats of a precise motion: by so much (variance) the floor may lie above their difference.
+MOST_ALIKE = 6.0
+_RIDGE = 1e-3
+
+
+@dataclass(frozen=True, eq=False)
+class Whitener:
+    """Turns noise into white noise of deviation 1; `torque_nm` is the noise's own deviation before."""
+
+    coefficients: Array  # (ORDER,), of the samples before
+    innovation_nm: float
+    torque_nm: float
+    how: str
+
+    def white(self, residual_nm: Array, valid: NDArray[np.bool_]) -> Array:
+        """Whitened residuals (…, n) -> (…, m), the samples whose whole past is valid."""
+        filtered = residual_nm.copy()
+        for lag, coefficient in enumerate(self.coefficients, start=1):
+            filtered[..., lag:] -= coefficient * residual_nm[..., :-lag]
+        return np.asarray(filtered[..., usable(valid)] / self.innovation_nm)
+
+
+def usable(valid: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    """Samples which, with the ORDER samples before them, are valid; (n,)."""
+    result = valid.copy()
+    for lag in range(1, ORDER + 1):
+        result[lag:] &= valid[:-lag]
+        result[:lag] = False
+    return result
+
+
+def whitener(prepared: Prepared, machine: Machine, residuals: Sequence[Array]) -> Whitener:
+    """The noise of residuals (one (n,) per run, on the compared grid), by repeats where there are any."""
+    last: dict[int, int] = {}
+    pairs: list[tuple[Array, NDArray[np.bool_]]] = []
+    for number, run in enumerate(prepared.runs):
+        before = last.get(run.group)
+        last[run.group] = number
+        if before is None:
+            continue
+        size = min(residuals[number].size, residuals[before].size)
+        valid = run.considered[:: prepared.every][:size]
+        valid = valid & prepared.runs[before].considered[:: prepared.every][:size]
+        pairs.append(((residuals[number][:size] - residuals[before][:size]) / np.sqrt(2), valid))
+    covariance = _believed_covariance(prepared, machine)
+    how = "the channels' own noise: the session has no repeats of one motion, which would measure it"
+    if sum(int(valid.sum()) for _, valid in pairs) >= MIN_SAMPLES:
+        measured = _covariance(pairs)
+        how = f"repeats of one motion ({len(pairs)} pairs)"
+        if measured[0] < covariance[0] < MOST_ALIKE * measured[0]:
+            how += ", and the encoder's counts, which are alike in repeats"
+        else:
+            covariance = measured
+    ridge = covariance.copy()
+    ridge[0] *= 1 + _RIDGE
+    coefficients = solve_toeplitz(ridge[:ORDER], ridge[1 : ORDER + 1])
+    innovation = ridge[0] - coefficients @ ridge[1 : ORDER + 1]
+    return Whitener(np.asarray(coefficients), float(np.sqrt(innovation)), float(np.sqrt(covariance[0])), how)
+
+
+def _covariance(pairs: Sequence[tuple[Array, NDArray[np.bool_]]]) -> Array:
+    """Autocovariance at lags 0…ORDER over valid samples, tapered so that it stays positive definite."""
+    result = np.zeros(ORDER + 1)
+    for lag in range(ORDER + 1):
+        total, count = 0.0, 0
+        for values, valid in pairs:
+            both = valid[lag:] & valid[: valid.size - lag]
+            total += float(np.sum((values[lag:] * values[: values.size - lag])[both]))
+            count += int(both.sum())
+        result[lag] = total / max(count, 1)
+    return np.asarray(result * 0.995 ** np.arange(ORDER + 1))
+
+
+def _believed_covariance(prepared: Prepared, machine: Machine) -> Array:
+    """The same from the channels' noise, by the belief's mechanical impedance."""
+    noise, band, rate = prepared.noise, prepared.band_hz, prepared.rate_hz / prepared.every
+    source = prepared.source_rate_hz
+    frequency = np.linspace(0.0, rate / 2, 513)
+    omega = 2 * np.pi * np.maximum(frequency, 1e-3)
+    speed = 1 / (1 / noise.speed_rad_s**2 + 1 / (omega * noise.position_rad) ** 2)
+    low = 1 / (1 + (frequency / band) ** 8)
+    motion = 1 / (1 + (frequency / (MOTION_BAND * band)) ** 8)
+    density = low**2 * (noise.torque_nm**2 + speed * np.abs(motion * impedance(machine, omega)) ** 2)
+    covariance = np.fft.irfft(density) * rate / source
+    return np.asarray(covariance[: ORDER + 1])
+
+
+def impedance(machine: Machine, omega_rad_s: Array) -> NDArray[np.complex128]:
+    """Motor torque over motor speed at the mean load inertia (N·m·s/rad), (n,)."""
+    load = machine.load_inertia
+    inertia = 0.0 if load is None else load if isinstance(load, float) else float(np.mean(load.inertia_kgm2))
+    s = 1j * omega_rad_s
+    hung = inertia * s + machine.load.viscous_friction_nms
+    if machine.coupling is not None:
+        shaft = machine.coupling.damping_nms + machine.coupling.stiffness_nm_rad / s
+        hung = shaft * hung / (shaft + hung)
+    return np.asarray(machine.motor.inertia_kgm2 * s + machine.motor.viscous_friction_nms + hung)

@@ -1,0 +1,257 @@
+"""Which terms: every start of every term is a whitened atom; the best few are fitted in full, one more term at a time.
+
+Linear looks rank, full fits decide. A beam of models is kept, so that a compromise that happens to fit best alone (one
+term standing in for two) does not block the pair. The score is Σ whitened² plus ln(n) for each parameter.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from schwung.explain.fit import (
+    PERIODIC,
+    Fitted,
+    Model,
+    Problem,
+    combined,
+    parameter_count,
+    without,
+)
+from schwung.explain.terms import LIBRARY, Start, View
+from schwung.motion import Array
+
+#: Models kept at each size, and candidates of each that are fitted in full.
+BEAM, FITTED = 3, 5
+#: Most terms of one explanation.
+MOST_TERMS = 4
+#: Terms of one field family exclude each other.
+_EXCLUSIVE = (("coulomb_friction", "asymmetric_friction", "stribeck_friction"),)
+#: What a scanned start costs beyond its parameters: it was picked among many.
+_SCANNED = 6.0
+_STARTS_PER_TERM = 2
+#: Share of the mismatch's amplitude by which a term's shape may be off, and scores that are equal.
+SHAPE_ERROR, ALIKE = 0.015, 6.0
+#: A named term lowers the mean square by at least this share of the noise.
+LEAST_GAIN = 0.4
+
+Progress = Callable[[str, float], None]
+
+
+@dataclass(frozen=True, eq=False)
+class Atom:
+    """A start of a term and what its directions do to the whitened residual, (samples, directions)."""
+
+    term: str
+    start: Start
+    columns: Array
+
+
+@dataclass(eq=False)
+class Found:
+    """Every model that was fitted, the best of each set of terms."""
+
+    problem: Problem
+    atoms: tuple[Atom, ...]
+    by_terms: dict[frozenset[str], Fitted]
+
+    @property
+    def bare(self) -> Fitted:
+        """The belief itself."""
+        return self.by_terms[frozenset()]
+
+    @property
+    def level(self) -> float:
+        """Variance of a whitened sample that no model need explain: noise, and a little of what was explained.
+
+        A term's textbook shape is never quite the machine's; by so much of the mismatch it may be off.
+        """
+        best = min(fitted.misfit for fitted in self.by_terms.values())
+        return max(best, 1.0) + SHAPE_ERROR**2 * self.bare.misfit
+
+    def score(self, fitted: Fitted) -> float:
+        """Σ whitened² over that level, plus the price of the parameters."""
+        return fitted.chi2 / self.level + price(self.problem, fitted.model.terms, fitted.samples)
+
+    def worthwhile(self, before: Fitted, after: Fitted) -> bool:
+        """Whether a term lowers the misfit by enough to be named: a share of the noise floor's own energy."""
+        return before.misfit - after.misfit > LEAST_GAIN * self.level
+
+    def fit(self, model: Model, *starts: Model) -> Fitted:
+        """The best fit of a set of terms from several starts, remembered."""
+        key = frozenset(model.terms)
+        fits = [self.problem.fit(start, 8) for start in (model, *starts)]
+        known = self.by_terms.get(key)
+        best = min((*fits, *([known] if known else [])), key=lambda fitted: fitted.chi2)
+        self.by_terms[key] = best
+        return best
+
+
+def price(problem: Problem, terms: Iterable[str], samples: int) -> float:
+    """ln(n) per parameter, and more where the start was picked among many."""
+    terms = tuple(terms)
+    scanned = sum(_SCANNED for t in terms if t == PERIODIC or LIBRARY[t].scanned)
+    return parameter_count(terms, len(problem.runs)) * float(np.log(samples)) + scanned
+
+
+def allowed(terms: Iterable[str], more: str) -> bool:
+    """Whether a term may join others."""
+    terms = set(terms)
+    if more in terms:
+        return False
+    return not any(more in group and terms & set(group) for group in _EXCLUSIVE)
+
+
+def atoms_at(problem: Problem, model: Model) -> tuple[Atom, ...]:
+    """All starts of all terms about one model."""
+    view = View(problem.residuals, problem.runs)
+    base = problem.white(model)
+    result = []
+    for term in LIBRARY.values():
+        starts = term.starts(view)
+        quick = [start for start in starts if start.torques is not None]
+        result += [
+            Atom(term.name, start, columns)
+            for start, columns in zip(quick, _quick_columns(problem, quick), strict=True)
+        ]
+        for begin in (start for start in starts if start.torques is None):
+            columns = np.empty((base.size, len(begin.directions)))
+            for number in range(len(begin.directions)):
+                effects = begin.moved(model.effects, number)
+                moved = replace(model, unknowns=replace(model.unknowns, effects=effects))
+                columns[:, number] = problem.white(moved) - base
+            if np.all(np.isfinite(columns)):
+                result.append(Atom(term.name, begin, columns))
+    return tuple(result)
+
+
+def _quick_columns(problem: Problem, starts: Sequence[Start]) -> list[Array]:
+    """Whitened columns of starts that know their torque on the motor: it lowers the torque that is reported."""
+    if not starts:
+        return []
+    parts = []
+    for run in problem.runs:
+        moving = problem.residuals.moving(run)
+        torques = [start.torques(moving) for start in starts if start.torques is not None]
+        white = problem.whitener.white(np.concatenate(torques), problem.residuals.valid(run))
+        parts.append(white.T)
+    columns = np.concatenate(parts)
+    ends = np.cumsum([len(start.directions) for start in starts])
+    return np.split(columns, ends[:-1], axis=1)
+
+
+def search(problem: Problem, first: Fitted, progress: Progress | None = None) -> Found:
+    """Grow models from the belief. Gives the best fit for every set of terms that was tried."""
+    found = Found(problem, atoms_at(problem, first.model), {frozenset(): first})
+    beam = [first]
+    for size in range(1, MOST_TERMS + 1):
+        grown: dict[frozenset[str], Fitted] = {}
+        for number, fitted in enumerate(beam):
+            if progress:
+                done = (size - 1 + number / len(beam)) / MOST_TERMS
+                progress(f"Trying {size} term{'s' if size > 1 else ''}", done)
+            for term, starts in ranked(problem, found.atoms, fitted)[:FITTED]:
+                key = frozenset((*fitted.model.terms, term))
+                if key not in grown:
+                    known = found.by_terms.get(key)
+                    grown[key] = known or found.fit(
+                        *(combined_start(fitted.model, term, s, c) for s, c in starts)
+                    )
+        smaller = min((f for k, f in found.by_terms.items() if len(k) < size), key=found.score)
+        beam = sorted(grown.values(), key=found.score)[:BEAM]
+        if not beam or not found.worthwhile(smaller, min(beam, key=lambda f: f.chi2)):
+            break
+    return found
+
+
+def chosen(found: Found) -> Fitted:
+    """The set of terms with the lowest score of which none can be spared; of equals the simpler."""
+    best = min(found.by_terms.values(), key=found.score)
+    alike = [
+        fitted
+        for fitted in found.by_terms.values()
+        if len(fitted.model.terms) == len(best.model.terms)
+        and found.score(fitted) < found.score(best) + ALIKE
+    ]
+    best = min(alike, key=lambda fitted: (simplicity(fitted.model.terms), found.score(fitted)))
+    while best.model.terms:
+        spared = min(reduced(found, best), key=lambda fitted: fitted.chi2)
+        if found.worthwhile(spared, best):
+            break
+        best = spared
+    return best
+
+
+def simplicity(terms: Iterable[str]) -> int:
+    """Sum over terms; lower is simpler."""
+    return sum(3 if term == PERIODIC else LIBRARY[term].simplicity for term in terms)
+
+
+def reduced(found: Found, fitted: Fitted) -> list[Fitted]:
+    """The model with each of its terms left out, refitted, in the order of its terms."""
+    result = []
+    for term in fitted.model.terms:
+        key = frozenset(t for t in fitted.model.terms if t != term)
+        result.append(found.by_terms.get(key) or found.fit(without(fitted.model, term)))
+    return result
+
+
+def combined_start(model: Model, term: str, begin: Start | float, coefficients: Array) -> Model:
+    """The model with one more term where a linear look puts it."""
+    if term == PERIODIC:
+        assert isinstance(begin, float)
+        return replace(combined(model, term, {}), frequency_hz=begin)
+    assert isinstance(begin, Start)
+    return combined(model, term, begin.fields([float(c) for c in coefficients]))
+
+
+def ranked(
+    problem: Problem, atoms: tuple[Atom, ...], fitted: Fitted
+) -> list[tuple[str, list[tuple[Start | float, Array]]]]:
+    """Terms that may join, best first by a linear look, with the best starts of each and their coefficients."""
+    basis, _ = np.linalg.qr(fitted.jacobian / np.maximum(np.linalg.norm(fitted.jacobian, axis=0), 1e-300))
+    left = fitted.white - basis @ (basis.T @ fitted.white)
+    looks: dict[str, list[tuple[float, Start | float, Array]]] = {}
+    for atom in atoms:
+        if not allowed(fitted.model.terms, atom.term):
+            continue
+        columns = atom.columns - basis @ (basis.T @ atom.columns)
+        normal = columns.T @ columns
+        towards = -columns.T @ left
+        ridge = 1e-9 * np.trace(normal) * np.eye(normal.shape[0])
+        coefficients = np.linalg.solve(normal + ridge + 1e-300 * np.eye(normal.shape[0]), towards)
+        if atom.start.absolute:  # finite values: the start itself, gone for about once
+            coefficients = np.clip(coefficients, 0.0, 1.5)
+        gain = float(2 * towards @ coefficients - coefficients @ normal @ coefficients)
+        gain -= len(LIBRARY[atom.term].parameters) * np.log(fitted.samples)
+        looks.setdefault(atom.term, []).append((gain, atom.start, coefficients))
+    if PERIODIC not in fitted.model.terms:
+        looks[PERIODIC] = _lines(problem, fitted)
+    order = sorted(looks, key=lambda t: -max(look[0] for look in looks[t]))
+    return [
+        (term, [(s, c) for _, s, c in sorted(looks[term], key=lambda look: -look[0])[:_STARTS_PER_TERM]])
+        for term in order
+        if max(look[0] for look in looks[term]) > 0
+    ]
+
+
+def _lines(problem: Problem, fitted: Fitted) -> list[tuple[float, Start | float, Array]]:
+    """Frequencies at which the runs, each with a phase of its own, hold the most."""
+    shortest = min(float(np.ptp(problem.residuals.runs[run].signals.time_s)) for run in problem.runs)
+    highest = 0.9 * problem.residuals.prepared.band_hz
+    frequencies = np.arange(max(2.0 / shortest, 3.0), highest, 0.4 / shortest)
+    gains, first = np.zeros(frequencies.size), 0
+    for run in problem.runs:
+        sines, cosines = problem.waves(run, frequencies)
+        white = fitted.white[first : first + sines.shape[-1]]
+        first += sines.shape[-1]
+        ss, cc, sc = np.sum(sines**2, -1), np.sum(cosines**2, -1), np.sum(sines * cosines, -1)
+        s, c = sines @ white, cosines @ white
+        gains += (s**2 * cc - 2 * s * c * sc + c**2 * ss) / np.maximum(
+            ss * cc - sc**2, 1e-12 * ss * cc + 1e-300
+        )
+    gains -= len(problem.runs) * np.log(fitted.samples)
+    best = np.argsort(-gains)[:_STARTS_PER_TERM]
+    return [(float(gains[i]), float(frequencies[i]), np.zeros(0)) for i in best]

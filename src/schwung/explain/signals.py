@@ -1,0 +1,295 @@
+"""Recordings made ready: the motor's motion without lag or needless noise, and which samples are compared.
+
+Angle and speed are weighed in the frequency domain by their own noise: below σ_ω/σ_θ (rad/s) the angle's derivative
+is the better speed, above it the reported speed. All filters have zero phase. Everything beyond `band_hz`, where the
+noise of the acceleration drowns any torque, is left out of motion and torque alike.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from schwung.drivetrain.machine import Machine
+from schwung.errors import InputError
+from schwung.motion import Array
+from schwung.session.imports import motion_identity
+from schwung.session.model import Run, Session
+
+#: The band that is compared: at least this (Hz), at most that, and at most this share of the sampling rate.
+LOWEST_BAND_HZ, HIGHEST_BAND_HZ, BAND_SHARE = 30.0, 300.0, 0.2
+#: Where the acceleration's noise is this many times the torque's, the band ends.
+DROWNED = 30.0
+#: The motion keeps so much more than the band, that products and signs of it are right within the band.
+MOTION_BAND = 1.6
+#: Rate of the simulation over the band, and of the compared samples over the band.
+GRID_PER_BAND, COMPARED_PER_BAND = 6.0, 2.5
+#: Below this share of the session's highest speed the axis stands: stiction may hold any torque there.
+STANDSTILL = 0.01
+#: The axis moves where it does so for at least this long in one direction (s).
+SHORTEST_S = 0.03
+_ORDER = 8  # of the zero-phase low-pass, 1/(1 + (f/f_c)^8)
+_DIFFERENCES = 6
+_DIFFERENCE_GAIN = np.sqrt(924.0)  # of white noise by six differences: √C(12, 6)
+_MAD = 1.4826
+
+Trend = Literal["keep", "slope", "drop"]
+
+
+@dataclass(frozen=True)
+class Noise:
+    """Standard deviations of what each reported channel has beyond the motion, from its sixth differences."""
+
+    position_rad: float
+    speed_rad_s: float
+    torque_nm: float
+
+
+@dataclass(frozen=True, eq=False)
+class Signals:
+    """One run on the grid of the simulation; arrays (n,)."""
+
+    run: int
+    group: int  # runs of one group repeat the same motion
+    share: float  # how far through the session, 0…1
+    time_s: Array
+    motion_time_s: Array  # since the demand left rest
+    position_rad: Array
+    speed_rad_s: Array
+    acceleration_rad_s2: Array
+    torque_nm: Array  # as reported, not band-limited
+    considered: NDArray[np.bool_]  # samples that are compared
+
+    @property
+    def step_s(self) -> float:
+        """Time between samples (s)."""
+        return float(self.time_s[1] - self.time_s[0])
+
+
+@dataclass(frozen=True, eq=False)
+class Prepared:
+    """A session made ready."""
+
+    runs: tuple[Signals, ...]
+    band_hz: float
+    rate_hz: float  # of the grid
+    source_rate_hz: float  # of the recording
+    every: int  # each so many-th sample of the grid is compared
+    noise: Noise
+    speed_delay_s: float  # of the reported speed behind the reported angle
+    speed_delay_std_s: float
+    smoothing_rad_s: float  # within which a speed's sign is not known
+    peak_speed_rad_s: float
+
+
+class Spectrum:
+    """Zero-phase filters for signals of one length, by FFT with the ends mirrored about their last values."""
+
+    def __init__(self, samples: int, rate_hz: float, pad_s: float) -> None:
+        self.samples, self.rate_hz = samples, rate_hz
+        self.pad = min(samples - 1, max(8, round(pad_s * rate_hz)))
+        size = samples + 2 * self.pad
+        self.size = 1 << (size - 1).bit_length() if size < 4096 else -(-size // 1024) * 1024
+        self.frequency_hz = np.fft.rfftfreq(self.size, 1 / rate_hz)
+        self.omega = 2j * np.pi * self.frequency_hz
+
+    def low_pass(self, cutoff_hz: float) -> Array:
+        """Gain of the low-pass at each line."""
+        return np.asarray(1 / (1 + (self.frequency_hz / cutoff_hz) ** _ORDER))
+
+    def apply(self, values: Array, gain: Array, trend: Trend = "keep") -> Array:
+        """Signals (…, n) filtered by a gain (a low-pass, or its product with jω).
+
+        The straight line from end to end would leap where the spectrum wraps around, so it goes apart: it is kept, or
+        replaced by its slope (for a derivative), or dropped (for a gain of zero at rest).
+        """
+        first, last = values[..., :1], values[..., -1:]
+        pad = self.pad
+        before = 2 * first - values[..., pad:0:-1]
+        after = 2 * last - values[..., -2 : -2 - pad : -1]
+        long = np.concatenate([before, values, after], axis=-1)
+        slope = (long[..., -1:] - long[..., :1]) / (long.shape[-1] - 1)
+        ramp = long[..., :1] + slope * np.arange(long.shape[-1])
+        flat = np.fft.irfft(np.fft.rfft(long - ramp, self.size, axis=-1) * gain, self.size, axis=-1)
+        here = slice(pad, pad + self.samples)
+        line = {"keep": ramp[..., here], "slope": slope * self.rate_hz, "drop": 0.0}[trend]
+        return np.asarray(flat[..., here] + line)
+
+
+def differences_noise(values: Array) -> float:
+    """Standard deviation of white noise in a smooth signal (n,): robust, of its sixth differences."""
+    if values.size <= 2 * _DIFFERENCES:
+        return 0.0
+    sixth = np.diff(values, _DIFFERENCES)
+    spread = _MAD * float(np.median(np.abs(sixth - np.median(sixth)))) / _DIFFERENCE_GAIN
+    steps = np.abs(np.diff(values))
+    steps = steps[steps > 0]
+    if steps.size and np.mean(np.diff(values) == 0) > 0.02:  # it repeats values: it is counted
+        spread = max(spread, float(steps.min()) / np.sqrt(12))
+    return spread
+
+
+def prepare(session: Session, machine: Machine) -> Prepared:
+    """Every run on one grid. Raises InputError where runs are too short, or of different rates."""
+    rates = {run.sample_rate_hz for run in session.runs}
+    if len(rates) != 1:
+        raise InputError(
+            "session", f"has runs at {', '.join(f'{r:g}' for r in sorted(rates))} Hz", "Resample to one rate."
+        )
+    rate = rates.pop()
+    noise = _channel_noise(session.runs)
+    band = _band(noise, machine, rate)
+    factor = max(1, int(rate / (GRID_PER_BAND * band)))
+    delay, delay_std = _speed_delay(session.runs, noise, band)
+    peak = max(float(np.max(np.abs(_moved(run, noise, band, 0.0)[1]))) for run in session.runs)
+    widest = 2 * np.pi * MOTION_BAND * band
+    sign_noise = min(noise.speed_rad_s, widest * noise.position_rad) * np.sqrt(2 * MOTION_BAND * band / rate)
+    smoothing = max(3 * sign_noise, 0.002 * peak, 1e-9)
+    groups: dict[object, int] = {}
+    runs = []
+    for number, run in enumerate(session.runs):
+        group = groups.setdefault(motion_identity(run), len(groups))
+        share = number / max(len(session.runs) - 1, 1)
+        position, speed, acceleration = _moved(run, noise, band, delay)
+        moving = _lasting(np.abs(speed) > max(STANDSTILL * peak, 2 * smoothing), round(SHORTEST_S * rate))
+        edge = round(1.5 * rate / band)
+        moving[:edge] = moving[-edge:] = False
+        at = slice(None, None, factor)
+        start = run.motion.start_time_s if run.motion else _leaves_rest(speed, peak) / rate
+        runs.append(
+            Signals(
+                run=number,
+                group=group,
+                share=share,
+                time_s=run.time_s[at],
+                motion_time_s=run.time_s[at] - start,
+                position_rad=position[at],
+                speed_rad_s=speed[at],
+                acceleration_rad_s2=acceleration[at],
+                torque_nm=_anti_aliased(_centred_torque(run), factor, rate)[at],
+                considered=moving[at],
+            )
+        )
+    grid = rate / factor
+    return Prepared(
+        runs=tuple(runs),
+        band_hz=band,
+        rate_hz=grid,
+        source_rate_hz=rate,
+        every=max(1, int(grid / (COMPARED_PER_BAND * band))),
+        noise=noise,
+        speed_delay_s=delay,
+        speed_delay_std_s=delay_std,
+        smoothing_rad_s=smoothing,
+        peak_speed_rad_s=peak,
+    )
+
+
+def _lasting(moving: NDArray[np.bool_], samples: int) -> NDArray[np.bool_]:
+    """Only stretches of at least so many samples: an axis that swings about a standstill sticks and slips."""
+    edges = np.flatnonzero(np.diff(np.r_[False, moving, False].astype(int)))
+    result = np.zeros_like(moving)
+    for first, last in edges.reshape(-1, 2):
+        result[first:last] = last - first >= samples
+    return result
+
+
+def _channel_noise(runs: Sequence[Run]) -> Noise:
+    def of(name: str) -> float:
+        return float(np.median([differences_noise(getattr(run, name)) for run in runs]))
+
+    position, torque = max(of("position_rad"), 1e-12), max(of("torque_nm"), 1e-12)
+    speed = np.inf if any(_derived(run) for run in runs) else max(of("speed_rad_s"), 1e-12)
+    return Noise(position, speed, torque)
+
+
+def _derived(run: Run) -> bool:
+    """Whether a run's speed was worked out from its angle, and so says nothing of its own."""
+    return "speed_origin" in run.extra or run.extra.get("speed_source") == "position"
+
+
+def _band(noise: Noise, machine: Machine, rate_hz: float) -> float:
+    """Up to where the acceleration's noise times the moved inertia stays within reach of the torque's (Hz)."""
+    load = machine.load_inertia
+    inertia = machine.motor.inertia_kgm2
+    if load is not None:
+        inertia += load if isinstance(load, float) else float(np.mean(load.inertia_kgm2))
+    frequency = np.linspace(LOWEST_BAND_HZ, HIGHEST_BAND_HZ, 200)
+    omega = 2 * np.pi * frequency
+    best = 1 / np.sqrt(1 / noise.speed_rad_s**2 + 1 / (omega * noise.position_rad) ** 2)
+    drowned = inertia * omega * best > DROWNED * noise.torque_nm
+    highest = frequency[np.argmax(drowned)] if drowned.any() else HIGHEST_BAND_HZ
+    return float(min(max(highest, LOWEST_BAND_HZ), BAND_SHARE * rate_hz))
+
+
+def _weights(spectrum: Spectrum, noise: Noise) -> Array:
+    """Share of the reported speed, against the angle's derivative, at each line."""
+    crossing, omega = noise.speed_rad_s / noise.position_rad, np.abs(spectrum.omega)
+    if not np.isfinite(crossing):
+        return np.zeros_like(omega)
+    return np.asarray(omega**2 / (omega**2 + crossing**2))
+
+
+def _moved(run: Run, noise: Noise, band_hz: float, delay_s: float) -> tuple[Array, Array, Array]:
+    """Angle, speed and acceleration of the motor, (n,) each, without lag."""
+    spectrum = Spectrum(len(run), run.sample_rate_hz, 4 / band_hz)
+    low = spectrum.low_pass(MOTION_BAND * band_hz)
+    share = _weights(spectrum, noise)
+    position = spectrum.apply(run.position_rad, low)
+    speed = spectrum.apply(run.position_rad, low * spectrum.omega * (1 - share), "slope")
+    speed = speed + spectrum.apply(run.speed_rad_s, low * share * np.exp(spectrum.omega * delay_s), "drop")
+    acceleration = spectrum.apply(
+        speed, spectrum.low_pass(2 * MOTION_BAND * band_hz) * spectrum.omega, "slope"
+    )
+    return position, speed, acceleration
+
+
+def _speed_delay(runs: Sequence[Run], noise: Noise, band_hz: float) -> tuple[float, float]:
+    """How late the reported speed is behind the angle's derivative (s), and its standard deviation."""
+    if not np.isfinite(noise.speed_rad_s):
+        return 0.0, np.inf
+    top = bottom = error = 0.0
+    for run in runs:
+        spectrum = Spectrum(len(run), run.sample_rate_hz, 4 / band_hz)
+        low = spectrum.low_pass(band_hz)
+        derived = spectrum.apply(run.position_rad, low * spectrum.omega, "slope")
+        change = spectrum.apply(derived, low * spectrum.omega, "slope")
+        late = spectrum.apply(run.speed_rad_s, low) - derived
+        inside = slice(spectrum.pad // 2, -spectrum.pad // 2)
+        top -= float(late[inside] @ change[inside])
+        bottom += float(change[inside] @ change[inside])
+        error += float(np.var(late[inside]) * change[inside].size)
+    if bottom == 0:
+        return 0.0, np.inf
+    delay = top / bottom
+    samples = sum(len(run) for run in runs)
+    spread = np.sqrt(max(error / samples, 0.0) / bottom * runs[0].sample_rate_hz / (2 * band_hz))
+    return delay, float(spread)
+
+
+def _centred_torque(run: Run) -> Array:
+    """Torque around each sample: a held injection acts half before, half after the instant of sampling."""
+    hold = run.excitation.hold_s if run.excitation else None
+    if hold is None or run.torque_added_nm is None:
+        return run.torque_nm
+    added = run.torque_added_nm
+    following = np.append(added[1:], added[-1])
+    return np.asarray(run.torque_nm + (following - added) / 2)
+
+
+def _anti_aliased(values: Array, factor: int, rate_hz: float) -> Array:
+    """Low-passed for a grid of every `factor`-th sample."""
+    if factor == 1:
+        return values
+    spectrum = Spectrum(values.size, rate_hz, 20 * factor / rate_hz)
+    return spectrum.apply(values, spectrum.low_pass(0.35 * rate_hz / factor))
+
+
+def _leaves_rest(speed: Array, peak: float) -> int:
+    """First sample that moves."""
+    moving = np.abs(speed) > STANDSTILL * peak
+    return int(np.argmax(moving)) if moving.any() else 0
