@@ -1,7 +1,7 @@
 """Machines by chance for the benchmarks: healthy ones, and such that have something which spoils an estimate.
 
-Every machine has its own rotor, coupling, gains, curve of inertia, motion time, rate and noise, all by seed. A hard
-one (`draw_hard`) has one cause of trouble besides, mild or severe by chance: physics that the machine file does not
+Every machine has its own rotor, coupling, curve of inertia, motion time, rate and noise, and its drive its own gains,
+encoder and speed filter (none in one of three), all by seed. A hard one (`draw_hard`) has one cause of trouble besides, mild or severe by chance: physics that the machine file does not
 mention, a wrong number in the file, a poor record. The estimator is told nothing of it.
 """
 
@@ -78,12 +78,7 @@ def draw(seed: int) -> Drawn:
     duration = chance.uniform(0.1, 0.5)
     total = mean + rotor
     peak = 3.0 * total * 4.5 * stroke / duration**2 + total * 300
-    settings = AxisSettings(
-        position_gain_1_s=30.0,
-        speed_gain_nms_rad=60.0 * total,
-        speed_integral_time_s=0.03,
-        torque_limit_nm=peak,
-    )
+    settings = _drive(seed, total, peak)
     rate = float(chance.choice([1000.0, 2000.0, 4000.0, 8000.0]))
     frequency = rate / round(rate / (0.6 * anti_resonance))
     amplitude = 0.2 * peak
@@ -94,6 +89,23 @@ def draw(seed: int) -> Drawn:
         frequency, rate, Noise(10 ** chance.uniform(-3, -1.5) * ripple, 10 ** chance.uniform(-3.5, -2) * amplitude),
         amplitude,
     )  # fmt: skip
+
+
+def _drive(seed: int, total_kgm2: float, peak_nm: float) -> AxisSettings:
+    """A drive as somebody tuned it: slack or tight, an encoder of 18 to 24 bit, a speed filter of any length or none.
+
+    The filter is on reported speed and torque alike and lags in the loop; the estimator learns nothing of it.
+    """
+    chance = np.random.default_rng([seed, 97])
+    filtered = chance.uniform() > 1 / 3
+    return AxisSettings(
+        position_gain_1_s=chance.uniform(20.0, 40.0),
+        speed_gain_nms_rad=chance.uniform(40.0, 80.0) * total_kgm2,
+        speed_integral_time_s=chance.uniform(0.03, 0.06),
+        torque_limit_nm=peak_nm,
+        speed_filter_s=_log(chance, 50e-6, 400e-6) if filtered else 0.0,
+        encoder_counts=2 ** int(chance.integers(18, 25)),
+    )
 
 
 def draw_hard(seed: int) -> Drawn:
