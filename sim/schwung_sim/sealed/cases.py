@@ -19,7 +19,15 @@ from schwung_sim.sealed.foreign import FOREIGN_NAMES, Likeness
 from schwung_sim.sealed.hiding import HiddenEffect, hide, make_plant
 from schwung_sim.sealed.machines import Chance, DrawnMachine, draw_machine
 from schwung_sim.sealed.shapes import EXCLUSIVE, NAMES
-from schwung_sim.sealed.strength import PlayedRun, floor_nm, play_runs, residual_rms, residuals, strength
+from schwung_sim.sealed.strength import (
+    PlayedRun,
+    floor_nm,
+    in_band,
+    play_runs,
+    residual_rms,
+    residuals,
+    strength,
+)
 
 Array = NDArray[np.float64]
 Kind = Literal["none", "single", "two", "three", "foreign"]
@@ -168,10 +176,16 @@ def likeness_of(case: SealedCase) -> tuple[float, str]:
 
 
 def _covered(drawn: DrawnMachine, played: tuple[PlayedRun, ...]) -> dict[str, list[float]]:
-    """The range of every coordinate that the session's strokes cover."""
-    moving = [run.rows[drawn.runs[run.index].stroke.moving()] for run in played]
-    position, speed, torque = (np.concatenate([rows[:, i] for rows in moving]) for i in range(3))
-    acceleration = np.concatenate([np.gradient(rows[:, 1], TICK_S) for rows in moving])
+    """The range of every coordinate that the session's strokes cover, within the band of the residuals."""
+    smooth = [in_band(run.rows) for run in played]
+    during = [drawn.runs[run.index].stroke.moving() for run in played]
+    position, speed, torque = (
+        np.concatenate([rows[moving, i] for rows, moving in zip(smooth, during, strict=True)])
+        for i in range(3)
+    )
+    acceleration = np.concatenate(
+        [np.gradient(rows[:, 1], TICK_S)[moving] for rows, moving in zip(smooth, during, strict=True)]
+    )
     ranges = {"position": position, "speed": speed, "torque": torque, "acceleration": acceleration}
     longest = max(run.stroke.total_s - run.stroke.start_time_s - run.stroke.dwell_s for run in drawn.runs)
     return {

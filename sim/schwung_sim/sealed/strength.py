@@ -64,7 +64,12 @@ def residual(drawn: DrawnMachine, plain: TwoMassPlant, run: PlayedRun) -> Array:
     needed_torque(
         plain.parameters, plain.tables.inertia, float(run.rows[0, 0]), run.rows[:, 1].copy(), needed
     )
-    return np.asarray(sosfiltfilt(_LOW_PASS, run.rows[:, 2] - needed))
+    return in_band(run.rows[:, 2] - needed)
+
+
+def in_band(values: Array) -> Array:
+    """Signals (m, …) at the control ticks without what is beyond BAND_HZ, and without lag."""
+    return np.asarray(sosfiltfilt(_LOW_PASS, values, axis=0))
 
 
 def residuals(drawn: DrawnMachine, played: Sequence[PlayedRun]) -> Array:
