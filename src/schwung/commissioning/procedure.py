@@ -252,7 +252,8 @@ def _run_of(recording: Recording, planned: PlannedRun, plan: Plan, source: Speed
     position = recording.position_rad[actual]
     demand = recording.position_demand_rad[commanded] if plan.acquisition.mode == "csp" else None
     speed = recording.speed_rad_s[actual]
-    if np.all(np.isnan(speed)):  # the drive has none: nothing was lost
+    derived = bool(np.all(np.isnan(speed)))  # the drive has none: nothing was lost
+    if derived:
         speed = np.gradient(position, 1 / recording.sample_rate_hz)
     return Run(
         role=planned.role,
@@ -269,6 +270,7 @@ def _run_of(recording: Recording, planned: PlannedRun, plan: Plan, source: Speed
         extra={
             "sync_timing": asdict(recording.timing),
             "speed_source": source,
+            **({"speed_origin": "derived from position"} if derived else {}),
             **({"notes": list(recording.notes)} if recording.notes else {}),
         },
     )

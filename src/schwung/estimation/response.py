@@ -20,9 +20,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from schwung.errors import InputError
-from schwung.estimation.sampling import SAME_PERIOD
 from schwung.motion import Array, Excitation
-from schwung.session.model import Run, Session
+from schwung.session.model import SAME_PERIOD, Run, Session
 
 ComplexArray = NDArray[np.complex128]
 

@@ -23,8 +23,6 @@ from schwung.motion import Array
 from schwung.session.model import Run, Session
 
 MIN_FOR_CUBIC = 3
-#: Tolerated difference between the time a torque is held and the sampling period, as a share of the latter.
-SAME_PERIOD = 0.01
 
 
 def prepared(session: Session, machine: Machine | None = None) -> Session:
@@ -42,12 +40,7 @@ def prepared(session: Session, machine: Machine | None = None) -> Session:
 
 def is_held(run: Run) -> bool:
     """Whether the injection was held for one sampling period, as by a bus, and is recorded."""
-    hold = run.excitation.hold_s if run.excitation else None
-    return (
-        hold is not None
-        and abs(hold * run.sample_rate_hz - 1) < SAME_PERIOD
-        and run.torque_added_nm is not None
-    )
+    return run.is_held
 
 
 def _averaged(run: Run, machine: Machine | None) -> Run:

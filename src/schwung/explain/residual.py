@@ -42,6 +42,12 @@ class _Run:
     spectrum: Spectrum
     low: Array
     torque_nm: Array  # within the band
+    late_nm: (
+        Array  # (2, n), by how much it changes with the lag of what is reported, and with half its square
+    )
+    jumps: (
+        Array  # (n,) on the compared grid: what a held injection's images make the controller do, of length 1
+    )
     valid: NDArray[np.bool_]  # on the compared grid
 
 
@@ -76,7 +82,13 @@ class Residuals:
             signals.step_s,
         )
         valid = signals.considered[:: self.prepared.every]
-        return _Run(signals, motion, spectrum, low, spectrum.apply(signals.torque_nm, low), valid)
+        late = np.stack(
+            [spectrum.apply(signals.added_nm, low * spectrum.omega**power, "drop") for power in (1, 2)]
+        )
+        jumps = spectrum.apply(signals.jumps_nm, low)[:: self.prepared.every]
+        jumps = jumps / max(float(np.linalg.norm(jumps[valid])), 1e-12)
+        torque = spectrum.apply(signals.torque_nm, low)
+        return _Run(signals, motion, spectrum, low, torque, late, jumps, valid)
 
     def valid(self, run: int) -> NDArray[np.bool_]:
         """Which samples of the compared grid are compared, (n,)."""
@@ -99,8 +111,11 @@ class Residuals:
         of, e = self.runs[run], unknowns.effects
         limit = e.torque_limit_nm / e.torque_gain
         if np.max(np.abs(of.signals.torque_nm)) <= limit:
-            return of.torque_nm
-        return of.spectrum.apply(np.clip(of.signals.torque_nm, -limit, limit), of.low)
+            torque = of.torque_nm
+        else:
+            torque = of.spectrum.apply(np.clip(of.signals.torque_nm, -limit, limit), of.low)
+        t = unknowns.timing_s
+        return np.asarray(torque + t * of.late_nm[0] + 0.5 * t**2 * of.late_nm[1]) if t != 0 else torque
 
     def needed(self, run: int, unknowns: Unknowns) -> Array:
         """Torque that the drive would report, were the belief right, within the band; (n,) on the full grid."""
@@ -136,8 +151,10 @@ class Residuals:
 
     def residual(self, run: int, unknowns: Unknowns) -> Array:
         """Reported minus needed torque (N·m) on the compared grid, (n,)."""
+        of = self.runs[run]
         full = self.torque(run, unknowns) - self.needed(run, unknowns)
-        return np.asarray(full[:: self.prepared.every])
+        compared = full[:: self.prepared.every]
+        return np.asarray(compared - of.jumps * (of.jumps[of.valid] @ compared[of.valid]))
 
     def all(self, runs: Sequence[int], unknowns: Unknowns) -> list[Array]:
         """Residuals of several runs."""

@@ -3,13 +3,19 @@
 Angle and speed are weighed in the frequency domain by their own noise: below σ_ω/σ_θ (rad/s) the angle's derivative
 is the better speed, above it the reported speed. All filters have zero phase. Everything beyond `band_hz`, where the
 noise of the acceleration drowns any torque, is left out of motion and torque alike.
+
+An injection that a bus refreshes once per SYNC is a staircase: its images at f_s ± f fall upon f where it is sampled.
+At the instants of sampling they leave the angle alone to third order in f/f_s, but not the speed, and the controller
+answers them: by how much no drive says, only in which shape, that of the jumps. So the angle gives the motion, the
+torque is what was reported with the staircase's fundamental in the staircase's place, and the shape of the jumps tells
+nothing.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Literal
+from typing import Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -61,7 +67,9 @@ class Signals:
     position_rad: Array
     speed_rad_s: Array
     acceleration_rad_s2: Array
-    torque_nm: Array  # as reported, not band-limited
+    torque_nm: Array  # as reported, not band-limited; a held injection by its fundamental
+    added_nm: Array  # that fundamental: unlike the rest of the torque, it is reported without any lag
+    jumps_nm: Array  # of a held injection, per sample; both zero where none was held
     considered: NDArray[np.bool_]  # samples that are compared
 
     @property
@@ -144,7 +152,7 @@ def prepare(session: Session, machine: Machine) -> Prepared:
     noise = _channel_noise(session.runs)
     band = _band(noise, machine, rate)
     factor = max(1, int(rate / (GRID_PER_BAND * band)))
-    delay, delay_std = _speed_delay(session.runs, noise, band)
+    delay, delay_std = _speed_delay(session.runs, band)
     peak = max(float(np.max(np.abs(_moved(run, noise, band, 0.0)[1]))) for run in session.runs)
     widest = 2 * np.pi * MOTION_BAND * band
     sign_noise = min(noise.speed_rad_s, widest * noise.position_rad) * np.sqrt(2 * MOTION_BAND * band / rate)
@@ -159,6 +167,7 @@ def prepare(session: Session, machine: Machine) -> Prepared:
         edge = round(1.5 * rate / band)
         moving[:edge] = moving[-edge:] = False
         at = slice(None, None, factor)
+        torque = _unstepped(run)
         start = run.motion.start_time_s if run.motion else _leaves_rest(speed, peak) / rate
         runs.append(
             Signals(
@@ -170,7 +179,9 @@ def prepare(session: Session, machine: Machine) -> Prepared:
                 position_rad=position[at],
                 speed_rad_s=speed[at],
                 acceleration_rad_s2=acceleration[at],
-                torque_nm=_anti_aliased(_centred_torque(run), factor, rate)[at],
+                torque_nm=_anti_aliased(torque.total_nm, factor, rate)[at],
+                added_nm=_anti_aliased(torque.added_nm, factor, rate)[at],
+                jumps_nm=_anti_aliased(torque.jumps_nm, factor, rate)[at],
                 considered=moving[at],
             )
         )
@@ -208,8 +219,8 @@ def _channel_noise(runs: Sequence[Run]) -> Noise:
 
 
 def _derived(run: Run) -> bool:
-    """Whether a run's speed was worked out from its angle, and so says nothing of its own."""
-    return "speed_origin" in run.extra or run.extra.get("speed_source") == "position"
+    """Whether a run's speed is worked out from its angle, or is worse than what could be."""
+    return "speed_origin" in run.extra or run.extra.get("speed_source") == "position" or run.is_held
 
 
 def _band(noise: Noise, machine: Machine, rate_hz: float) -> float:
@@ -248,37 +259,59 @@ def _moved(run: Run, noise: Noise, band_hz: float, delay_s: float) -> tuple[Arra
     return position, speed, acceleration
 
 
-def _speed_delay(runs: Sequence[Run], noise: Noise, band_hz: float) -> tuple[float, float]:
-    """How late the reported speed is behind the angle's derivative (s), and its standard deviation."""
-    if not np.isfinite(noise.speed_rad_s):
+def _speed_delay(runs: Sequence[Run], band_hz: float) -> tuple[float, float]:
+    """How late the reported speed is behind the angle's derivative (s), and its standard deviation.
+
+    What the images of a held injection leave in the speed has the shape of the jumps, and is fitted along.
+    """
+    if any("speed_origin" in run.extra for run in runs):
         return 0.0, np.inf
-    top = bottom = error = 0.0
+    normal, towards, error, samples = np.zeros((2, 2)), np.zeros(2), 0.0, 0
     for run in runs:
         spectrum = Spectrum(len(run), run.sample_rate_hz, 4 / band_hz)
         low = spectrum.low_pass(band_hz)
         derived = spectrum.apply(run.position_rad, low * spectrum.omega, "slope")
         change = spectrum.apply(derived, low * spectrum.omega, "slope")
+        jumps = spectrum.apply(_unstepped(run).jumps_nm, low)
         late = spectrum.apply(run.speed_rad_s, low) - derived
         inside = slice(spectrum.pad // 2, -spectrum.pad // 2)
-        top -= float(late[inside] @ change[inside])
-        bottom += float(change[inside] @ change[inside])
-        error += float(np.var(late[inside]) * change[inside].size)
-    if bottom == 0:
+        columns = np.stack([-change[inside], jumps[inside]])
+        normal += columns @ columns.T
+        towards += columns @ late[inside]
+        error += float(late[inside] @ late[inside])
+        samples += columns.shape[1]
+    if normal[0, 0] == 0:
         return 0.0, np.inf
-    delay = top / bottom
-    samples = sum(len(run) for run in runs)
-    spread = np.sqrt(max(error / samples, 0.0) / bottom * runs[0].sample_rate_hz / (2 * band_hz))
-    return delay, float(spread)
+    inverse = np.linalg.pinv(normal, rcond=1e-12)
+    fitted = inverse @ towards
+    left = max(error - float(fitted @ towards), 0.0) / samples
+    independent = 2 * band_hz / runs[0].sample_rate_hz  # share of the samples
+    return float(fitted[0]), float(np.sqrt(left * inverse[0, 0] / independent))
 
 
-def _centred_torque(run: Run) -> Array:
-    """Torque around each sample: a held injection acts half before, half after the instant of sampling."""
-    hold = run.excitation.hold_s if run.excitation else None
-    if hold is None or run.torque_added_nm is None:
-        return run.torque_nm
-    added = run.torque_added_nm
-    following = np.append(added[1:], added[-1])
-    return np.asarray(run.torque_nm + (following - added) / 2)
+class _Torque(NamedTuple):
+    """Torque of a run at the instants of sampling, (n,) each."""
+
+    total_nm: Array
+    added_nm: Array
+    jumps_nm: Array
+
+
+def _unstepped(run: Run) -> _Torque:
+    """Torque with a held injection by its fundamental in place of its steps.
+
+    `torque_added` of a sample was in force over the step that ends with it: the fundamental is sinc(f/f_s) as large as
+    the samples, and at the instant of sampling half a step further on.
+    """
+    if not run.is_held or run.torque_added_nm is None:
+        nothing = np.zeros(len(run))
+        return _Torque(run.torque_nm, nothing, nothing)
+    spectrum = Spectrum(len(run), run.sample_rate_hz, 20 / run.sample_rate_hz)
+    gain = np.sinc(spectrum.frequency_hz / run.sample_rate_hz) * np.exp(
+        spectrum.omega * 0.5 / run.sample_rate_hz
+    )
+    added = spectrum.apply(run.torque_added_nm, gain)
+    return _Torque(run.torque_nm - run.torque_added_nm + added, added, np.gradient(run.torque_added_nm))
 
 
 def _anti_aliased(values: Array, factor: int, rate_hz: float) -> Array:

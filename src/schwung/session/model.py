@@ -16,6 +16,8 @@ Axis = Literal["rotary", "linear"]
 
 #: The tolerated deviation of a sample instant from the uniform grid, in samples (files.md).
 UNIFORMITY_SAMPLES = 0.01
+#: Tolerated difference between the time a torque is held and the sampling period, as a share of the latter.
+SAME_PERIOD = 0.01
 
 
 @dataclass(frozen=True, eq=False)
@@ -87,6 +89,14 @@ class Run:
     def datasets(self) -> dict[str, Array]:
         """The arrays that are present, by the names that the file uses."""
         return _present(self)
+
+    @property
+    def is_held(self) -> bool:
+        """Whether the injection was held for one sampling period, as by a bus, and is recorded."""
+        hold = self.excitation.hold_s if self.excitation else None
+        if hold is None or self.torque_added_nm is None:
+            return False
+        return abs(hold * self.sample_rate_hz - 1) < SAME_PERIOD
 
     def __len__(self) -> int:
         return int(self.time_s.size)
