@@ -1,9 +1,10 @@
 """What no model can explain: the noise of the residual, from repeats of one motion, and a filter that whitens it.
 
 Repeats differ by noise alone, so half the variance of their difference is the floor. Neighbours in time are taken, so
-that slow drift is not mistaken for noise. Without repeats the floor follows from what each channel has beyond a smooth
-motion, carried through the belief's equations. The whitening filter is autoregressive and short: it must not learn a
-disturbance that happens to differ between repeats.
+that slow drift is not mistaken for noise. A precise machine counts alike in each repeat: what its channels have beyond
+a smooth motion, and repeats have in common, is added. Without repeats the floor follows from what each channel has
+beyond a smooth motion, carried through the belief's equations. The whitening filter is autoregressive and short: it
+must not learn a disturbance that happens to differ between repeats.
 """
 
 from __future__ import annotations
@@ -16,15 +17,15 @@ from numpy.typing import NDArray
 from scipy.linalg import solve_toeplitz
 
 from schwung.drivetrain.machine import Machine
-from schwung.explain.signals import MOTION_BAND, Prepared
+from schwung.explain.signals import MOTION_BAND, Noise, Prepared, speed_share
 from schwung.motion import Array
 
 #: Coefficients of the whitening filter.
 ORDER = 6
 #: Fewer compared samples of repeats than this say too little of the noise's colour.
 MIN_SAMPLES = 150
-#: Counts fall alike in repeats of a precise motion: by so much (variance) the floor may lie above their difference.
-MOST_ALIKE = 6.0
+#: Share of the floor's variance from which on it is said to come of counts that fall alike.
+ALIKE_SHARE = 0.2
 _RIDGE = 1e-3
 
 
@@ -67,15 +68,14 @@ def whitener(prepared: Prepared, machine: Machine, residuals: Sequence[Array]) -
         valid = run.considered[:: prepared.every][:size]
         valid = valid & prepared.runs[before].considered[:: prepared.every][:size]
         pairs.append(((residuals[number][:size] - residuals[before][:size]) / np.sqrt(2), valid))
-    covariance = _believed_covariance(prepared, machine)
+    covariance = _believed_covariance(prepared, machine, prepared.noise)
     how = "the channels' own noise: the session has no repeats of one motion, which would measure it"
     if sum(int(valid.sum()) for _, valid in pairs) >= MIN_SAMPLES:
-        measured = _covariance(pairs)
+        alike = _believed_covariance(prepared, machine, prepared.alike)
+        covariance = _covariance(pairs) + alike
         how = f"repeats of one motion ({len(pairs)} pairs)"
-        if measured[0] < covariance[0] < MOST_ALIKE * measured[0]:
-            how += ", and the encoder's counts, which are alike in repeats"
-        else:
-            covariance = measured
+        if alike[0] > ALIKE_SHARE * covariance[0]:
+            how += ", and the counts that fall alike in each of them"
     ridge = covariance.copy()
     ridge[0] *= 1 + _RIDGE
     coefficients = solve_toeplitz(ridge[:ORDER], ridge[1 : ORDER + 1])
@@ -96,17 +96,19 @@ def _covariance(pairs: Sequence[tuple[Array, NDArray[np.bool_]]]) -> Array:
     return np.asarray(result * 0.995 ** np.arange(ORDER + 1))
 
 
-def _believed_covariance(prepared: Prepared, machine: Machine) -> Array:
-    """The same from the channels' noise, by the belief's mechanical impedance."""
-    noise, band, rate = prepared.noise, prepared.band_hz, prepared.rate_hz / prepared.every
-    source = prepared.source_rate_hz
+def _believed_covariance(prepared: Prepared, machine: Machine, noise: Noise) -> Array:
+    """The same from noise of the channels, by the belief's mechanical impedance."""
+    band, rate = prepared.band_hz, prepared.rate_hz / prepared.every
     frequency = np.linspace(0.0, rate / 2, 513)
     omega = 2 * np.pi * np.maximum(frequency, 1e-3)
-    speed = 1 / (1 / noise.speed_rad_s**2 + 1 / (omega * noise.position_rad) ** 2)
+    share = speed_share(prepared.noise, omega)
+    speed = ((1 - share) * omega * noise.position_rad) ** 2
+    if np.isfinite(noise.speed_rad_s):
+        speed = speed + (share * noise.speed_rad_s) ** 2
     low = 1 / (1 + (frequency / band) ** 8)
     motion = 1 / (1 + (frequency / (MOTION_BAND * band)) ** 8)
     density = low**2 * (noise.torque_nm**2 + speed * np.abs(motion * impedance(machine, omega)) ** 2)
-    covariance = np.fft.irfft(density) * rate / source
+    covariance = np.fft.irfft(density) * rate / prepared.source_rate_hz
     return np.asarray(covariance[: ORDER + 1])
 
 

@@ -30,6 +30,9 @@ from schwung.session.model import Run, Session
 LOWEST_BAND_HZ, HIGHEST_BAND_HZ, BAND_SHARE = 30.0, 300.0, 0.2
 #: Where the acceleration's noise is this many times the torque's, the band ends.
 DROWNED = 30.0
+#: The band also ends where the acceleration's own noise reaches this share of the acceleration: a regressor as noisy
+#: as that hides inertia. It then goes as low as LOWEST_NOISY_HZ.
+NOISY, LOWEST_NOISY_HZ = 0.15, 4.0
 #: The motion keeps so much more than the band, that products and signs of it are right within the band.
 MOTION_BAND = 1.6
 #: Rate of the simulation over the band, and of the compared samples over the band.
@@ -38,6 +41,8 @@ GRID_PER_BAND, COMPARED_PER_BAND = 6.0, 2.5
 STANDSTILL = 0.01
 #: The axis moves where it does so for at least this long in one direction (s).
 SHORTEST_S = 0.03
+#: Repeats of which the differences have this share of the noise's variance have none in common.
+UNLIKE = 0.7
 _ORDER = 8  # of the zero-phase low-pass, 1/(1 + (f/f_c)^8)
 _DIFFERENCES = 6
 _DIFFERENCE_GAIN = np.sqrt(924.0)  # of white noise by six differences: √C(12, 6)
@@ -88,6 +93,7 @@ class Prepared:
     source_rate_hz: float  # of the recording
     every: int  # each so many-th sample of the grid is compared
     noise: Noise
+    alike: Noise  # what of it repeats have in common, so that their differences do not show it
     speed_delay_s: float  # of the reported speed behind the reported angle
     speed_delay_std_s: float
     smoothing_rad_s: float  # within which a speed's sign is not known
@@ -130,15 +136,19 @@ class Spectrum:
 
 def differences_noise(values: Array) -> float:
     """Standard deviation of white noise in a smooth signal (n,): robust, of its sixth differences."""
-    if values.size <= 2 * _DIFFERENCES:
-        return 0.0
-    sixth = np.diff(values, _DIFFERENCES)
-    spread = _MAD * float(np.median(np.abs(sixth - np.median(sixth)))) / _DIFFERENCE_GAIN
+    spread = _roughness(values)
     steps = np.abs(np.diff(values))
     steps = steps[steps > 0]
     if steps.size and np.mean(np.diff(values) == 0) > 0.02:  # it repeats values: it is counted
         spread = max(spread, float(steps.min()) / np.sqrt(12))
     return spread
+
+
+def _roughness(values: Array) -> float:
+    if values.size <= 2 * _DIFFERENCES:
+        return 0.0
+    sixth = np.diff(values, _DIFFERENCES)
+    return _MAD * float(np.median(np.abs(sixth - np.median(sixth)))) / float(_DIFFERENCE_GAIN)
 
 
 def prepare(session: Session, machine: Machine) -> Prepared:
@@ -150,7 +160,7 @@ def prepare(session: Session, machine: Machine) -> Prepared:
         )
     rate = rates.pop()
     noise = _channel_noise(session.runs)
-    band = _band(noise, machine, rate)
+    band = _clear(session.runs, noise, _band(noise, machine, rate))
     factor = max(1, int(rate / (GRID_PER_BAND * band)))
     delay, delay_std = _speed_delay(session.runs, band)
     peak = max(float(np.max(np.abs(_moved(run, noise, band, 0.0)[1]))) for run in session.runs)
@@ -193,6 +203,7 @@ def prepare(session: Session, machine: Machine) -> Prepared:
         source_rate_hz=rate,
         every=max(1, int(grid / (COMPARED_PER_BAND * band))),
         noise=noise,
+        alike=_alike(session.runs, [run.group for run in runs], noise),
         speed_delay_s=delay,
         speed_delay_std_s=delay_std,
         smoothing_rad_s=smoothing,
@@ -218,6 +229,34 @@ def _channel_noise(runs: Sequence[Run]) -> Noise:
     return Noise(position, speed, torque)
 
 
+def _alike(runs: Sequence[Run], groups: Sequence[int], noise: Noise) -> Noise:
+    """Noise that comes again in each repeat: counts that fall alike, and what a controller makes of them."""
+    pairs: list[tuple[Run, Run]] = []
+    last: dict[int, Run] = {}
+    for run, group in zip(runs, groups, strict=True):
+        if group in last:
+            pairs.append((last[group], run))
+        last[group] = run
+
+    def of(name: str, whole: float) -> float:
+        if not pairs or not np.isfinite(whole):
+            return 0.0
+        differences = []
+        for first, second in pairs:
+            size = min(len(first), len(second))
+            differences.append(
+                _roughness(getattr(first, name)[:size] - getattr(second, name)[:size]) ** 2 / 2
+            )
+        share = float(np.median(differences)) / whole**2
+        return whole * float(np.sqrt(1 - share)) if share < UNLIKE else 0.0
+
+    return Noise(
+        of("position_rad", noise.position_rad),
+        of("speed_rad_s", noise.speed_rad_s),
+        of("torque_nm", noise.torque_nm),
+    )
+
+
 def _derived(run: Run) -> bool:
     """Whether a run's speed is worked out from its angle, or is worse than what could be."""
     return "speed_origin" in run.extra or run.extra.get("speed_source") == "position" or run.is_held
@@ -237,19 +276,19 @@ def _band(noise: Noise, machine: Machine, rate_hz: float) -> float:
     return float(min(max(highest, LOWEST_BAND_HZ), BAND_SHARE * rate_hz))
 
 
-def _weights(spectrum: Spectrum, noise: Noise) -> Array:
-    """Share of the reported speed, against the angle's derivative, at each line."""
-    crossing, omega = noise.speed_rad_s / noise.position_rad, np.abs(spectrum.omega)
+def speed_share(noise: Noise, omega_rad_s: Array) -> Array:
+    """Share of the reported speed, against the angle's derivative, at each angular frequency, (n,)."""
+    crossing = noise.speed_rad_s / noise.position_rad
     if not np.isfinite(crossing):
-        return np.zeros_like(omega)
-    return np.asarray(omega**2 / (omega**2 + crossing**2))
+        return np.zeros_like(omega_rad_s)
+    return np.asarray(omega_rad_s**2 / (omega_rad_s**2 + crossing**2))
 
 
 def _moved(run: Run, noise: Noise, band_hz: float, delay_s: float) -> tuple[Array, Array, Array]:
     """Angle, speed and acceleration of the motor, (n,) each, without lag."""
     spectrum = Spectrum(len(run), run.sample_rate_hz, 4 / band_hz)
     low = spectrum.low_pass(MOTION_BAND * band_hz)
-    share = _weights(spectrum, noise)
+    share = speed_share(noise, np.abs(spectrum.omega))
     position = spectrum.apply(run.position_rad, low)
     speed = spectrum.apply(run.position_rad, low * spectrum.omega * (1 - share), "slope")
     speed = speed + spectrum.apply(run.speed_rad_s, low * share * np.exp(spectrum.omega * delay_s), "drop")
