@@ -21,6 +21,9 @@ _HUNG = (
     "third_inertia_kgm2", "third_stiffness_nm_rad", "third_damping_nms",
     "inertia_delta_kgm2", "inertia_scale", "inertia_shift_rad", "eccentricity_rad", "eccentricity_phase_rad",
 )  # fmt: skip
+#: Nobody's drive clips below this share of the torque that it reports, and no machine has less than LIGHTEST of the
+#: inertia that is believed: a fit there would explain the recording away.
+LEAST_LIMIT, LIGHTEST = 0.3, 0.02
 _KEPT = 400  # coupling torques that are remembered
 
 
@@ -70,6 +73,7 @@ class Residuals:
         self.belief = forward.believed(machine)
         self.runs = tuple(self._run(signals) for signals in prepared.runs)
         self._hung: dict[tuple[object, ...], Array] = {}
+        self._peak_nm = max(float(np.max(np.abs(of.signals.torque_nm))) for of in self.runs)
 
     def _run(self, signals: Signals) -> _Run:
         spectrum = Spectrum(signals.time_s.size, self.prepared.rate_hz, 3 / self.prepared.band_hz)
@@ -150,11 +154,21 @@ class Residuals:
         return known
 
     def residual(self, run: int, unknowns: Unknowns) -> Array:
-        """Reported minus needed torque (N·m) on the compared grid, (n,)."""
+        """Reported minus needed torque (N·m) on the compared grid, (n,); beyond all bounds where none is possible."""
+        if not self._possible(unknowns.effects):
+            return np.full(self.runs[run].valid.size, 1e3 * self._peak_nm)
         of = self.runs[run]
         full = self.torque(run, unknowns) - self.needed(run, unknowns)
         compared = full[:: self.prepared.every]
         return np.asarray(compared - of.jumps * (of.jumps[of.valid] @ compared[of.valid]))
+
+    def _possible(self, e: Effects) -> bool:
+        """Whether there could be such a machine."""
+        lightest = float(np.min(self.belief.inertia.coefficients[3]))
+        rotor = self.belief.rotor_inertia if self.belief.rigid else 0.0
+        left = rotor + e.inertia_scale * lightest + e.inertia_delta_kgm2
+        clipped = e.torque_limit_nm < LEAST_LIMIT * self._peak_nm * e.torque_gain
+        return left >= LIGHTEST * (rotor + lightest) and not clipped
 
     def all(self, runs: Sequence[int], unknowns: Unknowns) -> list[Array]:
         """Residuals of several runs."""

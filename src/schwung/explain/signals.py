@@ -276,6 +276,30 @@ def _band(noise: Noise, machine: Machine, rate_hz: float) -> float:
     return float(min(max(highest, LOWEST_BAND_HZ), BAND_SHARE * rate_hz))
 
 
+def _clear(runs: Sequence[Run], noise: Noise, band_hz: float) -> float:
+    """A band, narrower where that is needed, in which the acceleration stands out of its own noise (Hz)."""
+    rate = runs[0].sample_rate_hz
+    while band_hz > LOWEST_NOISY_HZ:
+        omega = 2 * np.pi * np.linspace(0.0, 1.2 * band_hz, 200)[1:]
+        speed = 1 / (1 / noise.speed_rad_s**2 + 1 / (omega * noise.position_rad) ** 2)
+        low = 1 / (1 + (omega / (2 * np.pi * band_hz)) ** _ORDER)
+        own = float(np.mean(omega**2 * speed * low**2)) * 2.4 * band_hz / rate
+        whole = max(_acceleration_power(run, noise, band_hz) for run in runs)
+        if own < NOISY**2 * max(whole - own, 0.0):
+            break
+        band_hz = max(0.85 * band_hz, LOWEST_NOISY_HZ)
+    return band_hz
+
+
+def _acceleration_power(run: Run, noise: Noise, band_hz: float) -> float:
+    """Mean square of the acceleration within the band, signal and noise."""
+    spectrum = Spectrum(len(run), run.sample_rate_hz, 4 / band_hz)
+    share, low = speed_share(noise, np.abs(spectrum.omega)), spectrum.low_pass(band_hz)
+    change = spectrum.apply(run.position_rad, low * spectrum.omega * (1 - share), "slope")
+    change = change + spectrum.apply(run.speed_rad_s, low * share, "drop")
+    return float(np.mean(spectrum.apply(change, low * spectrum.omega, "slope") ** 2))
+
+
 def speed_share(noise: Noise, omega_rad_s: Array) -> Array:
     """Share of the reported speed, against the angle's derivative, at each angular frequency, (n,)."""
     crossing = noise.speed_rad_s / noise.position_rad
