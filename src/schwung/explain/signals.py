@@ -41,6 +41,8 @@ GRID_PER_BAND, COMPARED_PER_BAND = 6.0, 2.5
 STANDSTILL = 0.01
 #: The axis moves where it does so for at least this long in one direction (s).
 SHORTEST_S = 0.03
+#: Filters spread what happens over so many periods of the band's upper end.
+REACH = 1.0
 #: Repeats of which the differences have this share of the noise's variance have none in common.
 UNLIKE = 0.7
 _ORDER = 8  # of the zero-phase low-pass, 1/(1 + (f/f_c)^8)
@@ -174,6 +176,7 @@ def prepare(session: Session, machine: Machine) -> Prepared:
         share = number / max(len(session.runs) - 1, 1)
         position, speed, acceleration = _moved(run, noise, band, delay)
         moving = _lasting(np.abs(speed) > max(STANDSTILL * peak, 2 * smoothing), round(SHORTEST_S * rate))
+        moving = _away_from_rest(moving, round(REACH * rate / band))
         edge = round(1.5 * rate / band)
         moving[:edge] = moving[-edge:] = False
         at = slice(None, None, factor)
@@ -218,6 +221,12 @@ def _lasting(moving: NDArray[np.bool_], samples: int) -> NDArray[np.bool_]:
     for first, last in edges.reshape(-1, 2):
         result[first:last] = last - first >= samples
     return result
+
+
+def _away_from_rest(moving: NDArray[np.bool_], samples: int) -> NDArray[np.bool_]:
+    """Samples with no standstill within so many: what stiction does there, filters spread."""
+    near = np.convolve(~moving, np.ones(2 * samples + 1), "same") > 0.5
+    return np.asarray(moving & ~near)
 
 
 def _channel_noise(runs: Sequence[Run]) -> Noise:
