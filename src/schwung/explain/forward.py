@@ -7,20 +7,24 @@ The measured motion of the motor is prescribed, and the load hangs on it:
 
 Unlike a simulation driven by torque this cannot drift, needs no controller, and what is wrong with one torque shows in
 that torque. A rigid belief is the same with θ_l = θ_m.
+
+This is where an explanation spends its time: small functions are put where they are called, so that the state stays in
+registers; the piece of the inertia's curve is sought from the one before, to which the load is always close; and the
+ways in take plain tuples, whose types numba knows at a glance (named ones cost it up to 50 µs each, every time).
 """
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from scipy.interpolate import PchipInterpolator
 
-from schwung.drivetrain.compiled import compiled
+from schwung.drivetrain.compiled import compiled, inlined
 from schwung.drivetrain.inertia import InertiaTable
 from schwung.drivetrain.kernel import Curve, value_and_slope
 from schwung.drivetrain.machine import Machine
-from schwung.drivetrain.physics import Effects, coupling_torque, load_torque, motor_torque
+from schwung.drivetrain.physics import Effects, coupling_torque, load_torque, motor_torque, third_torque
 from schwung.motion import Array
 
 #: Highest |eigenvalue| × Runge-Kutta step of the load on its spring.
@@ -28,6 +32,9 @@ _STEP = 0.5
 #: Steps per sample where the coupling has play: contact is sudden.
 _CONTACT_SUBSTEPS = 4
 _MAX_SUBSTEPS = 12
+
+
+_Plain = tuple[Any, ...]  # a Belief, Effects or Motion as a plain tuple
 
 
 class Belief(NamedTuple):
@@ -39,8 +46,10 @@ class Belief(NamedTuple):
     stiffness: float
     damping: float
     rigid: bool
-    inertia: Curve
-    load_torque: Curve
+    inertia_knots: Array  # as of a Curve, (m,)
+    inertia_coefficients: Array  # (4, m − 1)
+    torque_knots: Array
+    torque_coefficients: Array
 
 
 class Motion(NamedTuple):
@@ -53,11 +62,30 @@ class Motion(NamedTuple):
     step: float
 
 
+class Hanging(NamedTuple):
+    """Load, and a third mass behind it: angle (rad) and speed (rad/s); or the rates of these."""
+
+    angle: float
+    speed: float
+    third_angle: float
+    third_speed: float
+
+
 def believed(machine: Machine) -> Belief:
     """The machine file as equations; an unknown load of a rigid machine is none at all, its inertia the motor's."""
     load, coupling = machine.load, machine.coupling
     inertia = machine.load_inertia if machine.load_inertia is not None or coupling is not None else 0.0
     table = load.torque_table
+    shape = (
+        _curve(inertia.position_rad, inertia.inertia_kgm2)
+        if isinstance(inertia, InertiaTable)
+        else _constant(float(inertia or 0.0))
+    )
+    given = (
+        _curve(table.position_rad, table.load_torque_nm)
+        if table is not None
+        else _constant(load.torque_nm or 0.0)
+    )
     return Belief(
         rotor_inertia=machine.motor.inertia_kgm2,
         motor_friction=machine.motor.viscous_friction_nms,
@@ -65,12 +93,10 @@ def believed(machine: Machine) -> Belief:
         stiffness=coupling.stiffness_nm_rad if coupling else 0.0,
         damping=coupling.damping_nms if coupling else 0.0,
         rigid=coupling is None,
-        inertia=_curve(inertia.position_rad, inertia.inertia_kgm2)
-        if isinstance(inertia, InertiaTable)
-        else _constant(float(inertia or 0.0)),
-        load_torque=_curve(table.position_rad, table.load_torque_nm)
-        if table is not None
-        else _constant(load.torque_nm or 0.0),
+        inertia_knots=shape.knots,
+        inertia_coefficients=shape.coefficients,
+        torque_knots=given.knots,
+        torque_coefficients=given.coefficients,
     )
 
 
@@ -83,14 +109,26 @@ def _constant(value: float) -> Curve:
     return _curve(np.array([0.0, 1.0]), np.array([value, value]))
 
 
+def _changed(belief: Belief, e: Effects) -> Belief:
+    """The belief with the terms' coupling and load inertia, J_l(θ) = scale · believed J_l(θ + shift) + delta."""
+    coefficients = e.inertia_scale * belief.inertia_coefficients
+    coefficients[3] += e.inertia_delta_kgm2
+    return belief._replace(
+        stiffness=float(e.stiffness_nm_rad if e.stiffness_nm_rad > 0 else belief.stiffness),
+        damping=float(e.damping_nms if e.damping_nms >= 0 else belief.damping),
+        inertia_knots=belief.inertia_knots - e.inertia_shift_rad,
+        inertia_coefficients=coefficients,
+    )
+
+
 def substeps(belief: Belief, e: Effects, step_s: float) -> int:
     """Runge-Kutta steps of the load per sample."""
     if belief.rigid and e.third_inertia_kgm2 <= 0:
         return 1
-    knots = belief.inertia.knots
-    lightest = min(
-        float(np.min(belief.inertia.coefficients[3])), value_and_slope(belief.inertia, knots[-1])[0]
-    )
+    last = value_and_slope(
+        Curve(belief.inertia_knots, belief.inertia_coefficients), belief.inertia_knots[-1]
+    )[0]
+    lightest = min(float(belief.inertia_coefficients[3].min()), last)
     lightest = max(e.inertia_scale * lightest + e.inertia_delta_kgm2, 0.02 * lightest, 1e-12)
     k = e.stiffness_nm_rad if e.stiffness_nm_rad > 0 else belief.stiffness
     b = e.damping_nms if e.damping_nms >= 0 else belief.damping
@@ -106,146 +144,190 @@ def substeps(belief: Belief, e: Effects, step_s: float) -> int:
     return min(max(needed, 1), _MAX_SUBSTEPS)
 
 
-@compiled
-def _inertia(belief: Belief, e: Effects, angle: float) -> tuple[float, float]:
-    """J_l and dJ_l/dθ with what the terms change."""
-    value, slope = value_and_slope(belief.inertia, angle + e.inertia_shift_rad)
-    return e.inertia_scale * value + e.inertia_delta_kgm2, e.inertia_scale * slope
+def coupling_needed(belief: Belief, e: Effects, motion: Motion) -> Array:
+    """Torque that the load takes from the motor over the prescribed motion (N·m), (n,)."""
+    steps = substeps(belief, e, motion.step)
+    load, terms, moved = tuple(_changed(belief, e)), tuple(map(float, e)), tuple(motion)
+    if not belief.rigid:
+        return _hung(load, terms, moved, steps)
+    torque = _carried(load, terms, moved)
+    return torque + _third_carried(terms, moved, steps) if e.third_inertia_kgm2 > 0 else torque
 
 
-@compiled
-def _load_rates(
-    belief: Belief, e: Effects, k: float, b: float, motor: tuple[float, float], time: float, state: Array
-) -> tuple[float, float]:
-    """Accelerations of load and third mass; state: load angle, load speed, third angle, third speed."""
-    angle, speed = state[0], state[1]
-    torque = coupling_torque(e, k, b, motor[0] - angle, motor[1] - speed)
-    inertia, slope = _inertia(belief, e, angle)
-    given, _ = value_and_slope(belief.load_torque, angle)
-    torque += given + load_torque(e, angle, time) - belief.load_friction * speed - 0.5 * slope * speed * speed
+@inlined
+def _inertia(belief: Belief, angle: float, piece: int) -> tuple[float, float, int]:
+    """J_l, dJ_l/dθ, and the piece of the curve that holds the angle, sought from the given one."""
+    knots, c = belief.inertia_knots, belief.inertia_coefficients
+    last = knots.size - 1
+    inside = min(max(angle, knots[0]), knots[last])
+    while piece < last - 1 and inside >= knots[piece + 1]:
+        piece += 1
+    while inside < knots[piece]:
+        piece -= 1
+    u = inside - knots[piece]
+    value = ((c[0, piece] * u + c[1, piece]) * u + c[2, piece]) * u + c[3, piece]
+    slope = (3.0 * c[0, piece] * u + 2.0 * c[1, piece]) * u + c[2, piece] if inside == angle else 0.0
+    return value, slope, piece
+
+
+@inlined
+def _acting(belief: Belief, e: Effects, angle: float, time: float) -> float:
+    """Torque that acts on the load from outside (N·m), without friction."""
+    given = Curve(belief.torque_knots, belief.torque_coefficients)
+    return value_and_slope(given, angle)[0] + load_torque(e, angle, time)
+
+
+@inlined
+def _rates(
+    belief: Belief,
+    e: Effects,
+    motor_angle: float,
+    motor_speed: float,
+    time: float,
+    state: Hanging,
+    piece: int,
+) -> tuple[Hanging, int]:
+    """Time derivative of what hangs on the motor, and the inertia's piece."""
+    angle, speed = state.angle, state.speed
+    inertia, slope, piece = _inertia(belief, angle, piece)
+    torque = coupling_torque(e, belief.stiffness, belief.damping, motor_angle - angle, motor_speed - speed)
+    torque += _acting(belief, e, angle, time)
+    torque -= (belief.load_friction + 0.5 * slope * speed) * speed
     third = 0.0
     if e.third_inertia_kgm2 > 0.0:
-        passed = e.third_stiffness_nm_rad * (angle - state[2]) + e.third_damping_nms * (speed - state[3])
+        passed = third_torque(e, angle - state.third_angle, speed - state.third_speed)
         torque -= passed
         third = passed / e.third_inertia_kgm2
-    return torque / inertia, third
+    return Hanging(speed, torque / inertia, state.third_speed, third), piece
+
+
+@inlined
+def _moved(state: Hanging, rates: Hanging, by: float) -> Hanging:
+    return Hanging(
+        state.angle + by * rates.angle,
+        state.speed + by * rates.speed,
+        state.third_angle + by * rates.third_angle,
+        state.third_speed + by * rates.third_speed,
+    )
 
 
 @compiled
-def _between(motion: Motion, i: int, u: float) -> tuple[float, float]:
-    """Angle and speed of the motor within the i-th interval, u = 0…1: cubic Hermite each."""
-    h = motion.step
-    a, b = u * u * (3.0 - 2.0 * u), u * (1.0 - u)
-    angle = motion.angle[i] + a * (motion.angle[i + 1] - motion.angle[i])
-    angle += h * b * ((1.0 - u) * motion.speed[i] - u * motion.speed[i + 1])
-    speed = motion.speed[i] + a * (motion.speed[i + 1] - motion.speed[i])
-    speed += h * b * ((1.0 - u) * motion.acceleration[i] - u * motion.acceleration[i + 1])
+def _halves(motion: Motion, steps: int) -> tuple[Array, Array]:
+    """Angle and speed of the motor at every half step, (2·steps·(n − 1) + 1,) each: cubic Hermite."""
+    n, parts, h = motion.angle.size, 2 * steps, motion.step
+    angle, speed = np.empty(parts * (n - 1) + 1), np.empty(parts * (n - 1) + 1)
+    for part in range(parts):
+        u = part / parts
+        a, b = u * u * (3.0 - 2.0 * u), h * u * (1.0 - u)
+        left, right = b * (1.0 - u), b * u
+        for i in range(n - 1):
+            at = parts * i + part
+            angle[at] = motion.angle[i] + a * (motion.angle[i + 1] - motion.angle[i])
+            angle[at] += left * motion.speed[i] - right * motion.speed[i + 1]
+            speed[at] = motion.speed[i] + a * (motion.speed[i + 1] - motion.speed[i])
+            speed[at] += left * motion.acceleration[i] - right * motion.acceleration[i + 1]
+    angle[-1], speed[-1] = motion.angle[-1], motion.speed[-1]
     return angle, speed
 
 
+@inlined
+def _taken(belief: Belief, e: Effects, motion: Motion, i: int, piece: int) -> tuple[float, int]:
+    """Torque (N·m) that a load takes which moves as the motor does at the i-th sample; the inertia's piece."""
+    angle, speed = motion.angle[i], motion.speed[i]
+    inertia, slope, piece = _inertia(belief, angle, piece)
+    torque = inertia * motion.acceleration[i] + (belief.load_friction + 0.5 * slope * speed) * speed
+    torque -= _acting(belief, e, angle, motion.motion_time[i])
+    return torque, piece
+
+
 @compiled
-def coupling_needed(belief: Belief, e: Effects, motion: Motion, steps: int) -> Array:
-    """Torque that the load takes from the motor over the prescribed motion (N·m), (n,)."""
-    n = motion.angle.size
-    k = e.stiffness_nm_rad if e.stiffness_nm_rad > 0.0 else belief.stiffness
-    b = e.damping_nms if e.damping_nms >= 0.0 else belief.damping
+def _wound_up(belief: Belief, e: Effects, motion: Motion) -> Hanging:
+    """Where load and third mass are at first: wound up by what they take, moving with the motor."""
+    third = e.third_inertia_kgm2 * motion.acceleration[0]
+    first = _taken(belief, e, motion, 0, 0)[0] + third
+    angle = motion.angle[0] - first / belief.stiffness
+    if e.gap_rad > 0.0:
+        angle -= 0.5 * e.gap_rad * np.sign(first)
+    behind = third / e.third_stiffness_nm_rad if e.third_inertia_kgm2 > 0.0 else 0.0
+    return Hanging(angle, motion.speed[0], angle - behind, motion.speed[0])
+
+
+@compiled
+def _hung(load: _Plain, terms: _Plain, moved: _Plain, steps: int) -> Array:
+    """The coupling's torque (N·m) with the load on its spring, (n,): classical Runge-Kutta."""
+    belief, e, motion = Belief(*load), Effects(*terms), Motion(*moved)
+    angles, speeds = _halves(motion, steps)
+    state, piece = _wound_up(belief, e, motion), 0
+    n, h = motion.angle.size, motion.step / steps
     result = np.empty(n)
-    state, trial = np.empty(4), np.empty(4)
-    inertia, slope = _inertia(belief, e, motion.angle[0])
-    given, _ = value_and_slope(belief.load_torque, motion.angle[0])
-    speed = motion.speed[0]
-    first = (inertia + e.third_inertia_kgm2) * motion.acceleration[0] + 0.5 * slope * speed * speed
-    first += belief.load_friction * speed - given - load_torque(e, motion.angle[0], motion.motion_time[0])
-    state[0] = motion.angle[0]
-    if not belief.rigid:
-        state[0] -= first / k
-        if e.gap_rad > 0.0:
-            state[0] -= 0.5 * e.gap_rad * np.sign(first)
-    state[1] = state[3] = speed
-    state[2] = state[0]
-    if e.third_inertia_kgm2 > 0.0:
-        state[2] -= e.third_inertia_kgm2 * motion.acceleration[0] / e.third_stiffness_nm_rad
-    h = motion.step / steps
     for i in range(n):
-        if belief.rigid:
-            state[0], state[1] = motion.angle[i], motion.speed[i]
-            inertia, slope = _inertia(belief, e, state[0])
-            given, _ = value_and_slope(belief.load_torque, state[0])
-            torque = inertia * motion.acceleration[i] + 0.5 * slope * state[1] ** 2
-            torque += (
-                belief.load_friction * state[1] - given - load_torque(e, state[0], motion.motion_time[i])
-            )
-            if e.third_inertia_kgm2 > 0.0:
-                torque += e.third_stiffness_nm_rad * (state[0] - state[2])
-                torque += e.third_damping_nms * (state[1] - state[3])
-            result[i] = torque
-        else:
-            result[i] = coupling_torque(e, k, b, motion.angle[i] - state[0], motion.speed[i] - state[1])
-        if i == n - 1 or (belief.rigid and e.third_inertia_kgm2 <= 0.0):
-            continue
-        for s in range(steps):
-            time = motion.motion_time[i] + s * h
-            start = _between(motion, i, s / steps)
-            middle = _between(motion, i, (s + 0.5) / steps)
-            end = _between(motion, i, (s + 1.0) / steps)
-            if belief.rigid:
-                _third_step(e, state, start, middle, end, h)
-                continue
-            a1, c1 = _load_rates(belief, e, k, b, start, time, state)
-            _ahead(state, trial, state[1], a1, state[3], c1, h / 2)
-            v2, w2 = trial[1], trial[3]
-            a2, c2 = _load_rates(belief, e, k, b, middle, time + h / 2, trial)
-            _ahead(state, trial, v2, a2, w2, c2, h / 2)
-            v3, w3 = trial[1], trial[3]
-            a3, c3 = _load_rates(belief, e, k, b, middle, time + h / 2, trial)
-            _ahead(state, trial, v3, a3, w3, c3, h)
-            v4, w4 = trial[1], trial[3]
-            a4, c4 = _load_rates(belief, e, k, b, end, time + h, trial)
-            state[0] += h / 6 * (state[1] + 2 * v2 + 2 * v3 + v4)
-            state[2] += h / 6 * (state[3] + 2 * w2 + 2 * w3 + w4)
-            state[1] += h / 6 * (a1 + 2 * a2 + 2 * a3 + a4)
-            state[3] += h / 6 * (c1 + 2 * c2 + 2 * c3 + c4)
+        twist, twist_speed = motion.angle[i] - state.angle, motion.speed[i] - state.speed
+        result[i] = coupling_torque(e, belief.stiffness, belief.damping, twist, twist_speed)
+        for s in range(steps if i < n - 1 else 0):
+            at, time = 2 * (i * steps + s), motion.motion_time[i] + s * h
+            k1, piece = _rates(belief, e, angles[at], speeds[at], time, state, piece)
+            at, time = at + 1, time + h / 2
+            k2, piece = _rates(belief, e, angles[at], speeds[at], time, _moved(state, k1, h / 2), piece)
+            k3, piece = _rates(belief, e, angles[at], speeds[at], time, _moved(state, k2, h / 2), piece)
+            at, time = at + 1, time + h / 2
+            k4, piece = _rates(belief, e, angles[at], speeds[at], time, _moved(state, k3, h), piece)
+            state = _moved(_moved(state, k1, h / 6), k2, h / 3)
+            state = _moved(_moved(state, k3, h / 3), k4, h / 6)
     return result
 
 
 @compiled
-def _ahead(state: Array, trial: Array, v: float, a: float, w: float, c: float, h: float) -> None:
-    """`trial` becomes the state moved for h (s) at the given rates."""
-    trial[0], trial[1] = state[0] + h * v, state[1] + h * a
-    trial[2], trial[3] = state[2] + h * w, state[3] + h * c
+def _carried(load: _Plain, terms: _Plain, moved: _Plain) -> Array:
+    """What a load takes that is one with the motor (N·m), (n,)."""
+    belief, e, motion = Belief(*load), Effects(*terms), Motion(*moved)
+    result = np.empty(motion.angle.size)
+    piece = 0
+    for i in range(result.size):
+        result[i], piece = _taken(belief, e, motion, i, piece)
+    return result
 
 
 @compiled
-def _third_step(
-    e: Effects,
-    state: Array,
-    start: tuple[float, float],
-    middle: tuple[float, float],
-    end: tuple[float, float],
-    h: float,
-) -> None:
-    """The third mass on a prescribed load, one Runge-Kutta step."""
-    k, b, m = e.third_stiffness_nm_rad, e.third_damping_nms, e.third_inertia_kgm2
-    x, v = state[2], state[3]
-    a1 = (k * (start[0] - x) + b * (start[1] - v)) / m
-    v2 = v + h / 2 * a1
-    a2 = (k * (middle[0] - x - h / 2 * v) + b * (middle[1] - v2)) / m
-    v3 = v + h / 2 * a2
-    a3 = (k * (middle[0] - x - h / 2 * v2) + b * (middle[1] - v3)) / m
-    v4 = v + h * a3
-    a4 = (k * (end[0] - x - h * v3) + b * (end[1] - v4)) / m
-    state[2] = x + h / 6 * (v + 2 * v2 + 2 * v3 + v4)
-    state[3] = v + h / 6 * (a1 + 2 * a2 + 2 * a3 + a4)
+def _third_carried(terms: _Plain, moved: _Plain, steps: int) -> Array:
+    """What a third mass takes behind a load that is one with the motor (N·m), (n,): classical Runge-Kutta."""
+    e, motion = Effects(*terms), Motion(*moved)
+    angles, speeds = _halves(motion, steps)
+    n, h, m = motion.angle.size, motion.step / steps, e.third_inertia_kgm2
+    x, v = motion.angle[0] - m * motion.acceleration[0] / e.third_stiffness_nm_rad, motion.speed[0]
+    result = np.empty(n)
+    for i in range(n):
+        result[i] = third_torque(e, motion.angle[i] - x, motion.speed[i] - v)
+        for s in range(steps if i < n - 1 else 0):
+            at = 2 * (i * steps + s)
+            a1 = third_torque(e, angles[at] - x, speeds[at] - v) / m
+            v2 = v + h / 2 * a1
+            a2 = third_torque(e, angles[at + 1] - x - h / 2 * v, speeds[at + 1] - v2) / m
+            v3 = v + h / 2 * a2
+            a3 = third_torque(e, angles[at + 1] - x - h / 2 * v2, speeds[at + 1] - v3) / m
+            v4 = v + h * a3
+            a4 = third_torque(e, angles[at + 2] - x - h * v3, speeds[at + 2] - v4) / m
+            x += h / 6 * (v + 2 * v2 + 2 * v3 + v4)
+            v += h / 6 * (a1 + 2 * a2 + 2 * a3 + a4)
+    return result
 
 
-@compiled
 def motor_helped(
     e: Effects, motion: Motion, time: Array, phase: float, share: float, smoothing: float
 ) -> Array:
     """What friction (negative) and disturbances add to the motor's torque along the motion (N·m), (n,)."""
-    result = np.empty(motion.angle.size)
+    return _helped(
+        tuple(map(float, e)), motion.angle, motion.speed, time, float(phase), float(share), float(smoothing)
+    )
+
+
+@compiled
+def _helped(
+    terms: _Plain, angle: Array, speed: Array, time: Array, phase: float, share: float, smoothing: float
+) -> Array:
+    e = Effects(*terms)
+    result = np.empty(angle.size)
     for i in range(result.size):
-        result[i] = motor_torque(e, motion.angle[i], motion.speed[i], time[i], phase, share, smoothing)
+        result[i] = motor_torque(e, angle[i], speed[i], time[i], phase, share, smoothing)
     return result
 
 

@@ -79,10 +79,10 @@ class Residuals:
         spectrum = Spectrum(signals.time_s.size, self.prepared.rate_hz, 3 / self.prepared.band_hz)
         low = spectrum.low_pass(self.prepared.band_hz)
         motion = forward.Motion(
-            signals.position_rad,
-            signals.speed_rad_s,
-            signals.acceleration_rad_s2,
-            signals.motion_time_s,
+            np.ascontiguousarray(signals.position_rad),
+            np.ascontiguousarray(signals.speed_rad_s),
+            np.ascontiguousarray(signals.acceleration_rad_s2),
+            np.ascontiguousarray(signals.motion_time_s),
             signals.step_s,
         )
         valid = signals.considered[:: self.prepared.every]
@@ -146,8 +146,7 @@ class Residuals:
         key = (run, *(getattr(e, name) for name in _HUNG))
         known = self._hung.get(key)
         if known is None:
-            steps = forward.substeps(self.belief, e, motion.step)
-            known = forward.coupling_needed(self.belief, e, motion, steps)
+            known = forward.coupling_needed(self.belief, e, motion)
             if len(self._hung) > _KEPT * len(self.runs):
                 self._hung.clear()
             self._hung[key] = known
@@ -164,7 +163,7 @@ class Residuals:
 
     def _possible(self, e: Effects) -> bool:
         """Whether there could be such a machine."""
-        lightest = float(np.min(self.belief.inertia.coefficients[3]))
+        lightest = float(np.min(self.belief.inertia_coefficients[3]))
         rotor = self.belief.rotor_inertia if self.belief.rigid else 0.0
         left = rotor + e.inertia_scale * lightest + e.inertia_delta_kgm2
         clipped = e.torque_limit_nm < LEAST_LIMIT * self._peak_nm * e.torque_gain
