@@ -49,6 +49,7 @@ _ORDER = 8  # of the zero-phase low-pass, 1/(1 + (f/f_c)^8)
 _DIFFERENCES = 6
 _DIFFERENCE_GAIN = np.sqrt(924.0)  # of white noise by six differences: √C(12, 6)
 _MAD = 1.4826
+_DELAY_ITERATIONS = 3
 
 Trend = Literal["keep", "slope", "drop"]
 
@@ -268,7 +269,15 @@ def _alike(runs: Sequence[Run], groups: Sequence[int], noise: Noise) -> Noise:
 
 def _derived(run: Run) -> bool:
     """Whether a run's speed is worked out from its angle, or is worse than what could be."""
-    return "speed_origin" in run.extra or run.extra.get("speed_source") == "position" or run.is_held
+    return _nothing_new(run) or run.extra.get("speed_source") == "position" or run.is_held
+
+
+def _nothing_new(run: Run) -> bool:
+    """Whether a run's speed says what its angle says: by its own word, or being the difference of two angles."""
+    if "speed_origin" in run.extra:
+        return True
+    difference = np.diff(run.position_rad) * run.sample_rate_hz
+    return _roughness(run.speed_rad_s[1:] - difference) < 0.5 * _roughness(difference)
 
 
 def _band(noise: Noise, machine: Machine, rate_hz: float) -> float:
@@ -336,13 +345,23 @@ def _speed_delay(runs: Sequence[Run], band_hz: float) -> tuple[float, float]:
 
     What the images of a held injection leave in the speed has the shape of the jumps, and is fitted along.
     """
-    if any("speed_origin" in run.extra for run in runs):
+    if any(_nothing_new(run) for run in runs):
         return 0.0, np.inf
+    delay, spread = 0.0, np.inf
+    for _ in range(_DELAY_ITERATIONS):
+        more, spread = _more_delay(runs, band_hz, delay)
+        delay += more
+    return delay, spread
+
+
+def _more_delay(runs: Sequence[Run], band_hz: float, delay_s: float) -> tuple[float, float]:
+    """How late the speed is beyond a delay (s), small, and its standard deviation."""
     normal, towards, error, samples = np.zeros((2, 2)), np.zeros(2), 0.0, 0
     for run in runs:
         spectrum = Spectrum(len(run), run.sample_rate_hz, 4 / band_hz)
         low = spectrum.low_pass(band_hz)
-        derived = spectrum.apply(run.position_rad, low * spectrum.omega, "slope")
+        delayed = low * spectrum.omega * np.exp(-spectrum.omega * delay_s)
+        derived = spectrum.apply(run.position_rad, delayed, "slope")
         change = spectrum.apply(derived, low * spectrum.omega, "slope")
         jumps = spectrum.apply(_unstepped(run).jumps_nm, low)
         late = spectrum.apply(run.speed_rad_s, low) - derived

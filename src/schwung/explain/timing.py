@@ -16,7 +16,7 @@ from schwung.drivetrain.machine import Machine
 from schwung.explain.signals import Prepared
 
 #: Shifts below this are what filters do (s), and so close to half or a whole period they are sampling's own.
-SMALLEST_S, SAMPLING_S = 3e-5, 1.2e-5
+SMALLEST_S, SAMPLING_S = 1.5e-5, 1.2e-5
 #: A channel closer than this to the angle is on time (s).
 ON_TIME_S = 1e-5
 #: Speed or torque are not filtered for longer than this without its being worth a name (s).
@@ -48,7 +48,10 @@ def shift(
             return Shift("torque_lag", -late_torque, timing_std_s, doubtful=True)
         return Shift(None)
     later = prepared.speed_delay_s - late_torque
-    if abs(later) < max(SMALLEST_S, _DEVIATIONS * std) or _of_sampling(later, prepared, machine):
+    long = later > LONGEST_FILTER_S and late_torque > -ON_TIME_S  # no torque that belongs to another instant
+    if abs(later) < max(SMALLEST_S, _DEVIATIONS * std) or (
+        not long and _of_sampling(later, prepared, machine)
+    ):
         return Shift(None, note=_filtered(prepared.speed_delay_s))
     if later < 0:
         return Shift(
