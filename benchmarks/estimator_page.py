@@ -248,8 +248,10 @@ def _costs(scores: Sequence[Score], methods: Sequence[str]) -> list[str]:
 
 def _extent(scores: Sequence[Score]) -> str:
     sessions = len({s.case for s in scores})
-    machines, times = len(MACHINES), len(DURATIONS_S)
-    return f"{sessions} sessions ({machines} machines × {times} motion times × {len(CONDITIONS)} conditions)"
+    machines, times, conditions = len(MACHINES), len(DURATIONS_S), len(CONDITIONS)
+    whole = machines * times * conditions
+    of = f" of {whole}, those that the tables of error stand on first" if sessions < whole else ""
+    return f"{sessions} sessions{of}: {machines} machines × {times} motion times × {conditions} conditions"
 
 
 def _write_csv(scores: Sequence[Score], path: Path) -> None:
