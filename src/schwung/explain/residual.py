@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
+from operator import attrgetter
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,17 +15,24 @@ from schwung.explain import forward
 from schwung.explain.signals import Prepared, Signals, Spectrum
 from schwung.motion import Array
 
-#: The fields of Effects upon which the coupling's torque depends; for other changes it need not be worked out again.
-_HUNG = (
+#: The fields of Effects upon which the coupling's torque depends, and those upon which the motor's own does; for other
+#: changes neither need be worked out again.
+_OF_COUPLING = attrgetter(
     "load_amplitude_nm", "load_phase_rad", "event_time_s", "event_duration_s", "event_peak_nm",
     "gap_rad", "stiffness_nm_rad", "damping_nms", "cubic_nm_rad3",
     "third_inertia_kgm2", "third_stiffness_nm_rad", "third_damping_nms",
     "inertia_delta_kgm2", "inertia_scale", "inertia_shift_rad", "eccentricity_rad", "eccentricity_phase_rad",
 )  # fmt: skip
+_OF_MOTOR = attrgetter(
+    "coulomb_positive_nm", "coulomb_negative_nm", "stribeck_rise_nm", "stribeck_speed_rad_s",
+    "local_friction_nm", "local_centre_rad", "local_width_rad", "drift_nm", "viscous_nms", "drag_nms2", "offset_nm",
+    "periodic_frequency_hz", "periodic_amplitude_nm", "cogging_order", "cogging_amplitude_nm", "cogging_phase_rad",
+    "eccentricity_rad", "eccentricity_phase_rad",
+)  # fmt: skip
 #: Nobody's drive clips below this share of the torque that it reports, and no machine has less than LIGHTEST of the
 #: inertia that is believed: a fit there would explain the recording away.
 LEAST_LIMIT, LIGHTEST = 0.3, 0.02
-_KEPT = 400  # coupling torques that are remembered
+_KEPT = 64  # torques and gains that are remembered, per run
 
 
 @dataclass(frozen=True)
@@ -45,6 +53,7 @@ class _Run:
     spectrum: Spectrum
     low: Array
     torque_nm: Array  # within the band
+    peak_nm: float  # beyond it
     late_nm: (
         Array  # (2, n), by how much it changes with the lag of what is reported, and with half its square
     )
@@ -52,6 +61,23 @@ class _Run:
         Array  # (n,) on the compared grid: what a held injection's images make the controller do, of length 1
     )
     valid: NDArray[np.bool_]  # on the compared grid
+
+
+class _Memory:
+    """The last so many arrays, by what they depend on."""
+
+    def __init__(self, most: int) -> None:
+        self._most = most
+        self._known: dict[tuple[object, ...], Array] = {}
+
+    def of(self, key: tuple[object, ...], make: Callable[[], Array]) -> Array:
+        """The array, made only where it is not known."""
+        known = self._known.get(key)
+        if known is None:
+            if len(self._known) >= self._most:
+                del self._known[next(iter(self._known))]
+            known = self._known[key] = make()
+        return known
 
 
 @dataclass(frozen=True, eq=False)
@@ -71,12 +97,16 @@ class Residuals:
     def __init__(self, prepared: Prepared, machine: Machine) -> None:
         self.prepared, self.machine = prepared, machine
         self.belief = forward.believed(machine)
+        rate, pad = prepared.rate_hz, 3 / prepared.band_hz
+        lengths = {signals.time_s.size for signals in prepared.runs}
+        self._spectra = {samples: Spectrum(samples, rate, pad) for samples in lengths}
         self.runs = tuple(self._run(signals) for signals in prepared.runs)
-        self._hung: dict[tuple[object, ...], Array] = {}
-        self._peak_nm = max(float(np.max(np.abs(of.signals.torque_nm))) for of in self.runs)
+        self._couplings, self._motors, self._gains = (_Memory(_KEPT * len(self.runs)) for _ in range(3))
+        self._peak_nm = max(of.peak_nm for of in self.runs)
+        self._lightest_kgm2 = float(np.min(self.belief.inertia_coefficients[3]))
 
     def _run(self, signals: Signals) -> _Run:
-        spectrum = Spectrum(signals.time_s.size, self.prepared.rate_hz, 3 / self.prepared.band_hz)
+        spectrum = self._spectra[signals.time_s.size]
         low = spectrum.low_pass(self.prepared.band_hz)
         motion = forward.Motion(
             np.ascontiguousarray(signals.position_rad),
@@ -92,7 +122,8 @@ class Residuals:
         jumps = spectrum.apply(signals.jumps_nm, low)[:: self.prepared.every]
         jumps = jumps / max(float(np.linalg.norm(jumps[valid])), 1e-12)
         torque = spectrum.apply(signals.torque_nm, low)
-        return _Run(signals, motion, spectrum, low, torque, late, jumps, valid)
+        peak = float(np.max(np.abs(signals.torque_nm)))
+        return _Run(signals, motion, spectrum, low, torque, peak, late, jumps, valid)
 
     def valid(self, run: int) -> NDArray[np.bool_]:
         """Which samples of the compared grid are compared, (n,)."""
@@ -110,60 +141,67 @@ class Residuals:
             band_hz=self.prepared.band_hz,
         )
 
-    def torque(self, run: int, unknowns: Unknowns) -> Array:
+    def _reported(self, run: int, unknowns: Unknowns) -> Array:
         """Reported torque within the band, (n,) on the full grid; clipped where the unknowns say it was."""
         of, e = self.runs[run], unknowns.effects
         limit = e.torque_limit_nm / e.torque_gain
-        if np.max(np.abs(of.signals.torque_nm)) <= limit:
-            torque = of.torque_nm
-        else:
+        torque = of.torque_nm
+        if of.peak_nm > limit:
             torque = of.spectrum.apply(np.clip(of.signals.torque_nm, -limit, limit), of.low)
         t = unknowns.timing_s
         return np.asarray(torque + t * of.late_nm[0] + 0.5 * t**2 * of.late_nm[1]) if t != 0 else torque
 
-    def needed(self, run: int, unknowns: Unknowns) -> Array:
-        """Torque that the drive would report, were the belief right, within the band; (n,) on the full grid."""
-        of, e = self.runs[run], unknowns.effects
+    def _asked(self, run: int, unknowns: Unknowns) -> Array:
+        """Torque that the drive would report, were the belief right, at once and in any band; (n,) on the full grid."""
+        e, phase = unknowns.effects, unknowns.phases_rad.get(run, 0.0)
+        motor = self._motors.of((run, phase, *_OF_MOTOR(e)), lambda: self._motor(run, phase, e))
+        coupling = self._couplings.of((run, *_OF_COUPLING(e)), lambda: self._coupling(run, e))
+        return np.asarray((motor + coupling) / e.torque_gain)
+
+    def _motor(self, run: int, phase_rad: float, e: Effects) -> Array:
+        of = self.runs[run]
         motion = forward.uncentred(of.motion, e.eccentricity_rad, e.eccentricity_phase_rad)
         torque = self.belief.rotor_inertia * motion.acceleration + self.belief.motor_friction * motion.speed
-        torque = torque + self._coupling(run, motion, e)
-        torque -= forward.motor_helped(
-            e,
-            motion,
-            of.signals.time_s,
-            unknowns.phases_rad.get(run, 0.0),
-            of.signals.share,
-            self.prepared.smoothing_rad_s,
-        )
-        gain = of.low
-        if e.torque_lag_s != 0:
-            gain = gain * (1 + of.spectrum.omega * e.torque_lag_s)
-        if unknowns.timing_s != 0:
-            gain = gain * np.exp(of.spectrum.omega * unknowns.timing_s)
-        return np.asarray(of.spectrum.apply(torque, gain) / e.torque_gain)
+        smoothing = self.prepared.smoothing_rad_s
+        helped = forward.motor_helped(e, motion, of.signals.time_s, phase_rad, of.signals.share, smoothing)
+        return np.asarray(torque - helped)
 
-    def _coupling(self, run: int, motion: forward.Motion, e: Effects) -> Array:
-        key = (run, *(getattr(e, name) for name in _HUNG))
-        known = self._hung.get(key)
-        if known is None:
-            known = forward.coupling_needed(self.belief, e, motion)
-            if len(self._hung) > _KEPT * len(self.runs):
-                self._hung.clear()
-            self._hung[key] = known
-        return known
+    def _coupling(self, run: int, e: Effects) -> Array:
+        motion = forward.uncentred(self.runs[run].motion, e.eccentricity_rad, e.eccentricity_phase_rad)
+        return forward.coupling_needed(self.belief, e, motion)
+
+    def _gain(self, run: int, unknowns: Unknowns) -> Array:
+        """What filters the needed torque: the band, the lag of torque, and how late the motion is."""
+        of, lag, timing = self.runs[run], unknowns.effects.torque_lag_s, unknowns.timing_s
+        omega = of.spectrum.omega
+        return self._gains.of(
+            (of.spectrum.samples, lag, timing), lambda: of.low * (1 + omega * lag) * np.exp(omega * timing)
+        )
+
+    def several(self, run: int, unknowns: Sequence[Unknowns]) -> Array:
+        """Reported minus needed torque (N·m) on the compared grid, (unknowns, n); beyond all bounds where impossible.
+
+        Several at once cost less than each alone: they pass through the filter together.
+        """
+        of, every = self.runs[run], self.prepared.every
+        result = np.full((len(unknowns), of.valid.size), 1e3 * self._peak_nm)
+        rows = [row for row, one in enumerate(unknowns) if self._possible(one.effects)]
+        if rows:
+            asked = np.stack([self._asked(run, unknowns[row]) for row in rows])
+            gains = np.stack([self._gain(run, unknowns[row]) for row in rows])
+            reported = np.stack([self._reported(run, unknowns[row]) for row in rows])
+            compared = (reported - of.spectrum.apply(asked, gains))[:, ::every]
+            jumps = compared[:, of.valid] @ of.jumps[of.valid]
+            result[rows] = compared - np.multiply.outer(jumps, of.jumps)
+        return result
 
     def residual(self, run: int, unknowns: Unknowns) -> Array:
-        """Reported minus needed torque (N·m) on the compared grid, (n,); beyond all bounds where none is possible."""
-        if not self._possible(unknowns.effects):
-            return np.full(self.runs[run].valid.size, 1e3 * self._peak_nm)
-        of = self.runs[run]
-        full = self.torque(run, unknowns) - self.needed(run, unknowns)
-        compared = full[:: self.prepared.every]
-        return np.asarray(compared - of.jumps * (of.jumps[of.valid] @ compared[of.valid]))
+        """The same for one of them, (n,)."""
+        return np.asarray(self.several(run, (unknowns,))[0])
 
     def _possible(self, e: Effects) -> bool:
         """Whether there could be such a machine."""
-        lightest = float(np.min(self.belief.inertia_coefficients[3]))
+        lightest = self._lightest_kgm2
         rotor = self.belief.rotor_inertia if self.belief.rigid else 0.0
         left = rotor + e.inertia_scale * lightest + e.inertia_delta_kgm2
         clipped = e.torque_limit_nm < LEAST_LIMIT * self._peak_nm * e.torque_gain
