@@ -75,9 +75,9 @@ def _over_time(axes: Axes, scores: Sequence[Score], methods: Sequence[str]) -> N
     axes.set_yticks([0.01, 0.1, 1, 10, 100], ["0.01", "0.1", "1", "10", "100"])
     axes.minorticks_off()
     axes.invert_xaxis()
-    for place, (_, name, colour) in zip(_apart([e for e, _, _ in ends]), ends, strict=True):
+    for place, (_, name, shade) in zip(_apart([e for e, _, _ in ends]), ends, strict=True):
         axes.annotate(name, (times[-1], place), xytext=(6, 0), textcoords="offset points", va="center",
-                      color=colour, fontsize=8)  # fmt: skip
+                      color=shade, fontsize=8)  # fmt: skip
 
 
 def _apart(values: Sequence[float], step: float = 0.14) -> list[float]:

@@ -126,8 +126,8 @@ def _score(case: Case, entrant: Entrant, session: Session) -> Score:
     started = time.process_time()
     try:
         table = estimate(session, machine, method=entrant.method).table
-    except SchwungError as error:
-        return Score(**head, refused=str(error))
+    except SchwungError as refusal:
+        return Score(**head, refused=str(refusal))
     finally:
         whole = time.process_time() - started
         METHODS[entrant.method] = watch._method
@@ -166,7 +166,9 @@ def compute(methods: tuple[str, ...], todo: list[Case], folder: Path, workers: i
     """What is kept, and with `run` the rest of what was asked for; kept case by case, so that it may be stopped."""
     kept = _states(methods, folder)
     scores = [Score(**row) for store in kept.values() for row in store.rows()]
-    todo = sorted(todo, key=lambda case: case.condition != CLEAN and case.duration_s != USUAL_S)  # the page's first
+    todo = sorted(
+        todo, key=lambda case: case.condition != CLEAN and case.duration_s != USUAL_S
+    )  # the page's first
     wanted = set(todo)
     scores = [s for s in scores if s.case in wanted]
     done = {(s.case, s.entrant) for s in scores}
