@@ -13,7 +13,7 @@ import numpy as np
 
 from schwung.drivetrain.physics import Effects
 from schwung.explain.noise import Whitener, usable
-from schwung.explain.residual import Residuals, Unknowns
+from schwung.explain.residual import Memory, Residuals, Unknowns
 from schwung.explain.terms import LIBRARY
 from schwung.motion import Array
 
@@ -22,6 +22,7 @@ PERIODIC = "periodic_disturbance"
 #: How much the objective may still fall when a fit is called done.
 _TOLERANCE = 0.1
 _STEP = 1e-3  # of the finite differences, over a parameter's scale
+_WAVES_KEPT = 200  # pairs of sine and cosine that are remembered
 _BOLDEST = 3.0  # steps of the parameter's scale in one iteration
 
 
@@ -103,6 +104,7 @@ class Problem:
     residuals: Residuals
     whitener: Whitener
     runs: tuple[int, ...]
+    known: Memory = field(default_factory=lambda: Memory(_WAVES_KEPT), repr=False)
 
     @property
     def samples(self) -> int:
@@ -110,15 +112,27 @@ class Problem:
 
     def white(self, model: Model) -> Array:
         """Whitened residuals of all runs, (samples,)."""
-        return np.concatenate([self._white(run, model) for run in self.runs])
+        return np.asarray(self.several((model,))[0])
 
-    def _white(self, run: int, model: Model) -> Array:
-        residual = self.residuals.residual(run, model.unknowns)
-        white = self.whitener.white(residual, self.residuals.valid(run))
-        if PERIODIC not in model.terms:
-            return white
-        waves = self.waves(run, np.array([model.frequency_hz]))[:, 0].T
-        return np.asarray(white - waves @ np.linalg.lstsq(waves, white, rcond=None)[0])
+    def several(self, models: Sequence[Model]) -> Array:
+        """The same for several models, which together cost less, (models, samples)."""
+        return np.concatenate([self._several(run, models) for run in self.runs], axis=1)
+
+    def _several(self, run: int, models: Sequence[Model]) -> Array:
+        residuals = self.residuals.several(run, [model.unknowns for model in models])
+        white = self.whitener.white(residuals, self.residuals.valid(run))
+        for row, model in enumerate(models):
+            if PERIODIC in model.terms:
+                basis = self._basis(run, model.frequency_hz)
+                white[row] -= basis @ (basis.T @ white[row])
+        return white
+
+    def _basis(self, run: int, frequency_hz: float) -> Array:
+        """Sine and cosine of one frequency, made orthogonal, (samples, 2)."""
+        return self.known.of(
+            (run, frequency_hz),
+            lambda: np.linalg.qr(self.waves(run, np.array([frequency_hz]))[:, 0].T)[0],
+        )
 
     def waves(self, run: int, frequency_hz: Array) -> Array:
         """Whitened sine and cosine of the run's time, as a torque of 1 N·m shows: (2, frequencies, samples)."""
@@ -131,13 +145,10 @@ class Problem:
 
     def jacobian(self, model: Model, white: Array) -> Array:
         """∂(whitened residual)/∂parameter by differences, (samples, parameters)."""
-        columns = np.empty((white.size, len(model.names)))
-        for number, name in enumerate(model.names):
-            step = _STEP * self.scale(model, name)
-            columns[:, number] = (
-                self.white(model.with_values({name: model.value(name) + step})) - white
-            ) / step
-        return columns
+        steps = {name: _STEP * self.scale(model, name) for name in model.names}
+        moved = [model.with_values({name: model.value(name) + step}) for name, step in steps.items()]
+        changes = self.several(moved) - white
+        return np.asarray((changes / np.array(list(steps.values()))[:, None]).T)
 
     def scale(self, model: Model, name: str) -> float:
         """The size of a parameter: its value, or what is small for its kind."""

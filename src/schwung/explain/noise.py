@@ -43,7 +43,7 @@ class Whitener:
         filtered = residual_nm.copy()
         for lag, coefficient in enumerate(self.coefficients, start=1):
             filtered[..., lag:] -= coefficient * residual_nm[..., :-lag]
-        return np.asarray(filtered[..., usable(valid)] / self.innovation_nm)
+        return np.compress(usable(valid), filtered, axis=-1) / self.innovation_nm
 
 
 def usable(valid: NDArray[np.bool_]) -> NDArray[np.bool_]:

@@ -63,7 +63,7 @@ class _Run:
     valid: NDArray[np.bool_]  # on the compared grid
 
 
-class _Memory:
+class Memory:
     """The last so many arrays, by what they depend on."""
 
     def __init__(self, most: int) -> None:
@@ -101,7 +101,7 @@ class Residuals:
         lengths = {signals.time_s.size for signals in prepared.runs}
         self._spectra = {samples: Spectrum(samples, rate, pad) for samples in lengths}
         self.runs = tuple(self._run(signals) for signals in prepared.runs)
-        self._couplings, self._motors, self._gains = (_Memory(_KEPT * len(self.runs)) for _ in range(3))
+        self._couplings, self._motors, self._gains = (Memory(_KEPT * len(self.runs)) for _ in range(3))
         self._peak_nm = max(of.peak_nm for of in self.runs)
         self._lightest_kgm2 = float(np.min(self.belief.inertia_coefficients[3]))
 
@@ -191,7 +191,7 @@ class Residuals:
             gains = np.stack([self._gain(run, unknowns[row]) for row in rows])
             reported = np.stack([self._reported(run, unknowns[row]) for row in rows])
             compared = (reported - of.spectrum.apply(asked, gains))[:, ::every]
-            jumps = compared[:, of.valid] @ of.jumps[of.valid]
+            jumps = np.sum(compared[:, of.valid] * of.jumps[of.valid], axis=1)  # rows alike to the last bit
             result[rows] = compared - np.multiply.outer(jumps, of.jumps)
         return result
 
