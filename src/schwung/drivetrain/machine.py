@@ -85,6 +85,9 @@ Friction = Annotated[float, _not_negative(1e5)]
 
 #: Peak torque over rotor inertia of any servo motor, from large direct drives to 4 mm micromotors (rad/s²).
 _ACCELERATION_RANGE = (10.0, 1e8)
+#: The lower end where the machine is one rigid mass, all of which may be stated as the motor's: a table on a ball screw
+#: reaches a few m/s².
+_RIGID_ACCELERATION = 2.5
 #: Load inertias above this many rotor inertias are mistakes of unit.
 _MAX_INERTIA_RATIO = 1e4
 
@@ -99,15 +102,7 @@ class Motor(_Table):
 
     @model_validator(mode="after")
     def _plausible(self) -> Motor:
-        acceleration = self.peak_torque_nm / self.inertia_kgm2
-        if not _ACCELERATION_RANGE[0] <= acceleration <= _ACCELERATION_RANGE[1]:
-            raise InputError(
-                "motor.inertia",
-                f"is {self.inertia_kgm2:g}, with which {self.peak_torque_nm:g} N·m accelerate the rotor "
-                f"by {acceleration:.2g} rad/s²",
-                "No servo motor does; give the inertia in kg·m² (1 kg·cm² = 1e-4, 1 g·cm² = 1e-7) "
-                "and the torque in N·m.",
-            )
+        self.require_acceleration(_RIGID_ACCELERATION)
         if self.rated_torque_nm is not None and self.rated_torque_nm > self.peak_torque_nm:
             raise InputError(
                 "motor.rated_torque",
@@ -115,6 +110,18 @@ class Motor(_Table):
                 "Exchange them, or correct one.",
             )
         return self
+
+    def require_acceleration(self, lowest: float) -> None:
+        """Raise InputError where peak torque and inertia cannot be one motor's."""
+        acceleration = self.peak_torque_nm / self.inertia_kgm2
+        if not lowest <= acceleration <= _ACCELERATION_RANGE[1]:
+            raise InputError(
+                "motor.inertia",
+                f"is {self.inertia_kgm2:g}, with which {self.peak_torque_nm:g} N·m accelerate the rotor "
+                f"by {acceleration:.2g} rad/s²",
+                "No servo motor does; give the inertia in kg·m² (1 kg·cm² = 1e-4, 1 g·cm² = 1e-7), "
+                "the torque in N·m, and what is carried as load.inertia.",
+            )
 
 
 class Coupling(_Table):
@@ -187,6 +194,8 @@ class Machine(_Table):
 
     @model_validator(mode="after")
     def _plausible(self) -> Machine:
+        if self.coupling is not None:
+            self.motor.require_acceleration(_ACCELERATION_RANGE[0])
         inertia = self.load_inertia
         highest = inertia if isinstance(inertia, float) else inertia and float(inertia.inertia_kgm2.max())
         if highest and highest > _MAX_INERTIA_RATIO * self.motor.inertia_kgm2:

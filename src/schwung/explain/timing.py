@@ -43,11 +43,14 @@ def shift(
     std = float(np.hypot(prepared.speed_delay_std_s, timing_std_s))
     if lag_s > max(SMALLEST_S, _DEVIATIONS * lag_std_s):
         return Shift("torque_lag", lag_s, lag_std_s)
+    period = 1 / prepared.source_rate_hz
     if not np.isfinite(prepared.speed_delay_std_s):
-        if -late_torque > LONGEST_FILTER_S:
+        if -late_torque > max(LONGEST_FILTER_S, period):
             return Shift("torque_lag", -late_torque, timing_std_s, doubtful=True)
-        return Shift(None)
+        return Shift(None, note=_slow(-late_torque, period))
     later = prepared.speed_delay_s - late_torque
+    if LONGEST_FILTER_S < later < period:
+        return Shift(None, note=_slow(later, period))
     long = later > LONGEST_FILTER_S and late_torque > -ON_TIME_S  # no torque that belongs to another instant
     if abs(later) < max(SMALLEST_S, _DEVIATIONS * std) or (
         not long and _of_sampling(later, prepared, machine)
@@ -70,6 +73,15 @@ def _of_sampling(later: float, prepared: Prepared, machine: Machine) -> bool:
     if machine.control is not None:
         periods.append(1 / machine.control.sample_rate_hz)
     return any(abs(later - share * period) < SAMPLING_S for period in periods for share in (0.5, 1.0))
+
+
+def _slow(late_s: float, period_s: float) -> str:
+    if abs(late_s) < max(LONGEST_FILTER_S, 0.1 * period_s):
+        return ""
+    return (
+        f"motion and torque are {1e3 * abs(late_s):.2g} ms apart, within one sampling period: sampling and holding "
+        "do as much; that was allowed for"
+    )
 
 
 def _filtered(delay_s: float) -> str:
