@@ -1,12 +1,13 @@
 """Are the bands honest, and does the verdict predict the error? Random machines, profiles, rates and noise.
 
-    python benchmarks/calibration.py --machines 500
-    python benchmarks/calibration.py --hard --machines 240 --out docs/trust.md
+    python benchmarks/calibration.py --first 20000 --machines 500 --methods denoised multiphase auto
+    python benchmarks/calibration.py --hard --first 9000 --machines 130 --methods denoised multiphase auto
 
 Machines are drawn by seed (`drawn.py`); with --hard four of five have something that spoils an estimate. Printed per
-method: error relative to the mean inertia, share of cells whose 95 % band holds the truth, and what the verdict is
-worth: hits (bad estimates, relative RMSE above 5 %, not called good) and false alarms (fine ones, within 2 %, not
-called good). With --hard also by cause and by verdict. Causes that put a factor on all that the session holds (torque
+method without --hard: the share of cells whose 95 % band holds the truth, with its standard error over machines, the
+same by rate, motion time and filter, and errors and bands relative to the mean inertia. With --hard: what the verdict
+is worth: hits (bad estimates, relative RMSE above 5 %, not called good) and false alarms (fine ones, within 2 %, not
+called good), and both by cause and by verdict. Causes that put a factor on all that the session holds (torque
 constant, rotor inertia) are counted apart: no verdict can promise to see them.
 """
 
@@ -14,17 +15,21 @@ from __future__ import annotations
 
 import argparse
 import itertools
-from collections.abc import Iterator, Sequence
+import json
+from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from pathlib import Path
 
 import numpy as np
 from drawn import CAUSES, believed, draw, draw_hard, make_session
+from estimator_cases import usual_runs
 from estimators import _for_method
 
 from schwung.errors import SchwungError
 from schwung.estimation import estimate
+from schwung.estimation.choice import AUTO
+from schwung.estimation.values import Estimate
 
 #: Relative RMSE above which an estimate is bad, and up to which it is fine.
 BAD, FINE = 0.05, 0.02
@@ -46,6 +51,12 @@ class Outcome:
     inside: int
     cells: int
     verdict: str
+    rate_hz: float
+    motion_s: float
+    filter_s: float
+    relative_std: float = float("nan")  # of the median cell
+    mean_z: float = float("nan")  # error over standard deviation, mean over cells: what all cells share
+    rms_z: float = float("nan")
 
     @property
     def alarmed(self) -> bool:
@@ -53,21 +64,40 @@ class Outcome:
         return self.verdict != "good"
 
 
+#: What machines and recordings are told apart by.
+GROUPS: dict[str, Callable[[Outcome], bool]] = {
+    "1 kHz": lambda o: o.rate_hz == 1000.0,
+    "2 kHz": lambda o: o.rate_hz == 2000.0,
+    "4 kHz": lambda o: o.rate_hz == 4000.0,
+    "8 kHz": lambda o: o.rate_hz == 8000.0,
+    "motion of 100 to 200 ms": lambda o: o.motion_s < 0.2,
+    "motion of 200 to 350 ms": lambda o: 0.2 <= o.motion_s < 0.35,
+    "motion of 350 to 500 ms": lambda o: o.motion_s >= 0.35,
+    "no speed filter": lambda o: o.filter_s == 0,
+    "filter of 50 to 150 µs": lambda o: 0 < o.filter_s < 150e-6,
+    "filter of 150 to 400 µs": lambda o: o.filter_s >= 150e-6,
+}
+
+
 def judge(seed: int, methods: tuple[str, ...], hard: bool = False) -> list[Outcome]:
     """All methods on one machine; a refusal counts as the verdict "refused"."""
     drawn = draw_hard(seed) if hard else draw(seed)
     session, machine = make_session(drawn, seed), believed(drawn)
+    kind = (drawn.rate_hz, drawn.motion.duration_s, drawn.settings.speed_filter_s)
     outcomes = []
-    for method in methods:
+    known: dict[str, Estimate] = {}  # what auto took is what it would have been by name
+    for method in sorted(methods, key=lambda name: name != AUTO):
         try:
-            made = estimate(_for_method(session, method), machine, method=method)
+            made = known.get(method) or estimate(_for_method(session, method), machine, method=method)
+            if method == AUTO and usual_runs(made.method) == usual_runs(AUTO):
+                known[made.method] = made
         except SchwungError:
-            outcomes.append(Outcome(seed, drawn.cause, method, "", np.nan, np.nan, 0, 0, "refused"))
+            outcomes.append(Outcome(seed, drawn.cause, method, "", np.nan, np.nan, 0, 0, "refused", *kind))
             continue
         table = made.table
         error = table.inertia_kgm2 - drawn.truth(table.position_rad)
         std = table.std_kgm2 if table.std_kgm2 is not None else np.zeros_like(error)
-        predicted = made.trust.predicted_error
+        predicted, z = made.trust.predicted_error, error / np.maximum(std, 1e-300)
         outcomes.append(
             Outcome(
                 seed,
@@ -79,6 +109,10 @@ def judge(seed: int, methods: tuple[str, ...], hard: bool = False) -> list[Outco
                 int(np.sum(np.abs(error) <= 1.96 * std)),
                 error.size,
                 made.trust.verdict,
+                *kind,
+                float(np.median(std)) / drawn.mean_kgm2,
+                float(np.mean(z)),
+                float(np.sqrt(np.mean(z**2))),
             )
         )
     return outcomes
@@ -110,6 +144,40 @@ def summary(outcomes: Sequence[Outcome], methods: Sequence[str]) -> Iterator[str
             f"| {100 * inside:.1f} % | {100 * foretold:.0f} % | {len(every) - len(of)} | {rates(seen)} "
             f"| {rates(apart)} |"
         )
+
+
+def coverage(of: Sequence[Outcome]) -> str:
+    """Share of cells whose 95 % band holds the truth, ± its standard error over machines, as one cell."""
+    shares = np.array([o.inside / o.cells for o in of if o.cells])
+    if shares.size < 2:
+        return "–"
+    return f"{100 * shares.mean():.1f} ± {100 * shares.std(ddof=1) / np.sqrt(shares.size):.1f} %"
+
+
+def bands(outcomes: Sequence[Outcome], methods: Sequence[str]) -> Iterator[str]:
+    """How often the bands hold the truth: over all, and by what machines and recordings differ in."""
+    yield (
+        "| method | machines | in the 95 % band | machines with nine cells of ten in it | error, median "
+        "| 95th percentile | band (one standard deviation), median | refused |"
+    )
+    yield "|" + "---|" * 8
+    for method in methods:
+        every = [o for o in outcomes if o.method == method]
+        of = [o for o in every if o.cells]
+        rmse = np.array([o.relative_rmse for o in of])
+        most = np.mean([o.inside >= 0.9 * o.cells for o in of])
+        yield (
+            f"| {method} | {len(of)} | {coverage(of)} | {100 * most:.0f} % | {100 * np.median(rmse):.3f} % "
+            f"| {100 * np.percentile(rmse, 95):.2f} % | {100 * np.median([o.relative_std for o in of]):.3f} % "
+            f"| {len(every) - len(of)} |"
+        )
+    yield ""
+    yield "| of these | machines |" + "".join(f" {method} |" for method in methods)
+    yield "|" + "---|" * (2 + len(methods))
+    for name, chosen in GROUPS.items():
+        of = [o for o in outcomes if chosen(o)]
+        cells = [coverage([o for o in of if o.method == method]) for method in methods]
+        yield f"| {name} | {len({o.seed for o in of})} |" + "".join(f" {cell} |" for cell in cells)
 
 
 def by_cause(outcomes: Sequence[Outcome], methods: Sequence[str]) -> Iterator[str]:
@@ -153,19 +221,32 @@ def main() -> None:
         "--hard", action="store_true", help="mostly machines with something that spoils an estimate"
     )
     parser.add_argument("--workers", type=int, default=2)
+    parser.add_argument("--keep", type=Path, help="keep outcomes there, line by line, and go on from them")
     parser.add_argument("--out", type=Path, help="write the tables there, too")
     given = parser.parse_args()
     methods = tuple(given.methods)
-    outcomes: list[Outcome] = []
+    seeds = range(given.first, given.first + given.machines)
+    kept = given.keep.read_text().splitlines() if given.keep and given.keep.exists() else []
+    outcomes = [o for o in (Outcome(**json.loads(line)) for line in kept) if o.seed in seeds]
+    todo = [seed for seed in seeds if seed not in {o.seed for o in outcomes}]
     with ProcessPoolExecutor(given.workers) as pool:
-        seeds = range(given.first, given.first + given.machines)
-        made = pool.map(judge, seeds, itertools.repeat(methods), itertools.repeat(given.hard))
-        for number, part in enumerate(made, start=1):
+        made = pool.map(judge, todo, itertools.repeat(methods), itertools.repeat(given.hard))
+        for number, part in enumerate(made, start=1 + len(seeds) - len(todo)):
             outcomes += part
+            if given.keep:
+                with given.keep.open("a") as file:
+                    file.writelines(json.dumps(asdict(o)) + "\n" for o in part)
             print(f"\r{number} of {given.machines} machines", end="", flush=True)
-    lines = list(summary(outcomes, methods))
     if given.hard:
-        lines += ["", *by_cause(outcomes, methods), "", *by_verdict(outcomes, methods)]
+        lines = [
+            *summary(outcomes, methods),
+            "",
+            *by_cause(outcomes, methods),
+            "",
+            *by_verdict(outcomes, methods),
+        ]
+    else:
+        lines = list(bands(outcomes, methods))
     print("\n\n" + "\n".join(lines))
     if given.out is not None:
         given.out.write_text("\n".join(lines) + "\n", encoding="utf-8")

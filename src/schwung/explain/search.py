@@ -10,6 +10,7 @@ from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+from scipy.signal import czt
 
 from schwung.explain.fit import (
     PERIODIC,
@@ -20,6 +21,7 @@ from schwung.explain.fit import (
     parameter_count,
     without,
 )
+from schwung.explain.noise import usable
 from schwung.explain.terms import LIBRARY, Start, View
 from schwung.motion import Array
 
@@ -238,17 +240,26 @@ def ranked(
 
 
 def _lines(problem: Problem, fitted: Fitted) -> list[tuple[float, Start | float, Array]]:
-    """Frequencies at which the runs, each with a phase of its own, hold the most."""
+    """Frequencies at which the runs, each with a phase of its own, hold the most.
+
+    Whitening turns sine and cosine of a frequency into each other, and so leaves alone what the two hold together.
+    """
     shortest = min(float(np.ptp(problem.residuals.runs[run].signals.time_s)) for run in problem.runs)
     highest = 0.9 * problem.residuals.prepared.band_hz
-    frequencies = np.arange(max(2.0 / shortest, 3.0), highest, 0.4 / shortest)
+    lowest, step = max(2.0 / shortest, 3.0), 0.4 / shortest
+    frequencies = np.arange(lowest, highest, step)
+    if frequencies.size == 0:
+        return []
     gains, first = np.zeros(frequencies.size), 0
     for run in problem.runs:
-        sines, cosines = problem.waves(run, frequencies)
-        white = fitted.white[first : first + sines.shape[-1]]
-        first += sines.shape[-1]
-        ss, cc, sc = np.sum(sines**2, -1), np.sum(cosines**2, -1), np.sum(sines * cosines, -1)
-        s, c = sines @ white, cosines @ white
+        kept = usable(problem.residuals.valid(run))
+        white, first = np.zeros(kept.size), first + int(kept.sum())
+        white[kept] = fitted.white[first - int(kept.sum()) : first]
+        turn = 2j * np.pi * problem.residuals.runs[run].signals.step_s * problem.residuals.prepared.every
+        once = czt(white, frequencies.size, np.exp(-turn * step), np.exp(turn * lowest))
+        twice = czt(kept, frequencies.size, np.exp(-2 * turn * step), np.exp(2 * turn * lowest))
+        s, c = -once.imag, once.real
+        ss, cc, sc = (kept.sum() - twice.real) / 2, (kept.sum() + twice.real) / 2, -twice.imag / 2
         gains += (s**2 * cc - 2 * s * c * sc + c**2 * ss) / np.maximum(
             ss * cc - sc**2, 1e-12 * ss * cc + 1e-300
         )

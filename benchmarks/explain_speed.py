@@ -1,0 +1,135 @@
+"""How long does an explanation take? A session of 24 runs × 4000 samples with two concealed effects, against 60 s.
+
+    python benchmarks/explain_speed.py [CONCEAL]
+
+Eight motions (three motion times, as references and with 50 Hz injected at two phases) are recorded three times each
+at 4 kHz from `schwung_sim`'s two-mass machine, which conceals a load inertia and a cogging, or what CONCEAL says. Wall
+and processor time are printed per stage; the first of two goes pays for compiled code that is not on the disk yet.
+"""
+
+from __future__ import annotations
+
+import sys
+import time as clock
+
+import numpy as np
+from schwung_sim.drives.axis import AxisSettings, ServoAxis
+from schwung_sim.plants import TICK_S, TwoMassPlant
+from schwung_sim.plants.concealed import parse_conceal
+from schwung_sim.recording import Noise, play
+
+from schwung.drivetrain.inertia import InertiaTable
+from schwung.drivetrain.machine import Coupling, Load, Machine, Motor
+from schwung.explain.explain import explain
+from schwung.motion import Excitation, Motion
+from schwung.session.model import Run, Session
+
+LIMIT_S = 60.0
+RATE_HZ, SAMPLES, REPEATS = 4000.0, 4000, 3
+MOTION_TIMES_S = (0.25, 0.4, 0.6)
+#: Injected phases of each motion time; None: a reference.
+PHASES: dict[float, tuple[float | None, ...]] = {
+    0.25: (None, 0.0, np.pi),
+    0.4: (None, 0.0, np.pi),
+    0.6: (None, 0.0),
+}
+CONCEALED = "load_inertia,cogging"
+
+
+def session(concealed: str, seed: int = 0) -> tuple[Session, Machine]:
+    """The recorded session, and the machine without what it conceals."""
+    plant = TwoMassPlant(concealed=parse_conceal(concealed), seed=seed)
+    axis = ServoAxis(plant, AxisSettings(), seed=seed)
+    every = round(1 / (RATE_HZ * TICK_S))
+    runs: list[Run] = []
+    for repeat in range(REPEATS):
+        for duration in MOTION_TIMES_S:
+            dwell = SAMPLES / RATE_HZ - 0.1 - duration
+            motion = Motion(
+                kind="poly5", distance_rad=np.pi, duration_s=duration, start_time_s=0.1, dwell_s=dwell
+            )
+            time = motion.time(1 / TICK_S)
+            demand = motion.demand(time).position_rad
+            for phase in PHASES[duration]:
+                excitation = None
+                if phase is not None:
+                    excitation = Excitation(
+                        frequency_hz=50.0,
+                        amplitude_nm=40.0,
+                        phase_rad=phase,
+                        ramp_s=0.04,
+                        end_s=motion.total_s,
+                    )
+                added = excitation.torque(time) if excitation else np.zeros_like(time)
+                plant.begin_motion()
+                noise = Noise(0.02, 0.1)
+                r = play(axis, demand, added, every, noise, 1000 * seed + len(runs))
+                runs.append(
+                    Run(
+                        role="excited" if excitation else "reference",
+                        repeat=repeat,
+                        sample_rate_hz=RATE_HZ,
+                        time_s=r.time_s[:SAMPLES],
+                        position_rad=r.position_rad[:SAMPLES],
+                        speed_rad_s=r.speed_rad_s[:SAMPLES],
+                        torque_nm=r.torque_nm[:SAMPLES],
+                        position_demand_rad=r.position_demand_rad[:SAMPLES],
+                        torque_added_nm=r.torque_added_nm[:SAMPLES],
+                        motion=motion,
+                        excitation=excitation,
+                        name=f"run {len(runs)}",
+                    )
+                )
+    return Session(tuple(runs), created="2026-01-01T00:00:00", source="benchmark"), _belief(seed)
+
+
+def _belief(seed: int) -> Machine:
+    truth = TwoMassPlant(seed=seed)
+    angles = np.linspace(-0.3, np.pi + 0.3, 200)
+    machine = truth.machine
+    return Machine(
+        name="belief",
+        motor=Motor(
+            inertia_kgm2=machine.rotor_inertia_kgm2,
+            viscous_friction_nms=machine.rotor_viscous_nms,
+            peak_torque_nm=233.0,
+        ),
+        coupling=Coupling(stiffness_nm_rad=machine.stiffness_nm_rad, damping_nms=machine.damping_nms),
+        load=Load(
+            viscous_friction_nms=machine.load_viscous_nms,
+            inertia_table=InertiaTable(angles, truth.true_inertia(angles)),
+        ),
+    )
+
+
+class Stages:
+    """Wall and processor time since the last stage was announced."""
+
+    def __init__(self) -> None:
+        self.first = self.last = (clock.perf_counter(), clock.process_time())
+        self.name = ""
+
+    def tell(self, text: str, share: float) -> None:
+        """As `explain` calls its progress."""
+        now = (clock.perf_counter(), clock.process_time())
+        if self.name and (text != self.name or share >= 1):
+            print(f"  {self.name:32s} {now[0] - self.last[0]:6.1f} s {now[1] - self.last[1]:6.1f} s of processor")
+        if text != self.name:
+            self.name, self.last = text, now
+
+
+def main() -> None:
+    """Record, explain twice, and compare with the limit."""
+    recorded, machine = session(sys.argv[1] if len(sys.argv) > 1 else CONCEALED)
+    print(f"{len(recorded.runs)} runs × {len(recorded.runs[0])} samples at {RATE_HZ:g} Hz")
+    for which in ("first", "second"):
+        stages = Stages()
+        result = explain(recorded, machine, progress=stages.tell)
+        wall, processor = clock.perf_counter() - stages.first[0], clock.process_time() - stages.first[1]
+        print(f"{which} go: {wall:.1f} s, {processor:.1f} s of processor (limit {LIMIT_S:g} s): {result.verdict}")
+        for finding in result.findings:
+            print(f"    {finding.physics}: {finding.text}")
+
+
+if __name__ == "__main__":
+    main()
