@@ -34,6 +34,7 @@ class Model:
     unknowns: Unknowns = field(default_factory=Unknowns)
     frequency_hz: float = 0.0  # of the periodic disturbance, where that is one of the terms
     fixed: tuple[str, ...] = ()  # fields that stay as they are (profiles of the likelihood, unused keys)
+    refined: tuple[str, ...] = ()  # fields that are fitted beside the terms' own
 
     @property
     def effects(self) -> Effects:
@@ -45,6 +46,7 @@ class Model:
         fields = [field for term in self.terms if term != PERIODIC for field in LIBRARY[term].parameters]
         if PERIODIC in self.terms:
             fields.append("periodic_frequency_hz")
+        fields += self.refined
         return (TIMING, *(f for f in dict.fromkeys(fields) if f not in self.fixed))
 
     def value(self, name: str) -> float:
@@ -202,7 +204,7 @@ _SMALLEST: Mapping[str, float] = {
     "stribeck_speed_rad_s": 1e-3, "local_centre_rad": 0.02, "local_width_rad": 0.02, "load_phase_rad": 0.1,
     "cogging_phase_rad": 0.1, "cogging_order": 0.02, "event_time_s": 1e-3, "event_duration_s": 1e-3,
     "torque_lag_s": 1e-5, "eccentricity_rad": 1e-6, "eccentricity_phase_rad": 0.1, "gap_rad": 1e-7,
-    "inertia_shift_rad": 1e-3, "inertia_delta_kgm2": 1e-9, "viscous_nms": 1e-6, "drag_nms2": 1e-8,
+    "inertia_shift_rad": 1e-3, "inertia_delta_kgm2": 1e-9, "viscous_nms": 1e-6, "viscous_difference_nms": 1e-6, "drag_nms2": 1e-8,
     "third_inertia_kgm2": 1e-9, "coulomb_positive_nm": 1e-5, "coulomb_negative_nm": 1e-5, "drift_nm": 1e-5,
     "offset_nm": 1e-5, "load_amplitude_nm": 1e-5, "local_friction_nm": 1e-5, "stribeck_rise_nm": 1e-5,
     "event_peak_nm": 1e-5, "cogging_amplitude_nm": 1e-5, "periodic_frequency_hz": 0.01, "torque_gain": 1e-3,
@@ -227,12 +229,16 @@ def without(model: Model, term: str) -> Model:
     kept = tuple(t for t in model.terms if t != term)
     if term == PERIODIC:
         return replace(model, terms=kept)
-    held = {f for t in kept if t != PERIODIC for f in (*LIBRARY[t].parameters, *LIBRARY[t].tied)}
-    fields = {
-        f: getattr(neutral, f) for f in (*LIBRARY[term].parameters, *LIBRARY[term].tied) if f not in held
-    }
+    held = {f for t in kept if t != PERIODIC for f in _fields(t)}
+    fields = {f: getattr(neutral, f) for f in _fields(term) if f not in held}
     unknowns = replace(model.unknowns, effects=model.effects._replace(**fields))
-    return replace(model, terms=kept, unknowns=unknowns)
+    refined = tuple(f for f in model.refined if f not in LIBRARY[term].refinements)
+    return replace(model, terms=kept, unknowns=unknowns, refined=refined)
+
+
+def _fields(term: str) -> tuple[str, ...]:
+    """Every field that a term may set."""
+    return (*LIBRARY[term].parameters, *LIBRARY[term].tied, *LIBRARY[term].refinements)
 
 
 def parameter_count(terms: Sequence[str], runs: int) -> int:
