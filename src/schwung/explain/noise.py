@@ -15,6 +15,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import solve_toeplitz
+from scipy.signal import lfilter
 
 from schwung.drivetrain.machine import Machine
 from schwung.explain.signals import MOTION_BAND, Noise, Prepared, speed_share
@@ -40,10 +41,8 @@ class Whitener:
 
     def white(self, residual_nm: Array, valid: NDArray[np.bool_]) -> Array:
         """Whitened residuals (…, n) -> (…, m), the samples whose whole past is valid."""
-        filtered = residual_nm.copy()
-        for lag, coefficient in enumerate(self.coefficients, start=1):
-            filtered[..., lag:] -= coefficient * residual_nm[..., :-lag]
-        return np.compress(usable(valid), filtered, axis=-1) / self.innovation_nm
+        filtered = lfilter(np.r_[1.0, -self.coefficients], 1.0, residual_nm)
+        return np.asarray(np.compress(usable(valid), filtered, axis=-1) / self.innovation_nm)
 
 
 def usable(valid: NDArray[np.bool_]) -> NDArray[np.bool_]:
