@@ -15,20 +15,17 @@ from schwung.explain import forward
 from schwung.explain.signals import Prepared, Signals, Spectrum
 from schwung.motion import Array
 
-#: The fields of Effects upon which the coupling's torque depends, and those upon which the motor's own does; for other
+#: The fields of Effects upon which the coupling's torque depends, and those that leave the motor's own alone; for other
 #: changes neither need be worked out again.
-_OF_COUPLING = attrgetter(
+_HUNG = (
     "load_amplitude_nm", "load_phase_rad", "event_time_s", "event_duration_s", "event_peak_nm",
     "gap_rad", "stiffness_nm_rad", "damping_nms", "cubic_nm_rad3",
     "third_inertia_kgm2", "third_stiffness_nm_rad", "third_damping_nms",
-    "inertia_delta_kgm2", "inertia_scale", "inertia_shift_rad", "eccentricity_rad", "eccentricity_phase_rad",
+    "inertia_delta_kgm2", "inertia_scale", "inertia_shift_rad",
 )  # fmt: skip
-_OF_MOTOR = attrgetter(
-    "coulomb_positive_nm", "coulomb_negative_nm", "stribeck_rise_nm", "stribeck_speed_rad_s",
-    "local_friction_nm", "local_centre_rad", "local_width_rad", "drift_nm", "viscous_nms", "drag_nms2", "offset_nm",
-    "periodic_frequency_hz", "periodic_amplitude_nm", "cogging_order", "cogging_amplitude_nm", "cogging_phase_rad",
-    "eccentricity_rad", "eccentricity_phase_rad",
-)  # fmt: skip
+_REPORTED = ("torque_gain", "torque_lag_s", "torque_limit_nm", "speed_delay_s")
+_of_coupling = attrgetter(*_HUNG, "eccentricity_rad", "eccentricity_phase_rad")
+_of_motor = attrgetter(*(name for name in Effects._fields if name not in (*_HUNG, *_REPORTED)))
 #: Nobody's drive clips below this share of the torque that it reports, and no machine has less than LIGHTEST of the
 #: inertia that is believed: a fit there would explain the recording away.
 LEAST_LIMIT, LIGHTEST = 0.3, 0.02
@@ -154,8 +151,8 @@ class Residuals:
     def _asked(self, run: int, unknowns: Unknowns) -> Array:
         """Torque that the drive would report, were the belief right, at once and in any band; (n,) on the full grid."""
         e, phase = unknowns.effects, unknowns.phases_rad.get(run, 0.0)
-        motor = self._motors.of((run, phase, *_OF_MOTOR(e)), lambda: self._motor(run, phase, e))
-        coupling = self._couplings.of((run, *_OF_COUPLING(e)), lambda: self._coupling(run, e))
+        motor = self._motors.of((run, phase, *_of_motor(e)), lambda: self._motor(run, phase, e))
+        coupling = self._couplings.of((run, *_of_coupling(e)), lambda: self._coupling(run, e))
         return np.asarray((motor + coupling) / e.torque_gain)
 
     def _motor(self, run: int, phase_rad: float, e: Effects) -> Array:
