@@ -35,6 +35,8 @@ MAX_PHASE_RAD = 1.0
 ROUNDS = 5
 #: Speed and angle are compared this far about the injected frequency, as a share of it.
 ABOUT = 0.25
+#: How far a drive's filter is from one of first order: its loss at a given lag, relative, one standard deviation.
+RULE = 0.1
 #: Attribute of a run: the losses γ of torque and speed (s²) that were made even, and up to which frequency (Hz).
 LOSSES = "losses_made_even"
 #: The iteration has settled within this share of a sample.
@@ -233,15 +235,15 @@ def _losses(lag: _Lag, torque_lag_s: Nuisance, period_s: float) -> tuple[Nuisanc
 
     A difference of angles over one period T of the controller lags by ½T and loses γ = T²/24; a torque held for T
     lags as much, but it is the one that acts that is smaller. What else lags behind the angle of the same drive was
-    not sent later but filtered: by a lag of first order, as a rule (γ = ½τ(τ + T) in steps of T), of which two in a
-    row (half of it) are taken to be two standard deviations off. The torque went through the same as far as its lag
-    says so.
+    not sent later but filtered: by a lag of first order, as a rule (γ = ½τ(τ + T) in steps of T); where the loss as
+    measured speaks against it, as with two in a row (half of it), the rule counts for less. The torque went through
+    the same as far as its lag says so.
     """
     behind = lag.delay_s.value
     half = min(period_s / 2, behind)
     rest = behind - half
     expected = rest * (rest + 2 * half) / 2
-    loss = _mean([lag.loss_s2, Nuisance(expected + half**2 / 6, expected / 4)])
+    loss = _agreed(lag.loss_s2, Nuisance(expected + half**2 / 6, RULE * expected))
     filtered = loss.value - half**2 / 6
     held = float(np.clip(torque_lag_s.value, 0.0, half))
     longest = max(rest, 1e-12)
@@ -249,6 +251,13 @@ def _losses(lag: _Lag, torque_lag_s: Nuisance, period_s: float) -> tuple[Nuisanc
     unsure = float(np.hypot(torque_lag_s.std, alike * lag.delay_s.std)) / longest
     std = float(np.hypot(alike**2 * loss.std, 2 * alike * min(unsure, 1.0) * filtered))
     return loss, Nuisance(alike**2 * filtered - held**2 / 6, std)
+
+
+def _agreed(measured: Nuisance, rule: Nuisance) -> Nuisance:
+    """Mean by inverse variance; where the two are further apart than they say, the rule is the one to doubt."""
+    further = (measured.value - rule.value) ** 2 - measured.std**2
+    doubted = replace(rule, std=float(np.sqrt(max(rule.std**2, further))))
+    return _mean([measured, doubted])
 
 
 def _mean_lag(lags: Sequence[_Lag]) -> _Lag:

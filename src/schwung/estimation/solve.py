@@ -34,8 +34,13 @@ class Solution:
     leverage: Array
 
 
-def solve(inertia: Array, nuisance: Array, y: Array, prior_std: Array) -> Solution:
+def solve(
+    inertia: Array, nuisance: Array, y: Array, prior_std: Array, considered: Array | None = None
+) -> Solution:
     """Minimise |y − inertia·c − nuisance·p|² + λ|Δᵏc|² + σ²Σ(p/prior)², λ by restricted maximum likelihood.
+
+    `considered`, (rows, j): what y may be off by, one standard deviation each, without being fitted; it only widens the
+    covariance, by the square of what it would move the solution by.
 
     In coordinates in which the penalty is λ times 1 or 0, and each column scaled to 1: else a stiff curve and a limp
     one differ by so much that nothing is left of the covariance.
@@ -71,10 +76,13 @@ def solve(inertia: Array, nuisance: Array, y: Array, prior_std: Array) -> Soluti
     leverage = np.clip(np.einsum("ri,ri->r", design @ inverse, design), 0.0, 1.0)
     back = block_diag(bends, np.eye(count)) / scale
     values = back @ x
+    moved = (
+        back @ (inverse @ (design.T @ considered)) if considered is not None else np.zeros((values.size, 0))
+    )
     return Solution(
         coefficients=values[:size],
         nuisances=values[size:],
-        covariance=variance * back @ inverse @ back.T,
+        covariance=variance * back @ inverse @ back.T + moved @ moved.T,
         variance=variance,
         residual=y - design @ x,
         leverage=leverage,
