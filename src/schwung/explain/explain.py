@@ -14,6 +14,7 @@ from schwung.explain.locate import Residual, locate
 from schwung.explain.noise import whitener
 from schwung.explain.plausible import examine
 from schwung.explain.proof import Split, misfit, remainder, split
+from schwung.explain.refine import refined
 from schwung.explain.residual import Residuals, Unknowns
 from schwung.explain.search import Found, chosen, reduced, search
 from schwung.explain.signals import Prepared, prepare
@@ -56,7 +57,7 @@ def explain(session: Session, machine: Machine, *, progress: Progress | None = N
     first = problem.fit(Model())
     tell("Trying physics terms", 0.05)
     found = search(problem, first, lambda text, share: tell(text, 0.05 + 0.6 * share))
-    best = chosen(found)
+    best = refined(found, chosen(found))
     tell("Weighing alternatives", 0.7)
     return _Explained(session, machine, prepared, parts, residuals, found, best).result(
         tell, doubts.notes, noise.how
@@ -124,7 +125,7 @@ class _Explained:
     def _verdict(self, before_nm: float, after_nm: float, moved: Shift) -> Verdict:
         """By the runs kept aside; with a wrong name worse than none."""
         if not self.best.model.terms:
-            if self.found.bare.misfit > CONSISTENT:
+            if self.found.bare.misfit > CONSISTENT or before_nm > EXPLAINED * self.floor:
                 return "unexplained"
             return "explained" if moved.name else "consistent"
         if after_nm <= EXPLAINED * self.floor:

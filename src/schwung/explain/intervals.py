@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 
 from schwung.explain.fit import PERIODIC, TIMING, Fitted
-from schwung.explain.search import Found, allowed, combined_start, ranked
+from schwung.explain.search import HOPE, Found, allowed, combined_start, ranked
 from schwung.explain.terms import LIBRARY
 
 #: Rise of Σ whitened² over its level at the ends of a 95 % interval.
@@ -51,7 +51,9 @@ def alternatives(found: Found, fitted: Fitted, term: str) -> tuple[str, ...]:
     spared = found.by_terms[others]
     gain = spared.chi2 - fitted.chi2
     result = []
-    for other, starts in ranked(found.problem, found.atoms, spared)[: _ALTERNATIVES + 1]:
+    for promised, other, starts in ranked(found.problem, found.atoms, spared)[: _ALTERNATIVES + 1]:
+        if promised < HOPE * gain:
+            break
         if other == term or term in _CONTAINS.get(other, set()) or not allowed(others, other):
             continue
         known = found.by_terms.get(others | {other})

@@ -18,7 +18,7 @@ from scipy.linalg import solve_toeplitz
 from scipy.signal import lfilter
 
 from schwung.drivetrain.machine import Machine
-from schwung.explain.signals import MOTION_BAND, Noise, Prepared, speed_share
+from schwung.explain.signals import MOTION_BAND, Noise, Prepared, Signals, speed_share
 from schwung.motion import Array
 
 #: Coefficients of the whitening filter.
@@ -27,6 +27,8 @@ ORDER = 6
 MIN_SAMPLES = 150
 #: Share of the floor's variance from which on it is said to come of counts that fall alike.
 ALIKE_SHARE = 0.2
+#: Lines that a difference of repeats may hold; one does that is so many times the median around it.
+MOST_LINES, NEIGHBOURS, STANDS_OUT = 2, 60, 25.0
 _RIDGE = 1e-3
 
 
@@ -66,7 +68,10 @@ def whitener(prepared: Prepared, machine: Machine, residuals: Sequence[Array]) -
         size = min(residuals[number].size, residuals[before].size)
         valid = run.considered[:: prepared.every][:size]
         valid = valid & prepared.runs[before].considered[:: prepared.every][:size]
-        pairs.append(((residuals[number][:size] - residuals[before][:size]) / np.sqrt(2), valid))
+        if valid.sum() < MIN_SAMPLES // 4:
+            continue
+        difference = (residuals[number][:size] - residuals[before][:size]) / np.sqrt(2)
+        pairs.append((_without_physics(difference, valid, run, prepared.every), valid))
     covariance = _believed_covariance(prepared, machine, prepared.noise)
     how = "the channels' own noise: the session has no repeats of one motion, which would measure it"
     if sum(int(valid.sum()) for _, valid in pairs) >= MIN_SAMPLES:
@@ -80,6 +85,41 @@ def whitener(prepared: Prepared, machine: Machine, residuals: Sequence[Array]) -
     coefficients = solve_toeplitz(ridge[:ORDER], ridge[1 : ORDER + 1])
     innovation = ridge[0] - coefficients @ ridge[1 : ORDER + 1]
     return Whitener(np.asarray(coefficients), float(np.sqrt(innovation)), float(np.sqrt(covariance[0])), how)
+
+
+def _without_physics(difference: Array, valid: NDArray[np.bool_], run: Signals, every: int) -> Array:
+    """A difference of repeats, (n,), without what physics may change between them, which is not noise.
+
+    That is friction (a level, its sign and its slope over speed), and a vibration with a phase of its own in each run,
+    where a line stands out of the spectrum.
+    """
+    size = difference.size
+    speed, time = run.speed_rad_s[::every][:size], run.time_s[::every][:size]
+    peak = max(float(np.max(np.abs(speed))), 1e-300)
+    shapes = [np.ones(size), np.tanh(speed / (0.02 * peak)), speed / peak]
+    for _ in range(MOST_LINES):
+        columns = np.stack(shapes, axis=1)
+        left = difference - columns @ np.linalg.lstsq(columns[valid], difference[valid], rcond=None)[0]
+        line = _line(left, valid, time)
+        if line is None:
+            return left
+        shapes += [np.sin(2 * np.pi * line * time), np.cos(2 * np.pi * line * time)]
+    columns = np.stack(shapes, axis=1)
+    return np.asarray(
+        difference - columns @ np.linalg.lstsq(columns[valid], difference[valid], rcond=None)[0]
+    )
+
+
+def _line(left: Array, valid: NDArray[np.bool_], time: Array) -> float | None:
+    """Frequency (Hz) of a line that holds far more than its neighbourhood; None where there is none."""
+    used, at = left[valid], time[valid]
+    span = float(at[-1] - at[0])
+    frequencies = np.arange(2 / span, 0.45 / float(np.median(np.diff(time))), 0.3 / span)
+    waves = np.exp(-2j * np.pi * np.multiply.outer(frequencies, at))
+    power = np.abs(waves @ used) ** 2
+    best = int(np.argmax(power))
+    around = power[max(0, best - NEIGHBOURS) : best + NEIGHBOURS]
+    return float(frequencies[best]) if power[best] > STANDS_OUT * np.median(around) else None
 
 
 def _covariance(pairs: Sequence[tuple[Array, NDArray[np.bool_]]]) -> Array:

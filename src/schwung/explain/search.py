@@ -38,6 +38,8 @@ _STARTS_PER_TERM = 2
 SHAPE_ERROR, ALIKE = 0.015, 6.0
 #: A named term lowers the mean square by at least this share of the noise.
 LEAST_GAIN = 0.4
+#: A full fit is tried where the linear look promises this share of what is wanted of it.
+HOPE = 0.3
 
 Progress = Callable[[str, float], None]
 
@@ -154,7 +156,9 @@ def search(problem: Problem, first: Fitted, progress: Progress | None = None) ->
             if progress:
                 done = (size - 1 + number / len(beam)) / MOST_TERMS
                 progress(f"Trying {size} term{'s' if size > 1 else ''}", done)
-            for term, starts in ranked(problem, found.atoms, fitted)[:FITTED]:
+            for gain, term, starts in ranked(problem, found.atoms, fitted)[:FITTED]:
+                if gain < HOPE * LEAST_GAIN * found.level * fitted.samples:
+                    break
                 key = frozenset((*fitted.model.terms, term))
                 if key not in grown:
                     known = found.by_terms.get(key)
@@ -211,8 +215,8 @@ def combined_start(model: Model, term: str, begin: Start | float, coefficients: 
 
 def ranked(
     problem: Problem, atoms: tuple[Atom, ...], fitted: Fitted
-) -> list[tuple[str, list[tuple[Start | float, Array]]]]:
-    """Terms that may join, best first by a linear look, with the best starts of each and their coefficients."""
+) -> list[tuple[float, str, list[tuple[Start | float, Array]]]]:
+    """Terms that may join, best first by what a linear look promises, with the best starts and their coefficients."""
     basis, _ = np.linalg.qr(fitted.jacobian / np.maximum(np.linalg.norm(fitted.jacobian, axis=0), 1e-300))
     left = fitted.white - basis @ (basis.T @ fitted.white)
     looks: dict[str, list[tuple[float, Start | float, Array]]] = {}
@@ -231,12 +235,12 @@ def ranked(
         looks.setdefault(atom.term, []).append((gain, atom.start, coefficients))
     if PERIODIC not in fitted.model.terms:
         looks[PERIODIC] = _lines(problem, fitted)
-    order = sorted(looks, key=lambda t: -max(look[0] for look in looks[t]))
-    return [
-        (term, [(s, c) for _, s, c in sorted(looks[term], key=lambda look: -look[0])[:_STARTS_PER_TERM]])
-        for term in order
-        if max(look[0] for look in looks[term]) > 0
-    ]
+    result = []
+    for term, of_term in looks.items():
+        best = sorted(of_term, key=lambda look: -look[0])[:_STARTS_PER_TERM]
+        if best and best[0][0] > 0:
+            result.append((best[0][0], term, [(start, coefficients) for _, start, coefficients in best]))
+    return sorted(result, key=lambda look: -look[0])
 
 
 def _lines(problem: Problem, fitted: Fitted) -> list[tuple[float, Start | float, Array]]:

@@ -9,12 +9,12 @@ from schwung.explain.terms.term import Start, Term, View, at
 
 def _stiffness(view: View) -> list[Start]:
     k = view.stiffness_nm_rad
-    return [at(stiffness_nm_rad=k * f) for f in (0.4, 0.6, 0.8, 0.95, 1.05, 1.25, 1.6, 2.5)] if k else []
+    return [at(k, stiffness_nm_rad=k * f) for f in (0.4, 0.6, 0.8, 0.95, 1.05, 1.25, 1.6, 2.5)] if k else []
 
 
 def _damping(view: View) -> list[Start]:
     b = view.damping_nms
-    return [at(damping_nms=b * f) for f in (0.1, 0.5, 0.8, 1.25, 2.0, 4.0)] if b else []
+    return [at(b, damping_nms=b * f) for f in (0.1, 0.5, 0.8, 1.25, 2.0, 4.0)] if b else []
 
 
 def _cubic(view: View) -> list[Start]:
@@ -24,7 +24,7 @@ def _cubic(view: View) -> list[Start]:
 
 def _backlash(view: View) -> list[Start]:
     return (
-        [at(gap_rad=view.wind_up_rad * f) for f in (0.02, 0.1, 0.3, 1.0, 3.0)]
+        [at(gap_rad=view.wind_up_rad * f) for f in (0.005, 0.03, 0.1, 0.3, 1.0, 3.0)]
         if view.stiffness_nm_rad
         else []
     )

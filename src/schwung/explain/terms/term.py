@@ -116,12 +116,18 @@ class Term:
     bounds: Mapping[str, tuple[float, float]]
     simplicity: int = 0  # of two that fit alike the lower is preferred
     tied: tuple[str, ...] = ()
+    refinements: tuple[str, ...] = ()  # fields that are fitted beside them only where that is well worth it
     scanned: bool = False  # its starts depend on the residual's fine structure: looked for anew at every step
 
 
-def at(**fields: float) -> Start:
-    """A start at finite values, for what is far from proportional."""
-    return Start({}, (fields,), lambda _coefficients: fields, absolute=True)
+def at(base: float = 0.0, **fields: float) -> Start:
+    """A start at finite values, for what is far from proportional; a linear look may move it towards `base`."""
+
+    def decode(coefficients: Sequence[float]) -> Fields:
+        gone = min(max(coefficients[0], 0.05), 1.5)
+        return {field: base + gone * (value - base) for field, value in fields.items()}
+
+    return Start({}, (fields,), decode, absolute=True)
 
 
 def polar(name: str, phase: str, unit: float = 1.0) -> Callable[[Sequence[float]], Fields]:
