@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cache
 
 import numpy as np
 from scipy.linalg import block_diag, cholesky, solve_triangular
@@ -89,6 +90,7 @@ def solve(
     )
 
 
+@cache
 def _bending_coordinates(size: int) -> Array:
     """Coefficients = result · z, of which the first ORDER bend nothing; |Δᵏc|² is the sum of the others squared."""
     difference = np.diff(np.eye(size), ORDER, axis=0)

@@ -119,7 +119,8 @@ def _weights(strokes: Sequence[_Stroke]) -> Array:
     """Weight of each stroke, (strokes,): one over its variance, by medians over the grid, which no bump moves.
 
     Its own, from the noise within it and the imaginary part, plus the square of its distance from the median of all
-    (of two, which cannot be told apart, both are as far). No stroke counts as better than half the usual deviation: that would be chance.
+    (of two, which cannot be told apart, both are as far). No stroke counts as better than half the usual deviation:
+    that would be chance.
     Among repeats of one stroke; all strokes of a run together weigh the same, as what friction adds on the way there
     it takes off on the way back.
     """
