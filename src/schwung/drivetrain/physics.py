@@ -34,6 +34,7 @@ class Effects(NamedTuple):
     local_width_rad: float = 1.0  # from end to end of a raised cosine
     drift_nm: float = 0.0  # of dry friction, from first run to last
     viscous_nms: float = 0.0
+    viscous_difference_nms: float = 0.0  # of the viscous coefficient, positive direction minus negative
     drag_nms2: float = 0.0
     load_amplitude_nm: float = 0.0  # × sin(θ_l + phase), on the load
     load_phase_rad: float = 0.0
@@ -99,6 +100,7 @@ PHYSICS: Mapping[str, Mapping[str, Key]] = {
     "asymmetric_friction": {
         "torque_positive_nm": Key("coulomb_positive_nm", "N·m"),
         "torque_negative_nm": Key("coulomb_negative_nm", "N·m"),
+        "coefficient_difference_nms": Key("viscous_difference_nms", "N·m·s/rad", optional=0.0),
     },
     "viscous_friction": {"coefficient_nms": Key("viscous_nms", "N·m·s/rad")},
     "quadratic_drag": {"coefficient_nms2": Key("drag_nms2", "N·m·s²/rad²")},
@@ -265,6 +267,7 @@ def motor_torque(
     dry friction changes sign (rad/s).
     """
     torque = e.offset_nm - (e.viscous_nms + e.drag_nms2 * abs(speed)) * speed
+    torque -= 0.5 * e.viscous_difference_nms * abs(speed)
     torque -= dry_friction(e, angle, speed, share) * float(np.tanh(speed / smoothing))
     if e.cogging_amplitude_nm != 0.0:
         torque += e.cogging_amplitude_nm * np.sin(e.cogging_order * angle + e.cogging_phase_rad)

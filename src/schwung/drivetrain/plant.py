@@ -170,7 +170,11 @@ def substeps(machine: Machine, plant: kernel.Plant, period: float, top_speed: fl
         fastest = max(fastest, ripple, e.cogging_order * top_speed)
     if e.periodic_amplitude_nm != 0:
         fastest = max(fastest, 2 * np.pi * e.periodic_frequency_hz)
-    rubbing = plant.motor_friction + max(e.viscous_nms, 0.0) + 2.0 * abs(e.drag_nms2) * top_speed
+    rubbing = (
+        plant.motor_friction
+        + max(e.viscous_nms + 0.5 * abs(e.viscous_difference_nms), 0.0)
+        + 2.0 * abs(e.drag_nms2) * top_speed
+    )
     rubbing = (rubbing + _dry_level(e, share) / _SMOOTHING_RAD_S) / moved
     needed = int(np.ceil(max(period * fastest / step, period * rubbing / _FRICTION_STEP, 1.0)))
     if needed > _MAX_SUBSTEPS:

@@ -56,7 +56,8 @@ def finding(
 def _quantities(axis: Axis, found: Found, fitted: Fitted, term: str) -> dict[str, Quantity]:
     """Parameters by the file contract's keys."""
     model = fitted.model
-    ends = {name: interval(found, fitted, name) for name in parameters(term)}
+    refined = () if term == PERIODIC else (f for f in LIBRARY[term].refinements if f in model.refined)
+    ends = {name: interval(found, fitted, name) for name in (*parameters(term), *refined)}
     if term == PERIODIC:
         amplitude, spread = _periodic_amplitude(found, model)
         return {
@@ -76,7 +77,8 @@ def _quantities(axis: Axis, found: Found, fitted: Fitted, term: str) -> dict[str
             value, low, high = value + level, low + level, high + level
         if field in _PHASES:
             value, low, high = _within_turn(value, low, high)
-        result[name] = Quantity(value, _unit(key.unit, axis), (low, high))
+        unit = key.unit if name == "phase_rad" else _unit(key.unit, axis)
+        result[name] = Quantity(value, unit, (low, high))
     if term == "load_inertia" and "inertia_scale" in model.fixed:
         result.pop("scale", None)
     return result

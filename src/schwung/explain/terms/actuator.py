@@ -17,7 +17,10 @@ def _lag(_view: View) -> list[Start]:
 
 def _saturation(view: View) -> list[Start]:
     peak = view.peak_torque_nm
-    return [at(peak * share, torque_limit_nm=peak * share) for share in (0.4, 0.5, 0.6, 0.7, 0.8, 0.87, 0.93, 0.97)]
+    return [
+        at(peak * share, torque_limit_nm=peak * share)
+        for share in (0.4, 0.5, 0.6, 0.7, 0.8, 0.87, 0.93, 0.97)
+    ]
 
 
 def _eccentricity(view: View) -> list[Start]:

@@ -64,7 +64,9 @@ def _tight_spot(centre: float, width: float) -> Start:
 FRICTION = (
     Term("coulomb_friction", "direction", _dry, ("coulomb_positive_nm",), {}, 0, tied=BOTH),
     Term("viscous_friction", "speed", _viscous, ("viscous_nms",), {}, 0),
-    Term("asymmetric_friction", "direction", _asymmetric, BOTH, {}, 1),
+    Term(
+        "asymmetric_friction", "direction", _asymmetric, BOTH, {}, 1, refinements=("viscous_difference_nms",)
+    ),
     Term(
         "stribeck_friction",
         "speed",
