@@ -157,8 +157,8 @@ def test_uncentred_undoes_what_an_eccentric_encoder_reports() -> None:
     amplitude, phase, step = 1e-3, 0.7, 1e-4
     true = 1.5 - 1.4 * np.cos(6 * np.arange(3000) * step)
     seen = true + amplitude * np.sin(true + phase)
-    rates = [np.gradient(seen, step), np.gradient(np.gradient(seen, step), step)]
-    reported = forward.Motion(seen, *rates, np.zeros_like(seen), step)
+    speed = np.gradient(seen, step)
+    reported = forward.Motion(seen, speed, np.gradient(speed, step), np.zeros_like(seen), step)
 
     motion = forward.uncentred(reported, amplitude, phase)
 
