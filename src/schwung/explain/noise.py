@@ -15,7 +15,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import solve_toeplitz
-from scipy.signal import lfilter
+from scipy.signal import czt, lfilter
 
 from schwung.drivetrain.machine import Machine
 from schwung.explain.signals import MOTION_BAND, Noise, Prepared, Signals, speed_share
@@ -112,11 +112,10 @@ def _without_physics(difference: Array, valid: NDArray[np.bool_], run: Signals, 
 
 def _line(left: Array, valid: NDArray[np.bool_], time: Array) -> float | None:
     """Frequency (Hz) of a line that holds far more than its neighbourhood; None where there is none."""
-    used, at = left[valid], time[valid]
-    span = float(at[-1] - at[0])
-    frequencies = np.arange(2 / span, 0.45 / float(np.median(np.diff(time))), 0.3 / span)
-    waves = np.exp(-2j * np.pi * np.multiply.outer(frequencies, at))
-    power = np.abs(waves @ used) ** 2
+    used, apart, span = np.where(valid, left, 0.0), float(np.median(np.diff(time))), float(np.ptp(time[valid]))
+    frequencies = np.arange(2 / span, 0.45 / apart, 0.3 / span)
+    turn = 2j * np.pi * apart
+    power = np.abs(czt(used, frequencies.size, np.exp(-turn * 0.3 / span), np.exp(turn * 2 / span))) ** 2
     best = int(np.argmax(power))
     around = power[max(0, best - NEIGHBOURS) : best + NEIGHBOURS]
     return float(frequencies[best]) if power[best] > STANDS_OUT * np.median(around) else None
