@@ -112,7 +112,8 @@ def _without_physics(difference: Array, valid: NDArray[np.bool_], run: Signals, 
 
 def _line(left: Array, valid: NDArray[np.bool_], time: Array) -> float | None:
     """Frequency (Hz) of a line that holds far more than its neighbourhood; None where there is none."""
-    used, apart, span = np.where(valid, left, 0.0), float(np.median(np.diff(time))), float(np.ptp(time[valid]))
+    used, span = np.where(valid, left, 0.0), float(np.ptp(time[valid]))
+    apart = float(np.median(np.diff(time)))
     frequencies = np.arange(2 / span, 0.45 / apart, 0.3 / span)
     turn = 2j * np.pi * apart
     power = np.abs(czt(used, frequencies.size, np.exp(-turn * 0.3 / span), np.exp(turn * 2 / span))) ** 2
