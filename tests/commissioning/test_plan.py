@@ -153,3 +153,22 @@ def test_the_drive_is_asked_to_keep_the_limits() -> None:
         limits.torque_max_nm,
         limits.following_error_rad,
     )
+
+
+def test_slower_motions_are_mixed_in_and_injected_for_as_long_as_they_last() -> None:
+    plan = _plan(duration_s=0.25, also_s=(0.4, 0.6), repeats=2)
+    runs = list(plan.runs())
+    assert [run.motion.duration_s for run in runs[:6]] == [0.25, 0.25, 0.4, 0.4, 0.6, 0.6]
+    assert [run.repeat for run in runs] == [0] * 6 + [1] * 6
+    for run in runs:
+        if run.excitation is not None:
+            assert run.excitation.end_s == pytest.approx(
+                run.motion.total_s - 0.5 / run.excitation.frequency_hz
+            )
+    assert plan.duration_s == pytest.approx(sum(run.motion.total_s for run in runs))
+
+
+@pytest.mark.parametrize("wishes", [{"also_s": (0.2,)}, {"also_s": (0.4,), "mode": "pp"}], ids=str)
+def test_a_further_motion_time_is_longer_and_comes_over_the_bus(wishes: dict[str, object]) -> None:
+    with pytest.raises(InputError, match="--also"):
+        _plan(duration_s=0.25, **wishes)

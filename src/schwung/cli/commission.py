@@ -46,6 +46,16 @@ def commission(
     profile_kind: Annotated[
         str, typer.Option(help="third, poly5, scurve or cosine.", rich_help_panel=_MOTION)
     ] = "third",
+    also: Annotated[
+        list[float] | None,
+        quantity(
+            "time",
+            "S",
+            "A further, longer time of the same stroke; repeatable. For `schwung explain`: it tells what follows "
+            "speed from what follows place or time, and is kept aside for the proof.",
+            _MOTION,
+        ),
+    ] = None,
     one_way: Annotated[
         bool, typer.Option("--one-way", help="Do not move back after the stroke.", rich_help_panel=_MOTION)
     ] = False,
@@ -117,6 +127,8 @@ def commission(
       schwung commission -m machine.toml --distance 1.2 --duration 0.4 --min-position -0.1 --max-position 1.4 -y
 
       schwung commission -m machine.toml --distance 180deg --duration 150ms --bode schwung-20260101-120000 --phases 4
+
+      schwung commission -m machine.toml --distance 180deg --duration 250ms --also 400ms -i socketcan -c can0 -n 3
     """  # fmt: skip
     from schwung.cli.console import Terminal
     from schwung.cli.drives import open_drive
@@ -146,6 +158,7 @@ def commission(
         amplitude_nm=amplitude,
         repeats=repeats,
         phases=phases,
+        also_s=tuple(also or ()),
         max_jitter_share=MAX_JITTER_SHARE if max_jitter is None else max_jitter * rate,
     )
     if bode is not None:

@@ -162,11 +162,12 @@ def show_plan(terminal: Terminal, prepared: Prepared) -> None:
     plan = prepared.plan
     motion, excitation, limits = plan.motion, plan.excitation, plan.limits
     back = " and back" if motion.returns else ""
+    times = ", then ".join(f"{m.duration_s * 1e3:g}" for m in (motion, *plan.slower))
     terminal.table(
         "Plan",
         ("", ""),
         (
-            ("motion", f"{motion.kind} profile, {motion.distance_rad:.4g} rad in {motion.duration_s * 1e3:g} ms{back}, "
+            ("motion", f"{motion.kind} profile, {motion.distance_rad:.4g} rad in {times} ms{back}, "
                        f"from {plan.start_position_rad:.4g} rad"),
             ("injection", f"{excitation.amplitude_nm:.3g} N·m at {excitation.frequency_hz:g} Hz"),
             ("recording", f"{len(tuple(plan.runs()))} motions at {plan.acquisition.sample_rate_hz:g} Hz, "
@@ -259,6 +260,7 @@ def _plan(plan: Plan) -> dict[str, Any]:
         "excitation": plan.excitation.model_dump(),
         "repeats": plan.repeats,
         "phases": plan.phases,
+        "also_s": [motion.duration_s for motion in plan.slower],
         "sample_rate_hz": plan.acquisition.sample_rate_hz,
         "duration_s": plan.duration_s,
         **settings_of(plan),

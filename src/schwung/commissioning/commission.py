@@ -34,6 +34,7 @@ class Wishes:
     amplitude_nm: float | None = None
     repeats: int = 2
     phases: int = 1
+    also_s: tuple[float, ...] = ()  # further, longer times of the stroke
     max_jitter_share: float = MAX_JITTER_SHARE
     because: tuple[str, ...] = ()  # where wishes come from that nobody typed
 
@@ -98,6 +99,7 @@ def prepare(drive: Drive, profile: DeviceProfile, machine: Machine, wishes: Wish
         amplitude_nm=wishes.amplitude_nm,
         repeats=wishes.repeats,
         phases=wishes.phases,
+        also_s=wishes.also_s,
         torque_held=injected is None or injected.between_syncs == "held",
     )
     plan = replace(plan, reasons=(*wishes.because, *plan.reasons))

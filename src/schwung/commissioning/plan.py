@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import get_args
 
@@ -85,22 +85,26 @@ class Plan:
     start_position_rad: float
     reasons: tuple[str, ...] = ()
     phases: int = 1  # of the injection, equally spaced over a period; one excited run for each
+    slower: tuple[Motion, ...] = ()  # the same stroke in more time: tells what follows speed, place or time
 
     def runs(self) -> Iterator[PlannedRun]:
         """The motions in the order in which they are made: reference, then excited, so often as repeated.
 
         Several phases need no reference: one is made all the same, for the following error without injection.
+        Slower ones are mixed in, so that what drifts is not mistaken for what follows speed.
         """
         for repeat in range(self.repeats):
-            if self.phases == 1 or repeat == 0:
-                yield PlannedRun("reference", repeat, self.motion, None)
-            for number in range(self.phases):
-                yield PlannedRun("excited", repeat, self.motion, self._turned(number))
+            for motion in (self.motion, *self.slower):
+                if self.phases == 1 or repeat == 0:
+                    yield PlannedRun("reference", repeat, motion, None)
+                for number in range(self.phases):
+                    yield PlannedRun("excited", repeat, motion, self._turned(number, motion))
 
-    def _turned(self, number: int) -> Excitation:
-        """The injection at its `number`-th phase."""
+    def _turned(self, number: int, motion: Motion) -> Excitation:
+        """The injection at its `number`-th phase, for so long as the motion lasts."""
         turned = self.excitation.phase_rad + 2 * math.pi * number / self.phases
-        return self.excitation.model_copy(update={"phase_rad": turned})
+        end = _injected_until(motion, self.excitation.frequency_hz)
+        return self.excitation.model_copy(update={"phase_rad": turned, "end_s": end})
 
     def start_of(self, run: PlannedRun) -> float:
         """Where a run starts (rad)."""
@@ -117,7 +121,12 @@ class Plan:
     @property
     def duration_s(self) -> float:
         """Bus time of all motions."""
-        return len(tuple(self.runs())) * self.motion.total_s * (1 if self.motion.returns else 2)
+        return sum(run.motion.total_s for run in self.runs()) * (1 if self.motion.returns else 2)
+
+
+def _injected_until(motion: Motion, frequency_hz: float) -> float:
+    """The injection ends half a period before the recording does (s)."""
+    return motion.total_s - 0.5 / frequency_hz
 
 
 def limits_of(wishes: LimitWishes, drive: DriveLimits, machine: Machine) -> Limits:
@@ -199,16 +208,26 @@ def make_plan(
     amplitude_nm: float | None = None,
     repeats: int = 2,
     phases: int = 1,
+    also_s: Sequence[float] = (),
     torque_held: bool = True,
     heartbeat_s: float = 0.1,
 ) -> Plan:
     """Fill the gaps with proposals and say why. `torque_held`: the drive holds the injected torque between SYNCs.
+
+    `also_s`: further times of the stroke, all longer than the first, by which everything is dimensioned.
 
     Raises InputError where a wish cannot be met by any motion (too few samples per period, PP with a profile that
     drives do not have).
     """
     reasons = []
     _require_sense(distance_rad, duration_s, kind, sample_rate_hz, frequency_hz, amplitude_nm, repeats)
+    for further in also_s:
+        if not (math.isfinite(further) and further > duration_s):
+            raise InputError(
+                "--also", f"is {further:g} s", "Give longer times than --duration, the shortest."
+            )
+    if mode == "pp" and also_s:
+        raise InputError("--also", "needs setpoints over the bus", "Use --mode csp, or one --duration.")
     if phases != 1 and (phases < MIN_PHASES or phases % 2):
         raise InputError(
             "--phases", f"is {phases}", "Use 1, or an even number from 4: pairs cancel the motion."
@@ -246,9 +265,10 @@ def make_plan(
         frequency_hz=frequency_hz,
         amplitude_nm=amplitude_nm,
         ramp_s=RAMP_PERIODS * period,
-        end_s=motion.total_s - period / 2,
+        end_s=_injected_until(motion, frequency_hz),
         hold_s=1 / sample_rate_hz if torque_held else None,
     )
+    slower = tuple(motion.model_copy(update={"duration_s": further}) for further in also_s)
     return Plan(
         motion=motion,
         excitation=excitation,
@@ -269,6 +289,7 @@ def make_plan(
         start_position_rad=start_position_rad,
         reasons=tuple(reasons),
         phases=phases,
+        slower=slower,
     )
 
 

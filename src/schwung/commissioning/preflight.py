@@ -105,12 +105,13 @@ def preflight(
     plan: Plan, machine: Machine, seen: Survey, feed_forward: FeedForward | None = None
 ) -> Preflight:
     """Check a plan against the drive and against the simulated motion. Never raises for what it finds."""
-    first = [run for run in plan.runs() if run.repeat == 0]
+    every = [run for run in plan.runs() if run.repeat == 0]
+    first = [run for run in every if run.motion == plan.motion]
     reference, *phases = (simulated_run(run, plan, machine, feed_forward) for run in first)
     excited = max(phases, key=lambda simulated: simulated.peak_torque_nm)
     back = plan.way_back(next(plan.runs()))
-    way_back = [] if back is None else [simulated_run(back, plan, machine, feed_forward)]
-    motions = (reference, *phases, *way_back)
+    others = [*(run for run in every if run.motion != plan.motion), *([back] if back else [])]
+    motions = (reference, *phases, *(simulated_run(run, plan, machine, feed_forward) for run in others))
     predicted = _predicted(plan, zip(first, (reference, *phases), strict=True), machine)
     source, resolution_checks = _resolution(plan, seen.resolution, reference, excited)
     checks = [
