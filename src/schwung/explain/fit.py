@@ -130,11 +130,13 @@ class Problem:
         return white
 
     def _basis(self, run: int, frequency_hz: float) -> Array:
-        """Sine and cosine of one frequency, made orthogonal, (samples, 2)."""
-        return self.known.of(
-            (run, frequency_hz),
-            lambda: np.linalg.qr(self.waves(run, np.array([frequency_hz]))[:, 0].T)[0],
-        )
+        """Sine and cosine of one frequency, made orthogonal, (samples, 2); whitening would only mix the two."""
+        return self.known.of((run, frequency_hz), lambda: np.linalg.qr(self._turning(run, frequency_hz))[0])
+
+    def _turning(self, run: int, frequency_hz: float) -> Array:
+        time = self.residuals.runs[run].signals.time_s[:: self.residuals.prepared.every]
+        turn = 2 * np.pi * frequency_hz * time[usable(self.residuals.valid(run))]
+        return np.stack([np.sin(turn), np.cos(turn)], axis=1)
 
     def waves(self, run: int, frequency_hz: Array) -> Array:
         """Whitened sine and cosine of the run's time, as a torque of 1 N·m shows: (2, frequencies, samples)."""
