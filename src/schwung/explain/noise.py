@@ -15,7 +15,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import solve_toeplitz
-from scipy.signal import czt, lfilter
+from scipy.ndimage import convolve1d
+from scipy.signal import czt
 
 from schwung.drivetrain.machine import Machine
 from schwung.explain.signals import MOTION_BAND, Noise, Prepared, Signals, speed_share
@@ -43,7 +44,8 @@ class Whitener:
 
     def white(self, residual_nm: Array, valid: NDArray[np.bool_]) -> Array:
         """Whitened residuals (…, n) -> (…, m), the samples whose whole past is valid."""
-        filtered = lfilter(np.r_[1.0, -self.coefficients], 1.0, residual_nm)
+        taps = np.r_[1.0, -self.coefficients]
+        filtered = convolve1d(residual_nm, taps, axis=-1, mode="constant", origin=-(ORDER // 2))
         return np.asarray(np.compress(usable(valid), filtered, axis=-1) / self.innovation_nm)
 
 
