@@ -250,8 +250,10 @@ def _extent(scores: Sequence[Score]) -> str:
     sessions = len({s.case for s in scores})
     machines, times, conditions = len(MACHINES), len(DURATIONS_S), len(CONDITIONS)
     whole = machines * times * conditions
-    of = f" of {whole}, those that the tables of error stand on first" if sessions < whole else ""
-    return f"{sessions} sessions{of}: {machines} machines × {times} motion times × {conditions} conditions"
+    all_of_them = f"{machines} machines × {times} motion times × {conditions} conditions"
+    if sessions < whole:
+        return f"{sessions} of {whole} sessions ({all_of_them}; all clean ones and all at 250 ms come first)"
+    return f"{sessions} sessions ({all_of_them})"
 
 
 def _write_csv(scores: Sequence[Score], path: Path) -> None:
