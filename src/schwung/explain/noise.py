@@ -104,7 +104,7 @@ def _without_physics(difference: Array, valid: NDArray[np.bool_], run: Signals, 
         left = difference - columns @ np.linalg.lstsq(columns[valid], difference[valid], rcond=None)[0]
         line = _line(left, valid, time)
         if line is None:
-            return left
+            return np.asarray(left)
         shapes += [np.sin(2 * np.pi * line * time), np.cos(2 * np.pi * line * time)]
     columns = np.stack(shapes, axis=1)
     return np.asarray(
@@ -158,7 +158,7 @@ def impedance(machine: Machine, omega_rad_s: Array) -> NDArray[np.complex128]:
     load = machine.load_inertia
     inertia = 0.0 if load is None else load if isinstance(load, float) else float(np.mean(load.inertia_kgm2))
     s = 1j * omega_rad_s
-    hung = inertia * s + machine.load.viscous_friction_nms
+    hung: NDArray[np.complex128] = inertia * s + machine.load.viscous_friction_nms
     if machine.coupling is not None:
         shaft = machine.coupling.damping_nms + machine.coupling.stiffness_nm_rad / s
         hung = shaft * hung / (shaft + hung)
