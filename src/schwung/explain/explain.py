@@ -50,6 +50,7 @@ def explain(session: Session, machine: Machine, *, progress: Progress | None = N
     doubts.require(session.source or "session")
     prepared = prepare(session, machine)
     parts = split(session, prepared)
+    tell("Simulating the belief (at its first use it is compiled)", 0.02)
     residuals = Residuals(prepared, machine)
     numbers = range(len(session.runs))
     noise = whitener(prepared, machine, residuals.all(numbers, Unknowns()))
