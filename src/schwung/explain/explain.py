@@ -8,9 +8,10 @@ import numpy as np
 from scipy.stats import chi2 as chi2_distribution
 
 from schwung.drivetrain.machine import Machine
-from schwung.explain import naming
+from schwung.explain import free_run, naming
 from schwung.explain.fit import TIMING, Fitted, Model, Problem
 from schwung.explain.locate import Residual, locate
+from schwung.explain.measured import measured
 from schwung.explain.noise import whitener
 from schwung.explain.plausible import examine
 from schwung.explain.proof import Split, misfit, remainder, split
@@ -48,12 +49,16 @@ def explain(session: Session, machine: Machine, *, progress: Progress | None = N
     tell("Looking at the recordings", 0.0)
     doubts = examine(session, machine)
     doubts.require(session.source or "session")
-    prepared = prepare(session, machine)
+    curve = measured(machine)
+    believed = machine if curve is None else curve.machine
+    prepared = prepare(session, believed)
     parts = split(session, prepared)
     tell("Simulating the belief (at its first use it is compiled)", 0.02)
-    residuals = Residuals(prepared, machine)
+    residuals = Residuals(prepared, believed)
     numbers = range(len(session.runs))
-    noise = whitener(prepared, machine, residuals.all(numbers, Unknowns()))
+    noise = whitener(prepared, believed, residuals.all(numbers, Unknowns()))
+    if curve is not None:
+        residuals.soften(curve, noise.torque_nm)
     problem = Problem(residuals, noise, parts.train)
     first = problem.fit(Model())
     tell("Trying physics terms", 0.05)
@@ -109,6 +114,8 @@ class _Explained:
             else ()
         )
         mismatch = self._mismatch(findings, verdict)
+        learned = naming.learned(self.machine, findings)
+        driven = free_run.told(self.machine, learned, self.session) if findings else ()
         tell("Done", 1.0)
         return Explanation(
             verdict=verdict,
@@ -117,9 +124,9 @@ class _Explained:
             mismatch=mismatch,
             findings=findings,
             fit=HeldOut(self.parts.train, self.parts.heldout, before, after),
-            machine=naming.learned(self.machine, findings),
+            machine=learned,
             overlays=naming.overlays(self.residuals, self.parts, bare.model, model),
-            notes=tuple(dict.fromkeys((*notes, *self._notes(moved)))),
+            notes=tuple(dict.fromkeys((*notes, *self._notes(moved), *driven))),
             remainder=left,
         )
 

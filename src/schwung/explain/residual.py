@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from schwung.drivetrain.machine import Machine
 from schwung.drivetrain.physics import Effects
 from schwung.explain import forward
+from schwung.explain.measured import Measured
 from schwung.explain.signals import Prepared, Signals, Spectrum
 from schwung.motion import Array
 
@@ -51,12 +52,8 @@ class _Run:
     low: Array
     torque_nm: Array  # within the band
     peak_nm: float  # beyond it
-    late_nm: (
-        Array  # (2, n), by how much it changes with the lag of what is reported, and with half its square
-    )
-    jumps: (
-        Array  # (n,) on the compared grid: what a held injection's images make the controller do, of length 1
-    )
+    late_nm: Array  # (2, n), its change with the lag of what is reported, and with half the lag's square
+    jumps: Array  # (n,) on the compared grid: shape of the controller's answer to images, of length 1
     valid: NDArray[np.bool_]  # on the compared grid
 
 
@@ -101,6 +98,7 @@ class Residuals:
         self._couplings, self._motors, self._gains = (Memory(_KEPT * len(self.runs)) for _ in range(3))
         self._peak_nm = max(of.peak_nm for of in self.runs)
         self._lightest_kgm2 = float(np.min(self.belief.inertia_coefficients[3]))
+        self._soft: dict[int, tuple[Array, Array]] = {}
 
     def _run(self, signals: Signals) -> _Run:
         spectrum = self._spectra[signals.time_s.size]
@@ -189,7 +187,12 @@ class Residuals:
             reported = np.stack([self._reported(run, unknowns[row]) for row in rows])
             compared = (reported - of.spectrum.apply(asked, gains))[:, ::every]
             jumps = np.sum(compared[:, of.valid] * of.jumps[of.valid], axis=1)  # rows alike to the last bit
-            result[rows] = compared - np.multiply.outer(jumps, of.jumps)
+            compared = compared - np.multiply.outer(jumps, of.jumps)
+            if run in self._soft:
+                directions, shrink = self._soft[run]
+                sizes = np.stack([directions[of.valid].T @ row[of.valid] for row in compared])
+                compared -= (sizes * shrink) @ directions.T
+            result[rows] = compared
         return result
 
     def residual(self, run: int, unknowns: Unknowns) -> Array:
@@ -203,6 +206,24 @@ class Residuals:
         left = rotor + e.inertia_scale * lightest + e.inertia_delta_kgm2
         clipped = e.torque_limit_nm < LEAST_LIMIT * self._peak_nm * e.torque_gain
         return left >= LIGHTEST * (rotor + lightest) and not clipped
+
+    def soften(self, belief: Measured, floor_nm: float) -> None:
+        """From now on count as noise what the belief's inertia may be off: shrink its directions to the floor.
+
+        With noise of the floor's deviation and directions D of one deviation each, the whitening is I − U (1 −
+        1/√(1 + S²)) Uᵀ, where U S Vᵀ = D / floor.
+        """
+        others = [Residuals(self.prepared, belief.moved(i)) for i in range(len(belief.directions_kgm2))]
+        for run, of in enumerate(self.runs):
+            if not of.valid.any():
+                continue
+            here = self.residual(run, Unknowns())
+            columns = (
+                np.stack([here - other.residual(run, Unknowns()) for other in others], axis=1) / floor_nm
+            )
+            _, size, turn = np.linalg.svd(columns[of.valid], full_matrices=False)
+            directions = columns @ turn.T / np.maximum(size, 1e-12)
+            self._soft[run] = directions, 1 - 1 / np.sqrt(1 + size**2)
 
     def all(self, runs: Sequence[int], unknowns: Unknowns) -> list[Array]:
         """Residuals of several runs."""
