@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 
 import numpy as np
 from scipy.stats import chi2 as chi2_distribution
@@ -132,14 +133,20 @@ class _Explained:
 
     def _verdict(self, before_nm: float, after_nm: float, moved: Shift) -> Verdict:
         """By the runs kept aside; with a wrong name worse than none."""
-        if not self.best.model.terms:
-            if self.found.bare.misfit > CONSISTENT or before_nm > EXPLAINED * self.floor:
+        bare, best = self.found.bare, self.best
+        if not best.model.terms:
+            if bare.misfit > CONSISTENT or before_nm > EXPLAINED * self.floor:
                 return "unexplained"
             return "explained" if moved.name else "consistent"
-        if after_nm <= EXPLAINED * self.floor:
+        before, after = self._heldout_misfit(bare.model), self._heldout_misfit(best.model)
+        if after_nm <= EXPLAINED * self.floor and after <= EXPLAINED**2 * max(NAMED_SHARE * before, 1.0):
             return "explained"
-        excess = (after_nm**2 - self.floor**2) / max(before_nm**2 - self.floor**2, 1e-300)
-        return "partly_explained" if excess < NAMED_SHARE else "unexplained"
+        return "partly_explained" if after - 1 < NAMED_SHARE * (before - 1) else "unexplained"
+
+    def _heldout_misfit(self, model: Model) -> float:
+        """Mean square of the whitened residual on the runs that the model is judged by."""
+        white = replace(self.found.problem, runs=self.judged).white(model)
+        return float(np.mean(white**2)) if white.size else 1.0
 
     def _shift(self) -> Shift:
         """Late speed or torque, judged about the best model."""

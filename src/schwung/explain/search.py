@@ -37,7 +37,7 @@ _STARTS_PER_TERM = 2
 #: Share of the mismatch's amplitude by which a term's shape may be off, and scores that are equal.
 SHAPE_ERROR, ALIKE = 0.015, 6.0
 #: A named term lowers the mean square by at least this share of the noise.
-LEAST_GAIN = 0.4
+LEAST_GAIN = 0.12
 #: A full fit is tried where the linear look promises this share of what is wanted of it.
 HOPE = 0.3
 

@@ -12,7 +12,8 @@ def _gain(_view: View) -> list[Start]:
 
 
 def _lag(_view: View) -> list[Start]:
-    return [Start({}, ({"torque_lag_s": 2e-4},))]
+    """Finite, since a small lag is but a shift in time, which is fitted along."""
+    return [at(torque_lag_s=lag) for lag in (1.5e-4, 5e-4, 2e-3)]
 
 
 def _saturation(view: View) -> list[Start]:
