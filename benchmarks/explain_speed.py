@@ -13,16 +13,16 @@ import sys
 import time as clock
 
 import numpy as np
-from schwung_sim.drives.axis import AxisSettings, ServoAxis
-from schwung_sim.plants import TICK_S, TwoMassPlant
-from schwung_sim.plants.concealed import parse_conceal
-from schwung_sim.recording import Noise, play
 
 from schwung.drivetrain.inertia import InertiaTable
 from schwung.drivetrain.machine import Coupling, Load, Machine, Motor
 from schwung.explain.explain import explain
 from schwung.motion import Excitation, Motion
 from schwung.session.model import Run, Session
+from schwung_sim.drives.axis import AxisSettings, ServoAxis
+from schwung_sim.plants import TICK_S, TwoMassPlant
+from schwung_sim.plants.concealed import parse_conceal
+from schwung_sim.recording import Noise, play
 
 LIMIT_S = 60.0
 RATE_HZ, SAMPLES, REPEATS = 4000.0, 4000, 3
@@ -113,7 +113,9 @@ class Stages:
         """As `explain` calls its progress."""
         now = (clock.perf_counter(), clock.process_time())
         if self.name and (text != self.name or share >= 1):
-            print(f"  {self.name:32s} {now[0] - self.last[0]:6.1f} s {now[1] - self.last[1]:6.1f} s of processor")
+            print(
+                f"  {self.name[:32]:32s} {now[0] - self.last[0]:6.1f} s {now[1] - self.last[1]:6.1f} s of processor"
+            )
         if text != self.name:
             self.name, self.last = text, now
 
@@ -126,7 +128,9 @@ def main() -> None:
         stages = Stages()
         result = explain(recorded, machine, progress=stages.tell)
         wall, processor = clock.perf_counter() - stages.first[0], clock.process_time() - stages.first[1]
-        print(f"{which} go: {wall:.1f} s, {processor:.1f} s of processor (limit {LIMIT_S:g} s): {result.verdict}")
+        print(
+            f"{which} go: {wall:.1f} s, {processor:.1f} s of processor (limit {LIMIT_S:g} s): {result.verdict}"
+        )
         for finding in result.findings:
             print(f"    {finding.physics}: {finding.text}")
 
