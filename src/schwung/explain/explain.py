@@ -64,7 +64,7 @@ def explain(session: Session, machine: Machine, *, progress: Progress | None = N
     first = problem.fit(Model())
     tell("Trying physics terms", 0.05)
     found = search(problem, first, lambda text, share: tell(text, 0.05 + 0.6 * share))
-    best = refined(found, chosen(found))
+    best = found.bare if found.bare.misfit < CONSISTENT else refined(found, chosen(found))
     tell("Weighing alternatives", 0.7)
     return _Explained(session, machine, prepared, parts, residuals, found, best).result(
         tell, doubts.notes, noise.how
