@@ -166,3 +166,19 @@ def run_learned(
             machine, state, shaft_torque(e, torque), acting, time, step, cascade.substeps
         )
     return states, torques
+
+
+@compiled
+def run_driven(
+    machine: Learned, torque: Array, state: Masses, begin: float, period: float, substeps: int
+) -> Array:
+    """Open loop: motor angle and speed (n, 2) at n instants, each reported torque (n,) held until the next one."""
+    states = np.empty((torque.size, 2))
+    acting = shaft_torque(machine.effects, torque[0])
+    for i in range(torque.size):
+        states[i, 0], states[i, 1] = state.motor_angle, state.motor_speed
+        wanted = shaft_torque(machine.effects, torque[i])
+        state, acting = _advance(
+            machine, state, wanted, acting, begin + i * period, period / substeps, substeps
+        )
+    return states

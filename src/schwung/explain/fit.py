@@ -23,6 +23,8 @@ PERIODIC = "periodic_disturbance"
 _TOLERANCE = 0.1
 _STEP = 1e-3  # of the finite differences, over a parameter's scale
 _WAVES_KEPT = 200  # pairs of sine and cosine that are remembered
+#: A refinement of a term takes so large a share of the misfit, where that is so much above the noise.
+REFINED_SHARE, REFINED_MISFIT = 0.1, 1.5
 _BOLDEST = 3.0  # steps of the parameter's scale in one iteration
 
 
@@ -192,6 +194,20 @@ class Problem:
             if gain < _TOLERANCE * max(chi2 / white.size, 1.0) + 1e-6 * chi2:
                 break
         return Fitted(model, chi2, white.size, columns, white)
+
+    def refine(self, fitted: Fitted) -> Fitted:
+        """With those refinements of its terms that take a good share of what it misses: one name, one more key."""
+        for term in fitted.model.terms:
+            for name in () if term == PERIODIC else LIBRARY[term].refinements:
+                if fitted.misfit < REFINED_MISFIT or name in fitted.model.refined:
+                    continue
+                begun = replace(fitted.model, refined=(*fitted.model.refined, name))
+                speed = max(self.residuals.prepared.peak_speed_rad_s, 1e-12)
+                level = 0.1 * self.whitener.torque_nm * float(np.sqrt(fitted.misfit)) / speed
+                finer = self.fit(begun.with_values({name: level}))  # not from 0, where there is no scale
+                if fitted.chi2 - finer.chi2 > REFINED_SHARE * fitted.chi2:
+                    fitted = finer
+        return fitted
 
 
 def _bounded(change: float, scale: float) -> float:

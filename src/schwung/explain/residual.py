@@ -13,7 +13,7 @@ from schwung.drivetrain.machine import Machine
 from schwung.drivetrain.physics import Effects
 from schwung.explain import forward
 from schwung.explain.measured import Measured
-from schwung.explain.signals import Prepared, Signals, Spectrum
+from schwung.explain.signals import Prepared, Signals, Spectrum, lasting
 from schwung.motion import Array
 
 #: The fields of Effects upon which the coupling's torque depends, and those that leave the motor's own alone; for other
@@ -30,6 +30,8 @@ _of_motor = attrgetter(*(name for name in Effects._fields if name not in (*_HUNG
 #: Nobody's drive clips below this share of the torque that it reports, and no machine has less than LIGHTEST of the
 #: inertia that is believed: a fit there would explain the recording away.
 LEAST_LIMIT, LIGHTEST = 0.3, 0.02
+#: Samples for which a clipped torque lasts: single ones beyond a limit are noise, which no limit takes away.
+_CLIPPED = 4
 _KEPT = 64  # torques and gains that are remembered, per run
 
 
@@ -142,7 +144,7 @@ class Residuals:
         limit = e.torque_limit_nm / e.torque_gain
         torque = of.torque_nm
         if of.peak_nm > limit:
-            torque = of.spectrum.apply(np.clip(of.signals.torque_nm, -limit, limit), of.low)
+            torque = of.spectrum.apply(_clipped(of.signals.torque_nm, limit), of.low)
         t = unknowns.timing_s
         return np.asarray(torque + t * of.late_nm[0] + 0.5 * t**2 * of.late_nm[1]) if t != 0 else torque
 
@@ -228,3 +230,9 @@ class Residuals:
     def all(self, runs: Sequence[int], unknowns: Unknowns) -> list[Array]:
         """Residuals of several runs."""
         return [self.residual(run, unknowns) for run in runs]
+
+
+def _clipped(torque_nm: Array, limit_nm: float) -> Array:
+    """Torque cut off wherever it is beyond a limit for a while, (n,)."""
+    beyond = lasting(np.abs(torque_nm) > limit_nm, _CLIPPED)
+    return np.where(beyond, np.clip(torque_nm, -limit_nm, limit_nm), torque_nm)

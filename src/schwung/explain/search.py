@@ -89,6 +89,7 @@ class Found:
         fits = [self.problem.fit(start, 8) for start in (model, *starts)]
         known = self.by_terms.get(key)
         best = min((*fits, *([known] if known else [])), key=lambda fitted: fitted.chi2)
+        best = self.problem.refine(best)
         self.by_terms[key] = best
         return best
 

@@ -176,7 +176,7 @@ def prepare(session: Session, machine: Machine) -> Prepared:
         group = groups.setdefault(motion_identity(run), len(groups))
         share = number / max(len(session.runs) - 1, 1)
         position, speed, acceleration = _moved(run, noise, band, delay)
-        moving = _lasting(np.abs(speed) > max(STANDSTILL * peak, 2 * smoothing), round(SHORTEST_S * rate))
+        moving = lasting(np.abs(speed) > max(STANDSTILL * peak, 2 * smoothing), round(SHORTEST_S * rate))
         moving = _away_from_rest(moving, round(REACH * rate / band))
         edge = round(1.5 * rate / band)
         moving[:edge] = moving[-edge:] = False
@@ -215,7 +215,7 @@ def prepare(session: Session, machine: Machine) -> Prepared:
     )
 
 
-def _lasting(moving: NDArray[np.bool_], samples: int) -> NDArray[np.bool_]:
+def lasting(moving: NDArray[np.bool_], samples: int) -> NDArray[np.bool_]:
     """Only stretches of at least so many samples: an axis that swings about a standstill sticks and slips."""
     edges = np.flatnonzero(np.diff(np.r_[False, moving, False].astype(int)))
     result = np.zeros_like(moving)
