@@ -25,8 +25,8 @@ POINTS = 401
 SHARED = 4.0
 #: An estimate is off by this share of its mean even where repeats agree (windows, filters, frictions).
 BIAS = 0.002
-#: ... and as a whole: windows flatten the curve, friction and delay raise or lower it.
-WHOLE = 0.01
+#: ... by this share as a whole (friction, delay), and by that share of its height (windows flatten a curve).
+WHOLE, FLATTENED = 0.01, 0.03
 
 
 @dataclass(frozen=True, eq=False)
@@ -61,7 +61,8 @@ def measured(machine: Machine) -> Measured | None:
     curve = np.linalg.solve(information, weighted.T @ aim)
     scatter = max(float(np.sum((aim - weighted @ curve) ** 2)) / (given.size - splines), 1.0)
     covariance = SHARED * scatter * np.linalg.inv(information) + (BIAS * mean) ** 2 * np.eye(splines)
-    covariance += WHOLE**2 * (np.outer(curve, curve) + mean**2)  # splines add up to one: scale and offset
+    height = curve - mean  # splines add up to one
+    covariance += (WHOLE * mean) ** 2 + FLATTENED**2 * np.outer(height, height)
     angle = np.linspace(low, high, POINTS)
     fine = BSpline.design_matrix(angle, knots, 3).toarray()
     inertia = np.maximum(fine @ curve, 0.1 * float(np.min(table.inertia_kgm2)))
