@@ -139,7 +139,7 @@ class _Explained:
                 return "unexplained"
             return "explained" if moved.name else "consistent"
         before, after = self._heldout_misfit(bare.model), self._heldout_misfit(best.model)
-        if after_nm <= EXPLAINED * self.floor and after <= EXPLAINED**2 * max(NAMED_SHARE * before, 1.0):
+        if after_nm <= EXPLAINED * self.floor or after <= EXPLAINED**2:
             return "explained"
         return "partly_explained" if after - 1 < NAMED_SHARE * (before - 1) else "unexplained"
 

@@ -14,6 +14,7 @@ from scipy.signal import czt
 
 from schwung.explain.fit import (
     PERIODIC,
+    TIMING,
     Fitted,
     Model,
     Problem,
@@ -125,8 +126,9 @@ def atoms_at(problem: Problem, model: Model) -> tuple[Atom, ...]:
             columns = np.empty((base.size, len(begin.directions)))
             for number in range(len(begin.directions)):
                 effects = begin.moved(model.effects, number)
-                moved = replace(model, unknowns=replace(model.unknowns, effects=effects))
-                columns[:, number] = problem.white(moved) - base
+                timing = model.unknowns.timing_s + begin.earlier_s
+                unknowns = replace(model.unknowns, effects=effects, timing_s=timing)
+                columns[:, number] = problem.white(replace(model, unknowns=unknowns)) - base
             if np.all(np.isfinite(columns)):
                 result.append(Atom(term.name, begin, columns))
     return tuple(result)
@@ -174,21 +176,27 @@ def search(problem: Problem, first: Fitted, progress: Progress | None = None) ->
 
 
 def chosen(found: Found) -> Fitted:
-    """The set of terms with the lowest score of which none can be spared; of equals the simpler."""
+    """The set of terms with the lowest score of which none can be spared; of equals fewer causes, then the simpler."""
     best = min(found.by_terms.values(), key=found.score)
     alike = [
         fitted
         for fitted in found.by_terms.values()
-        if len(fitted.model.terms) == len(best.model.terms)
+        if len(fitted.model.terms) <= len(best.model.terms)
         and found.score(fitted) < found.score(best) + ALIKE
     ]
-    best = min(alike, key=lambda fitted: (simplicity(fitted.model.terms), found.score(fitted)))
+    best = min(alike, key=lambda fitted: _plainness(found, fitted))
     while best.model.terms:
         spared = min(reduced(found, best), key=lambda fitted: fitted.chi2)
         if found.worthwhile(spared, best):
             break
         best = spared
     return best
+
+
+def _plainness(found: Found, fitted: Fitted) -> tuple[int, int, float]:
+    """Lower is preferred of equals."""
+    terms = fitted.model.terms
+    return len(terms), simplicity(terms), found.score(fitted)
 
 
 def simplicity(terms: Iterable[str]) -> int:
@@ -211,7 +219,9 @@ def combined_start(model: Model, term: str, begin: Start | float, coefficients: 
         assert isinstance(begin, float)
         return replace(combined(model, term, {}), frequency_hz=begin)
     assert isinstance(begin, Start)
-    return combined(model, term, begin.fields([float(c) for c in coefficients]))
+    timing = model.unknowns.timing_s + float(np.clip(coefficients[0], 0.0, 1.5)) * begin.earlier_s
+    started = combined(model, term, begin.fields([float(c) for c in coefficients]))
+    return started.with_values({TIMING: timing})
 
 
 def ranked(

@@ -12,8 +12,8 @@ def _gain(_view: View) -> list[Start]:
 
 
 def _lag(_view: View) -> list[Start]:
-    """Finite, since a small lag is but a shift in time, which is fitted along."""
-    return [at(torque_lag_s=lag) for lag in (1.5e-4, 5e-4, 2e-3)]
+    """Finite, and with the shift in time taken back: a small lag is nothing but that, and it is fitted along."""
+    return [at(earlier_s=-lag, torque_lag_s=lag) for lag in (1.5e-4, 4e-4, 1.2e-3, 4e-3)]
 
 
 def _saturation(view: View) -> list[Start]:

@@ -83,6 +83,7 @@ class Start:
     directions: tuple[Fields, ...]
     decode: Callable[[Sequence[float]], Fields] | None = None
     absolute: bool = False  # the directions' values replace the fields' instead of adding to them
+    earlier_s: float = 0.0  # by so much the motion moves before the torque along with it
     torques: Callable[[Moving], Array] | None = (
         None  # (directions, n) on the motor: a quick look for scanned starts
     )
@@ -120,14 +121,14 @@ class Term:
     scanned: bool = False  # its starts depend on the residual's fine structure: looked for anew at every step
 
 
-def at(base: float = 0.0, **fields: float) -> Start:
+def at(base: float = 0.0, earlier_s: float = 0.0, **fields: float) -> Start:
     """A start at finite values, for what is far from proportional; a linear look may move it towards `base`."""
 
     def decode(coefficients: Sequence[float]) -> Fields:
         gone = min(max(coefficients[0], 0.05), 1.5)
         return {field: base + gone * (value - base) for field, value in fields.items()}
 
-    return Start({}, (fields,), decode, absolute=True)
+    return Start({}, (fields,), decode, absolute=True, earlier_s=earlier_s)
 
 
 def polar(name: str, phase: str, unit: float = 1.0) -> Callable[[Sequence[float]], Fields]:
