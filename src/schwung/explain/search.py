@@ -39,6 +39,8 @@ _STARTS_PER_TERM = 2
 SHAPE_ERROR, ALIKE = 0.015, 6.0
 #: A named term lowers the mean square by at least this share of the noise.
 LEAST_GAIN = 0.12
+#: And it carries at least this part of all that the belief misses.
+LEAST_PART = 0.006
 #: A full fit is tried where the linear look promises this share of what is wanted of it.
 HOPE = 0.3
 
@@ -82,7 +84,8 @@ class Found:
 
     def worthwhile(self, before: Fitted, after: Fitted) -> bool:
         """Whether a term lowers the misfit by enough to be named: a share of the noise floor's own energy."""
-        return before.misfit - after.misfit > LEAST_GAIN * self.level
+        least = max(LEAST_GAIN * self.level, LEAST_PART * self.bare.misfit)
+        return before.misfit - after.misfit > least
 
     def fit(self, model: Model, *starts: Model) -> Fitted:
         """The best fit of a set of terms from several starts, remembered."""
