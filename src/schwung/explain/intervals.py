@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from schwung.explain.fit import PERIODIC, TIMING, Fitted
+from schwung.explain.fit import PERIODIC, TIMING, Fitted, combined, without
 from schwung.explain.search import HOPE, Found, allowed, combined_start, ranked
 from schwung.explain.terms import LIBRARY
 
@@ -61,7 +61,22 @@ def alternatives(found: Found, fitted: Fitted, term: str) -> tuple[str, ...]:
         loss = tried.chi2 - fitted.chi2
         if loss < OPEN_RISE * found.level or loss < OPEN_SHARE * gain:
             result.append(other)
-    return tuple(result)
+    if term == "asymmetric_friction" and _offset_does(found, fitted, others, gain):
+        result.append("torque_offset")
+    return tuple(dict.fromkeys(result))
+
+
+def _offset_does(found: Found, fitted: Fitted, others: frozenset[str], gain: float) -> bool:
+    """Whether one dry friction for both directions and an offset fit as well: while an axis moves they are the same."""
+    pair = {"coulomb_friction", "torque_offset"}
+    if pair & others or fitted.model.refined:
+        return False
+    positive, negative = fitted.model.value("coulomb_positive_nm"), fitted.model.value("coulomb_negative_nm")
+    even = without(fitted.model, "asymmetric_friction")
+    even = combined(even, "coulomb_friction", {"coulomb_positive_nm": (positive + negative) / 2})
+    even = combined(even, "torque_offset", {"offset_nm": (negative - positive) / 2})
+    loss = found.fit(even).chi2 - fitted.chi2
+    return loss < OPEN_RISE * found.level or loss < OPEN_SHARE * gain
 
 
 def parameters(term: str) -> tuple[str, ...]:
