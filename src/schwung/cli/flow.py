@@ -25,7 +25,7 @@ from schwung.commissioning import (
     repeat_reference,
 )
 from schwung.commissioning.commission import settings_of
-from schwung.drivetrain import InertiaTable, Machine, write_inertia_csv
+from schwung.drivetrain import InertiaTable, Machine, write_inertia_csv, write_machine
 from schwung.errors import RefusedError
 from schwung.fieldbus.drive import Drive
 from schwung.fieldbus.profile import DeviceProfile
@@ -106,6 +106,7 @@ def commission_and_show(
     with observing(terminal) as observer:
         done = carry_out(drive, prepared, out, observer, wishes.max_jitter_share)
     write_inertia_csv(done.estimate.table, out / "inertia.csv")
+    write_machine(_as_measured(done), out / "measured.toml")
     show_estimate(terminal, done, ending)
     verification = None
     if ending.export is not None:
@@ -115,7 +116,16 @@ def commission_and_show(
     result |= _summary(done, ending, verification, out)
     replace_file(out / "estimate.json", json_text(result))
     terminal.say(f"Report: [bold]{out / 'report.html'}[/]")
+    explain = f"schwung explain {done.session_path} -m {out / 'measured.toml'} --out {out / 'explanation'}"
+    terminal.say(f"What the machine has beyond inertia, coupling and viscous friction: [bold]{explain}[/]")
     return result
+
+
+def _as_measured(done: Commissioned) -> Machine:
+    """The belief with the measured inertia in the place of the guessed one."""
+    machine = done.prepared.machine
+    load = machine.load.model_copy(update={"inertia_kgm2": None, "inertia_table": done.estimate.table})
+    return machine.model_copy(update={"load": load})
 
 
 def finish(terminal: Terminal, result: Mapping[str, Any]) -> None:
@@ -243,6 +253,7 @@ def _summary(
         "files": {
             "session": str(done.session_path),
             "inertia": str(out / "inertia.csv"),
+            "machine": str(out / "measured.toml"),
             "report": str(out / "report.html"),
         },
     }
