@@ -36,7 +36,7 @@ ROUNDS = 5
 #: Speed and angle are compared this far about the injected frequency, as a share of it.
 ABOUT = 0.25
 #: How far a drive's filter is from one of first order: its loss at a given lag, relative, one standard deviation.
-RULE = 0.1
+RULE = 0.05
 #: Attribute of a run: the losses γ of torque and speed (s²) that were made even, and up to which frequency (Hz).
 LOSSES = "losses_made_even"
 #: The iteration has settled within this share of a sample.
@@ -142,6 +142,7 @@ def amplitudes_restored(recorded: Session, ready: Session) -> Session:
             run,
             torque_nm=_lessened(run.torque_nm, run.sample_rate_hz, -torque, highest),
             speed_rad_s=_lessened(run.speed_rad_s, run.sample_rate_hz, -speed, highest),
+            extra={**run.extra, LOSS_STD: made.extra[LOSS_STD]},
         )
 
     return replace(recorded, runs=tuple(one(*both) for both in zip(recorded.runs, ready.runs, strict=True)))

@@ -150,4 +150,4 @@ def _notes(found: Fit) -> tuple[str, ...]:
 def _sensor_noise(found: Fit) -> float:
     """The noise of the torque's samples (N·m), from third differences: what no machine could follow."""
     bends = np.concatenate([np.diff(run.drive.smooth(run.time_s), 3) for run in found.runs])
-    return max(float(np.sqrt(np.mean(bends**2) / 20)), 1e-300)
+    return max(float(np.sqrt(found.every * np.mean(bends**2) / 20)), 1e-300)

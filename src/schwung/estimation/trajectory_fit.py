@@ -26,7 +26,7 @@ from schwung.estimation.trajectory_model import (
     Noise,
 )
 from schwung.estimation.trajectory_prior import Posterior, posterior, prior_for
-from schwung.estimation.trajectory_signals import Signals, load_angle_range, signals_of
+from schwung.estimation.trajectory_signals import FINEST, Signals, load_angle_range, signals_of
 from schwung.motion import Array
 from schwung.session.model import Run
 
@@ -54,21 +54,21 @@ STRETCH_S = 0.02
 FAR, HALVINGS = 10.0, 6
 #: Constant inertias tried at the start, over the rotor's.
 _TRIED = np.geomspace(0.05, 2000.0, 20)
-#: Smallest error of the angle that is believed, over the visited range.
-_FINEST = 1e-9
-#: And the first guess of it.
+#: First guess of the angle's error, over the visited range.
 _ANGLE_ERROR = 1e-6
 
 
 @dataclass(frozen=True, eq=False)
 class Fit:
-    """A fitted model: parameters (P,), covariance, scores, noise, and every run with its smoothed states."""
+    """A fitted model: parameters (P,), covariance, scores, and every run, thinned, with its smoothed states."""
 
     model: Model
     parameters: Array
     covariance: Array
     scores: Array
-    noise: Noise
+    considered: Array  # (P,): what one standard deviation of the filters' loss moves the parameters by
+    noise: Noise  # of the samples as recorded
+    every: float  # so many of which make one of `runs`
     runs: tuple[Signals, ...]
     iterations: int
     converged: bool
@@ -78,6 +78,7 @@ class Fit:
 
         The deviation is the posterior's, or where the innovations turn out not to be white, as with physics that the
         model leaves out, the larger one that their sums over stretches of time call for (the "sandwich", White 1982).
+        What a drive's filter may have taken off is not fitted and comes on top (Schmidt's "considered").
         """
         where = self.model.layout.inertia
         rows, _ = self.model.layout.basis.rows(angle_rad)
@@ -85,7 +86,8 @@ class Fit:
         reach = rows @ self.covariance[where]
         posterior = np.einsum("ni,ni->n", reach[:, where], rows)
         observed = np.sum((reach @ self.scores.T) ** 2, axis=1)
-        return inertia, inertia * np.sqrt(np.maximum(posterior, observed))
+        lost = rows @ self.considered[where]
+        return inertia, inertia * np.sqrt(np.maximum(posterior, observed) + lost**2)
 
 
 @dataclass(frozen=True, eq=False)
@@ -107,7 +109,8 @@ def fit(recorded: Sequence[Run], machine: Machine, *, rotary: bool = True) -> Fi
     Raises InputError where there is no torque or no motion at all.
     """
     _check_alive(recorded)
-    runs = tuple(signals_of(run, machine, band_of(recorded)) for run in recorded)
+    band = band_of(recorded)
+    runs = tuple(signals_of(run, machine, band, thin=True) for run in recorded)
     low, high = load_angle_range(runs)
     pieces = int(np.clip((high - low) * PIECES_PER_RAD if rotary else PIECES, PIECES, MOST_PIECES))
     basis = Basis(low, high, pieces)
@@ -145,7 +148,21 @@ def fit(recorded: Sequence[Run], machine: Machine, *, rotary: bool = True) -> Fi
         else:
             settled = moved < SETTLED and not restless
             restless = restless or moved > NEARLY
-    return Fit(model, parameters, found.covariance, passed.scores, noise, runs, iteration, settled)
+    loss = max(run.loss_std_s2 for run in runs)
+    considered = loss * found.covariance @ passed.information[:, model.layout.loss]
+    every = recorded[0].sample_rate_hz * runs[0].step_s
+    return Fit(
+        model=model,
+        parameters=parameters,
+        covariance=found.covariance,
+        scores=passed.scores,
+        considered=considered,
+        noise=noise.times(np.sqrt(every)),
+        every=every,
+        runs=runs,
+        iterations=iteration,
+        converged=settled,
+    )
 
 
 def band_of(recorded: Sequence[Run]) -> float:
@@ -295,7 +312,7 @@ def likely_noise(
     """The sizes of noise that make the innovations most likely; `reach`: how far off they may be (log)."""
     systems = _systems(model, runs, parameters)
     span = model.layout.basis.high_rad - model.layout.basis.low_rad
-    finest = max(_FINEST * span, 0.5 * max(_resolution(run) for run in runs) / np.sqrt(12))
+    finest = max(FINEST * span, 0.5 * max(run.count_rad for run in runs) / np.sqrt(12))
 
     def noise_of(logs: Array) -> Noise:
         torque, speed, position = (float(v) for v in np.exp(logs))
@@ -316,13 +333,3 @@ def likely_noise(
                  "initial_simplex": first + reach * np.vstack([np.zeros(3), np.diag([-0.7, 0.3, 0.7])])},
     )  # fmt: skip
     return noise_of(best.x)
-
-
-def _resolution(run: Signals) -> float:
-    """The encoder's count (rad); 0 where the angle is not counted."""
-    moves = np.abs(np.diff(run.position_rad))
-    moves = moves[moves > _FINEST * float(np.ptp(run.position_rad))]
-    if moves.size == 0:
-        return 0.0
-    counts = moves / moves.min()
-    return float(moves.min()) if float(np.median(np.abs(counts - np.round(counts)))) < 0.02 else 0.0

@@ -13,6 +13,7 @@ from __future__ import annotations
 from dataclasses import astuple, dataclass
 
 import numpy as np
+from scipy.interpolate import CubicSpline
 
 from schwung.drivetrain.machine import Machine
 from schwung.estimation import trajectory_kernel as kernel
@@ -108,8 +109,12 @@ class Layout:
         return self.coulomb + 6
 
     @property
-    def size(self) -> int:
+    def loss(self) -> int:  # s²: γ, where a filter took γω² more off torque and speed than was given back
         return self.coulomb + 7
+
+    @property
+    def size(self) -> int:
+        return self.coulomb + 8
 
 
 @dataclass(frozen=True)
@@ -119,6 +124,10 @@ class Noise:
     torque_nm: float
     speed_rad_s: float
     position_rad: float
+
+    def times(self, factor: float) -> Noise:
+        """All three so many times as large."""
+        return Noise(factor * self.torque_nm, factor * self.speed_rad_s, factor * self.position_rad)
 
     def differs_from(self, other: Noise, share: float = 0.03) -> bool:
         """Whether any of the three differs by more than this share."""
@@ -203,7 +212,9 @@ class Model:
         friction = parameters[at.coulomb] * along.direction + parameters[at.viscous] * along.speed
         motor = run.drive.between(parameters[at.torque_delay], parameters[at.controller_delay])
         start, end = motor.start_nm - friction[:-1], motor.end_nm - friction[1:]
-        torques = np.stack([start, load[:-1], end, load[1:], motor.bulge_nm, _bulge(load)], 1)
+        early, late, between = _off_middle(along.inertia, run)
+        load_start, load_end, load_bulge = load[:-1] - early, load[1:] - late, _bulge(load) - between
+        torques = np.stack([start, load_start, end, load_end, motor.bulge_nm, load_bulge], 1)
         steps = Steps.of(self.shaft(parameters), along.middle, run.step_s, slopes=False)
         size = steps.transition.shape[1]
         transition = np.zeros((load.size - 1, size + 1, size + 1))
@@ -212,8 +223,8 @@ class Model:
         transition[:, :size, size] = -steps.inputs[:, :, 0]
         noise = np.column_stack([-steps.inputs[:, :, 2], np.ones(load.size - 1)])
         forcing[:, :size] = np.einsum("ksi,ki->ks", steps.inputs, torques)
-        late = run.speed_at(parameters[at.speed_delay])
-        measured = np.column_stack([run.position_rad, run.speed_rad_s - late + along.speed])
+        before = run.speed_at(parameters[at.speed_delay])
+        measured = np.column_stack([run.position_rad, run.speed_rad_s - before + along.speed])
         # where the shaft may stick, dry friction is anything within ±F for as long: the torque is not known there
         sticking = np.exp(-((along.speed / (3 * self.sticking_rad_s)) ** 2))
         slack = 100 * parameters[at.coulomb] ** 2 * sticking
@@ -247,9 +258,26 @@ class Model:
         part[:, :, at.controller_delay] = both * motor.by_controller_delay[:, None]
         part[:, :, at.stiffness] = np.einsum("ksi,ki->ks", steps.by_stiffness, stacked)
         part[:, :, at.damping] = np.einsum("ksi,ki->ks", steps.by_damping, stacked)
+        bent = run.quiet(run.drive.smooth(run.time_s, 2))
+        part[:, :, at.loss] = steps.added(-bent[:, None], 0)[:, :, 0]
         of_speed = np.zeros((along.speed.size, at.size))
+        of_speed[:, at.loss] = run.quiet(run.speed_at(0.0, derivative=2))
         of_speed[:, at.speed_delay] = -run.speed_at(parameters[at.speed_delay], derivative=1)
         return made, of_speed
+
+
+def _off_middle(inertia: Array, run: Signals) -> tuple[Array, Array, Array]:
+    """Torque taken by what the inertia differs from that of the middle of each step, (J − J_m) dω_l/dt:
+    at the start of each step, at its end, and its height over the straight line between them; (n − 1,) each.
+    """
+    accelerated = CubicSpline(run.time_s, run.quiet(run.load_speed_rad_s))(run.time_s, 1)
+    half = np.diff(inertia) / 2
+    middle = (accelerated[1:] + accelerated[:-1]) / 2
+    return (
+        -half * accelerated[:-1],
+        half * accelerated[1:],
+        _bulge(inertia) * middle - half * np.diff(accelerated) / 2,
+    )
 
 
 def _bulge(values: Array) -> Array:

@@ -25,6 +25,7 @@ DELAY_S, STIFFNESS, DAMPING = 5e-4, 0.1, 0.5
 #: Of log J_l about the best constant one: anything within a few orders of magnitude.
 LOG_INERTIA = 3.0
 _PINNED = 1e-9
+_PINNED_S2 = 1e-18  # the same of a loss: how far it is unknown is counted beside the fit
 #: Logarithms of the deviations of second differences that are tried: log J_l itself, and T_l over peak torque.
 _LOWEST, _HIGHEST = np.log(1e-6), np.log(3.0)
 
@@ -71,6 +72,7 @@ def prior_for(layout: Layout, machine: Machine, inertia_kgm2: float, *, held: bo
     deviation[layout.viscous] = 0.01 * peak
     deviation[[layout.torque_delay, layout.speed_delay]] = DELAY_S
     deviation[layout.controller_delay] = DELAY_S if held else _PINNED
+    deviation[layout.loss] = _PINNED_S2
     shaft = machine.coupling if coupling else None
     deviation[layout.stiffness] = STIFFNESS if shaft else _PINNED
     deviation[layout.damping] = DAMPING if shaft and shaft.damping_nms > 0 else _PINNED

@@ -3,20 +3,27 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.interpolate import CubicSpline
-from scipy.signal import butter, sosfiltfilt
+from scipy.signal import butter, firwin, sosfiltfilt
 
 from schwung.drivetrain.machine import Machine
 from schwung.estimation import trajectory_kernel as kernel
+from schwung.estimation.ripple import LOSS_STD
 from schwung.estimation.sampling import is_held
 from schwung.motion import Array
 from schwung.session.model import Run
 
 #: Bands above this share of the highest frequency are not worth a filter.
 WIDEST = 0.8
+#: Samples that say all there is: so many per period of the band's end, and of the rotor's swing against the coupling.
+PER_BAND, PER_SWING = 11.0, 4.0
+#: Smallest error of the angle that is believed, over the visited range.
+FINEST = 1e-9
+#: Half the length of the filter before samples are left out, in the remaining ones; and the window of its taps.
+_HALF, _TAPS = 6, ("kaiser", 6.0)
 _EDGE = 60  # samples of padding at either end
 #: Inertias at which a step is worked out; between them it is interpolated (relative error below 1e-9).
 _NODES = 96
@@ -70,6 +77,8 @@ class Signals:
     states: Array
     rigid: bool
     band_hz: float  # within which the motion and the injection lie
+    count_rad: float = 0.0  # of the encoder; 0 where the angle is not counted
+    loss_std_s2: float = 0.0  # how far it is unknown what a filter took off torque and speed
 
     @property
     def load_angle_rad(self) -> Array:
@@ -92,8 +101,12 @@ class Signals:
         return np.asarray(CubicSpline(self.time_s, self.states[:, 1])(then, derivative))
 
 
-def signals_of(run: Run, machine: Machine, band_hz: float) -> Signals:
-    """A recorded run made ready; where the injection is held, the torque is a staircase plus the controller's."""
+def signals_of(recorded: Run, machine: Machine, band_hz: float, *, thin: bool = False) -> Signals:
+    """A recorded run made ready; where the injection is held, the torque is a staircase plus the controller's.
+
+    `thin`: with no more samples than needed (`thinned`).
+    """
+    run = thinned(recorded, machine, band_hz) if thin else recorded
     held, smooth = np.zeros(len(run) - 1), run.torque_nm
     if is_held(run) and run.torque_added_nm is not None:
         held, smooth = run.torque_added_nm[1:], run.torque_nm - run.torque_added_nm
@@ -112,6 +125,46 @@ def signals_of(run: Run, machine: Machine, band_hz: float) -> Signals:
         states=np.column_stack(states),
         rigid=rigid,
         band_hz=band_hz,
+        count_rad=count_of(recorded),
+        loss_std_s2=float(run.extra.get(LOSS_STD, 0.0)),
+    )
+
+
+def count_of(run: Run) -> float:
+    """The encoder's count (rad); 0 where the angle is not counted."""
+    moves = np.abs(np.diff(run.position_rad))
+    moves = moves[moves > FINEST * float(np.ptp(run.position_rad))]
+    if moves.size == 0:
+        return 0.0
+    counts = moves / moves.min()
+    return float(moves.min()) if float(np.median(np.abs(counts - np.round(counts)))) < 0.02 else 0.0
+
+
+def thinned(run: Run, machine: Machine, band_hz: float) -> Run:
+    """The run with no more samples than motion, injection and the coupling's swing need.
+
+    All signals pass one filter without lag, which the machine's balance passes as a whole; white noise stays white, and
+    its density in the band what it was. Runs with a held injection stay as they are: their steps matter.
+    """
+    swing = machine.coupling.stiffness_nm_rad / machine.motor.inertia_kgm2 if machine.coupling else 0.0
+    every = int(run.sample_rate_hz / max(PER_BAND * band_hz, PER_SWING * np.sqrt(swing) / (2 * np.pi)))
+    half = _HALF * every
+    if every < 2 or is_held(run) or len(run) < _EDGE * every + 2 * half:
+        return run
+    taps = firwin(2 * half + 1, 1 / every, window=_TAPS)
+
+    def thin(values: Array) -> Array:
+        return np.convolve(values, taps, "valid")[::every]
+
+    return replace(
+        run,
+        sample_rate_hz=run.sample_rate_hz / every,
+        time_s=run.time_s[half:-half:every],
+        position_rad=thin(run.position_rad),
+        speed_rad_s=thin(run.speed_rad_s),
+        torque_nm=thin(run.torque_nm),
+        torque_added_nm=None,
+        position_demand_rad=None,
     )
 
 
