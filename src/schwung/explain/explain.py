@@ -20,7 +20,7 @@ from schwung.explain.refine import refined
 from schwung.explain.residual import Residuals, Unknowns
 from schwung.explain.search import Found, chosen, reduced, search
 from schwung.explain.signals import Prepared, prepare
-from schwung.explain.timing import Shift, shift
+from schwung.explain.timing import Shift, Times, shift
 from schwung.explain.values import (
     Explanation,
     Finding,
@@ -66,9 +66,20 @@ def explain(session: Session, machine: Machine, *, progress: Progress | None = N
     found = search(problem, first, lambda text, share: tell(text, 0.05 + 0.6 * share))
     best = found.bare if found.bare.misfit < CONSISTENT else refined(found, chosen(found))
     tell("Weighing alternatives", 0.7)
-    return _Explained(session, machine, prepared, parts, residuals, found, best).result(
+    told = _Explained(session, machine, prepared, parts, residuals, found, best).result(
         tell, doubts.notes, noise.how
     )
+    return _half_tested(told) if "inertia_undetermined" in doubts.kinds() else told
+
+
+def _half_tested(told: Explanation) -> Explanation:
+    """An explanation of a session that never accelerates enough: it neither confirms the inertia nor refutes it."""
+    note = (
+        "whatever is named here holds for the steady part of the motion alone: no inertia, scale of the torque, lag or "
+        "coupling can be judged by this session"
+    )
+    verdict: Verdict = "partly_explained" if told.verdict == "explained" else told.verdict
+    return replace(told, verdict=verdict, notes=(*told.notes, note))
 
 
 class _Explained:
@@ -150,20 +161,14 @@ class _Explained:
 
     def _shift(self) -> Shift:
         """Late speed or torque, judged about the best model."""
-        best, problem = self.best, self.found.problem
+        best = self.best
         names = best.model.names
         spread = np.sqrt(np.maximum(np.diag(best.covariance()), 0.0))
         lag = best.model.effects.torque_lag_s
         lag_spread = float(spread[names.index("torque_lag_s")]) if "torque_lag_s" in names else 0.0
-        del problem
-        return shift(
-            self.prepared,
-            self.machine,
-            best.model.value(TIMING),
-            float(spread[names.index(TIMING)]),
-            lag,
-            lag_spread,
-        )
+        timing_spread = float(spread[names.index(TIMING)])
+        times = Times(best.model.value(TIMING), timing_spread, lag, lag_spread, best.misfit)
+        return shift(self.prepared, self.machine, times)
 
     def _findings(self, moved: Shift) -> tuple[Finding, ...]:
         best, found = self.best, self.found

@@ -35,34 +35,59 @@ class Shift:
     note: str = ""
 
 
-def shift(
-    prepared: Prepared, machine: Machine, timing_s: float, timing_std_s: float, lag_s: float, lag_std_s: float
-) -> Shift:
-    """Judge the shifts; `timing_s`: motion ahead of the torque, `lag_s`: lag beyond it by the shape of its response."""
-    late_torque = -timing_s
-    std = float(np.hypot(prepared.speed_delay_std_s, timing_std_s))
-    if lag_s > max(SMALLEST_S, _DEVIATIONS * lag_std_s):
-        return Shift("torque_lag", lag_s, lag_std_s)
+@dataclass(frozen=True)
+class Times:
+    """Shifts as the best model has them, each with its standard deviation (s).
+
+    `timing_s`: motion ahead of the torque; `lag_s`: the torque's lag beyond that, by the shape of its response.
+    `misfit`: mean square of what the model misses over the noise's: what it misses may pass for a shift.
+    """
+
+    timing_s: float
+    timing_std_s: float
+    lag_s: float
+    lag_std_s: float
+    misfit: float = 1.0
+
+
+def shift(prepared: Prepared, machine: Machine, times: Times) -> Shift:
+    """Judge the shifts: a delay of the speed, a lag of the torque, or what filters and sampling do."""
+    smallest = SMALLEST_S * max(1.0, times.misfit) ** 2
+    if times.lag_s > max(smallest, _DEVIATIONS * times.lag_std_s):
+        return Shift("torque_lag", times.lag_s, times.lag_std_s)
     period = 1 / prepared.source_rate_hz
-    if not np.isfinite(prepared.speed_delay_std_s):
-        if -late_torque > max(LONGEST_FILTER_S, period):
-            return Shift("torque_lag", -late_torque, timing_std_s, doubtful=True)
-        return Shift(None, note=_slow(-late_torque, period))
-    later = prepared.speed_delay_s - late_torque
+    if not np.isfinite(prepared.speed_delay_std_s):  # a speed that was worked out from the angle says nothing
+        if times.timing_s > max(LONGEST_FILTER_S, period):
+            return Shift("torque_lag", times.timing_s, times.timing_std_s, doubtful=True)
+        return Shift(None, note=_slow(times.timing_s, period))
+    later = prepared.speed_delay_s + times.timing_s
+    std = float(np.hypot(prepared.speed_delay_std_s, times.timing_std_s))
+    note = _ordinary(later, max(smallest, _DEVIATIONS * std), times.timing_s, prepared, machine)
+    return _named(later, std, times.timing_s, prepared) if note is None else Shift(None, note=note)
+
+
+def _ordinary(
+    later: float, smallest: float, timing_s: float, prepared: Prepared, machine: Machine
+) -> str | None:
+    """What to say of a speed that is `later` than the torque where that is ordinary; None where it is not."""
+    period = 1 / prepared.source_rate_hz
     if LONGEST_FILTER_S < later < period:
-        return Shift(None, note=_slow(later, period))
-    long = later > LONGEST_FILTER_S and late_torque > -ON_TIME_S  # no torque that belongs to another instant
-    if abs(later) < max(SMALLEST_S, _DEVIATIONS * std) or (
-        not long and _of_sampling(later, prepared, machine)
-    ):
-        return Shift(None, note=_filtered(prepared.speed_delay_s))
-    if later < 0:
-        return Shift(
-            None, note=f"torque is reported {-1e3 * later:.2g} ms after the speed: a filter of its own"
-        )
-    if prepared.speed_delay_s > LONGEST_FILTER_S or abs(late_torque) < ON_TIME_S:
+        return _slow(later, period)
+    long = later > LONGEST_FILTER_S and timing_s < ON_TIME_S  # no torque that belongs to another instant
+    if abs(later) < smallest or (not long and _of_sampling(later, prepared, machine)):
+        return _filtered(prepared.speed_delay_s)
+    return (
+        None
+        if later > 0
+        else f"torque is reported {-1e3 * later:.2g} ms after the speed: a filter of its own"
+    )
+
+
+def _named(later: float, std: float, timing_s: float, prepared: Prepared) -> Shift:
+    """Late speed or late torque, by which of the two is on time."""
+    if prepared.speed_delay_s > LONGEST_FILTER_S or abs(timing_s) < ON_TIME_S:
         return Shift("measurement_delay", later, std)
-    if late_torque < -ON_TIME_S or abs(prepared.speed_delay_s) < ON_TIME_S:
+    if timing_s > ON_TIME_S or abs(prepared.speed_delay_s) < ON_TIME_S:
         return Shift("torque_lag", later, std)
     return Shift("measurement_delay", later, std, doubtful=True)
 
