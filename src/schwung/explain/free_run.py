@@ -25,6 +25,7 @@ SHORTEST_S = 3.0
 #: time in which it then brakes the mass.
 _SIGN_SHARE, _BRAKING = 0.002, 1.0
 _MOST_SUBSTEPS = 200
+_TOLD = 2  # recordings, in a session of many
 
 
 @dataclass(frozen=True, eq=False)
@@ -106,13 +107,13 @@ def told(believed: Machine, learned_machine: Machine, session: Session) -> tuple
         before, after = free_runs(believed, session), free_runs(learned_machine, session)
     except InputError:
         return ()
-    unit, scale = ("mm", 1e3) if session.axis == "linear" else ("mrad", 1e3)
+    unit, scale = ("mm", 1e3) if session.axis == "linear" else ("rad", 1.0)
     torque = "force" if session.axis == "linear" else "torque"
     return tuple(
-        f"driven by its recorded {torque} alone for {now.duration_s:.3g} s (runs {now.runs[0]} to {now.runs[-1]}), "
+        f"driven by its recorded {torque} alone for {now.duration_s:.3g} s ({_runs(now)}), "
         f"the learned machine keeps to the recorded position within {scale * now.position_rms_rad:.3g} {unit} RMS, "
         f"the belief within {scale * then.position_rms_rad:.3g} {unit}"
-        for then, now in zip(before, after, strict=True)
+        for then, now in list(zip(before, after, strict=True))[:_TOLD]
         if np.isfinite(now.position_rms_rad)
     )
 
@@ -122,3 +123,8 @@ def _lasting(session: Session) -> bool:
         sum(len(session.runs[n]) / session.runs[n].sample_rate_hz for n in numbers) >= SHORTEST_S
         for numbers in _joined(session.runs)
     )
+
+
+def _runs(driven: FreeRun) -> str:
+    first, last = driven.runs[0], driven.runs[-1]
+    return f"run {first}" if first == last else f"runs {first} to {last}"

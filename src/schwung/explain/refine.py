@@ -2,18 +2,29 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
+from schwung.drivetrain.physics import Effects
 from schwung.explain.fit import Fitted, combined
 from schwung.explain.ripple import ripple
 from schwung.explain.search import Found
 
 #: A ripple is worth as many parameters' price at the least.
 RIPPLED = 10.0
+#: A refinement is worth as many.
+REFINED = 4.0
 
 
 def refined(found: Found, best: Fitted) -> Fitted:
-    """The chosen terms with a ripple over position, where one stands out of all that they leave."""
+    """The chosen terms without refinements that do not pay, and with a ripple over position where one stands out."""
+    for name in best.model.refined:
+        kept = tuple(other for other in best.model.refined if other != name)
+        neutral = best.model.with_values({name: getattr(Effects(), name)})
+        plain = found.problem.fit(replace(neutral, refined=kept))
+        if (plain.chi2 - best.chi2) / found.level < REFINED * np.log(best.samples):
+            best = found.by_terms[frozenset(best.model.terms)] = plain
     if not best.model.terms or "cogging" in best.model.terms:
         return best
     line = ripple(found.problem, best)

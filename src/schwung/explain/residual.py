@@ -30,6 +30,8 @@ _of_motor = attrgetter(*(name for name in Effects._fields if name not in (*_HUNG
 #: Nobody's drive clips below this share of the torque that it reports, and no machine has less than LIGHTEST of the
 #: inertia that is believed: a fit there would explain the recording away.
 LEAST_LIMIT, LIGHTEST = 0.3, 0.02
+#: A limit among the torque's noise would take noise away, and be liked for that alone.
+LIMIT_OVER_NOISE = 15.0
 #: Samples for which a clipped torque lasts: single ones beyond a limit are noise, which no limit takes away.
 _CLIPPED = 4
 _KEPT = 64  # torques and gains that are remembered, per run
@@ -206,7 +208,8 @@ class Residuals:
         lightest = self._lightest_kgm2
         rotor = self.belief.rotor_inertia if self.belief.rigid else 0.0
         left = rotor + e.inertia_scale * lightest + e.inertia_delta_kgm2
-        clipped = e.torque_limit_nm < LEAST_LIMIT * self._peak_nm * e.torque_gain
+        least = max(LEAST_LIMIT * self._peak_nm, LIMIT_OVER_NOISE * self.prepared.noise.torque_nm)
+        clipped = e.torque_limit_nm < least * e.torque_gain
         return left >= LIGHTEST * (rotor + lightest) and not clipped
 
     def soften(self, belief: Measured, floor_nm: float) -> None:
