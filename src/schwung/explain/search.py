@@ -39,6 +39,8 @@ _STARTS_PER_TERM = 2
 SHAPE_ERROR, ALIKE = 0.015, 6.0
 #: A named term lowers the mean square by at least this share of the noise.
 LEAST_GAIN = 0.12
+#: So many times that where the term was picked among many places or frequencies.
+PICKED = 2.5
 #: And it carries at least this part of all that the belief misses.
 LEAST_PART = 0.006
 #: A full fit is tried where the linear look promises this share of what is wanted of it.
@@ -80,11 +82,14 @@ class Found:
 
     def score(self, fitted: Fitted) -> float:
         """Σ whitened² over that level, plus the price of the parameters."""
-        return fitted.chi2 / self.level + price(self.problem, fitted.model.terms, fitted.samples)
+        finer = len(fitted.model.refined) * float(np.log(fitted.samples))
+        return fitted.chi2 / self.level + price(self.problem, fitted.model.terms, fitted.samples) + finer
 
     def worthwhile(self, before: Fitted, after: Fitted) -> bool:
         """Whether a term lowers the misfit by enough to be named: a share of the noise floor's own energy."""
-        least = max(LEAST_GAIN * self.level, LEAST_PART * self.bare.misfit)
+        more = set(after.model.terms) - set(before.model.terms)
+        picked = all(term == PERIODIC or LIBRARY[term].scanned for term in more)
+        least = max((PICKED if picked else 1.0) * LEAST_GAIN * self.level, LEAST_PART * self.bare.misfit)
         return before.misfit - after.misfit > least
 
     def fit(self, model: Model, *starts: Model) -> Fitted:
@@ -189,10 +194,10 @@ def chosen(found: Found) -> Fitted:
     ]
     best = min(alike, key=lambda fitted: _plainness(found, fitted))
     while best.model.terms:
-        spared = min(reduced(found, best), key=lambda fitted: fitted.chi2)
-        if found.worthwhile(spared, best):
+        superfluous = [fitted for fitted in reduced(found, best) if not found.worthwhile(fitted, best)]
+        if not superfluous:
             break
-        best = spared
+        best = min(superfluous, key=lambda fitted: fitted.chi2)
     return best
 
 

@@ -22,6 +22,9 @@ ON_TIME_S = 1e-5
 #: Speed or torque are not filtered for longer than this without its being worth a name (s).
 LONGEST_FILTER_S = 2.5e-4
 _DEVIATIONS = 6.0
+#: Above this mean square over the noise's, a shift may stand in for whatever else is missed.
+UNSETTLED = 4.0
+_APART = "speed and torque are {:.2g} ms apart, which may stand in for what is not explained: no delay or lag is named"
 
 
 @dataclass(frozen=True)
@@ -55,7 +58,7 @@ def shift(prepared: Prepared, machine: Machine, times: Times) -> Shift:
     smallest = SMALLEST_S * max(1.0, times.misfit) ** 2
     if times.lag_s > max(smallest, _DEVIATIONS * times.lag_std_s):
         return Shift("torque_lag", times.lag_s, times.lag_std_s)
-    period = 1 / prepared.source_rate_hz
+    period = _period(prepared, machine)
     if not np.isfinite(prepared.speed_delay_std_s):  # a speed that was worked out from the angle says nothing
         if times.timing_s > max(LONGEST_FILTER_S, period):
             return Shift("torque_lag", times.timing_s, times.timing_std_s, doubtful=True)
@@ -63,6 +66,8 @@ def shift(prepared: Prepared, machine: Machine, times: Times) -> Shift:
     later = prepared.speed_delay_s + times.timing_s
     std = float(np.hypot(prepared.speed_delay_std_s, times.timing_std_s))
     note = _ordinary(later, max(smallest, _DEVIATIONS * std), times.timing_s, prepared, machine)
+    if note is None and times.misfit > UNSETTLED:
+        note = _APART.format(1e3 * later)
     return _named(later, std, times.timing_s, prepared) if note is None else Shift(None, note=note)
 
 
@@ -70,7 +75,7 @@ def _ordinary(
     later: float, smallest: float, timing_s: float, prepared: Prepared, machine: Machine
 ) -> str | None:
     """What to say of a speed that is `later` than the torque where that is ordinary; None where it is not."""
-    period = 1 / prepared.source_rate_hz
+    period = _period(prepared, machine)
     if LONGEST_FILTER_S < later < period:
         return _slow(later, period)
     long = later > LONGEST_FILTER_S and timing_s < ON_TIME_S  # no torque that belongs to another instant
@@ -81,6 +86,11 @@ def _ordinary(
         if later > 0
         else f"torque is reported {-1e3 * later:.2g} ms after the speed: a filter of its own"
     )
+
+
+def _period(prepared: Prepared, machine: Machine) -> float:
+    """How long a torque may be held (s): the controller's period where it is known, else the recording's."""
+    return 1 / (machine.control.sample_rate_hz if machine.control else prepared.source_rate_hz)
 
 
 def _named(later: float, std: float, timing_s: float, prepared: Prepared) -> Shift:
