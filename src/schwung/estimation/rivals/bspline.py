@@ -9,11 +9,13 @@ the coefficients, J' included: with J(θ) = Σ c_j B_j(θ),
 B, F and c stand for friction and an offset that the machine file does not know. The motion itself tells the inertia,
 too, so that reference runs are used as well and none is needed. Knots are as far apart as the load travels in one
 period of the sine at its highest speed (rule of `common`). The band is that of the regression, its residual counted
-as noise of the pass band.
+as noise of the pass band; or, where the residual turns out to have a colour, as with physics that the balance leaves
+out, the wider one that its sums over stretches of time call for (the "sandwich", White 1982).
 """
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -35,6 +37,8 @@ MIN_INTERVALS, MAX_INTERVALS = 4, 48
 BLOCK = 50_000  # samples
 #: Below this share of the highest speed the sign in dry friction is smoothed.
 SLOW = 0.01
+#: Residuals further apart than so many periods of the sine are taken as independent.
+STRETCH_PERIODS = 2
 #: Angles whose band is wider than this share of the inertia hold no information and are left out.
 WIDEST_BAND = 0.5
 
@@ -70,7 +74,8 @@ class BSplineExpansion:
         grid = np.linspace(knots[0], knots[-1], task.points or DEFAULT_POINTS)
         basis = _basis(knots)(grid)
         inertia = basis @ fit.coefficients
-        std = np.sqrt(np.einsum("ij,jk,ik->i", basis, fit.covariance, basis))
+        white = np.einsum("ij,jk,ik->i", basis, fit.covariance, basis)
+        std = np.sqrt(np.maximum(white, np.sum((basis @ fit.scores) ** 2, axis=1)))
         if np.mean(inertia > 0) < 0.5:
             raise InputError(
                 "session",
@@ -112,7 +117,8 @@ def _balance(task: Task, run: Run) -> _Balance:
 @dataclass(frozen=True, eq=False)
 class _Fit:
     coefficients: Array  # (k,) of the spline
-    covariance: Array  # (k, k)
+    covariance: Array  # (k, k), if the residual were noise of the pass band
+    scores: Array  # (k, stretches): what the residual of each stretch of time moves the coefficients by
 
 
 def _regression(balances: list[_Balance], knots: Array, fastest: float, task: Task) -> _Fit:
@@ -120,18 +126,23 @@ def _regression(balances: list[_Balance], knots: Array, fastest: float, task: Ta
     basis = _basis(knots)
     slope = basis.derivative()
     count = knots.size - DEGREE - 1
+
+    def blocks() -> Iterator[tuple[Array, Array]]:
+        """Columns (n, count + 3) and torque (n,)."""
+        for balance in balances:
+            for first in range(0, balance.angle_rad.size, BLOCK):
+                part = slice(first, first + BLOCK)
+                angle = np.clip(balance.angle_rad[part], knots[0], knots[-1])
+                speed = balance.load.speed_rad_s[part, None]
+                inertial = basis(angle) * balance.load.acceleration_rad_s2[part, None]
+                inertial += slope(angle) * speed**2 / 2
+                friction = [speed, np.tanh(speed / (SLOW * fastest)), np.ones_like(speed)]
+                yield np.hstack([inertial, *friction]), balance.torque_nm[part]
+
     gram, right, power, samples = np.zeros((count + 3, count + 3)), np.zeros(count + 3), 0.0, 0
-    for balance in balances:
-        for first in range(0, balance.angle_rad.size, BLOCK):
-            part = slice(first, first + BLOCK)
-            angle = np.clip(balance.angle_rad[part], knots[0], knots[-1])
-            speed = balance.load.speed_rad_s[part, None]
-            acceleration, torque = balance.load.acceleration_rad_s2[part, None], balance.torque_nm[part]
-            inertial = basis(angle) * acceleration + slope(angle) * speed**2 / 2
-            friction = [speed, np.tanh(speed / (SLOW * fastest)), np.ones_like(speed)]
-            columns = np.hstack([inertial, *friction])
-            gram, right = gram + columns.T @ columns, right + columns.T @ torque
-            power, samples = power + float(torque @ torque), samples + torque.size
+    for columns, torque in blocks():
+        gram, right = gram + columns.T @ columns, right + columns.T @ torque
+        power, samples = power + float(torque @ torque), samples + torque.size
     scale = np.sqrt(np.diag(gram))
     scale[scale == 0] = 1.0
     inverse = np.linalg.pinv(gram / np.outer(scale, scale), rcond=1e-12, hermitian=True) / np.outer(
@@ -142,7 +153,13 @@ def _regression(balances: list[_Balance], knots: Array, fastest: float, task: Ta
     # samples of a band-limited noise overlap: so many are independent
     share = min(1.0, 2 * STOP * task.frequency_hz / balances[0].run.sample_rate_hz)
     variance = left_over / max(share * (samples - found.size), 1.0)
-    return _Fit(found[:count], variance * inverse[:count, :count])
+    stretch = STRETCH_PERIODS * samples_per_window(balances[0].run.sample_rate_hz, task.frequency_hz)
+    scores = [
+        np.add.reduceat(columns * (torque - columns @ found)[:, None], np.arange(0, torque.size, stretch))
+        for columns, torque in blocks()
+    ]
+    moved = inverse[:count] @ np.concatenate(scores).T
+    return _Fit(found[:count], variance * inverse[:count, :count], moved)
 
 
 def _basis(knots: Array) -> BSpline:
