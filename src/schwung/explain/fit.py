@@ -14,7 +14,7 @@ import numpy as np
 from schwung.drivetrain.physics import Effects
 from schwung.explain.noise import Whitener, usable
 from schwung.explain.residual import Memory, Residuals, Unknowns
-from schwung.explain.terms import LIBRARY
+from schwung.explain.terms import LIBRARY, LOAD_TABLE, TABLE_FIELDS
 from schwung.motion import Array
 
 TIMING = "timing_s"
@@ -57,12 +57,17 @@ class Model:
             return self.unknowns.timing_s
         if name == "periodic_frequency_hz":
             return self.frequency_hz
+        if name in TABLE_FIELDS:
+            return (
+                self.unknowns.load_table_nm[TABLE_FIELDS.index(name)] if self.unknowns.load_table_nm else 0.0
+            )
         return float(getattr(self.effects, name))
 
     def with_values(self, values: Mapping[str, float]) -> Model:
         """The model with some parameters changed; tied fields follow, bounds hold."""
         fields: dict[str, float] = {}
         timing, frequency = self.unknowns.timing_s, self.frequency_hz
+        table = list(self.unknowns.load_table_nm)
         bounds = {f: b for term in self.terms if term in LIBRARY for f, b in LIBRARY[term].bounds.items()}
         tied = {LIBRARY[t].tied[0]: LIBRARY[t].tied for t in self.terms if t in LIBRARY and LIBRARY[t].tied}
         for name, value in values.items():
@@ -70,11 +75,15 @@ class Model:
                 timing = value
             elif name == "periodic_frequency_hz":
                 frequency = max(value, 0.1)
+            elif name in TABLE_FIELDS:
+                table = table or [0.0] * len(TABLE_FIELDS)
+                table[TABLE_FIELDS.index(name)] = value
             else:
                 low, high = bounds.get(name, (-np.inf, np.inf))
                 for field in tied.get(name, (name,)):
                     fields[field] = min(max(value, low), high)
-        unknowns = replace(self.unknowns, effects=self.effects._replace(**fields), timing_s=timing)
+        effects = self.effects._replace(**fields)
+        unknowns = replace(self.unknowns, effects=effects, timing_s=timing, load_table_nm=tuple(table))
         return replace(self, unknowns=unknowns, frequency_hz=frequency)
 
 
@@ -248,6 +257,8 @@ def without(model: Model, term: str) -> Model:
     kept = tuple(t for t in model.terms if t != term)
     if term == PERIODIC:
         return replace(model, terms=kept)
+    if term == LOAD_TABLE:
+        return replace(model, terms=kept, unknowns=replace(model.unknowns, load_table_nm=()))
     held = {f for t in kept if t != PERIODIC for f in _fields(t)}
     fields = {f: getattr(neutral, f) for f in _fields(term) if f not in held}
     unknowns = replace(model.unknowns, effects=model.effects._replace(**fields))

@@ -18,7 +18,7 @@ from __future__ import annotations
 from typing import Any, NamedTuple
 
 import numpy as np
-from scipy.interpolate import PchipInterpolator
+from scipy.interpolate import CubicSpline, PchipInterpolator
 
 from schwung.drivetrain.compiled import compiled, inlined
 from schwung.drivetrain.inertia import InertiaTable
@@ -32,6 +32,7 @@ _STEP = 0.5
 #: Steps per sample where the coupling has play: contact is sudden.
 _CONTACT_SUBSTEPS = 4
 _MAX_SUBSTEPS = 12
+_FINER = 6  # pieces of a table's curve per piece of the table
 
 
 _Plain = tuple[Any, ...]  # a Belief, Effects or Motion as a plain tuple
@@ -98,6 +99,15 @@ def believed(machine: Machine) -> Belief:
         torque_knots=given.knots,
         torque_coefficients=given.coefficients,
     )
+
+
+def with_load_torque(belief: Belief, angle_rad: Array, torque_nm: Array) -> Belief:
+    """The belief with a torque on the load (N·m), a cubic spline through points (m,), beside its own."""
+    fine = np.linspace(angle_rad[0], angle_rad[-1], _FINER * (angle_rad.size - 1) + 1)
+    own = Curve(belief.torque_knots, belief.torque_coefficients)
+    values = CubicSpline(angle_rad, torque_nm)(fine) + [value_and_slope(own, angle)[0] for angle in fine]
+    curve = _curve(fine, values)
+    return belief._replace(torque_knots=curve.knots, torque_coefficients=curve.coefficients)
 
 
 def _curve(position: Array, values: Array) -> Curve:

@@ -8,7 +8,7 @@ import numpy as np
 
 from schwung.explain.fit import PERIODIC, TIMING, Fitted, combined, without
 from schwung.explain.search import HOPE, Found, allowed, combined_start, ranked
-from schwung.explain.terms import LIBRARY
+from schwung.explain.terms import LIBRARY, published
 
 #: Rise of Σ whitened² over its level at the ends of a 95 % interval.
 RISE = 3.84
@@ -63,7 +63,7 @@ def alternatives(found: Found, fitted: Fitted, term: str) -> tuple[str, ...]:
             result.append(other)
     if term == "asymmetric_friction" and _offset_does(found, fitted, others, gain):
         result.append("torque_offset")
-    return tuple(dict.fromkeys(result))
+    return tuple(dict.fromkeys(published(other) for other in result if published(other) != published(term)))
 
 
 def _offset_does(found: Found, fitted: Fitted, others: frozenset[str], gain: float) -> bool:

@@ -16,15 +16,17 @@ from schwung.explain.proof import Split, remainder
 from schwung.explain.residual import Residuals
 from schwung.explain.search import Found
 from schwung.explain.signals import Prepared
-from schwung.explain.terms import LIBRARY
+from schwung.explain.terms import LIBRARY, LOAD_TABLE, published
 from schwung.explain.timing import Shift
 from schwung.explain.values import Coordinate, Finding, Located, Overlay, Quantity
 from schwung.motion import Array
 from schwung.session.model import Axis
 
 _OVERLAYS = 4
-_LINEAR = {"N·m·s²/rad²": "N·s²/m²", "N·m·s/rad": "N·s/m", "N·m/rad³": "N/m³", "N·m/rad": "N/m", "N·m": "N", "rad/s": "m/s",
-           "rad": "m", "kg·m²": "kg", "1/rev": "1/m"}  # fmt: skip
+_LINEAR = {
+    "N·m·s²/rad²": "N·s²/m²", "N·m·s/rad": "N·s/m", "N·m/rad³": "N/m³", "N·m/rad": "N/m", "N·m": "N",
+    "rad/s": "m/s", "rad": "m", "kg·m²": "kg", "1/rev": "1/m",
+}  # fmt: skip
 #: Angles of these keys repeat every turn.
 _PHASES = ("load_phase_rad", "cogging_phase_rad", "eccentricity_phase_rad", "local_centre_rad")
 
@@ -42,20 +44,26 @@ def finding(
     where = _where(axis, found.problem.residuals, fitted.model, term, runs, share, p_value)
     main = next(iter(quantities))
     value = quantities[main].value
-    told = f"{value:.4g} {quantities[main].unit}".strip() if isinstance(value, float) else "a table"
+    told = (
+        f"{value:.4g} {quantities[main].unit}".strip() if isinstance(value, float) else "a shape of its own"
+    )
     return Finding(
-        physics=term,
+        physics=published(term),
         parameters=quantities,
         where=where,
         indistinguishable_from=others,
         evidence={"share_of_energy": share, "p_value": p_value},
-        text=f"{term.replace('_', ' ')} of {told} was left out",
+        text=f"{published(term).replace('_', ' ')} of {told} was left out",
     )
 
 
 def _quantities(axis: Axis, found: Found, fitted: Fitted, term: str) -> dict[str, Quantity]:
     """Parameters by the file contract's keys."""
     model = fitted.model
+    if term == LOAD_TABLE:
+        angles = found.problem.residuals.table_rad
+        pairs = zip(angles.tolist(), model.unknowns.load_table_nm, strict=True)
+        return {"table": Quantity(tuple(pairs), _unit("N·m", axis), None)}
     refined = () if term == PERIODIC else (f for f in LIBRARY[term].refinements if f in model.refined)
     ends = {name: interval(found, fitted, name) for name in (*parameters(term), *refined)}
     if term == PERIODIC:
@@ -194,11 +202,15 @@ def learned(machine: Machine, findings: tuple[Finding, ...]) -> Machine:
     terms = [
         PhysicsTerm(
             name=found.physics,
-            **{key: q.value for key, q in found.parameters.items() if isinstance(q.value, float)},
+            **{key: _plain(q) for key, q in found.parameters.items()},
         )
         for found in findings
     ]
     return machine.model_copy(update={"physics": (*machine.physics, *terms)})
+
+
+def _plain(quantity: Quantity) -> float | list[list[float]]:
+    return quantity.value if isinstance(quantity.value, float) else [list(pair) for pair in quantity.value]
 
 
 def overlays(residuals: Residuals, parts: Split, bare: Model, model: Model) -> tuple[Overlay, ...]:
@@ -222,7 +234,7 @@ def _overlay(residuals: Residuals, run: int, heldout: bool, bare: Model, model: 
         torque_nm=torque,
         before_nm=torque - remainder(residuals, run, bare),
         after_nm=torque - remainder(residuals, run, model),
-        terms_nm={term: contribution(residuals, run, model, term) for term in model.terms},
+        terms_nm={published(term): contribution(residuals, run, model, term) for term in model.terms},
         considered=residuals.valid(run),
         motion_time_s=signals.motion_time_s[at],
     )

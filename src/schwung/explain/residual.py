@@ -34,6 +34,8 @@ LEAST_LIMIT, LIGHTEST = 0.3, 0.02
 LIMIT_OVER_NOISE = 15.0
 #: Samples for which a clipped torque lasts: single ones beyond a limit are noise, which no limit takes away.
 _CLIPPED = 4
+#: Points of a load torque over the visited angles that no sine describes.
+TABLE_POINTS = 8
 _KEPT = 64  # torques and gains that are remembered, per run
 
 
@@ -44,6 +46,7 @@ class Unknowns:
     effects: Effects = field(default_factory=Effects)
     timing_s: float = 0.0
     phases_rad: Mapping[int, float] = field(default_factory=dict)
+    load_table_nm: tuple[float, ...] = ()  # torque on the load at `Residuals.table_rad`; none where empty
 
 
 @dataclass(frozen=True, eq=False)
@@ -103,6 +106,9 @@ class Residuals:
         self._peak_nm = max(of.peak_nm for of in self.runs)
         self._lightest_kgm2 = float(np.min(self.belief.inertia_coefficients[3]))
         self._soft: dict[int, tuple[Array, Array]] = {}
+        visited = [signals.position_rad[signals.considered] for signals in prepared.runs]
+        angles = np.concatenate([*visited, prepared.runs[0].position_rad[:1]])
+        self.table_rad = np.linspace(angles.min(), max(angles.max(), angles.min() + 1e-6), TABLE_POINTS)
 
     def _run(self, signals: Signals) -> _Run:
         spectrum = self._spectra[signals.time_s.size]
@@ -154,7 +160,8 @@ class Residuals:
         """Torque that the drive would report, were the belief right, at once and in any band; (n,) on the full grid."""
         e, phase = unknowns.effects, unknowns.phases_rad.get(run, 0.0)
         motor = self._motors.of((run, phase, *_of_motor(e)), lambda: self._motor(run, phase, e))
-        coupling = self._couplings.of((run, *_of_coupling(e)), lambda: self._coupling(run, e))
+        table = unknowns.load_table_nm
+        coupling = self._couplings.of((run, table, *_of_coupling(e)), lambda: self._coupling(run, e, table))
         return np.asarray((motor + coupling) / e.torque_gain)
 
     def _motor(self, run: int, phase_rad: float, e: Effects) -> Array:
@@ -165,9 +172,12 @@ class Residuals:
         helped = forward.motor_helped(e, motion, of.signals.time_s, phase_rad, of.signals.share, smoothing)
         return np.asarray(torque - helped)
 
-    def _coupling(self, run: int, e: Effects) -> Array:
+    def _coupling(self, run: int, e: Effects, table: tuple[float, ...]) -> Array:
+        belief = (
+            forward.with_load_torque(self.belief, self.table_rad, np.array(table)) if table else self.belief
+        )
         motion = forward.uncentred(self.runs[run].motion, e.eccentricity_rad, e.eccentricity_phase_rad)
-        return forward.coupling_needed(self.belief, e, motion)
+        return forward.coupling_needed(belief, e, motion)
 
     def _gain(self, run: int, unknowns: Unknowns) -> Array:
         """What filters the needed torque: the band, the lag of torque, and how late the motion is."""

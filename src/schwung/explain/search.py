@@ -23,7 +23,7 @@ from schwung.explain.fit import (
     without,
 )
 from schwung.explain.noise import usable
-from schwung.explain.terms import LIBRARY, Start, View
+from schwung.explain.terms import LIBRARY, LOAD_TABLE, Start, View
 from schwung.motion import Array
 
 #: Models kept at each size, and candidates of each that are fitted in full.
@@ -31,7 +31,11 @@ BEAM, FITTED = 3, 5
 #: Most terms of one explanation.
 MOST_TERMS = 4
 #: Terms of one field family exclude each other.
-_EXCLUSIVE = (("coulomb_friction", "asymmetric_friction", "stribeck_friction"),)
+_EXCLUSIVE = (
+    ("coulomb_friction", "asymmetric_friction", "stribeck_friction"),
+    ("load_torque", LOAD_TABLE),
+    ("torque_offset", LOAD_TABLE),
+)
 #: What a scanned start costs beyond its parameters: it was picked among many.
 _SCANNED = 6.0
 _STARTS_PER_TERM = 2

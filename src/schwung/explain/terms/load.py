@@ -2,12 +2,18 @@
 
 from __future__ import annotations
 
-import numpy as np
+from collections.abc import Sequence
 
-from schwung.explain.residual import Moving
+import numpy as np
+from scipy.interpolate import CubicSpline
+
+from schwung.explain.residual import TABLE_POINTS, Moving
 from schwung.explain.terms.term import Start, Term, View, polar
 from schwung.motion import Array
 
+#: The load torque that no sine describes, by its points; published as "load_torque".
+LOAD_TABLE = "load_torque_table"
+TABLE_FIELDS = tuple(f"load_table_{point}" for point in range(TABLE_POINTS))
 #: Orders of cogging that are looked for, per turn of the motor.
 _HIGHEST_ORDER = 120.0
 
@@ -16,6 +22,20 @@ def _gravity(_view: View) -> list[Start]:
     sine = {"load_amplitude_nm": 1.0}
     cosine = {"load_amplitude_nm": 1.0, "load_phase_rad": np.pi / 2}
     return [Start({}, (sine, cosine), polar("load_amplitude_nm", "load_phase_rad"))]
+
+
+def _table(view: View) -> list[Start]:
+    """A load torque of any shape: cubic cardinal splines through points over the visited angles."""
+    points = view.residuals.table_rad
+    splines = CubicSpline(points, np.eye(points.size))
+
+    def torques(run: Moving) -> Array:
+        return np.asarray(splines(np.clip(run.position_rad, points[0], points[-1])).T)
+
+    def decode(coefficients: Sequence[float]) -> dict[str, float]:
+        return dict(zip(TABLE_FIELDS, coefficients, strict=True))
+
+    return [Start({}, tuple({field: 1.0} for field in TABLE_FIELDS), decode, torques=torques)]
 
 
 def _offset(_view: View) -> list[Start]:
@@ -80,6 +100,7 @@ def _shift(view: View) -> list[Start]:
 
 
 LOAD = (
+    Term(LOAD_TABLE, "position", _table, TABLE_FIELDS, {}, 4),
     Term("torque_offset", "direction", _offset, ("offset_nm",), {}, 0),
     Term(
         "load_inertia",
