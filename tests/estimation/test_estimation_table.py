@@ -62,6 +62,41 @@ def test_strokes_of_one_run_are_told_apart():
     )
 
 
+def test_of_two_that_differ_none_is_believed_more():
+    """One is free of noise to rounding, the other not: half their distance is what is known of either."""
+    noisy = trace_of(ANGLE[::-1], 0.12 + 1e-9 * np.cos(9 * ANGLE))
+    table = combine([trace_of(ANGLE, 0.1 + 0 * ANGLE), noisy], [20, 20], 11).table
+    np.testing.assert_allclose(table.inertia_kgm2, 0.11, rtol=1e-3)
+
+
+def test_a_bad_repeat_weighs_next_to_nothing_and_good_ones_alike():
+    rng = np.random.default_rng(2)
+    angle = np.linspace(0.0, 2.0, 3000)
+    good = [trace_of(angle, 0.1 + 1e-4 * rng.normal(size=angle.size)) for _ in range(4)]
+    bad = trace_of(angle, 0.13 + 3e-3 * rng.normal(size=angle.size))
+    table = combine([*good, bad], [20] * 5, 21).table
+    assert np.max(np.abs(table.inertia_kgm2 - 0.1)) < 2e-4  # a plain mean would be off by 6e-3
+    alone = combine(good, [20] * 4, 21).table
+    assert np.mean(table.std_kgm2) < 2 * np.mean(alone.std_kgm2)
+
+
+def test_repeats_of_one_way_do_not_outweigh_the_way_back():
+    """Friction adds on the way there what it takes off on the way back."""
+    there = [trace_of(ANGLE, 0.11 + 0 * ANGLE, stroke=np.zeros(ANGLE.size, dtype=int)) for _ in range(3)]
+    back = trace_of(ANGLE[::-1], 0.09 + 0 * ANGLE, stroke=np.ones(ANGLE.size, dtype=int))
+    table = combine([*there, back], [20] * 4, 11).table
+    np.testing.assert_allclose(table.inertia_kgm2, 0.1, rtol=1e-9)
+
+
+def test_a_bend_that_a_window_cannot_resolve_is_in_the_band():
+    """Mean of a cosine over a window of 100 samples: (1 − sin(x)/x) of it is lost, x half the window in rad."""
+    angle = np.linspace(0.0, 12.0, 3000)
+    table = combine([trace_of(angle, 0.1 + 0.03 * np.cos(3 * angle))], [100], 200).table
+    x = 3 * 50 * (angle[1] - angle[0])
+    lost = (1 - np.sin(x) / x) * 0.03 * np.sqrt(0.5)
+    assert np.sqrt(np.mean(table.std_kgm2[10:-10] ** 2)) == pytest.approx(lost, rel=0.25)
+
+
 def test_imaginary_part_widens_the_band():
     table = combine([trace_of(ANGLE, 0.1 + 0 * ANGLE, imaginary=0.004 + 0 * ANGLE)], [20], 11).table
     np.testing.assert_allclose(table.std_kgm2, 0.004)

@@ -11,6 +11,7 @@ from schwung.drivetrain import Control, Coupling, InertiaTable, Load, Machine, M
 from schwung.errors import InputError
 from schwung.estimation import estimate
 from schwung.estimation import trajectory_kernel as kernel
+from schwung.estimation.ripple import LOSS_STD
 from schwung.estimation.trajectory_fit import fit
 from schwung.estimation.trajectory_model import Basis
 from schwung.motion import Excitation, Motion
@@ -66,6 +67,32 @@ def test_frictions_are_told_beside_the_inertia(recorded, machine):
     assert found.parameters[at.viscous] == pytest.approx(0.2, abs=0.01)
     assert found.noise.torque_nm == pytest.approx(0.1, rel=0.25)
     assert found.noise.speed_rad_s == pytest.approx(0.02, rel=0.1)
+
+
+def test_thinned_recordings_say_the_same(machine):
+    """8 kHz, four samples to one: as accurate as its own band says, noise told of the samples as recorded."""
+    motion = motion_of(0.15)
+    session = session_of(record(motion, rate=8000.0), record(motion, sine_for(motion), rate=8000.0))
+    found = fit(session.runs, machine)
+    assert found.every >= 3
+    assert found.noise.torque_nm == pytest.approx(0.1, rel=0.25)
+    grid = np.linspace(0.1, np.pi - 0.1, 60)
+    inertia, deviation = found.inertia_at(grid)
+    assert np.sqrt(np.mean(((inertia - crank(grid)) / deviation) ** 2)) < 2
+    assert np.sqrt(np.mean((inertia - crank(grid)) ** 2)) < 1e-4
+
+
+def test_what_a_filter_may_have_taken_off_is_in_the_band(recorded, machine):
+    """γω² of 1 % either way in torque and speed moves what rests on the injection; the motion tells the inertia, too."""
+    session = recorded(0.15)
+    loss = 0.01 / (2 * np.pi * 50) ** 2
+    unsure = [replace(run, extra={LOSS_STD: loss}) for run in session.runs]
+    plain, found = (fit(runs, machine) for runs in (session.runs, unsure))
+    grid = np.linspace(0.3, 2.8, 20)
+    (inertia, before), (same, after) = plain.inertia_at(grid), found.inertia_at(grid)
+    np.testing.assert_allclose(same, inertia, rtol=1e-6)
+    share = np.sqrt(after**2 - before**2) / inertia
+    assert np.all((share > 2e-4) & (share < 0.01))
 
 
 def test_constant_inertia_comes_out_constant(recorded, machine):

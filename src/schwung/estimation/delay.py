@@ -142,7 +142,7 @@ def amplitudes_restored(recorded: Session, ready: Session) -> Session:
             run,
             torque_nm=_lessened(run.torque_nm, run.sample_rate_hz, -torque, highest),
             speed_rad_s=_lessened(run.speed_rad_s, run.sample_rate_hz, -speed, highest),
-            extra={**run.extra, LOSS_STD: made.extra[LOSS_STD]},
+            extra={**run.extra, LOSS_STD: made.extra.get(LOSS_STD, 0.0)},
         )
 
     return replace(recorded, runs=tuple(one(*both) for both in zip(recorded.runs, ready.runs, strict=True)))
