@@ -11,6 +11,7 @@ from scipy.stats import chi2 as chi2_distribution
 from schwung.drivetrain.machine import Machine
 from schwung.explain import free_run, naming
 from schwung.explain.fit import TIMING, Fitted, Model, Problem
+from schwung.explain.intervals import parameters
 from schwung.explain.locate import Residual, locate
 from schwung.explain.measured import measured
 from schwung.explain.noise import whitener
@@ -36,6 +37,12 @@ from schwung.session.model import Session
 EXPLAINED, NAMED_SHARE = 1.35, 0.02
 #: A belief that misses no more than this (mean square over the noise's) is consistent.
 CONSISTENT = 1.6
+
+#: What shows in nothing but acceleration; a session without much of that can name none of them.
+OF_ACCELERATION = (
+    "load_inertia", "inertia_profile_shift", "torque_constant", "torque_lag", "measurement_delay", "coupling_stiffness",
+    "coupling_damping", "nonlinear_stiffness", "backlash", "extra_compliance",
+)  # fmt: skip
 
 Progress = Callable[[str, float], None]
 
@@ -69,17 +76,21 @@ def explain(session: Session, machine: Machine, *, progress: Progress | None = N
     told = _Explained(session, machine, prepared, parts, residuals, found, best).result(
         tell, doubts.notes, noise.how
     )
-    return _half_tested(told) if "inertia_undetermined" in doubts.kinds() else told
+    return _half_tested(told, machine) if "inertia_undetermined" in doubts.kinds() else told
 
 
-def _half_tested(told: Explanation) -> Explanation:
+def _half_tested(told: Explanation, machine: Machine) -> Explanation:
     """An explanation of a session that never accelerates enough: it neither confirms the inertia nor refutes it."""
     note = (
         "whatever is named here holds for the steady part of the motion alone: no inertia, scale of the torque, lag or "
         "coupling can be judged by this session"
     )
+    notes = (*told.notes, note)
+    if any(finding.physics in OF_ACCELERATION for finding in told.findings):
+        fit = replace(told.fit, after=told.fit.before)
+        return replace(told, verdict="unexplained", findings=(), fit=fit, machine=machine, notes=notes)
     verdict: Verdict = "partly_explained" if told.verdict == "explained" else told.verdict
-    return replace(told, verdict=verdict, notes=(*told.notes, note))
+    return replace(told, verdict=verdict, notes=notes)
 
 
 class _Explained:
@@ -176,7 +187,7 @@ class _Explained:
         named = []
         for term, without in zip(best.model.terms, spared, strict=True):
             gain = (without.chi2 - best.chi2) / found.level
-            p_value = float(chi2_distribution.sf(gain, len(naming.parameters(term))))
+            p_value = float(chi2_distribution.sf(gain, len(parameters(term))))
             share = min(1.0, (without.misfit - best.misfit) / max(found.bare.misfit - 1.0, 1e-300))
             named.append(
                 naming.finding(

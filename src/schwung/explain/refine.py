@@ -9,7 +9,7 @@ import numpy as np
 from schwung.drivetrain.physics import Effects
 from schwung.explain.fit import Fitted, combined
 from schwung.explain.ripple import ripple
-from schwung.explain.search import Found
+from schwung.explain.search import Found, chosen
 
 #: A ripple is worth as many parameters' price at the least.
 RIPPLED = 10.0
@@ -24,7 +24,9 @@ def refined(found: Found, best: Fitted) -> Fitted:
         neutral = best.model.with_values({name: getattr(Effects(), name)})
         plain = found.problem.fit(replace(neutral, refined=kept))
         if (plain.chi2 - best.chi2) / found.level < REFINED * np.log(best.samples):
-            best = found.by_terms[frozenset(best.model.terms)] = plain
+            found.by_terms[frozenset(best.model.terms)] = plain
+            best = chosen(found)
+            break
     if not best.model.terms or "cogging" in best.model.terms:
         return best
     line = ripple(found.problem, best)
