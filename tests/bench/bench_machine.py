@@ -11,10 +11,15 @@ from pathlib import Path
 import numpy as np
 
 from schwung.commissioning import Commissioned, Prepared, Wishes, carry_out, prepare
+from schwung.commissioning.commission import settings_of
+from schwung.commissioning.journal import ParameterJournal
+from schwung.commissioning.procedure import record
 from schwung.drivetrain import Coupling, Load, Machine, Motor
 from schwung.fieldbus.canopen import BusOptions, CanopenDrive, open_bus
 from schwung.fieldbus.profile import DeviceProfile, load_profile
+from schwung.session import Session, read_session
 from schwung_sim.bench import Bench
+from schwung_sim.plants import Plant
 
 _channels = count()
 
@@ -63,10 +68,25 @@ class Desk:
         wishes = self.wishes(**changes)
         return carry_out(self.drive, self.prepare(**changes), out, Silence(), wishes.max_jitter_share)
 
+    def record(self, out: Path, **changes: object) -> Session:
+        """Commission, but for what is made of the recording."""
+        out.mkdir(exist_ok=True)
+        prepared = self.prepare(**changes)
+        record(
+            self.drive,
+            prepared.plan,
+            prepared.preflight,
+            session_path=out / "session.h5",
+            journal=ParameterJournal(self.drive, out / "setup.backup.json", self.drive.describe()),
+            observer=Silence(),
+            settings=settings_of(prepared.plan),
+        )
+        return read_session(out / "session.h5")
+
 
 @contextmanager
 def desk(
-    plant: str = "two-mass",
+    plant: str | Plant = "two-mass",
     sync: str = "auto",
     bit_rate: int = 1_000_000,
     profile: DeviceProfile | None = None,

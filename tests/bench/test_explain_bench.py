@@ -1,0 +1,112 @@
+"""Physics concealed in the bench's machine, recorded over CAN as by `schwung commission`, and found by `explain`."""
+
+from __future__ import annotations
+
+from functools import cache
+from pathlib import Path
+
+import numpy as np
+import pytest
+from bench_machine import desk, guessed_machine
+
+from schwung.drivetrain import Control, InertiaTable, Machine
+from schwung.estimation import estimate
+from schwung.explain.explain import explain
+from schwung.explain.values import Explanation
+from schwung.session import Session
+from schwung_sim.plants import Plant, make_plant
+from schwung_sim.plants.crank_kernel import MOTOR
+from schwung_sim.plants.slider_crank import SliderCrankMachine, SliderCrankPlant
+
+
+def _with(table: InertiaTable) -> Machine:
+    machine = guessed_machine()
+    load = machine.load.model_copy(update={"inertia_kgm2": None, "inertia_table": table})
+    control = Control(  # the drive's, as commissioning reads them
+        position_gain_per_s=60.0, speed_gain_nms=7.0, speed_integral_time_s=0.02, sample_rate_hz=8000.0
+    )
+    return machine.model_copy(update={"load": load, "control": control})
+
+
+@cache
+def _by_geometry(plant: str) -> Machine:
+    """The machine with the inertia that follows from its masses and lengths."""
+    angles = np.linspace(-0.3, np.pi + 0.3, 371)
+    return _with(InertiaTable(angles, make_plant(plant).true_inertia(angles)))
+
+
+def _recorded(out: Path, plant: str | Plant = "two-mass", conceal: str = "", **wishes: object) -> Session:
+    with desk(plant, conceal=conceal, seed=11) as room:
+        return room.record(out, repeats=2, **wishes)
+
+
+def _named(found: Explanation) -> list[str]:
+    return [finding.physics for finding in found.findings]
+
+
+@pytest.mark.parametrize("plant", ["two-mass", "slider-crank"])
+def test_nothing_is_named_where_nothing_is_concealed(plant: str, tmp_path: Path) -> None:
+    """Neither through counts and filters of the drive, nor with MuJoCo's equations in place of two masses."""
+    found = explain(_recorded(tmp_path, plant), _by_geometry(plant))
+    assert found.verdict == "consistent"
+    assert not found.findings
+    assert found.fit.before.torque_rmse_nm < 0.12  # of 47 N·m injected and 60 N·m of motion
+
+
+@pytest.mark.parametrize(
+    ("conceal", "physics", "key", "truth", "tolerance"),
+    [
+        ("coulomb_friction=3", "coulomb_friction", "torque_nm", 3.0, 0.02),
+        ("cogging", "cogging", "amplitude_nm", 2.33, 0.02),
+        ("measurement_delay=0.0005", "measurement_delay", "delay_s", 0.0005, 0.03),
+        ("torque_constant=0.93", "torque_constant", "gain", 0.93, 0.003),
+    ],
+)
+def test_what_the_bench_conceals_is_named_and_measured(
+    conceal: str, physics: str, key: str, truth: float, tolerance: float, tmp_path: Path
+) -> None:
+    found = explain(_recorded(tmp_path, conceal=conceal), _by_geometry("two-mass"))
+    assert found.verdict == "explained"
+    assert _named(found) == [physics]
+    assert found.findings[0].parameters[key].value == pytest.approx(truth, rel=tolerance)
+    assert found.fit.heldout_runs == (2, 3)
+
+
+def test_a_machine_that_changed_since_its_inertia_was_measured(tmp_path: Path) -> None:
+    """The belief is what a commissioning of the healthy machine found, with all its scatter."""
+    healthy = _recorded(tmp_path / "healthy", also_s=(0.4,))
+    measured = _with(estimate(healthy, guessed_machine(), "denoised").table)
+    assert explain(healthy, measured).verdict == "consistent"
+    found = explain(_recorded(tmp_path / "now", conceal="load_inertia"), measured)
+    assert found.verdict == "explained"
+    assert _named(found) == ["load_inertia"]
+    value = {key: quantity.value for key, quantity in found.findings[0].parameters.items()}
+    mean = float(np.mean(make_plant("two-mass").true_inertia(np.linspace(0.0, np.pi, 99))))
+    added = value["delta_kgm2"] + mean * (value["scale"] - 1)  # type: ignore[operator]  # numbers, no tables
+    assert added == pytest.approx(0.15 * mean, rel=0.1)
+
+
+def test_the_joint_friction_that_mujoco_computes_itself(tmp_path: Path) -> None:
+    """Hard, as dry friction is: by default MuJoCo's rises with speed."""
+    plant = SliderCrankPlant()
+    plant.model.dof_frictionloss[MOTOR] = 3.0
+    plant.model.dof_solref[MOTOR] = (2 * plant.model.opt.timestep, 1.0)
+    plant.model.dof_solimp[MOTOR] = (0.9999, 0.9999, 0.001, 0.5, 2.0)
+    found = explain(_recorded(tmp_path, plant), _by_geometry("slider-crank"))
+    assert found.verdict == "explained"
+    assert _named(found) == ["coulomb_friction"]
+    assert found.findings[0].parameters["torque_nm"].value == pytest.approx(3.0, rel=0.02)
+
+
+def test_the_weight_of_a_rod_that_mujoco_knows_and_two_masses_do_not(tmp_path: Path) -> None:
+    """Half the crank times the rod's weight, over the cosine of the angle: it lifts the rod's middle."""
+    machine = SliderCrankMachine()
+    found = explain(
+        _recorded(tmp_path, SliderCrankPlant(machine, gravity=True)), _by_geometry("slider-crank")
+    )
+    assert _named(found) == ["load_torque"]
+    weight = found.findings[0].parameters
+    assert weight["amplitude_nm"].value == pytest.approx(
+        machine.rod_kg * 9.80665 * machine.crank_m / 2, rel=0.03
+    )
+    assert weight["phase_rad"].value == pytest.approx(-np.pi / 2, abs=0.05)
