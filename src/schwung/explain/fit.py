@@ -190,7 +190,8 @@ class Problem:
                 }
                 trial = model.with_values(values)
                 trial_white = self.white(trial)
-                trial_chi2 = float(trial_white @ trial_white)
+                with np.errstate(over="ignore"):  # too bold a step: infinitely bad
+                    trial_chi2 = float(trial_white @ trial_white)
                 if trial_chi2 < chi2:
                     improved = True
                     break
