@@ -19,6 +19,7 @@ from schwung.explain.plausible import examine
 from schwung.explain.proof import Split, misfit, remainder, split
 from schwung.explain.refine import refined
 from schwung.explain.residual import Residuals, Unknowns
+from schwung.explain.scale import scale_note
 from schwung.explain.search import Found, chosen, reduced, search
 from schwung.explain.signals import Prepared, prepare
 from schwung.explain.timing import Shift, Times, shift
@@ -164,7 +165,7 @@ class _Explained:
             fit=HeldOut(self.parts.train, self.parts.heldout, before, after),
             machine=learned,
             overlays=naming.overlays(self.residuals, self.parts, bare.model, model),
-            notes=tuple(dict.fromkeys((*notes, *self._notes(moved), *driven))),
+            notes=tuple(dict.fromkeys((*notes, *self._notes(moved), *self._scales(findings), *driven))),
             remainder=left,
         )
 
@@ -195,6 +196,10 @@ class _Explained:
         timing_spread = float(spread[names.index(TIMING)])
         times = Times(best.model.value(TIMING), timing_spread, lag, lag_spread, best.misfit)
         return shift(self.prepared, self.machine, times)
+
+    def _scales(self, findings: tuple[Finding, ...]) -> tuple[str, ...]:
+        note = scale_note(self.found, self.best) if findings and self.best.model.terms else None
+        return (note,) if note else ()
 
     def _findings(self, moved: Shift) -> tuple[Finding, ...]:
         best, found = self.best, self.found
