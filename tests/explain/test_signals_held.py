@@ -1,0 +1,88 @@
+"""Recordings from a bus: staircases, counts that fall alike, standstills, and speeds that say nothing of their own."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from schwung.drivetrain import Load, Machine, Motor
+from schwung.explain.signals import prepare
+from schwung.motion import Excitation
+from schwung.session import Run, Session
+
+RATE_HZ, FREQUENCY_HZ, AMPLITUDE_NM = 1000.0, 50.0, 40.0
+MACHINE = Machine(
+    name="rigid",
+    motor=Motor(inertia_kgm2=0.05, viscous_friction_nms=0.0, peak_torque_nm=100.0),
+    load=Load(viscous_friction_nms=0.0, inertia_kgm2=0.05),
+)
+
+
+def _session(*, held: bool, delay_s: float = 0.0, counts: bool = False, repeats: int = 1) -> Session:
+    """A swing of 2 rad at 1 Hz, with noise; the injection is reported but does not show in the motion."""
+    time = np.arange(2000) / RATE_HZ
+    turn, late = 2 * np.pi * time, 2 * np.pi * (time - delay_s)
+    runs = []
+    for repeat in range(repeats):
+        chance = np.random.default_rng(0 if counts else repeat)
+        excitation = Excitation(
+            frequency_hz=FREQUENCY_HZ, amplitude_nm=AMPLITUDE_NM, hold_s=1 / RATE_HZ if held else None
+        )
+        runs.append(
+            Run(
+                role="excited",
+                repeat=repeat,
+                sample_rate_hz=RATE_HZ,
+                time_s=time,
+                position_rad=1 - np.cos(turn) + 1e-6 * chance.standard_normal(time.size),
+                speed_rad_s=2 * np.pi * np.sin(late) + 1e-3 * chance.standard_normal(time.size),
+                torque_nm=excitation.torque(time - 1 / RATE_HZ) + 0.05 * chance.standard_normal(time.size),
+                torque_added_nm=excitation.torque(time - 1 / RATE_HZ),
+                excitation=excitation,
+                extra={"same_motion": 0},
+            )
+        )
+    return Session(tuple(runs), created="", source="test")
+
+
+def test_a_staircase_is_taken_by_its_fundamental_at_the_instants_of_sampling() -> None:
+    """Zero-order hold: sinc(f/f_s) as large, half a step late; the value set at an instant is held after it."""
+    signals = prepare(_session(held=True), MACHINE).runs[0]
+    x = np.pi * FREQUENCY_HZ / RATE_HZ
+    expected = AMPLITUDE_NM * np.sin(x) / x * np.sin(2 * np.pi * FREQUENCY_HZ * signals.time_s - x)
+    middle = slice(100, -100)
+    assert signals.added_nm[middle] == pytest.approx(expected[middle], abs=0.02)
+    assert np.std((signals.torque_nm - signals.added_nm)[middle]) < 0.1
+    assert np.max(np.abs(signals.jumps_nm)) == pytest.approx(
+        2 * AMPLITUDE_NM * np.sin(x) * np.cos(x), rel=0.01
+    )
+
+
+def test_a_continuous_injection_is_left_as_it_is() -> None:
+    signals = prepare(_session(held=False), MACHINE).runs[0]
+    assert not np.any(signals.added_nm)
+    assert not np.any(signals.jumps_nm)
+
+
+@pytest.mark.parametrize("delay_s", [0.0, 0.0003, 0.002])
+def test_a_late_speed_is_measured_against_the_angle(delay_s: float) -> None:
+    prepared = prepare(_session(held=True, delay_s=delay_s), MACHINE)
+    assert prepared.speed_delay_s == pytest.approx(delay_s, abs=max(5 * prepared.speed_delay_std_s, 1e-5))
+
+
+def test_a_difference_of_two_angles_is_no_late_speed() -> None:
+    session = _session(held=False)
+    run = session.runs[0]
+    difference = np.diff(run.position_rad, prepend=run.position_rad[0]) * RATE_HZ
+    prepared = prepare(replace(session, runs=(replace(run, speed_rad_s=difference),)), MACHINE)
+    assert not np.isfinite(prepared.speed_delay_std_s)
+
+
+def test_noise_that_comes_again_in_each_repeat_is_known_as_such() -> None:
+    alike = prepare(_session(held=False, counts=True, repeats=3), MACHINE).alike
+    unlike = prepare(_session(held=False, repeats=3), MACHINE).alike
+    assert alike.torque_nm == pytest.approx(0.05, rel=0.15)
+    assert alike.position_rad == pytest.approx(1e-6, rel=0.15)
+    assert unlike.torque_nm == unlike.position_rad == 0.0
