@@ -165,7 +165,9 @@ class _Explained:
             fit=HeldOut(self.parts.train, self.parts.heldout, before, after),
             machine=learned,
             overlays=naming.overlays(self.residuals, self.parts, bare.model, model),
-            notes=tuple(dict.fromkeys((*notes, *self._notes(moved), *self._scales(findings), *driven))),
+            notes=tuple(
+                dict.fromkeys((*notes, *self._notes(moved, verdict), *self._scales(findings), *driven))
+            ),
             remainder=left,
         )
 
@@ -256,8 +258,14 @@ class _Explained:
             )
         return result
 
-    def _notes(self, moved: Shift) -> list[str]:
+    def _notes(self, moved: Shift, verdict: Verdict) -> list[str]:
         notes = [moved.note] if moved.note else []
+        constant = self.machine.load.inertia_table is None and self.session.axis == "rotary"
+        if constant and verdict == "unexplained":
+            notes.append(
+                "the load inertia is believed to be alike at all angles; where it is not, everything else drowns in "
+                "that: measure it first (schwung commission writes measured.toml)"
+            )
         if not self.parts.heldout:
             notes.append(
                 "no run could be kept aside, so that the fit is not proven: record more runs, of two motion times"
