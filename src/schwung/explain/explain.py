@@ -38,8 +38,9 @@ from schwung.session.model import Session
 EXPLAINED, NAMED_SHARE = 1.35, 0.02
 #: A belief that misses no more than this (mean square over the noise's) is consistent.
 CONSISTENT = 1.6
-#: Below that, terms stand where they lower the same on runs kept aside by so much.
-BORNE_OUT = 0.25
+#: Below that, terms stand where they lower the same on runs kept aside by so much; below the second, a belief is at
+#: the floor, and nothing is sought that could only be fitted to the noise.
+BORNE_OUT, AT_FLOOR = 0.25, 1.15
 
 #: What shows in nothing but acceleration; a session without much of that can name none of them.
 OF_ACCELERATION = (
@@ -73,12 +74,13 @@ def explain(session: Session, machine: Machine, *, progress: Progress | None = N
     problem = Problem(residuals, noise, parts.train)
     first = problem.fit(Model())
     tell("Trying physics terms", 0.05)
-    if first.misfit < CONSISTENT:  # whatever could still be fitted would be fitted to the noise
-        found = Found(problem, (), {frozenset(): first})
-        best = first
-    else:
+    found = Found(problem, (), {frozenset(): first})
+    best = first
+    if max(first.misfit, _aside(problem, first.model, parts)) > AT_FLOOR:
         found = search(problem, first, lambda text, share: tell(text, 0.05 + 0.6 * share))
         best = refined(found, chosen(found))
+        if first.misfit < CONSISTENT and not _borne_out(found, best, parts):
+            best = first
     tell("Weighing alternatives", 0.7)
     told = _Explained(session, machine, prepared, parts, residuals, found, best).result(
         tell, doubts.notes, noise.how
@@ -86,13 +88,16 @@ def explain(session: Session, machine: Machine, *, progress: Progress | None = N
     return _half_tested(told, machine) if "inertia_undetermined" in doubts.kinds() else told
 
 
+def _aside(problem: Problem, model: Model, parts: Split) -> float:
+    """Mean square of the whitened residual on the runs kept aside; on all where there are none."""
+    white = replace(problem, runs=parts.heldout or parts.train).white(model)
+    return float(np.mean(white**2)) if white.size else 1.0
+
+
 def _borne_out(found: Found, best: Fitted, parts: Split) -> bool:
     """Whether the runs kept aside miss less, too: near the floor a term may fit what is no physics."""
-    if not parts.heldout:
-        return False
-    aside = replace(found.problem, runs=parts.heldout)
-    before, after = (float(np.mean(aside.white(model) ** 2)) for model in (found.bare.model, best.model))
-    return before - after > BORNE_OUT
+    before, after = (_aside(found.problem, model, parts) for model in (found.bare.model, best.model))
+    return bool(parts.heldout) and before - after > BORNE_OUT
 
 
 def _half_tested(told: Explanation, machine: Machine) -> Explanation:
@@ -178,15 +183,11 @@ class _Explained:
             if bare.misfit > CONSISTENT or before_nm > EXPLAINED * self.floor:
                 return "unexplained"
             return "explained" if moved.name else "consistent"
-        before, after = self._heldout_misfit(bare.model), self._heldout_misfit(best.model)
+        problem = self.found.problem
+        before, after = (_aside(problem, fitted.model, self.parts) for fitted in (bare, best))
         if after_nm <= EXPLAINED * self.floor or after <= EXPLAINED**2:
             return "explained"
         return "partly_explained" if after - 1 < NAMED_SHARE * (before - 1) else "unexplained"
-
-    def _heldout_misfit(self, model: Model) -> float:
-        """Mean square of the whitened residual on the runs that the model is judged by."""
-        white = replace(self.found.problem, runs=self.judged).white(model)
-        return float(np.mean(white**2)) if white.size else 1.0
 
     def _shift(self) -> Shift:
         """Late speed or torque, judged about the best model."""

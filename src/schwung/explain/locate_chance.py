@@ -11,6 +11,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from schwung.explain.locate_columns import Samples
 from schwung.explain.locate_lines import Comb
@@ -29,7 +30,7 @@ FLOOR_MARGIN = 1.5
 class Null:
     """Draws of noise (n, DRAWS) float32, and their products with a space's columns (K, DRAWS)."""
 
-    noise: Array
+    noise: NDArray[np.float32]
     products: Array
 
     @classmethod
@@ -39,7 +40,7 @@ class Null:
         return cls(noise, (space.columns.T @ noise).astype(np.float64))
 
 
-def permuted(samples: Samples, remainder: Array, draws: int = DRAWS) -> Array:
+def permuted(samples: Samples, remainder: Array, draws: int = DRAWS) -> NDArray[np.float32]:
     """Draws (n, draws), float32: every run shifted circularly by a lag of its own, with a sign of its own."""
     chance = np.random.default_rng(SEED)
     allowed = (FLOOR_MARGIN * samples.noise_nm) ** 2 * remainder.size

@@ -8,8 +8,10 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from schwung.explain.values import Coordinate
 from schwung.motion import Array
@@ -37,7 +39,7 @@ class Residual:
     acceleration_rad_s2: Array
     torque_nm: Array
     residual_nm: Array
-    considered: Array  # bool
+    considered: NDArray[np.bool_]
     noise_nm: float
     repeat_of: int
 
@@ -131,7 +133,7 @@ class Dictionary:
     shapes: tuple[Shape, ...]
 
 
-def hats(values: Array, lowest: float, highest: float, count: int) -> Array:
+def hats(values: Array, lowest: float, highest: float, count: int) -> NDArray[Any]:
     """Piecewise linear hat functions on `count` even knots from lowest to highest (n, count)."""
     place = np.clip((values - lowest) / max(highest - lowest, 1e-300) * (count - 1), 0, count - 1)
     left = np.minimum(place.astype(np.int64), count - 2)
@@ -195,7 +197,7 @@ class _Builder:
     ) -> None:  # fmt: skip
         """Free curves and bumps made of `count` hats from `first` on, over a span (of one period)."""
         lowest, highest = span
-        knots = np.arange(count)
+        knots = np.arange(float(count))
         for fine in (8, 16, 40):
             made = circular_hats(knots * TURN / count, fine) if period else hats(knots, 0, count - 1, fine)
             self.shape(coordinate, "curve", first, made, fine, None, signed, period)

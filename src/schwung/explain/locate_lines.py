@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.optimize import minimize_scalar
 from scipy.stats import chi2
 from scipy.stats import f as f_law
@@ -34,10 +36,10 @@ class Line:
 class Comb:
     """Where the position lines may be: bins of position and the wave numbers of their transform."""
 
-    bins: Array
+    bins: NDArray[np.int64]
     count: int
     step: float
-    wave: Array
+    wave: NDArray[Any]
 
     @classmethod
     def of(cls, samples: Samples, axis: Axis) -> Comb | None:
@@ -131,7 +133,7 @@ def _level(power: Array, peak: int, width: int) -> tuple[float, float]:
     return max(sides)
 
 
-def _top(places: Array, heights: Array, peak: int) -> float:
+def _top(places: NDArray[Any], heights: Array, peak: int) -> float:
     """Where a parabola through the peak and its neighbours is highest."""
     if not 0 < peak < heights.size - 1:
         return float(places[peak])

@@ -8,6 +8,7 @@ from functools import cached_property
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.sparse import csr_array
 
 from schwung.explain.locate_columns import Dictionary, Samples, Shape
@@ -61,13 +62,14 @@ class Space:
         )
 
     @cached_property
-    def singles(self) -> tuple[Array, Any, Array]:
+    def singles(self) -> tuple[NDArray[np.int64], Any, Array]:
         """Which shapes have one column (m,), their weights (m, K) as a sparse matrix, and their own energy (m,)."""
         which = np.array(
             [i for i, one in enumerate(self.shapes) if one.weights.shape[1] == 1], dtype=np.int64
         )
         weights = csr_array(np.concatenate([self.shapes[i].weights for i in which], axis=1).T)
-        return which, weights, np.asarray(weights.multiply(weights @ self.gram).sum(axis=1)).ravel()
+        energy: Array = np.asarray(weights.multiply(weights @ self.gram).sum(axis=1)).ravel()
+        return which, weights, energy
 
     def weights(self, chosen: Sequence[int]) -> Array:
         """Weights (K, k) of the chosen shapes beside each other."""

@@ -11,6 +11,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -158,7 +159,7 @@ def impedance(machine: Machine, omega_rad_s: Array) -> NDArray[np.complex128]:
     load = machine.load_inertia
     inertia = 0.0 if load is None else load if isinstance(load, float) else float(np.mean(load.inertia_kgm2))
     s = 1j * omega_rad_s
-    hung: NDArray[np.complex128] = inertia * s + machine.load.viscous_friction_nms
+    hung: NDArray[Any] = inertia * s + machine.load.viscous_friction_nms
     if machine.coupling is not None:
         shaft = machine.coupling.damping_nms + machine.coupling.stiffness_nm_rad / s
         hung = shaft * hung / (shaft + hung)

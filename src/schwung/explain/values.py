@@ -9,6 +9,9 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any, Literal
 
+import numpy as np
+from numpy.typing import NDArray
+
 from schwung.drivetrain.machine import Machine
 from schwung.motion import Array
 from schwung.session.model import Axis
@@ -92,7 +95,7 @@ class Overlay:
     before_nm: Array  # torque that the belief needs for the recorded motion
     after_nm: Array  # the same with the named physics
     terms_nm: Mapping[str, Array]  # what each named term changes in it
-    considered: Array  # 1 where the sample is compared, 0 where it is not (standstill, edges)
+    considered: NDArray[np.bool_]  # whether the sample is compared (not at standstill, nor at the edges)
     motion_time_s: Array | None = None  # since the demand left rest; None: not known
 
 
