@@ -83,7 +83,7 @@ def test_thinned_recordings_say_the_same(machine):
 
 
 def test_what_a_filter_may_have_taken_off_is_in_the_band(recorded, machine):
-    """γω² of 1 % either way in torque and speed moves what rests on the injection; the motion tells the inertia, too."""
+    """γω² of 1 % either way in torque and speed moves what rests on the injection; the motion tells some, too."""
     session = recorded(0.15)
     loss = 0.01 / (2 * np.pi * 50) ** 2
     unsure = [replace(run, extra={LOSS_STD: loss}) for run in session.runs]
