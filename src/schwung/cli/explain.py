@@ -42,6 +42,7 @@ def explain(
     from schwung.cli.console import Terminal, json_text, progress_bar
     from schwung.cli.folders import make_folder, planned_folder
     from schwung.cli.sessions import in_file
+    from schwung.commissioning.bode import with_recorded_gains
     from schwung.drivetrain import load_machine, write_machine
     from schwung.explain.explain import explain as explain_session
     from schwung.files import replace_file
@@ -49,7 +50,8 @@ def explain(
     from schwung.session import read_session
 
     terminal = Terminal(json_output)
-    believed, recorded = load_machine(machine), read_session(session)
+    recorded = read_session(session)
+    believed = with_recorded_gains(load_machine(machine), recorded)
     folder = planned_folder(out, beside_session=True)
     learned = folder / "machine.toml"
     _keep_beliefs(learned, machine)
