@@ -17,7 +17,7 @@ from schwung.explain.measured import measured
 from schwung.explain.noise import whitener
 from schwung.explain.plausible import examine
 from schwung.explain.proof import Split, misfit, remainder, split
-from schwung.explain.refine import refined
+from schwung.explain.refine import refined, slimmed
 from schwung.explain.residual import Residuals, Unknowns
 from schwung.explain.scale import scale_note
 from schwung.explain.search import Found, chosen, reduced, search
@@ -78,7 +78,7 @@ def explain(session: Session, machine: Machine, *, progress: Progress | None = N
     best = first
     if max(first.misfit, _aside(problem, first.model, parts)) > AT_FLOOR:
         found = search(problem, first, lambda text, share: tell(text, 0.05 + 0.6 * share))
-        best = refined(found, chosen(found))
+        best = slimmed(found, refined(found, chosen(found)))
         if first.misfit < CONSISTENT and not _borne_out(found, best, parts):
             best = first
     tell("Weighing alternatives", 0.7)

@@ -65,7 +65,8 @@ def _quantities(axis: Axis, found: Found, fitted: Fitted, term: str) -> dict[str
         pairs = zip(angles.tolist(), model.unknowns.load_table_nm, strict=True)
         return {"table": Quantity(tuple(pairs), _unit("N·m", axis), None)}
     refined = () if term == PERIODIC else (f for f in LIBRARY[term].refinements if f in model.refined)
-    ends = {name: interval(found, fitted, name) for name in (*parameters(term), *refined)}
+    free = (name for name in (*parameters(term), *refined) if name not in model.fixed)
+    ends = {name: interval(found, fitted, name) for name in free}
     if term == PERIODIC:
         amplitude, spread = _periodic_amplitude(found, model)
         return {
@@ -87,8 +88,6 @@ def _quantities(axis: Axis, found: Found, fitted: Fitted, term: str) -> dict[str
             value, low, high = _within_turn(value, low, high)
         unit = key.unit if name == "phase_rad" else _unit(key.unit, axis)
         result[name] = Quantity(value, unit, (low, high))
-    if term == "load_inertia" and "inertia_scale" in model.fixed:
-        result.pop("scale", None)
     return result
 
 

@@ -1,4 +1,4 @@
-"""What is looked for once the terms are chosen: ripples over position, which stand out of whatever else is left."""
+"""What is looked for once terms are chosen: ripples over position that stand out, and numbers that are not needed."""
 
 from __future__ import annotations
 
@@ -39,3 +39,18 @@ def refined(found: Found, best: Fitted) -> Fitted:
     }
     finer = found.fit(combined(best.model, "cogging", fields))
     return finer if (best.chi2 - finer.chi2) / found.level > RIPPLED * np.log(finer.samples) else best
+
+
+def slimmed(found: Found, best: Fitted) -> Fitted:
+    """With one number for the load's inertia where one will do: more mass, or another scale, but not a bit of both."""
+    if "load_inertia" not in best.model.terms:
+        return best
+    single = []
+    for name, neutral in (("inertia_scale", 1.0), ("inertia_delta_kgm2", 0.0)):
+        model = replace(best.model.with_values({name: neutral}), fixed=(*best.model.fixed, name))
+        single.append(found.problem.fit(model))
+    slim = min(single, key=lambda fitted: fitted.chi2)
+    if (slim.chi2 - best.chi2) / found.level > np.log(best.samples):
+        return best
+    found.by_terms[frozenset(best.model.terms)] = slim
+    return slim
