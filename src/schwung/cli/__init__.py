@@ -5,6 +5,7 @@ from __future__ import annotations
 import functools
 import json
 import logging
+import os
 import signal
 import sys
 from collections.abc import Callable
@@ -26,6 +27,9 @@ from schwung.cli.reproduce import reproduce
 from schwung.cli.restore import restore
 from schwung.cli.scan import scan
 from schwung.errors import InputError, InterruptedByUser, SchwungError
+
+#: Our matrices are small: a second thread waits longer for the first than it works, ten times so on a busy machine.
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 app = typer.Typer(
     name="schwung",
