@@ -45,8 +45,8 @@ SHAPE_ERROR, ALIKE = 0.015, 6.0
 LEAST_GAIN = 0.12
 #: So many times that where the term was picked among many places or frequencies.
 PICKED = 2.5
-#: And it carries at least this part of all that the belief misses.
-LEAST_PART = 0.006
+#: And it carries at least this part of all that the belief misses, or that share of what is left without it.
+LEAST_PART, MOST_LEFT = 0.006, 0.5
 #: A full fit is tried where the linear look promises this share of what is wanted of it.
 HOPE = 0.3
 
@@ -93,8 +93,10 @@ class Found:
         """Whether a term lowers the misfit by enough to be named: a share of the noise floor's own energy."""
         more = set(after.model.terms) - set(before.model.terms)
         picked = all(term == PERIODIC or LIBRARY[term].scanned for term in more)
-        least = max((PICKED if picked else 1.0) * LEAST_GAIN * self.level, LEAST_PART * self.bare.misfit)
-        return before.misfit - after.misfit > least
+        gain = before.misfit - after.misfit
+        if gain < (PICKED if picked else 1.0) * LEAST_GAIN * self.level:
+            return False
+        return gain > LEAST_PART * self.bare.misfit or gain > MOST_LEFT * (before.misfit - 1)
 
     def fit(self, model: Model, *starts: Model) -> Fitted:
         """The best fit of a set of terms from several starts, remembered."""
