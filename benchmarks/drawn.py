@@ -1,8 +1,9 @@
 """Machines by chance for the benchmarks: healthy ones, and such that have something which spoils an estimate.
 
 Every machine has its own rotor, coupling, curve of inertia, motion time, rate and noise, and its drive its own gains,
-encoder and speed filter (none in one of three), all by seed. A hard one (`draw_hard`) has one cause of trouble besides, mild or severe by chance: physics that the machine file does not
-mention, a wrong number in the file, a poor record. The estimator is told nothing of it.
+encoder and speed filter (none in one of three), all by seed. A hard one (`draw_hard`) has one cause of trouble besides,
+mild or severe by chance: physics that the machine file does not mention, a wrong number in the file, a poor record.
+The estimator is told nothing of it.
 """
 
 from __future__ import annotations
