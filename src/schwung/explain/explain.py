@@ -40,7 +40,7 @@ EXPLAINED, NAMED_SHARE = 1.35, 0.02
 CONSISTENT = 1.6
 #: Below that, terms stand where they lower the same on runs kept aside by so much; below the second, a belief is at
 #: the floor, and nothing is sought that could only be fitted to the noise.
-BORNE_OUT, AT_FLOOR = 0.12, 1.15
+BORNE_OUT, AT_FLOOR = 0.15, 1.15
 
 #: What shows in nothing but acceleration; a session without much of that can name none of them.
 OF_ACCELERATION = (

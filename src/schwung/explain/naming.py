@@ -213,11 +213,14 @@ def _plain(quantity: Quantity) -> float | list[list[float]]:
 
 
 def overlays(residuals: Residuals, parts: Split, bare: Model, model: Model) -> tuple[Overlay, ...]:
-    """A few runs for pictures, those that were kept aside first."""
-    return tuple(
-        _overlay(residuals, run, run in parts.heldout, bare, model)
-        for run in (*parts.heldout[:2], *parts.train)[:_OVERLAYS]
-    )
+    """A few runs for pictures: one that was kept aside first, then those in which a named term shows the most."""
+    runs = [*parts.heldout, *parts.train]
+    shown = runs[:1]
+    for term in model.terms:
+        sizes = {run: float(np.sum(contribution(residuals, run, model, term) ** 2)) for run in runs}
+        shown.append(max(sizes, key=lambda run: sizes[run]))
+    chosen = list(dict.fromkeys([*shown, *parts.heldout[:2], *parts.train]))[:_OVERLAYS]
+    return tuple(_overlay(residuals, run, run in parts.heldout, bare, model) for run in chosen)
 
 
 def _overlay(residuals: Residuals, run: int, heldout: bool, bare: Model, model: Model) -> Overlay:
