@@ -70,6 +70,8 @@ def _told_interrupts(command: Callable[_Given, _Returned]) -> Callable[_Given, _
         except SchwungError:
             raise
         except BaseException as error:
+            if (told_before := _interrupted_before(error)) is not None:
+                raise told_before from None
             if _is_interrupt(error):
                 raise InterruptedByUser(f"schwung {_name(command)}", "interrupted") from error
             raise
@@ -80,6 +82,13 @@ def _told_interrupts(command: Callable[_Given, _Returned]) -> Callable[_Given, _
 def _name(command: Callable[_Given, _Returned]) -> str:
     """The command's name as typed; a trailing underscore is Python's, not the user's."""
     return command.__name__.removesuffix("_")
+
+
+def _interrupted_before(error: BaseException | None) -> InterruptedByUser | None:
+    """What an earlier interrupt had to say, where a second one came while the first was being dealt with."""
+    while error is not None and not isinstance(error, InterruptedByUser):
+        error = error.__context__
+    return error
 
 
 def _is_interrupt(error: BaseException | None) -> bool:
@@ -135,6 +144,7 @@ def main(arguments: list[str] | None = None) -> None:
     try:
         code = app(args=given, standalone_mode=False)
     except (Exception, KeyboardInterrupt) as error:
+        signal.signal(signal.SIGINT, signal.SIG_IGN)  # it is over: what is left is to say so
         sentence, code = _failure(error)
         notes = list(getattr(error, "__notes__", []))
         if "--json" in given:

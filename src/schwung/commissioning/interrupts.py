@@ -27,6 +27,12 @@ class OneInterrupt:
         """From now on signals wait."""
         self._armed = False
 
+    def let_through(self) -> None:
+        """Raise KeyboardInterrupt where a signal has waited."""
+        if self._pending:
+            self._pending = False
+            raise KeyboardInterrupt
+
     def __enter__(self) -> Self:
         if threading.current_thread() is threading.main_thread():
             for number in _WATCHED:
@@ -41,8 +47,8 @@ class OneInterrupt:
     ) -> None:
         for number, handler in self._before.items():
             signal.signal(number, signal.SIG_DFL if handler is None else handler)
-        if self._pending and kind is None:
-            raise KeyboardInterrupt
+        if kind is None:
+            self.let_through()
 
     def _on_signal(self, number: int, frame: FrameType | None) -> None:
         if self._armed:

@@ -52,24 +52,27 @@ class Recorded:
 
 
 @contextmanager
-def powered(drive: Drive, plan: Plan, journal: ParameterJournal) -> Iterator[None]:
-    """A drive that is set up and enabled inside the block, and stopped, off and as before after it."""
-    with OneInterrupt() as interrupt:
-        try:
-            journal.change(drive.setup(plan.acquisition))
-            drive.start(plan.acquisition)
-            drive.enable()
-            yield
-        except BaseException as error:
-            interrupt.hold_off()
-            drive.halt()
-            for trouble in _leave(drive, journal):
-                error.add_note(trouble)
-            raise
+def powered(drive: Drive, plan: Plan, journal: ParameterJournal, interrupt: OneInterrupt) -> Iterator[None]:
+    """A drive that is set up and enabled inside the block, and stopped, off and as before after it.
+
+    `interrupt` is entered already, and for longer: what became of the motions has to be told, too.
+    """
+    try:
+        journal.change(drive.setup(plan.acquisition))
+        drive.start(plan.acquisition)
+        drive.enable()
+        yield
+    except BaseException as error:
         interrupt.hold_off()
-        troubles = _leave(drive, journal)
-        if troubles:
-            raise DriveError("leaving the drive", "; ".join(troubles))
+        drive.halt()
+        for trouble in _leave(drive, journal):
+            error.add_note(trouble)
+        raise
+    interrupt.hold_off()
+    troubles = _leave(drive, journal)
+    if troubles:
+        raise DriveError("leaving the drive", "; ".join(troubles))
+    interrupt.let_through()
 
 
 def _leave(drive: Drive, journal: ParameterJournal) -> list[str]:
@@ -112,10 +115,10 @@ def record(
     recorded: list[Run] = []
     timing: list[SyncTiming] = []
     retries = 0
-    with SessionWriter(session_path, source=source, drive=described) as writer:
+    with OneInterrupt() as interrupt, SessionWriter(session_path, source=source, drive=described) as writer:
         try:
             observer.phase("Setting up and enabling the drive")
-            with powered(drive, plan, journal):
+            with powered(drive, plan, journal, interrupt):
                 player = _Player(drive, plan, writer, ready.speed_source, observer, max_jitter_share)
                 for number, planned in enumerate(planned_runs):
                     observer.phase(f"Motion {number + 1} of {len(planned_runs)}: {planned.role}")
