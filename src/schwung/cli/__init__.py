@@ -144,7 +144,6 @@ def main(arguments: list[str] | None = None) -> None:
     try:
         code = app(args=given, standalone_mode=False)
     except (Exception, KeyboardInterrupt) as error:
-        signal.signal(signal.SIGINT, signal.SIG_IGN)  # it is over: what is left is to say so
         sentence, code = _failure(error)
         notes = list(getattr(error, "__notes__", []))
         if "--json" in given:
