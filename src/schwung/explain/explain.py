@@ -41,6 +41,8 @@ CONSISTENT = 1.6
 #: Below that, terms stand where they lower the same on runs kept aside by so much; below the second, a belief is at
 #: the floor, and nothing is sought that could only be fitted to the noise.
 BORNE_OUT, AT_FLOOR = 0.15, 1.15
+#: And where the belief misses so many times the floor on them: less is for those who look at single lines.
+SEEN = 1.12
 
 #: What shows in nothing but acceleration; a session without much of that can name none of them.
 OF_ACCELERATION = (
@@ -97,7 +99,11 @@ def _aside(problem: Problem, model: Model, parts: Split) -> float:
 def _borne_out(found: Found, best: Fitted, parts: Split) -> bool:
     """Whether the runs kept aside miss less, too: near the floor a term may fit what is no physics."""
     before, after = (_aside(found.problem, model, parts) for model in (found.bare.model, best.model))
-    return bool(parts.heldout) and before - after > BORNE_OUT
+    if not parts.heldout or before - after < BORNE_OUT:
+        return False
+    residuals, bare = found.problem.residuals, found.bare.model
+    missed = [remainder(residuals, run, bare)[residuals.valid(run)] for run in parts.heldout]
+    return float(np.sqrt(np.mean(np.concatenate(missed) ** 2))) > SEEN * found.problem.whitener.torque_nm
 
 
 def _half_tested(told: Explanation, machine: Machine) -> Explanation:

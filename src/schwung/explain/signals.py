@@ -101,6 +101,7 @@ class Prepared:
     speed_delay_std_s: float
     smoothing_rad_s: float  # within which a speed's sign is not known
     peak_speed_rad_s: float
+    injected_hz: tuple[float, ...] = ()
 
 
 class Spectrum:
@@ -212,6 +213,7 @@ def prepare(session: Session, machine: Machine) -> Prepared:
         speed_delay_std_s=delay_std,
         smoothing_rad_s=smoothing,
         peak_speed_rad_s=peak,
+        injected_hz=tuple(sorted({run.excitation.frequency_hz for run in session.runs if run.excitation})),
     )
 
 
