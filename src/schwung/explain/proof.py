@@ -27,7 +27,7 @@ class Split:
 def split(session: Session, prepared: Prepared) -> Split:
     """Keep a motion time aside where there are several, else the last repeats, else the last runs."""
     numbers = range(len(session.runs))
-    times = {n: session.runs[n].motion.duration_s for n in numbers if session.runs[n].motion is not None}  # type: ignore[union-attr]
+    times = {n: run.motion.duration_s for n, run in enumerate(session.runs) if run.motion is not None}
     different = sorted(set(times.values()))
     if len(times) == len(session.runs) and len(different) > 1:
         aside = different[len(different) // 2]
