@@ -8,7 +8,7 @@ from commissioning_drive import DeskDrive, believed_machine
 
 from schwung.commissioning import ParameterJournal, read_backup, restore_backup
 from schwung.errors import DriveError, InputError, RefusedError, SdoError
-from schwung.fieldbus.drive import ParameterValue
+from schwung.fieldbus.drive import Parameter, ParameterValue
 
 
 @pytest.fixture
@@ -152,3 +152,18 @@ def test_bytes_survive_the_file(drive: DeskDrive, tmp_path: Path) -> None:
     journal.change([ParameterValue(parameter, b"\x02\x00")])
     change = read_backup(tmp_path / "a.backup.json").changes[0]
     assert (change.old, change.new) == (b"\x01\xff", b"\x02\x00")
+
+
+def test_a_register_is_not_taken_for_the_object_of_the_same_number(drive: DeskDrive, tmp_path: Path) -> None:
+    register = Parameter(0x6060, 0, "INTEGER32", "Position window", space="register")
+    answers = {"register": 7, "object": 1}
+    drive.read = lambda p: ParameterValue(p, answers[p.space])  # type: ignore[method-assign]  # two spaces
+    _journal(drive, tmp_path).change(
+        [ParameterValue(register, 9), ParameterValue(drive.parameter(0x6060), 8)]
+    )
+    written = json.loads((tmp_path / "a.backup.json").read_text())["changes"]
+    assert written[0]["register"] == 24672
+    assert "index" not in written[0]
+    put_back = restore_backup(drive, tmp_path / "a.backup.json")
+    assert [(v.parameter.space, v.raw) for v in put_back] == [("object", 1), ("register", 7)]
+    assert put_back[1].parameter.label == "register 24672 Position window"

@@ -80,9 +80,9 @@ def _raw_from_json(value: Any) -> RawValue:
 
 def _change_to_json(change: Change) -> dict[str, Any]:
     parameter = change.parameter
+    where: dict[str, Any] = {"index": f"0x{parameter.index:04X}", "subindex": parameter.subindex}
     return {
-        "index": f"0x{parameter.index:04X}",
-        "subindex": parameter.subindex,
+        **({"register": parameter.index} if parameter.space == "register" else where),
         "type": parameter.type,
         "name": parameter.name,
         "old": _raw_to_json(change.old),
@@ -92,9 +92,11 @@ def _change_to_json(change: Change) -> dict[str, Any]:
 
 
 def _change_from_json(entry: Mapping[str, Any]) -> Change:
-    parameter = Parameter(
-        int(entry["index"], 16), int(entry["subindex"]), str(entry["type"]), str(entry.get("name", ""))
-    )
+    type_name, name = str(entry["type"]), str(entry.get("name", ""))
+    if "register" in entry:
+        parameter = Parameter(int(entry["register"]), 0, type_name, name, "register")
+    else:
+        parameter = Parameter(int(entry["index"], 16), int(entry["subindex"]), type_name, name)
     return Change(parameter, _raw_from_json(entry["old"]), _raw_from_json(entry["new"]), str(entry["when"]))
 
 
@@ -172,9 +174,10 @@ class ParameterJournal:
 
 def first_values(changes: Iterable[Change]) -> list[ParameterValue]:
     """The value of each parameter before its first change, latest-changed parameter first."""
-    first: dict[tuple[int, int], ParameterValue] = {}
+    first: dict[tuple[str, int, int], ParameterValue] = {}
     for change in changes:
-        first.setdefault((change.parameter.index, change.parameter.subindex), change.before)
+        parameter = change.parameter
+        first.setdefault((parameter.space, parameter.index, parameter.subindex), change.before)
     return list(reversed(first.values()))
 
 

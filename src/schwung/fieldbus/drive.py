@@ -16,6 +16,9 @@ from numpy.typing import NDArray
 from schwung.motion import Array
 
 OperatingMode = Literal["csp", "pp"]
+Sampling = Literal["sync", "trace"]  # TPDOs on SYNC | the drive's own trace buffer, read out afterwards
+Injecting = Literal["setpoints", "generator"]  # one torque offset per SYNC | the drive's own sine
+Space = Literal["object", "register"]
 RawValue = int | float | str | bytes
 
 
@@ -79,16 +82,20 @@ class Capability:
 
 @dataclass(frozen=True)
 class Parameter:
-    """One parameter of a drive: an object of the dictionary (CANopen)."""
+    """One parameter of a drive: an object of the dictionary (CANopen), or a register (Modbus: `index` is its
+    address, `subindex` 0)."""
 
     index: int
     subindex: int
     type: str  # CiA 301 name: "UNSIGNED32", "INTEGER16", "REAL32", "VISIBLE_STRING", "DOMAIN"
     name: str = ""
+    space: Space = "object"
 
     @property
     def label(self) -> str:
-        """As people write it: 0x6065:00 Following error window."""
+        """As people write it: 0x6065:00 Following error window; register 7706 Position window."""
+        if self.space == "register":
+            return f"register {self.index} {self.name}".rstrip()
         return f"0x{self.index:04X}:{self.subindex:02X} {self.name}".rstrip()
 
 
@@ -127,6 +134,9 @@ class Acquisition:
     heartbeat_s: float = 0.1  # the drive stops by itself when we have been silent for three of these
     moves: tuple[Move, ...] = ()  # PP: the strokes that will be played, so that `setup` covers their dynamics
     guard: Guard | None = None  # where the drive's own limits are wider, `setup` tightens them
+    sampling: Sampling = "sync"
+    injecting: Injecting = "setpoints"
+    trace_rate_hz: float | None = None  # wanted of a trace buffer; None: as fast as it holds the whole motion
 
 
 @dataclass(frozen=True)
@@ -139,14 +149,25 @@ class Move:
     acceleration_rad_s2: float
 
 
+@dataclass(frozen=True)
+class Sine:
+    """The injection of a drive's own generator: amplitude_nm * sin(2π frequency_hz t + phase_rad). From when t
+    counts is the profile's matter; the drive makes it before, during and after the whole motion."""
+
+    frequency_hz: float
+    amplitude_nm: float
+    phase_rad: float = 0.0
+
+
 @dataclass(frozen=True, eq=False)
 class Setpoints:
     """What to play, one value per SYNC: absolute position demand and injected torque, (n,)."""
 
     sample_rate_hz: float
     position_rad: Array
-    torque_added_nm: Array
+    torque_added_nm: Array  # zeros where the generator injects
     moves: tuple[Move, ...] = ()
+    generator: Sine | None = None
 
 
 @dataclass(frozen=True)
@@ -165,7 +186,9 @@ class SyncTiming:
 
 @dataclass(frozen=True, eq=False)
 class Recording:
-    """What came back, one row per SYNC, (n,). Rows in `lost` hold NaN: nothing is bridged."""
+    """What came back, one row per SYNC or per sample of the drive's trace, (n,). Rows in `lost` hold NaN: nothing is
+    bridged. Of a trace, `sync_count` counts its rows, `statusword` is -1, `receive_time_s` NaN, as is any column that
+    it does not hold."""
 
     sample_rate_hz: float
     sync_count: NDArray[np.int64]
@@ -179,6 +202,7 @@ class Recording:
     lost: NDArray[np.int64]  # indices of SYNCs of which not every TPDO came
     timing: SyncTiming
     notes: tuple[str, ...] = field(default=())
+    start_s: float = 0.0  # when row 0 was sampled, counted from the first setpoint
 
 
 #: Called with the number of samples done and the number of samples in all.
