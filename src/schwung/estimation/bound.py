@@ -76,7 +76,7 @@ def cramer_rao(
     kinds = _kinds(session.runs)
     runs = tuple(signals_of(run, machine, band_of(session.runs)) for run in kinds)
     counts = tuple(kinds.values())
-    low, high = load_angle_range(runs)
+    low, high = load_angle_range(runs, machine)
     peak_speed = max(float(np.max(np.abs(run.states[:, 1]))) for run in runs)
     basis = Basis(low, high, pieces)
     model = Model(machine, Layout(basis, basis), STICKING * peak_speed)

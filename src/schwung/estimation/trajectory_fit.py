@@ -111,7 +111,7 @@ def fit(recorded: Sequence[Run], machine: Machine, *, rotary: bool = True) -> Fi
     _check_alive(recorded)
     band = band_of(recorded)
     runs = tuple(signals_of(run, machine, band, thin=True) for run in recorded)
-    low, high = load_angle_range(runs)
+    low, high = load_angle_range(runs, machine)
     pieces = int(np.clip((high - low) * PIECES_PER_RAD if rotary else PIECES, PIECES, MOST_PIECES))
     basis = Basis(low, high, pieces)
     peak_speed = max(float(np.max(np.abs(run.states[:, 1]))) for run in runs)

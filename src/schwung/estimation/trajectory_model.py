@@ -26,7 +26,7 @@ STICKING = 0.005
 
 @dataclass(frozen=True)
 class Basis:
-    """Uniform cubic B-splines over an angle range, `pieces` + 3 of them; constant outside."""
+    """Uniform cubic B-splines over an angle range, `pieces` + 3 of them; straight on outside."""
 
     low_rad: float
     high_rad: float
@@ -51,7 +51,8 @@ class Basis:
     def rows(self, angle_rad: Array) -> tuple[Array, Array]:
         """All splines and their derivatives at angles (n,): (n, size) each."""
         step = (self.high_rad - self.low_rad) / self.pieces
-        at = np.clip((angle_rad - self.low_rad) / step, 0.0, self.pieces)
+        whole = (angle_rad - self.low_rad) / step
+        at = np.clip(whole, 0.0, self.pieces)
         piece = np.minimum(at.astype(int), self.pieces - 1)
         u = at - piece
         v = 1 - u
@@ -62,6 +63,8 @@ class Basis:
         for i in range(4):
             value[line, piece + i] = values[i]
             slope[line, piece + i] = slopes[i] / step
+        outside = np.flatnonzero(whole != at)
+        value[outside] += ((whole - at) * step)[outside, None] * slope[outside]
         return value, slope
 
 
