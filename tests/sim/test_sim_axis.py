@@ -392,6 +392,21 @@ def test_trace_starts_with_the_motion_and_fills() -> None:
     np.testing.assert_array_equal(trace.torque_nm, expected[:, 2])
 
 
+def test_trace_holds_the_generators_torque_and_the_demand_of_its_instants() -> None:
+    axis = energised(
+        settings=AxisSettings(
+            generator_amplitude_nm=20.0, generator_frequency_hz=100.0, generator_control=GENERATOR_ON
+        )
+    )
+    axis.advance(0.1)  # the sine began at 0: ten periods ago
+    axis.arm_trace(divider=4, length=40)
+    axis.start_move(1.0, 10.0, 200.0, 200.0)
+    axis.advance(0.03)
+    trace, time = axis.trace, np.arange(40) * 4 * TICK_S
+    np.testing.assert_allclose(trace.torque_added_nm, 20.0 * np.sin(2 * np.pi * 100.0 * time), atol=1e-9)
+    np.testing.assert_allclose(trace.demand_rad - trace.demand_rad[0], 100.0 * time**2, atol=1e-9)
+
+
 def test_motions_are_counted_by_rests_between_them() -> None:
     """Strokes of one run (0.1 s apart) are one motion, the next run is the next: what events and drift go by."""
     axis = energised()

@@ -63,6 +63,8 @@ class Trace:
     position_counts: NDArray[np.int64]
     speed_rad_s: Array
     torque_nm: Array
+    torque_added_nm: Array  # what generator and offset add from the sample's instant on
+    demand_rad: Array
     sample_time_s: float
 
 
@@ -91,7 +93,7 @@ class ServoAxis:
         self._c: Any = self._control[0]  # a view: writes go to the array
         self._segments = np.zeros(ctl.SEGMENTS_SHAPE)
         self._history = np.zeros(ctl.HISTORY)
-        self._trace = np.zeros((1, 3))
+        self._trace = np.zeros((1, ctl.TRACE_COLUMNS))
         self._ticks = 0
         #: where in a count the axis happens to rest
         self._c["count_offset"] = np.random.default_rng([seed, 2]).uniform()
@@ -201,7 +203,7 @@ class ServoAxis:
         """Record every divider-th 8 kHz sample, `length` of them, from the next start of a motion on."""
         if divider < 1 or length < 1:
             raise BenchError("axis", "a trace needs a divider and a length of 1 or more")
-        self._trace = np.zeros((length, 3))
+        self._trace = np.zeros((length, ctl.TRACE_COLUMNS))
         for name, value in (("divider", divider), ("length", length), ("at", 0), ("status", TRACE_ARMED)):
             self._c[f"trace_{name}"] = value
 
@@ -317,4 +319,5 @@ class ServoAxis:
         """What has been recorded so far."""
         rows = self._trace[: int(self._c["trace_at"])]
         period = int(self._c["trace_divider"]) * TICK_S
-        return Trace(rows[:, 0].astype(np.int64), rows[:, 1].copy(), rows[:, 2].copy(), period)
+        counts, speed, torque, added, demand = rows.T.copy()
+        return Trace(counts.astype(np.int64), speed, torque, added, demand, period)

@@ -48,6 +48,8 @@ CONTROL = np.dtype([*((n, np.float64) for n in _REALS), *((n, np.int64) for n in
 SEGMENTS_SHAPE = (4, 4)
 #: Past speeds (a ring), enough for the longest concealed delay.
 HISTORY = 1024
+#: What a row of the trace holds: counts, speed, torque, torque added from now on, demanded angle.
+TRACE_COLUMNS = 5
 #: Added when cycles since the last setpoint are counted: one that is 0.6 of a cycle late follows one that was lost.
 _LATENESS = 0.4
 #: A demand that has rested this long and moves again starts a new motion (where there is no start command): the
@@ -156,14 +158,16 @@ def _feed_forward(c: Any, inertia: Any) -> Any:
 
 
 @compiled
-def _trace(c: Any, trace: Any) -> None:
-    """Store every divider-th sample of a running trace, the first at the trigger: counts, speed, torque."""
+def _trace(c: Any, trace: Any, added: float) -> None:
+    """Store every divider-th sample of a running trace, the first at the trigger: see TRACE_COLUMNS."""
     if c.trace_status != 2:
         return
     if c.trace_wait == 0:
         trace[c.trace_at, 0] = c.counts
         trace[c.trace_at, 1] = c.reported_speed_rad_s
         trace[c.trace_at, 2] = c.reported_torque_nm
+        trace[c.trace_at, 3] = added
+        trace[c.trace_at, 4] = c.demand_rad
         c.trace_at += 1
         c.trace_wait = c.trace_divider
         if c.trace_at >= c.trace_length:
@@ -176,8 +180,8 @@ def control_law(c: Any, segments: Any, inertia: Any, trace: Any) -> Any:
     """Torque (N·m) for the tick that begins now; integrates only where that does not push into the limit."""
     update_demand(c, segments)
     _notice_motion(c)
-    _trace(c, trace)
     added = _generator(c) + _torque_offset(c)
+    _trace(c, trace, added)
     c.limited = 0
     if c.energised == 0:
         c.torque_nm, c.integral_nm = 0.0, 0.0
