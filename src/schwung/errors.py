@@ -6,7 +6,9 @@
      ├── DriveError        (4)   the drive or the bus let us down                         the drive has been stopped
      │    ├── BusError           the adapter or the bus: bus-off, send buffer full, interface down
      │    ├── NodeLostError      no heartbeat, or the node restarted on its own
-     │    ├── SdoError           an SDO was aborted or not answered; names object and meaning
+     │    ├── ParameterError     a parameter was refused, or not answered; names it, and why
+     │    │    ├── SdoError      on CANopen: an SDO was aborted or not answered
+     │    │    └── RegisterError on Modbus: an exception code, or no answer
      │    ├── StateError         CiA 402 did not advance; names the precondition that is missing
      │    ├── DriveFaultError    the drive reported a fault or an EMCY; decoded
      │    └── SampleLossError    TPDOs are missing from a recording
@@ -61,8 +63,16 @@ class NodeLostError(DriveError):
     """The node's heartbeat stopped, or the node restarted on its own."""
 
 
-class SdoError(DriveError):
+class ParameterError(DriveError):
+    """A parameter was refused by the drive or not answered; `place` names it."""
+
+
+class SdoError(ParameterError):
     """An SDO transfer was aborted by the drive or not answered."""
+
+
+class RegisterError(ParameterError):
+    """A Modbus request was refused by the drive (exception code) or not answered."""
 
 
 class StateError(DriveError):

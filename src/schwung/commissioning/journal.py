@@ -13,7 +13,7 @@ from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any, Protocol
 
-from schwung.errors import DriveError, InputError, RefusedError, SdoError
+from schwung.errors import DriveError, InputError, ParameterError, RefusedError
 from schwung.fieldbus.drive import DriveIdentity, Parameter, ParameterValue, RawValue
 from schwung.files import replace_file
 
@@ -248,14 +248,14 @@ def restore_backup(drive: ParameterAccess, path: Path, force: bool = False) -> t
 def _write_what_is_taken(drive: ParameterAccess, values: Sequence[ParameterValue]) -> list[str]:
     """Write all values, leaving out one by one what the drive refuses; returns those errors.
 
-    Raises SdoError where the drive does not answer any more, or an error names none of the parameters.
+    Raises ParameterError where the drive does not answer any more, or an error names none of the parameters.
     """
     left, refused = list(values), []
     while left:
         try:
             drive.write(left)
             break
-        except SdoError as error:
+        except ParameterError as error:
             taken = [value for value in left if value.parameter.label not in error.place]
             if len(taken) == len(left):
                 raise
