@@ -7,7 +7,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 
 from schwung.fieldbus.canopen import BusOptions, CanopenDrive, bit_rate, match_profile, open_bus
-from schwung.fieldbus.profile import DeviceProfile, load_profile
+from schwung.fieldbus.profile import DeviceProfile, load_canopen_profile
 
 
 @dataclass(frozen=True)
@@ -23,7 +23,7 @@ def open_drive(options: BusOptions, node_id: int, profile_name: str | None) -> I
     """Open bus and drive, the profile as named or else by the drive's identity; closed again whatever happens."""
     bus = open_bus(options)
     try:
-        profile = load_profile(profile_name) if profile_name else match_profile(bus, node_id)
+        profile = load_canopen_profile(profile_name) if profile_name else match_profile(bus, node_id)
         drive = CanopenDrive(bus, node_id, profile, bit_rate=bit_rate(options), bus_options=options)
         try:
             yield OpenDrive(drive, profile)

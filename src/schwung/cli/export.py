@@ -144,11 +144,11 @@ def _write_dcf(
     from schwung.commissioning import export_values
     from schwung.errors import InputError
     from schwung.fieldbus.dcf import dictionary_lookup, write_dcf
-    from schwung.fieldbus.profile import load_profile
+    from schwung.fieldbus.profile import load_canopen_profile
 
     if family is None:
         raise InputError("--dcf", "needs to know the drive family", "Add --profile.")
-    profile = load_profile(family)
+    profile = load_canopen_profile(family)
     values = export_values(dictionary_lookup(profile.eds_path, node), profile, table, choice)
     write_dcf(profile.eds_path, node, values, path)
     terminal.say(describe_table(table))

@@ -57,21 +57,49 @@ class Scales:
 
 
 def read_scales(profile: DeviceProfile, read: ReadInteger) -> Scales:
-    """Work the units out of the drive's objects, the profile's literals first. Raises InputError naming the object."""
+    """Work the units out of the drive's objects, the profile's literals first.
+
+    What the profile leaves out, or leaves to the user, is NaN. Raises InputError naming the object that is missing.
+    """
     quantities = profile.quantities
     position = _position(quantities.position, profile, read)
-    speed = _speed(quantities.speed, position, profile, read) if quantities.speed else math.nan
     torque, added = quantities.torque, quantities.torque_added
-    rated_counts = read(0x6076, 0)
-    rated = rated_counts * torque.rated_torque_scale if rated_counts else None
+    speed = _speed(quantities.speed, position, profile, read) if quantities.speed else math.nan
     return Scales(
         position_rad=position,
         speed_rad_s=speed,
-        torque_nm=_torque(torque, profile, read),
-        torque_added_nm=_torque(added, profile, read) if added else math.nan,
-        acceleration_rad_s2=_acceleration(quantities.acceleration, position, speed, read),
-        rated_torque_nm=rated,
+        torque_nm=torque_scale(torque, profile, read),
+        torque_added_nm=torque_scale(added, profile, read),
+        acceleration_rad_s2=_acceleration(quantities.acceleration, position, speed, profile, read),
+        rated_torque_nm=_rated(torque or added, read),
     )
+
+
+def torque_scale(quantity: Quantity | None, profile: DeviceProfile, read: ReadInteger) -> float:
+    """N·m per count of a torque; NaN where it is absent or left to the user. Raises InputError without rated torque."""
+    if quantity is None or quantity.unit == "user":
+        return math.nan
+    if quantity.scale is not None:
+        return quantity.scale
+    rated = _rated(quantity, read)
+    if rated is None:
+        raise InputError(
+            f"profile {profile.family}, quantities.torque",
+            f"the drive does not tell its rated torque ({quantity.rated or '6076'})",
+            'Set unit = "literal" and scale = N·m per count.',
+        )
+    return rated / 1000.0
+
+
+def _rated(quantity: Quantity | None, read: ReadInteger) -> float | None:
+    """Rated torque in N·m; None where the drive does not tell it."""
+    if quantity is None:
+        return None
+    ref = quantity.rated
+    if ref is None and quantity.object.space == "register":
+        return None
+    counts = read(ref.index, ref.subindex) if ref is not None else read(0x6076, 0)
+    return counts * quantity.rated_torque_scale if counts else None
 
 
 def _ratio(read: ReadInteger, index: int) -> float | None:
@@ -82,22 +110,34 @@ def _ratio(read: ReadInteger, index: int) -> float | None:
 def _position(quantity: Quantity, profile: DeviceProfile, read: ReadInteger) -> float:
     if quantity.scale is not None:
         return quantity.scale
-    resolution = _ratio(read, 0x608F)
-    feed = (
-        _ratio(read, 0x6092) or resolution
-    )  # without a feed constant, one shaft revolution counts increments
-    if feed is None:
-        raise InputError(
-            f"profile {profile.family}, quantities.position",
-            "the drive does not tell its encoder resolution (608F)",
-            'Set unit = "literal" and scale = rad per count.',
-        )
-    return 2 * math.pi * (_ratio(read, 0x6091) or 1.0) / feed
+    if quantity.unit == "user":
+        return math.nan
+    if quantity.resolution is not None:
+        increments = read(quantity.resolution.index, quantity.resolution.subindex)
+        if increments:
+            return 2 * math.pi / (increments * quantity.resolution_factor)
+        missing = str(quantity.resolution)
+    else:
+        resolution = _ratio(read, 0x608F)
+        # without a feed constant, one shaft revolution counts increments
+        feed = _ratio(read, 0x6092) or resolution
+        if feed is not None:
+            return 2 * math.pi * (_ratio(read, 0x6091) or 1.0) / feed
+        missing = "608F"
+    raise InputError(
+        f"profile {profile.family}, quantities.position",
+        f"the drive does not tell its encoder resolution ({missing})",
+        'Set unit = "literal" and scale = rad per count.',
+    )
 
 
 def _speed(quantity: Quantity, position: float, profile: DeviceProfile, read: ReadInteger) -> float:
     if quantity.scale is not None:
         return quantity.scale
+    if quantity.unit == "user":
+        return math.nan
+    if quantity.unit == "position_per_second":
+        return position
     scale = decode_si_unit(read(0x60A9, 0) or 0, abs(position))
     if scale is None:
         raise InputError(
@@ -108,21 +148,11 @@ def _speed(quantity: Quantity, position: float, profile: DeviceProfile, read: Re
     return scale
 
 
-def _torque(quantity: Quantity, profile: DeviceProfile, read: ReadInteger) -> float:
-    if quantity.scale is not None:
-        return quantity.scale
-    rated = read(0x6076, 0)
-    if not rated:
-        raise InputError(
-            f"profile {profile.family}, quantities.torque",
-            "the drive does not tell its rated torque (6076)",
-            'Set unit = "literal" and scale = N·m per count.',
-        )
-    return rated * quantity.rated_torque_scale / 1000.0
-
-
-def _acceleration(quantity: Quantity | None, position: float, speed: float, read: ReadInteger) -> float:
+def _acceleration(
+    quantity: Quantity | None, position: float, speed: float, profile: DeviceProfile, read: ReadInteger
+) -> float:
     if quantity is not None and quantity.scale is not None:
         return quantity.scale
-    told = decode_si_unit(read(0x60AA, 0) or 0, abs(position))
+    by_objects = profile.quantities.position.object.space == "object"
+    told = decode_si_unit(read(0x60AA, 0) or 0, abs(position)) if by_objects else None
     return told if told is not None else speed  # speed units per second, as many drives take them

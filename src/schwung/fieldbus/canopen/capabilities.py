@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 
 from schwung.fieldbus.drive import Capability, Parameter
-from schwung.fieldbus.profile import DeviceProfile, Ref
+from schwung.fieldbus.profile import CanopenProfile, Ref
 
 #: Bits of 6502 for the modes that we use (CiA 402-2).
 _MODE_BITS = {"pp": 0, "csp": 7}
@@ -14,7 +14,7 @@ ReadInteger = Callable[[int, int], int | None]
 Lookup = Callable[[int, int], Parameter | None]
 
 
-def assess(profile: DeviceProfile, lookup: Lookup, read: ReadInteger) -> tuple[Capability, ...]:
+def assess(profile: CanopenProfile, lookup: Lookup, read: ReadInteger) -> tuple[Capability, ...]:
     """Every capability by name, available or not, with the reason. Reads only.
 
     Names: "cyclic position", "profile position", "sampling by SYNC", "speed", "torque injection",
@@ -60,7 +60,7 @@ def assess(profile: DeviceProfile, lookup: Lookup, read: ReadInteger) -> tuple[C
     return tuple(found)
 
 
-def _mode(name: str, mode: str, profile: DeviceProfile, supported: int | None) -> Capability:
+def _mode(name: str, mode: str, profile: CanopenProfile, supported: int | None) -> Capability:
     if mode not in profile.modes:
         return Capability(name, False, "not in the profile")
     if supported is not None and not supported >> _MODE_BITS[mode] & 1:

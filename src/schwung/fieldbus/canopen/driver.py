@@ -33,7 +33,7 @@ from schwung.fieldbus.drive import (
     Resolution,
     Setpoints,
 )
-from schwung.fieldbus.profile import DeviceProfile
+from schwung.fieldbus.profile import CanopenProfile
 from schwung.fieldbus.units import Scales, read_scales
 
 _SAVE = 0x65766173  # "save", little-endian, for 1010
@@ -54,7 +54,7 @@ class CanopenDrive:
         self,
         bus: can.BusABC,
         node_id: int,
-        profile: DeviceProfile,
+        profile: CanopenProfile,
         *,
         bit_rate: int | None = None,
         bus_options: BusOptions | None = None,

@@ -35,7 +35,7 @@ from schwung.fieldbus.drive import (
     Setpoints,
     attach_recording,
 )
-from schwung.fieldbus.profile import DeviceProfile
+from schwung.fieldbus.profile import CanopenProfile
 from schwung.fieldbus.units import Scales
 
 SyncChoice = Literal["auto", "lockstep", "kernel", "thread"]
@@ -57,7 +57,7 @@ class Operation:
         link: Link,
         sdo: SdoChannel,
         monitor: nmt.NodeMonitor,
-        profile: DeviceProfile,
+        profile: CanopenProfile,
         layouts: Layouts,
         sync: SyncChoice,
         *,

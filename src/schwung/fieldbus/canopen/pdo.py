@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from schwung.errors import InputError, SdoError
 from schwung.fieldbus import eds
 from schwung.fieldbus.drive import Parameter, ParameterValue
-from schwung.fieldbus.profile import DeviceProfile, ObjectRef, Pdo
+from schwung.fieldbus.profile import CanopenProfile, ObjectRef, Pdo
 
 INVALID = 0x80000000  # bit 31 of a COB-ID entry: the PDO does not exist
 ON_EVERY_SYNC = 1  # transmission type
@@ -66,7 +66,7 @@ class Layouts:
     tpdos: tuple[Layout, ...]
 
 
-def layouts(profile: DeviceProfile, lookup: Lookup, node_id: int) -> Layouts:
+def layouts(profile: CanopenProfile, lookup: Lookup, node_id: int) -> Layouts:
     """Lay out the profile's PDOs. Raises InputError where the EDS lacks an object or a frame exceeds 8 bytes."""
     return Layouts(
         _layout(profile, profile.rpdos[0], lookup, node_id),
@@ -74,7 +74,7 @@ def layouts(profile: DeviceProfile, lookup: Lookup, node_id: int) -> Layouts:
     )
 
 
-def _layout(profile: DeviceProfile, pdo: Pdo, lookup: Lookup, node_id: int) -> Layout:
+def _layout(profile: CanopenProfile, pdo: Pdo, lookup: Lookup, node_id: int) -> Layout:
     place = f"profile {profile.family}, {pdo.direction} {pdo.number}"
     if pdo.number > PREDEFINED:
         raise InputError(place, "has no predefined identifier", f"Use PDO numbers 1 to {PREDEFINED}.")

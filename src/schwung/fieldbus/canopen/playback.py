@@ -14,7 +14,7 @@ from schwung.fieldbus import cia402
 from schwung.fieldbus.canopen.pdo import Layout, Layouts
 from schwung.fieldbus.canopen.recorder import Recorder, arrange, measure_timing
 from schwung.fieldbus.drive import Move, OperatingMode, Recording, Setpoints, SyncTiming
-from schwung.fieldbus.profile import DeviceProfile
+from schwung.fieldbus.profile import CanopenProfile
 from schwung.fieldbus.units import Scales
 from schwung.motion import Array
 
@@ -36,7 +36,7 @@ class Playable:
 def pack(
     setpoints: Setpoints,
     mode: OperatingMode,
-    profile: DeviceProfile,
+    profile: CanopenProfile,
     layout: Layout,
     scales: Scales,
     target: int,
@@ -130,7 +130,7 @@ def dynamics(moves: Sequence[Move], scales: Scales) -> dict[int, int]:
 def build(
     recorder: Recorder,
     playable: Playable,
-    profile: DeviceProfile,
+    profile: CanopenProfile,
     layouts: Layouts,
     scales: Scales,
     producer: str,
@@ -179,7 +179,7 @@ def build(
         statusword=statusword,
         position_rad=si(str(q.position.object), scales.position_rad),
         speed_rad_s=si(str(q.speed.object) if q.speed else None, scales.speed_rad_s),
-        torque_nm=si(str(q.torque.object), scales.torque_nm),
+        torque_nm=si(str(q.torque.object) if q.torque else None, scales.torque_nm),
         position_demand_rad=np.asarray(demand, dtype=float),
         torque_added_nm=np.asarray(added, dtype=float),
         lost=samples.lost,

@@ -16,7 +16,7 @@ from schwung.fieldbus.canopen.link import Link
 from schwung.fieldbus.canopen.nmt import NodeMonitor
 from schwung.fieldbus.canopen.sdo import SdoChannel
 from schwung.fieldbus.drive import Capability, DriveIdentity, Parameter, Progress
-from schwung.fieldbus.profile import DeviceProfile, list_profiles
+from schwung.fieldbus.profile import CanopenProfile, list_profiles
 
 _ASK_S = 0.3  # for the answers to a request of 1000 to every node
 _LISTEN_S = 0.3  # for heartbeats
@@ -77,7 +77,7 @@ def scan_bus(
         link.close()
 
 
-def match_profile(bus: can.BusABC, node_id: int) -> DeviceProfile:
+def match_profile(bus: can.BusABC, node_id: int) -> CanopenProfile:
     """The profile that fits a node's identity best. Raises InputError when nobody answers or nothing fits."""
     link = Link(bus)
     try:
@@ -94,10 +94,12 @@ def match_profile(bus: can.BusABC, node_id: int) -> DeviceProfile:
     return fitting[0]
 
 
-def fitting_profiles(identity: DriveIdentity) -> list[DeviceProfile]:
+def fitting_profiles(identity: DriveIdentity) -> list[CanopenProfile]:
     """Profiles for that vendor and product; one without an identity section must be asked for by name."""
     fitting = []
     for profile in list_profiles():
+        if not isinstance(profile, CanopenProfile):
+            continue
         want = profile.identity
         if want is None or want.vendor_id != identity.vendor_id:
             continue

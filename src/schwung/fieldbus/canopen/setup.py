@@ -10,7 +10,7 @@ from schwung.fieldbus.canopen.exchange import COUNTER_OVERFLOW, SYNC_ID
 from schwung.fieldbus.canopen.nmt import MASTER_NODE_ID, MISSES_ALLOWED
 from schwung.fieldbus.canopen.pdo import Layouts
 from schwung.fieldbus.drive import Acquisition, Parameter, ParameterValue
-from schwung.fieldbus.profile import DeviceProfile
+from schwung.fieldbus.profile import CanopenProfile
 
 Lookup = Callable[[int, int], Parameter | None]
 ReadInteger = Callable[[Parameter], int | None]
@@ -20,7 +20,7 @@ _CONSUMER_SLOTS = 16  # sub-indices of 1016 that are looked at
 
 
 def wanted_values(
-    profile: DeviceProfile, layouts: Layouts, acquisition: Acquisition, lookup: Lookup, read: ReadInteger
+    profile: CanopenProfile, layouts: Layouts, acquisition: Acquisition, lookup: Lookup, read: ReadInteger
 ) -> list[ParameterValue]:
     """All that differs between what the acquisition needs and what the drive holds, in the order to write it.
 
@@ -64,7 +64,7 @@ def _present(index: int, subindex: int, lookup: Lookup, read: ReadInteger) -> in
     return None if parameter is None else read(parameter)
 
 
-def _silenced(profile: DeviceProfile, lookup: Lookup, read: ReadInteger) -> list[tuple[int, int, int]]:
+def _silenced(profile: CanopenProfile, lookup: Lookup, read: ReadInteger) -> list[tuple[int, int, int]]:
     """TPDOs that the profile does not name are switched off: they would only load the bus."""
     named = {p.number for p in profile.tpdos}
     values = []
@@ -76,7 +76,7 @@ def _silenced(profile: DeviceProfile, lookup: Lookup, read: ReadInteger) -> list
 
 
 def _sync(
-    profile: DeviceProfile, acquisition: Acquisition, lookup: Lookup, read: ReadInteger
+    profile: CanopenProfile, acquisition: Acquisition, lookup: Lookup, read: ReadInteger
 ) -> list[tuple[int, int, int]]:
     values = []
     cob_id = _present(0x1005, 0, lookup, read)
@@ -89,7 +89,7 @@ def _sync(
     return values
 
 
-def has_counter(profile: DeviceProfile, lookup: Lookup) -> bool:
+def has_counter(profile: CanopenProfile, lookup: Lookup) -> bool:
     """True where SYNC shall carry its counter."""
     return profile.sync.counter and lookup(0x1019, 0) is not None
 
