@@ -14,6 +14,7 @@ from driver_desk import NODE, bench_and_bus, connected, enabled, stroke
 from schwung.commissioning import ParameterJournal, restore_backup
 from schwung.errors import DriveFaultError, InputError, SdoError, StateError
 from schwung.fieldbus.canopen import CanopenDrive, match_profile, scan_bus
+from schwung.fieldbus.canopen.block import BlockError, BlockUpload
 from schwung.fieldbus.drive import Acquisition, Guard, Move, Parameter, ParameterValue, Setpoints
 from schwung.fieldbus.profile import load_profile
 
@@ -258,6 +259,9 @@ def test_an_eds_of_another_drive_is_refused(tmp_path: Path) -> None:
 
 
 def test_a_domain_is_read_by_block_transfer_or_else_by_segments(monkeypatch: pytest.MonkeyPatch) -> None:
+    def broken(self: BlockUpload) -> bytes:
+        raise BlockError("the CRC is wrong")
+
     with enabled() as (_, drive):
         trace = drive.parameter(0x2200, 4)
         drive.write(
@@ -267,12 +271,7 @@ def test_a_domain_is_read_by_block_transfer_or_else_by_segments(monkeypatch: pyt
         by_block = drive.read(trace).raw
         assert isinstance(by_block, bytes)
         assert len(by_block) == 1000
-        from canopen.sdo.client import BlockUploadStream  # noqa: PLC0415  (its own defect is what is used)
-
-        def breaks(self: object, size: int = -1) -> bytes:
-            raise AttributeError("'BlockUploadStream' object has no attribute 'abort'")
-
-        monkeypatch.setattr(BlockUploadStream, "read", breaks)
+        monkeypatch.setattr(BlockUpload, "run", broken)
         assert drive.read(trace).raw == by_block
 
 

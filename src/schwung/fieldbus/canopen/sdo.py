@@ -1,7 +1,7 @@
 """SDO client of one node: one lock, transfers repeated on time-out, block transfer with fall-back, errors in words.
 
-The protocol work is canopen's; its client is not thread-safe, confuses late answers with current ones, and its
-block upload dies of an AttributeError on the abort path, so none of it is reachable but through here.
+The protocol work is canopen's but for block upload (block.py); its client is not thread-safe and confuses late answers
+with current ones, so none of it is reachable but through here.
 """
 
 from __future__ import annotations
@@ -18,6 +18,7 @@ from canopen.sdo import SdoAbortedError, SdoClient, SdoCommunicationError
 
 from schwung.errors import InputError, SdoError
 from schwung.fieldbus import eds
+from schwung.fieldbus.canopen.block import BlockAbortedError, BlockError, BlockUpload
 from schwung.fieldbus.canopen.link import Link
 from schwung.fieldbus.drive import Parameter, ParameterValue, RawValue
 
@@ -43,6 +44,9 @@ ABORT_CODES = {
 }  # fmt: skip
 _SILENT_TIMEOUT_S = 0.2  # for a node that did not answer last time: the way out shall be short
 _ABSENT = (0x06020000, 0x06090011)
+_UNKNOWN_COMMAND = 0x05040001  # what a server without block transfer answers
+_BLOCK_ATTEMPTS = 2
+_QUIET_S, _DRAINED_S = 0.03, 1.0  # so long without a frame: the rest of a broken block has passed by
 _REMEDIES = {
     0x08000022: "Disable the drive, or put the node in pre-operational, and try again.",
     0x06010002: "Leave it out of what is written.",
@@ -74,6 +78,13 @@ class _Client(SdoClient):  # type: ignore[misc]  # canopen is not followed by my
     def clear(self) -> None:
         self.responses: queue.Queue[bytes] = queue.Queue()
 
+    def wait(self, timeout_s: float) -> bytes | None:
+        """The next frame of the server; None where none comes in time."""
+        try:
+            return self.responses.get(timeout=timeout_s)
+        except queue.Empty:
+            return None
+
 
 class _Sender:
     """The one method of a canopen network that its SDO client uses."""
@@ -100,6 +111,7 @@ class SdoChannel:
         self._client = _Client(link, node_id)
         self._lock = threading.RLock()
         self._silent = False  # nobody answered last time: one attempt is enough until somebody does
+        self.serves_blocks = True  # until the server says otherwise
         link.subscribe(0x580 + node_id, self._client.on_frame)
 
     def close(self) -> None:
@@ -136,9 +148,12 @@ class SdoChannel:
                 return bytes(stream.read())
 
         if block:
-            found = self._try_block(parameter, lambda: self._block_upload(parameter))
-            if found is not None:
-                return found
+            for _ in range(_BLOCK_ATTEMPTS):
+                found = None
+                if not self._silent and self.serves_blocks:
+                    found = self._try_block(parameter, lambda: self._block_upload(parameter))
+                if found is not None:
+                    return found
         return self._repeat("read", parameter, plain)
 
     def download(
@@ -174,10 +189,14 @@ class SdoChannel:
         self._silent = True
 
     def _block_upload(self, parameter: Parameter) -> bytes:
-        with self._client.open(
-            parameter.index, parameter.subindex, "rb", buffering=0, block_transfer=True
-        ) as stream:
-            return bytes(stream.read())
+        client = self._client
+        return BlockUpload(
+            lambda data: client.network.send_message(client.rx_cobid, data),
+            client.wait,
+            parameter.index,
+            parameter.subindex,
+            self.timeout_s,
+        ).run()
 
     def _block_download(self, parameter: Parameter, data: bytes) -> bool:
         with self._client.open(
@@ -194,18 +213,34 @@ class SdoChannel:
                 return self._transfer(parameter, action, self.timeout_s)
             except (
                 _AbortedError,
+                BlockAbortedError,
+                BlockError,
                 SdoCommunicationError,
                 AttributeError,
                 AssertionError,
                 RuntimeError,
                 OSError,
                 ValueError,
-            ):
-                time.sleep(min(self.timeout_s, 0.05))  # let the rest of the block pass by
-                self._client.clear()
+            ) as error:
+                if getattr(error, "code", None) == _UNKNOWN_COMMAND:
+                    self.serves_blocks = False
+                else:
+                    self._drain(parameter)
                 return None
+            except BaseException:  # Ctrl-C: the next transfer may be the quick stop
+                self._drain(parameter)
+                raise
             finally:
                 self._client.in_block = False
+
+    def _drain(self, parameter: Parameter) -> None:
+        """Let the rest of a broken block pass by: its segments could be taken for the answers to what follows."""
+        client, deadline = self._client, time.monotonic() + _DRAINED_S
+        client.multiplexer = _multiplexer(parameter)
+        while client.wait(_QUIET_S) is not None and time.monotonic() < deadline:
+            pass
+        client.multiplexer = None
+        client.clear()
 
     def _repeat(
         self, verb: str, parameter: Parameter, action: Callable[[], T], timeout_s: float | None = None
@@ -244,13 +279,17 @@ class SdoChannel:
         client = self._client
         client.RESPONSE_TIMEOUT = timeout_s
         client.clear()
-        client.multiplexer = parameter.index.to_bytes(2, "little") + bytes([parameter.subindex])
+        client.multiplexer = _multiplexer(parameter)
         try:
             return action()
         except SdoAbortedError as error:
             raise _AbortedError(error.code) from error
         finally:
             client.multiplexer = None
+
+
+def _multiplexer(parameter: Parameter) -> bytes:
+    return parameter.index.to_bytes(2, "little") + bytes([parameter.subindex])
 
 
 def is_absent(error: SdoError) -> bool:
