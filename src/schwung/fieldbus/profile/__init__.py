@@ -20,7 +20,7 @@ from schwung.fieldbus.profile.files import (
     load_profile,
     profile_folders,
 )
-from schwung.fieldbus.profile.modbus import Modbus, RegisterIdentity
+from schwung.fieldbus.profile.modbus import Limits, Modbus, RegisterIdentity, State, Strokes
 from schwung.fieldbus.profile.model import (
     CAPABILITIES,
     CanopenProfile,
@@ -63,6 +63,7 @@ __all__ = [
     "HarmonicExport",
     "Identity",
     "InjectedQuantity",
+    "Limits",
     "Modbus",
     "ModbusProfile",
     "ObjectRef",
@@ -75,7 +76,9 @@ __all__ = [
     "ScalarExport",
     "ScaledObject",
     "Setting",
+    "State",
     "Stop",
+    "Strokes",
     "Sync",
     "TableExport",
     "Trace",

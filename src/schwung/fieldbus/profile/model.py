@@ -10,8 +10,8 @@ from pydantic import BaseModel, Field, model_validator
 
 from schwung.fieldbus.drive import OperatingMode
 from schwung.fieldbus.profile.acquire import DisturbanceBuffer, Generator, Trace
-from schwung.fieldbus.profile.modbus import Modbus, RegisterIdentity
-from schwung.fieldbus.profile.parts import ObjectRef, Part, Quantities, Ref
+from schwung.fieldbus.profile.modbus import Limits, Modbus, RegisterIdentity, State, Strokes
+from schwung.fieldbus.profile.parts import ObjectRef, Part, Quantities, Ref, ScaledObject, Setting
 from schwung.fieldbus.profile.targets import Control, Export, Stop
 
 #: What commissioning may want of a drive; the keys of [cannot].
@@ -97,6 +97,9 @@ def _refs(place: str, value: Any) -> Iterator[tuple[str, ObjectRef]]:
     elif isinstance(value, tuple):
         for number, item in enumerate(value, start=1):
             yield from _refs(f"{place}[{number}]", item)
+    elif isinstance(value, dict):
+        for key, item in value.items():
+            yield from _refs(f"{place}.{key}", item)
 
 
 class Identity(Part):
@@ -184,6 +187,8 @@ class CanopenProfile(DeviceProfile):
         if not self.modes:
             return self  # nothing moves: nothing has to be carried
         q = self.quantities
+        if q.position.demand is None:
+            raise ValueError("quantities.position: demand is missing, and [modes] says that the drive moves")
         sent = {str(entry) for entry in self.rpdos[0].entries}
         answered = {str(entry) for pdo in self.tpdos for entry in pdo.entries}
         demanded = ["6040:00", str(q.position.demand)] + (
@@ -205,13 +210,44 @@ class ModbusProfile(DeviceProfile):
     modbus: Modbus
     """How registers make parameters, and how the drive wants to be asked."""
     identity: tuple[RegisterIdentity, ...] = ()
-    """Parameters that tell this family from others; absent: any drive is accepted."""
+    """Parameters that tell this family from others, the manufacturer's before the product's; absent: any drive is
+    accepted."""
+    serial: Ref | None = None
+    """Where the drive tells its serial number."""
+    parameters: dict[str, Ref] = Field(default_factory=dict)
+    """The manufacturer's names of parameters: of those that this file uses, and of further ones for a backup."""
+    state: State | None = None
+    """The CiA 402 state machine in registers."""
+    strokes: Strokes | None = None
+    """What shapes the drive's own positioning."""
+    limits: Limits = Limits()
+    """What the drive enforces by itself."""
+    watchdog: ScaledObject | None = None
+    """How long the drive waits for a request before it stops by itself, s per count; 0: for ever."""
+    store: Setting | None = None
+    """What saves all parameters in the drive's memory."""
 
     @model_validator(mode="after")
     def _only_registers(self) -> ModbusProfile:
         for place, ref in self.refs():
             if ref.space != "register":
                 raise ValueError(f'{place}: {ref} is an object; write a register like "@7706:INTEGER32"')
+        kinds: dict[int, str] = {}
+        for place, ref in self.refs():
+            if kinds.setdefault(ref.index, ref.type) != ref.type:
+                raise ValueError(f"{place}: {ref} is {ref.type} here and {kinds[ref.index]} elsewhere")
+        if "pp" in self.modes:
+            missing = [
+                name
+                for name, part in (
+                    ("state", self.state),
+                    ("strokes", self.strokes),
+                    ("quantities.position.demand", self.quantities.position.demand),
+                )
+                if part is None
+            ]
+            if missing:
+                raise ValueError(f"modes: pp needs {', '.join(missing)}")
         q = self.quantities
         for name in type(q).model_fields:
             quantity = getattr(q, name)

@@ -128,8 +128,8 @@ class Quantity(Part):
 class PositionQuantity(Quantity):
     """Position also has an object that takes the demand."""
 
-    demand: Ref
-    """Where the demanded position is written."""
+    demand: Ref | None = None
+    """Where the demanded position is written; a profile without modes needs none."""
 
 
 class InjectedQuantity(Quantity):
