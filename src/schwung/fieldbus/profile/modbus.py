@@ -43,6 +43,12 @@ class Modbus(Part):
     """16: several registers at once; 6: one by one, for 16-bit parameters only."""
     tcp_port: int = Field(default=502, ge=1, le=65535)
     """Port on TCP."""
+    baudrate: int | None = Field(default=None, gt=0)
+    """Bit rate on RTU as delivered."""
+    parity: Literal["N", "E", "O"] | None = None
+    """Parity on RTU as delivered."""
+    stopbits: Literal[1, 2] | None = None
+    """Stop bits on RTU as delivered."""
 
 
 class State(Part):

@@ -1,0 +1,1 @@
+"""A servo drive on Modbus, its registers made of a profile.toml."""

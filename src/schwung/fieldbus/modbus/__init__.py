@@ -1,0 +1,1 @@
+"""Modbus: words, connection, driver, scan."""
