@@ -13,8 +13,9 @@ from typing import Any
 import can
 
 from schwung_sim.drives.axis import ServoAxis
+from schwung_sim.drives.roles import find_profile, read_profile, read_roles
 from schwung_sim.drives.servo import CanopenServo, Clock
-from schwung_sim.drives.vendor import CONTROL_PERIOD_US
+from schwung_sim.drives.vendor import CONTROL_PERIOD_US, OWN_FAMILY
 from schwung_sim.errors import BenchError
 from schwung_sim.faults import FaultSchedule, FaultyBus, parse_faults
 from schwung_sim.plants import Plant, make_plant
@@ -24,11 +25,8 @@ START_S = 5.0
 
 
 def default_eds() -> Path:
-    """The EDS that comes with Schwung, in a checkout or in an installed package."""
-    relative = Path("device_profiles/schwung-bench/schwung-bench.eds")
-    room = Path(__file__).resolve().parents[1]  # sim/ in a checkout, site-packages/ when installed
-    places = (room.parent / relative, room / "schwung" / relative)
-    return next((place for place in places if place.is_file()), places[0])
+    """The EDS of the bench's own drive, in a checkout or in an installed package."""
+    return read_profile(find_profile(OWN_FAMILY))[1]
 
 
 class Bench:
@@ -37,8 +35,10 @@ class Bench:
     `plant` is a name ("two-mass", "slider-crank") or a Plant; `conceal` switches on physics that the tool
     under test does not know (plants/concealed.py has the syntax), `faults` what goes wrong (faults.py has
     the syntax). `interface`, `channel` and `bus_options` are python-can's; `tcp` = (host, port) serves a bus
-    of its own instead, see socketcand.py. `memory` keeps stored parameters (1010) in a file. All chance
-    comes from `seed`, and so does the serial number of the drive.
+    of its own instead, see socketcand.py. `profile` (a family of device_profiles, or a path) says which objects play
+    which part, `eds` which objects there are: nothing else is shown on the bus; default: the bench's own drive.
+    `memory` keeps stored parameters (1010) in a file. All chance comes from `seed`, and so does the serial number of
+    the drive.
     Raises BenchError on wrong use, before anything runs.
     """
 
@@ -55,6 +55,7 @@ class Bench:
         clock: Clock = "sync",
         node_id: int = 5,
         eds: Path | None = None,
+        profile: str | Path | None = None,
         faults: str = "",
         memory: Path | None = None,
     ) -> None:
@@ -67,6 +68,8 @@ class Bench:
                 "--conceal", "a plant that is given has its own physics", "Name the plant instead."
             )
         wanted_faults = parse_faults(faults)
+        content, own_eds = read_profile(find_profile(profile or OWN_FAMILY))
+        roles = read_roles(content)
         if isinstance(plant, str):
             _compile(plant, conceal)
             plant = make_plant(plant, conceal=conceal, seed=seed)
@@ -82,7 +85,7 @@ class Bench:
         try:
             self.axis = ServoAxis(self.plant, seed=seed)
             self.servo = CanopenServo(
-                self.bus, node_id, self.axis, eds or default_eds(), clock=clock, seed=seed, memory=memory
+                self.bus, node_id, self.axis, eds or own_eds, roles, clock=clock, seed=seed, memory=memory
             )
         except BaseException:
             self.close()

@@ -208,7 +208,7 @@ def test_port_in_use_is_refused() -> None:
 
 def test_eds_that_is_none_is_refused(tmp_path: Path) -> None:
     nonsense = tmp_path / "drive.eds"
-    nonsense.write_text("[1000]\nParameterName\n=x")
+    nonsense.write_text("[drive]\nParameterName\n=x")
     with pytest.raises(BenchError, match="no EDS that can be read"):
         Bench(eds=nonsense, channel="refused")
     wrong = tmp_path / "wrong.eds"

@@ -12,6 +12,7 @@ import canopen
 
 from schwung_sim.bench import default_eds
 from schwung_sim.drives.axis import ServoAxis
+from schwung_sim.drives.roles import find_profile, read_profile, read_roles
 from schwung_sim.drives.servo import CanopenServo
 from schwung_sim.plants import make_plant
 
@@ -64,6 +65,7 @@ class Rig:
             NODE,
             self.axis,
             default_eds(),
+            read_roles(read_profile(find_profile("schwung-bench"))[0]),
             clock=clock,
             seed=seed,
             memory=memory,

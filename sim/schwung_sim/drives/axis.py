@@ -199,12 +199,14 @@ class ServoAxis:
         """
         ctl.add_torque(self._control, torque_nm, self.settings.interpolate_torque)
 
-    def arm_trace(self, divider: int, length: int) -> None:
-        """Record every divider-th 8 kHz sample, `length` of them, from the next start of a motion on."""
+    def arm_trace(self, divider: int, length: int, at_once: bool = False) -> None:
+        """Record every divider-th 8 kHz sample, `length` of them, from the next start of a motion on, or from now."""
         if divider < 1 or length < 1:
             raise BenchError("axis", "a trace needs a divider and a length of 1 or more")
         self._trace = np.zeros((length, ctl.TRACE_COLUMNS))
-        for name, value in (("divider", divider), ("length", length), ("at", 0), ("status", TRACE_ARMED)):
+        status = TRACE_RUNNING if at_once else TRACE_ARMED
+        fields = {"divider": divider, "length": length, "at": 0, "wait": 0, "status": status}
+        for name, value in fields.items():
             self._c[f"trace_{name}"] = value
 
     def stop_trace(self) -> None:

@@ -1,31 +1,34 @@
-"""The drive's object dictionary: what the EDS declares, the values now, and hooks where a value is live.
+"""The drive's object dictionary: what its EDS declares, the values now, and hooks where a value is live.
 
-The EDS is the one source of types, access, defaults, limits and PDO mapping (CiA 306-1, CiA 301 clause 7.4).
+The EDS is the one source of types, access, limits and PDO mapping (CiA 306-1, CiA 301 clause 7.4). What the drive's
+logic needs beyond that has a value here, and no entry: nobody on the bus sees it.
 """
 
 from __future__ import annotations
 
-import configparser
 import math
-import struct
-from collections.abc import Callable, Iterator
-from dataclasses import dataclass
-from pathlib import Path
+from collections.abc import Callable, Iterable, Mapping
+from typing import Any
 
-import canopen
-
+from schwung_sim.drives.eds import DOMAIN, NUMERIC, Entry, Value, key
 from schwung_sim.errors import BenchError
 
-Value = int | float | bytes
-Reader = Callable[[], Value]
-Writer = Callable[[int], None]
+__all__ = [
+    "DOMAIN",
+    "NUMERIC",
+    "AbortError",
+    "Code",
+    "Entry",
+    "ObjectDictionary",
+    "Reader",
+    "Value",
+    "Writer",
+    "key",
+]
 
-#: struct format of each numeric data type (CiA 301 table 44)
-NUMERIC = {
-    0x01: "<?", 0x02: "<b", 0x03: "<h", 0x04: "<i", 0x05: "<B", 0x06: "<H", 0x07: "<I",
-    0x08: "<f", 0x11: "<d", 0x15: "<q", 0x1B: "<Q",
-}  # fmt: skip
-DOMAIN = 0x0F
+Reader = Callable[[], Value]
+Writer = Callable[[Any], None]  # an integer, or a float where the type is one
+
 DOMAIN_MAX_BYTES = 1 << 16
 
 
@@ -62,54 +65,17 @@ class AbortError(Exception):
         super().__init__(f"0x{code:08X}")
 
 
-@dataclass(frozen=True, slots=True)
-class Entry:
-    """One object of the dictionary, as the EDS declares it."""
-
-    index: int
-    subindex: int
-    name: str
-    data_type: int
-    access: str
-    default: Value
-    low: int | None
-    high: int | None
-    mappable: bool
-
-    @property
-    def key(self) -> int:
-        return key(self.index, self.subindex)
-
-    @property
-    def size(self) -> int | None:
-        """Bytes of a numeric value; None for strings and domains."""
-        form = NUMERIC.get(self.data_type)
-        return None if form is None else struct.calcsize(form)
-
-    @property
-    def readable(self) -> bool:
-        return self.access != "wo"
-
-    @property
-    def writable(self) -> bool:
-        return "w" in self.access
-
-
-def key(index: int, subindex: int = 0) -> int:
-    """One number for index and subindex."""
-    return index << 8 | subindex
-
-
 class ObjectDictionary:
-    """Entries, values and hooks by `key(index, subindex)`.
+    """Entries, values and hooks by `key(index, subindex)`; `defaults` are those of all entries, and what is hidden.
 
     A `reader` gives a value that is live; a `writer` is called with a value before it is stored and may
     refuse it by raising AbortError.
     """
 
-    def __init__(self, entries: Iterator[Entry] | list[Entry]) -> None:
+    def __init__(self, entries: Iterable[Entry], defaults: Mapping[int, Value]) -> None:
         self.entries = {entry.key: entry for entry in entries}
-        self.values: dict[int, Value] = {k: entry.default for k, entry in self.entries.items()}
+        self.defaults = dict(defaults)
+        self.values: dict[int, Value] = dict(defaults)
         self.readers: dict[int, Reader] = {}
         self.writers: dict[int, Writer] = {}
         self._indices = {entry.index for entry in self.entries.values()}
@@ -122,25 +88,18 @@ class ObjectDictionary:
         return entry
 
     def number(self, index: int, subindex: int = 0) -> int:
-        """An integer value, for the drive's own use. Raises BenchError where the EDS has no such object."""
-        value = self.values.get(key(index, subindex))
+        """An integer value, for the drive's own use, shown or hidden. Raises BenchError where it has none."""
+        value = self.values.get(index << 8 | subindex)
         if value is None:
-            raise _incomplete(key(index, subindex))
+            raise incomplete(key(index, subindex))
         return int(value)
-
-    def check_hooks(self) -> None:
-        """Raises BenchError where the drive has a hook for an object that the EDS does not declare."""
-        for k in (*self.readers, *self.writers):
-            if k not in self.entries:
-                raise _incomplete(k)
 
     def upload(self, index: int, subindex: int) -> bytes:
         """What an SDO upload returns. Raises AbortError."""
         entry = self.entry(index, subindex)
         if not entry.readable:
             raise AbortError(Code.WRITE_ONLY)
-        value = self.reader(entry.key)()
-        return value if isinstance(value, bytes) else struct.pack(NUMERIC[entry.data_type], value)
+        return entry.encode(self.reader(entry.key)())
 
     def check_download(self, index: int, subindex: int, size: int | None) -> Entry:
         """Refuse what can be refused before the data has come. Raises AbortError."""
@@ -161,7 +120,7 @@ class ObjectDictionary:
         if entry.size is None:
             self.values[entry.key] = data
         else:
-            self.writer(entry.key)(struct.unpack(NUMERIC[entry.data_type], data)[0])
+            self.writer(entry.key)(entry.decode(data))
 
     def writer(self, k: int) -> Writer:
         """A callable that checks the range, asks the hook, and stores. It raises AbortError."""
@@ -185,45 +144,6 @@ class ObjectDictionary:
         return self.readers.get(k) or (lambda: self.values[k])
 
 
-def _incomplete(k: int) -> BenchError:
+def incomplete(k: int) -> BenchError:
+    """What is raised where the drive's logic misses a value."""
     return BenchError("EDS", f"lacks object 0x{k >> 8:04X}:{k & 0xFF:02X}, which this drive is made of")
-
-
-def read_eds(path: Path, node_id: int) -> ObjectDictionary:
-    """The dictionary that an EDS declares, with $NODEID filled in. Raises BenchError."""
-    if not path.is_file():
-        raise BenchError(str(path), "there is no such EDS", "Give the file that describes the drive.")
-    try:
-        parsed = canopen.import_od(str(path), node_id)
-    except (configparser.Error, ValueError, KeyError, UnicodeDecodeError) as error:
-        raise BenchError(str(path), f"is no EDS that can be read: {error}") from error
-    return ObjectDictionary([_entry(variable) for variable in _variables(parsed) if variable.index > 0x1F])
-
-
-def _variables(parsed: canopen.ObjectDictionary) -> Iterator[canopen.objectdictionary.ODVariable]:
-    for item in parsed.values():
-        if isinstance(item, canopen.objectdictionary.ODVariable):
-            yield item
-        else:
-            yield from item.subindices.values()
-
-
-def _entry(variable: canopen.objectdictionary.ODVariable) -> Entry:
-    default = variable.default
-    if variable.data_type not in NUMERIC:
-        default = default.encode() if isinstance(default, str) else bytes(default or b"")
-    elif default is None:
-        raise BenchError(
-            f"EDS, object 0x{variable.index:04X}:{variable.subindex:02X}", "has no default value"
-        )
-    return Entry(
-        index=variable.index,
-        subindex=variable.subindex,
-        name=variable.name,
-        data_type=variable.data_type,
-        access=variable.access_type,
-        default=default,
-        low=variable.min,
-        high=variable.max,
-        mappable=variable.pdo_mappable,
-    )

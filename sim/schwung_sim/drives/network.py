@@ -9,7 +9,6 @@ from functools import partial
 
 from schwung_sim.drives.dictionary import AbortError, Code, ObjectDictionary, key
 
-HISTORY = 8
 EMCY_HEARTBEAT = 0x8130
 NOT_VALID = 1 << 31
 
@@ -35,7 +34,8 @@ class Emergency:
         dictionary.readers[key(0x1001)] = lambda: self.register
         dictionary.readers[key(0x1003)] = lambda: len(self._history)
         dictionary.writers[key(0x1003)] = self._clear_history
-        for n in range(1, HISTORY + 1):
+        self._room = max((k & 0xFF for k in dictionary.entries if k >> 8 == 0x1003), default=0)
+        for n in range(1, self._room + 1):
             dictionary.readers[key(0x1003, n)] = partial(self._past, n)
 
     @property
@@ -65,7 +65,7 @@ class Emergency:
         if code in self.active:
             return
         self.active[code] = _register_bit(code)
-        self._history = [code, *self._history][:HISTORY]
+        self._history = [code, *self._history][: self._room]
         self._emit(code)
 
     def clear(self, code: int | None = None) -> None:

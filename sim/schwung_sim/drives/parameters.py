@@ -18,20 +18,22 @@ _GROUPS = {
     3: range(0x6000, 0xA000),
     4: range(0x2000, 0x6000),
 }
-#: commands and states, not parameters
-_VOLATILE = {key(0x1003), key(0x2100, 4), key(0x2200, 3), key(0x6040), key(0x607A), key(0x60B2)} | {
-    key(index, subindex) for index in (0x1010, 0x1011) for subindex in range(5)
-}
+#: commands and states of every drive, not parameters
+_VOLATILE = {key(0x1003), key(0x6040)} | {key(index, n) for index in (0x1010, 0x1011) for n in range(5)}
 
 
 class ParameterStore:
     """Parameters in non-volatile memory: a JSON file where `path` is given, else while this object lives.
 
-    `ready` says whether the drive can store now. Raises BenchError where the file is not one of ours.
+    `ready` says whether the drive can store now, `volatile` which objects command and are never stored.
+    Raises BenchError where the file is not one of ours.
     """
 
-    def __init__(self, dictionary: ObjectDictionary, path: Path | None, ready: Callable[[], bool]) -> None:
+    def __init__(
+        self, dictionary: ObjectDictionary, path: Path | None, ready: Callable[[], bool], volatile: set[int]
+    ) -> None:
         self._dictionary, self._path, self._ready = dictionary, path, ready
+        self._volatile = _VOLATILE | volatile
         self._stored: dict[int, Value] = self._read(path) if path is not None and path.exists() else {}
         for group in _GROUPS:
             dictionary.writers[key(0x1010, group)] = partial(self._save, group)
@@ -52,14 +54,14 @@ class ParameterStore:
         """Defaults, then what was stored, for the objects in `only`; hooks are not called."""
         for k, entry in self._dictionary.entries.items():
             if entry.index in only and entry.index != 0x1018:
-                self._dictionary.values[k] = self._stored.get(k, entry.default)
+                self._dictionary.values[k] = self._stored.get(k, self._dictionary.defaults[k])
 
     def _save(self, group: int, signature: int) -> None:
         if signature != SAVE:
             raise AbortError(Code.CANNOT_STORE)
         self._check_ready()
         for k, entry in self._dictionary.entries.items():
-            if entry.index in _GROUPS[group] and entry.writable and k not in _VOLATILE:
+            if entry.index in _GROUPS[group] and entry.writable and k not in self._volatile:
                 self._stored[k] = self._dictionary.values[k]
         self._write()
 

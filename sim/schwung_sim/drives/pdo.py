@@ -6,9 +6,8 @@ import struct
 from abc import ABC, abstractmethod
 from collections.abc import Callable
 
-from schwung_sim.drives.dictionary import NUMERIC, AbortError, Code, ObjectDictionary, Reader, key
+from schwung_sim.drives.dictionary import NUMERIC, AbortError, Code, Entry, ObjectDictionary, Reader, key
 
-COUNT = 4  # RPDOs, and TPDOs
 NOT_VALID = 1 << 31
 EXTENDED = 1 << 29
 EVENT = 254  # transmission types 254 and 255 are event-driven, 0…240 follow SYNC
@@ -35,19 +34,22 @@ class _Pdo(ABC):
         hooks[key(communication, 1)] = self._write_cob_id
         hooks[key(communication, 2)] = self._write_type
         hooks[key(mapping, 0)] = self._write_count
-        for subindex in range(1, 9):
-            hooks[key(mapping, subindex)] = self._write_mapping
+        for k in [k for k in dictionary.entries if k >> 8 == mapping and k & 0xFF]:
+            hooks[k] = self._write_mapping
 
     @property
     def synchronous(self) -> bool:
         return self.type <= 240
 
     def load(self) -> None:
-        """Take over what the dictionary holds: at power-on and after a reset."""
+        """Take over what the dictionary holds: at power-on and after a reset. What cannot be mapped is not."""
         cob_id = self.dictionary.number(self.communication, 1)
         self.valid, self.can_id = not cob_id & NOT_VALID, cob_id & 0x7FF
         self.type = self.dictionary.number(self.communication, 2)
-        self._compile(self._mapped(self.dictionary.number(self.mapping, 0)))
+        try:
+            self._compile(self._mapped(self.dictionary.number(self.mapping, 0)))
+        except AbortError:
+            self._compile([])
 
     def _write_cob_id(self, value: int) -> None:
         if value & EXTENDED or any(value & 0x7FF in ids for ids in _RESTRICTED):
@@ -80,6 +82,8 @@ class _Pdo(ABC):
 
     def _mapped(self, count: int) -> list[tuple[int, int]]:
         """(key, bits) of the first `count` entries. Raises AbortError where one cannot be mapped."""
+        if count and key(self.mapping, count) not in self.dictionary.entries:
+            raise AbortError(Code.PDO_LENGTH)
         values = [self.dictionary.number(self.mapping, subindex) for subindex in range(1, count + 1)]
         for value in values:
             self._check_mappable(value)
@@ -90,19 +94,15 @@ class _Pdo(ABC):
         if self._is_dummy(value >> 8, bits):
             return
         entry = self.dictionary.entry(index, subindex)
-        if (
-            not entry.mappable
-            or entry.size is None
-            or 8 * entry.size != bits
-            or not self._direction_fits(entry.key)
-        ):
+        if entry.data_type not in NUMERIC or 8 * (entry.size or 0) != bits or not self._fits(entry):
             raise AbortError(Code.NOT_MAPPABLE)
 
     def _is_dummy(self, k: int, bits: int) -> bool:
         return False
 
-    def _direction_fits(self, k: int) -> bool:
-        return True
+    @abstractmethod
+    def _fits(self, entry: Entry) -> bool:
+        """Whether a PDO of this direction may carry it."""
 
     def _form(self, k: int) -> str:
         data_type = k >> 8 if self._is_dummy(k, 0) else self.dictionary.entries[k].data_type
@@ -136,8 +136,8 @@ class Rpdo(_Pdo):
         form = NUMERIC.get(k >> 8) if k & 0xFF == 0 and 2 <= k >> 8 <= 7 else None
         return form is not None and bits in (0, 8 * struct.calcsize(form))
 
-    def _direction_fits(self, k: int) -> bool:
-        return self.dictionary.entries[k].writable
+    def _fits(self, entry: Entry) -> bool:
+        return entry.receivable
 
     def _bind(self, keys: list[int]) -> None:
         self._keys = keys
@@ -190,8 +190,8 @@ class Tpdo(_Pdo):
         dictionary.writers[key(self.communication, 3)] = self._write_while_off
         dictionary.writers[key(self.communication, 6)] = self._write_while_off
 
-    def _direction_fits(self, k: int) -> bool:
-        return self.dictionary.entries[k].readable
+    def _fits(self, entry: Entry) -> bool:
+        return entry.sendable
 
     def _write_while_off(self, value: int) -> None:
         if self.valid:
@@ -235,16 +235,21 @@ class Tpdo(_Pdo):
             self._send(self.can_id, data)
 
 
+def _numbers(dictionary: ObjectDictionary, first: int) -> list[int]:
+    """Numbers of the PDOs, from 0, whose communication record the EDS declares."""
+    return sorted({(k >> 8) - first for k in dictionary.entries if first <= k >> 8 < first + 0x200})
+
+
 def _ignore(value: int) -> None:
     """Where a dummy entry goes."""
 
 
 class PdoEngine:
-    """All PDOs of the drive; active only while the node is operational."""
+    """All PDOs that the EDS declares; active only while the node is operational."""
 
     def __init__(self, dictionary: ObjectDictionary, send: SendFrame, report: Report) -> None:
-        self.rpdos = [Rpdo(dictionary, number, report) for number in range(COUNT)]
-        self.tpdos = [Tpdo(dictionary, number, send) for number in range(COUNT)]
+        self.rpdos = [Rpdo(dictionary, number, report) for number in _numbers(dictionary, 0x1400)]
+        self.tpdos = [Tpdo(dictionary, number, send) for number in _numbers(dictionary, 0x1800)]
 
     def load(self) -> None:
         """Take over what the dictionary holds."""

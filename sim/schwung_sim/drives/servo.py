@@ -16,13 +16,15 @@ from typing import Literal
 import can
 
 from schwung_sim.drives import vendor
-from schwung_sim.drives.dictionary import AbortError, Code, key, read_eds
+from schwung_sim.drives.dictionary import AbortError, Code, key
 from schwung_sim.drives.network import EMCY_HEARTBEAT, Emergency, Heartbeats, Nmt
 from schwung_sim.drives.operation import Operation
 from schwung_sim.drives.parameters import ParameterStore
 from schwung_sim.drives.pdo import PdoEngine
 from schwung_sim.drives.power import Power, PowerStage
+from schwung_sim.drives.roles import Roles
 from schwung_sim.drives.sdo_server import SdoServer
+from schwung_sim.drives.setup import open_dictionary
 from schwung_sim.drives.vendor import BenchAxis
 from schwung_sim.errors import BenchError
 
@@ -53,8 +55,8 @@ class CanopenServo:
 
     `clock` "sync": the axis advances one communication period (1006, else 60C2) per SYNC and stands still
     otherwise; only a stop that SYNC has deserted goes on by the wall clock. "wall": the axis follows
-    `monotonic`. `memory` keeps stored parameters, `seed` is the serial number. Raises BenchError where node
-    id, EDS or memory are wrong.
+    `monotonic`. `eds` says which objects there are, `roles` what they do. `memory` keeps stored parameters, `seed` is
+    the serial number. Raises BenchError where node id, EDS or memory are wrong.
     """
 
     def __init__(
@@ -63,6 +65,7 @@ class CanopenServo:
         node_id: int,
         axis: BenchAxis,
         eds: Path,
+        roles: Roles,
         *,
         clock: Clock = "sync",
         seed: int = 0,
@@ -88,25 +91,25 @@ class CanopenServo:
         )
 
         self.nmt = Nmt.BOOT_UP
-        self.dictionary = dictionary = read_eds(eds, node_id)
+        self.dictionary = dictionary = open_dictionary(eds, node_id, roles)
         self.emergency = Emergency(dictionary, self._send, self._may_send_emcy)
         self.heartbeats = Heartbeats(dictionary, self._send_heartbeat, self._node_lost, self._node_back)
         self.sdo = SdoServer(dictionary, lambda data: self._send(0x580 + node_id, data))
         self.pdo = PdoEngine(dictionary, self._send, self.emergency.report)
         self.power = PowerStage(dictionary, axis, self._deceleration, self._clear_faults)
-        self._store = ParameterStore(dictionary, memory, lambda: not self.power.energised)
-        self.operation = Operation(dictionary, axis, self.power, self.fault)
-        self.vendor = vendor.VendorObjects(
-            dictionary, axis, self.operation.rated_torque_nm, lambda: self.operation.speed_unit_rad_s
+        self.operation = Operation(dictionary, axis, self.power, self.fault, roles)
+        self.vendor = vendor.VendorObjects(dictionary, axis, roles, lambda: self.operation.units)
+        self._store = ParameterStore(
+            dictionary, memory, lambda: not self.power.energised, self.vendor.volatile
         )
-        self._bind()
-        dictionary.check_hooks()
+        self._bind(roles.clock)
         self._power_up()
 
-    def _bind(self) -> None:
+    def _bind(self, clock: int | None) -> None:
         read, write = self.dictionary.readers, self.dictionary.writers
         read[key(0x6041)] = lambda: self.operation.status
-        read[key(0x2F00)] = lambda: 0 if self._wall else 1
+        if clock is not None:
+            read[clock] = lambda: 0 if self._wall else 1
         write[key(0x6040)] = self.operation.control
         write[key(0x1005)] = self._write_sync_id
         write[key(0x1006)] = self._write_period
