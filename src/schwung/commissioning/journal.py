@@ -128,22 +128,23 @@ class ParameterJournal:
     def change(self, values: Iterable[ParameterValue]) -> None:
         """Read the old values, put them on disk, then write the new ones. Equal values are left alone.
 
-        What the drive passes through on the way is put on disk, too: who cuts the writing short leaves that behind.
+        What the drive passes through on the way is put on disk, too: who cuts it short leaves that behind.
         """
         planned = []
         for value in values:
             old = self._drive.read(value.parameter).raw
             if old != value.raw:
                 planned.append(Change(value.parameter, old, value.raw, _now()))
-        if not planned:
-            return
         writing = [ParameterValue(change.parameter, change.new) for change in planned]
         for parameter in self._drive.passed_through(writing):
             old = self._drive.read(parameter).raw
             planned.append(Change(parameter, old, old, _now()))
+        if not planned:
+            return
         self._changes += planned
         self._save()
-        self._drive.write(writing)
+        if writing:
+            self._drive.write(writing)
 
     def restore(self) -> None:
         """Put back what was there before the first change of each parameter; the file then says so."""

@@ -137,6 +137,7 @@ class Acquisition:
     sampling: Sampling = "sync"
     injecting: Injecting = "setpoints"
     trace_rate_hz: float | None = None  # wanted of a trace buffer; None: as fast as it holds the whole motion
+    trace_s: float = 0.0  # how long the longest trace shall be
 
 
 @dataclass(frozen=True)
@@ -151,12 +152,14 @@ class Move:
 
 @dataclass(frozen=True)
 class Sine:
-    """The injection of a drive's own generator: amplitude_nm * sin(2π frequency_hz t + phase_rad). From when t
-    counts is the profile's matter; the drive makes it before, during and after the whole motion."""
+    """The injection of a drive's own generator: amplitude_nm * sin(2π frequency_hz t + phase_rad)."""
 
     frequency_hz: float
     amplitude_nm: float
     phase_rad: float = 0.0
+    from_motion: bool = (
+        False  # True: starts with the motion, where t is 0; False: is on before, t is the drive's own
+    )
 
 
 @dataclass(frozen=True, eq=False)
@@ -188,7 +191,7 @@ class SyncTiming:
 class Recording:
     """What came back, one row per SYNC or per sample of the drive's trace, (n,). Rows in `lost` hold NaN: nothing is
     bridged. Of a trace, `sync_count` counts its rows, `statusword` is -1, `receive_time_s` NaN, as is any column that
-    it does not hold."""
+    it does not hold. Where nobody knows what was injected, `torque_added_nm` is NaN."""
 
     sample_rate_hz: float
     sync_count: NDArray[np.int64]
@@ -202,7 +205,10 @@ class Recording:
     lost: NDArray[np.int64]  # indices of SYNCs of which not every TPDO came
     timing: SyncTiming
     notes: tuple[str, ...] = field(default=())
-    start_s: float = 0.0  # when row 0 was sampled, counted from the first setpoint
+    start_s: float = (
+        0.0  # of a trace: when row 0 was sampled, on the clock on which setpoint k is due at k / rate
+    )
+    sampling: Sampling = "sync"
 
 
 #: Called with the number of samples done and the number of samples in all.
@@ -254,8 +260,9 @@ class Drive(Protocol):
         ...
 
     def passed_through(self, values: Sequence[ParameterValue]) -> list[Parameter]:
-        """Parameters, beyond these, that writing them changes on the way (a PDO is switched off meanwhile): they
-        are as before when `write` is over, but not when it is cut short."""
+        """Parameters, beyond these, that writing them changes on the way (a PDO is switched off meanwhile), or that
+        `play` will, after `setup` (the generator): they are as before when that is over, but not when it is cut
+        short."""
         ...
 
     def setup(self, acquisition: Acquisition) -> list[ParameterValue]:

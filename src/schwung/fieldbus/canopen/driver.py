@@ -69,13 +69,14 @@ class CanopenDrive:
         self._dictionary = eds.load_dictionary(profile.eds_path, node_id)
         self._layouts = pdo.layouts(profile, self._lookup, node_id)
         self._heartbeat: HeartbeatProducer | None = None
+        self._played: list[Parameter] = []  # what playing changes, and puts back by itself
         self._link = Link(bus)
         try:
             self._monitor = NodeMonitor(self._link, node_id)
             self._sdo = SdoChannel(self._link, node_id, sdo_timeout_s)
             self._identity = self._check_identity()
             self._operation = Operation(
-                self._link, self._sdo, self._monitor, profile, self._layouts, sync,
+                self._link, self._sdo, self._monitor, profile, self._layouts, sync, self._lookup,
                 counter=setup.has_counter(profile, self._lookup),
             )  # fmt: skip
         except BaseException:
@@ -203,11 +204,16 @@ class CanopenDrive:
                 wanted.append(ParameterValue(self.parameter(index), value))
         if acquisition.guard is not None:
             wanted += guard.tightened(acquisition.guard, self.scales, self._lookup, self._read_integer)
-        return wanted
+        own = self._operation.own_means
+        self._played = own.parameters(acquisition)
+        return wanted + [v for v in own.settings(acquisition) if self.read(v.parameter).raw != v.raw]
 
     def passed_through(self, values: Sequence[ParameterValue]) -> list[Parameter]:
-        """Parameters, beyond these, that writing them changes on the way; see Drive.passed_through."""
-        return setup.passed_through(values, self._lookup)
+        """Parameters, beyond these, that writing them changes on the way, and after `setup` what playing changes; see
+        Drive.passed_through."""
+        given = [value.parameter for value in values]
+        found = setup.passed_through(values, self._lookup)
+        return found + [p for p in self._played if p not in given and p not in found]
 
     def store(self) -> None:
         """Save all parameters in the drive (1010:01). Raises SdoError where it refuses."""

@@ -21,9 +21,11 @@ from schwung.fieldbus.canopen.emcy import describe_code
 from schwung.fieldbus.canopen.exchange import Exchange, Producer
 from schwung.fieldbus.canopen.kernel import KernelProducer
 from schwung.fieldbus.canopen.link import Link
+from schwung.fieldbus.canopen.own_means import Lookup, OwnMeans
 from schwung.fieldbus.canopen.pdo import Layouts
 from schwung.fieldbus.canopen.recorder import Recorder
 from schwung.fieldbus.canopen.sdo import SdoChannel
+from schwung.fieldbus.canopen.setup import temporarily
 from schwung.fieldbus.canopen.sync import LockstepProducer, ThreadProducer
 from schwung.fieldbus.cia402 import State
 from schwung.fieldbus.drive import (
@@ -60,6 +62,7 @@ class Operation:
         profile: CanopenProfile,
         layouts: Layouts,
         sync: SyncChoice,
+        lookup: Lookup,
         *,
         counter: bool,
     ) -> None:
@@ -74,6 +77,7 @@ class Operation:
         self._started_s = 0.0
         self._answering = False  # PDOs are: what they say is fresh
         self._halting = threading.RLock()
+        self._own = OwnMeans(sdo, profile, lookup)
         q = profile.quantities
         self._demand_name = str(q.position.demand)
         self._position_tpdo = next(i for i, t in enumerate(layouts.tpdos) if t.carries(q.position.object))
@@ -83,6 +87,11 @@ class Operation:
     def running(self) -> bool:
         """True between start and stop."""
         return self._producer is not None
+
+    @property
+    def own_means(self) -> OwnMeans:
+        """The drive's generator and trace."""
+        return self._own
 
     @property
     def producer_name(self) -> str:
@@ -158,7 +167,10 @@ class Operation:
         self._check_start(setpoints, acquisition, scales)
         pp = acquisition.mode == "pp"
         recorder = Recorder(len(self._layouts.tpdos))
-        with self._dynamics(playback.dynamics(setpoints.moves, scales) if pp else {}):
+        strokes = playback.dynamics(setpoints.moves, scales) if pp else {}
+        own = self._own.around(setpoints, acquisition, playable, scales)
+        wanted = [ParameterValue(Parameter(i, 0, "UNSIGNED32"), v) for i, v in strokes.items()] + own.settings
+        with temporarily(self._sdo, wanted), own.acting():
             error = self._run(exchange, producer, playable, recorder, progress)
         recording = playback.build(
             recorder, playable, self._profile, self._layouts, scales, producer.name, acquisition.sample_rate_hz,
@@ -173,6 +185,7 @@ class Operation:
                 f"did not take the move at sample {refused.at_index}",
                 "Look at 6081 to 6084 and 607D.",
             )
+        recording, error = own.recorded(recording, error, self._pump)
         if error is None:
             return recording
         if isinstance(error, DriveError):
@@ -193,6 +206,7 @@ class Operation:
                 with contextlib.suppress(Exception):
                     producer.hold(self._frame(cia402.QUICK_STOP))
             heard = self._sdo.write_once(_CONTROLWORD, cia402.QUICK_STOP, lock_timeout_s=0.2, timeout_s=0.2)
+            self._own.kill()
             if producer is not None:
                 with contextlib.suppress(Exception):
                     if not self._await_standstill() and not heard and not self._answering:
@@ -363,23 +377,6 @@ class Operation:
                 f"stands at {stands:.4f} rad, the first setpoint is {off:+.4f} rad away (of {self._window_rad:.4f})",
                 "Start the motion where the axis stands.",
             )
-
-    @contextlib.contextmanager
-    def _dynamics(self, wanted: dict[int, int]) -> Iterator[None]:
-        """6081, 6083, 6084 of a profile position move within, what was there afterwards."""
-        changed = []
-        try:
-            for index, value in wanted.items():
-                parameter = Parameter(index, 0, "UNSIGNED32")
-                old = self._sdo.read(parameter)
-                if old.raw != value:
-                    changed.append(old)
-                    self._sdo.write(ParameterValue(parameter, value))
-            yield
-        finally:
-            for old in changed:
-                with contextlib.suppress(DriveError):
-                    self._sdo.write(old)
 
     def _frame(self, controlword: int) -> bytes:
         columns: dict[str, int] = {"6040:00": controlword, self._demand_name: self._target}

@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+import contextlib
+from collections.abc import Callable, Iterator, Sequence
 
-from schwung.errors import InputError
+from schwung.errors import DriveError, InputError
 from schwung.fieldbus.canopen import pdo
 from schwung.fieldbus.canopen.exchange import COUNTER_OVERFLOW, SYNC_ID
 from schwung.fieldbus.canopen.nmt import MASTER_NODE_ID, MISSES_ALLOWED
 from schwung.fieldbus.canopen.pdo import Layouts
+from schwung.fieldbus.canopen.sdo import SdoChannel
 from schwung.fieldbus.drive import Acquisition, Parameter, ParameterValue
 from schwung.fieldbus.profile import CanopenProfile
 
@@ -182,6 +184,23 @@ def write_ordered(
             write(ParameterValue(period, final))
     for value in rest:
         write(value)
+
+
+@contextlib.contextmanager
+def temporarily(sdo: SdoChannel, wanted: Sequence[ParameterValue]) -> Iterator[None]:
+    """Values that hold within, and what was there afterwards."""
+    changed: list[ParameterValue] = []
+    try:
+        for value in wanted:
+            old = sdo.read(value.parameter)
+            if old.raw != value.raw:
+                changed.append(old)
+                sdo.write(value)
+        yield
+    finally:
+        for old in changed:
+            with contextlib.suppress(DriveError):
+                sdo.write(old)
 
 
 def listens_to_us(consumer_heartbeat: int) -> bool:
