@@ -28,8 +28,15 @@ def bench(
             metavar="HOST:PORT", help="Serve a loopback TCP bus (socketcand protocol); port 0: any."
         ),
     ] = None,
+    profile: Annotated[
+        str | None,
+        typer.Option(
+            metavar="FAMILY|FILE",
+            help="Be a drive of this family: its objects, units and ways; default: our own.",
+        ),
+    ] = None,
     eds: Annotated[
-        Path | None, typer.Option(help="Dictionary of the drive; default: the bench's own.")
+        Path | None, typer.Option(help="Show exactly this dictionary; default: the one beside the profile.")
     ] = None,
     memory: Annotated[
         Path | None, typer.Option(help="File in which stored parameters (1010) outlive the process.")
@@ -57,6 +64,8 @@ def bench(
       schwung bench -i socketcan -c vcan0 --plant slider-crank
 
       schwung bench --tcp 127.0.0.1:0 --conceal coulomb_friction=3,cogging --seed 7
+
+      schwung bench --tcp 127.0.0.1:0 --profile maxon-epos4 --eds epos4.eds
     """  # fmt: skip
     from schwung.cli.console import Terminal
     from schwung.errors import InputError
@@ -73,7 +82,7 @@ def bench(
     bus_settings = {} if tcp else bus_options(interface, channel, bitrate, bus).resolve()
     machine_room = Bench(
         plant, conceal=conceal, seed=seed, clock="wall" if clock == "wall" else "sync", node_id=node,
-        memory=memory, faults=",".join(fault or ()), eds=eds, tcp=_address(tcp) if tcp else None,
+        memory=memory, faults=",".join(fault or ()), eds=eds, profile=profile, tcp=_address(tcp) if tcp else None,
         interface=str(bus_settings.pop("interface", "socketcand")),
         channel=str(bus_settings.pop("channel", channel or "vcan0")), bus_options=bus_settings,
     )  # fmt: skip
