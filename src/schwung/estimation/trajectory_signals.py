@@ -18,8 +18,9 @@ from schwung.session.model import Run
 
 #: Bands above this share of the highest frequency are not worth a filter.
 WIDEST = 0.8
-#: Samples that say all there is: so many per period of the band's end, and of the rotor's swing against the coupling.
-PER_BAND, PER_SWING = 11.0, 4.0
+#: Samples that say all there is: so many per period of the band's end, and of the rotor's swing against the coupling,
+#: and while a piece of the curve goes by at top speed: a step takes its inertia from its middle.
+PER_BAND, PER_SWING, PER_PIECE = 11.0, 4.0, 2.0
 #: Smallest error of the angle that is believed, over the visited range.
 FINEST = 1e-9
 #: Half the length of the filter before samples are left out, in the remaining ones; and the window of its taps.
@@ -101,12 +102,12 @@ class Signals:
         return np.asarray(CubicSpline(self.time_s, self.states[:, 1])(then, derivative))
 
 
-def signals_of(recorded: Run, machine: Machine, band_hz: float, *, thin: bool = False) -> Signals:
+def signals_of(recorded: Run, machine: Machine, band_hz: float, pieces_hz: float | None = None) -> Signals:
     """A recorded run made ready; where the injection is held, the torque is a staircase plus the controller's.
 
-    `thin`: with no more samples than needed (`thinned`).
+    `pieces_hz`: of the curve to be fitted, passed by in a second; if given, no more samples than needed (`thinned`).
     """
-    run = thinned(recorded, machine, band_hz) if thin else recorded
+    run = recorded if pieces_hz is None else thinned(recorded, machine, band_hz, pieces_hz)
     held, smooth = np.zeros(len(run) - 1), run.torque_nm
     if is_held(run) and run.torque_added_nm is not None:
         held, smooth = run.torque_added_nm[1:], run.torque_nm - run.torque_added_nm
@@ -140,14 +141,15 @@ def count_of(run: Run) -> float:
     return float(moves.min()) if float(np.median(np.abs(counts - np.round(counts)))) < 0.02 else 0.0
 
 
-def thinned(run: Run, machine: Machine, band_hz: float) -> Run:
-    """The run with no more samples than motion, injection and the coupling's swing need.
+def thinned(run: Run, machine: Machine, band_hz: float, pieces_hz: float) -> Run:
+    """The run with no more samples than motion, injection, the coupling's swing and the curve's pieces need.
 
     All signals pass one filter without lag, which the machine's balance passes as a whole; white noise stays white, and
     its density in the band what it was. Runs with a held injection stay as they are: their steps matter.
     """
     swing = machine.coupling.stiffness_nm_rad / machine.motor.inertia_kgm2 if machine.coupling else 0.0
-    every = int(run.sample_rate_hz / max(PER_BAND * band_hz, PER_SWING * np.sqrt(swing) / (2 * np.pi)))
+    needed = max(PER_BAND * band_hz, PER_SWING * np.sqrt(swing) / (2 * np.pi), PER_PIECE * pieces_hz)
+    every = int(run.sample_rate_hz / needed)
     half = _HALF * every
     if every < 2 or is_held(run) or len(run) < _EDGE * every + 2 * half:
         return run
