@@ -270,7 +270,7 @@ def test_a_domain_is_read_by_block_transfer_or_else_by_segments(monkeypatch: pyt
         drive.play(stroke(400))
         by_block = drive.read(trace).raw
         assert isinstance(by_block, bytes)
-        assert len(by_block) == 1000
+        assert len(by_block) == 1600
         monkeypatch.setattr(BlockUpload, "run", broken)
         assert drive.read(trace).raw == by_block
 

@@ -443,7 +443,7 @@ def test_sine_generator_and_trace(rig: Rig) -> None:
     assert rig.read(0x2200, 3) == 2
     rig.sync(200)
     assert rig.read(0x2200, 3) == 3
-    rows = list(struct.iter_unpack("<iih", client.sdo.upload(0x2200, 4)))
+    rows = list(struct.iter_unpack("<iihhi", client.sdo.upload(0x2200, 4)))
     assert len(rows) == 300
     assert max(row[2] for row in rows) > 150
     with pytest.raises(Aborted):
