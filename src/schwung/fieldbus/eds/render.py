@@ -24,6 +24,7 @@ def render(
     *,
     configured: bool,
     node_id: int | None = None,
+    serial: int | None = None,
     write: Write = write_value,
 ) -> str:
     """The file's text, objects in their order. `configured`: a DCF, with ParameterValue and [DeviceComissioning]."""
@@ -38,7 +39,8 @@ def render(
     if configured:
         rate = description.bit_rate
         blocks.append(_section("DeviceComissioning", {
-            **({"NodeID": node_id} if node_id else {}), **({"Baudrate": rate // 1000} if rate else {})}))  # fmt: skip
+            **({"NodeID": node_id} if node_id else {}), **({"Baudrate": rate // 1000} if rate else {}),
+            **({"LSS_SerialNumber": serial} if serial is not None else {})}))  # fmt: skip
     for name, proper in LISTS.items():
         held = [index for index in sorted(description.objects) if list_of(index) == name]
         numbered = {str(n): f"0x{index:04X}" for n, index in enumerate(held, start=1)}
@@ -54,7 +56,7 @@ def _section(name: str, entries: Mapping[str, object]) -> str:
 
 def _plain(value: object) -> str:
     """One line that no reader takes for a comment."""
-    text = "".join(c if c.isprintable() else "?" for c in " ".join(str(value).split()))
+    text = "".join(c if c.isprintable() else " " for c in str(value).strip())
     return text.replace(" ;", ";").replace(" #", "#").lstrip(";#")
 
 
