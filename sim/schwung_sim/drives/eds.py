@@ -178,12 +178,17 @@ def _entries(sections: Mapping[str, Section], node_id: int) -> Iterator[Entry]:
             continue
         for subindex, section in sorted(subs.items()):
             entry = _entry(index, subindex, section, node_id)
-            if subindex == 0 and entry.default is None:
+            if subindex == 0 and entry.default is None and not _counts_what_is_used(index):
                 entry = replace(entry, default=max(subs))
             elif index == 0x1018 and entry.default is None:
                 told = identity.get(_IDENTITY.get(subindex, ""), "")
                 entry = replace(entry, default=_integer(told, node_id))
             yield entry
+
+
+def _counts_what_is_used(index: int) -> bool:
+    """Sub-index 0 of error history and PDO mapping counts entries in use, not entries that there are."""
+    return index == 0x1003 or 0x1600 <= index < 0x1800 or 0x1A00 <= index < 0x1C00
 
 
 def _compact(index: int, parent: Section, sections: Mapping[str, Section]) -> Iterator[tuple[int, Section]]:

@@ -23,6 +23,7 @@ _TARGET_REACHED, _LIMIT_ACTIVE, _MODE_BIT, _FOLLOWING_ERROR = 1 << 10, 1 << 11, 
 _WINDOW_OFF = 0xFFFFFFFF
 #: A drive whose position unit is coarser than this many counts a turn has a finer encoder below it.
 FINE_TURN = 2**16
+UNTOLD_PERIOD_S = 1e-3
 _OVERSHOOT_RAD = 0.1  # what a controller may overshoot a software limit by; further out is a fault
 #: What a drive whose speed unit can be chosen takes in 60A9: revolutions per minute, 10^0 … 10^-3 (CiA 303-2).
 _RPM_UNITS = (0x00B44700, 0xFFB44700, 0xFEB44700, 0xFDB44700)
@@ -172,6 +173,11 @@ class Operation:
         self._reached_time_s = number(0x6068) * 1e-3
         self._top_speed_rad_s = value(0x6080) * RPM
         self.period_s = number(0x60C2, 1) * 10.0 ** number(0x60C2, 2)
+
+    @property
+    def sync_period_s(self) -> float:
+        """What a SYNC lasts where 1006 does not say it: 60C2 only means something where setpoints are cyclic."""
+        return self.period_s if self.mode == self._csp else UNTOLD_PERIOD_S
 
     def _value(self, index: int) -> float:
         """A value that may be a real number; never negative, never 0."""

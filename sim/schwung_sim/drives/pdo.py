@@ -52,9 +52,9 @@ class _Pdo(ABC):
             self._compile([])
 
     def _write_cob_id(self, value: int) -> None:
-        if value & EXTENDED or any(value & 0x7FF in ids for ids in _RESTRICTED):
-            raise AbortError(Code.INVALID_VALUE)
         valid = not value & NOT_VALID
+        if value & EXTENDED or (valid and any(value & 0x7FF in ids for ids in _RESTRICTED)):
+            raise AbortError(Code.INVALID_VALUE)
         if self.valid and valid and value & 0x7FF != self.can_id:
             raise AbortError(Code.DEVICE_STATE)  # an identifier is changed while the PDO is off
         self.valid, self.can_id = valid, value & 0x7FF

@@ -53,8 +53,8 @@ class Frame(can.Message):
 class CanopenServo:
     """One drive on one bus. Feed it frames (`service`) and time (`tick`), or let `run` do both in a thread.
 
-    `clock` "sync": the axis advances one communication period (1006, else 60C2) per SYNC and stands still
-    otherwise; only a stop that SYNC has deserted goes on by the wall clock. "wall": the axis follows
+    `clock` "sync": the axis advances one communication period (1006, else 60C2 in cyclic position, else 1 ms) per
+    SYNC and stands still otherwise; only a stop that SYNC has deserted goes on by the wall clock. "wall": the axis follows
     `monotonic`. `eds` says which objects there are, `roles` what they do. `memory` keeps stored parameters, `seed` is
     the serial number. Raises BenchError where node id, EDS or memory are wrong.
     """
@@ -185,7 +185,7 @@ class CanopenServo:
         if self._wall:
             self._follow_wall(now)
         else:
-            self._advance(self._period_s or self.operation.period_s)
+            self._advance(self._period_s or self.operation.sync_period_s)
         if self.nmt is Nmt.OPERATIONAL:
             self.pdo.sync(data[0] if expected else 0)
 

@@ -48,7 +48,7 @@ def open_dictionary(eds: Path, node_id: int, roles: Roles) -> ObjectDictionary:
     for k in _INDISPENSABLE:
         if k not in entries:
             raise incomplete(k)
-    values: dict[int, Value] = {**STANDARD, **_hidden_pdos(entries), key(0x1014): 0x80 + node_id}
+    values: dict[int, Value] = {**STANDARD, **_pdo_values(entries, node_id), key(0x1014): 0x80 + node_id}
     values |= {key(0x6502): _supported_modes(roles)}
     values |= {key(0x1018, n): 0 for n in range(1, 5)}
     values |= {k: e.default for k, e in entries.items() if e.default is not None}
@@ -81,14 +81,16 @@ def _supported_modes(roles: Roles) -> int:
     return sum(1 << _MODE_BITS[name] for name in roles.modes if name in _MODE_BITS)
 
 
-def _hidden_pdos(entries: Mapping[int, Entry]) -> dict[int, Value]:
-    """What the PDO engine asks of every PDO, for those parts of the records that the EDS leaves out."""
+def _pdo_values(entries: Mapping[int, Entry], node_id: int) -> dict[int, Value]:
+    """What every PDO record holds where the EDS leaves it out: the predefined identifiers (CiA 301 7.3.5), no entry."""
     values: dict[int, Value] = {}
     indices = {k >> 8 for k in entries}
-    for base in (0x1400, 0x1800):
+    for base, can_id in ((0x1400, 0x200), (0x1800, 0x180)):
         for index in (i for i in indices if base <= i < base + 0x200):
             values |= {key(index, n): 0 for n in (3, 5, 6)}
-            values |= {key(index, 1): NOT_VALID, key(index, 2): 255, key(index + 0x200, 0): 0}
+            number = index - base
+            cob_id = can_id + 0x100 * number + node_id if number < PREDEFINED else NOT_VALID
+            values |= {key(index, 1): cob_id, key(index, 2): 255, key(index + 0x200, 0): 0}
     return values
 
 
@@ -97,6 +99,10 @@ def _scales(roles: Roles) -> list[tuple[int, int, float]]:
     torques = [q for q in (roles.torque, roles.torque_added) if q is not None and q.unit == "rated_torque"]
     found = [(key(0x6076), 1, RATED_TORQUE_NM / 1e-3)] if not torques else []
     found += [(q.rated, 1, RATED_TORQUE_NM / q.rated_torque_scale) for q in torques]
+    if (
+        roles.scalar is not None and roles.scalar.per is not None
+    ):  # a motor constant: a count shall be 1e-6 kg·m²
+        found.append((roles.scalar.per, 1, 1e-6 / roles.scalar.scale_kgm2))
     if roles.position.resolution is not None:
         found.append((roles.position.resolution, 2, ENCODER_COUNTS / roles.position.resolution_factor))
     found += [(key(index, 2), 1, 1) for index in (0x608F, 0x6091, 0x6092)]
