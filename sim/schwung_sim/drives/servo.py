@@ -54,9 +54,9 @@ class CanopenServo:
     """One drive on one bus. Feed it frames (`service`) and time (`tick`), or let `run` do both in a thread.
 
     `clock` "sync": the axis advances one communication period (1006, else 60C2 in cyclic position, else 1 ms) per
-    SYNC and stands still otherwise; only a stop that SYNC has deserted goes on by the wall clock. "wall": the axis follows
-    `monotonic`. `eds` says which objects there are, `roles` what they do. `memory` keeps stored parameters, `seed` is
-    the serial number. Raises BenchError where node id, EDS or memory are wrong.
+    SYNC and stands still otherwise; only a stop that SYNC has deserted goes on by the wall clock. "wall": the axis
+    follows `monotonic`. `eds` says which objects there are, `roles` what they do. `memory` keeps stored parameters,
+    `seed` is the serial number. Raises BenchError where node id, EDS or memory are wrong.
     """
 
     def __init__(
