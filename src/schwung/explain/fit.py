@@ -13,7 +13,7 @@ import numpy as np
 
 from schwung.drivetrain.physics import Effects
 from schwung.explain.noise import Whitener, usable
-from schwung.explain.residual import Memory, Residuals, Unknowns
+from schwung.explain.residual import TABLE_POINTS, Memory, Residuals, Unknowns
 from schwung.explain.terms import LIBRARY, LOAD_TABLE, TABLE_FIELDS
 from schwung.motion import Array
 
@@ -46,6 +46,8 @@ class Model:
     def names(self) -> tuple[str, ...]:
         """The parameters that are fitted: timing first, then fields of Effects."""
         fields = [field for term in self.terms if term != PERIODIC for field in LIBRARY[term].parameters]
+        if LOAD_TABLE in self.terms:
+            fields += TABLE_FIELDS[: len(self.unknowns.load_table_nm)]
         if PERIODIC in self.terms:
             fields.append("periodic_frequency_hz")
         fields += self.refined
@@ -76,7 +78,7 @@ class Model:
             elif name == "periodic_frequency_hz":
                 frequency = max(value, 0.1)
             elif name in TABLE_FIELDS:
-                table = table or [0.0] * len(TABLE_FIELDS)
+                table = table or [0.0] * TABLE_POINTS
                 table[TABLE_FIELDS.index(name)] = value
             else:
                 low, high = bounds.get(name, (-np.inf, np.inf))

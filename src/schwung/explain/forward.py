@@ -32,6 +32,7 @@ _STEP = 0.5
 #: Steps per sample where the coupling has play: contact is sudden.
 _CONTACT_SUBSTEPS = 4
 _MAX_SUBSTEPS = 12
+_NEWTON = 3  # steps from a reported angle to the true one
 _FINER = 6  # pieces of a table's curve per piece of the table
 
 
@@ -342,13 +343,14 @@ def _helped(
 
 
 def uncentred(motion: Motion, amplitude_rad: float, phase_rad: float) -> Motion:
-    """The true motion where the encoder reports θ + A sin(θ + phase), to first order in A."""
+    """The true motion where the encoder reports θ + A sin(θ + phase)."""
     if amplitude_rad == 0:
         return motion
-    at = motion.angle + phase_rad
-    bend = 1 - amplitude_rad * np.cos(at)
-    return motion._replace(
-        angle=motion.angle - amplitude_rad * np.sin(at),
-        speed=motion.speed * bend,
-        acceleration=motion.acceleration * bend + amplitude_rad * np.sin(at) * motion.speed**2,
-    )
+    angle = motion.angle
+    for _ in range(_NEWTON):
+        off = angle + amplitude_rad * np.sin(angle + phase_rad) - motion.angle
+        angle = angle - off / (1 + amplitude_rad * np.cos(angle + phase_rad))
+    stretch = 1 + amplitude_rad * np.cos(angle + phase_rad)  # reported over true speed
+    speed = motion.speed / stretch
+    bend = amplitude_rad * np.sin(angle + phase_rad) * speed**2
+    return motion._replace(angle=angle, speed=speed, acceleration=(motion.acceleration + bend) / stretch)

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
+from scipy.interpolate import CubicSpline
 
 from schwung.drivetrain.machine import Machine, PhysicsTerm
 from schwung.drivetrain.physics import PHYSICS
@@ -23,6 +24,9 @@ from schwung.motion import Array
 from schwung.session.model import Axis
 
 _OVERLAYS = 4
+_FINER = (
+    3  # published pieces of a load torque per piece of its spline: whoever reads it may draw straight lines
+)
 _LINEAR = {
     "N·m·s²/rad²": "N·s²/m²", "N·m·s/rad": "N·s/m", "N·m/rad³": "N/m³", "N·m/rad": "N/m", "N·m": "N",
     "rad/s": "m/s", "rad": "m", "kg·m²": "kg", "1/rev": "1/m",
@@ -61,8 +65,10 @@ def _quantities(axis: Axis, found: Found, fitted: Fitted, term: str) -> dict[str
     """Parameters by the file contract's keys."""
     model = fitted.model
     if term == LOAD_TABLE:
-        angles = found.problem.residuals.table_rad
-        pairs = zip(angles.tolist(), model.unknowns.load_table_nm, strict=True)
+        points = found.problem.residuals.table_rad(len(model.unknowns.load_table_nm))
+        angles = np.linspace(points[0], points[-1], _FINER * (points.size - 1) + 1)
+        torque = CubicSpline(points, model.unknowns.load_table_nm)(angles)
+        pairs = zip(angles.tolist(), torque.tolist(), strict=True)
         return {"table": Quantity(tuple(pairs), _unit("N·m", axis), None)}
     refined = () if term == PERIODIC else (f for f in LIBRARY[term].refinements if f in model.refined)
     free = (name for name in (*parameters(term), *refined) if name not in model.fixed)

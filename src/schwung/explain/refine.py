@@ -5,11 +5,14 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
+from scipy.interpolate import CubicSpline
 
 from schwung.drivetrain.physics import Effects
-from schwung.explain.fit import Fitted, combined
+from schwung.explain.fit import Fitted, combined, without
+from schwung.explain.residual import FINEST
 from schwung.explain.ripple import ripple
-from schwung.explain.search import Found, chosen
+from schwung.explain.search import ALIKE, Found, chosen, pruned
+from schwung.explain.terms import LOAD_TABLE
 
 #: A ripple is worth as many parameters' price at the least.
 RIPPLED = 10.0
@@ -27,6 +30,7 @@ def refined(found: Found, best: Fitted) -> Fitted:
             found.by_terms[frozenset(best.model.terms)] = plain
             best = chosen(found)
             break
+    best = _with_finer_table(found, best)
     if not best.model.terms or "cogging" in best.model.terms:
         return best
     line = ripple(found.problem, best)
@@ -39,6 +43,25 @@ def refined(found: Found, best: Fitted) -> Fitted:
     }
     finer = found.fit(combined(best.model, "cogging", fields))
     return finer if (best.chi2 - finer.chi2) / found.level > RIPPLED * np.log(finer.samples) else best
+
+
+def _with_finer_table(found: Found, best: Fitted) -> Fitted:
+    """A load torque with twice the points as long as that pays; terms that stood in for these fall away."""
+    while LOAD_TABLE in best.model.terms and len(best.model.unknowns.load_table_nm) < FINEST:
+        coarse = np.array(best.model.unknowns.load_table_nm)
+        table = CubicSpline(np.arange(coarse.size), coarse)(np.arange(0, coarse.size - 0.9, 0.5))
+        unknowns = replace(best.model.unknowns, load_table_nm=tuple(map(float, table)))
+        finer = found.problem.fit(replace(best.model, unknowns=unknowns))
+        if found.score(finer) > found.score(best) - ALIKE:
+            break
+        found.by_terms[frozenset(finer.model.terms)] = finer
+        for term in finer.model.terms:
+            spared = found.problem.fit(without(finer.model, term))
+            known = found.by_terms.get(frozenset(spared.model.terms))
+            if known is None or spared.chi2 < known.chi2:
+                found.by_terms[frozenset(spared.model.terms)] = spared
+        best = pruned(found, finer)
+    return best
 
 
 def slimmed(found: Found, best: Fitted) -> Fitted:

@@ -34,8 +34,8 @@ LEAST_LIMIT, LIGHTEST = 0.3, 0.02
 LIMIT_OVER_NOISE = 15.0
 #: Samples for which a clipped torque lasts: single ones beyond a limit are noise, which no limit takes away.
 _CLIPPED = 4
-#: Points of a load torque over the visited angles that no sine describes.
-TABLE_POINTS = 8
+#: Points of a load torque over the visited angles that no sine describes, and where twice as many pay, up to so many.
+TABLE_POINTS, FINEST = 8, 29
 _KEPT = 64  # torques and gains that are remembered, per run
 
 
@@ -46,7 +46,7 @@ class Unknowns:
     effects: Effects = field(default_factory=Effects)
     timing_s: float = 0.0
     phases_rad: Mapping[int, float] = field(default_factory=dict)
-    load_table_nm: tuple[float, ...] = ()  # torque on the load at `Residuals.table_rad`; none where empty
+    load_table_nm: tuple[float, ...] = ()  # torque on the load at `Residuals.table_rad(m)`; none where empty
 
 
 @dataclass(frozen=True, eq=False)
@@ -108,7 +108,7 @@ class Residuals:
         self._soft: dict[int, tuple[Array, Array]] = {}
         visited = [signals.position_rad[signals.considered] for signals in prepared.runs]
         angles = np.concatenate([*visited, prepared.runs[0].position_rad[:1]])
-        self.table_rad = np.linspace(angles.min(), max(angles.max(), angles.min() + 1e-6), TABLE_POINTS)
+        self._visited = float(angles.min()), float(max(angles.max(), angles.min() + 1e-6))
 
     def _run(self, signals: Signals) -> _Run:
         spectrum = self._spectra[signals.time_s.size]
@@ -129,6 +129,10 @@ class Residuals:
         torque = spectrum.apply(signals.torque_nm, low)
         peak = float(np.max(np.abs(signals.torque_nm)))
         return _Run(signals, motion, spectrum, low, torque, peak, late, jumps, valid)
+
+    def table_rad(self, points: int) -> Array:
+        """Angles at which a load torque has points, (points,), over all that were visited."""
+        return np.linspace(*self._visited, points)
 
     def valid(self, run: int) -> NDArray[np.bool_]:
         """Which samples of the compared grid are compared, (n,)."""
@@ -173,9 +177,9 @@ class Residuals:
         return np.asarray(torque - helped)
 
     def _coupling(self, run: int, e: Effects, table: tuple[float, ...]) -> Array:
-        belief = (
-            forward.with_load_torque(self.belief, self.table_rad, np.array(table)) if table else self.belief
-        )
+        belief = self.belief
+        if table:
+            belief = forward.with_load_torque(belief, self.table_rad(len(table)), np.array(table))
         motion = forward.uncentred(self.runs[run].motion, e.eccentricity_rad, e.eccentricity_phase_rad)
         return forward.coupling_needed(belief, e, motion)
 

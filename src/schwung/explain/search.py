@@ -23,6 +23,7 @@ from schwung.explain.fit import (
     without,
 )
 from schwung.explain.noise import usable
+from schwung.explain.residual import TABLE_POINTS
 from schwung.explain.terms import LIBRARY, LOAD_TABLE, Start, View
 from schwung.motion import Array
 
@@ -88,8 +89,13 @@ class Found:
 
     def score(self, fitted: Fitted) -> float:
         """Σ whitened² over that level, plus the price of the parameters."""
-        finer = len(fitted.model.refined) * float(np.log(fitted.samples))
-        return fitted.chi2 / self.level + price(self.problem, fitted.model.terms, fitted.samples) + finer
+        model = fitted.model
+        extra = len(model.refined) + max(len(model.unknowns.load_table_nm) - TABLE_POINTS, 0)
+        return (
+            fitted.chi2 / self.level
+            + price(self.problem, model.terms, fitted.samples)
+            + extra * float(np.log(fitted.samples))
+        )
 
     def worthwhile(self, before: Fitted, after: Fitted) -> bool:
         """Whether a term lowers the misfit by enough to be named: a share of the noise floor's own energy."""
@@ -200,7 +206,11 @@ def chosen(found: Found) -> Fitted:
         if len(fitted.model.terms) <= len(best.model.terms)
         and found.score(fitted) < found.score(best) + ALIKE
     ]
-    best = min(alike, key=lambda fitted: _plainness(found, fitted))
+    return pruned(found, min(alike, key=lambda fitted: _plainness(found, fitted)))
+
+
+def pruned(found: Found, best: Fitted) -> Fitted:
+    """Without the terms that can be spared, the least needed one first."""
     while best.model.terms:
         superfluous = [fitted for fitted in reduced(found, best) if not found.worthwhile(fitted, best)]
         if not superfluous:

@@ -7,13 +7,14 @@ from collections.abc import Sequence
 import numpy as np
 from scipy.interpolate import CubicSpline
 
-from schwung.explain.residual import TABLE_POINTS, Moving
+from schwung.explain.residual import FINEST, TABLE_POINTS, Moving
 from schwung.explain.terms.term import Start, Term, View, polar
 from schwung.motion import Array
 
 #: The load torque that no sine describes, by its points; published as "load_torque".
 LOAD_TABLE = "load_torque_table"
-TABLE_FIELDS = tuple(f"load_table_{point}" for point in range(TABLE_POINTS))
+TABLE_FIELDS = tuple(f"load_table_{point}" for point in range(FINEST))
+_COARSE = TABLE_FIELDS[:TABLE_POINTS]
 #: Orders of cogging that are looked for, per turn of the motor.
 _HIGHEST_ORDER = 120.0
 
@@ -26,16 +27,16 @@ def _gravity(_view: View) -> list[Start]:
 
 def _table(view: View) -> list[Start]:
     """A load torque of any shape: cubic cardinal splines through points over the visited angles."""
-    points = view.residuals.table_rad
+    points = view.residuals.table_rad(TABLE_POINTS)
     splines = CubicSpline(points, np.eye(points.size))
 
     def torques(run: Moving) -> Array:
         return np.asarray(splines(np.clip(run.position_rad, points[0], points[-1])).T)
 
     def decode(coefficients: Sequence[float]) -> dict[str, float]:
-        return dict(zip(TABLE_FIELDS, coefficients, strict=True))
+        return dict(zip(_COARSE, coefficients, strict=True))
 
-    return [Start({}, tuple({field: 1.0} for field in TABLE_FIELDS), decode, torques=torques)]
+    return [Start({}, tuple({field: 1.0} for field in _COARSE), decode, torques=torques)]
 
 
 def _offset(_view: View) -> list[Start]:
@@ -100,7 +101,7 @@ def _shift(view: View) -> list[Start]:
 
 
 LOAD = (
-    Term(LOAD_TABLE, "position", _table, TABLE_FIELDS, {}, 4),
+    Term(LOAD_TABLE, "position", _table, _COARSE, {}, 4),
     Term("torque_offset", "direction", _offset, ("offset_nm",), {}, 0),
     Term(
         "load_inertia",
