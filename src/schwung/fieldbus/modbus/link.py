@@ -57,7 +57,7 @@ class ModbusLink:
         self._lock = threading.RLock()
         self._quiet_until_s = 0.0
         self._closed = False
-        self._greeting = False
+        self._greeting_due = self._greeting = False
         logging.getLogger("pymodbus").addHandler(logging.NullHandler())  # we say it ourselves, once
         self._client = self._make_client()
         self._open()
@@ -141,19 +141,23 @@ class ModbusLink:
             raise BusError(self.name, "is closed", "Connect again.")
         if not self._client.connected:
             self._open()
-            self._greet()
+            self._greeting_due = True
+        self._greet()
         rest = self._quiet_until_s - time.monotonic()
         if rest > 0:
             time.sleep(rest)
 
     def _greet(self) -> None:
         """On a new connection nothing may be sent before the driver has halted what it had set moving."""
-        if self.on_reconnect is not None and not self._greeting:
-            self._greeting = True
-            try:
+        if not self._greeting_due or self._greeting:
+            return
+        self._greeting = True
+        try:
+            if self.on_reconnect is not None:
                 self.on_reconnect()
-            finally:
-                self._greeting = False
+            self._greeting_due = False
+        finally:
+            self._greeting = False
 
     def _lost(self) -> None:
         self.losses += 1
