@@ -2,67 +2,87 @@
 
 from __future__ import annotations
 
+import functools
 from collections.abc import Callable
 
-from schwung.fieldbus.drive import Capability, Parameter
-from schwung.fieldbus.profile import CanopenProfile, Ref
+from schwung.fieldbus.drive import Capability, OperatingMode, Parameter
+from schwung.fieldbus.profile import CAPABILITIES, CanopenProfile, CapabilityName
 
-#: Bits of 6502 for the modes that we use (CiA 402-2).
-_MODE_BITS = {"pp": 0, "csp": 7}
+#: Modes that we use, by the capability that each gives, and their bits of 6502 (CiA 402-2).
+_MODES: dict[CapabilityName, tuple[OperatingMode, int]] = {
+    "profile position": ("pp", 0),
+    "cyclic position": ("csp", 7),
+}
+#: Objects of the standard that a capability needs, what is said where they are there, and where not.
+_STANDARD: dict[CapabilityName, tuple[str, str, str]] = {
+    "sampling by SYNC": ("1800:02", "TPDOs on every SYNC", "the drive has no TPDO 1 (1800)"),
+    "stop by heartbeat": (
+        "1016:01", "consumer heartbeat 1016", "the drive has no consumer heartbeat (1016): it will not notice our death"
+    ),
+    "store": ("1010:01", "1010:01", "no 1010: parameters are lost at power-off"),
+}  # fmt: skip
+#: Places in the profile whose objects a capability needs, and what is said of the first of them.
+_PLACES: dict[CapabilityName, tuple[tuple[str, ...], str]] = {
+    "speed": (("quantities.speed.object",), "{}"),
+    "torque": (("quantities.torque.object",), "{}"),
+    "torque injection": (("quantities.torque_added.object",), "{} by PDO"),
+    "generator": (("generator.control.object", "generator.amplitude.object"), "its own sine, by {}"),
+    "trace buffer": (("trace.control.object", "trace.status.object"), "armed by {}"),
+    "disturbance buffer": (("disturbance_buffer.control.object",), "played by {}"),
+    "table feed-forward": (("export.table.values", "export.table.start"), "table at {}"),
+    "scalar feed-forward": (("export.scalar.object",), "{}"),
+    "harmonic feed-forward": (("export.harmonics.offset.object",), "offset at {}"),
+    "host-played feed-forward": (("export.host_played.object",), "{} at every SYNC"),
+    "control gains": (("control.",), "from {} on"),
+}
 
 ReadInteger = Callable[[int, int], int | None]
 Lookup = Callable[[int, int], Parameter | None]
 
 
 def assess(profile: CanopenProfile, lookup: Lookup, read: ReadInteger) -> tuple[Capability, ...]:
-    """Every capability by name, available or not, with the reason. Reads only.
+    """Every capability (profile.CAPABILITIES) by name, available or not, with the reason. Reads only.
 
-    Names: "cyclic position", "profile position", "sampling by SYNC", "speed", "torque injection",
-    "lockstep", "stop by heartbeat", "table feed-forward", "scalar feed-forward", "control gains", "store".
+    What the profile does not offer comes with the profile's own reason, "this profile can't do that, because …";
+    what it does is looked for in the drive.
     """
 
-    def reads(ref: Ref) -> bool:
-        return lookup(ref.index, ref.subindex) is not None and read(ref.index, ref.subindex) is not None
+    @functools.cache
+    def present(index: int, subindex: int) -> bool:
+        return lookup(index, subindex) is not None and read(index, subindex) is not None
 
-    def capability(name: str, available: bool, yes: str, no: str) -> Capability:
-        return Capability(name, available, yes if available else no)
+    def assessed(name: CapabilityName) -> Capability:
+        if name == "lockstep":
+            return _lockstep(profile, read)
+        if not profile.offers(name):
+            return Capability(name, False, profile.reason(name))
+        if name in _MODES:
+            return _mode(name, profile, read(0x6502, 0))
+        if name in _STANDARD:
+            place, yes, no = _STANDARD[name]
+            index, subindex = (int(part, 16) for part in place.split(":"))
+            there = present(index, subindex)
+            return Capability(name, there, yes if there else no)
+        places, told = _PLACES[name]
+        refs = [ref for place, ref in profile.refs() if place.startswith(places)]
+        missing = [str(ref) for ref in refs if not present(ref.index, ref.subindex)]
+        if missing:
+            return Capability(name, False, f"the drive does not have {', '.join(missing)}")
+        return Capability(name, True, told.format(refs[0]))
 
-    supported = read(0x6502, 0)
-    found = [
-        _mode("cyclic position", "csp", profile, supported),
-        _mode("profile position", "pp", profile, supported),
-    ]
-    q, export = profile.quantities, profile.export
-    added = q.torque_added
-    clock = profile.sync.clocked_by_sync
-    gains = profile.control
-    named = [g for g in (gains.position_gain, gains.speed_gain, gains.speed_integral_time) if g is not None]
-    can_watch = lookup(0x1016, 1) is not None and read(0x1016, 1) is not None
-    found += [
-        capability("sampling by SYNC", read(0x1800, 2) is not None, "TPDOs on every SYNC", "no TPDO 1 (1800)"),
-        capability("speed", q.speed is not None and reads(q.speed.object), f"{q.speed and q.speed.object}",
-                   "no speed object: it is derived from position"),
-        capability("torque injection", added is not None and reads(added.object),
-                   f"{added and added.object} by PDO", "no torque offset that a PDO can carry"),
-        capability("lockstep", clock is not None and read(clock.index, clock.subindex) == 1,
-                   "its time is SYNC itself", "its time is its own clock"),
-        capability("stop by heartbeat", can_watch, "consumer heartbeat 1016", "no 1016: it will not notice our death"),
-        capability("table feed-forward", export.table is not None and reads(export.table.start),
-                   f"{export.table and export.table.points} points at {export.table and export.table.values}",
-                   "no inertia table in the profile or in the drive"),
-        capability("scalar feed-forward", export.scalar is not None and reads(export.scalar.object),
-                   f"{export.scalar and export.scalar.object}", "no scalar inertia in the profile or in the drive"),
-        capability("control gains", bool(named) and all(reads(g.object) for g in named),
-                   "gains can be read", "no gains in the profile: give them in machine.toml"),
-        capability("store", lookup(0x1010, 1) is not None and read(0x1010, 1) is not None, "1010:01",
-                   "no 1010: parameters are lost at power-off"),
-    ]  # fmt: skip
-    return tuple(found)
+    return tuple(map(assessed, CAPABILITIES))
 
 
-def _mode(name: str, mode: str, profile: CanopenProfile, supported: int | None) -> Capability:
-    if mode not in profile.modes:
-        return Capability(name, False, "not in the profile")
-    if supported is not None and not supported >> _MODE_BITS[mode] & 1:
+def _mode(name: CapabilityName, profile: CanopenProfile, supported: int | None) -> Capability:
+    mode, bit = _MODES[name]
+    if supported is not None and not supported >> bit & 1:
         return Capability(name, False, f"6502 does not list it (0x{supported:08X})")
     return Capability(name, True, f"mode {profile.modes[mode]}")
+
+
+def _lockstep(profile: CanopenProfile, read: ReadInteger) -> Capability:
+    clock = profile.sync.clocked_by_sync
+    clocked = clock is not None and read(clock.index, clock.subindex) == 1
+    return Capability(
+        "lockstep", clocked, "its time is SYNC itself" if clocked else "its time is its own clock"
+    )

@@ -11,7 +11,7 @@ from pydantic import BaseModel, Field, model_validator
 from schwung.fieldbus.drive import OperatingMode
 from schwung.fieldbus.profile.acquire import DisturbanceBuffer, Generator, Trace
 from schwung.fieldbus.profile.modbus import Limits, Modbus, RegisterIdentity, State, Strokes
-from schwung.fieldbus.profile.parts import ObjectRef, Part, Quantities, Ref, ScaledObject, Setting
+from schwung.fieldbus.profile.parts import ObjectRef, Part, Quantities, Quantity, Ref, ScaledObject, Setting
 from schwung.fieldbus.profile.targets import Control, Export, Stop
 
 #: What commissioning may want of a drive; the keys of [cannot].
@@ -65,9 +65,35 @@ class DeviceProfile(Part):
     folder: Path = Field(default=Path(), exclude=True)
     """Where the file lies; set by load_profile."""
 
-    def reason(self, capability: CapabilityName, otherwise: str = "it says nothing of it") -> str:
+    def offers(self, capability: CapabilityName) -> bool:
+        """True where the profile offers it; the drive may still lack it."""
+        return capability not in self.cannot and self._parts().get(capability, True)
+
+    def reason(self, capability: CapabilityName) -> str:
         """Why the profile does not offer a capability, as a sentence."""
-        return f"this profile can't do that, because {self.cannot.get(capability, otherwise)}"
+        q = self.quantities
+        asked = {"torque": q.torque, "speed": q.speed, "torque injection": q.torque_added}.get(capability)
+        hint = asked.hint if asked is not None and asked.unit == "user" else "it says nothing of it"
+        return f"this profile can't do that, because {self.cannot.get(capability, hint)}"
+
+    def _parts(self) -> dict[CapabilityName, bool]:
+        """Capabilities that a part of the file stands for, and whether it is there with a unit."""
+        q, export, control = self.quantities, self.export, self.control
+        return {
+            "cyclic position": "csp" in self.modes,
+            "profile position": "pp" in self.modes,
+            "trace buffer": self.trace is not None,
+            "speed": _has_unit(q.speed),
+            "torque": _has_unit(q.torque),
+            "torque injection": _has_unit(q.torque_added),
+            "generator": self.generator is not None,
+            "disturbance buffer": self.disturbance_buffer is not None,
+            "table feed-forward": export.table is not None,
+            "scalar feed-forward": export.scalar is not None,
+            "harmonic feed-forward": export.harmonics is not None,
+            "host-played feed-forward": _has_unit(export.host_played),
+            "control gains": any(getattr(control, name) is not None for name in type(control).model_fields),
+        }
 
     def refs(self) -> Iterator[tuple[str, ObjectRef]]:
         """Every object that the profile names, with its place in the file ("quantities.torque.object")."""
@@ -86,6 +112,17 @@ class DeviceProfile(Part):
             if value is None:
                 raise ValueError(f'[sources]: this profile has no part "{key}"')
         return self
+
+    @model_validator(mode="after")
+    def _does_not_deny_itself(self) -> DeviceProfile:
+        for capability in self.cannot:
+            if self._parts().get(capability):
+                raise ValueError(f'[cannot]: "{capability}" is offered by another part of the file')
+        return self
+
+
+def _has_unit(quantity: Quantity | None) -> bool:
+    return quantity is not None and quantity.unit != "user"
 
 
 def _refs(place: str, value: Any) -> Iterator[tuple[str, ObjectRef]]:
@@ -170,6 +207,13 @@ class CanopenProfile(DeviceProfile):
         """PDOs that the drive sends, by number."""
         return tuple(sorted((p for p in self.pdo if p.direction == "tpdo"), key=lambda p: p.number))
 
+    def _parts(self) -> dict[CapabilityName, bool]:
+        position = str(self.quantities.position.object)
+        return super()._parts() | {
+            "sampling by SYNC": any(position in map(str, pdo.entries) for pdo in self.tpdos),
+            "lockstep": self.sync.clocked_by_sync is not None,
+        }
+
     @model_validator(mode="after")
     def _only_objects(self) -> CanopenProfile:
         for place, ref in self.refs():
@@ -226,6 +270,14 @@ class ModbusProfile(DeviceProfile):
     """How long the drive waits for a request before it stops by itself, s per count; 0: for ever."""
     store: Setting | None = None
     """What saves all parameters in the drive's memory."""
+
+    def _parts(self) -> dict[CapabilityName, bool]:
+        return super()._parts() | {
+            "sampling by SYNC": False,
+            "lockstep": False,
+            "stop by heartbeat": self.watchdog is not None,
+            "store": self.store is not None,
+        }
 
     @model_validator(mode="after")
     def _only_registers(self) -> ModbusProfile:
