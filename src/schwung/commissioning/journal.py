@@ -130,6 +130,12 @@ class ParameterJournal:
 
         What the drive passes through on the way is put on disk, too: who cuts it short leaves that behind.
         """
+        writing = self.remember(values)
+        if writing:
+            self._drive.write(writing)
+
+    def remember(self, values: Iterable[ParameterValue]) -> list[ParameterValue]:
+        """Read the old values and put them on disk; returns what differs, for the caller to write."""
         planned = []
         for value in values:
             old = self._drive.read(value.parameter).raw
@@ -139,12 +145,10 @@ class ParameterJournal:
         for parameter in self._drive.passed_through(writing):
             old = self._drive.read(parameter).raw
             planned.append(Change(parameter, old, old, _now()))
-        if not planned:
-            return
-        self._changes += planned
-        self._save()
-        if writing:
-            self._drive.write(writing)
+        if planned:
+            self._changes += planned
+            self._save()
+        return writing
 
     def restore(self) -> None:
         """Put back what was there before the first change of each parameter; the file then says so."""
