@@ -199,9 +199,8 @@ class CanopenDrive:
         wanted = setup.wanted_values(
             self.profile, self._layouts, acquisition, self._lookup, self._read_integer
         )
-        for index, value in playback.dynamics(acquisition.moves, self.scales).items():
-            if self._integer(index, 0) != value:
-                wanted.append(ParameterValue(self.parameter(index), value))
+        strokes = playback.dynamics(acquisition.moves, self.scales, self._lookup)
+        wanted += [value for value in strokes if self._read_integer(value.parameter) != value.raw]
         if acquisition.guard is not None:
             wanted += guard.tightened(acquisition.guard, self.scales, self._lookup, self._read_integer)
         own = self._operation.own_means

@@ -77,10 +77,11 @@ class Operation:
         self._started_s = 0.0
         self._answering = False  # PDOs are: what they say is fresh
         self._halting = threading.RLock()
-        self._own = OwnMeans(sdo, profile, lookup)
+        self._own, self._lookup = OwnMeans(sdo, profile, lookup), lookup
         q = profile.quantities
         self._demand_name = str(q.position.demand)
-        self._position_tpdo = next(i for i, t in enumerate(layouts.tpdos) if t.carries(q.position.object))
+        carriers = (i for i, t in enumerate(layouts.tpdos) if t.carries(q.position.object))
+        self._position_tpdo = next(carriers, None)  # none: a drive that can only be looked at
         self._place = f"node {sdo.node_id}"
 
     @property
@@ -167,10 +168,9 @@ class Operation:
         self._check_start(setpoints, acquisition, scales)
         pp = acquisition.mode == "pp"
         recorder = Recorder(len(self._layouts.tpdos))
-        strokes = playback.dynamics(setpoints.moves, scales) if pp else {}
+        strokes = playback.dynamics(setpoints.moves, scales, self._lookup) if pp else []
         own = self._own.around(setpoints, acquisition, playable, scales)
-        wanted = [ParameterValue(Parameter(i, 0, "UNSIGNED32"), v) for i, v in strokes.items()] + own.settings
-        with temporarily(self._sdo, wanted), own.acting():
+        with temporarily(self._sdo, strokes + own.settings), own.acting():
             error = self._run(exchange, producer, playable, recorder, progress)
         recording = playback.build(
             recorder, playable, self._profile, self._layouts, scales, producer.name, acquisition.sample_rate_hz,
@@ -407,11 +407,11 @@ class Operation:
         return self._sdo.read_integer(0x6041, 0, "UNSIGNED16") or 0
 
     def _position(self) -> int:
-        exchange = self._exchange if self._answering else None
-        frame = exchange.latest[self._position_tpdo] if exchange is not None else None
-        if frame is None:
+        exchange, number = self._exchange if self._answering else None, self._position_tpdo
+        frame = exchange.latest[number] if exchange is not None and number is not None else None
+        if frame is None or number is None:
             return self._position_by_sdo()
-        layout = self._layouts.tpdos[self._position_tpdo]
+        layout = self._layouts.tpdos[number]
         return int(layout.unpack([frame])[str(self._profile.quantities.position.object)][0])
 
     def _position_by_sdo(self) -> int:

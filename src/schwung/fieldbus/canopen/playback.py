@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -11,9 +12,16 @@ from numpy.typing import NDArray
 
 from schwung.errors import InputError
 from schwung.fieldbus import cia402
-from schwung.fieldbus.canopen.pdo import Layout, Layouts
+from schwung.fieldbus.canopen.pdo import Layout, Layouts, Lookup
 from schwung.fieldbus.canopen.recorder import Recorder, arrange, measure_timing
-from schwung.fieldbus.drive import Move, OperatingMode, Recording, Setpoints, SyncTiming
+from schwung.fieldbus.drive import (
+    Move,
+    OperatingMode,
+    ParameterValue,
+    Recording,
+    Setpoints,
+    SyncTiming,
+)
 from schwung.fieldbus.profile import CanopenProfile
 from schwung.fieldbus.units import Scales
 from schwung.motion import Array
@@ -79,6 +87,12 @@ def pack(
 def _counts(values: Array, scale: float, layout: Layout, name: str) -> NDArray[np.int64]:
     if not np.all(np.isfinite(values)):
         raise InputError("setpoints", f"are not finite (for {name})", "Check motion and excitation.")
+    if not math.isfinite(scale):
+        if np.any(values):
+            raise InputError(
+                f"setpoints, {name}", "nobody tells its unit", "Give its scale in a profile that extends this one."
+            )
+        return np.zeros(values.size, dtype=np.int64)
     counts = np.rint(values / scale)
     limits = np.iinfo(layout.dtype[name])
     if counts.min() < limits.min or counts.max() > limits.max:
@@ -112,10 +126,13 @@ def _moves(setpoints: Setpoints, words: NDArray[np.int64], scales: Scales, targe
     return position
 
 
-def dynamics(moves: Sequence[Move], scales: Scales) -> dict[int, int]:
-    """Values of 6081, 6083 and 6084 for strokes that share them. Raises InputError where they do not."""
+def dynamics(moves: Sequence[Move], scales: Scales, lookup: Lookup) -> list[ParameterValue]:
+    """Values of 6081, 6083 and 6084 for strokes that share them; a drive without 6084 brakes as it accelerates.
+
+    Raises InputError where the strokes differ, or the drive has no such object.
+    """
     if not moves:
-        return {}
+        return []
     if len({(m.peak_speed_rad_s, m.acceleration_rad_s2) for m in moves}) > 1:
         raise InputError("setpoints", "moves differ in speed or acceleration", "Play them one by one.")
     speed = moves[0].peak_speed_rad_s / abs(scales.speed_rad_s)
@@ -124,7 +141,14 @@ def dynamics(moves: Sequence[Move], scales: Scales) -> dict[int, int]:
         np.isfinite(speed) and np.isfinite(acceleration) and round(speed) > 0 and round(acceleration) > 0
     ):
         raise InputError("setpoints", "speed or acceleration has no unit or is 0", "Give quantities.speed.")
-    return {0x6081: round(speed), 0x6083: round(acceleration), 0x6084: round(acceleration)}
+    values = []
+    for index, value in ((0x6081, speed), (0x6083, acceleration), (0x6084, acceleration)):
+        parameter = lookup(index, 0)
+        if parameter is not None:
+            values.append(ParameterValue(parameter, round(value)))
+        elif index != 0x6084:
+            raise InputError(f"0x{index:04X}", "the EDS lacks it, but strokes need it", "Use the EDS of this drive.")
+    return values
 
 
 def build(
@@ -158,7 +182,8 @@ def build(
     statusword[samples.lost] = -1
     held = np.clip(samples.setpoint, 0, len(playable.frames) - 1)
     demand = playable.position_counts[held] * scales.position_rad if demand_rad is None else demand_rad[:rows]
-    added = playable.torque_added_counts[held] * (scales.torque_added_nm if q.torque_added else 0.0)
+    known = q.torque_added is not None and math.isfinite(scales.torque_added_nm)
+    added = playable.torque_added_counts[held] * (scales.torque_added_nm if known else 0.0)
     notes = []
     if samples.late:
         notes.append(f"{samples.late} answers came after the following SYNC and were attributed by order")
