@@ -3,7 +3,10 @@ pseudo-terminals, in a thread or as a process of its own."""
 
 from __future__ import annotations
 
+import signal
 import threading
+import time
+from collections.abc import Callable
 from pathlib import Path
 from types import TracebackType
 from typing import Any
@@ -75,7 +78,8 @@ class ModbusBench:
     def tool_options(self) -> dict[str, Any]:
         """What the tool under test takes to meet this bench: interface, channel, bit rate."""
         if self._line is not None:
-            return {"interface": "modbus-rtu", "channel": self._line.tool, "bitrate": self._bitrate or 115200}
+            rate = self._bitrate or 115200
+            return {"interface": "modbus-rtu", "channel": self._line.tool, "bitrate": rate, "parity": "N"}
         host, port = self.server.address or ("127.0.0.1", 0)
         return {"interface": "modbus-tcp", "channel": f"{host}:{port}"}
 
@@ -97,11 +101,6 @@ class ModbusBench:
         finally:
             self._ready.set()
 
-    @property
-    def running(self) -> bool:
-        """The drive answers."""
-        return self._thread is not None and self._thread.is_alive()
-
     def stop(self) -> None:
         """Switch off. Raises what made the drive's thread fail, if anything did."""
         self.server.stop()
@@ -119,6 +118,33 @@ class ModbusBench:
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
         self.stop()
+
+    def run_forever(
+        self, max_time_s: float | None = None, announce: Callable[[str], object] | None = None
+    ) -> None:
+        """Be a process of its own: tell the address, serve until SIGINT or SIGTERM, or for `max_time_s`."""
+        announce = announce or (lambda line: print(line, flush=True))
+        stopped = threading.Event()
+        handlers = {s: signal.signal(s, lambda *_: stopped.set()) for s in (signal.SIGINT, signal.SIGTERM)}
+        try:
+            with self:
+                announce(self.describe())
+                end_s = None if max_time_s is None else time.monotonic() + max_time_s
+                while not stopped.wait(0.05) and self._thread is not None and self._thread.is_alive():
+                    if end_s is not None and time.monotonic() > end_s:
+                        break
+        finally:
+            for number, handler in handlers.items():
+                signal.signal(number, handler)
+
+    def told(self) -> dict[str, Any]:
+        """What runs, and how to reach it, for machines."""
+        return {
+            "bus": self.tool_options,
+            "node": self.server.unit,
+            "plant": self.plant.name,
+            "profile": self.family,
+        }
 
     def describe(self) -> str:
         """One line: what runs, and how to reach it."""

@@ -226,6 +226,8 @@ def _entry(index: int, subindex: int, section: Section, node_id: int) -> Entry:
     low, high = (_limit(data_type, section.get(name), node_id) for name in ("lowlimit", "highlimit"))
     if low is not None and high is not None and low > high:
         low = high = None
+    if index == 0x1016 and high is not None and high < 1 << 16:
+        high = None  # meant for the time: with a node id above it, no value would be left
     return Entry(
         index=index,
         subindex=subindex,

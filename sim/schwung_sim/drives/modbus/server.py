@@ -20,6 +20,7 @@ from schwung_sim.plants.two_mass import TICK_S
 
 if TYPE_CHECKING:
     from pymodbus.constants import ExcCodes
+    from pymodbus.pdu import ModbusPDU
     from pymodbus.simulator import SimDevice
 
 PERIOD_S = 0.002  # how often time passes when no request comes
@@ -112,7 +113,7 @@ class ModbusServer:
 
         logging.getLogger("pymodbus").addHandler(logging.NullHandler())
         self._loop, self._stopping = asyncio.get_running_loop(), asyncio.Event()
-        hooks: dict[str, Any] = {"trace_packet": self._trace_packet}
+        hooks: dict[str, Any] = {"trace_packet": self._trace_packet, "trace_pdu": self._trace_pdu}
         if self._line is not None:
             self._line.connect(self._loop)
             self._server = ModbusSerialServer(self._device(), port=self._line.drive, baudrate=115200, **hooks)
@@ -204,11 +205,16 @@ class ModbusServer:
             return ExcCodes(error.code)
         return None
 
-    def _trace_packet(self, sending: bool, data: bytes) -> bytes:
-        """Between framing and line: other units' requests are not ours, and answers may get lost."""
+    def _trace_pdu(self, sending: bool, pdu: ModbusPDU) -> ModbusPDU:
+        """A request to another unit is not ours to answer, though pymodbus would."""
         if not sending:
-            others = self._line is not None and data[:1] != bytes([self.unit])
-            return b"" if others else data
+            self._swallow = pdu.dev_id != self.unit
+        return pdu
+
+    def _trace_packet(self, sending: bool, data: bytes) -> bytes:
+        """Between framing and line: answers may get lost."""
+        if not sending:
+            return data
         if self._swallow:
             self._swallow = False
             return b""
