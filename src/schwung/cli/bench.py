@@ -28,6 +28,14 @@ def bench(
             metavar="HOST:PORT", help="Serve a loopback TCP bus (socketcand protocol); port 0: any."
         ),
     ] = None,
+    modbus_tcp: Annotated[
+        str | None,
+        typer.Option(metavar="HOST:PORT", help="Be a Modbus drive, served there; port 0: any."),
+    ] = None,
+    modbus_rtu: Annotated[
+        bool,
+        typer.Option("--modbus-rtu", help="Be a Modbus drive on a serial line, which is made; -b paces it."),
+    ] = False,
     profile: Annotated[
         str | None,
         typer.Option(
@@ -66,6 +74,10 @@ def bench(
       schwung bench --tcp 127.0.0.1:0 --conceal coulomb_friction=3,cogging --seed 7
 
       schwung bench --tcp 127.0.0.1:0 --profile maxon-epos4 --eds epos4.eds
+
+      schwung bench --modbus-tcp 127.0.0.1:1502     (then: -i modbus-tcp -c 127.0.0.1:1502)
+
+      schwung bench --modbus-rtu                    (then: -i modbus-rtu -c /dev/pts/…)
     """  # fmt: skip
     from schwung.cli.console import Terminal
     from schwung.errors import InputError
@@ -77,8 +89,27 @@ def bench(
         return
     if clock not in ("sync", "wall"):
         raise InputError("--clock", f'is "{clock}"', "Use sync or wall.")
-    if (tcp is None) == (interface is None and channel is None):
-        raise InputError("bench", "needs one bus", "Give --tcp HOST:PORT, or --interface and --channel.")
+    given = (
+        tcp is not None,
+        interface is not None or channel is not None,
+        modbus_tcp is not None,
+        modbus_rtu,
+    )
+    if sum(given) != 1:
+        raise InputError(
+            "bench", "needs one bus", "Give --tcp, --modbus-tcp, --modbus-rtu, or --interface and --channel."
+        )
+    if modbus_tcp is not None or modbus_rtu:
+        from schwung_sim.modbus_bench import DEFAULT_FAMILY, ModbusBench
+
+        modbus = ModbusBench(
+            plant, profile=profile or DEFAULT_FAMILY, conceal=conceal, seed=seed, unit=node, bitrate=bitrate,
+            faults=",".join(fault or ()), tcp=_address(modbus_tcp, "--modbus-tcp") if modbus_tcp else None,
+        )  # fmt: skip
+        modbus.run_forever(
+            seconds, lambda line: terminal.result(modbus.told()) if json_output else typer.echo(line)
+        )
+        return
     bus_settings = {} if tcp else bus_options(interface, channel, bitrate, bus).resolve()
     machine_room = Bench(
         plant, conceal=conceal, seed=seed, clock="wall" if clock == "wall" else "sync", node_id=node,
@@ -100,22 +131,24 @@ def bench(
 def _list_choices(terminal: Terminal) -> None:
     """What --conceal and --fault take, as the machine room describes it."""
     from schwung_sim import faults
+    from schwung_sim.drives.modbus import faults as modbus_faults
     from schwung_sim.plants import concealed
 
     physics = {name: {"text": e.text, "keys": list(e.key_names)} for name, e in concealed.EFFECTS.items()}
     if terminal.json_output:
-        terminal.result({"conceal": physics, "faults": sorted(faults.KINDS)})
+        kinds = {"faults": sorted(faults.KINDS), "modbus_faults": sorted(modbus_faults.KINDS)}
+        terminal.result({"conceal": physics, **kinds})
         return
     typer.echo(concealed.__doc__)
     for name, effect in concealed.EFFECTS.items():
         typer.echo(f"    {name:22s} {effect.text}\n    {'':22s} keys: {', '.join(effect.key_names)}")
-    typer.echo(f"\n{faults.__doc__}")
+    typer.echo(f"\n{faults.__doc__}\nModbus. {modbus_faults.__doc__}")
 
 
-def _address(text: str) -> tuple[str, int]:
+def _address(text: str, option: str = "--tcp") -> tuple[str, int]:
     from schwung.errors import InputError
 
     host, _, port = text.rpartition(":")
     if not (host and port.isdigit() and int(port) < 65536):
-        raise InputError("--tcp", f'"{text}" is no address', "Write for instance --tcp 127.0.0.1:29536.")
+        raise InputError(option, f'"{text}" is no address', f"Write for instance {option} 127.0.0.1:29536.")
     return host, int(port)
