@@ -74,6 +74,10 @@ class SdoError(ParameterError):
 class RegisterError(ParameterError):
     """A Modbus request was refused by the drive (exception code) or not answered."""
 
+    def __init__(self, place: str, problem: str, remedy: str = "", code: int = 0) -> None:
+        super().__init__(place, problem, remedy)
+        self.code = code  # Modbus exception code; 0: there was no answer
+
 
 class StateError(DriveError):
     """The CiA 402 state machine did not advance; the missing precondition is named."""

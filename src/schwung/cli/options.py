@@ -6,7 +6,7 @@ import math
 import re
 from collections.abc import Callable
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any, get_args
 
 import typer
 
@@ -50,6 +50,16 @@ def quantity(what: str, metavar: str, text: str, panel: str | None = None, *, si
     return typer.Option(parser=measured(what, signed), metavar=metavar, help=text, rich_help_panel=panel)
 
 
+def one_of(option: str, text: str, choices: Any) -> Any:
+    """The text where it is one of the values of a Literal. Raises InputError that lists them."""
+    from schwung.errors import InputError
+
+    names = get_args(choices)
+    if text not in names:
+        raise InputError(option, f'is "{text}"', f"Use {', '.join(names[:-1])} or {names[-1]}.")
+    return text
+
+
 def export_choice(text: str) -> ExportChoice:
     """table, mean, max or at=ANGLE, the angle with its unit. Raises InputError for anything else."""
     from schwung.commissioning import parse_choice
@@ -62,12 +72,12 @@ def export_choice(text: str) -> ExportChoice:
 
 Interface = Annotated[
     str | None,
-    typer.Option("-i", "--interface", help="python-can interface: socketcan, pcan, kvaser, slcan, socketcand, …",
+    typer.Option("-i", "--interface", help="python-can interface: socketcan, pcan, …; or modbus-tcp, modbus-rtu.",
                  rich_help_panel="Bus"),
 ]  # fmt: skip
 Channel = Annotated[
     str | None,
-    typer.Option("-c", "--channel", help="Channel of that interface: can0, PCAN_USBBUS1, /dev/ttyUSB0, …",
+    typer.Option("-c", "--channel", help="Channel of that interface: can0, PCAN_USBBUS1, /dev/ttyUSB0, HOST:PORT, …",
                  rich_help_panel="Bus"),
 ]  # fmt: skip
 Bitrate = Annotated[
@@ -79,7 +89,10 @@ BusOption = Annotated[
                  help="Any further option of the interface, e.g. --bus host=127.0.0.1. Repeatable."),
 ]  # fmt: skip
 Node = Annotated[
-    int, typer.Option("-n", "--node", min=1, max=127, help="CANopen node id.", rich_help_panel="Bus")
+    int,
+    typer.Option(
+        "-n", "--node", min=1, max=247, help="CANopen node id, or Modbus unit.", rich_help_panel="Bus"
+    ),
 ]
 Profile = Annotated[
     str | None,

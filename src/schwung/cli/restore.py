@@ -1,63 +1,206 @@
-"""`schwung restore`: put back the drive parameters that a crashed run had changed."""
+"""`schwung restore`: put back what a run had changed, or bring a drive to a configuration that was kept."""
 
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from schwung.cli.options import Bitrate, BusOption, Channel, Interface, Json, bus_options
+from schwung.cli.options import (
+    Bitrate,
+    BusOption,
+    Channel,
+    DryRun,
+    Interface,
+    Json,
+    Yes,
+    bus_options,
+)
+
+if TYPE_CHECKING:
+    from schwung.cli.console import Terminal
+    from schwung.commissioning.compare import Configuration
+    from schwung.fieldbus.canopen import BusOptions
 
 
 def restore(
-    backup: Annotated[Path, typer.Argument(help="The *.backup.json of the run.")],
+    file: Annotated[
+        Path, typer.Argument(help="The *.backup.json of a run, or a DCF or concise DCF of `schwung backup`.")
+    ],
     force: Annotated[
         bool, typer.Option("--force", help="Also on a drive with another identity, and twice.")
     ] = False,
+    store: Annotated[
+        bool, typer.Option("--store", help="DCF: save in the drive's memory (1010) when all is written.")
+    ] = False,
+    eds: Annotated[Path | None, typer.Option(help="DCF: the vendor's EDS; default: the profile's.")] = None,
+    out: Annotated[
+        Path | None, typer.Option(help="DCF: folder for the way back; default: schwung-<time>.")
+    ] = None,
+    dry_run: DryRun = False,
+    yes: Yes = False,
     interface: Interface = None,
     channel: Channel = None,
     bitrate: Bitrate = None,
     bus: BusOption = None,
     node: Annotated[
-        int | None, typer.Option("-n", "--node", min=1, max=127, help="Default: the node that was backed up.")
+        int | None, typer.Option("-n", "--node", min=1, max=247, help="Default: the node that was backed up.")
     ] = None,
     profile: Annotated[str | None, typer.Option(help="Default: the profile that was used.")] = None,
     json_output: Json = False,
 ) -> None:
-    """Put back the parameters that a run had changed, after a crash or a power loss.
+    """Put back the parameters that a run had changed, or bring a drive to the configuration in a DCF.
 
-    The bus and the node are those of the backup file unless options say otherwise.
+    A *.backup.json knows bus and node itself unless options say otherwise. A DCF is compared with the drive first:
+    what differs is shown, you are asked, the power stage is switched off, the present values go to a *.backup.json,
+    and only then is anything written, read back, and named where the drive refuses it.
 
     [bold]Examples[/]
 
       schwung restore schwung-20260314-101500/setup.backup.json
 
       schwung restore setup.backup.json -i socketcan -c can1 -n 3
+
+      schwung restore axis3.dcf -i socketcan -c can0 -n 3 --dry-run
+
+      schwung restore axis3.dcf -i socketcan -c can0 -n 3 --store
     """
+    from schwung.cli.configurations import dictionary_of, known_profile
     from schwung.cli.console import Terminal
+    from schwung.commissioning.configuration_files import load_configuration
+
+    terminal = Terminal(json_output)
+    dictionary = dictionary_of(eds, known_profile(profile, ()), node or 1)
+    wanted = load_configuration(file, node, dictionary)
+    options = bus_options(interface, channel, bitrate, bus)
+    if wanted.kind == "backup":
+        given = interface is not None or channel is not None
+        _put_back(file, force, options, given, node, profile, terminal)
+        return
+    ask = None if yes else terminal
+    _configure(
+        wanted, options, node or wanted.node_id or 1, profile, eds, out, terminal, ask, force, store, dry_run
+    )
+
+
+def _put_back(
+    file: Path,
+    force: bool,
+    options: BusOptions,
+    given: bool,
+    node: int | None,
+    profile: str | None,
+    terminal: Terminal,
+) -> None:
+    """The old values of a *.backup.json."""
     from schwung.cli.drives import open_drive
     from schwung.commissioning import read_backup, restore_backup
     from schwung.fieldbus.canopen import BusOptions
 
-    terminal = Terminal(json_output)
-    content = read_backup(backup)
+    content = read_backup(file)
     if content.restored and not force:
         terminal.say(
-            f"{backup} was put back on {content.restored} already; nothing to do (--force does it again)."
+            f"{file} was put back on {content.restored} already; nothing to do (--force does it again)."
         )
         terminal.result({"restored": 0, "when": content.restored})
         return
     record = content.drive
-    options = bus_options(interface, channel, bitrate, bus)
     known = record.get("bus") or {}
-    if interface is None and channel is None and "interface" in known:
+    if not given and "interface" in known:
         options = BusOptions(
             known["interface"], known.get("channel"), known.get("bitrate"), known.get("extra") or {}
         )
     was, family = record.get("identity") or {}, record.get("profile")
     with open_drive(options, node or int(was.get("node_id", 1)), profile or family) as opened:
-        values = restore_backup(opened.drive, backup, force)
+        values = restore_backup(opened.drive, file, force)
     terminal.table("Put back", ("object", "value"), ((v.parameter.label, v.raw) for v in values))
     terminal.say(f"{len(values)} parameters put back.")
     terminal.result({"restored": len(values)})
+
+
+def _configure(
+    wanted: Configuration,
+    options: BusOptions,
+    node: int,
+    profile: str | None,
+    eds: Path | None,
+    out: Path | None,
+    terminal: Terminal,
+    ask: Terminal | None,
+    force: bool,
+    store: bool,
+    dry_run: bool,
+) -> None:
+    """Bring a drive to a configuration."""
+    from schwung.cli.configurations import canopen_profile, scales_of, shown
+    from schwung.cli.console import observing
+    from schwung.cli.drives import open_drive
+    from schwung.cli.folders import make_folder, planned_folder
+    from schwung.commissioning.backup import plan_restore, write_plan
+    from schwung.commissioning.configuration_files import for_this_drive
+    from schwung.commissioning.journal import ParameterJournal
+    from schwung.errors import DriveError, RefusedError
+    from schwung.fieldbus.eds import read_eds
+
+    folder = planned_folder(out)
+    with open_drive(options, node, profile) as opened, observing(terminal) as observer:
+        drive = opened.drive
+        family = canopen_profile(opened.profile, "restore")
+        dictionary = read_eds(eds or family.eds_path, node)
+        fitted = for_this_drive(wanted, dictionary, family, drive.identity, force)
+        observer.phase(f"Comparing {len(fitted.values)} parameters with node {node}")
+        plan = plan_restore(drive, fitted.values, observer.progress)
+        scales = scales_of(family, (wanted,), dictionary)
+        rows = [
+            (now.parameter.label, shown(now.raw), str(scales.si(now) or ""), shown(new.raw), str(scales.si(new) or ""))
+            for now, new in plan.changes
+        ]  # fmt: skip
+        left = [*fitted.skipped, *plan.absent]
+        document: dict[str, Any] = {
+            "file": wanted.source, "equal": plan.equal,
+            "changes": [{"parameter": row[0], "old": row[1], "new": row[3]} for row in rows],
+            "left_out": [{"object": s.parameter.label, "because": s.reason} for s in left],
+        }  # fmt: skip
+        terminal.table(f"{len(rows)} differ", ("object", "now", "in SI", "new", "in SI"), rows)
+        terminal.say(f"{plan.equal} parameters are as in {wanted.source}; {len(left)} of it are left out.")
+        if dry_run or not rows:
+            terminal.say("Dry run: nothing was written." if dry_run else "Nothing to write.")
+            terminal.result(document | {"written": 0})
+            return
+        if ask is not None and not ask.ask(f"Switch the power stage off and write {len(rows)} parameters?"):
+            raise RefusedError("restore", "you said no", "Nothing was written.")
+        make_folder(folder)
+        journal = ParameterJournal(drive, folder / "restore.backup.json", drive.describe())
+        observer.phase(f"Writing {len(rows)} parameters")
+        try:
+            written = write_plan(drive, plan, journal, observer.progress)
+        except BaseException as error:
+            error.add_note(f"what was written so far can be put back: schwung restore {journal.path}")
+            raise
+        document |= {
+            "written": len(rows) - len(written.refused), "backup": str(journal.path),
+            "refused": [{"parameter": r.value.parameter.label, "because": r.reason} for r in written.refused],
+        }  # fmt: skip
+        if written.refused:
+            terminal.table(
+                "Not taken", ("object", "value", "because"),
+                ((r.value.parameter.label, shown(r.value.raw), r.reason) for r in written.refused),
+            )  # fmt: skip
+            first = written.refused[0]
+            failure = DriveError(
+                first.value.parameter.label,
+                f"{first.reason}; {len(rows) - len(written.refused)} of {len(rows)} parameters were written and read "
+                f"back, {len(written.refused)} were not taken",
+                f"Nothing was stored. The way back: schwung restore {journal.path}",
+            )
+            vars(failure)["document"] = document
+            raise failure
+        journal.keep(stored=store)
+        if store:
+            drive.store()
+    terminal.say(
+        f"{len(rows)} parameters written and read back equal{', stored' if store else ''}; "
+        f"the way back: [bold]schwung restore {journal.path}[/]"
+    )
+    terminal.result(document | {"stored": store})

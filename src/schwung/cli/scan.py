@@ -29,10 +29,15 @@ def scan(
       schwung scan -i pcan -c PCAN_USBBUS1 -b 1000000 --nodes 1-16
 
       schwung scan -i socketcand -c vcan0 --bus host=127.0.0.1 --bus port=29536
+
+      schwung scan -i modbus-tcp -c 192.168.0.10:502 --nodes 1
+
+      schwung scan -i modbus-rtu -c /dev/ttyUSB0 -b 115200 --bus parity=N --nodes 1-8
     """
     from schwung.cli.console import Terminal, observing
     from schwung.errors import InputError
-    from schwung.fieldbus.canopen import open_bus, scan_bus
+    from schwung.fieldbus.connecting import is_modbus
+    from schwung.fieldbus.connecting import scan as scan_all
 
     first, _, last = nodes.partition("-")
     if (
@@ -42,15 +47,13 @@ def scan(
         raise InputError("--nodes", f'"{nodes}" is no range of node ids', "Write for instance --nodes 1-16.")
     wanted = range(int(first), int(last or first) + 1)
     terminal = Terminal(json_output)
-    opened = open_bus(bus_options(interface, channel, bitrate, bus))
-    try:
-        with observing(terminal) as observer:
-            observer.phase(f"Asking nodes {wanted[0]} to {wanted[-1]}")
-            found = scan_bus(opened, wanted, progress=observer.progress)
-    finally:
-        opened.shutdown()
+    options = bus_options(interface, channel, bitrate, bus)
+    with observing(terminal) as observer:
+        observer.phase(f"Asking nodes {wanted[0]} to {wanted[-1]}")
+        found = scan_all(options, wanted, progress=observer.progress)
     if not found:
-        terminal.say("No node answered. Is the bus powered and terminated, and the bit rate right?")
+        what = "bit rate and parity" if is_modbus(options) else "bit rate"
+        terminal.say(f"No node answered. Is the bus powered and terminated, and the {what} right?")
     for node in found:
         terminal.table(
             f"Node {node.node_id}: {node.name or 'unnamed'}",
@@ -58,7 +61,7 @@ def scan(
             (
                 ("identity", f"vendor {node.vendor_id:#010x}, product {node.product_code:#010x}, "
                              f"revision {node.revision:#010x}, serial {node.serial}"),
-                ("state", f"{node.nmt.lower()}, {node.cia402.lower()}"),
+                ("state", ", ".join(word.lower() for word in (node.nmt, node.cia402) if word and word != "UNKNOWN")),
                 ("profiles", ", ".join(node.profiles) or "none: use --profile"),
                 *((f"{'can' if c.available else 'cannot'}", f"{c.name}: {c.reason}") for c in node.capabilities),
             ),

@@ -2,7 +2,8 @@
 
 from schwung.fieldbus.canopen.bus import BusOptions, bit_rate, bus_load, open_bus
 from schwung.fieldbus.canopen.driver import CanopenDrive
-from schwung.fieldbus.canopen.scan import FoundNode, match_profile, scan_bus
+from schwung.fieldbus.canopen.scan import match_profile, scan_bus
+from schwung.fieldbus.found import FoundNode
 
 __all__ = [
     "BusOptions",

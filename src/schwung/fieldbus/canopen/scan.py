@@ -5,7 +5,6 @@ from __future__ import annotations
 import contextlib
 import time
 from collections.abc import Iterable
-from dataclasses import dataclass
 
 import can
 
@@ -16,29 +15,13 @@ from schwung.fieldbus.canopen.link import Link
 from schwung.fieldbus.canopen.nmt import NodeMonitor
 from schwung.fieldbus.canopen.sdo import SdoChannel
 from schwung.fieldbus.drive import Capability, DriveIdentity, Parameter, Progress
+from schwung.fieldbus.found import FoundNode
 from schwung.fieldbus.profile import CanopenProfile, list_profiles
 
 _ASK_S = 0.3  # for the answers to a request of 1000 to every node
 _LISTEN_S = 0.3  # for heartbeats
 _UPLOAD_DEVICE_TYPE = bytes([0x40, 0x00, 0x10, 0x00, 0, 0, 0, 0])
 GENERIC = "generic-cia402"
-
-
-@dataclass(frozen=True)
-class FoundNode:
-    """One node that answered. `profiles`: families that fit, the best first; capabilities are by the best."""
-
-    node_id: int
-    vendor_id: int
-    product_code: int
-    revision: int
-    serial: int
-    name: str
-    device_type: int | None  # 1000; low half 402: a drive
-    nmt: str  # by heartbeat; "UNKNOWN" where none came
-    cia402: str  # "" where the node is no drive
-    profiles: tuple[str, ...]
-    capabilities: tuple[Capability, ...]
 
 
 def scan_bus(

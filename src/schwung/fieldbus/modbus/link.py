@@ -223,4 +223,5 @@ def _refusal(place: str, code: int) -> RegisterError:
         place,
         f"the drive refuses: {reason} (exception {code})",
         "Check profile, firmware and the drive's state.",
+        code,
     )

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-from schwung.errors import InputError, ParameterError
+from schwung.errors import InputError, ParameterError, RegisterError
 from schwung.fieldbus.drive import Parameter, ParameterValue, RawValue
 from schwung.fieldbus.modbus import words
 from schwung.fieldbus.modbus.link import ModbusLink
@@ -59,8 +59,8 @@ class Registers:
         count = words.word_count(parameter.type, modbus.registers_per_parameter)
         try:
             read = self.link.read(parameter.index, count)
-        except ParameterError as error:
-            raise type(error)(parameter.label, error.problem, error.remedy) from error
+        except RegisterError as error:
+            raise RegisterError(parameter.label, error.problem, error.remedy, error.code) from error
         return ParameterValue(parameter, words.decode(read, parameter.type, modbus.word_order))
 
     def write(self, parameter: Parameter, raw: RawValue) -> None:
@@ -69,8 +69,8 @@ class Registers:
         encoded = words.encode(raw, parameter.type, modbus.word_order, modbus.registers_per_parameter)
         try:
             self.link.write(parameter.index, encoded)
-        except ParameterError as error:
-            raise type(error)(parameter.label, error.problem, error.remedy) from error
+        except RegisterError as error:
+            raise RegisterError(parameter.label, error.problem, error.remedy, error.code) from error
 
     def integer(self, ref: ObjectRef) -> int:
         """What a reference of the profile holds. Raises RegisterError, NodeLostError."""
