@@ -178,7 +178,7 @@ def test_a_bus_that_is_too_slow_is_refused(bit_rate: int, rate_hz: float, tmp_pa
         desk(bit_rate=bit_rate) as room,
         pytest.raises(RefusedError, match=rf"bus load.*{bit_rate // 1000} kbit/s"),
     ):
-        room.commission(tmp_path / "out", sample_rate_hz=rate_hz)
+        room.commission(tmp_path / "out", sample_rate_hz=rate_hz, sampling="sync")
 
 
 def test_an_injection_held_between_syncs_has_to_be_known_as_such(tmp_path: Path) -> None:

@@ -31,6 +31,7 @@ from schwung.cli.options import (
     Yes,
     bus_options,
     export_choice,
+    one_of,
     quantity,
 )
 
@@ -62,9 +63,10 @@ def commission(
     mode: Annotated[
         str,
         typer.Option(
-            help="csp: setpoints over the bus; pp: the drive's own profile.", rich_help_panel=_MOTION
+            help="csp: setpoints over the bus; pp: the drive's own profile; auto: what the drive can.",
+            rich_help_panel=_MOTION,
         ),
-    ] = "csp",
+    ] = "auto",
     min_position: MinPosition = None,
     max_position: MaxPosition = None,
     max_speed: MaxSpeed = None,
@@ -92,6 +94,26 @@ def commission(
             rich_help_panel=INJECTION,
         ),
     ] = 1,
+    sampling: Annotated[
+        str,
+        typer.Option(
+            help="sync: TPDOs on every SYNC; trace: the drive's own trace buffer, read out after each motion; "
+            "auto: what drive and bus can.",
+            rich_help_panel=INJECTION,
+        ),
+    ] = "auto",
+    injection: Annotated[
+        str,
+        typer.Option(
+            help="setpoints: a torque offset with every SYNC; generator: the drive's own sine; "
+            "auto: what drive and bus can.",
+            rich_help_panel=INJECTION,
+        ),
+    ] = "auto",
+    trace_rate: Annotated[
+        float | None,
+        quantity("frequency", "HZ", "Rate of the trace; default: as fast as it holds the motion.", INJECTION),
+    ] = None,
     max_jitter: MaxJitter = None,
     export: Annotated[
         str | None,
@@ -129,6 +151,8 @@ def commission(
       schwung commission -m machine.toml --distance 180deg --duration 150ms --bode schwung-20260101-120000 --phases 4
 
       schwung commission -m machine.toml --distance 180deg --duration 250ms --also 400ms -i socketcan -c can0 -n 3
+
+      schwung commission -m machine.toml --distance 180deg --duration 250ms --sampling trace --injection generator
     """  # fmt: skip
     from schwung.cli.console import Terminal
     from schwung.cli.drives import open_drive
@@ -138,22 +162,23 @@ def commission(
     from schwung.commissioning import LimitWishes, Wishes
     from schwung.commissioning.bode_result import read_bode
     from schwung.commissioning.procedure import MAX_JITTER_SHARE
+    from schwung.commissioning.ways import InjectionChoice, ModeChoice, SamplingChoice
     from schwung.drivetrain import load_machine
-    from schwung.errors import InputError
 
     terminal = Terminal(json_output)
     believed = load_machine(machine)
     choice = export_choice(export) if export else None
-    if mode not in ("csp", "pp"):
-        raise InputError("--mode", f'is "{mode}"', "Use csp or pp.")
     wishes = Wishes(
         distance_rad=distance,
         duration_s=duration,
         limits=LimitWishes(min_position, max_position, max_speed, max_torque, following_error),
         kind=profile_kind,
         returns=not one_way,
-        mode="pp" if mode == "pp" else "csp",
+        mode=one_of("--mode", mode, ModeChoice),
+        sampling=one_of("--sampling", sampling, SamplingChoice),
+        injecting=one_of("--injection", injection, InjectionChoice),
         sample_rate_hz=rate,
+        trace_rate_hz=trace_rate,
         frequency_hz=frequency,
         amplitude_nm=amplitude,
         repeats=repeats,

@@ -180,8 +180,8 @@ def show_plan(terminal: Terminal, prepared: Prepared) -> None:
             ("motion", f"{motion.kind} profile, {motion.distance_rad:.4g} rad in {times} ms{back}, "
                        f"from {plan.start_position_rad:.4g} rad"),
             ("injection", f"{excitation.amplitude_nm:.3g} N·m at {excitation.frequency_hz:g} Hz"),
-            ("recording", f"{len(tuple(plan.runs()))} motions at {plan.acquisition.sample_rate_hz:g} Hz, "
-                          f"{plan.acquisition.mode.upper()}, {plan.duration_s:.1f} s of bus time"),
+            ("recording", f"{len(tuple(plan.runs()))} motions at {plan.recorded_rate_hz:g} Hz, "
+                          f"{plan.way_text}, {plan.duration_s:.1f} s of bus time"),
             ("limits", f"{limits.position_min_rad:.4g} … {limits.position_max_rad:.4g} rad, "
                        f"{limits.speed_max_rad_s:.4g} rad/s, {limits.torque_max_nm:.4g} N·m, "
                        f"following error {limits.following_error_rad:.3g} rad"),

@@ -20,7 +20,8 @@ from schwung.commissioning.journal import (
 )
 from schwung.commissioning.plan import Limits, LimitWishes, Plan
 from schwung.commissioning.preflight import Check, Preflight, Survey
-from schwung.commissioning.procedure import Observer, Recorded, following_error, following_error_rms
+from schwung.commissioning.procedure import Observer, Recorded
+from schwung.commissioning.runs import following_error, following_error_rms
 
 __all__ = [
     "Backup",

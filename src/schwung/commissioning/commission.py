@@ -8,13 +8,21 @@ from typing import Any
 
 from schwung.commissioning.journal import Change, ParameterJournal
 from schwung.commissioning.plan import LimitWishes, Plan, PlannedRun, limits_of, make_plan
-from schwung.commissioning.preflight import Preflight, Survey, preflight, survey, with_control
+from schwung.commissioning.preflight import MAX_BUS_LOAD, Preflight, Survey, preflight, survey, with_control
 from schwung.commissioning.procedure import MAX_JITTER_SHARE, Observer, Recorded, record
+from schwung.commissioning.ways import (
+    InjectionChoice,
+    ModeChoice,
+    SamplingChoice,
+    Way,
+    choose_way,
+    require_phases,
+)
 from schwung.drivetrain import FeedForward, Machine
 from schwung.errors import InputError, SchwungError
 from schwung.estimation import Estimate, estimate
 from schwung.estimation.reach import Reach, reach_of
-from schwung.fieldbus.drive import Drive, OperatingMode
+from schwung.fieldbus.drive import Acquisition, Drive
 from schwung.fieldbus.profile import DeviceProfile, ScaledObject
 from schwung.session import Run, Session, read_session
 
@@ -28,8 +36,11 @@ class Wishes:
     limits: LimitWishes = field(default_factory=LimitWishes)
     kind: str = "third"
     returns: bool = True
-    mode: OperatingMode = "csp"
+    mode: ModeChoice = "auto"
+    sampling: SamplingChoice = "auto"
+    injecting: InjectionChoice = "auto"
     sample_rate_hz: float = 1000.0
+    trace_rate_hz: float | None = None
     frequency_hz: float | None = None
     amplitude_nm: float | None = None
     repeats: int = 2
@@ -85,6 +96,8 @@ def prepare(drive: Drive, profile: DeviceProfile, machine: Machine, wishes: Wish
     machine = with_control(machine, gains)
     limits = limits_of(wishes.limits, drive.limits(), machine)
     injected = profile.quantities.torque_added
+    way = way_of(drive, profile, wishes)
+    require_phases(profile, way, wishes.phases)
     plan = make_plan(
         machine,
         limits,
@@ -93,19 +106,53 @@ def prepare(drive: Drive, profile: DeviceProfile, machine: Machine, wishes: Wish
         duration_s=wishes.duration_s,
         kind=wishes.kind,
         returns=wishes.returns,
-        mode=wishes.mode,
-        sample_rate_hz=wishes.sample_rate_hz,
+        mode=way.mode,
+        sample_rate_hz=way.sync_rate_hz,
         frequency_hz=wishes.frequency_hz,
         amplitude_nm=wishes.amplitude_nm,
         repeats=wishes.repeats,
         phases=wishes.phases,
         also_s=wishes.also_s,
         torque_held=injected is None or injected.between_syncs == "held",
+        sampling=way.sampling,
+        injecting=way.injecting,
+        trace=profile.trace,
+        trace_rate_hz=wishes.trace_rate_hz,
+        generator=profile.generator,
     )
-    plan = replace(plan, reasons=(*wishes.because, *plan.reasons))
+    plan = replace(plan, reasons=(*way.reasons, *wishes.because, *plan.reasons))
     forward = FeedForward(speed_share=gains.get("speed_feed_forward", 0.0))
     seen = survey(drive, plan)
     return Prepared(plan, machine, seen, preflight(plan, machine, seen, forward), forward)
+
+
+def way_of(drive: Drive, profile: DeviceProfile, wishes: Wishes) -> Way:
+    """How this drive on this bus shall be commissioned. Raises InputError for a trace that the profile lacks."""
+    fast = drive.bus_load(Acquisition(mode="csp", sample_rate_hz=wishes.sample_rate_hz))
+    way = choose_way(
+        profile,
+        drive.capabilities(),
+        wishes.mode,
+        wishes.sampling,
+        wishes.injecting,
+        sync_rate_hz=wishes.sample_rate_hz,
+        bus_is_full=fast.share > MAX_BUS_LOAD,
+    )
+    for wanted, part, name in (
+        (way.sampling == "trace", profile.trace, "trace buffer"),
+        (way.injecting == "generator", profile.generator, "generator"),
+    ):
+        if wanted and part is None:
+            option = "--sampling" if name == "trace buffer" else "--injection"
+            reason = profile.cannot.get(
+                "trace buffer" if name == "trace buffer" else "generator", "it has none"
+            )
+            raise InputError(
+                f"profile {profile.family}",
+                f"this profile has no {name}: {reason}",
+                f"Leave {option} to auto.",
+            )
+    return way
 
 
 def settings_of(plan: Plan) -> dict[str, Any]:
@@ -113,6 +160,10 @@ def settings_of(plan: Plan) -> dict[str, Any]:
     limits = plan.limits
     return {
         "mode": plan.acquisition.mode,
+        "sampling": plan.acquisition.sampling,
+        "injecting": plan.acquisition.injecting,
+        "sync_rate_hz": plan.acquisition.sample_rate_hz,
+        "trace_rate_hz": plan.acquisition.trace_rate_hz,
         "start_position_rad": plan.start_position_rad,
         "limits": {
             "position_min_rad": limits.position_min_rad,
@@ -204,9 +255,11 @@ def wishes_of(session: Session) -> Wishes:
     motion = next((run.motion for run in session.references if run.motion is not None), None)
     try:
         limits = LimitWishes(**settings["limits"])
-        mode: OperatingMode = "pp" if settings["mode"] == "pp" else "csp"
+        mode: ModeChoice = "pp" if settings["mode"] == "pp" else "csp"
     except (KeyError, TypeError):
         limits, mode = None, "csp"
+    sampling: SamplingChoice = "trace" if settings.get("sampling") == "trace" else "sync"
+    injecting: InjectionChoice = "generator" if settings.get("injecting") == "generator" else "setpoints"
     if motion is None or limits is None:
         raise InputError(
             "session",
@@ -220,5 +273,8 @@ def wishes_of(session: Session) -> Wishes:
         kind=motion.kind,
         returns=motion.returns,
         mode=mode,
-        sample_rate_hz=session.references[0].sample_rate_hz,
+        sampling=sampling,
+        injecting=injecting,
+        sample_rate_hz=settings.get("sync_rate_hz") or session.references[0].sample_rate_hz,
+        trace_rate_hz=settings.get("trace_rate_hz"),
     )

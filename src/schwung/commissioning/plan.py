@@ -12,7 +12,19 @@ import numpy as np
 from schwung.drivetrain import InertiaTable, Machine, anti_resonance_hz
 from schwung.errors import InputError
 from schwung.estimation import MIN_PHASES
-from schwung.fieldbus.drive import Acquisition, DriveLimits, Guard, Move, OperatingMode, Setpoints
+from schwung.fieldbus.drive import (
+    Acquisition,
+    DriveLimits,
+    Guard,
+    Injecting,
+    Move,
+    OperatingMode,
+    Sampling,
+    Setpoints,
+    Sine,
+)
+from schwung.fieldbus.profile import Generator, Trace
+from schwung.fieldbus.tracing import trace_request
 from schwung.motion import Excitation, Motion, MotionKind
 from schwung.session import Role
 
@@ -26,6 +38,8 @@ MIN_SAMPLES_PER_PERIOD = 10
 #: Periods of the injection that the ramp takes, and that pass at full amplitude before the motion starts: the
 #: controller answers the ramp for some tens of milliseconds.
 RAMP_PERIODS, SETTLED_PERIODS = 2, 3
+#: The grid on which the motion is simulated and a frequency is proposed where the drive samples by itself (Hz).
+NOMINAL_RATE_HZ = 1000.0
 
 
 @dataclass(frozen=True)
@@ -100,11 +114,48 @@ class Plan:
                 for number in range(self.phases):
                     yield PlannedRun("excited", repeat, motion, self._turned(number, motion))
 
+    @property
+    def generator_starts_with_motion(self) -> bool:
+        """The generator's phase counts from the motion's start; else it is on before, and only the drive knows."""
+        return self.acquisition.injecting == "generator" and self.phases > 1
+
+    @property
+    def grid_rate_hz(self) -> float:
+        """Samples per second of what is simulated: that of SYNC, or a nominal one where the drive samples."""
+        return NOMINAL_RATE_HZ if self.acquisition.sampling == "trace" else self.acquisition.sample_rate_hz
+
+    @property
+    def recorded_rate_hz(self) -> float:
+        """Samples per second of what is recorded."""
+        return self.acquisition.trace_rate_hz or self.acquisition.sample_rate_hz
+
+    @property
+    def by_itself(self) -> bool:
+        """The drive moves, injects and samples by itself: nothing depends on the instant at which a frame comes."""
+        way = self.acquisition
+        return (way.mode, way.sampling, way.injecting) == ("pp", "trace", "generator")
+
+    @property
+    def way_text(self) -> str:
+        """Who moves, samples and injects, in words."""
+        way = self.acquisition
+        sampled = "sampled by SYNC" if way.sampling == "sync" else "sampled by the drive's trace"
+        injected = (
+            "injected by setpoints" if way.injecting == "setpoints" else "injected by the drive's generator"
+        )
+        return f"{way.mode.upper()}, {sampled}, {injected}"
+
+    def excitation_of(self, motion: Motion) -> Excitation:
+        """The injection, for so long as a motion lasts."""
+        if self.acquisition.injecting == "generator":  # on all the time
+            return self.excitation
+        end = _injected_until(motion, self.excitation.frequency_hz)
+        return self.excitation.model_copy(update={"end_s": end})
+
     def _turned(self, number: int, motion: Motion) -> Excitation:
         """The injection at its `number`-th phase, for so long as the motion lasts."""
         turned = self.excitation.phase_rad + 2 * math.pi * number / self.phases
-        end = _injected_until(motion, self.excitation.frequency_hz)
-        return self.excitation.model_copy(update={"phase_rad": turned, "end_s": end})
+        return self.excitation_of(motion).model_copy(update={"phase_rad": turned})
 
     def start_of(self, run: PlannedRun) -> float:
         """Where a run starts (rad)."""
@@ -211,10 +262,16 @@ def make_plan(
     also_s: Sequence[float] = (),
     torque_held: bool = True,
     heartbeat_s: float = 0.1,
+    sampling: Sampling = "sync",
+    injecting: Injecting = "setpoints",
+    trace: Trace | None = None,
+    trace_rate_hz: float | None = None,
+    generator: Generator | None = None,
 ) -> Plan:
     """Fill the gaps with proposals and say why. `torque_held`: the drive holds the injected torque between SYNCs.
 
-    `also_s`: further times of the stroke, all longer than the first, by which everything is dimensioned.
+    `also_s`: further times of the stroke, all longer than the first, by which everything is dimensioned. `trace` and
+    `generator`: the drive's own, where it samples or injects by itself.
 
     Raises InputError where a wish cannot be met by any motion (too few samples per period, PP with a profile that
     drives do not have).
@@ -234,14 +291,18 @@ def make_plan(
         )
     if mode == "pp" and kind != "third":
         raise InputError("--profile-kind", f'is "{kind}"', "In PP the drive makes a trapezoid: use third.")
+    by_itself = sampling == "trace" and injecting == "generator"
+    grid_hz = NOMINAL_RATE_HZ if by_itself else sample_rate_hz
     if frequency_hz is None:
-        frequency_hz, why = propose_frequency(machine, sample_rate_hz)
+        frequency_hz, why = propose_frequency(machine, grid_hz)
         reasons.append(f"injection at {frequency_hz:g} Hz: {why}")
-    if sample_rate_hz / frequency_hz < MIN_SAMPLES_PER_PERIOD:
+    if injecting == "generator" and generator is not None:
+        frequency_hz = round(frequency_hz / generator.frequency.scale) * generator.frequency.scale
+    if grid_hz / frequency_hz < MIN_SAMPLES_PER_PERIOD:
         raise InputError(
             "--frequency",
-            f"{frequency_hz:g} Hz leaves {sample_rate_hz / frequency_hz:.1f} samples a period at {sample_rate_hz:g} Hz",
-            f"Stay at or below {sample_rate_hz / MIN_SAMPLES_PER_PERIOD:g} Hz or sample faster.",
+            f"{frequency_hz:g} Hz leaves {grid_hz / frequency_hz:.1f} samples a period at {grid_hz:g} Hz",
+            f"Stay at or below {grid_hz / MIN_SAMPLES_PER_PERIOD:g} Hz or sample faster.",
         )
     if amplitude_nm is None:
         amplitude_nm = AMPLITUDE_SHARE * limits.torque_max_nm
@@ -261,14 +322,22 @@ def make_plan(
             "dwell_s": dwell + RAMP_PERIODS * period,
         }
     )
-    excitation = Excitation(
-        frequency_hz=frequency_hz,
-        amplitude_nm=amplitude_nm,
-        ramp_s=RAMP_PERIODS * period,
-        end_s=_injected_until(motion, frequency_hz),
-        hold_s=1 / sample_rate_hz if torque_held else None,
-    )
+    excitation = Excitation(frequency_hz=frequency_hz, amplitude_nm=amplitude_nm)
+    if injecting == "setpoints":
+        excitation = Excitation(
+            frequency_hz=frequency_hz,
+            amplitude_nm=amplitude_nm,
+            ramp_s=RAMP_PERIODS * period,
+            end_s=_injected_until(motion, frequency_hz),
+            hold_s=1 / sample_rate_hz if torque_held else None,
+        )
     slower = tuple(motion.model_copy(update={"duration_s": further}) for further in also_s)
+    trace_s = 0.0
+    if sampling == "trace" and trace is not None:
+        trace_s = max(m.total_s - m.start_time_s for m in (motion, *slower))
+        trace_rate_hz = trace_request(trace, trace_s, trace_rate_hz).rate_hz
+        _require_traceable(trace_rate_hz, frequency_hz, sample_rate_hz, injecting)
+        reasons.append(f"the drive's trace samples at {trace_rate_hz:g} Hz, from the motion's start on")
     return Plan(
         motion=motion,
         excitation=excitation,
@@ -284,6 +353,10 @@ def make_plan(
                 limits.torque_max_nm,
                 limits.following_error_rad,
             ),
+            sampling=sampling,
+            injecting=injecting,
+            trace_rate_hz=trace_rate_hz if sampling == "trace" else None,
+            trace_s=trace_s,
         ),
         limits=limits,
         start_position_rad=start_position_rad,
@@ -291,6 +364,24 @@ def make_plan(
         phases=phases,
         slower=slower,
     )
+
+
+def _require_traceable(
+    trace_rate_hz: float, frequency_hz: float, sample_rate_hz: float, injecting: Injecting
+) -> None:
+    """Raise InputError where the trace is too slow: for the injection, or for its staircase."""
+    if trace_rate_hz / frequency_hz < MIN_SAMPLES_PER_PERIOD:
+        raise InputError(
+            "--trace-rate",
+            f"{trace_rate_hz:g} Hz leaves {trace_rate_hz / frequency_hz:.1f} samples a period of {frequency_hz:g} Hz",
+            "Trace faster, inject at a lower --frequency, or take a shorter motion.",
+        )
+    if injecting == "setpoints" and trace_rate_hz < (1 - 1e-6) * sample_rate_hz:
+        raise InputError(
+            "--trace-rate",
+            f"{trace_rate_hz:g} Hz cannot resolve an injection that steps at {sample_rate_hz:g} Hz",
+            "Trace as fast as SYNC comes at the least, or inject with the generator.",
+        )
 
 
 def _require_sense(
@@ -337,6 +428,15 @@ def setpoints_of(run: PlannedRun, plan: Plan) -> Setpoints:
     rate, start = plan.acquisition.sample_rate_hz, plan.start_of(run)
     time = run.motion.time(rate)
     demand = run.motion.demand(time)
-    added = run.excitation.torque(time) if run.excitation else np.zeros_like(time)
+    added, sine = np.zeros_like(time), None
+    if run.excitation is not None and plan.acquisition.injecting == "setpoints":
+        added = run.excitation.torque(time)
+    elif run.excitation is not None:
+        sine = Sine(
+            run.excitation.frequency_hz,
+            run.excitation.amplitude_nm,
+            run.excitation.phase_rad,
+            from_motion=plan.generator_starts_with_motion,
+        )
     moves = moves_of(run.motion, start, rate) if plan.acquisition.mode == "pp" else ()
-    return Setpoints(rate, start + demand.position_rad, added, moves)
+    return Setpoints(rate, start + demand.position_rad, added, moves, sine)

@@ -11,19 +11,21 @@ from typing import Literal
 
 import numpy as np
 
-from schwung.commissioning.plan import Plan, PlannedRun, setpoints_of
+from schwung.commissioning.plan import Plan, PlannedRun
+from schwung.commissioning.runs import on_trace_clock
+from schwung.commissioning.ways import INJECTED, MOVING, SAMPLED
 from schwung.drivetrain import Control, FeedForward, Machine, Simulated, simulate
 from schwung.errors import InputError, RefusedError, SchwungError
 from schwung.estimation import Estimate, estimate
 from schwung.fieldbus.drive import (
     ENERGISED,
+    Acquisition,
     BusLoad,
     Capability,
     Drive,
     DriveIdentity,
     DriveLimits,
     DriveState,
-    OperatingMode,
     Resolution,
 )
 from schwung.session import Run, Session
@@ -115,7 +117,7 @@ def preflight(
     predicted = _predicted(plan, zip(first, (reference, *phases), strict=True), machine)
     source, resolution_checks = _resolution(plan, seen.resolution, reference, excited)
     checks = [
-        *drive_checks(seen, plan.acquisition.mode),
+        *drive_checks(seen, plan.acquisition),
         *bus_checks(seen.bus_load),
         *resolution_checks,
         *_room(plan, motions),
@@ -130,14 +132,16 @@ def simulated_run(
     run: PlannedRun, plan: Plan, machine: Machine, feed_forward: FeedForward | None, heavier: float = 1.0
 ) -> Simulated:
     """One run as the believed machine would make it, on a grid `FINER` times as fine as the samples."""
-    time = run.motion.time(FINER * plan.acquisition.sample_rate_hz)
+    time = run.motion.time(FINER * plan.grid_rate_hz)
     demand = run.motion.demand(time)
     inertia, added = None, None
     if heavier != 1.0:
         inertia = heavier * float(np.max(machine.load_inertia_at(plan.start_of(run) + demand.position_rad)))
     if run.excitation is not None:
-        held = run.excitation.hold_s is not None
-        commanded_at = time[np.arange(time.size) // FINER * FINER] if held else time
+        held, step = run.excitation.hold_s, FINER
+        if held is not None:
+            step = max(1, round(held * FINER * plan.grid_rate_hz))
+        commanded_at = time[np.arange(time.size) // step * step] if held else time
         added = run.excitation.torque(commanded_at)
     return simulate(
         _limited(machine, plan),
@@ -172,23 +176,30 @@ def _sampled(planned: PlannedRun, plan: Plan, simulated: Simulated) -> Run:
     """The simulated run as a drive reports it: angle and speed at SYNC, torque of the tick before it."""
     at_sync = slice(FINER, None, FINER)
     before_sync = slice(FINER - 1, -1, FINER)
-    position = simulated.position_rad[at_sync]
-    return Run(
+    position, rate = simulated.position_rad[at_sync], plan.grid_rate_hz
+    time = np.arange(position.size) / rate
+    added = planned.excitation.torque(time) if planned.excitation else np.zeros(time.size)
+    run = Run(
         role=planned.role,
         repeat=planned.repeat,
-        sample_rate_hz=plan.acquisition.sample_rate_hz,
-        time_s=np.arange(position.size) / plan.acquisition.sample_rate_hz,
+        sample_rate_hz=rate,
+        time_s=time,
         position_rad=position,
         speed_rad_s=simulated.speed_rad_s[at_sync],
         torque_nm=simulated.torque_nm[before_sync],
-        torque_added_nm=setpoints_of(planned, plan).torque_added_nm[: position.size],
+        torque_added_nm=added,
         motion=planned.motion,
         excitation=planned.excitation,
     )
+    return on_trace_clock(run, planned, plan) if plan.acquisition.sampling == "trace" else run
 
 
-def drive_checks(seen: Survey, mode: OperatingMode = "csp") -> Iterable[Check]:
-    """Identity, state, and what the drive cannot do."""
+def drive_checks(seen: Survey, way: Acquisition | None = None) -> Iterable[Check]:
+    """Identity, state, and what the drive cannot do; what the way needs of that stops (None: setpoints and SYNC)."""
+    mode, sampling, injecting = (
+        (way.mode, way.sampling, way.injecting) if way else ("csp", "sync", "setpoints")
+    )
+    needs = ("torque", MOVING[mode], SAMPLED[sampling], INJECTED[injecting])
     identity = seen.identity
     yield Check(
         "identity", "ok", f"node {identity.node_id}: {identity.name or 'unnamed'}, serial {identity.serial}"
@@ -213,8 +224,7 @@ def drive_checks(seen: Survey, mode: OperatingMode = "csp") -> Iterable[Check]:
         yield Check("drive state", "ok", ", ".join(word for word in told if word != "unknown"))
     for capability in seen.capabilities:
         if not capability.available:
-            moving = "cyclic position" if mode == "csp" else "profile position"
-            needed = capability.name in ("torque injection", "sampling by SYNC", moving)
+            needed = capability.name in needs
             yield Check(
                 capability.name,
                 "stop" if needed else "note",
@@ -238,8 +248,9 @@ def _resolution(
     """Is the ripple many counts high, and which speed shall be used: the reported one, or that of the position?"""
     ripple = float(np.max(np.abs(excited.speed_rad_s - reference.speed_rad_s)))
     reported = ripple / resolution.speed_rad_s if resolution.speed_rad_s > 0 else 0.0
-    derived = ripple / (plan.acquisition.sample_rate_hz * resolution.position_rad)
-    held = plan.excitation.hold_s is not None  # then averages over a period are wanted, which positions give
+    derived = ripple / (plan.recorded_rate_hz * resolution.position_rad)
+    # held from sample to sample, averages over a period are wanted, which positions give
+    held = plan.excitation.hold_s is not None and plan.acquisition.sampling == "sync"
     use_position = derived > reported or (held and derived >= MIN_RIPPLE_COUNTS)
     counts = derived if use_position else reported
     text = f"the ripple of {ripple:.3g} rad/s is {counts:.0f} counts high"

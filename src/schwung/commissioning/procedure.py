@@ -8,19 +8,17 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, Protocol
-
-import numpy as np
 
 from schwung.commissioning.interrupts import OneInterrupt
 from schwung.commissioning.journal import ParameterJournal
 from schwung.commissioning.plan import Plan, PlannedRun, setpoints_of
 from schwung.commissioning.preflight import Preflight, SpeedSource
+from schwung.commissioning.runs import run_of
 from schwung.errors import DriveError, InterruptedByUser, SampleLossError
 from schwung.fieldbus.drive import Drive, Recording, SyncTiming, partial_recording
-from schwung.motion import Array
 from schwung.session import Run, SessionWriter
 
 #: A motion whose recording has gaps is made again so often, then the bus is called unfit.
@@ -178,11 +176,12 @@ class _Player:
             self.observer.note(f"{_losses(recording)}: the motion is made again")
             self._go(back)
         try:
-            _judge_timing(recording.timing, self.max_jitter_share)
+            if not self.plan.by_itself:
+                _judge_timing(recording.timing, self.max_jitter_share)
         except DriveError as error:
             self._keep_partial(recording, planned, str(error))
             raise
-        run = _run_of(recording, planned, self.plan, self.source)
+        run = run_of(recording, planned, self.plan, self.source)
         self.writer.append(run)
         if next_start_rad == start:
             self._go(back)
@@ -207,31 +206,24 @@ class _Player:
         """What came before the first gap, where that is anything at all."""
         before = _gapless(recording)
         if before.position_rad.size > MIN_PARTIAL_SAMPLES:
-            self.writer.append_partial(_run_of(before, planned, self.plan, self.source), why)
+            self.writer.append_partial(run_of(before, planned, self.plan, self.source), why)
 
 
 def _losses(recording: Recording) -> str:
     lost, total = recording.lost.size, recording.position_rad.size
-    return f"{lost} of {total} samples were lost ({lost / total:.2%}), the first at SYNC {int(recording.lost[0])}"
+    first = f"the first at {'SYNC' if recording.sampling == 'sync' else 'row'} {int(recording.lost[0])}"
+    return f"{lost} of {total} samples were lost ({lost / total:.2%}), {first}"
 
 
 def _gapless(recording: Recording) -> Recording:
     """The part before the first lost sample: gaps are never bridged."""
     end = int(recording.lost[0]) if recording.lost.size else recording.position_rad.size
-    arrays = {
-        name: getattr(recording, name)[:end]
-        for name in (
-            "sync_count", "receive_time_s", "statusword", "position_rad", "speed_rad_s", "torque_nm",
-            "position_demand_rad", "torque_added_nm",
-        )
-    }  # fmt: skip
-    return Recording(
-        sample_rate_hz=recording.sample_rate_hz,
-        lost=recording.lost[:0],
-        timing=recording.timing,
-        notes=recording.notes,
-        **arrays,
-    )
+    names = (
+        "sync_count", "receive_time_s", "statusword", "position_rad", "speed_rad_s", "torque_nm",
+        "position_demand_rad", "torque_added_nm",
+    )  # fmt: skip
+    arrays = {name: getattr(recording, name)[:end] for name in names}
+    return replace(recording, lost=recording.lost[:0], **arrays)
 
 
 def _judge_timing(timing: SyncTiming, max_share: float) -> None:
@@ -243,48 +235,3 @@ def _judge_timing(timing: SyncTiming, max_share: float) -> None:
             f"of a {timing.period_s * 1e3:g} ms period; samples and setpoints are off by as much",
             "Use an adapter with SocketCAN (the kernel makes SYNC), lower --rate, or accept it with --max-jitter.",
         )
-
-
-def _run_of(recording: Recording, planned: PlannedRun, plan: Plan, source: SpeedSource) -> Run:
-    """A recording as a run: time 0 is the SYNC after the one that took the first setpoint.
-
-    A drive that takes setpoint k at SYNC k has reached it one period later, when SYNC k+1 samples it; so the run
-    holds what SYNC k+1 sampled beside what was commanded with SYNC k, and its injected sine is that of `excitation`.
-    """
-    actual, commanded = slice(1, None), slice(None, -1)
-    position = recording.position_rad[actual]
-    demand = recording.position_demand_rad[commanded] if plan.acquisition.mode == "csp" else None
-    speed = recording.speed_rad_s[actual]
-    derived = bool(np.all(np.isnan(speed)))  # the drive has none: nothing was lost
-    if derived:
-        speed = np.gradient(position, 1 / recording.sample_rate_hz)
-    return Run(
-        role=planned.role,
-        repeat=planned.repeat,
-        sample_rate_hz=recording.sample_rate_hz,
-        time_s=np.arange(position.size) / recording.sample_rate_hz,
-        position_rad=position,
-        speed_rad_s=speed,
-        torque_nm=recording.torque_nm[actual],
-        position_demand_rad=demand,
-        torque_added_nm=recording.torque_added_nm[commanded],
-        motion=planned.motion,
-        excitation=planned.excitation,
-        extra={
-            "sync_timing": asdict(recording.timing),
-            "speed_source": source,
-            **({"speed_origin": "derived from position"} if derived else {}),
-            **({"notes": list(recording.notes)} if recording.notes else {}),
-        },
-    )
-
-
-def following_error(run: Run) -> Array | None:
-    """Demand minus position at the same instants (rad), (n,), see `_run_of`; None where no demand was recorded."""
-    return None if run.position_demand_rad is None else run.position_demand_rad - run.position_rad
-
-
-def following_error_rms(run: Run) -> float | None:
-    """RMS of the following error over the run (rad); None where no demand was recorded."""
-    error = following_error(run)
-    return None if error is None else float(np.sqrt(np.mean(error**2)))

@@ -103,7 +103,7 @@ def recording_of(
 ) -> Recording:
     """Rows as they came, SI; those that did not come are NaN and count as lost.
 
-    `torque_added_nm`: what was injected, where it is known otherwise than by a column of the trace, (rows,).
+    `torque_added_nm`: what was in force up to each row, where that is known otherwise than by the trace, (rows,).
     """
     rows = request.rows
     came = min((values.size for values in columns.values()), default=0)
@@ -114,9 +114,7 @@ def recording_of(
             found[: min(came, rows)] = columns[name][: min(came, rows)]
         return found
 
-    added = column("torque_added")
-    if "torque_added" not in columns and torque_added_nm is not None:
-        added = torque_added_nm
+    added = column("torque_added") if torque_added_nm is None else torque_added_nm
     if came < rows:
         notes = (*notes, f"the trace holds {came} of {rows} samples")
     return Recording(

@@ -107,9 +107,10 @@ class OwnMeans:
     def _held(
         playable: Playable, setpoints: Setpoints, begin: int, request: TraceRequest, scales: Scales
     ) -> Array | None:
-        """What was injected at each row; None where only the drive knows.
+        """What was injected up to each row's instant; None where only the drive knows.
 
-        A setpoint's torque is in force from its SYNC to the next; the motion starts with the SYNC of `begin` + 1.
+        A setpoint's torque is in force from its SYNC to the next; the motion starts with the SYNC of `begin` + 1, or
+        with that of `begin` where a move is commanded.
         """
         time = np.arange(request.rows) / request.rate_hz
         sine = setpoints.generator
@@ -117,7 +118,7 @@ class OwnMeans:
             return sine_torque(sine, time) if sine.from_motion else None
         scale = scales.torque_added_nm if math.isfinite(scales.torque_added_nm) else 0.0
         first = begin if setpoints.moves else begin + 1
-        held = first + np.floor(time * setpoints.sample_rate_hz + 1e-9).astype(int)
+        held = first + np.ceil(time * setpoints.sample_rate_hz - 1e-6).astype(int) - 1
         counts = np.append(playable.torque_added_counts, 0)  # after the last one: none
         return np.asarray(counts[np.minimum(held, counts.size - 1)] * scale, dtype=float)
 

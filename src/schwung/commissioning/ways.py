@@ -1,0 +1,100 @@
+"""Which way a drive is commissioned: who moves, who injects, who samples. What nobody asked for follows from what
+profile and drive offer, and each choice has its reason.
+
+On a fast bus everything goes over SYNC: setpoints, injection and samples. Where drive or bus cannot do that, the drive
+does the fast part itself: it makes its own trapezoid, its own sine and its own trace.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Literal
+
+from schwung.errors import InputError
+from schwung.fieldbus.drive import Capability, Injecting, OperatingMode, Sampling
+from schwung.fieldbus.profile import DeviceProfile
+
+ModeChoice = Literal["auto", "csp", "pp"]
+SamplingChoice = Literal["auto", "sync", "trace"]
+InjectionChoice = Literal["auto", "setpoints", "generator"]
+
+#: What each part of a way needs of the drive, by the names of capabilities.
+MOVING: dict[OperatingMode, str] = {"csp": "cyclic position", "pp": "profile position"}
+SAMPLED: dict[Sampling, str] = {"sync": "sampling by SYNC", "trace": "trace buffer"}
+INJECTED: dict[Injecting, str] = {"setpoints": "torque injection", "generator": "generator"}
+#: SYNC of a drive that moves, injects and samples by itself: often enough to see a fault, and no load for any bus.
+SLOW_SYNC_HZ = 100.0
+
+
+@dataclass(frozen=True)
+class Way:
+    """Who moves, who samples, who injects; and why, where nobody said."""
+
+    mode: OperatingMode
+    sampling: Sampling
+    injecting: Injecting
+    sync_rate_hz: float
+    reasons: tuple[str, ...] = ()
+
+
+def choose_way(
+    profile: DeviceProfile,
+    capabilities: Sequence[Capability],
+    mode: ModeChoice = "auto",
+    sampling: SamplingChoice = "auto",
+    injecting: InjectionChoice = "auto",
+    *,
+    sync_rate_hz: float = 1000.0,
+    bus_is_full: bool = False,
+) -> Way:
+    """Fill in what is left to us. `bus_is_full`: SYNC at that rate would take more of the bus than there is.
+
+    Never raises for what the drive lacks: preflight says that, of whichever way is taken.
+    """
+    told = {capability.name: capability for capability in capabilities}
+    own_parts = {"trace buffer": profile.trace, "generator": profile.generator}
+
+    def lacks(name: str) -> str | None:
+        """Why it cannot be had; None where it can."""
+        if name in told:
+            return None if told[name].available else told[name].reason
+        return "the profile has none" if name in own_parts and own_parts[name] is None else None
+
+    reasons = []
+    own = ("profile position", "trace buffer", "generator")
+    asked = mode == "csp" or sampling == "sync" or injecting == "setpoints"
+    if bus_is_full and not asked and not any(lacks(name) for name in own):
+        full = f"SYNC at {sync_rate_hz:g} Hz would overload this bus"
+        rate = min(SLOW_SYNC_HZ, sync_rate_hz)
+        reasons.append(f"the drive moves, injects and samples by itself, SYNC comes at {rate:g} Hz: {full}")
+        return Way("pp", "trace", "generator", rate, tuple(reasons))
+    if mode == "auto":
+        why = lacks(MOVING["csp"])
+        mode = "csp" if why is None or lacks(MOVING["pp"]) else "pp"
+        if mode == "pp":
+            reasons.append(f"the drive makes its own profile (PP): no setpoints over the bus ({why})")
+    if sampling == "auto":
+        why = lacks(SAMPLED["sync"])
+        sampling = "sync" if why is None or lacks(SAMPLED["trace"]) else "trace"
+        if sampling == "trace":
+            reasons.append(f"the drive's trace buffer samples: none by SYNC ({why})")
+    if injecting == "auto":
+        why = lacks(INJECTED["setpoints"])
+        injecting = "setpoints" if why is None or lacks(INJECTED["generator"]) else "generator"
+        if injecting == "generator":
+            reasons.append(f"the drive's generator injects: no torque over the bus ({why})")
+    return Way(mode, sampling, injecting, sync_rate_hz, tuple(reasons))
+
+
+def require_phases(profile: DeviceProfile, way: Way, phases: int) -> None:
+    """Raise InputError where the generator cannot be given several phases that are known at the motion's start."""
+    if way.injecting != "generator" or phases == 1:
+        return
+    generator = profile.generator
+    if generator is not None and (generator.control.at_motion is None or generator.phase is None):
+        raise InputError(
+            "--phases",
+            f"is {phases}, but the generator of {profile.family} cannot start with the motion at a phase that is set",
+            "Use --phases 1, or --injection setpoints.",
+        )
