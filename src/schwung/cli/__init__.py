@@ -14,10 +14,12 @@ from typing import ParamSpec, TypeVar
 import typer
 
 from schwung import __version__
+from schwung.cli.backup import backup
 from schwung.cli.bench import bench
 from schwung.cli.bode import bode
 from schwung.cli.commission import commission
 from schwung.cli.demo import demo
+from schwung.cli.diff import diff
 from schwung.cli.estimate import estimate
 from schwung.cli.explain import explain
 from schwung.cli.export import export
@@ -105,7 +107,9 @@ for _command in (
     estimate,
     explain,
     export,
+    backup,
     restore,
+    diff,
     report,
     bench,
     bode,

@@ -20,7 +20,9 @@ from schwung.cli.options import (
 
 if TYPE_CHECKING:
     from schwung.cli.console import Terminal
+    from schwung.commissioning.backup import Written
     from schwung.commissioning.compare import Configuration
+    from schwung.errors import DriveError
     from schwung.fieldbus.canopen import BusOptions
 
 
@@ -133,29 +135,27 @@ def _configure(
     dry_run: bool,
 ) -> None:
     """Bring a drive to a configuration."""
-    from schwung.cli.configurations import canopen_profile, scales_of, shown
+    from schwung.cli.configurations import canopen_profile, cells, reasons, scales_of
     from schwung.cli.console import observing
     from schwung.cli.drives import open_drive
     from schwung.cli.folders import make_folder, planned_folder
     from schwung.commissioning.backup import plan_restore, write_plan
     from schwung.commissioning.configuration_files import for_this_drive
     from schwung.commissioning.journal import ParameterJournal
-    from schwung.errors import DriveError, RefusedError
+    from schwung.errors import RefusedError
     from schwung.fieldbus.eds import read_eds
 
     folder = planned_folder(out)
-    with open_drive(options, node, profile) as opened, observing(terminal) as observer:
+    with open_drive(options, node, profile) as opened:
         drive = opened.drive
         family = canopen_profile(opened.profile, "restore")
         dictionary = read_eds(eds or family.eds_path, node)
         fitted = for_this_drive(wanted, dictionary, family, drive.identity, force)
-        observer.phase(f"Comparing {len(fitted.values)} parameters with node {node}")
-        plan = plan_restore(drive, fitted.values, observer.progress)
+        with observing(terminal) as observer:
+            observer.phase(f"Comparing {len(fitted.values)} parameters with node {node}")
+            plan = plan_restore(drive, fitted.values, observer.progress)
         scales = scales_of(family, (wanted,), dictionary)
-        rows = [
-            (now.parameter.label, shown(now.raw), str(scales.si(now) or ""), shown(new.raw), str(scales.si(new) or ""))
-            for now, new in plan.changes
-        ]  # fmt: skip
+        rows = [(now.parameter.label, *cells(now, scales), *cells(new, scales)) for now, new in plan.changes]
         left = [*fitted.skipped, *plan.absent]
         document: dict[str, Any] = {
             "file": wanted.source, "equal": plan.equal,
@@ -163,7 +163,9 @@ def _configure(
             "left_out": [{"object": s.parameter.label, "because": s.reason} for s in left],
         }  # fmt: skip
         terminal.table(f"{len(rows)} differ", ("object", "now", "in SI", "new", "in SI"), rows)
-        terminal.say(f"{plan.equal} parameters are as in {wanted.source}; {len(left)} of it are left out.")
+        terminal.say(f"{plan.equal} parameters are as in {wanted.source}.")
+        if left:
+            terminal.table(f"{len(left)} of it are left out", ("because", "", "objects"), reasons(left))
         if dry_run or not rows:
             terminal.say("Dry run: nothing was written." if dry_run else "Nothing to write.")
             terminal.result(document | {"written": 0})
@@ -172,30 +174,19 @@ def _configure(
             raise RefusedError("restore", "you said no", "Nothing was written.")
         make_folder(folder)
         journal = ParameterJournal(drive, folder / "restore.backup.json", drive.describe())
-        observer.phase(f"Writing {len(rows)} parameters")
-        try:
-            written = write_plan(drive, plan, journal, observer.progress)
-        except BaseException as error:
-            error.add_note(f"what was written so far can be put back: schwung restore {journal.path}")
-            raise
+        with observing(terminal) as observer:
+            observer.phase(f"Writing {len(rows)} parameters")
+            try:
+                written = write_plan(drive, plan, journal, observer.progress)
+            except BaseException as error:
+                error.add_note(f"what was written so far can be put back: schwung restore {journal.path}")
+                raise
         document |= {
             "written": len(rows) - len(written.refused), "backup": str(journal.path),
             "refused": [{"parameter": r.value.parameter.label, "because": r.reason} for r in written.refused],
         }  # fmt: skip
         if written.refused:
-            terminal.table(
-                "Not taken", ("object", "value", "because"),
-                ((r.value.parameter.label, shown(r.value.raw), r.reason) for r in written.refused),
-            )  # fmt: skip
-            first = written.refused[0]
-            failure = DriveError(
-                first.value.parameter.label,
-                f"{first.reason}; {len(rows) - len(written.refused)} of {len(rows)} parameters were written and read "
-                f"back, {len(written.refused)} were not taken",
-                f"Nothing was stored. The way back: schwung restore {journal.path}",
-            )
-            vars(failure)["document"] = document
-            raise failure
+            raise _refusal(written, len(rows), journal.path, document, terminal)
         journal.keep(stored=store)
         if store:
             drive.store()
@@ -204,3 +195,24 @@ def _configure(
         f"the way back: [bold]schwung restore {journal.path}[/]"
     )
     terminal.result(document | {"stored": store})
+
+
+def _refusal(
+    written: Written, total: int, way_back: Path, document: dict[str, Any], terminal: Terminal
+) -> DriveError:
+    """What the drive did not take, all of it shown and the first of it told."""
+    from schwung.cli.configurations import shown
+    from schwung.errors import DriveError
+
+    terminal.table(
+        "Not taken", ("object", "value", "because"),
+        ((r.value.parameter.label, shown(r.value), r.reason) for r in written.refused),
+    )  # fmt: skip
+    first, count = written.refused[0], len(written.refused)
+    failure = DriveError(
+        first.value.parameter.label,
+        f"{first.reason}; {total - count} of {total} parameters were written and read back, {count} were not taken",
+        f"Nothing was stored. The way back: schwung restore {way_back}",
+    )
+    vars(failure)["document"] = document
+    return failure

@@ -154,6 +154,7 @@ def write_plan(
         if sum(map(len, still)) == sum(map(len, left)):
             break
         left = still
+    _tell(progress, 1, 1)
     refused += _read_back(
         drive, wanted, {(r.value.parameter.index, r.value.parameter.subindex) for r in refused}
     )

@@ -4,14 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
-from pathlib import Path
 from typing import Literal
 
-from schwung.commissioning.journal import first_values, read_backup
 from schwung.errors import InputError
-from schwung.fieldbus.concise import ConciseEntry, read_concise, untyped_parameter
 from schwung.fieldbus.drive import Parameter, ParameterValue, RawValue
-from schwung.fieldbus.eds import EdsFile, decode, encode, read_eds
+from schwung.fieldbus.eds import decode, encode
 from schwung.fieldbus.si import Si, SiScales
 
 Kind = Literal["dcf", "eds", "concise", "backup", "drive"]
@@ -69,30 +66,6 @@ def key_of(parameter: Parameter) -> Key:
     return parameter.space, parameter.index, parameter.subindex
 
 
-def load_configuration(path: Path, node_id: int | None, dictionary: EdsFile | None = None) -> Configuration:
-    """Read a DCF, EDS, concise DCF or *.backup.json, told by its content.
-
-    node_id: for $NODEID; None: the DCF's own, else 1. A concise DCF has no types: `dictionary` gives them where it is
-    known. A DCF is its ParameterValues; one without any is its defaults, like an EDS.
-    Raises InputError naming the place.
-    """
-    try:
-        content = path.read_bytes()
-    except OSError as error:
-        raise InputError(
-            str(path), f"cannot be read ({error.strerror})", "Give a DCF, EDS, concise DCF or *.backup.json."
-        ) from error
-    if content.lstrip()[:1] == b"{":
-        return _backup(path)
-    if _is_concise(content):
-        return _concise(path, content, dictionary)
-    file = read_eds(path, node_id or 1)
-    own = file.description.node_id
-    if node_id is None and own not in (None, file.node_id):
-        file = read_eds(path, own or 1)
-    return _eds(file)
-
-
 def from_drive(source: str, values: Iterable[ParameterValue], node_id: int) -> Configuration:
     """What was read of a drive."""
     return Configuration(source, "drive", tuple(values), node_id)
@@ -134,13 +107,14 @@ def _equal(a: ParameterValue, b: ParameterValue) -> bool:
 def _same_type(a: ParameterValue, b: ParameterValue) -> tuple[ParameterValue, ParameterValue]:
     """The side without a type (concise DCF: no name) takes that of the other."""
     if a.parameter.name and not b.parameter.name:
-        return a, _retyped(b, a.parameter)
+        return a, retyped(b, a.parameter)
     if b.parameter.name and not a.parameter.name:
-        return _retyped(a, b.parameter), b
+        return retyped(a, b.parameter), b
     return a, b
 
 
-def _retyped(value: ParameterValue, parameter: Parameter) -> ParameterValue:
+def retyped(value: ParameterValue, parameter: Parameter) -> ParameterValue:
+    """The same bytes as another type has them; as it was where they do not fit."""
     try:
         return ParameterValue(parameter, decode(parameter, encode(value.parameter, value.raw)))
     except InputError:
@@ -149,51 +123,3 @@ def _retyped(value: ParameterValue, parameter: Parameter) -> ParameterValue:
 
 def _named(a: ParameterValue, b: ParameterValue) -> Parameter:
     return a.parameter if a.parameter.name else b.parameter
-
-
-def _is_concise(content: bytes) -> bool:
-    try:
-        return bool(read_concise(content, ""))
-    except InputError:
-        return False
-
-
-def _backup(path: Path) -> Configuration:
-    backup = read_backup(path)
-    values = sorted(first_values(backup.changes), key=lambda v: key_of(v.parameter))
-    identity = backup.drive.get("identity") or {}
-    told = {k: int(identity[k]) for k in ("vendor_id", "product_code", "serial") if k in identity}
-    node = identity.get("node_id")
-    return Configuration(str(path), "backup", tuple(values), int(node) if node else None, told)
-
-
-def _concise(path: Path, content: bytes, dictionary: EdsFile | None) -> Configuration:
-    last: dict[tuple[int, int], ConciseEntry] = {}
-    for entry in read_concise(content, str(path)):
-        last[entry.index, entry.subindex] = entry
-    values = []
-    for key in sorted(last):
-        entry = last[key]
-        parameter = dictionary.find(*key) if dictionary is not None else None
-        raw = untyped_parameter(entry)
-        value = ParameterValue(raw, decode(raw, entry.data))
-        values.append(value if parameter is None else _retyped(value, parameter))
-    return Configuration(str(path), "concise", tuple(values))
-
-
-def _eds(file: EdsFile) -> Configuration:
-    variables = list(file.description.variables())
-    configured = any(v.configured is not None for v in variables)
-    values = []
-    identity = {}
-    names = {1: "vendor_id", 2: "product_code", 4: "serial"}
-    for variable in variables:
-        held = variable.configured if configured else variable.default
-        if held is None:
-            continue
-        if variable.index == 0x1018 and variable.subindex in names and configured:
-            identity[names[variable.subindex]] = int(held.raw) if isinstance(held.raw, int) else 0
-        values.append(ParameterValue(file.parameter_of(variable), held.raw))
-    return Configuration(
-        str(file.path), "dcf" if configured else "eds", tuple(values), file.description.node_id, identity
-    )

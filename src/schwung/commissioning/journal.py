@@ -166,15 +166,27 @@ class ParameterJournal:
         self._save()
 
     def _save(self) -> None:
-        document = {
-            "format": FORMAT,
-            "version": VERSION,
-            "drive": self._record,
-            "restored": self._restored,
-            "stored": self._stored,
-            "changes": [_change_to_json(change) for change in self._changes],
-        }
-        replace_file(self.path, json.dumps(document, indent=2))
+        _save(self.path, self._record, self._changes, self._restored, self._stored)
+
+
+def write_backup(path: Path, drive_record: Mapping[str, Any], values: Iterable[ParameterValue]) -> None:
+    """Keep values of a drive that nobody is about to change, in the same file: what `schwung restore` puts back."""
+    now = _now()
+    _save(path, drive_record, [Change(v.parameter, v.raw, v.raw, now) for v in values], None, False)
+
+
+def _save(
+    path: Path, record: Mapping[str, Any], changes: Sequence[Change], restored: str | None, stored: bool
+) -> None:
+    document = {
+        "format": FORMAT,
+        "version": VERSION,
+        "drive": dict(record),
+        "restored": restored,
+        "stored": stored,
+        "changes": [_change_to_json(change) for change in changes],
+    }
+    replace_file(path, json.dumps(document, indent=2))
 
 
 def first_values(changes: Iterable[Change]) -> list[ParameterValue]:

@@ -1,0 +1,179 @@
+"""`schwung diff`: two configurations side by side: files, or the drive itself. Changes nothing."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from schwung.cli.options import Bitrate, BusOption, Channel, Interface, Json, Profile, bus_options
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from schwung.cli.console import Terminal
+    from schwung.commissioning.compare import Comparison, Configuration, Difference
+    from schwung.fieldbus.canopen import BusOptions
+    from schwung.fieldbus.eds import EdsFile
+    from schwung.fieldbus.profile import CanopenProfile
+
+DIFFERENT = 1  # exit code, as diff has it
+
+_SIDE = "A DCF, an EDS (its defaults), a concise DCF, a *.backup.json, or the word drive."
+
+
+def diff(
+    first: Annotated[str, typer.Argument(metavar="A", help=_SIDE)],
+    second: Annotated[str, typer.Argument(metavar="B", help=_SIDE)],
+    everything: Annotated[bool, typer.Option("--all", help="Also list what only one of them has.")] = False,
+    eds: Annotated[
+        Path | None, typer.Option(help="Names and types for a concise DCF; default: the profile's EDS.")
+    ] = None,
+    interface: Interface = None,
+    channel: Channel = None,
+    bitrate: Bitrate = None,
+    bus: BusOption = None,
+    node: Annotated[
+        int | None,
+        typer.Option(
+            "-n",
+            "--node",
+            min=1,
+            max=127,
+            help="Node id of the drive, and for $NODEID; default: the file's, else 1.",
+            rich_help_panel="Bus",
+        ),
+    ] = None,
+    profile: Profile = None,
+    json_output: Json = False,
+) -> None:
+    """Show which parameters differ, raw and in SI where it is known what a count is worth. Read-only.
+
+    Only what both sides have is compared; what one of them has alone is counted (--all lists it). Of a DCF only its
+    ParameterValues count, where it has any; the drive is asked for what the other side has.
+
+    Exit code 0: equal; 1: something differs; 2 and above: it could not be found out.
+
+    [bold]Examples[/]
+
+      schwung diff axis3.dcf drive -i socketcan -c can0 -n 3
+
+      schwung diff axis3.dcf axis4.dcf
+
+      schwung diff vendor.eds axis3.dcf --all
+
+      schwung diff axis3.bin axis3.dcf --profile maxon-epos4 --json
+    """  # fmt: skip
+    from schwung.cli.configurations import dictionary_of, known_profile, scales_of
+    from schwung.cli.console import Terminal
+    from schwung.commissioning.compare import compare
+    from schwung.commissioning.configuration_files import load_both
+    from schwung.errors import InputError
+
+    terminal = Terminal(json_output)
+    if first == second == "drive":
+        raise InputError("schwung diff", "compares the drive with itself", "Give a file for A or for B.")
+    family = known_profile(profile, ())
+    dictionary = dictionary_of(eds, family, node or 1)
+    files = load_both([Path(name) for name in (first, second) if name != "drive"], node, dictionary)
+    if len(files) == 1:
+        options = bus_options(interface, channel, bitrate, bus)
+        live, family, dictionary = _read(
+            options, node or files[0].node_id or 1, profile, eds, files[0], terminal
+        )
+        sides = (live, files[0]) if first == "drive" else (files[0], live)
+    else:
+        sides = (files[0], files[1])
+        family = family or known_profile(None, (dict(side.identity) for side in sides))
+        dictionary = dictionary or dictionary_of(None, family, node or 1)
+    found = compare(*sides, scales_of(family, sides, dictionary))
+    _show(terminal, sides, found, everything)
+    terminal.result(_document(sides, found))
+    if found.differences:
+        sys.exit(DIFFERENT)
+
+
+def _read(
+    options: BusOptions,
+    node: int,
+    profile: str | None,
+    eds: Path | None,
+    other: Configuration,
+    terminal: Terminal,
+) -> tuple[Configuration, CanopenProfile, EdsFile]:
+    """What the drive holds of what the other side has."""
+    from dataclasses import replace
+
+    from schwung.cli.configurations import canopen_profile
+    from schwung.cli.console import observing
+    from schwung.cli.drives import open_drive
+    from schwung.commissioning.backup import read_snapshot
+    from schwung.commissioning.compare import from_drive, key_of
+    from schwung.fieldbus.configuration import select
+    from schwung.fieldbus.eds import read_eds
+
+    with open_drive(options, node, profile) as opened:
+        family = canopen_profile(opened.profile, "diff")
+        dictionary = read_eds(eds or family.eds_path, node)
+        asked = {key_of(value.parameter) for value in other.values}
+        selection = select(dictionary, family)
+        wanted = tuple(p for p in selection.wanted if key_of(p) in asked)
+        with observing(terminal) as observer:
+            observer.phase(f"Reading {len(wanted)} parameters of node {node}")
+            snapshot = read_snapshot(opened.drive.read, replace(selection, wanted=wanted), observer.progress)
+        identity = opened.drive.identity
+    return from_drive(f"node {node}: {identity.name or 'drive'}", snapshot.values, node), family, dictionary
+
+
+def _show(
+    terminal: Terminal, sides: tuple[Configuration, Configuration], found: Comparison, everything: bool
+) -> None:
+    from schwung.cli.configurations import shown
+    from schwung.fieldbus.drive import ParameterValue
+
+    def row(d: Difference) -> tuple[str, ...]:
+        held = [None if raw is None else ParameterValue(d.parameter, raw) for raw in (d.first, d.second)]
+        si = [str(x or "") for x in (d.first_si, d.second_si)]
+        name = f"{d.parameter.index:04X}:{d.parameter.subindex:02X}"
+        return name, d.parameter.name, shown(held[0]), si[0], shown(held[1]), si[1]
+
+    for letter, side in zip("AB", sides, strict=True):
+        terminal.say(f"{letter}: {side.words}")
+    columns = ("object", "name", "A", "A in SI", "B", "B in SI")
+    if found.differences:
+        terminal.table(f"{len(found.differences)} differ", columns, map(row, found.differences))
+    alone = (("A", found.only_first), ("B", found.only_second))
+    if everything:
+        for letter, rows in alone:
+            if rows:
+                terminal.table(f"{len(rows)} only in {letter}", columns, map(row, rows))
+    terminal.say(
+        f"{len(found.differences)} differ, {found.equal} are equal; "
+        f"{len(found.only_first)} only in A, {len(found.only_second)} only in B."
+    )
+
+
+def _document(sides: tuple[Configuration, Configuration], found: Comparison) -> dict[str, Any]:
+    from schwung.cli.configurations import for_json
+
+    def entries(rows: Sequence[Difference]) -> list[dict[str, Any]]:
+        return [
+            {
+                "index": f"0x{d.parameter.index:04X}", "subindex": d.parameter.subindex, "name": d.parameter.name,
+                "type": d.parameter.type, "a": for_json(d.first), "b": for_json(d.second),
+                "a_si": d.first_si and d.first_si.value, "b_si": d.second_si and d.second_si.value,
+                "unit": (d.first_si and d.first_si.unit) or (d.second_si and d.second_si.unit),
+            }
+            for d in rows
+        ]  # fmt: skip
+
+    return {
+        "a": {"source": sides[0].source, "kind": sides[0].kind},
+        "b": {"source": sides[1].source, "kind": sides[1].kind},
+        "different": entries(found.differences),
+        "equal": found.equal,
+        "only_in_a": entries(found.only_first),
+        "only_in_b": entries(found.only_second),
+    }
