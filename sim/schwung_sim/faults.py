@@ -2,6 +2,7 @@
 
     drop=0.01                lose one frame in a hundred, both ways
     jitter=0.0002            the drive sees each SYNC up to so many seconds late
+    turn-around=0.001        the drive takes so many seconds to answer whatever it is asked
     reset@0.5                the node restarts
     emcy=0x4310@0.5          the drive goes into fault with this error code
     heartbeat-stop@0.5       its heartbeat stops, all else goes on
@@ -46,8 +47,8 @@ class Fault:
 
 #: kind -> default value; None: a value has to be given
 KINDS: dict[str, float | None] = {
-    "drop": None, "jitter": None, "reset": 0, "emcy": 0x4310, "heartbeat-stop": 0, "sdo-abort": None,
-    "sdo-timeout": None, "bus-off": 0, "second-master": 0x06, "following-error": 0,
+    "drop": None, "jitter": None, "turn-around": None, "reset": 0, "emcy": 0x4310, "heartbeat-stop": 0,
+    "sdo-abort": None, "sdo-timeout": None, "bus-off": 0, "second-master": 0x06, "following-error": 0,
 }  # fmt: skip
 
 
@@ -88,8 +89,8 @@ class FaultyBus(can.BusABC):
     """Any bus, with frames lost, SYNC late, or bus-off; works the same for a drive and for a tool under test.
 
     `drop` is the probability of losing a frame (each way), `jitter_s` the longest delay of a SYNC that is
-    received. `go_bus_off` makes every later call raise as an adapter in bus-off does; `bus_off_after` does so
-    after that many frames sent. Repeatable by `seed`.
+    received; every frame is received `turn_around_s` after it was sent. `go_bus_off` makes every later call raise as
+    an adapter in bus-off does; `bus_off_after` does so after that many frames sent. Repeatable by `seed`.
     """
 
     def __init__(
@@ -98,10 +99,12 @@ class FaultyBus(can.BusABC):
         *,
         drop: float = 0.0,
         jitter_s: float = 0.0,
+        turn_around_s: float = 0.0,
         bus_off_after: int | None = None,
         seed: int = 0,
     ) -> None:
         self.inner, self.drop, self.jitter_s, self.bus_off_after = bus, drop, jitter_s, bus_off_after
+        self.turn_around_s = turn_around_s
         self.sent = self.dropped = 0
         self._off = False
         self._send_luck, self._receive_luck = random.Random(f"{seed} send"), random.Random(f"{seed} receive")
@@ -134,6 +137,9 @@ class FaultyBus(can.BusABC):
         if self.drop and self._receive_luck.random() < self.drop:
             self.dropped += 1
             return None, True
+        if self.turn_around_s:
+            waits = message.timestamp + self.turn_around_s - time.time()
+            time.sleep(min(max(waits, 0.0), self.turn_around_s))
         if self.jitter_s and message.arbitration_id == SYNC_ID:
             time.sleep(self._receive_luck.uniform(0, self.jitter_s))
         return message, True
@@ -180,6 +186,7 @@ class FaultSchedule:
         actions: dict[str, Callable[[], Any]] = {
             "drop": lambda: setattr(self._bus, "drop", fault.value),
             "jitter": lambda: setattr(self._bus, "jitter_s", fault.value),
+            "turn-around": lambda: setattr(self._bus, "turn_around_s", fault.value),
             "reset": servo.reset_node,
             "emcy": lambda: servo.fault(value),
             "heartbeat-stop": lambda: setattr(servo.heartbeats, "muted", True),
