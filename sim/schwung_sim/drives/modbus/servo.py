@@ -175,6 +175,10 @@ class ModbusServo:
         for name in ("speed_max", "following_error_time"):
             self._bind(f"limits.{name}")
         self._bind("limits.torque_max", None, lambda nm: axis.configure(torque_limit_nm=nm))
+        resolution = self._bind("quantities.position.resolution")
+        if resolution is not None:
+            factor = self.profile["quantities"]["position"].get("resolution_factor", 1)
+            resolution.value = round(2 * np.pi / scale / factor)
         rated = self._bind("limits.rated_torque")
         if rated is not None:
             rated.read_only = True

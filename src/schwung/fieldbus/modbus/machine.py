@@ -122,6 +122,8 @@ class Machine:
             self._await_standstill(position)
             self._may_move = False
             return
+        if state not in cia402.ENERGISED and not self._may_move:
+            return  # nothing is on by our doing, nor at all
         if state is State.OPERATION_ENABLED:
             self.command(cia402.QUICK_STOP)
         self._await_standstill(position)
