@@ -18,6 +18,8 @@ from schwung.fieldbus.eds import EdsFile, decode, read_eds
 from schwung.fieldbus.profile import CanopenProfile
 from schwung.files import replace_file
 
+_REMEDY = "Give a DCF, an EDS, a concise DCF or a *.backup.json (JSON)."
+
 Format = Literal["dcf", "concise", "backup"]
 
 
@@ -56,14 +58,19 @@ def load_configuration(path: Path, node_id: int | None, dictionary: EdsFile | No
     try:
         content = path.read_bytes()
     except OSError as error:
-        raise InputError(
-            str(path), f"cannot be read ({error.strerror})", "Give a DCF, EDS, concise DCF or *.backup.json."
-        ) from error
+        missing = isinstance(error, FileNotFoundError)
+        problem = "does not exist" if missing else f"cannot be read ({error.strerror})"
+        raise InputError(str(path), problem, _REMEDY) from error
     if content.lstrip()[:1] == b"{":
         return _backup(path)
     if _is_concise(content):
         return _concise(path, content, dictionary)
-    file = read_eds(path, node_id or 1)
+    try:
+        file = read_eds(path, node_id or 1)
+    except InputError as error:
+        if path.suffix.lower() in (".dcf", ".eds"):
+            raise
+        raise InputError(str(path), "is none of the files that hold a configuration", _REMEDY) from error
     own = file.description.node_id
     if node_id is None and own not in (None, file.node_id):
         file = read_eds(path, own or 1)
