@@ -6,12 +6,19 @@ import shutil
 from pathlib import Path
 
 import pytest
-from pydantic import ValidationError
+from pydantic import TypeAdapter, ValidationError
 
 from schwung.errors import InputError
 from schwung.fieldbus import eds
 from schwung.fieldbus.drive import Parameter
-from schwung.fieldbus.profile import CanopenProfile, ObjectRef, list_profiles, load_profile
+from schwung.fieldbus.profile import (
+    CanopenProfile,
+    ObjectRef,
+    Ref,
+    list_profiles,
+    load_canopen_profile,
+    load_profile,
+)
 
 
 @pytest.fixture
@@ -69,6 +76,56 @@ def test_a_profile_loads_by_folder_and_by_file(folder: Path) -> None:
     assert load_profile(folder).family == load_profile(folder / "profile.toml").family == "schwung-bench"
 
 
+def test_a_profile_extends_another_table_by_table(tmp_path: Path) -> None:
+    file = tmp_path / "profile.toml"
+    file.write_text(
+        'extends = "schwung-bench"\nfamily = "mine"\n[identity]\nproduct_code = 7\n'
+        '[quantities.speed]\nunit = "literal"\nscale = 0.5\n',
+        encoding="utf-8",
+    )
+    mine, base = load_profile(file), load_profile("schwung-bench")
+    assert isinstance(mine, CanopenProfile)
+    assert isinstance(base, CanopenProfile)
+    assert mine.identity is not None
+    assert (mine.identity.vendor_id, mine.identity.product_code) == (0x53574E47, 7)
+    assert mine.eds_path == base.eds_path
+    assert mine.quantities.speed is not None
+    assert (str(mine.quantities.speed.object), mine.quantities.speed.scale) == ("606C:00", 0.5)
+    assert mine.model_copy(update={
+        "family": base.family, "identity": base.identity, "quantities": base.quantities
+    }) == base  # fmt: skip
+
+
+def test_a_profile_may_extend_one_beside_it_and_not_for_ever(tmp_path: Path) -> None:
+    (tmp_path / "site.toml").write_text('extends = "schwung-bench"\nname = "Site"\n', encoding="utf-8")
+    (tmp_path / "axis.toml").write_text('extends = "site.toml"\nfamily = "axis"\n', encoding="utf-8")
+    (tmp_path / "round.toml").write_text('extends = "round.toml"\n', encoding="utf-8")
+    assert (load_profile(tmp_path / "axis.toml").name, load_profile(tmp_path / "axis.toml").family) == (
+        "Site",
+        "axis",
+    )
+    with pytest.raises(InputError, match="extends"):
+        load_profile(tmp_path / "round.toml")
+    (tmp_path / "lost.toml").write_text('extends = "no-such-family"\n', encoding="utf-8")
+    with pytest.raises(InputError, match="no-such-family"):
+        load_profile(tmp_path / "lost.toml")
+
+
+def test_a_modbus_family_is_refused_where_canopen_is_wanted() -> None:
+    with pytest.raises(InputError, match="schwung-bench-modbus"):
+        load_canopen_profile("schwung-bench-modbus")
+
+
+@pytest.mark.parametrize(
+    ("text", "index", "space"),
+    [("6064:00", 0x6064, "object"), ("@7706:INTEGER32", 7706, "register"), ("2300", 0x2300, "object")],
+)
+def test_objects_and_registers_are_written_each_in_its_way(text: str, index: int, space: str) -> None:
+    ref = TypeAdapter(Ref).validate_python(text)
+    assert (ref.index, ref.space) == (index, space)
+    assert str(ref) == text.partition(":I")[0] + (":00" if text == "2300" else "")
+
+
 def test_a_profile_cannot_be_changed() -> None:
     profile = load_profile("schwung-bench")
     with pytest.raises(ValidationError):
@@ -91,6 +148,12 @@ def test_a_profile_cannot_be_changed() -> None:
         ('entries = ["606C:00"]', 'entries = ["606C:00", "606C:00"]', "twice"),
         ('eds = "schwung-bench.eds"', 'eds = "nowhere.eds"', "nowhere.eds"),
         ("[identity]", "[identity", "TOML"),
+        ('trace = "sim', 'tracer = "sim', 'no part "tracer"'),
+        ('"harmonic feed-forward" =', '"harmonics" =', "cannot.harmonics"),
+        ('object = "6064:00"', 'object = "@6064:INTEGER32"', "is a register"),
+        ('object = "6064:00"', 'object = "0064:00"', "begin at 1000"),
+        ('layout = "rows"', 'layout = "columns"', "trace"),
+        ('demand = "607A:00"', "", "demand is missing"),
     ],
 )
 def test_each_defect_is_named_with_file_and_remedy(folder: Path, old: str, new: str, named: str) -> None:

@@ -7,7 +7,7 @@ import math
 import pytest
 
 from schwung.errors import InputError
-from schwung.fieldbus.profile import DeviceProfile, load_profile
+from schwung.fieldbus.profile import DeviceProfile, ObjectRef, load_profile
 from schwung.fieldbus.units import decode_si_unit, read_scales
 
 BENCH = {
@@ -89,3 +89,50 @@ def test_a_unit_that_nobody_tells_is_asked_for_in_the_profile(missing: tuple[int
     with pytest.raises(InputError, match=f"{missing[0]:04X}") as raised:
         scales_of(objects)
     assert "literal" in raised.value.remedy
+
+
+def with_quantity(name: str, **update: object) -> DeviceProfile:
+    """The bench profile with one quantity told otherwise."""
+    profile = load_profile("schwung-bench")
+    quantity = getattr(profile.quantities, name).model_copy(update=update)
+    quantities = profile.quantities.model_copy(update={name: quantity})
+    return profile.model_copy(update={"quantities": quantities})
+
+
+def test_increments_per_turn_may_be_in_an_object_of_the_manufacturers() -> None:
+    """EPOS4: 3200 in 3000:05, EPOS2: 800 pulses in 2210:01, four counts each: the same encoder."""
+    counts = with_quantity("position", unit="increments", resolution=ObjectRef(index=0x3000, subindex=5))
+    pulses = with_quantity(
+        "position", unit="increments", resolution=ObjectRef(index=0x2210, subindex=1), resolution_factor=4.0
+    )
+    objects = {**BENCH, (0x3000, 5): 3200, (0x2210, 1): 800}
+    assert scales_of(objects, counts).position_rad == pytest.approx(2 * math.pi / 3200)
+    assert scales_of(objects, pulses).position_rad == pytest.approx(2 * math.pi / 3200)
+    with pytest.raises(InputError, match="3000:05"):
+        scales_of(BENCH, counts)
+
+
+def test_speed_may_be_position_counts_per_second() -> None:
+    scales = scales_of(BENCH, with_quantity("speed", unit="position_per_second"))
+    assert scales.speed_rad_s == scales.position_rad == pytest.approx(2 * math.pi / 2**20)
+
+
+def test_rated_torque_may_be_in_another_object() -> None:
+    torque = with_quantity("torque", rated=ObjectRef(index=0x2F10, subindex=2))
+    assert scales_of({**BENCH, (0x2F10, 2): 5000}, torque).rated_torque_nm == pytest.approx(5.0)
+
+
+@pytest.mark.parametrize("name", ["position", "speed", "torque", "torque_added"])
+def test_what_is_left_to_the_user_is_no_number(name: str) -> None:
+    scales = scales_of(BENCH, with_quantity(name, unit="user", hint="ask"))
+    assert math.isnan(getattr(scales, f"{name}_{SI[name]}"))
+
+
+SI = {"position": "rad", "speed": "rad_s", "torque": "nm", "torque_added": "nm"}
+
+
+def test_factory_ones_are_no_resolution() -> None:
+    """Elmo leaves 608F, 6091 and 6092 at 1 to 1: that would make every count a turn."""
+    ones = BENCH | {(0x608F, 1): 1, (0x6091, 1): 1, (0x6091, 2): 1, (0x6092, 1): 1, (0x6092, 2): 1}
+    with pytest.raises(InputError, match="1 count a turn"):
+        scales_of(ones)

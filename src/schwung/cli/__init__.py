@@ -24,6 +24,7 @@ from schwung.cli.estimate import estimate
 from schwung.cli.explain import explain
 from schwung.cli.export import export
 from schwung.cli.import_ import import_
+from schwung.cli.profile import check, list_, new, show
 from schwung.cli.report import report
 from schwung.cli.reproduce import reproduce
 from schwung.cli.restore import restore
@@ -117,6 +118,11 @@ for _command in (
     import_,
 ):
     app.command(_name(_command))(_told_interrupts(_command))
+
+profiles = typer.Typer(help="List, show, check and draft device profiles.", rich_markup_mode="rich")
+for _subcommand in (list_, show, check, new):
+    profiles.command(_name(_subcommand))(_told_interrupts(_subcommand))
+app.add_typer(profiles, name="profile")
 
 
 def _interrupt(number: int, frame: object) -> None:

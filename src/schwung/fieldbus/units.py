@@ -19,6 +19,9 @@ _INCREMENTS = 0xB5
 #: Seconds of the unit codes that occur as denominator; 0x57 is s².
 _DENOMINATORS = {0x03: 1.0, 0x47: 60.0, 0x48: 3600.0, 0x57: 1.0, 0x00: 1.0}
 
+#: Position units per motor turn below which 608F, 6091 and 6092 cannot have been set.
+_FEWEST_COUNTS = 4.0
+
 #: Reads an integer object; None where the drive does not have it.
 ReadInteger = Callable[[int, int], int | None]
 
@@ -122,7 +125,14 @@ def _position(quantity: Quantity, profile: DeviceProfile, read: ReadInteger) -> 
         # without a feed constant, one shaft revolution counts increments
         feed = _ratio(read, 0x6092) or resolution
         if feed is not None:
-            return 2 * math.pi * (_ratio(read, 0x6091) or 1.0) / feed
+            gear = _ratio(read, 0x6091) or 1.0
+            if feed / gear < _FEWEST_COUNTS:
+                raise InputError(
+                    f"profile {profile.family}, quantities.position",
+                    f"the drive tells {feed / gear:g} count a turn (608F, 6091, 6092), as delivered",
+                    'Set these objects, or unit = "literal" and scale = rad per count.',
+                )
+            return 2 * math.pi * gear / feed
         missing = "608F"
     raise InputError(
         f"profile {profile.family}, quantities.position",

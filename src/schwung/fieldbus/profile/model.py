@@ -29,6 +29,8 @@ class DeviceProfile(Part):
 
     version: Literal[1]
     """Version of this format."""
+    protocol: Literal["canopen", "modbus"] = "canopen"
+    """The bus that it speaks."""
     family: str = Field(pattern=r"^[a-z0-9][a-z0-9-]*$")
     """Name on the command line, and of the folder."""
     name: str
@@ -71,9 +73,15 @@ class DeviceProfile(Part):
 
     def reason(self, capability: CapabilityName) -> str:
         """Why the profile does not offer a capability, as a sentence."""
-        q = self.quantities
-        asked = {"torque": q.torque, "speed": q.speed, "torque injection": q.torque_added}.get(capability)
-        hint = asked.hint if asked is not None and asked.unit == "user" else "it says nothing of it"
+        q, played = self.quantities, self.export.host_played
+        asked = {
+            "torque": q.torque,
+            "speed": q.speed,
+            "torque injection": q.torque_added,
+            "host-played feed-forward": played,
+        }.get(capability)
+        silent = "its time is its own clock" if capability == "lockstep" else "it says nothing of it"
+        hint = asked.hint if asked is not None and asked.unit == "user" else silent
         return f"this profile can't do that, because {self.cannot.get(capability, hint)}"
 
     def _parts(self) -> dict[CapabilityName, bool]:
