@@ -20,7 +20,7 @@ from schwung.explain.proof import Split, misfit, remainder, split
 from schwung.explain.refine import refined, slimmed
 from schwung.explain.residual import Residuals, Unknowns
 from schwung.explain.scale import scale_note
-from schwung.explain.search import Found, chosen, reduced, search
+from schwung.explain.search import CONSISTENT, Found, chosen, reduced, search
 from schwung.explain.signals import Prepared, prepare
 from schwung.explain.timing import Shift, Times, shift
 from schwung.explain.values import (
@@ -33,13 +33,15 @@ from schwung.explain.values import (
 )
 from schwung.session.model import Session
 
-#: On held-out runs, RMS over the floor: explained up to the first; named at all where the excess falls below the
-#: second's share of what it was.
-EXPLAINED, NAMED_SHARE = 1.35, 0.02
-#: A belief that misses no more than this (mean square over the noise's) is consistent.
-CONSISTENT = 1.6
-#: Below that, terms stand where they lower the same on runs kept aside by so much; below the second, a belief is at
-#: the floor, and nothing is sought that could only be fitted to the noise.
+#: On held-out runs, RMS over the floor: explained up to the first, at the floor for all that a floor from few repeats
+#: is worth up to the second; named beyond that where the excess falls below the third's share of what it was.
+EXPLAINED, NEARLY, NAMED_SHARE = 1.2, 1.35, 0.05
+#: In whitened residuals, which weigh what is slow less, the floor's share is another: so many floors RMS are too much.
+TOO_MUCH = 1.6
+#: Where runs kept aside miss something, named physics takes so much of it; one that makes them so much worse is wrong.
+SEEN_ASIDE, WORSE = 0.5, 1.02
+#: Below a consistent misfit, terms stand where they lower the same on runs kept aside by so much; below the second, a
+#: belief is at the floor, and nothing is sought that could only be fitted to the noise.
 BORNE_OUT, AT_FLOOR = 0.15, 1.15
 #: And where the belief misses so many times the floor on them: less is for those who look at single lines.
 SEEN = 1.12
@@ -80,7 +82,7 @@ def explain(session: Session, machine: Machine, *, progress: Progress | None = N
     best = first
     if max(first.misfit, _aside(problem, first.model, parts)) > AT_FLOOR:
         found = search(problem, first, lambda text, share: tell(text, 0.05 + 0.6 * share))
-        best = slimmed(found, refined(found, chosen(found)))
+        best = slimmed(found, _upheld(found, refined(found, chosen(found)), parts))
         if first.misfit < CONSISTENT and not _borne_out(found, best, parts):
             best = first
     tell("Weighing alternatives", 0.7)
@@ -94,6 +96,16 @@ def _aside(problem: Problem, model: Model, parts: Split) -> float:
     """Mean square of the whitened residual on the runs kept aside; on all where there are none."""
     white = replace(problem, runs=parts.heldout or parts.train).white(model)
     return float(np.mean(white**2)) if white.size else 1.0
+
+
+def _upheld(found: Found, best: Fitted, parts: Split) -> Fitted:
+    """The terms of several that do not make the runs kept aside worse."""
+    while len(best.model.terms) > 1 and parts.heldout:
+        spared = min(reduced(found, best), key=lambda fitted: _aside(found.problem, fitted.model, parts))
+        if _aside(found.problem, best.model, parts) < WORSE * _aside(found.problem, spared.model, parts):
+            break
+        best = spared
+    return best
 
 
 def _borne_out(found: Found, best: Fitted, parts: Split) -> bool:
@@ -186,14 +198,24 @@ class _Explained:
         """By the runs kept aside; with a wrong name worse than none."""
         bare, best = self.found.bare, self.best
         if not best.model.terms:
-            if bare.misfit > CONSISTENT or before_nm > EXPLAINED * self.floor:
+            if bare.misfit > CONSISTENT or before_nm > NEARLY * self.floor:
                 return "unexplained"
             return "explained" if moved.name else "consistent"
-        problem = self.found.problem
+        return self._of_terms(after_nm)
+
+    def _of_terms(self, after_nm: float) -> Verdict:
+        """What the named terms are worth."""
+        bare, best, problem = self.found.bare, self.best, self.found.problem
         before, after = (_aside(problem, fitted.model, self.parts) for fitted in (bare, best))
-        if after_nm <= EXPLAINED * self.floor or after <= EXPLAINED**2:
+        if before < AT_FLOOR:  # the runs kept aside do not show it
+            if after > WORSE * before:
+                return "unexplained"
+            before, after = bare.misfit, best.misfit
+        share, nearly = (after - 1) / max(before - 1, 1e-9), NEARLY * self.floor
+        if after_nm <= EXPLAINED * self.floor and share <= SEEN_ASIDE:
             return "explained"
-        return "partly_explained" if after - 1 < NAMED_SHARE * (before - 1) else "unexplained"
+        at_floor = after_nm <= nearly or (after <= NEARLY**2 and after_nm <= TOO_MUCH * self.floor)
+        return "partly_explained" if share < (SEEN_ASIDE if at_floor else NAMED_SHARE) else "unexplained"
 
     def _shift(self) -> Shift:
         """Late speed or torque, judged about the best model."""

@@ -145,19 +145,30 @@ def _where(
         ends = (effects.event_time_s, effects.event_time_s + effects.event_duration_s)
     elif coordinate == "frequency":
         ends = (0.0, residuals.prepared.band_hz)
+    elif coordinate == "run":
+        ends = (0.0, float(len(residuals.runs) - 1))
     else:
         values = np.concatenate(
             [_coordinate(residuals, run, coordinate)[residuals.valid(run)] for run in runs]
         )
-        parts = np.concatenate(
-            [contribution(residuals, run, model, term)[residuals.valid(run)] for run in runs]
-        )
         ends = (float(values.min()), float(values.max()))
-        if coordinate in ("torque", "position") and term in ("torque_saturation", "backlash"):
-            ends = interval_of(values, parts)
+        if term == "torque_saturation":
+            ends = _clipped(residuals, runs, effects.torque_limit_nm / effects.torque_gain)
+        elif term == "backlash":
+            parts = [contribution(residuals, run, model, term)[residuals.valid(run)] for run in runs]
+            ends = interval_of(values, np.concatenate(parts))
     unit = unit_of(coordinate, axis)
     text = f"{100 * share:.0f} % of what the belief misses, over {coordinate.replace('_', ' ')}"
     return Located(coordinate, (float(ends[0]), float(ends[1])), unit, share, p_value, text)
+
+
+def _clipped(residuals: Residuals, runs: tuple[int, ...], limit_nm: float) -> tuple[float, float]:
+    """The reported torques beyond a limit, on the side that goes further."""
+    highest = max(float(residuals.runs[run].torque_nm.max()) for run in runs)
+    lowest = min(float(residuals.runs[run].torque_nm.min()) for run in runs)
+    if highest >= -lowest:
+        return limit_nm, max(highest, limit_nm)
+    return min(lowest, -limit_nm), -limit_nm
 
 
 def _coordinate(residuals: Residuals, run: int, coordinate: Coordinate) -> Array:

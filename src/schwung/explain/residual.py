@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import lru_cache
 from operator import attrgetter
 
 import numpy as np
@@ -103,12 +104,16 @@ class Residuals:
         self._spectra = {samples: Spectrum(samples, rate, pad) for samples in lengths}
         self.runs = tuple(self._run(signals) for signals in prepared.runs)
         self._couplings, self._motors, self._gains = (Memory(_KEPT * len(self.runs)) for _ in range(3))
+        self._loaded = lru_cache(_KEPT)(self._with_table)
         self._peak_nm = max(of.peak_nm for of in self.runs)
         self._lightest_kgm2 = float(np.min(self.belief.inertia_coefficients[3]))
         self._soft: dict[int, tuple[Array, Array]] = {}
         visited = [signals.position_rad[signals.considered] for signals in prepared.runs]
         angles = np.concatenate([*visited, prepared.runs[0].position_rad[:1]])
         self._visited = float(angles.min()), float(max(angles.max(), angles.min() + 1e-6))
+
+    def _with_table(self, table_nm: tuple[float, ...]) -> forward.Belief:
+        return forward.with_load_torque(self.belief, self.table_rad(len(table_nm)), np.array(table_nm))
 
     def _run(self, signals: Signals) -> _Run:
         spectrum = self._spectra[signals.time_s.size]
@@ -177,9 +182,7 @@ class Residuals:
         return np.asarray(torque - helped)
 
     def _coupling(self, run: int, e: Effects, table: tuple[float, ...]) -> Array:
-        belief = self.belief
-        if table:
-            belief = forward.with_load_torque(belief, self.table_rad(len(table)), np.array(table))
+        belief = self._loaded(table) if table else self.belief
         motion = forward.uncentred(self.runs[run].motion, e.eccentricity_rad, e.eccentricity_phase_rad)
         return forward.coupling_needed(belief, e, motion)
 

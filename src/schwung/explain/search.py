@@ -48,6 +48,8 @@ LEAST_GAIN = 0.12
 PICKED = 2.5
 #: And it carries at least this part of all that the belief misses, or that share of what is left without it.
 LEAST_PART, MOST_LEFT = 0.006, 0.5
+#: A belief that misses no more than this (mean square over the noise's) is consistent.
+CONSISTENT = 1.6
 #: So near to an injected frequency, in lines of the shortest run, no disturbance can be told from the injection.
 INJECTED = 2.5
 #: A full fit is tried where the linear look promises this share of what is wanted of it.
@@ -98,7 +100,12 @@ class Found:
         )
 
     def worthwhile(self, before: Fitted, after: Fitted) -> bool:
-        """Whether a term lowers the misfit by enough to be named: a share of the noise floor's own energy."""
+        """Whether a term lowers the misfit by enough to be named: a share of the noise floor's own energy.
+
+        Beside other terms it is not where these alone leave a consistent belief.
+        """
+        if before.model.terms and before.misfit < CONSISTENT:
+            return False
         more = set(after.model.terms) - set(before.model.terms)
         picked = all(term == PERIODIC or LIBRARY[term].scanned for term in more)
         gain = before.misfit - after.misfit
