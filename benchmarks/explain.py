@@ -5,12 +5,12 @@
     python benchmarks/explain.py peer     --out DIR         PySINDy on the same residual (extra `peers`)
     python benchmarks/explain.py score    --out DIR
     python benchmarks/explain.py all      --out DIR --cases 24 --kind single     the first four
-    python benchmarks/explain.py control  --out DIR --cases 24                   the drop without, with wrong [control]
+    python benchmarks/explain.py control  --out DIR         the drop without, with wrong [control], same sessions
     python benchmarks/explain.py likeness --out DIR         of wrong answers: could the truth have been told at all
 
 `generate` draws machines in the virtual machine room, which shares no code with the tool, and writes
 DIR/sessions/NNNN/ (session.h5, machine.toml, inertia.csv) and, apart, DIR/sealed/labels.jsonl. Only `score` opens that.
-What counts as right is written in explain_truth.py.
+What counts as right is written in explain_truth.py; explain_page.py makes tables of several folders.
 
 An effect's strength is the torque residual that it makes (within 200 Hz, rms over the strokes), over the noise floor:
 the same residual of the noise alone, with the best combination of reported position and speed. weak: 3, clear: 8 to 30,
@@ -22,6 +22,8 @@ from __future__ import annotations
 
 import argparse
 import json
+import random
+import re
 import shutil
 import subprocess
 import sys
@@ -138,19 +140,40 @@ def everything(options: argparse.Namespace) -> None:
 
 
 def control(options: argparse.Namespace) -> None:
-    """The same sessions with [control] given, without, and with wrong gains: how many names are lost."""
+    """The same sessions with [control] as given, without, and with wrong gains: how many names are lost."""
     from explain_score import score_all  # noqa: PLC0415  opens the seal
 
-    rates = {}
-    folder = options.out
+    folder, rates = options.out, {}
     for belief in CONTROLS:
-        options.out, options.control = folder / belief, belief
-        generate(options)
+        options.out = folder if belief == "given" else _believing(folder, belief)
         run(options)
         scores = score_all(options.out)
         rates[belief] = 100 * sum(s.all_named and s.first_right for s in scores) / len(scores)
-    for belief in CONTROLS[1:]:
-        print(f"[control] {belief}: {rates[belief]:.1f} %, {rates[belief] - rates['given']:+.1f} points")
+    text = [f"[control] given: {rates['given']:.1f} % all named, a right name first ({len(scores)} sessions)"]
+    text += [f"{b}: {rates[b]:.1f} %, {rates[b] - rates['given']:+.1f} points" for b in CONTROLS[1:]]
+    (folder / "control.txt").write_text("\n".join(text) + "\n", encoding="utf-8")
+    print("\n".join(text))
+
+
+def _believing(folder: Path, belief: str) -> Path:
+    """A copy of the cases with another [control]: none at all, or each gain off by 1.3 to 2 either way."""
+    other = folder / f"control-{belief}"
+    for part in ("sessions", "sealed"):
+        shutil.copytree(folder / part, other / part, dirs_exist_ok=True)
+    chance = random.Random(4)
+    for place in sorted((other / "sessions").iterdir()):
+        file = place / "machine.toml"
+        text = file.read_text(encoding="utf-8")
+        if belief == "none":
+            text = re.sub(r"\[control\]\n(\w.*\n?)*", "", text)
+        else:
+            text = re.sub(
+                r"(position_gain|speed_gain|speed_integral_time) = (\S+)",
+                lambda m: f"{m[1]} = {float(m[2]) * chance.uniform(1.3, 2.0) ** chance.choice((-1, 1)):.6g}",
+                text,
+            )
+        file.write_text(text, encoding="utf-8")
+    return other
 
 
 def likeness(options: argparse.Namespace) -> None:
