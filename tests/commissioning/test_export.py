@@ -19,9 +19,9 @@ from schwung.commissioning.export import scalar_of
 from schwung.drivetrain import InertiaTable
 from schwung.errors import DriveError, InputError, RefusedError, SdoError
 from schwung.fieldbus.dcf import dictionary_lookup, write_dcf
-from schwung.fieldbus.drive import DriveState, ParameterValue
+from schwung.fieldbus.drive import DriveState, Parameter, ParameterValue
 from schwung.fieldbus.eds import load_dictionary
-from schwung.fieldbus.profile import load_profile
+from schwung.fieldbus.profile import DeviceProfile, Export, load_profile
 
 PROFILE = load_profile("schwung-bench")
 TABLE = InertiaTable(np.linspace(0.1, 3.1, 31), 0.1 + 0.05 * np.linspace(0, 1, 31) ** 2)
@@ -95,8 +95,72 @@ def test_unknown_forms_are_refused(text: str) -> None:
 def test_a_profile_without_targets_says_so(drive: DeskDrive) -> None:
     generic = load_profile("generic-cia402")
     for form in (ExportChoice(), ExportChoice("mean")):
-        with pytest.raises(InputError, match="can't take"):
+        with pytest.raises(InputError, match="can't do that, because the standard has no feed-forward"):
             export_values(drive.parameter, generic, TABLE, form)
+
+
+def exporting(**targets: object) -> DeviceProfile:
+    """The bench profile with these targets only."""
+    return PROFILE.model_copy(update={"export": Export.model_validate(targets)})
+
+
+CURRENT_PER_ACCELERATION = {
+    "object": "2302:02", "scale_kgm2": 1e-12, "per": "2400:05", "of": "total"
+}  # fmt: skip
+
+
+def test_a_drive_that_wants_current_per_acceleration_gets_it(drive: DeskDrive) -> None:
+    """EPOS4: µA·s²/rad, with the torque constant in µN·m/A: 0.3 kg·m² over 0.1 N·m/A is 3 A·s²/rad."""
+    drive.objects[0x2400, 5] = 100_000
+    even = InertiaTable(np.array([0.0, 1.0]), np.full(2, 0.2))
+    values = export_values(
+        drive.parameter, exporting(scalar=CURRENT_PER_ACCELERATION), even, ExportChoice("mean"),
+        read=drive.read, motor_inertia_kgm2=0.1,
+    )  # fmt: skip
+    assert [value.raw for value in values] == [3_000_000]
+
+
+def test_what_such_a_number_needs_is_asked_for(drive: DeskDrive) -> None:
+    profile, mean = exporting(scalar=CURRENT_PER_ACCELERATION), ExportChoice("mean")
+    with pytest.raises(InputError, match=r"motor and load together.*--machine"):
+        export_values(drive.parameter, profile, TABLE, mean, read=drive.read)
+    drive.objects[0x2400, 5] = 0
+    with pytest.raises(InputError, match="Connect to the drive"):
+        export_values(drive.parameter, profile, TABLE, mean, motor_inertia_kgm2=0.1)
+    with pytest.raises(InputError, match="has no unit without it"):
+        export_values(drive.parameter, profile, TABLE, mean, read=drive.read, motor_inertia_kgm2=0.1)
+
+
+HARMONICS = {
+    "offset": {"object": "2F00:00", "scale": 1e-6}, "orders": 3,
+    "amplitudes": "2F01", "amplitude_scale_kgm2": 1e-6, "phases": "2F02", "phase_scale_rad": 1e-4,
+}  # fmt: skip
+
+
+def test_harmonics_of_a_turn_are_those_of_the_table() -> None:
+    """J = 0.2 + 0.05·cos(θ − 0.3) + 0.01·cos(2θ + 1): offset, amplitudes and phases as written."""
+    angles = np.linspace(0.0, 2 * np.pi, 721)
+    table = InertiaTable(angles, 0.2 + 0.05 * np.cos(angles - 0.3) + 0.01 * np.cos(2 * angles + 1))
+    values = export_values(
+        lambda i, s: Parameter(i, s, "INTEGER32"),
+        exporting(harmonics=HARMONICS),
+        table,
+        ExportChoice("harmonics"),
+    )
+    raw = {(v.parameter.index, v.parameter.subindex): int(v.raw) for v in values}  # type: ignore[arg-type]  # integers
+    assert raw[0x2F00, 0] == pytest.approx(200_000, abs=2)
+    assert [raw[0x2F01, order] for order in (1, 2, 3)] == pytest.approx([50_000, 10_000, 0], abs=20)
+    assert [raw[0x2F02, order] for order in (1, 2)] == pytest.approx([3000, -10_000], abs=20)
+
+
+def test_harmonics_of_a_part_of_a_turn_are_refused() -> None:
+    with pytest.raises(InputError, match="one turn"):
+        export_values(
+            lambda i, s: Parameter(i, s, "INTEGER32"),
+            exporting(harmonics=HARMONICS),
+            TABLE,
+            ExportChoice("harmonics"),
+        )
 
 
 def test_an_inertia_that_does_not_fit_its_object_is_refused(drive: DeskDrive) -> None:

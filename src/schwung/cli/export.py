@@ -29,7 +29,7 @@ if TYPE_CHECKING:
 def export(
     table: Annotated[Path, typer.Argument(help="The inertia table, inertia.csv.")],
     form: Annotated[
-        str, typer.Option("--as", metavar="FORM", help="table, mean, max or at=ANGLE.")
+        str, typer.Option("--as", metavar="FORM", help="table, harmonics, mean, max or at=ANGLE.")
     ] = "table",
     dcf: Annotated[
         Path | None,
@@ -43,7 +43,12 @@ def export(
         ),
     ] = None,
     machine: Annotated[
-        Path | None, typer.Option("-m", "--machine", help="The believed machine, for --verify: machine.toml.")
+        Path | None,
+        typer.Option(
+            "-m",
+            "--machine",
+            help="The believed machine: for --verify, and for drives that want the motor's inertia.",
+        ),
     ] = None,
     out: Annotated[Path | None, typer.Option(help="Folder for the backup; default: schwung-<time>.")] = None,
     dry_run: Annotated[bool, typer.Option("--dry-run", help="Show what would be written.")] = False,
@@ -87,20 +92,26 @@ def export(
 
     terminal = Terminal(json_output)
     inertia, choice = read_inertia_csv(table), export_choice(form)
-    if dcf is not None:
-        _write_dcf(dcf, profile, node, inertia, choice, terminal)
-        return
-    if (verify is None) != (machine is None):
-        raise InputError(
-            "--verify", "needs both a session and a machine file", "Give --verify and --machine."
-        )
-    wishes = wishes_of(read_session(verify)) if verify else None
     believed = load_machine(machine) if machine else None
+    motor_inertia = believed.motor.inertia_kgm2 if believed is not None else None
+    if dcf is not None:
+        _write_dcf(dcf, profile, node, inertia, choice, motor_inertia, terminal)
+        return
+    if verify is not None and machine is None:
+        raise InputError("--verify", "needs a machine file, too", "Give --machine.")
+    wishes = wishes_of(read_session(verify)) if verify else None
     folder = planned_folder(out)
     terminal.say(describe_table(inertia))
     with open_drive(bus_options(interface, channel, bitrate, bus), node, profile) as opened:
         drive = opened.drive
-        values = export_values(drive.parameter, opened.profile, inertia, choice)
+        values = export_values(
+            drive.parameter,
+            opened.profile,
+            inertia,
+            choice,
+            read=drive.read,
+            motor_inertia_kgm2=motor_inertia,
+        )
         rows = [(v.parameter.label, drive.read(v.parameter).raw, v.raw) for v in values]
         terminal.table("Parameters", ("object", "now", "new"), rows)
         document: dict[str, object] = {
@@ -123,8 +134,9 @@ def export(
             before = repeat_reference(drive, prepared, folder, "before", observer) if prepared else None
             observer.phase(f"Writing {len(values)} parameters")
             exported = export_table(
-                drive, opened.profile, inertia, choice, backup_path=folder / "export.backup.json", store=store
-            )
+                drive, opened.profile, inertia, choice,
+                backup_path=folder / "export.backup.json", store=store, motor_inertia_kgm2=motor_inertia,
+            )  # fmt: skip
             after = repeat_reference(drive, prepared, folder, "after", observer) if prepared else None
     terminal.say(
         f"{len(exported.changes)} parameters written, read back equal{', stored' if exported.stored else ''}; "
@@ -138,7 +150,13 @@ def export(
 
 
 def _write_dcf(
-    path: Path, family: str | None, node: int, table: InertiaTable, choice: ExportChoice, terminal: Terminal
+    path: Path,
+    family: str | None,
+    node: int,
+    table: InertiaTable,
+    choice: ExportChoice,
+    motor_inertia_kgm2: float | None,
+    terminal: Terminal,
 ) -> None:
     from schwung.cli.console import describe_table
     from schwung.commissioning import export_values
@@ -149,7 +167,8 @@ def _write_dcf(
     if family is None:
         raise InputError("--dcf", "needs to know the drive family", "Add --profile.")
     profile = load_canopen_profile(family)
-    values = export_values(dictionary_lookup(profile.eds_path, node), profile, table, choice)
+    lookup = dictionary_lookup(profile.eds_path, node)
+    values = export_values(lookup, profile, table, choice, motor_inertia_kgm2=motor_inertia_kgm2)
     write_dcf(profile.eds_path, node, values, path)
     terminal.say(describe_table(table))
     terminal.say(f"{len(values)} parameters in [bold]{path}[/]")

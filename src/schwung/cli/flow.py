@@ -145,6 +145,7 @@ def _export_and_verify(
     exported = export_table(
         drive, profile, done.estimate.table, ending.export,
         backup_path=out / "export.backup.json", store=ending.store,
+        motor_inertia_kgm2=done.prepared.machine.motor.inertia_kgm2,
     )  # fmt: skip
     terminal.say(
         f"{len(exported.changes)} parameters written, read back equal"

@@ -15,17 +15,31 @@ from schwung.commissioning.journal import Change, ParameterJournal
 from schwung.drivetrain import InertiaTable
 from schwung.errors import DriveError, InputError, RefusedError, SchwungError
 from schwung.fieldbus.drive import ENERGISED, Drive, Parameter, ParameterValue
-from schwung.fieldbus.profile import DeviceProfile, ObjectRef, ScalarExport, Setting, TableExport
+from schwung.fieldbus.profile import (
+    CapabilityName,
+    DeviceProfile,
+    HarmonicExport,
+    ObjectRef,
+    ScalarExport,
+    Setting,
+    TableExport,
+)
 
-Form = Literal["table", "mean", "max", "at"]
+Form = Literal["table", "harmonics", "mean", "max", "at"]
 
 #: Finds a parameter by index and sub-index: `Drive.parameter`, or a dictionary's without a drive.
 Lookup = Callable[[int, int], Parameter]
+#: Reads a parameter: `Drive.read`; there is none where only a dictionary is at hand.
+Read = Callable[[Parameter], ParameterValue]
+
+_TURN_RAD = 2 * math.pi
+_TURN_SLACK = 0.02  # share of a turn by which a table may fall short of one
 
 
 @dataclass(frozen=True)
 class ExportChoice:
-    """How the table goes into the drive: as a table, or as one number (mean, maximum, or at an angle)."""
+    """How the table goes into the drive: as a table, as harmonics of a turn, or as one number (mean, maximum, or at
+    an angle)."""
 
     form: Form = "table"
     position_rad: float | None = None
@@ -41,13 +55,15 @@ class Exported:
 
 
 def parse_choice(text: str) -> ExportChoice:
-    """ "table", "mean", "max" or "at=1.57". Raises InputError for anything else."""
-    plain: dict[str, Form] = {"table": "table", "mean": "mean", "max": "max"}
+    """ "table", "harmonics", "mean", "max" or "at=1.57". Raises InputError for anything else."""
+    plain: dict[str, Form] = {"table": "table", "harmonics": "harmonics", "mean": "mean", "max": "max"}
     if text in plain:
         return ExportChoice(plain[text])
     form, _, angle = text.partition("=")
     if form != "at":
-        raise InputError(f'export form "{text}"', "is unknown", "Use table, mean, max or at=ANGLE.")
+        raise InputError(
+            f'export form "{text}"', "is unknown", "Use table, harmonics, mean, max or at=ANGLE."
+        )
     try:
         return ExportChoice("at", float(angle))
     except ValueError:
@@ -75,28 +91,47 @@ def scalar_of(table: InertiaTable, choice: ExportChoice) -> float:
 
 
 def export_values(
-    lookup: Lookup, profile: DeviceProfile, table: InertiaTable, choice: ExportChoice
+    lookup: Lookup,
+    profile: DeviceProfile,
+    table: InertiaTable,
+    choice: ExportChoice,
+    *,
+    read: Read | None = None,
+    motor_inertia_kgm2: float | None = None,
 ) -> list[ParameterValue]:
     """What has to be written, as raw values, in the order of writing.
 
-    Raises InputError where the profile has no such target ("this profile can't do that, because …") or a value
-    does not fit its object.
+    `read` is needed where the drive itself holds the unit (its torque constant), `motor_inertia_kgm2` where it wants
+    motor and load in one number. Raises InputError where the profile has no such target ("this profile can't do
+    that, because …"), where one of the two is missing, or where a value does not fit its object.
     """
+    export = profile.export
     if choice.form == "table":
-        if profile.export.table is None:
+        if export.table is None:
+            raise _denied(
+                profile, "table feed-forward", "Use --as mean, --as max or --as at=ANGLE, or take the CSV."
+            )
+        return _table_values(lookup, export.table, table)
+    if choice.form == "harmonics":
+        if export.harmonics is None:
+            raise _denied(profile, "harmonic feed-forward", "Use --as table, --as mean or --as max.")
+        return _harmonic_values(lookup, export.harmonics, table)
+    if export.scalar is None:
+        raise _denied(profile, "scalar feed-forward", "Take the CSV or DCF instead.")
+    inertia = scalar_of(table, choice)
+    if export.scalar.of == "total":
+        if motor_inertia_kgm2 is None:
             raise InputError(
                 f"profile {profile.family}",
-                "can't take an inertia table: it declares no [export.table]",
-                "Use --as mean, --as max or --as at=ANGLE, or take the CSV.",
+                f"takes the inertia of motor and load together ({export.scalar.object})",
+                "Say the motor's: give --machine.",
             )
-        return _table_values(lookup, profile.export.table, table)
-    if profile.export.scalar is None:
-        raise InputError(
-            f"profile {profile.family}",
-            "can't take a load inertia: it declares no [export.scalar]",
-            "Take the CSV or DCF instead.",
-        )
-    return _scalar_values(lookup, profile.export.scalar, scalar_of(table, choice))
+        inertia += motor_inertia_kgm2
+    return _scalar_values(lookup, export.scalar, inertia, read)
+
+
+def _denied(profile: DeviceProfile, capability: CapabilityName, remedy: str) -> InputError:
+    return InputError(f"profile {profile.family}", profile.reason(capability), remedy)
 
 
 def _table_values(lookup: Lookup, target: TableExport, table: InertiaTable) -> list[ParameterValue]:
@@ -116,11 +151,57 @@ def _table_values(lookup: Lookup, target: TableExport, table: InertiaTable) -> l
     return values + _enabling(lookup, target.enable)
 
 
-def _scalar_values(lookup: Lookup, target: ScalarExport, inertia_kgm2: float) -> list[ParameterValue]:
-    return [
-        _counts(lookup, target.object, inertia_kgm2, target.scale_kgm2),
-        *_enabling(lookup, target.enable),
-    ]
+def _scalar_values(
+    lookup: Lookup, target: ScalarExport, inertia_kgm2: float, read: Read | None
+) -> list[ParameterValue]:
+    scale = target.scale_kgm2
+    if target.per is not None:
+        scale *= _held(lookup, target.per, read)
+    return [_counts(lookup, target.object, inertia_kgm2, scale), *_enabling(lookup, target.enable)]
+
+
+def _held(lookup: Lookup, ref: ObjectRef, read: Read | None) -> float:
+    """A number that the drive holds and that an inertia's scale depends on. Raises InputError without one."""
+    parameter = lookup(ref.index, ref.subindex)
+    if read is None:
+        raise InputError(
+            parameter.label,
+            "is part of the inertia's unit, and only the drive knows it",
+            "Connect to the drive.",
+        )
+    raw = read(parameter).raw
+    if not isinstance(raw, int | float) or raw <= 0:
+        raise InputError(
+            parameter.label, f"is {raw!r}: the inertia has no unit without it", "Set it in the drive first."
+        )
+    return float(raw)
+
+
+def _harmonic_values(lookup: Lookup, target: HarmonicExport, table: InertiaTable) -> list[ParameterValue]:
+    """Fourier coefficients of the table over one turn: offset + Σ amplitude·cos(order·angle − phase).
+
+    Raises InputError for a table that does not cover a turn: the rest of it is unknown.
+    """
+    span = float(table.position_rad[-1] - table.position_rad[0])
+    if abs(span / _TURN_RAD - 1) > _TURN_SLACK:
+        raise InputError(
+            "--as harmonics",
+            f"wants a table over one turn, this one covers {span:.4g} rad",
+            "Use --as mean or max.",
+        )
+    samples = 4 * target.orders + 4  # more than twice the highest order: nothing folds back
+    angles = table.position_rad[0] + np.arange(samples) * _TURN_RAD / samples
+    inertia = table.at(np.minimum(angles, table.position_rad[-1]))
+    values = [_counts(lookup, target.offset.object, float(inertia.mean()), target.offset.scale)]
+    for order in range(1, target.orders + 1):
+        coefficient = 2.0 * np.mean(inertia * np.exp(1j * order * angles))
+        for ref, number, scale in (
+            (target.amplitudes, abs(coefficient), target.amplitude_scale_kgm2),
+            (target.phases, np.angle(coefficient), target.phase_scale_rad),
+        ):
+            element = ObjectRef(index=ref.index, subindex=order)
+            values.append(_counts(lookup, element, float(number), scale))
+    return values + _enabling(lookup, target.enable)
 
 
 def _enabling(lookup: Lookup, setting: Setting | None) -> list[ParameterValue]:
@@ -158,6 +239,7 @@ def export_table(
     *,
     backup_path: Path,
     store: bool = True,
+    motor_inertia_kgm2: float | None = None,
 ) -> Exported:
     """Write the table, read every value back, compare, and store it in the drive's memory (1010).
 
@@ -167,7 +249,9 @@ def export_table(
     state = drive.state().cia402
     if state.lower() in ENERGISED:
         raise RefusedError("export", f'the drive is in "{state}"', "Switch it off first.")
-    values = export_values(drive.parameter, profile, table, choice)
+    values = export_values(
+        drive.parameter, profile, table, choice, read=drive.read, motor_inertia_kgm2=motor_inertia_kgm2
+    )
     journal = ParameterJournal(drive, backup_path, drive.describe())
     with OneInterrupt() as interrupt:
         try:
