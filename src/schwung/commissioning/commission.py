@@ -11,6 +11,7 @@ from schwung.commissioning.plan import LimitWishes, Plan, PlannedRun, limits_of,
 from schwung.commissioning.preflight import MAX_BUS_LOAD, Preflight, Survey, preflight, survey, with_control
 from schwung.commissioning.procedure import MAX_JITTER_SHARE, Observer, Recorded, record
 from schwung.commissioning.ways import (
+    ONE_WAY,
     InjectionChoice,
     ModeChoice,
     SamplingChoice,
@@ -105,7 +106,7 @@ def prepare(drive: Drive, profile: DeviceProfile, machine: Machine, wishes: Wish
         distance_rad=wishes.distance_rad,
         duration_s=wishes.duration_s,
         kind=wishes.kind,
-        returns=wishes.returns,
+        returns=wishes.returns and way.returns,
         mode=way.mode,
         sample_rate_hz=way.sync_rate_hz,
         frequency_hz=wishes.frequency_hz,
@@ -120,7 +121,8 @@ def prepare(drive: Drive, profile: DeviceProfile, machine: Machine, wishes: Wish
         trace_rate_hz=wishes.trace_rate_hz,
         generator=profile.generator,
     )
-    plan = replace(plan, reasons=(*way.reasons, *wishes.because, *plan.reasons))
+    one_way = (ONE_WAY,) if wishes.returns and not way.returns else ()
+    plan = replace(plan, reasons=(*way.reasons, *one_way, *wishes.because, *plan.reasons))
     forward = FeedForward(speed_share=gains.get("speed_feed_forward", 0.0))
     seen = survey(drive, plan)
     return Prepared(plan, machine, seen, preflight(plan, machine, seen, forward), forward)

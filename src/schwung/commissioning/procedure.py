@@ -200,7 +200,7 @@ class _Player:
     def _go(self, way: PlannedRun | None) -> None:
         """Move without recording, for the axis to be where the next motion starts."""
         if way is not None:
-            self.drive.play(setpoints_of(way, self.plan))
+            self.drive.play(replace(setpoints_of(way, self.plan), recorded=False))
 
     def _keep_partial(self, recording: Recording, planned: PlannedRun, why: str) -> None:
         """What came before the first gap, where that is anything at all."""

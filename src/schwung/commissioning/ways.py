@@ -36,6 +36,7 @@ class Way:
     injecting: Injecting
     sync_rate_hz: float
     reasons: tuple[str, ...] = ()
+    returns: bool = True  # strokes there and back can be one motion
 
 
 def choose_way(
@@ -84,7 +85,11 @@ def choose_way(
         injecting = "setpoints" if why is None or lacks(INJECTED["generator"]) else "generator"
         if injecting == "generator":
             reasons.append(f"the drive's generator injects: no torque over the bus ({why})")
-    return Way(mode, sampling, injecting, sync_rate_hz, tuple(reasons))
+    return Way(mode, sampling, injecting, sync_rate_hz, tuple(reasons), profile.protocol != "modbus")
+
+
+#: Why the way back is not recorded where `Way.returns` is false.
+ONE_WAY = "one way is measured: each stroke is started by a request, whose instant over Modbus is not exact"
 
 
 def require_phases(profile: DeviceProfile, way: Way, phases: int) -> None:

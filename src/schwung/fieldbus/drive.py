@@ -171,6 +171,7 @@ class Setpoints:
     torque_added_nm: Array  # zeros where the generator injects
     moves: tuple[Move, ...] = ()
     generator: Sine | None = None
+    recorded: bool = True  # False: nobody will look at what comes back, so that a trace need not be read out
 
 
 @dataclass(frozen=True)

@@ -125,7 +125,7 @@ class Means:
                 f"stands at {stands:.4g} rad, the motion starts at {setpoints.position_rad[0]:.4g} rad",
                 "Start the motion where the axis stands.",
             )
-        if acquisition.sampling != "trace" or self.profile.trace is None:
+        if acquisition.sampling != "trace" or self.profile.trace is None or not setpoints.recorded:
             return move, None
         duration = (setpoints.position_rad.size - 1 - move.at_index) / rate
         whole = trace_request(
