@@ -20,6 +20,7 @@ from schwung.cli.bode import bode
 from schwung.cli.commission import commission
 from schwung.cli.demo import demo
 from schwung.cli.diff import diff
+from schwung.cli.doctor import doctor
 from schwung.cli.estimate import estimate
 from schwung.cli.explain import explain
 from schwung.cli.export import export
@@ -104,6 +105,7 @@ def _is_interrupt(error: BaseException | None) -> bool:
 for _command in (
     demo,
     scan,
+    doctor,
     commission,
     estimate,
     explain,

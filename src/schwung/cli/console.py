@@ -65,10 +65,10 @@ class Terminal:
             table.add_row(*(cell if _is_markup(cell) else escape(str(cell)) for cell in map(str, row)))
         self.console.print(table)
 
-    def checks(self, rows: Iterable[Sequence[str]]) -> None:
-        """Preflight's findings: (name, severity, text, remedy) each."""
+    def checks(self, rows: Iterable[Sequence[str]], title: str = "Preflight") -> None:
+        """Findings of preflight or doctor: (name, severity, text, remedy) each."""
         self.table(
-            "Preflight",
+            title,
             ("", "check", "finding"),
             (
                 (_SIGNS[severity], name, f"{text}. {remedy}" if remedy else text)
