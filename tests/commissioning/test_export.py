@@ -21,7 +21,7 @@ from schwung.errors import DriveError, InputError, RefusedError, SdoError
 from schwung.fieldbus.dcf import dictionary_lookup, write_dcf
 from schwung.fieldbus.drive import DriveState, Parameter, ParameterValue
 from schwung.fieldbus.eds import load_dictionary
-from schwung.fieldbus.profile import DeviceProfile, Export, load_profile
+from schwung.fieldbus.profile import DeviceProfile, Export, load_canopen_profile, load_profile
 
 PROFILE = load_profile("schwung-bench")
 TABLE = InertiaTable(np.linspace(0.1, 3.1, 31), 0.1 + 0.05 * np.linspace(0, 1, 31) ** 2)
@@ -118,6 +118,17 @@ def test_a_drive_that_wants_current_per_acceleration_gets_it(drive: DeskDrive) -
         read=drive.read, motor_inertia_kgm2=0.1,
     )  # fmt: skip
     assert [value.raw for value in values] == [3_000_000]
+
+
+def test_an_epos4_gets_the_number_that_its_own_file_holds() -> None:
+    """In the DCF, 30A1:05 is 2777 with 107746 µN·m/A: 2.992e-4 kg·m² in all."""
+    profile = load_canopen_profile("maxon-epos4")
+    load = InertiaTable(np.array([0.0, 1.0]), np.full(2, 1.0e-4))
+    values = export_values(
+        dictionary_lookup(profile.eds_path, 1), profile, load, ExportChoice("mean"),
+        read=lambda parameter: ParameterValue(parameter, 107_746), motor_inertia_kgm2=1.9921e-4,
+    )  # fmt: skip
+    assert [(value.parameter.label[:9], value.raw) for value in values] == [("0x30A1:05", 2777)]
 
 
 def test_what_such_a_number_needs_is_asked_for(drive: DeskDrive) -> None:

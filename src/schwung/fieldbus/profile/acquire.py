@@ -86,7 +86,7 @@ class TraceColumn(Part):
 
     quantity: TracedQuantity
     """What it is."""
-    type: str
+    type: str = Field(pattern=r"^((INTEGER|UNSIGNED)(8|16|32|64)|REAL(32|64))$")
     """CiA 301 name of its type in the buffer: INTEGER16, INTEGER32, REAL32, …"""
     scale: float | None = None
     """SI per count; absent: as in [quantities]."""

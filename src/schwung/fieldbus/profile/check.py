@@ -213,6 +213,14 @@ def _units(profile: CanopenProfile, eds: EdsFile) -> Iterator[Finding]:
 
 
 def _pdos(profile: CanopenProfile, eds: EdsFile) -> Iterator[Finding]:
+    played = profile.export.host_played
+    if played is not None and played.object not in profile.rpdos[0].entries:
+        yield Finding(
+            "error",
+            "export.host_played.object",
+            f"no rpdo carries {played.object}",
+            "Map it, or leave the part out.",
+        )
     for number, pdo in enumerate(profile.pdo, start=1):
         place = f"pdo[{number}] ({pdo.direction} {pdo.number})"
         communication = (0x1400 if pdo.direction == "rpdo" else 0x1800) + pdo.number - 1
