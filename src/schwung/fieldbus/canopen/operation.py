@@ -167,6 +167,8 @@ class Operation:
         self._await_standstill()
         self._check_start(setpoints, acquisition, scales)
         pp = acquisition.mode == "pp"
+        if acquisition.sampling == "trace" and not pp:
+            self._rest_at(int(playable.position_counts[0]), producer)
         recorder = Recorder(len(self._layouts.tpdos))
         strokes = playback.dynamics(setpoints.moves, scales, self._lookup) if pp else []
         own = self._own.around(setpoints, acquisition, playable, scales)
@@ -417,6 +419,12 @@ class Operation:
     def _position_by_sdo(self) -> int:
         ref = self._profile.quantities.position.object
         return self._sdo.read_integer(ref.index, ref.subindex, "INTEGER32") or 0
+
+    def _rest_at(self, target: int, producer: Producer) -> None:
+        """Hold the first setpoint before a trace is armed: a step of some counts towards it would start the trace."""
+        self._target = target
+        producer.hold(self._frame(cia402.ENABLE_OPERATION))
+        self._pump(0.2)  # longer than what a drive takes for the rest before a new motion
 
     def _await_standstill(self) -> bool:
         """Let time pass until the position hardly changes; False after two seconds of the drive's time or silence."""
