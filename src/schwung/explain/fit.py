@@ -1,7 +1,8 @@
 """Fit of named terms to whitened residuals: Gauss-Newton with a damped step, on any set of runs.
 
-How late the motion is behind the torque is always fitted along: every drive samples and filters a little, and says so
-nowhere. The phases of a disturbance fixed in frequency differ from run to run and are solved for within each run.
+How late the motion is behind the torque is always fitted along, and how the drive's filter bends the torque, as far as
+the speed does not say: every drive samples and filters a little, and tells nobody. The
+phases of a disturbance fixed in frequency differ from run to run and are solved for within each run.
 """
 
 from __future__ import annotations
@@ -17,7 +18,7 @@ from schwung.explain.residual import TABLE_POINTS, Memory, Residuals, Unknowns
 from schwung.explain.terms import LIBRARY, LOAD_TABLE, TABLE_FIELDS
 from schwung.motion import Array
 
-TIMING = "timing_s"
+TIMING, BEND = "timing_s", "bend_s2"
 PERIODIC = "periodic_disturbance"
 #: How much the objective may still fall when a fit is called done.
 _TOLERANCE = 0.1
@@ -44,19 +45,21 @@ class Model:
 
     @property
     def names(self) -> tuple[str, ...]:
-        """The parameters that are fitted: timing first, then fields of Effects."""
+        """The parameters that are fitted: what the drive's filter does first, then fields of Effects."""
         fields = [field for term in self.terms if term != PERIODIC for field in LIBRARY[term].parameters]
         if LOAD_TABLE in self.terms:
             fields += TABLE_FIELDS[: len(self.unknowns.load_table_nm)]
         if PERIODIC in self.terms:
             fields.append("periodic_frequency_hz")
         fields += self.refined
-        return (TIMING, *(f for f in dict.fromkeys(fields) if f not in self.fixed))
+        return (TIMING, BEND, *(f for f in dict.fromkeys(fields) if f not in self.fixed))
 
     def value(self, name: str) -> float:
         """One parameter."""
         if name == TIMING:
             return self.unknowns.timing_s
+        if name == BEND:
+            return self.unknowns.bend_s2
         if name == "periodic_frequency_hz":
             return self.frequency_hz
         if name in TABLE_FIELDS:
@@ -68,13 +71,15 @@ class Model:
     def with_values(self, values: Mapping[str, float]) -> Model:
         """The model with some parameters changed; tied fields follow, bounds hold."""
         fields: dict[str, float] = {}
-        timing, frequency = self.unknowns.timing_s, self.frequency_hz
+        timing, bend, frequency = self.unknowns.timing_s, self.unknowns.bend_s2, self.frequency_hz
         table = list(self.unknowns.load_table_nm)
         bounds = {f: b for term in self.terms if term in LIBRARY for f, b in LIBRARY[term].bounds.items()}
         tied = {LIBRARY[t].tied[0]: LIBRARY[t].tied for t in self.terms if t in LIBRARY and LIBRARY[t].tied}
         for name, value in values.items():
             if name == TIMING:
                 timing = value
+            elif name == BEND:
+                bend = value
             elif name == "periodic_frequency_hz":
                 frequency = max(value, 0.1)
             elif name in TABLE_FIELDS:
@@ -85,13 +90,15 @@ class Model:
                 for field in tied.get(name, (name,)):
                     fields[field] = min(max(value, low), high)
         effects = self.effects._replace(**fields)
-        unknowns = replace(self.unknowns, effects=effects, timing_s=timing, load_table_nm=tuple(table))
+        unknowns = replace(
+            self.unknowns, effects=effects, timing_s=timing, bend_s2=bend, load_table_nm=tuple(table)
+        )
         return replace(self, unknowns=unknowns, frequency_hz=frequency)
 
 
 @dataclass(frozen=True, eq=False)
 class Fitted:
-    """A model with how well it fits: Σ of squared whitened residuals over `samples`."""
+    """A model with how well it fits: Σ of squared whitened residuals over `samples`, the last no recorded one."""
 
     model: Model
     chi2: float
@@ -126,12 +133,14 @@ class Problem:
         return sum(int(usable(self.residuals.valid(run)).sum()) for run in self.runs)
 
     def white(self, model: Model) -> Array:
-        """Whitened residuals of all runs, (samples,)."""
+        """Whitened residuals of all runs and, last, of what is known of the drive's filter, (samples + 1,)."""
         return np.asarray(self.several((model,))[0])
 
     def several(self, models: Sequence[Model]) -> Array:
-        """The same for several models, which together cost less, (models, samples)."""
-        return np.concatenate([self._several(run, models) for run in self.runs], axis=1)
+        """The same for several models, which together cost less, (models, samples + 1)."""
+        std = self.residuals.prepared.bend_std_s2
+        bends = np.array([[model.unknowns.bend_s2 / std] for model in models])
+        return np.concatenate([*(self._several(run, models) for run in self.runs), bends], axis=1)
 
     def _several(self, run: int, models: Sequence[Model]) -> Array:
         residuals = self.residuals.several(run, [model.unknowns for model in models])
@@ -172,6 +181,8 @@ class Problem:
         smallest = _SMALLEST.get(name, 0.01)
         if name == TIMING:
             return 1e-5
+        if name == BEND:
+            return self.residuals.prepared.bend_std_s2
         return max(abs(model.value(name)) * _SHARE.get(name, 0.1), smallest)
 
     def fit(self, model: Model, iterations: int = 10) -> Fitted:

@@ -28,10 +28,10 @@ from schwung.drivetrain.physics import Effects, coupling_torque, load_torque, mo
 from schwung.motion import Array
 
 #: Highest |eigenvalue| × Runge-Kutta step of the load on its spring.
-_STEP = 0.5
+_STEP = 0.15
 #: Steps per sample where the coupling has play: contact is sudden.
 _CONTACT_SUBSTEPS = 4
-_MAX_SUBSTEPS = 12
+_MAX_SUBSTEPS = 16
 _NEWTON = 3  # steps from a reported angle to the true one
 _FINER = 6  # pieces of a table's curve per piece of the table
 
@@ -155,12 +155,17 @@ def substeps(belief: Belief, e: Effects, step_s: float) -> int:
     return min(max(needed, 1), _MAX_SUBSTEPS)
 
 
-def coupling_needed(belief: Belief, e: Effects, motion: Motion) -> Array:
-    """Torque that the load takes from the motor over the prescribed motion (N·m), (n,)."""
+def coupling_needed(
+    belief: Belief, e: Effects, motion: Motion, begun: tuple[float, float] = (0.0, 0.0)
+) -> Array:
+    """Torque that the load takes from the motor over the prescribed motion (N·m), (n,).
+
+    `begun`: angle (rad) and speed (rad/s) by which a load on a spring is ahead at first of one that moves as the motor.
+    """
     steps = substeps(belief, e, motion.step)
     load, terms, moved = tuple(_changed(belief, e)), tuple(map(float, e)), tuple(motion)
     if not belief.rigid:
-        return _hung(load, terms, moved, steps)
+        return _hung(load, terms, moved, steps, (float(begun[0]), float(begun[1])))
     torque = _carried(load, terms, moved)
     return torque + _third_carried(terms, moved, steps) if e.third_inertia_kgm2 > 0 else torque
 
@@ -264,11 +269,11 @@ def _wound_up(belief: Belief, e: Effects, motion: Motion) -> Hanging:
 
 
 @compiled
-def _hung(load: _Plain, terms: _Plain, moved: _Plain, steps: int) -> Array:
+def _hung(load: _Plain, terms: _Plain, moved: _Plain, steps: int, begun: _Plain) -> Array:
     """The coupling's torque (N·m) with the load on its spring, (n,): classical Runge-Kutta."""
     belief, e, motion = Belief(*load), Effects(*terms), Motion(*moved)
     angles, speeds = _halves(motion, steps)
-    state, piece = _wound_up(belief, e, motion), 0
+    state, piece = _moved(_wound_up(belief, e, motion), Hanging(begun[0], begun[1], 0.0, 0.0), 1.0), 0
     n, h = motion.angle.size, motion.step / steps
     result = np.empty(n)
     for i in range(n):

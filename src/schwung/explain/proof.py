@@ -9,7 +9,8 @@ from numpy.typing import NDArray
 
 from schwung.explain.fit import PERIODIC, Model
 from schwung.explain.residual import Residuals
-from schwung.explain.signals import Prepared, Spectrum
+from schwung.explain.signals import Prepared
+from schwung.explain.spectrum import Spectrum
 from schwung.explain.values import Misfit
 from schwung.motion import Array
 from schwung.session.model import Session

@@ -6,6 +6,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import lru_cache
 from operator import attrgetter
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,8 +14,10 @@ from numpy.typing import NDArray
 from schwung.drivetrain.machine import Machine
 from schwung.drivetrain.physics import Effects
 from schwung.explain import forward
+from schwung.explain.filtered import bent
 from schwung.explain.measured import Measured
-from schwung.explain.signals import Prepared, Signals, Spectrum, lasting
+from schwung.explain.signals import Prepared, Signals, lasting
+from schwung.explain.spectrum import Spectrum
 from schwung.motion import Array
 
 #: The fields of Effects upon which the coupling's torque depends, and those that leave the motor's own alone; for other
@@ -35,6 +38,8 @@ LEAST_LIMIT, LIGHTEST = 0.3, 0.02
 LIMIT_OVER_NOISE = 15.0
 #: Samples for which a clipped torque lasts: single ones beyond a limit are noise, which no limit takes away.
 _CLIPPED = 4
+#: So much of the highest torque may wind up the coupling as a run begins, where nobody has measured it.
+WOUND_UP = 0.1
 #: Points of a load torque over the visited angles that no sine describes, and where twice as many pay, up to so many.
 TABLE_POINTS, FINEST = 8, 29
 _KEPT = 64  # torques and gains that are remembered, per run
@@ -47,6 +52,7 @@ class Unknowns:
     effects: Effects = field(default_factory=Effects)
     timing_s: float = 0.0
     phases_rad: Mapping[int, float] = field(default_factory=dict)
+    bend_s2: float = 0.0  # of the reported torque's own filter, beyond the expected one (see filtered.py)
     load_table_nm: tuple[float, ...] = ()  # torque on the load at `Residuals.table_rad(m)`; none where empty
 
 
@@ -93,6 +99,14 @@ class Moving:
     band_hz: float
 
 
+class _Soft(NamedTuple):
+    """What counts as noise in a run, and by how much of what lies in its orthogonal directions is taken away."""
+
+    columns: Array  # (n, m)
+    directions: Array  # (n, m)
+    shrink: Array  # (m,)
+
+
 class Residuals:
     """Residuals of one session for any unknowns, quickly: what a change does not touch is remembered."""
 
@@ -107,7 +121,7 @@ class Residuals:
         self._loaded = lru_cache(_KEPT)(self._with_table)
         self._peak_nm = max(of.peak_nm for of in self.runs)
         self._lightest_kgm2 = float(np.min(self.belief.inertia_coefficients[3]))
-        self._soft: dict[int, tuple[Array, Array]] = {}
+        self._soft = {} if self.belief.rigid else self._ringing()
         visited = [signals.position_rad[signals.considered] for signals in prepared.runs]
         angles = np.concatenate([*visited, prepared.runs[0].position_rad[:1]])
         self._visited = float(angles.min()), float(max(angles.max(), angles.min() + 1e-6))
@@ -187,11 +201,12 @@ class Residuals:
         return forward.coupling_needed(belief, e, motion)
 
     def _gain(self, run: int, unknowns: Unknowns) -> Array:
-        """What filters the needed torque: the band, the lag of torque, and how late the motion is."""
+        """What filters the needed torque: the band, the lag of torque, how late the motion is, the drive's filter."""
         of, lag, timing = self.runs[run], unknowns.effects.torque_lag_s, unknowns.timing_s
-        omega = of.spectrum.omega
+        omega, bend = of.spectrum.omega, self.prepared.bend_s2 + unknowns.bend_s2
         return self._gains.of(
-            (of.spectrum.samples, lag, timing), lambda: of.low * (1 + omega * lag) * np.exp(omega * timing)
+            (of.spectrum.samples, lag, timing, bend),
+            lambda: of.low * (1 + omega * lag) * np.exp(omega * timing) * bent(omega, bend),
         )
 
     def several(self, run: int, unknowns: Sequence[Unknowns]) -> Array:
@@ -210,7 +225,7 @@ class Residuals:
             jumps = np.sum(compared[:, of.valid] * of.jumps[of.valid], axis=1)  # rows alike to the last bit
             compared = compared - np.multiply.outer(jumps, of.jumps)
             if run in self._soft:
-                directions, shrink = self._soft[run]
+                _, directions, shrink = self._soft[run]
                 sizes = np.stack([directions[of.valid].T @ row[of.valid] for row in compared])
                 compared -= (sizes * shrink) @ directions.T
             result[rows] = compared
@@ -229,6 +244,23 @@ class Residuals:
         clipped = e.torque_limit_nm < least * e.torque_gain
         return left >= LIGHTEST * (rotor + lightest) and not clipped
 
+    def _ringing(self) -> dict[int, _Soft]:
+        """How the load rings after the first sample of each run, where nobody knows how it was wound up."""
+        wound = WOUND_UP * self._peak_nm / self.belief.stiffness
+        softest = float(np.max(self.belief.inertia_coefficients[3]))
+        offsets = ((wound, 0.0), (0.0, wound * float(np.sqrt(self.belief.stiffness / softest))))
+        noise = self.prepared.noise.torque_nm * np.sqrt(
+            2 * self.prepared.band_hz / self.prepared.source_rate_hz
+        )
+        result = {}
+        for run, of in enumerate(self.runs):
+            if of.valid.any():
+                still = self._coupling(run, Effects(), ())
+                begun = [forward.coupling_needed(self.belief, Effects(), of.motion, one) for one in offsets]
+                rings = of.spectrum.apply(np.stack(begun) - still, of.low)
+                result[run] = _softened(rings[:, :: self.prepared.every].T / noise, of.valid)
+        return result
+
     def soften(self, belief: Measured, floor_nm: float) -> None:
         """From now on count as noise what the belief's inertia may be off: shrink its directions to the floor.
 
@@ -243,13 +275,19 @@ class Residuals:
             columns = (
                 np.stack([here - other.residual(run, Unknowns()) for other in others], axis=1) / floor_nm
             )
-            _, size, turn = np.linalg.svd(columns[of.valid], full_matrices=False)
-            directions = columns @ turn.T / np.maximum(size, 1e-12)
-            self._soft[run] = directions, 1 - 1 / np.sqrt(1 + size**2)
+            if run in self._soft:
+                columns = np.concatenate([columns, self._soft[run].columns], axis=1)
+            self._soft[run] = _softened(columns, of.valid)
 
     def all(self, runs: Sequence[int], unknowns: Unknowns) -> list[Array]:
         """Residuals of several runs."""
         return [self.residual(run, unknowns) for run in runs]
+
+
+def _softened(columns: Array, valid: NDArray[np.bool_]) -> _Soft:
+    """Columns (n, m) that count as noise, each of so many deviations of the floor."""
+    _, size, turn = np.linalg.svd(columns[valid], full_matrices=False)
+    return _Soft(columns, columns @ turn.T / np.maximum(size, 1e-12), 1 - 1 / np.sqrt(1 + size**2))
 
 
 def _clipped(torque_nm: Array, limit_nm: float) -> Array:

@@ -13,7 +13,7 @@ import numpy as np
 from schwung.explain.fit import Fitted
 from schwung.explain.naming import contribution
 from schwung.explain.search import Found
-from schwung.explain.signals import Spectrum
+from schwung.explain.spectrum import Spectrum
 from schwung.explain.terms import View
 
 #: Share of the band, and what is left out at each end of a run, in periods of it.

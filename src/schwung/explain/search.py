@@ -173,7 +173,7 @@ def _quick_columns(problem: Problem, starts: Sequence[Start]) -> list[Array]:
         torques = [start.torques(moving) for start in starts if start.torques is not None]
         white = problem.whitener.white(np.concatenate(torques), problem.residuals.valid(run))
         parts.append(white.T)
-    columns = np.concatenate(parts)
+    columns = np.concatenate([*parts, np.zeros((1, parts[0].shape[1]))])  # none moves the drive's filter
     ends = np.cumsum([len(start.directions) for start in starts])
     return np.split(columns, ends[:-1], axis=1)
 

@@ -14,14 +14,16 @@ nothing.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
-from typing import Literal, NamedTuple
+from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from schwung.drivetrain.machine import Machine
 from schwung.errors import InputError
+from schwung.explain.filtered import SpeedFilter, speed_filter
+from schwung.explain.spectrum import ORDER, Spectrum
 from schwung.motion import Array
 from schwung.session.imports import motion_identity
 from schwung.session.model import Run, Session
@@ -43,15 +45,13 @@ STANDSTILL = 0.01
 SHORTEST_S = 0.03
 #: Filters spread what happens over so many periods of the band's upper end.
 REACH = 1.0
+#: The torque's filter bends like the speed's but for this share of that, and never surer than so (s²).
+UNLIKE_SPEED, SURE_S2 = 0.3, 1e-9
 #: Repeats of which the differences have this share of the noise's variance have none in common.
 UNLIKE = 0.7
-_ORDER = 8  # of the zero-phase low-pass, 1/(1 + (f/f_c)^8)
 _DIFFERENCES = 6
 _DIFFERENCE_GAIN = np.sqrt(924.0)  # of white noise by six differences: √C(12, 6)
 _MAD = 1.4826
-_DELAY_ITERATIONS = 3
-
-Trend = Literal["keep", "slope", "drop"]
 
 
 @dataclass(frozen=True)
@@ -102,40 +102,8 @@ class Prepared:
     smoothing_rad_s: float  # within which a speed's sign is not known
     peak_speed_rad_s: float
     injected_hz: tuple[float, ...] = ()
-
-
-class Spectrum:
-    """Zero-phase filters for signals of one length, by FFT with the ends mirrored about their last values."""
-
-    def __init__(self, samples: int, rate_hz: float, pad_s: float) -> None:
-        self.samples, self.rate_hz = samples, rate_hz
-        self.pad = min(samples - 1, max(8, round(pad_s * rate_hz)))
-        size = samples + 2 * self.pad
-        self.size = 1 << (size - 1).bit_length() if size < 4096 else -(-size // 1024) * 1024
-        self.frequency_hz = np.fft.rfftfreq(self.size, 1 / rate_hz)
-        self.omega = 2j * np.pi * self.frequency_hz
-
-    def low_pass(self, cutoff_hz: float) -> Array:
-        """Gain of the low-pass at each line."""
-        return np.asarray(1 / (1 + (self.frequency_hz / cutoff_hz) ** _ORDER))
-
-    def apply(self, values: Array, gain: Array, trend: Trend = "keep") -> Array:
-        """Signals (…, n) filtered by a gain (a low-pass, or its product with jω).
-
-        The straight line from end to end would leap where the spectrum wraps around, so it goes apart: it is kept, or
-        replaced by its slope (for a derivative), or dropped (for a gain of zero at rest).
-        """
-        first, last = values[..., :1], values[..., -1:]
-        pad = self.pad
-        before = 2 * first - values[..., pad:0:-1]
-        after = 2 * last - values[..., -2 : -2 - pad : -1]
-        long = np.concatenate([before, values, after], axis=-1)
-        slope = (long[..., -1:] - long[..., :1]) / (long.shape[-1] - 1)
-        ramp = long[..., :1] + slope * np.arange(long.shape[-1])
-        flat = np.fft.irfft(np.fft.rfft(long - ramp, self.size, axis=-1) * gain, self.size, axis=-1)
-        here = slice(pad, pad + self.samples)
-        line = {"keep": ramp[..., here], "slope": slope * self.rate_hz, "drop": 0.0}[trend]
-        return np.asarray(flat[..., here] + line)
+    bend_s2: float = 0.0  # of the reported torque's own filter, as far as the speed's tells (see filtered.py)
+    bend_std_s2: float = SURE_S2
 
 
 def differences_noise(values: Array) -> float:
@@ -166,8 +134,8 @@ def prepare(session: Session, machine: Machine) -> Prepared:
     noise = _channel_noise(session.runs)
     band = _clear(session.runs, noise, _band(noise, machine, rate))
     factor = max(1, int(rate / (GRID_PER_BAND * band)))
-    delay, delay_std = _speed_delay(session.runs, band)
-    peak = max(float(np.max(np.abs(_moved(run, noise, band, 0.0)[1]))) for run in session.runs)
+    filtered = _speed_filter(session.runs, noise, band)
+    peak = max(float(np.max(np.abs(_moved(run, noise, band, SpeedFilter())[1]))) for run in session.runs)
     widest = 2 * np.pi * MOTION_BAND * band
     sign_noise = min(noise.speed_rad_s, widest * noise.position_rad) * np.sqrt(2 * MOTION_BAND * band / rate)
     smoothing = max(3 * sign_noise, 0.002 * peak, 1e-9)
@@ -176,7 +144,7 @@ def prepare(session: Session, machine: Machine) -> Prepared:
     for number, run in enumerate(session.runs):
         group = groups.setdefault(motion_identity(run), len(groups))
         share = number / max(len(session.runs) - 1, 1)
-        position, speed, acceleration = _moved(run, noise, band, delay)
+        position, speed, acceleration = _moved(run, noise, band, filtered)
         moving = lasting(np.abs(speed) > max(STANDSTILL * peak, 2 * smoothing), round(SHORTEST_S * rate))
         moving = _away_from_rest(moving, round(REACH * rate / band))
         edge = round(1.5 * rate / band)
@@ -209,11 +177,13 @@ def prepare(session: Session, machine: Machine) -> Prepared:
         every=max(1, int(grid / (COMPARED_PER_BAND * band))),
         noise=noise,
         alike=_alike(session.runs, [run.group for run in runs], noise),
-        speed_delay_s=delay,
-        speed_delay_std_s=delay_std,
+        speed_delay_s=filtered.delay_s,
+        speed_delay_std_s=filtered.delay_std_s,
         smoothing_rad_s=smoothing,
         peak_speed_rad_s=peak,
         injected_hz=tuple(sorted({run.excitation.frequency_hz for run in session.runs if run.excitation})),
+        bend_s2=filtered.bend_s2,
+        bend_std_s2=UNLIKE_SPEED * filtered.bend_s2 + max(filtered.bend_std_s2, SURE_S2),
     )
 
 
@@ -302,7 +272,7 @@ def _clear(runs: Sequence[Run], noise: Noise, band_hz: float) -> float:
     while band_hz > LOWEST_NOISY_HZ:
         omega = 2 * np.pi * np.linspace(0.0, 1.2 * band_hz, 200)[1:]
         speed = 1 / (1 / noise.speed_rad_s**2 + 1 / (omega * noise.position_rad) ** 2)
-        low = 1 / (1 + (omega / (2 * np.pi * band_hz)) ** _ORDER)
+        low = 1 / (1 + (omega / (2 * np.pi * band_hz)) ** ORDER)
         own = float(np.mean(omega**2 * speed * low**2)) * 2.4 * band_hz / rate
         whole = max(_acceleration_power(run, noise, band_hz) for run in runs)
         if own < NOISY**2 * max(whole - own, 0.0):
@@ -328,58 +298,29 @@ def speed_share(noise: Noise, omega_rad_s: Array) -> Array:
     return np.asarray(omega_rad_s**2 / (omega_rad_s**2 + crossing**2))
 
 
-def _moved(run: Run, noise: Noise, band_hz: float, delay_s: float) -> tuple[Array, Array, Array]:
+def _speed_filter(runs: Sequence[Run], noise: Noise, band_hz: float) -> SpeedFilter:
+    """How late and how filtered the speed is reported; of one that says nothing of its own, no delay is known."""
+    if any("speed_origin" in run.extra for run in runs):
+        return SpeedFilter()
+    jumps = [_unstepped(run).jumps_nm for run in runs]
+    found = speed_filter(runs, jumps, band_hz, noise.position_rad, noise.speed_rad_s)
+    if any(_nothing_new(run) for run in runs):
+        found = replace(found, delay_s=0.0, delay_std_s=np.inf)
+    return replace(found, bend_s2=0.0, bend_std_s2=0.0) if any(run.is_held for run in runs) else found
+
+
+def _moved(run: Run, noise: Noise, band_hz: float, filtered: SpeedFilter) -> tuple[Array, Array, Array]:
     """Angle, speed and acceleration of the motor, (n,) each, without lag."""
     spectrum = Spectrum(len(run), run.sample_rate_hz, 4 / band_hz)
     low = spectrum.low_pass(MOTION_BAND * band_hz)
     share = speed_share(noise, np.abs(spectrum.omega))
     position = spectrum.apply(run.position_rad, low)
     speed = spectrum.apply(run.position_rad, low * spectrum.omega * (1 - share), "slope")
-    speed = speed + spectrum.apply(run.speed_rad_s, low * share * np.exp(spectrum.omega * delay_s), "drop")
+    speed = speed + spectrum.apply(run.speed_rad_s, low * share * filtered.undone(spectrum.omega), "drop")
     acceleration = spectrum.apply(
         speed, spectrum.low_pass(2 * MOTION_BAND * band_hz) * spectrum.omega, "slope"
     )
     return position, speed, acceleration
-
-
-def _speed_delay(runs: Sequence[Run], band_hz: float) -> tuple[float, float]:
-    """How late the reported speed is behind the angle's derivative (s), and its standard deviation.
-
-    What the images of a held injection leave in the speed has the shape of the jumps, and is fitted along.
-    """
-    if any(_nothing_new(run) for run in runs):
-        return 0.0, np.inf
-    delay, spread = 0.0, np.inf
-    for _ in range(_DELAY_ITERATIONS):
-        more, spread = _more_delay(runs, band_hz, delay)
-        delay += more
-    return delay, spread
-
-
-def _more_delay(runs: Sequence[Run], band_hz: float, delay_s: float) -> tuple[float, float]:
-    """How late the speed is beyond a delay (s), small, and its standard deviation."""
-    normal, towards, error, samples = np.zeros((2, 2)), np.zeros(2), 0.0, 0
-    for run in runs:
-        spectrum = Spectrum(len(run), run.sample_rate_hz, 4 / band_hz)
-        low = spectrum.low_pass(band_hz)
-        delayed = low * spectrum.omega * np.exp(-spectrum.omega * delay_s)
-        derived = spectrum.apply(run.position_rad, delayed, "slope")
-        change = spectrum.apply(derived, low * spectrum.omega, "slope")
-        jumps = spectrum.apply(_unstepped(run).jumps_nm, low)
-        late = spectrum.apply(run.speed_rad_s, low) - derived
-        inside = slice(spectrum.pad // 2, -spectrum.pad // 2)
-        columns = np.stack([-change[inside], jumps[inside]])
-        normal += columns @ columns.T
-        towards += columns @ late[inside]
-        error += float(late[inside] @ late[inside])
-        samples += columns.shape[1]
-    if normal[0, 0] == 0:
-        return 0.0, np.inf
-    inverse = np.linalg.pinv(normal, rcond=1e-12)
-    fitted = inverse @ towards
-    left = max(error - float(fitted @ towards), 0.0) / samples
-    independent = 2 * band_hz / runs[0].sample_rate_hz  # share of the samples
-    return float(fitted[0]), float(np.sqrt(left * inverse[0, 0] / independent))
 
 
 class _Torque(NamedTuple):
