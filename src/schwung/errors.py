@@ -74,9 +74,9 @@ class SdoError(ParameterError):
 class RegisterError(ParameterError):
     """A Modbus request was refused by the drive (exception code) or not answered."""
 
-    def __init__(self, place: str, problem: str, remedy: str = "", code: int = 0) -> None:
+    def __init__(self, place: str, problem: str, remedy: str = "", code: int | None = None) -> None:
         super().__init__(place, problem, remedy)
-        self.code = code  # Modbus exception code; 0: there was no answer
+        self.code = code  # Modbus exception code; None: there was no answer
 
 
 class StateError(DriveError):

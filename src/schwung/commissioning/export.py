@@ -139,7 +139,7 @@ def _table_values(lookup: Lookup, target: TableExport, table: InertiaTable) -> l
     angles = np.linspace(table.position_rad[0], table.position_rad[-1], target.points)
     step = (angles[-1] - angles[0]) / (target.points - 1)
     values = [
-        _counts(lookup, ObjectRef(index=target.values.index, subindex=number), inertia, target.scale_kgm2)
+        _counts(lookup, target.values.model_copy(update={"subindex": number}), inertia, target.scale_kgm2)
         for number, inertia in enumerate(table.at(angles), start=1)
     ]
     values += [
@@ -199,7 +199,7 @@ def _harmonic_values(lookup: Lookup, target: HarmonicExport, table: InertiaTable
             (target.amplitudes, abs(coefficient), target.amplitude_scale_kgm2),
             (target.phases, np.angle(coefficient), target.phase_scale_rad),
         ):
-            element = ObjectRef(index=ref.index, subindex=order)
+            element = ref.model_copy(update={"subindex": order})
             values.append(_counts(lookup, element, float(number), scale))
     return values + _enabling(lookup, target.enable)
 

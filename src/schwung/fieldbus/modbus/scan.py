@@ -88,7 +88,7 @@ def _is_there(options: ModbusOptions, unit: int) -> bool:
     try:
         link.read(0, 1)
     except RegisterError as error:
-        return error.code not in (0, 10, 11)
+        return error.code not in (None, 10, 11)
     except NodeLostError:
         return False
     finally:
