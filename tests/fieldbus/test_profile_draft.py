@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 
 import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
 from vendors_files import VENDORS_FILE, vendors_file
 
 from schwung.fieldbus.eds import read_eds
@@ -68,3 +71,38 @@ def test_names_that_promise_something_are_noted_and_not_used(tmp_path: Path) -> 
     assert {"31E0:01", "31E4:01"} <= set(noted)
     assert profile.export.scalar is None
     assert "30A1:05" in map(str, profile.noted["scalar feed-forward"])
+
+
+_BLOCKS = load_canopen_profile("generic-cia402").eds_path.read_text(encoding="utf-8").split("\n[")
+#: Objects without which there is no CiA 402 drive, and nothing to draft around.
+_LEAST = re.compile(r"6040|6041|6060|6061|6064|607A|1[468A]00")
+
+
+@settings(max_examples=25, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@given(data=st.data())
+def test_whatever_an_eds_lacks_its_draft_loads_and_promises_nothing_more(
+    data: st.DataObject, tmp_path: Path
+) -> None:
+    """Objects dropped, mappings and accesses changed at random: what is drafted is borne out, or it is the standard's
+    least (a position, a statusword, a controlword) that is missing."""
+    blocks = list(_BLOCKS)
+    for number in data.draw(st.lists(st.integers(1, len(blocks) - 1), max_size=40)):
+        if re.match(r"[0-9A-F]{4}", blocks[number]):
+            old, new = data.draw(st.sampled_from(_CHANGES))
+            blocks[number] = re.sub(old, new, blocks[number])
+    path = tmp_path / "changed.eds"
+    path.write_text("\n[".join(block for block in blocks if block), encoding="utf-8")
+    _, profile = drafted(path, tmp_path)
+    errors = [f for f in check_profile(profile, read_eds(path, 5)) if f.severity == "error"]
+    assert all(_LEAST.search(f.problem) or f.place.startswith("quantities.position") for f in errors), [
+        str(f) for f in errors
+    ]
+
+
+_CHANGES = [
+    (r"(?s)^.*$", ""),
+    ("PDOMapping=1", "PDOMapping=0"),
+    ("AccessType=rw+", "AccessType=ro"),
+    ("AccessType=ro", "AccessType=wo"),
+    ("DataType=0x000[0-9]", "DataType=0x0008"),
+]

@@ -9,7 +9,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from schwung.fieldbus.eds import EdsFile, byte_size
+from schwung.fieldbus.eds import EdsFile, byte_size, integer_range
 from schwung.fieldbus.eds.model import Variable
 
 _FRAME_BYTES = 8
@@ -65,9 +65,32 @@ class _Writer:
     def has(self, index: int, subindex: int = 0) -> bool:
         return self.eds.find(index, subindex) is not None
 
-    def mappable(self, index: int) -> bool:
+    def sends(self, index: int) -> bool:
+        """True where a TPDO can carry the object, as a number."""
         variable = self.eds.variable(index)
-        return variable is not None and variable.mappable
+        return variable is not None and variable.mappable and variable.readable and _is_number(variable)
+
+    def takes(self, index: int) -> bool:
+        """True where an RPDO can carry the object, as a number."""
+        variable = self.eds.variable(index)
+        return variable is not None and variable.mappable and variable.writable and _is_number(variable)
+
+    def accepts(self, index: int, value: int) -> bool:
+        """True where the value can be written there."""
+        variable = self.eds.variable(index)
+        if variable is None or not variable.writable or not _is_number(variable):
+            return False
+        low, high = integer_range(variable.type) or (0, 0)
+        low = low if variable.low is None else max(low, variable.low)
+        high = high if variable.high is None else min(high, variable.high)
+        return low <= value <= high
+
+    def maps(self, direction: str, number: int, entries: int) -> bool:
+        """True where that many objects can be mapped into this PDO."""
+        mapping = (0x1600 if direction == "rpdo" else 0x1A00) + number - 1
+        held = [self.eds.variable(mapping, subindex) for subindex in range(entries + 1)]
+        there = mapping - 0x200 in self.eds.description.objects
+        return there and all(variable is not None and variable.writable for variable in held)
 
     def lacks(self, capability: str, reason: str) -> None:
         self.cannot.setdefault(capability, reason)
@@ -86,10 +109,10 @@ def draft_profile(eds: EdsFile, folder: Path, family: str | None = None) -> Draf
     )
     _identity(w)
     _modes(w)
-    carried = _quantities(w)
-    _pdos(w, carried)
+    frames = _quantities(w)
+    _pdos(w, frames)
     _stop(w)
-    if _ADDED in carried:
+    if _ADDED in frames[0]:
         w.line("[export.host_played]", "the host plays the table at SYNC rate")
         w.line(f'object = "{_ADDED:04X}:00"')
         _torque_unit(w, "torque offset")
@@ -136,12 +159,13 @@ def _identity(w: _Writer) -> None:
 def _modes(w: _Writer) -> None:
     """Modes that 6502 lists, where the EDS tells it; both where it does not."""
     told = _value(w.eds.variable(0x6502))
-    free = _rpdo_is_free(w)
     for key, mode, bit, capability in (("csp", 8, 7, "cyclic position"), ("pp", 1, 0, "profile position")):
-        if not (w.mappable(_DEMAND) and free):
-            w.lacks(capability, "its target (607A) cannot be mapped into a PDO")
-        elif not (w.mappable(_POSITION) and w.mappable(0x6041)):
+        if not (w.takes(_DEMAND) and w.takes(0x6040) and w.maps("rpdo", 1, 2)):
+            w.lacks(capability, "its target (607A) or its controlword (6040) cannot be mapped into a PDO")
+        elif not (w.sends(_POSITION) and w.sends(0x6041) and w.maps("tpdo", 1, 2)):
             w.lacks(capability, "its position (6064) or its statusword (6041) cannot be mapped into a PDO")
+        elif not w.accepts(0x6060, mode) or not w.has(0x6061):
+            w.lacks(capability, "its mode cannot be chosen (6060, 6061)")
         elif told is not None and not told >> bit & 1:
             w.lacks(capability, f"6502 does not list it (0x{told:08X})")
         else:
@@ -156,9 +180,9 @@ def _modes(w: _Writer) -> None:
         w.sources["modes"] = "EDS: 6502" if told is not None else "CiA 402-2; the EDS does not tell 6502"
 
 
-def _quantities(w: _Writer) -> list[int]:
-    """The tables of quantities; returns the indices that PDOs shall carry, of the motion's."""
-    carried = []
+def _quantities(w: _Writer) -> list[list[int]]:
+    """The tables of quantities; returns what each TPDO shall carry, and, first, the RPDO."""
+    sent, frames = [0x6040, _DEMAND], [[0x6041, _POSITION]]
     w.line("[quantities.position]")
     w.line(f'object = "{_POSITION:04X}:00"')
     w.line(f'demand = "{_DEMAND:04X}:00"')
@@ -171,8 +195,15 @@ def _quantities(w: _Writer) -> list[int]:
             "neither 608F nor 6092 is there: give scale = rad per count (2π over counts per turn)",
         )
     w.line()
-    if w.mappable(_SPEED):
-        carried.append(_SPEED)
+    torque = next((index for index in (_TORQUE, _CURRENT) if w.sends(index)), None)
+    if torque is None or not _placed(w, torque, frames):
+        w.lacks("torque", "neither its torque (6077) nor its current (6078) can be mapped into a PDO")
+    else:
+        w.line("[quantities.torque]")
+        w.line(f'object = "{torque:04X}:00"')
+        _torque_unit(w, "torque" if torque == _TORQUE else "current")
+        w.line()
+    if w.sends(_SPEED) and _placed(w, _SPEED, frames):
         w.line("[quantities.speed]")
         w.line(f'object = "{_SPEED:04X}:00"')
         if w.has(0x60A9):
@@ -182,17 +213,8 @@ def _quantities(w: _Writer) -> list[int]:
         w.line()
     else:
         w.lacks("speed", "its speed (606C) cannot be mapped into a PDO")
-    torque = next((index for index in (_TORQUE, _CURRENT) if w.mappable(index)), None)
-    if torque is None:
-        w.lacks("torque", "neither its torque (6077) nor its current (6078) can be mapped into a PDO")
-    else:
-        carried.append(torque)
-        w.line("[quantities.torque]")
-        w.line(f'object = "{torque:04X}:00"')
-        _torque_unit(w, "torque" if torque == _TORQUE else "current")
-        w.line()
-    if w.mappable(_ADDED) and w.modes:
-        carried.append(_ADDED)
+    if w.takes(_ADDED) and w.modes and w.maps("rpdo", 1, 3) and _bytes(w, [*sent, _ADDED]) <= _FRAME_BYTES:
+        sent.append(_ADDED)
         w.line("[quantities.torque_added]")
         w.line(f'object = "{_ADDED:04X}:00"')
         _torque_unit(w, "torque offset")
@@ -203,7 +225,21 @@ def _quantities(w: _Writer) -> list[int]:
             "torque injection",
             f"its torque offset (60B2) {'cannot be mapped into a PDO' if there else 'is missing'}",
         )
-    return carried
+    return [sent, *frames]
+
+
+def _placed(w: _Writer, index: int, frames: list[list[int]]) -> bool:
+    """Put an object into the first TPDO that has room for it; False where none has."""
+    if not w.modes:
+        return False
+    for number, frame in enumerate(frames, start=1):
+        if _bytes(w, [*frame, index]) <= _FRAME_BYTES and w.maps("tpdo", number, len(frame) + 1):
+            frame.append(index)
+            return True
+    if not w.maps("tpdo", len(frames) + 1, 1):
+        return False
+    frames.append([index])
+    return True
 
 
 def _torque_unit(w: _Writer, what: str) -> None:
@@ -221,8 +257,8 @@ def _user(w: _Writer, what: str, hint: str) -> None:
     w.missing.append(f"unit of {what}: {hint}")
 
 
-def _pdos(w: _Writer, carried: Sequence[int]) -> None:
-    """One RPDO with all that a motion needs, and TPDOs filled in order; fixed ones as they are."""
+def _pdos(w: _Writer, frames: Sequence[Sequence[int]]) -> None:
+    """The RPDO with all that a motion needs, and the TPDOs; where nothing moves, the first two as they are."""
     if not w.modes:
         for direction, index in (("rpdo", 0x1600), ("tpdo", 0x1A00)):
             mapped = [f"{raw >> 16:04X}:{raw >> 8 & 0xFF:02X}" for raw in _mapped(w, index)]
@@ -230,16 +266,9 @@ def _pdos(w: _Writer, carried: Sequence[int]) -> None:
         w.cannot.setdefault("sampling by SYNC", "its position (6064) cannot be mapped into a PDO")
         w.sources["pdo"] = "EDS: 1600, 1A00"
         return
-    sent = [0x6040, _DEMAND, *(index for index in carried if index == _ADDED)]
-    frames: list[list[int]] = [[0x6041, _POSITION]]
-    for index in (i for i in (_TORQUE, _CURRENT, _SPEED) if i in carried):
-        fits = next((frame for frame in frames if _bytes(w, [*frame, index]) <= _FRAME_BYTES), None)
-        if fits is None:
-            frames.append([index])
-        else:
-            fits.append(index)
+    sent, *answered = frames
     _pdo(w, "rpdo", 1, [f"{index:04X}:00" for index in sent])
-    for number, frame in enumerate(frames, start=1):
+    for number, frame in enumerate(answered, start=1):
         _pdo(w, "tpdo", number, [f"{index:04X}:00" for index in frame])
 
 
@@ -264,13 +293,8 @@ def _mapped(w: _Writer, index: int) -> list[int]:
     return [value for value in values if value]
 
 
-def _rpdo_is_free(w: _Writer) -> bool:
-    count, first = w.eds.variable(0x1600, 0), w.eds.variable(0x1600, 1)
-    return count is not None and first is not None and count.writable and first.writable
-
-
 def _stop(w: _Writer) -> None:
-    there = [stop for stop in _STOPS if w.has(stop[1])]
+    there = [stop for stop in _STOPS if w.accepts(stop[1], stop[2])]
     if there:
         w.line("[stop]")
         for key, index, value, comment in there:
@@ -278,8 +302,8 @@ def _stop(w: _Writer) -> None:
         w.line()
         w.sources["stop"] = "CiA 402-2; look up which values this drive takes"
     for key, index, *_ in _STOPS:
-        if not w.has(index):
-            w.missing.append(f"stop.{key}: {index:04X} is not in the EDS: the drive's own reaction stays")
+        if not any(stop[1] == index for stop in there):
+            w.missing.append(f"stop.{key}: {index:04X} cannot be set: the drive's own reaction stays")
     for capability, index in (("stop by heartbeat", 0x1016), ("store", 0x1010)):
         if not w.has(index, 1):
             w.lacks(capability, f"{index:04X} is not in the EDS")
@@ -322,6 +346,10 @@ def _tables(w: _Writer) -> None:
     w.line("[sources]")
     for place, source in w.sources.items():
         w.line(f"{_text(place)} = {_text(source)}")
+
+
+def _is_number(variable: Variable) -> bool:
+    return integer_range(variable.type) is not None
 
 
 def _value(variable: Variable | None) -> int | None:
