@@ -56,16 +56,23 @@ class Aborted(Exception):
 class Rig:
     """One drive, one hand-driven bus. `wait` lets wall-clock time pass, `sync` plays SYNCs."""
 
-    def __init__(self, clock: Any = "sync", memory: Path | None = None, seed: int = 0) -> None:
+    def __init__(
+        self,
+        clock: Any = "sync",
+        memory: Path | None = None,
+        seed: int = 0,
+        profile: str | Path = "schwung-bench",
+    ) -> None:
         self.now = 100.0
         self.wire = Wire()
         self.axis = ServoAxis(make_plant("two-mass"), seed=seed)
+        content, eds = read_profile(find_profile(profile))
         self.servo = CanopenServo(
             self.wire,
             NODE,
             self.axis,
-            default_eds(),
-            read_roles(read_profile(find_profile("schwung-bench"))[0]),
+            eds,
+            read_roles(content),
             clock=clock,
             seed=seed,
             memory=memory,

@@ -180,11 +180,11 @@ def _content(file: Path, depth: int) -> tuple[Table, Path]:
     try:
         content = tomllib.loads(file.read_text(encoding="utf-8"))
     except (OSError, ValueError) as error:
-        raise BenchError(str(file), f"is no profile that can be read ({error})") from error
+        raise BenchError(str(file), f"cannot be read as a profile ({error})") from error
     base = content.pop("extends", None)
     if base is None or not depth:
         return content, file.parent
-    beside = file.parent / str(base)
+    beside = (file.parent / str(base)).resolve()
     below, folder = _content(find_profile(beside if beside.exists() else str(base)), depth - 1)
     return _merged(below, content), file.parent if "eds" in content else folder
 

@@ -2,8 +2,9 @@
 
 A drive fresh from its factory does not move: no motor is entered, limits are 0. Where the EDS has no value, the drive
 holds the standard's own default (STANDARD). Where it has none, or one that would hold the axis still (0, no encoder),
-it holds what suits the bench's machine (`_machine`): the motor's data, generous limits, a period of 1 ms. Every other
-default is the EDS's. What the logic needs and the EDS lacks gets the same values, and is not shown.
+it holds what suits the bench's machine (`_machine`): the motor's data, generous limits, a period of 1 ms. Gains that
+its profile names are always those of the bench's machine. Every other default is the EDS's. What the logic needs and
+the EDS lacks gets the same values, and is not shown.
 """
 
 from __future__ import annotations
@@ -13,6 +14,7 @@ from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
 
+from schwung_sim.drives.axis import AxisSettings
 from schwung_sim.drives.dictionary import ObjectDictionary, incomplete
 from schwung_sim.drives.eds import Entry, Value, key, read_entries
 from schwung_sim.drives.roles import Roles
@@ -40,6 +42,14 @@ TOP_SPEED_RAD_S, PROFILE_SPEED_RAD_S = 6000 * RPM, 100 * RPM
 ACCELERATION_RAD_S2, QUICK_STOP_RAD_S2 = 2000 * RPM, 10000 * RPM
 
 _MODE_BITS = {"pp": 0, "csp": 7}
+_ALWAYS = 1 << 40
+#: setting of the axis for each gain that a profile can name
+GAINS = {
+    "position_gain": "position_gain_1_s",
+    "speed_gain": "speed_gain_nms_rad",
+    "speed_integral_time": "speed_integral_time_s",
+    "speed_feed_forward": "speed_feed_forward",
+}
 
 
 def open_dictionary(eds: Path, node_id: int, roles: Roles) -> ObjectDictionary:
@@ -128,6 +138,12 @@ def _machine(roles: Roles, values: Mapping[int, Value]) -> list[tuple[int, int, 
         (key(0x6083), 1, ACCELERATION_RAD_S2 / rate),
         (key(0x6084), 1, ACCELERATION_RAD_S2 / rate),
         (key(0x6085), 1, QUICK_STOP_RAD_S2 / rate),
+    ]
+    machine = AxisSettings()
+    found += [  # a controller that somebody has tuned for this machine
+        (part.object, _ALWAYS, float(getattr(machine, GAINS[name])) / part.scale)
+        for name, part in roles.gains.items()
+        if name in GAINS
     ]
     if number(key(0x60C2, 1)) == 0:
         found += [(key(0x60C2, 1), 1, 1), (key(0x60C2, 2), 1, -3)]

@@ -22,19 +22,13 @@ from schwung_sim.drives.axis import (
 from schwung_sim.drives.dictionary import AbortError, Code, ObjectDictionary, key
 from schwung_sim.drives.operation import Axis
 from schwung_sim.drives.roles import HarmonicRole, Roles, ScalarRole, Setting, TableRole
+from schwung_sim.drives.setup import GAINS
 from schwung_sim.drives.trace import TraceBuffer
 from schwung_sim.drives.units import Units, torque_unit
 
 CONTROL_RATE_HZ = 8000
 CONTROL_PERIOD_US = 125
 
-#: setting of the axis for each gain that a profile can name
-GAINS = {
-    "position_gain": "position_gain_1_s",
-    "speed_gain": "speed_gain_nms_rad",
-    "speed_integral_time": "speed_integral_time_s",
-    "speed_feed_forward": "speed_feed_forward",
-}
 #: what only the bench's own drive has: object, setting, SI per count
 OWN_FAMILY = "schwung-bench"
 _OWN = ((key(0x2000), "speed_filter_s", 1e-6), (key(0x2400, 5), "rotor_inertia_kgm2", 1e-9))
@@ -142,7 +136,8 @@ class VendorObjects:
         command, phase = self._value(generator.control.object, changed), generator.phase
         states = {"on": GENERATOR_ON, "at_motion": GENERATOR_AT_MOTION}
         asked = [state for name, state in states.items() if generator.control.values.get(name) == command]
-        if not asked and command != generator.control.values["off"]:
+        commanded = changed is None or changed[0] == generator.control.object
+        if changed is not None and commanded and not asked and command != generator.control.values["off"]:
             raise AbortError(Code.INVALID_VALUE)
         settings: dict[str, Any] = {
             "generator_amplitude_nm": self._value(generator.amplitude.object, changed)
@@ -151,7 +146,7 @@ class VendorObjects:
             * generator.frequency.scale,
             "generator_phase_rad": 0.0 if phase is None else self._value(phase.object, changed) * phase.scale,
         }
-        if changed is None or changed[0] == generator.control.object:
+        if commanded:
             settings["generator_control"] = asked[0] if asked else GENERATOR_OFF
         self._axis.configure(**settings)
 
