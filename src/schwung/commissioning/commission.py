@@ -139,6 +139,7 @@ def way_of(drive: Drive, profile: DeviceProfile, wishes: Wishes) -> Way:
         wishes.injecting,
         sync_rate_hz=wishes.sample_rate_hz,
         bus_is_full=fast.share > MAX_BUS_LOAD,
+        phases=wishes.phases,
     )
     for wanted, part, name in (
         (way.sampling == "trace", profile.trace, "trace buffer"),

@@ -46,6 +46,11 @@ MAX_DEVIATION_SHARE = 0.05
 FINER = 8
 
 
+#: Ways that some drives offer: that others do not is no news where they are not taken.
+_OTHER_WAYS = {*SAMPLED.values(), *INJECTED.values(), "disturbance buffer", "harmonic feed-forward",
+               "host-played feed-forward"}  # fmt: skip
+
+
 @dataclass(frozen=True)
 class Check:
     """One thing looked at: what was found and, where it is not well, what to do."""
@@ -223,8 +228,8 @@ def drive_checks(seen: Survey, way: Acquisition | None = None) -> Iterable[Check
         told = [word.lower() for word in (seen.state.nmt, seen.state.cia402)]
         yield Check("drive state", "ok", ", ".join(word for word in told if word != "unknown"))
     for capability in seen.capabilities:
-        if not capability.available:
-            needed = capability.name in needs
+        needed = capability.name in needs
+        if not capability.available and (needed or capability.name not in _OTHER_WAYS):
             yield Check(
                 capability.name,
                 "stop" if needed else "note",

@@ -48,6 +48,7 @@ def choose_way(
     *,
     sync_rate_hz: float = 1000.0,
     bus_is_full: bool = False,
+    phases: int = 1,
 ) -> Way:
     """Fill in what is left to us. `bus_is_full`: SYNC at that rate would take more of the bus than there is.
 
@@ -58,8 +59,12 @@ def choose_way(
 
     def lacks(name: str) -> str | None:
         """Why it cannot be had; None where it can."""
-        if name in told:
-            return None if told[name].available else told[name].reason
+        if name in told and not told[name].available:
+            return told[name].reason
+        if name == "trace buffer" and profile.trace is not None:
+            columns = {column.quantity for column in profile.trace.columns}
+            missing = {"position", "torque"} - columns
+            return f"its trace records no {' and no '.join(sorted(missing))}" if missing else None
         return "the profile has none" if name in own_parts and own_parts[name] is None else None
 
     reasons = []
@@ -82,9 +87,13 @@ def choose_way(
             reasons.append(f"the drive's trace buffer samples: none by SYNC ({why})")
     if injecting == "auto":
         why = lacks(INJECTED["setpoints"])
-        injecting = "setpoints" if why is None or lacks(INJECTED["generator"]) else "generator"
+        cannot = lacks(INJECTED["generator"]) or _no_phases(profile, phases)
+        injecting = "setpoints" if cannot or (why is None and sampling == "sync") else "generator"
         if injecting == "generator":
-            reasons.append(f"the drive's generator injects: no torque over the bus ({why})")
+            steps = "its sine has no steps from SYNC to SYNC, which a trace would see"
+            reasons.append(
+                f"the drive's generator injects: {steps if why is None else f'no torque over the bus ({why})'}"
+            )
     return Way(mode, sampling, injecting, sync_rate_hz, tuple(reasons), profile.protocol != "modbus")
 
 
@@ -94,12 +103,16 @@ ONE_WAY = "one way is measured: each stroke is started by a request, whose insta
 
 def require_phases(profile: DeviceProfile, way: Way, phases: int) -> None:
     """Raise InputError where the generator cannot be given several phases that are known at the motion's start."""
-    if way.injecting != "generator" or phases == 1:
-        return
+    why = _no_phases(profile, phases) if way.injecting == "generator" else None
+    if why is not None:
+        raise InputError("--phases", f"is {phases}, but {why}", "Use --phases 1, or --injection setpoints.")
+
+
+def _no_phases(profile: DeviceProfile, phases: int) -> str | None:
+    """Why the generator cannot make so many phases; None where it can."""
     generator = profile.generator
-    if generator is not None and (generator.control.at_motion is None or generator.phase is None):
-        raise InputError(
-            "--phases",
-            f"is {phases}, but the generator of {profile.family} cannot start with the motion at a phase that is set",
-            "Use --phases 1, or --injection setpoints.",
-        )
+    if phases == 1 or generator is None:
+        return None
+    if generator.control.at_motion is not None and generator.phase is not None:
+        return None
+    return f"the generator of {profile.family} cannot start with the motion at a phase that is set"

@@ -6,6 +6,7 @@ import math
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
+from typing import TypeVar
 
 import numpy as np
 
@@ -15,13 +16,14 @@ from schwung.fieldbus.canopen.playback import Playable
 from schwung.fieldbus.canopen.sdo import SdoChannel
 from schwung.fieldbus.canopen.trace import Lookup, TraceBuffer
 from schwung.fieldbus.drive import Acquisition, Parameter, ParameterValue, Recording, Setpoints
-from schwung.fieldbus.profile import CanopenProfile
+from schwung.fieldbus.profile import CanopenProfile, CapabilityName
 from schwung.fieldbus.tracing import TraceRequest, motion_index, recording_of, sine_torque, trace_request
 from schwung.fieldbus.units import Scales
 from schwung.motion import Array
 
 __all__ = ["Around", "Lookup", "OwnMeans"]
 
+T = TypeVar("T")
 Pump = Callable[[float], bool]  # lets so much of the drive's time pass; False when it does not answer
 
 _FULL_WITHIN_S = 0.2  # of the drive's time, after the last setpoint
@@ -59,7 +61,7 @@ class OwnMeans:
             generator = self._sine_generator()
             settings += generator.settings(setpoints.generator)
         trace = None
-        if acquisition.sampling == "trace":
+        if acquisition.sampling == "trace" and setpoints.recorded:
             rate, count = setpoints.sample_rate_hz, setpoints.position_rad.size
             begin = motion_index(playable.position_counts, setpoints)
             request = self._request(acquisition).over((count - 1 - begin) / rate)
@@ -76,32 +78,23 @@ class OwnMeans:
             self._generator.kill()
 
     def _request(self, acquisition: Acquisition) -> TraceRequest:
-        trace = self._profile.trace
-        if trace is None:
-            raise InputError(
-                f"profile {self._profile.family}", self._profile.reason("trace buffer"), "Sample by SYNC."
-            )
+        trace = self._needed(self._profile.trace, "trace buffer", "Sample by SYNC.")
         return trace_request(trace, acquisition.trace_s, acquisition.trace_rate_hz)
 
     def _trace(self) -> TraceBuffer:
-        trace = self._profile.trace
-        if trace is None:
-            raise InputError(
-                f"profile {self._profile.family}", self._profile.reason("trace buffer"), "Sample by SYNC."
-            )
+        trace = self._needed(self._profile.trace, "trace buffer", "Sample by SYNC.")
         return TraceBuffer(self._sdo, trace, self._lookup)
 
     def _sine_generator(self) -> SineGenerator:
         if self._generator is None:
-            generator = self._profile.generator
-            if generator is None:
-                raise InputError(
-                    f"profile {self._profile.family}",
-                    self._profile.reason("generator"),
-                    "Inject by setpoints.",
-                )
+            generator = self._needed(self._profile.generator, "generator", "Inject by setpoints.")
             self._generator = SineGenerator(self._sdo, self._profile, generator, self._lookup)
         return self._generator
+
+    def _needed(self, part: T | None, capability: CapabilityName, remedy: str) -> T:
+        if part is None:
+            raise InputError(f"profile {self._profile.family}", self._profile.reason(capability), remedy)
+        return part
 
     @staticmethod
     def _held(
