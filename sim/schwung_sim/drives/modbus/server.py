@@ -150,6 +150,18 @@ class ModbusServer:
             self.servo.advance(ticks * TICK_S)
             self._faults.poll()
 
+    def _dawdle(self, duration_s: float) -> None:
+        """Take so long for an answer. Nobody else is served meanwhile: pymodbus would mix up whose answer is whose."""
+        end_s = time.monotonic() + duration_s
+        while (rest_s := end_s - time.monotonic()) > 0:
+            time.sleep(min(rest_s, PERIOD_S))
+            self._catch_up()
+
+    def drop(self) -> None:
+        """Cut the connection; from any thread."""
+        if self._loop is not None:
+            self._loop.call_soon_threadsafe(self._drop)
+
     def _drop(self) -> None:
         if self._line is not None:
             self._line.cut(RTU_DROP_S)
@@ -186,9 +198,7 @@ class ModbusServer:
         self.requests += 1
         self._catch_up()
         now = self._faults.now
-        if now.slow_s:
-            await asyncio.sleep(now.slow_s)
-            self._catch_up()
+        self._dawdle(now.slow_s)
         touched = range(address, address + count)
         self._swallow = now.mute or any(at in now.silent for at in touched)
         refused = next((code for at, code in now.refused.items() if at in touched), None)

@@ -110,7 +110,7 @@ class ModbusLink:
                     self._ready()
                     self.requests += 1
                     response = ask()
-                except ConnectionException as error:
+                except (ConnectionException, OSError) as error:  # pymodbus lets a reset by the peer through
                     self._lost()
                     if attempt == attempts or self._greeting:
                         raise NodeLostError(
