@@ -65,3 +65,15 @@ def test_a_window_that_is_off_is_switched_on_with_its_lower_end_never_the_higher
         (0x607D, 1, -318),
         (0x607D, 2, 159),
     ]
+
+
+@pytest.mark.parametrize(
+    ("raw", "rad_s"), [(3000, 314.159), (100_000, 10471.98), (None, None), (0, None), (0xFFFFFFFF, None)]
+)
+def test_the_speed_limit_is_in_rpm(raw: int | None, rad_s: float | None) -> None:
+    assert guard.speed_limit_rad_s(raw) == (None if rad_s is None else pytest.approx(rad_s, rel=1e-5))
+
+
+def test_a_speed_limit_beyond_any_motor_is_in_some_other_unit() -> None:
+    """Counts per second, say: 3000 rpm of a 20-bit encoder. Taken for rpm it would allow everything."""
+    assert guard.speed_limit_rad_s(50 * 2**20) is None

@@ -105,13 +105,13 @@ class CanopenDrive:
         """607D, 6080 (rpm), 6072, 6076, 6065 and 6066; a disabled limit is None."""
         scales = self.scales
         ends = guard.window_rad(self._integer(0x607D, 1), self._integer(0x607D, 2), scales)
-        rpm, peak = guard.limit(self._integer(0x6080, 0)), self._integer(0x6072, 0)
+        peak = self._integer(0x6072, 0)
         window, patience = guard.limit(self._integer(0x6065, 0)), self._integer(0x6066, 0)
         rated = scales.rated_torque_nm
         return DriveLimits(
             position_min_rad=ends[0] if ends else None,
             position_max_rad=ends[1] if ends else None,
-            speed_max_rad_s=rpm * 2 * math.pi / 60 if rpm else None,
+            speed_max_rad_s=guard.speed_limit_rad_s(self._integer(0x6080, 0)),
             torque_max_nm=peak * rated / 1000 if peak and peak != 0xFFFF and rated else None,
             rated_torque_nm=rated,
             following_error_rad=None if window is None else abs(window * scales.position_rad),

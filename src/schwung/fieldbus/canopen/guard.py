@@ -5,6 +5,7 @@ A disabled limit is no limit: both ends of 607D equal, or as wide as the counts;
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 
 from schwung.fieldbus.drive import Guard, Parameter, ParameterValue
@@ -14,11 +15,19 @@ Lookup = Callable[[int, int], Parameter | None]
 ReadInteger = Callable[[Parameter], int | None]
 
 _LOWEST, _HIGHEST, _OFF = -(1 << 31), (1 << 31) - 1, 0xFFFFFFFF
+#: No servo motor turns faster: a 6080 above it counts in some unit of the vendor's, and is no limit to rely upon.
+_FASTEST_RPM = 100_000
 
 
 def limit(raw: int | None) -> int | None:
     """An unsigned limit as read; None where it is switched off."""
     return None if raw in (None, 0, _OFF) else raw
+
+
+def speed_limit_rad_s(raw: int | None) -> float | None:
+    """6080, in rpm by CiA 402-2, as rad/s; None where it is switched off or cannot be rpm."""
+    rpm = limit(raw)
+    return None if rpm is None or rpm > _FASTEST_RPM else rpm * 2 * math.pi / 60
 
 
 def window_rad(low: int | None, high: int | None, scales: Scales) -> tuple[float, ...]:
