@@ -35,20 +35,16 @@ _ORDER: tuple[Severity, ...] = ("stop", "warning", "note", "ok")
 _RATES_HZ = (1000.0, 500.0, 250.0, 200.0, 100.0)
 _TRACE_S = 1.0  # of a motion, to see whether a trace can be set up
 
-#: What to do about a capability that is wanted, where the drive or the profile lacks it.
+#: What to do about a capability that commissioning is better with, where drive or profile lack it.
 _REMEDIES = {
-    "cyclic position": "The drive's own profile will do: it is taken by itself (--mode pp).",
-    "profile position": "Cyclic position will do.",
-    "sampling by SYNC": "The trace buffer will do, where there is one.",
-    "trace buffer": "Sampling by SYNC will do, where the bus is fast enough.",
-    "torque": "Without torque nothing can be estimated: give its scale in a profile that extends this one.",
-    "torque injection": "The drive's generator will do, where there is one.",
-    "generator": "Torque over the bus will do.",
+    "speed": "It is derived from position, which is coarser.",
     "stop by heartbeat": "Keep a hand at the emergency stop: the drive will not notice a dead computer.",
     "store": "Write an export again after every power-off, or store it in the vendor's tool.",
     "control gains": "Give [control] in machine.toml.",
     "table feed-forward": "Export --as mean, max or at=ANGLE, or take the CSV.",
 }
+_EXTEND = "Write a profile that extends this one with that scale (docs/profiles.md)."
+_OTHER = "Take another drive, or a profile that offers it."
 
 Phase = Callable[[str], None]
 _T = TypeVar("_T")
@@ -98,21 +94,21 @@ def examine_drive(drive: Drive, profile: DeviceProfile, phase: Phase) -> Diagnos
     Raises DriveError where it stops answering.
     """
     phase("Reading state, units and limits")
-    checks = [
-        Check("identity", "ok", _identity(drive.identity, profile)),
-        *_told(drive.state, "state", state_checks),
-        *_told(drive.resolution, "units", lambda _: ()),
-        *_told(drive.limits, "limits", limit_checks),
-    ]
-    if not any(check.name == "units" for check in checks):
-        checks.append(Check("units", "ok", _units(drive)))
+    checks = [Check("identity", "ok", _identity(drive.identity, profile))]
+    units = list(_told(lambda: _units(drive), "units", lambda text: [Check("units", "ok", text)]))
+    if all(
+        check.severity == "ok" for check in units
+    ):  # without units there is neither a state nor a limit in rad
+        checks += [*_told(drive.state, "state", state_checks), *_told(drive.limits, "limits", limit_checks)]
+    checks += units
     phase("Asking what it can")
     capabilities = drive.capabilities()
     full, rate = _rate(drive)
     way = choose_way(profile, capabilities, bus_is_full=full)
-    checks += capability_checks(capabilities, way)
+    checks += capability_checks(capabilities, way, profile)
     checks += _rate_checks(drive, way, rate)
-    checks += _setup_checks(drive, way)
+    if all(check.severity != "stop" or check.name == "state" for check in checks):
+        checks += _setup_checks(drive, way)
     return Diagnosis(tuple(checks), profile.family, drive.identity, way, capabilities)
 
 
@@ -198,21 +194,22 @@ def _text(value: float | None, unit: str) -> str | None:
     return None if value is None else f"{value:.4g} {unit}"
 
 
-def capability_checks(capabilities: Sequence[Capability], way: Way) -> Iterator[Check]:
-    """What the chosen way needs has to be there; what else is missing is worth a note."""
+def capability_checks(
+    capabilities: Sequence[Capability], way: Way, profile: DeviceProfile
+) -> Iterator[Check]:
+    """What the chosen way needs has to be there; what else commissioning is better with is worth a note."""
     needed = {"torque", MOVING[way.mode], SAMPLED[way.sampling], INJECTED[way.injecting]}
+    quantities = profile.quantities
+    asked = {"torque": quantities.torque, "torque injection": quantities.torque_added}
     other = []
     for capability in capabilities:
         if capability.available:
             continue
         name, reason = capability.name, capability.reason
         if name in needed:
-            remedy = (
-                _REMEDIES["torque"]
-                if name == "torque"
-                else "Take another drive, or a profile that offers it."
-            )
-            yield Check(name, "stop", reason, remedy)
+            quantity = asked.get(name)
+            by_scale = quantity is not None and quantity.unit == "user"
+            yield Check(name, "stop", reason, _EXTEND if by_scale else _OTHER)
         elif name in _REMEDIES:
             yield Check(name, "note", reason, _REMEDIES[name])
         else:

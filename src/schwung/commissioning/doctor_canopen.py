@@ -14,15 +14,17 @@ from schwung.commissioning.doctor import (
     absent_text,
     examine_drive,
     pending_backups,
+    state_checks,
     with_checks,
 )
 from schwung.commissioning.preflight import Check
 from schwung.errors import BusError, InputError, ParameterError, SdoError
 from schwung.fieldbus import cia402
 from schwung.fieldbus.canopen import BusOptions, CanopenDrive, bit_rate, match_profile, open_bus, scan_bus
+from schwung.fieldbus.canopen.emcy import describe_code
 from schwung.fieldbus.canopen.listening import Heard, listen
 from schwung.fieldbus.canopen.sdo import is_absent
-from schwung.fieldbus.drive import Parameter, RawValue
+from schwung.fieldbus.drive import DriveState, Parameter, RawValue
 from schwung.fieldbus.eds import EdsFile, read_eds
 from schwung.fieldbus.profile import CanopenProfile, load_canopen_profile
 
@@ -69,6 +71,11 @@ def examine(
             phase("Comparing the EDS with the drive")
             dictionary = read_eds(eds or profile.eds_path, node_id)
             more = [
+                *(
+                    []
+                    if any(c.name == "state" for c in diagnosis.checks)
+                    else state_without_units(drive, dictionary)
+                ),
                 *standard_checks(drive, dictionary, heard),
                 *dictionary_checks(drive, dictionary, profile),
                 *pending_backups([folder], drive.identity),
@@ -147,7 +154,7 @@ def standard_checks(drive: CanopenDrive, dictionary: EdsFile, heard: Heard) -> I
     """What the objects of the standards tell: kind of device, supply, inputs, heartbeat, errors of the past."""
     read = _Reader(drive, dictionary)
     kind = read.integer(0x1000)
-    if kind is not None and kind & 0xFFFF != 402:
+    if kind and kind & 0xFFFF != 402:
         yield Check(
             "device type",
             "warning",
@@ -166,6 +173,14 @@ def standard_checks(drive: CanopenDrive, dictionary: EdsFile, heard: Heard) -> I
             yield Check(
                 "emergency", "warning", f"the drive just sent {emergency}", "Look for its cause first."
             )
+
+
+def state_without_units(drive: CanopenDrive, dictionary: EdsFile) -> Iterator[Check]:
+    """The state alone, of a drive whose position has no unit yet."""
+    read = _Reader(drive, dictionary)
+    status, code = read.integer(0x6041), read.integer(0x603F)
+    name = "unknown" if status is None else cia402.decode(status).value
+    return state_checks(DriveState("UNKNOWN", name, math.nan, describe_code(code) if code else ""))
 
 
 def _supply(read: _Reader) -> Iterator[Check]:
