@@ -94,10 +94,8 @@ class TraceBuffer:
             "torque_added": (trace.torque_added_nm, units.torque_added_nm),
             "position_demand": (trace.demand_rad, units.position_rad),
         }[column.quantity]
-        if not math.isclose(trace.sample_time_s, self._period_s, rel_tol=1e-9):
-            rows = (
-                int((values.size - 1) * trace.sample_time_s / self._period_s + 1e-9) + 1 if values.size else 0
-            )
+        if values.size and not math.isclose(trace.sample_time_s, self._period_s, rel_tol=1e-9):
+            rows = int((values.size - 1) * trace.sample_time_s / self._period_s + 1e-9) + 1
             instants = np.arange(min(rows, self._length)) * self._period_s
             values = np.interp(instants, np.arange(values.size) * trace.sample_time_s, values)
         if column.selector is not None and self._value(column.selector) != column.selection:
