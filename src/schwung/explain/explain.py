@@ -35,9 +35,11 @@ from schwung.session.model import Session
 
 #: On held-out runs, RMS over the floor: explained up to the first, at the floor for all that a floor from few repeats
 #: is worth up to the second; named beyond that where the excess falls below the third's share of what it was.
-EXPLAINED, NEARLY, NAMED_SHARE = 1.2, 1.35, 0.05
+EXPLAINED, NEARLY, NAMED_SHARE = 1.2, 1.35, 0.02
 #: In whitened residuals, which weigh what is slow less, the floor's share is another: so many floors RMS are too much.
 TOO_MUCH = 1.6
+#: A lag of so many periods of the band's end makes noise of its own.
+SLOW = 0.1
 #: Where runs kept aside miss something, named physics takes so much of it; one that makes them so much worse is wrong.
 SEEN_ASIDE, WORSE = 0.5, 1.02
 #: Below a consistent misfit, terms stand where they lower the same on runs kept aside by so much; below the second, a
@@ -76,20 +78,31 @@ def explain(session: Session, machine: Machine, *, progress: Progress | None = N
     if curve is not None:
         residuals.soften(curve, noise.torque_nm)
     problem = Problem(residuals, noise, parts.train)
-    first = problem.fit(Model())
     tell("Trying physics terms", 0.05)
-    found = Found(problem, (), {frozenset(): first})
-    best = first
-    if max(first.misfit, _aside(problem, first.model, parts)) > AT_FLOOR:
-        found = search(problem, first, lambda text, share: tell(text, 0.05 + 0.6 * share))
-        best = slimmed(found, _upheld(found, refined(found, chosen(found)), parts))
-        if first.misfit < CONSISTENT and not _borne_out(found, best, parts):
-            best = first
+    found, best = _searched(problem, parts, lambda text, share: tell(text, 0.05 + 0.5 * share))
+    if best.model.effects.torque_lag_s * prepared.band_hz > SLOW:
+        # what is asked of a slow torque holds the motion's noise, differentiated once more
+        noise = whitener(prepared, believed, residuals.all(numbers, best.model.unknowns))
+        problem = Problem(residuals, noise, parts.train)
+        found, best = _searched(problem, parts, lambda text, share: tell(text, 0.55 + 0.15 * share))
     tell("Weighing alternatives", 0.7)
     told = _Explained(session, machine, prepared, parts, residuals, found, best).result(
         tell, doubts.notes, noise.how
     )
     return _half_tested(told, machine) if "inertia_undetermined" in doubts.kinds() else told
+
+
+def _searched(problem: Problem, parts: Split, progress: Progress) -> tuple[Found, Fitted]:
+    """What was tried, and the best model that stands."""
+    first = problem.fit(Model())
+    found = Found(problem, (), {frozenset(): first})
+    if max(first.misfit, _aside(problem, first.model, parts)) <= AT_FLOOR:
+        return found, first
+    found = search(problem, first, progress)
+    best = slimmed(found, _upheld(found, refined(found, chosen(found)), parts))
+    if first.misfit < CONSISTENT and not _borne_out(found, best, parts):
+        best = first
+    return found, best
 
 
 def _aside(problem: Problem, model: Model, parts: Split) -> float:
@@ -212,10 +225,12 @@ class _Explained:
                 return "unexplained"
             before, after = bare.misfit, best.misfit
         share, nearly = (after - 1) / max(before - 1, 1e-9), NEARLY * self.floor
+        everywhere = max(share, (best.misfit - 1) / max(bare.misfit - 1, 1e-9))
         if after_nm <= EXPLAINED * self.floor and share <= SEEN_ASIDE:
             return "explained"
         at_floor = after_nm <= nearly or (after <= NEARLY**2 and after_nm <= TOO_MUCH * self.floor)
-        return "partly_explained" if share < (SEEN_ASIDE if at_floor else NAMED_SHARE) else "unexplained"
+        named = (at_floor and share < SEEN_ASIDE) or everywhere < NAMED_SHARE
+        return "partly_explained" if named else "unexplained"
 
     def _shift(self) -> Shift:
         """Late speed or torque, judged about the best model."""

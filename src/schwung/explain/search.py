@@ -42,8 +42,8 @@ _SCANNED = 6.0
 _STARTS_PER_TERM = 2
 #: Share of the mismatch's amplitude by which a term's shape may be off, and scores that are equal.
 SHAPE_ERROR, ALIKE = 0.015, 6.0
-#: A named term lowers the mean square by at least this share of the noise.
-LEAST_GAIN = 0.12
+#: A named term lowers the mean square by at least this share of the noise, one beside others by so much.
+LEAST_GAIN, BESIDE = 0.12, 0.5
 #: So many times that where the term was picked among many places or frequencies.
 PICKED = 2.5
 #: And it carries at least this part of all that the belief misses, or that share of what is left without it.
@@ -109,7 +109,8 @@ class Found:
         more = set(after.model.terms) - set(before.model.terms)
         picked = all(term == PERIODIC or LIBRARY[term].scanned for term in more)
         gain = before.misfit - after.misfit
-        if gain < (PICKED if picked else 1.0) * LEAST_GAIN * self.level:
+        least = BESIDE if before.model.terms else LEAST_GAIN
+        if gain < (PICKED if picked else 1.0) * least * self.level:
             return False
         return gain > LEAST_PART * self.bare.misfit or gain > MOST_LEFT * (before.misfit - 1)
 
@@ -213,7 +214,22 @@ def chosen(found: Found) -> Fitted:
         if len(fitted.model.terms) <= len(best.model.terms)
         and found.score(fitted) < found.score(best) + ALIKE
     ]
-    return pruned(found, min(alike, key=lambda fitted: _plainness(found, fitted)))
+    return _plain(found, pruned(found, min(alike, key=lambda fitted: _plainness(found, fitted))))
+
+
+def _plain(found: Found, best: Fitted) -> Fitted:
+    """With a constant or a sine in the place of a load torque of any shape, where that will do."""
+    if LOAD_TABLE not in best.model.terms:
+        return best
+    spared = without(best.model, LOAD_TABLE)
+    for term in ("torque_offset", "load_torque"):
+        key = frozenset((*spared.terms, term))
+        plain = found.by_terms.get(key)
+        if plain is None and term == "torque_offset" and allowed(spared.terms, term):
+            plain = found.fit(combined(spared, term, {}))
+        if plain is not None and not found.worthwhile(plain, best):
+            return plain
+    return best
 
 
 def pruned(found: Found, best: Fitted) -> Fitted:
