@@ -132,6 +132,24 @@ def test_a_dry_run_tells_machines_the_plan(capsys: pytest.CaptureFixture[str], c
     plan = json.loads(out)["plan"]
     assert plan["motion"]["distance_rad"] == pytest.approx(math.pi)
     assert plan["limits"]["torque_max_nm"] > 0
+    assert (plan["mode"], plan["sampling"], plan["injecting"]) == ("csp", "sync", "setpoints")
+
+
+def test_the_way_can_be_chosen_and_a_wrong_word_is_answered_with_the_right_ones(
+    capsys: pytest.CaptureFixture[str], channel: str
+) -> None:
+    way = ("--mode", "pp", "--sampling", "trace", "--trace-rate", "2kHz")
+    code, out, _ = invoke(capsys, *_commission(channel, "--dry-run", "--json", *way))
+    assert code == 0
+    plan = json.loads(out)["plan"]
+    assert (plan["mode"], plan["sampling"], plan["injecting"]) == ("pp", "trace", "generator")
+    assert plan["trace_rate_hz"] == 2000.0
+    assert any("no steps" in reason for reason in plan["reasons"])
+    for option in ("--mode", "--sampling", "--injection"):
+        code, _, err = invoke(capsys, *_commission(channel, "--dry-run", option, "quickly"))
+        assert code == 2
+        assert f'{option}: is "quickly"' in err
+        assert "auto" in err
 
 
 def test_what_bode_found_is_planned_with_and_told(

@@ -26,6 +26,9 @@ MAX_RETRIES = 2
 #: SYNC that comes less evenly than this (99th percentile, share of the period) decides setpoints by chance.
 MAX_JITTER_SHARE = 0.1
 
+#: Strokes that start more unevenly than this are not one motion.
+UNEVEN_START_S = 2e-4
+
 #: Shorter pieces of a recording are not worth keeping.
 MIN_PARTIAL_SAMPLES = 3
 
@@ -176,7 +179,9 @@ class _Player:
             self.observer.note(f"{_losses(recording)}: the motion is made again")
             self._go(back)
         try:
-            if not self.plan.by_itself:
+            if self.plan.by_itself:
+                self._warn_of_way_back(recording.timing)
+            else:
                 _judge_timing(recording.timing, self.max_jitter_share)
         except DriveError as error:
             self._keep_partial(recording, planned, str(error))
@@ -186,6 +191,14 @@ class _Player:
         if next_start_rad == start:
             self._go(back)
         return run, recording.timing
+
+    def _warn_of_way_back(self, timing: SyncTiming) -> None:
+        """A drive that does all by itself is told by a frame when to move back: that start is as uneven as SYNC."""
+        if self.plan.motion.returns and timing.p99_s > UNEVEN_START_S:
+            self.observer.note(
+                f"SYNC came up to {timing.max_s * 1e3:.2g} ms unevenly, and so starts the way back: "
+                "--one-way is surer on this adapter"
+            )
 
     def _play(self, planned: PlannedRun) -> Recording:
         """Play one run; where it breaks off, keep what came until then as a partial recording."""
