@@ -2,7 +2,8 @@
 
     exception=100:6          requests that touch register 100 are refused with exception code 6
     silent=100               requests that touch register 100 are not answered
-    mute                     nothing is answered any more
+    mute                     everything is carried out, nothing is answered any more
+    deaf                     nothing is heard any more: the cable is off
     drop                     the connection is cut (TCP: closed, a new one is taken; RTU: 0.3 s of silence)
     slow=0.2                 every answer comes 0.2 s late
     swap                     the words of every parameter change places, as after a wrong word order
@@ -25,7 +26,7 @@ from schwung_sim.errors import BenchError
 
 #: kind -> default value; None: a value has to be given
 KINDS: dict[str, float | None] = {
-    "exception": None, "silent": None, "mute": 0, "drop": 0, "slow": None, "swap": 0, "garble": None,
+    "exception": None, "silent": None, "mute": 0, "deaf": 0, "drop": 0, "slow": None, "swap": 0, "garble": None,
     "fault": 0x4310, "following-error": 0,
 }  # fmt: skip
 RTU_DROP_S = 0.3
@@ -79,6 +80,7 @@ class Mischief:
     refused: dict[int, int] = field(default_factory=dict)
     silent: set[int] = field(default_factory=set)
     mute: bool = False
+    deaf: bool = False
     slow_s: float = 0.0
     garble: float = 0.0
 
@@ -119,6 +121,7 @@ class FaultSchedule:
             "exception": lambda: now.refused.update({number: fault.extra}),
             "silent": lambda: now.silent.add(number),
             "mute": lambda: setattr(now, "mute", True),
+            "deaf": lambda: setattr(now, "deaf", True),
             "drop": self._drop,
             "slow": lambda: setattr(now, "slow_s", fault.value),
             "swap": lambda: setattr(servo.registers, "high_first", not servo.registers.high_first),

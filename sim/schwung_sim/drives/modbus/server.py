@@ -200,7 +200,9 @@ class ModbusServer:
         now = self._faults.now
         self._dawdle(now.slow_s)
         touched = range(address, address + count)
-        self._swallow = now.mute or any(at in now.silent for at in touched)
+        self._swallow = now.mute or now.deaf or any(at in now.silent for at in touched)
+        if now.deaf:
+            return None
         refused = next((code for at, code in now.refused.items() if at in touched), None)
         if refused is not None:
             return ExcCodes(refused)

@@ -87,7 +87,7 @@ class Means:
                 )
             settings += self._sine_settings(generator, setpoints.generator)
         began_s = 0.0
-        with self._temporarily(settings):
+        with self._temporarily(settings), self._kept():
             try:
                 with self._injecting(generator, setpoints.generator):
                     if request is not None and self.trace is not None:
@@ -254,6 +254,19 @@ class Means:
                 with contextlib.suppress(DriveError):
                     self.registers.write(old.parameter, old.raw)
 
+    @contextlib.contextmanager
+    def _kept(self) -> Iterator[None]:
+        """Target and window are where they were, afterwards; a target alone starts nothing."""
+        cursor = self.profile.trace.cursor if self.profile.trace is not None else None
+        refs = [self.target, *([cursor] if cursor is not None else [])]
+        before = [self.registers.read(self.registers.at(ref)) for ref in refs]
+        try:
+            yield
+        finally:
+            for old in before:
+                with contextlib.suppress(DriveError):
+                    self.registers.write(old.parameter, old.raw)
+
     # ── what was recorded ────────────────────────────────────────────────────────────────────────────────────────
 
     def _recording(
@@ -272,6 +285,7 @@ class Means:
         else:
             rows = request.rows if came is None else min(came, request.rows)
             columns = dict(self.trace.read(rows, scales, progress))
+            self.trace.stop()
         sine, added = setpoints.generator, None
         time_s = np.arange(request.rows) / request.rate_hz
         if sine is None:

@@ -20,6 +20,7 @@ class Registers:
         self._known = {
             ref.index: Parameter(ref.index, 0, ref.type, names.get(ref.index, place), "register")
             for place, ref in profile.refs()
+            if place != "trace.data"  # a window, no parameter
         }
         table = profile.export.table
         if table is not None:
