@@ -74,7 +74,7 @@ def test_repeats_lower_the_noise(repeats, machine):
 def test_the_band_covers_the_error(fast, faster, repeats, machine):
     """Not calibrated yet, but neither empty nor boastful."""
     for session in (fast, faster, repeats):
-        result = estimate(session, machine)
+        result = estimate(session, machine, "denoised")
         normalised = np.abs(table_error(result)) / result.table.std_kgm2
         assert np.mean(normalised < 2) > 0.8
         assert rms(normalised) > 0.3
@@ -151,7 +151,7 @@ def test_injection_that_started_late_is_found_in_the_recorded_one(fast, machine)
 
 
 def test_the_grid_stays_within_the_angles_visited(fast, machine):
-    result = estimate(fast, machine, points=33)
+    result = estimate(fast, machine, "denoised", points=33)
     angle = fast.runs[0].position_rad
     assert result.table.position_rad.size == 33
     assert result.table.position_rad[0] >= angle.min() - 1e-3

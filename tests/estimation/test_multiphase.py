@@ -95,8 +95,7 @@ def test_six_phases_with_an_offset(at_150, machine):
         record(motion, sine_for(motion, phase_rad=0.3 + pi * m / 3), rate=1000.0, peak=UNLIMITED)
         for m in range(6)
     ]
-    result = estimate(session_of(*runs), machine)
-    assert result.method == "multiphase"
+    result = estimate(session_of(*runs), machine, "multiphase")
     assert rmse(result) < 0.0006
 
 

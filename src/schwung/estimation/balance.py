@@ -30,10 +30,11 @@ from schwung.motion import Array
 #: The equations' frequencies, shares of the injected one: clear of the motion below; above, up to where J_l may
 #: spread the ripple.
 BAND = (0.25, 2.5)
-#: Signals pass unchanged up to the first share of the injected frequency, and not at all from the second.
-PASS, STOP = 2.5, 4.0
+#: Signals pass unchanged up to the first share of the injected frequency, and not at all from the second: wider than
+#: the band by what a curve that is passed quickly moves the ripple's frequencies.
+PASS, STOP = 3.5, 5.5
 #: The equations use so many samples per period, as STOP and the curve's own band allow: more say nothing new.
-SAMPLES_PER_PERIOD = 12
+SAMPLES_PER_PERIOD = 16
 #: Periods of the injection at both ends of a record that fade in and out: the filter's memory.
 FADE_PERIODS = 1.0
 #: Signals are not believed to be freer of noise than this share of their strongest coefficient.
@@ -122,9 +123,9 @@ def load_side(ripple: Ripple, machine: Machine) -> LoadSide:
     mean_coupling = (
         ripple.torque_nm - motor.inertia_kgm2 * acceleration - motor.viscous_friction_nms * smooth_speed
     )
-    angle = ripple.position_rad
-    if machine.coupling is not None:
-        angle = angle - mean_coupling / machine.coupling.stiffness_nm_rad
+    # the load leads and lags the motor by as much as the coupling winds up: its own motion is what turns J_l
+    wound_up = gain * compliance * np.fft.fft(mean_coupling)
+    lead = np.fft.ifft([wound_up, s * wound_up, s**2 * wound_up], axis=1).real
 
     spoilers = np.column_stack(
         [
@@ -141,9 +142,9 @@ def load_side(ripple: Ripple, machine: Machine) -> LoadSide:
     accelerated = float(np.linalg.norm((s * speed)[chosen]))
     apparent = float(np.linalg.norm(torque[chosen])) / accelerated if accelerated else 0.0  # kg·m²
     return LoadSide(
-        angle_rad=angle,
-        speed_rad_s=smooth_speed,
-        acceleration_rad_s2=acceleration,
+        angle_rad=ripple.position_rad - lead[0],
+        speed_rad_s=smooth_speed - lead[1],
+        acceleration_rad_s2=acceleration - lead[2],
         ripple_angle_rad=np.fft.ifft(moved - wind_up),
         ripple_speed_rad_s=np.fft.ifft(load_speed),
         driving_torque_nm=np.fft.ifft(coupling - machine.load.viscous_friction_nms * load_speed),

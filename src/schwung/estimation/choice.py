@@ -2,7 +2,8 @@
 
 A method takes part by having `suits(task)`; rivals have none and are only taken by name. Where the favourite's own
 evidence says that it misses physics, a method that is robust against more of it (it says so by an attribute `robust`)
-is asked as well, and the one with the smaller error to be expected is taken.
+is asked as well, and the one with the smaller error to be expected is taken. It is asked, too, where the record tells
+more than the favourite takes of it (`leaves_much`), and taken where it is as sure of itself and its band is narrower.
 """
 
 from __future__ import annotations
@@ -16,6 +17,8 @@ from schwung.errors import InputError
 from schwung.estimation.methods import METHODS, Method, Suitability, Task
 
 AUTO = "auto"
+#: Sessions of more samples are not gone through once more where the favourite is good: some hundred microseconds each.
+MOST_SAMPLES = 100_000
 #: Torque within this share of the peak counts as clipped.
 CLIPPED = 0.995
 
@@ -61,6 +64,28 @@ def clipped_share(task: Task) -> float:
     """Largest share of samples of any run at the peak torque, 0…1."""
     limit = CLIPPED * task.machine.motor.peak_torque_nm
     return max(float(np.mean(np.abs(run.torque_nm) >= limit)) for run in task.session.runs)
+
+
+def leaves_much(task: Task, *, windowed: bool) -> bool:
+    """Whether the favourite leaves much of the record unused that can be had in reasonable time.
+
+    Windows smear whatever changes within a period, and phases use the injection alone, which says most as long as the
+    motion takes less torque than that. `windowed`: of the favourite, as in `Outcome`.
+    """
+    if sum(len(run) for run in task.session.runs) > MOST_SAMPLES:
+        return False
+    return windowed or motion_over_injection(task) > 1
+
+
+def motion_over_injection(task: Task) -> float:
+    """What the motion takes of the torque, over the injection (both rms over the excited runs)."""
+    motion = injection = 0.0
+    for run in task.excited:
+        assert run.excitation is not None  # guaranteed by Run
+        injected = run.excitation.torque(run.time_s)
+        motion += float(np.var(run.torque_nm - injected))
+        injection += float(np.mean(injected**2))
+    return float(np.sqrt(motion / max(injection, 1e-300)))
 
 
 def is_robust(method: Method) -> bool:

@@ -4,9 +4,12 @@ from __future__ import annotations
 
 from dataclasses import replace
 
+import numpy as np
+
+from schwung.drivetrain.inertia import InertiaTable
 from schwung.drivetrain.machine import Machine
 from schwung.errors import InputError
-from schwung.estimation.choice import AUTO, Choice, is_joint, is_robust, ranked
+from schwung.estimation.choice import AUTO, Choice, is_joint, is_robust, leaves_much, ranked
 from schwung.estimation.delay import delay_removed
 from schwung.estimation.methods import Method, Task, excited_at, frequencies_of, method_named
 from schwung.estimation.sampling import prepared
@@ -33,10 +36,11 @@ def estimate(
 
     `method`: any registered name, as "multiphase" (four injection phases), "denoised" (reference runs) or "former";
     "auto" takes the best that the session allows, or where its verdict is not good, a more robust one that is expected
-    to be less far off; the notes say why. `inversion`: "complex" or "magnitude",
-    where the method inverts. `frequency_hz`: of one excitation; None: all, each with the weight it deserves.
-    `points`: of the table, at most. `remove_delay`: look for a delay of speed behind torque and remove it where it
-    is significant, which the notes say. On a linear axis every quantity has its linear counterpart: m, m/s, N, kg.
+    to be less far off, or where much of the record would lie idle, one that uses motion and injection together; the
+    notes say why. `inversion`: "complex" or "magnitude", where the method inverts. `frequency_hz`: of one excitation;
+    None: all, each with the weight it deserves. `points`: of the table, at most. `remove_delay`: look for a delay of
+    speed behind torque and remove it where it is significant, which the notes say. On a linear axis every quantity has
+    its linear counterpart: m, m/s, N, kg.
 
     Raises InputError, naming run, problem and remedy: reference or phase missing, runs that do not align, too few
     samples per period, sine too weak, torque of the wrong sign or without the injected part.
@@ -54,8 +58,13 @@ def estimate(
         task, notes = replace(task, session=ready, excited=excited), notes + said
     found = _by(choices[0].method, task)
     for choice in choices[1:]:
-        if found.trust.verdict != "good" and is_robust(choice.method):
+        if not is_robust(choice.method):
+            continue
+        if found.trust.verdict != "good":
             found, said = _better_of(found, choice.method, task)
+            notes += said
+        elif leaves_much(task, windowed=bool(found.denoised)):
+            found, said = _narrower_of(found, choice.method, task)
             notes += said
     return replace(found, notes=notes + found.notes)
 
@@ -83,6 +92,39 @@ def _better_of(found: Estimate, how: Method, task: Task) -> tuple[Estimate, tupl
     return other, (
         f"Method {found.method} is in doubt ({doubts}); {how.name}, which is robust against more, was taken.",
     )
+
+
+def _narrower_of(found: Estimate, how: Method, task: Task) -> tuple[Estimate, tuple[str, ...]]:
+    """The estimate at hand, or that of a method which takes more of the record: where it is as sure of itself and its
+    band is narrower. What the former saw of the ripple stays beside it.
+    """
+    try:
+        other = _by(how, task)
+    except InputError:
+        return found, ()
+    mine, others = (_relative_band(one.table) for one in (found, other))
+    if other.trust.verdict != "good" or others >= mine:
+        return found, ()
+    seen = found.trust
+    trust = replace(
+        other.trust,
+        miv_kgm2=seen.miv_kgm2,
+        relative_miv=seen.relative_miv,
+        position_amplitude_rad=seen.position_amplitude_rad,
+        position_dc_rad=seen.position_dc_rad,
+    )
+    said = (
+        f"Method {how.name} was taken: it uses motion and injection together, and expects ±{100 * others:.2g} % of the "
+        f"inertia where {found.method} expects ±{100 * mine:.2g} % (1σ)."
+    )
+    return replace(other, trust=trust, traces=found.traces, denoised=found.denoised), (said,)
+
+
+def _relative_band(table: InertiaTable) -> float:
+    """Standard deviation over the inertia, rms over the table."""
+    if table.std_kgm2 is None:
+        return float("inf")
+    return float(np.sqrt(np.mean((table.std_kgm2 / table.inertia_kgm2) ** 2)))
 
 
 def _one(how: Method, task: Task) -> Estimate:
