@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
@@ -102,7 +103,7 @@ def prepare(drive: Drive, profile: DeviceProfile, machine: Machine, wishes: Wish
     plan = make_plan(
         machine,
         limits,
-        start_position_rad=drive.state().position_rad,
+        start_position_rad=_standing(drive, profile),
         distance_rad=wishes.distance_rad,
         duration_s=wishes.duration_s,
         kind=wishes.kind,
@@ -126,6 +127,18 @@ def prepare(drive: Drive, profile: DeviceProfile, machine: Machine, wishes: Wish
     forward = FeedForward(speed_share=gains.get("speed_feed_forward", 0.0))
     seen = survey(drive, plan)
     return Prepared(plan, machine, seen, preflight(plan, machine, seen, forward), forward)
+
+
+def _standing(drive: Drive, profile: DeviceProfile) -> float:
+    """Where the axis stands (rad). Raises InputError where nobody says what a count of its position is worth."""
+    position = drive.state().position_rad
+    if not math.isfinite(position):
+        raise InputError(
+            f"profile {profile.family}, quantities.position",
+            f"its unit is left to you: {profile.quantities.position.hint or 'the drive does not tell it'}",
+            'Write a profile that extends this one, with unit = "literal" and that scale.',
+        )
+    return position
 
 
 def way_of(drive: Drive, profile: DeviceProfile, wishes: Wishes) -> Way:

@@ -1,0 +1,132 @@
+"""Commissioning end to end over Modbus, TCP and RTU: the table is right, and the drive is as before."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from bench_machine import Silence, guessed_machine
+from modbus_desk import FAMILY, bus_options, profile_of
+
+from schwung.commissioning import (
+    ExportChoice,
+    LimitWishes,
+    Wishes,
+    carry_out,
+    export_table,
+    following_error_rms,
+    prepare,
+    read_backup,
+    repeat_reference,
+    restore_backup,
+)
+from schwung.drivetrain import Control, InertiaTable
+from schwung.errors import InputError, NodeLostError, RefusedError
+from schwung.fieldbus.connecting import connected
+from schwung_sim.modbus_bench import ModbusBench
+
+
+def wishes(**changes: object) -> Wishes:
+    return Wishes(**{"distance_rad": np.pi, "duration_s": 0.25, "repeats": 1, **changes})  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize(("transport", "trace_rate_hz"), [("tcp", None), ("rtu", 2000.0)])
+def test_the_inertia_comes_out_and_the_drive_is_as_before(
+    transport: str, trace_rate_hz: float | None, tmp_path: Path
+) -> None:
+    tcp = ("127.0.0.1", 0) if transport == "tcp" else None
+    with ModbusBench("two-mass", tcp=tcp, seed=5) as bench, connected(bus_options(bench), 1, None) as opened:
+        drive, profile = opened.drive, opened.profile
+        held = {p: drive.read(p).raw for p in drive.parameters()}  # type: ignore[attr-defined]  # of Modbus drives
+        prepared = prepare(drive, profile, guessed_machine(), wishes(trace_rate_hz=trace_rate_hz))
+        acquisition = prepared.plan.acquisition
+        assert (acquisition.mode, acquisition.sampling, acquisition.injecting) == ("pp", "trace", "generator")
+        assert any("one way is measured" in reason for reason in prepared.plan.reasons)
+        done = carry_out(drive, prepared, tmp_path, Silence())
+        table = done.estimate.table
+        error = table.inertia_kgm2 - bench.plant.true_inertia(table.position_rad)
+        assert np.sqrt(np.mean(error**2)) <= 0.0005
+        assert table.std_kgm2 is not None
+        assert np.mean(np.abs(error) <= 3 * table.std_kgm2) > 0.95
+        assert done.estimate.trust.verdict == "good"
+        assert done.session.runs[0].sample_rate_hz == (trace_rate_hz or 8000.0)
+        excited = next(run for run in done.session.runs if run.excitation is not None)
+        assert excited.excitation is not None
+        assert excited.excitation.hold_s is None  # the drive's own sine is no staircase
+        assert bench.servo.moves == 4  # there and back, without and with the sine
+        assert bench.axis.position_rad == pytest.approx(0.0, abs=0.01)
+        assert not bench.axis.energised
+        assert read_backup(tmp_path / "setup.backup.json").restored
+        live = {p for p in held if p.name in ("position", "speed", "torque", "statusword", "controlword")}
+        left = {p.name for p in held if p not in live and drive.read(p).raw != held[p]}
+        assert left <= {"trace.status", "trace-status"}
+
+
+def test_the_table_goes_into_the_drive_helps_and_comes_out_again(tmp_path: Path) -> None:
+    with (
+        ModbusBench(tcp=("127.0.0.1", 0), seed=6) as bench,
+        connected(bus_options(bench), 1, FAMILY) as opened,
+    ):
+        drive, profile = opened.drive, opened.profile
+        prepared = prepare(drive, profile, guessed_machine(), wishes(trace_rate_hz=1000.0))
+        before = repeat_reference(drive, prepared, tmp_path, "before", Silence())
+        truth = bench.plant.true_inertia
+        angles = np.linspace(-0.05, np.pi + 0.05, 200)
+        backup = tmp_path / "export.backup.json"
+        exported = export_table(
+            drive, profile, InertiaTable(angles, truth(angles)), ExportChoice(), backup_path=backup
+        )
+        assert len(exported.changes) == 68
+        after = repeat_reference(drive, prepared, tmp_path, "after", Silence())
+        improvement = (following_error_rms(before) or 0.0) / (following_error_rms(after) or 1.0)
+        assert improvement >= 5
+        restore_backup(drive, backup)
+        assert bench.axis.settings.feed_forward_mode == 0
+        assert bench.axis.settings.table_inertia_kgm2 == ()
+
+
+@pytest.mark.parametrize("family", ["schneider-lexium-32", "kollmorgen-akd", "delta-asda-a2"])
+def test_a_family_that_cannot_be_commissioned_says_why(family: str, tmp_path: Path) -> None:
+    """First that units are missing; and with everything given that a user can give, what the profile cannot."""
+    tcp = None if family == "delta-asda-a2" else ("127.0.0.1", 0)
+    control = Control(
+        position_gain_per_s=60, speed_gain_nms=7, speed_integral_time_s=0.02, sample_rate_hz=8000
+    )
+    machine = guessed_machine().model_copy(update={"control": control})
+    given = wishes(limits=LimitWishes(-10.0, 10.0, 100.0, 233.0, 1.0))
+    profile = profile_of(family)
+    file = tmp_path / "profile.toml"
+    lines = [f'extends = "{family}"']
+    for name in ("position", "speed"):
+        quantity = getattr(profile.quantities, name)
+        if quantity is not None and quantity.unit == "user":
+            lines += [f"[quantities.{name}]", 'unit = "literal"', "scale = 1e-5"]
+    file.write_text("\n".join(lines))
+    with ModbusBench(profile=family, tcp=tcp) as bench:
+        if profile.quantities.position.unit == "user":
+            with (
+                connected(bus_options(bench), 1, family) as opened,
+                pytest.raises(InputError, match=r"left to you: rad of one count"),
+            ):
+                prepare(opened.drive, opened.profile, machine, given)
+        with connected(bus_options(bench), 1, str(file)) as opened:
+            prepared = prepare(opened.drive, opened.profile, machine, given)
+            with pytest.raises(RefusedError, match=r"this profile can't do that, because"):
+                carry_out(opened.drive, prepared, tmp_path, Silence())
+        assert bench.servo.moves == 0
+        assert not bench.axis.energised
+
+
+def test_a_lost_connection_ends_commissioning_with_a_sentence_and_a_stopped_drive(tmp_path: Path) -> None:
+    with (
+        ModbusBench(tcp=("127.0.0.1", 0), seed=6, faults="drop@on+0.35") as bench,
+        connected(bus_options(bench), 1, FAMILY) as opened,
+    ):
+        prepared = prepare(opened.drive, opened.profile, guessed_machine(), wishes(trace_rate_hz=1000.0))
+        with pytest.raises(NodeLostError, match="connection was lost"):
+            carry_out(opened.drive, prepared, tmp_path, Silence())
+        assert bench.servo.moves == 1
+        assert not bench.axis.energised
+        assert bench.servo.value("state.mode") == 0  # put back over the new connection
+        assert read_backup(tmp_path / "setup.backup.json").restored
