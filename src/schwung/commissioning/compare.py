@@ -72,12 +72,16 @@ def from_drive(source: str, values: Iterable[ParameterValue], node_id: int) -> C
 
 
 def compare(first: Configuration, second: Configuration, scales: SiScales) -> Comparison:
-    """Compare by what goes over the bus: a value that is typed on one side only is equal when its bytes are."""
+    """Compare by what goes over the bus: a value that is typed on one side only is equal when its bytes are.
+
+    Identifiers of two nodes are equal when they differ as the node ids do: 0x183 of node 3 and 0x184 of node 4.
+    """
+    apart = (second.node_id or 0) - (first.node_id or 0) if first.node_id and second.node_id else 0
     one, two = first.by_key(), second.by_key()
     differences, equal = [], 0
     for key in sorted(one.keys() & two.keys()):
         a, b = _same_type(one[key], two[key])
-        if _equal(a, b):
+        if _equal(a, b) or (apart and _same_identifier(a, b, apart)):
             equal += 1
         else:
             differences.append(Difference(_named(a, b), a.raw, b.raw, scales.si(a), scales.si(b)))
@@ -102,6 +106,13 @@ def _equal(a: ParameterValue, b: ParameterValue) -> bool:
         return encode(a.parameter, a.raw) == encode(b.parameter, b.raw)
     except InputError:
         return False
+
+
+def _same_identifier(a: ParameterValue, b: ParameterValue, apart: int) -> bool:
+    index, subindex = a.parameter.index, a.parameter.subindex
+    communication = (0x1400 <= index < 0x1600 or 0x1800 <= index < 0x1A00) and subindex == 1
+    holds_identifier = index == 0x1014 or communication
+    return holds_identifier and isinstance(a.raw, int) and isinstance(b.raw, int) and b.raw - a.raw == apart
 
 
 def _same_type(a: ParameterValue, b: ParameterValue) -> tuple[ParameterValue, ParameterValue]:

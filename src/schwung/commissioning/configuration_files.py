@@ -20,6 +20,8 @@ from schwung.files import replace_file
 
 _REMEDY = "Give a DCF, an EDS, a concise DCF or a *.backup.json (JSON)."
 
+_IDENTITY = 0x1018  # says which drive it is, and is no parameter of it
+
 Format = Literal["dcf", "concise", "backup"]
 
 
@@ -125,10 +127,11 @@ def _eds(file: EdsFile) -> Configuration:
     variables = list(file.description.variables())
     configured = any(v.configured is not None for v in variables)
     held = [(v, v.configured if configured else v.default) for v in variables]
-    values = [ParameterValue(file.parameter_of(v), value.raw) for v, value in held if value is not None]
+    told = [ParameterValue(file.parameter_of(v), value.raw) for v, value in held if value is not None]
+    values = [value for value in told if value.parameter.index != _IDENTITY]
     return Configuration(
         str(file.path), "dcf" if configured else "eds", tuple(values), file.description.node_id,
-        _identity(file, values if configured else []),
+        _identity(file, told if configured else []),
     )  # fmt: skip
 
 
@@ -140,7 +143,7 @@ def _identity(file: EdsFile, values: Iterable[ParameterValue]) -> dict[str, int]
     names = {1: "vendor_id", 2: "product_code", 4: "serial"}
     for value in values:
         key = names.get(value.parameter.subindex)
-        if value.parameter.index == 0x1018 and key and isinstance(value.raw, int):
+        if value.parameter.index == _IDENTITY and key and isinstance(value.raw, int):
             identity[key] = value.raw
     return identity
 

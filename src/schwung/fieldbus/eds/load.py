@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 import io
 import logging
 from collections.abc import Mapping
@@ -28,7 +29,7 @@ _MOST_BYTES = 32 << 20
 
 @dataclass(frozen=True, eq=False)
 class EdsFile:
-    """A file as read: canopen's dictionary, the description it was made from, and what was odd."""
+    """A file as read: canopen's dictionary (not to be changed), the description it was made from, what was odd."""
 
     path: Path
     node_id: int
@@ -74,7 +75,11 @@ def read_eds(path: Path, node_id: int) -> EdsFile:
 
     Raises InputError naming file, line and remedy where it describes no object that could be used.
     """
-    content = _content(path)
+    return _read(_content(path), path, node_id)
+
+
+@functools.lru_cache(maxsize=8)  # a drive's file is read by scan, driver and commands in turn
+def _read(content: bytes, path: Path, node_id: int) -> EdsFile:
     warnings: list[EdsWarning] = []
     sections = split_sections(decode_text(content, warnings), warnings)
     repair = Repair(sections, node_id, warnings)

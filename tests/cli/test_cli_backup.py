@@ -1,0 +1,170 @@
+"""`schwung backup`, `restore` and `diff` against a bench drive."""
+
+from __future__ import annotations
+
+import io
+import json
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+from cli_running import invoke
+
+from schwung.commissioning.journal import read_backup
+from schwung.fieldbus.eds import read_eds
+from schwung.fieldbus.profile import load_canopen_profile
+from schwung_sim.bench import Bench
+
+EDS = load_canopen_profile("schwung-bench").eds_path
+FOLLOWING, VELOCITY, GAIN = 0x6065 << 8, 0x6081 << 8, 0x2400 << 8 | 1
+
+
+@pytest.fixture(autouse=True)
+def _elsewhere(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+
+
+@pytest.fixture
+def bench(request: pytest.FixtureRequest) -> Iterator[Bench]:
+    with Bench("two-mass", channel=f"backup-{request.node.name}", node_id=3) as running:
+        yield running
+
+
+def _bus(bench: Bench) -> list[str]:
+    return ["-i", "virtual", "-c", bench.channel, "-n", "3"]
+
+
+def _held(bench: Bench, key: int) -> int:
+    return int(bench.servo.dictionary.values[key])
+
+
+def _hold(bench: Bench, key: int, value: int) -> None:
+    bench.servo.dictionary.values[key] = value
+
+
+def test_a_backup_is_written_read_and_named_for_machines(
+    capsys: pytest.CaptureFixture[str], bench: Bench
+) -> None:
+    code, out, err = invoke(capsys, "backup", "axis.dcf", *_bus(bench), "--json")
+    assert code == 0
+    told = json.loads(out)
+    assert (told["file"], told["format"]) == ("axis.dcf", "dcf")
+    assert told["parameters"] + len(told["left_out"]) == sum(
+        1 for v in read_eds(EDS, 3).description.variables() if v.writable and v.readable
+    )
+    assert "left out" in err
+    file = read_eds(Path("axis.dcf"), 3)
+    configured = {
+        (v.index, v.subindex): v.configured.raw for v in file.description.variables() if v.configured
+    }
+    assert configured[0x6065, 0] == _held(bench, FOLLOWING)
+    assert file.description.device_info["ProductName"] == "Schwung bench drive"
+    assert file.description.node_id == 3
+
+
+def test_the_name_is_by_drive_and_time_and_no_file_is_overwritten(
+    capsys: pytest.CaptureFixture[str], bench: Bench, tmp_path: Path
+) -> None:
+    assert invoke(capsys, "backup", *_bus(bench))[0] == 0
+    (made,) = tmp_path.glob("schwung-bench-node3-*.dcf")
+    before = made.read_bytes()
+    code, _, err = invoke(capsys, "backup", str(made), *_bus(bench))
+    assert (code, made.read_bytes()) == (2, before)
+    assert "--force" in err
+    assert invoke(capsys, "backup", str(made), "--force", *_bus(bench))[0] == 0
+    assert invoke(capsys, "backup", "nowhere/x.dcf", *_bus(bench))[0] == 2
+
+
+@pytest.mark.parametrize("name", ["axis.dcf", "axis.bin", "axis.backup.json"])
+def test_a_changed_drive_differs_and_is_brought_back(
+    capsys: pytest.CaptureFixture[str], bench: Bench, name: str
+) -> None:
+    flags = ["--concise"] if name.endswith(".bin") else []
+    assert invoke(capsys, "backup", name, *flags, *_bus(bench))[0] == 0
+    before = {key: _held(bench, key) for key in (FOLLOWING, VELOCITY, GAIN)}
+    assert invoke(capsys, "diff", name, "drive", *_bus(bench))[0] == 0
+    for key, value in before.items():
+        _hold(bench, key, value + 1000)
+    code, out, _ = invoke(capsys, "diff", name, "drive", *_bus(bench), "--json")
+    assert code == 1
+    found = {(d["index"], d["subindex"]): d for d in json.loads(out)["different"]}
+    assert found.keys() == {("0x6065", 0), ("0x6081", 0), ("0x2400", 1)}
+    assert found["0x6065", 0]["b"] == found["0x6065", 0]["a"] + 1000
+    assert found["0x6065", 0]["unit"] == "rad"
+    assert found["0x2400", 1]["a_si"] == pytest.approx(before[GAIN] / 1000)
+    assert invoke(capsys, "restore", name, *_bus(bench), "--yes")[0] == 0
+    assert {key: _held(bench, key) for key in before} == before
+
+
+def test_a_dry_run_shows_and_writes_nothing(
+    capsys: pytest.CaptureFixture[str], bench: Bench, tmp_path: Path
+) -> None:
+    invoke(capsys, "backup", "axis.dcf", *_bus(bench))
+    _hold(bench, FOLLOWING, 5)
+    code, out, err = invoke(capsys, "restore", "axis.dcf", *_bus(bench), "--dry-run", "--json")
+    assert code == 0
+    assert json.loads(out)["written"] == 0
+    assert [change["new"] for change in json.loads(out)["changes"]] == ["100000"]
+    assert "Following error window" in err
+    assert _held(bench, FOLLOWING) == 5
+    assert [path.name for path in tmp_path.iterdir()] == ["axis.dcf"]
+
+
+def test_a_restore_keeps_the_way_back_and_says_no_without_a_yes(
+    capsys: pytest.CaptureFixture[str], bench: Bench, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    invoke(capsys, "backup", "axis.dcf", *_bus(bench))
+    _hold(bench, FOLLOWING, 5)
+    monkeypatch.setattr("sys.stdin", io.StringIO("n\n"))
+    assert invoke(capsys, "restore", "axis.dcf", *_bus(bench), "--out", "back")[0] == 3
+    assert _held(bench, FOLLOWING) == 5
+    assert invoke(capsys, "restore", "axis.dcf", *_bus(bench), "--out", "back", "-y", "--store")[0] == 0
+    assert _held(bench, FOLLOWING) == 100000
+    backup = read_backup(Path("back/restore.backup.json"))
+    assert [(c.old, c.new) for c in backup.changes] == [(5, 100000)]
+    assert backup.stored
+    assert invoke(capsys, "restore", "back/restore.backup.json", *_bus(bench))[0] == 0
+    assert _held(bench, FOLLOWING) == 5
+
+
+def test_values_that_the_drive_refuses_are_named_and_the_rest_is_written(
+    capsys: pytest.CaptureFixture[str], bench: Bench
+) -> None:
+    invoke(capsys, "backup", "axis.dcf", *_bus(bench))
+    text = Path("axis.dcf").read_text()
+    at = text.index("ParameterValue=", text.index("[6060]"))
+    bad = (
+        text[:at] + "ParameterValue=99" + text[text.index("\n", at) :]
+    )  # a mode that the drive does not have
+    Path("bad.dcf").write_text(bad)
+    _hold(bench, FOLLOWING, 5)
+    code, out, _ = invoke(capsys, "restore", "bad.dcf", *_bus(bench), "-y", "--out", "back", "--json")
+    assert code == 4
+    told = json.loads(out)
+    assert "0x6060:00" in told["error"]
+    assert "back/restore.backup.json" in told["error"]
+    assert [entry["parameter"] for entry in told["refused"]] == ["0x6060:00 Modes of operation"]
+    assert told["written"] == 1
+    assert _held(bench, FOLLOWING) == 100000
+
+
+def test_the_dcf_of_another_node_is_refused(capsys: pytest.CaptureFixture[str], bench: Bench) -> None:
+    invoke(capsys, "backup", "axis.dcf", *_bus(bench))
+    Path("moved.dcf").write_text(Path("axis.dcf").read_text().replace("NodeID=3", "NodeID=4"))
+    _hold(bench, FOLLOWING, 5)
+    code, _, err = invoke(capsys, "restore", "moved.dcf", *_bus(bench), "-y")
+    assert code == 3
+    assert "node 4" in err
+    assert _held(bench, FOLLOWING) == 5
+
+
+def test_files_are_compared_without_a_drive(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
+    changed = tmp_path / "other.eds"
+    changed.write_text(EDS.read_text().replace("DefaultValue=100000", "DefaultValue=262144", 1))
+    assert invoke(capsys, "diff", str(EDS), str(EDS))[0] == 0
+    code, out, _ = invoke(capsys, "diff", str(EDS), str(changed), "--all")
+    assert code == 1
+    assert "262144" in out
+    assert "1 differ" in out
+    for wrong in (["drive", "drive"], ["none.dcf", str(EDS)], [str(EDS), __file__]):
+        assert invoke(capsys, "diff", *wrong)[0] == 2
