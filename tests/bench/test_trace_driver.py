@@ -157,7 +157,8 @@ def test_what_nobody_looks_at_is_not_read_out(monkeypatch: pytest.MonkeyPatch) -
 
 
 def _interrupt(done: int, total: int) -> None:
-    raise KeyboardInterrupt
+    if 400 < done < total:
+        raise KeyboardInterrupt
 
 
 @pytest.mark.parametrize(
@@ -190,6 +191,23 @@ def test_trouble_in_the_motion_stops_the_generator_and_keeps_the_trace_so_far(
         assert 20 < came < partial.position_rad.size
         assert np.all(np.isfinite(partial.torque_nm[:came]))
         assert partial.lost[0] == came
+
+
+def test_an_interrupt_while_the_trace_is_read_leaves_what_sync_sampled(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    def interrupted(self: BlockUpload) -> bytes:
+        raise KeyboardInterrupt
+
+    with tracing_drive() as (bench, drive):
+        monkeypatch.setattr(BlockUpload, "run", interrupted)
+        with pytest.raises(KeyboardInterrupt) as raised:
+            drive.play(there(Sine(50.0, 20.0)))
+        partial = partial_recording(raised.value)
+        assert partial is not None
+        assert partial.sampling == "sync"
+        assert partial.lost.size == 0
+        assert not generating(bench)
 
 
 def test_halt_from_another_thread_silences_the_generator() -> None:

@@ -84,9 +84,11 @@ def test_a_trace_goes_with_the_generator_but_not_where_its_phase_cannot_be_set()
     require_phases(BENCH, insisted, 4)
 
 
-def test_a_trace_without_torque_is_no_way_to_sample() -> None:
+def test_a_trace_without_torque_or_of_its_own_time_is_no_way_to_sample() -> None:
     assert BENCH.trace is not None
     columns = tuple(column for column in BENCH.trace.columns if column.quantity != "torque")
     blind = BENCH.model_copy(update={"trace": BENCH.trace.model_copy(update={"columns": columns})})
-    assert _choose(blind, "sampling by SYNC").sampling == "sync"  # which preflight then refuses
-    assert _parts(_choose(blind, bus_is_full=True))[:2] == ("csp", "sync")
+    early = BENCH.model_copy(update={"trace": BENCH.trace.model_copy(update={"trigger": "immediate"})})
+    for useless in (blind, early):
+        assert _choose(useless, "sampling by SYNC").sampling == "sync"  # which preflight then refuses
+        assert _parts(_choose(useless, bus_is_full=True))[:2] == ("csp", "sync")

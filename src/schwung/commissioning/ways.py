@@ -62,6 +62,8 @@ def choose_way(
         if name in told and not told[name].available:
             return told[name].reason
         if name == "trace buffer" and profile.trace is not None:
+            if profile.trace.trigger != "motion_start":
+                return "its trace starts when it is armed, not with the motion"
             columns = {column.quantity for column in profile.trace.columns}
             missing = {"position", "torque"} - columns
             return f"its trace records no {' and no '.join(sorted(missing))}" if missing else None

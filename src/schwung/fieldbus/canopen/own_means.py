@@ -173,7 +173,7 @@ class Around:
                 trace.buffer.stop()
             columns = trace.buffer.read(self.scales)
             trace.buffer.stop()
-        except DriveError as trouble:
+        except (DriveError, KeyboardInterrupt) as trouble:
             return by_sync, error or trouble
         recording = recording_of(
             columns, trace.request, trace.start_s, by_sync.timing, trace.torque_added_nm, by_sync.notes
