@@ -5,7 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 import pytest
-from conformance_drives import Case, Room, canopen_cases, in_lockstep, room_of
+from conformance_drives import Case, canopen_cases, modbus_cases
+from conformance_rooms import CanopenRoom, Room, in_lockstep, room_of
 
 from schwung.fieldbus.canopen.operation import Operation
 
@@ -18,12 +19,18 @@ def lockstep() -> Iterator[None]:
     patch.undo()
 
 
+@pytest.fixture(scope="module", params=[*canopen_cases(), *modbus_cases()], ids=lambda case: case.id)
+def room(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Room]:
+    case: Case = request.param
+    with room_of(case, tmp_path_factory.mktemp("profile")) as room:
+        yield room
+
+
 @pytest.fixture(scope="module", params=canopen_cases(), ids=lambda case: case.id)
-def case(request: pytest.FixtureRequest) -> Case:
-    return request.param
-
-
-@pytest.fixture(scope="module")
-def room(case: Case, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Room]:
-    with room_of(case, tmp_path_factory.mktemp("profile"), seed=11) as room:
+def canopen_room(
+    request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory
+) -> Iterator[CanopenRoom]:
+    case: Case = request.param
+    with room_of(case, tmp_path_factory.mktemp("profile")) as room:
+        assert isinstance(room, CanopenRoom)
         yield room
