@@ -38,8 +38,6 @@ from schwung.session.model import Session
 EXPLAINED, NEARLY, NAMED_SHARE = 1.2, 1.35, 0.02
 #: In whitened residuals, which weigh what is slow less, the floor's share is another: so many floors RMS are too much.
 TOO_MUCH = 1.6
-#: A lag of so many periods of the band's end makes noise of its own.
-SLOW = 0.1
 #: Where runs kept aside miss something, named physics takes so much of it; one that makes them so much worse is wrong.
 SEEN_ASIDE, WORSE = 0.5, 1.02
 #: Below a consistent misfit, terms stand where they lower the same on runs kept aside by so much; below the second, a
@@ -79,12 +77,7 @@ def explain(session: Session, machine: Machine, *, progress: Progress | None = N
         residuals.soften(curve, noise.torque_nm)
     problem = Problem(residuals, noise, parts.train)
     tell("Trying physics terms", 0.05)
-    found, best = _searched(problem, parts, lambda text, share: tell(text, 0.05 + 0.5 * share))
-    if best.model.effects.torque_lag_s * prepared.band_hz > SLOW:
-        # what is asked of a slow torque holds the motion's noise, differentiated once more
-        noise = whitener(prepared, believed, residuals.all(numbers, best.model.unknowns))
-        problem = Problem(residuals, noise, parts.train)
-        found, best = _searched(problem, parts, lambda text, share: tell(text, 0.55 + 0.15 * share))
+    found, best = _searched(problem, parts, lambda text, share: tell(text, 0.05 + 0.6 * share))
     tell("Weighing alternatives", 0.7)
     told = _Explained(session, machine, prepared, parts, residuals, found, best).result(
         tell, doubts.notes, noise.how

@@ -142,16 +142,21 @@ def _believed_covariance(prepared: Prepared, machine: Machine, noise: Noise) -> 
     """The same from noise of the channels, by the belief's mechanical impedance."""
     band, rate = prepared.band_hz, prepared.rate_hz / prepared.every
     frequency = np.linspace(0.0, rate / 2, 513)
-    omega = 2 * np.pi * np.maximum(frequency, 1e-3)
+    low = 1 / (1 + (frequency / band) ** 8)
+    density = low**2 * (noise.torque_nm**2 + motion_noise(prepared, machine, noise, frequency))
+    covariance = np.fft.irfft(density) * rate / prepared.source_rate_hz
+    return np.asarray(covariance[: ORDER + 1])
+
+
+def motion_noise(prepared: Prepared, machine: Machine, noise: Noise, frequency_hz: Array) -> Array:
+    """Variance per sample, as of white noise, of the needed torque at each frequency (N²·m²), (n,)."""
+    omega = 2 * np.pi * np.maximum(frequency_hz, 1e-3)
     share = speed_share(prepared.noise, omega)
     speed = ((1 - share) * omega * noise.position_rad) ** 2
     if np.isfinite(noise.speed_rad_s):
         speed = speed + (share * noise.speed_rad_s) ** 2
-    low = 1 / (1 + (frequency / band) ** 8)
-    motion = 1 / (1 + (frequency / (MOTION_BAND * band)) ** 8)
-    density = low**2 * (noise.torque_nm**2 + speed * np.abs(motion * impedance(machine, omega)) ** 2)
-    covariance = np.fft.irfft(density) * rate / prepared.source_rate_hz
-    return np.asarray(covariance[: ORDER + 1])
+    motion = 1 / (1 + (frequency_hz / (MOTION_BAND * prepared.band_hz)) ** 8)
+    return np.asarray(speed * np.abs(motion * impedance(machine, omega)) ** 2)
 
 
 def impedance(machine: Machine, omega_rad_s: Array) -> NDArray[np.complex128]:

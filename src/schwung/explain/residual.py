@@ -16,6 +16,7 @@ from schwung.drivetrain.physics import Effects
 from schwung.explain import forward
 from schwung.explain.filtered import bent
 from schwung.explain.measured import Measured
+from schwung.explain.noise import motion_noise
 from schwung.explain.signals import Prepared, Signals, lasting
 from schwung.explain.spectrum import Spectrum
 from schwung.motion import Array
@@ -209,6 +210,23 @@ class Residuals:
             lambda: of.low * (1 + omega * lag) * np.exp(omega * timing) * bent(omega, bend),
         )
 
+    def _calm(self, spectrum: Spectrum, lag_s: float) -> Array:
+        """What leaves of a residual with a lag the noise that one without has.
+
+        The torque that is asked of a slow drive holds the motion's noise differentiated once more, which would speak
+        against every lag.
+        """
+
+        def gain() -> Array:
+            noise = self.prepared.noise
+            motion = motion_noise(
+                self.prepared, self.machine, noise, np.asarray(spectrum.frequency_hz, float)
+            )
+            slow = noise.torque_nm**2 + motion * np.abs(1 + spectrum.omega * lag_s) ** 2
+            return np.asarray(np.sqrt((noise.torque_nm**2 + motion) / slow))
+
+        return self._gains.of((spectrum.samples, lag_s, "calm"), gain)
+
     def several(self, run: int, unknowns: Sequence[Unknowns]) -> Array:
         """Reported minus needed torque (N·m) on the compared grid, (unknowns, n); beyond all bounds where impossible.
 
@@ -221,7 +239,11 @@ class Residuals:
             asked = np.stack([self._asked(run, unknowns[row]) for row in rows])
             gains = np.stack([self._gain(run, unknowns[row]) for row in rows])
             reported = np.stack([self._reported(run, unknowns[row]) for row in rows])
-            compared = (reported - of.spectrum.apply(asked, gains))[:, ::every]
+            compared = reported - of.spectrum.apply(asked, gains)
+            for row, lag in enumerate(unknowns[row].effects.torque_lag_s for row in rows):
+                if lag > 0:
+                    compared[row] = of.spectrum.apply(compared[row], self._calm(of.spectrum, lag))
+            compared = compared[:, ::every]
             jumps = np.sum(compared[:, of.valid] * of.jumps[of.valid], axis=1)  # rows alike to the last bit
             compared = compared - np.multiply.outer(jumps, of.jumps)
             if run in self._soft:
