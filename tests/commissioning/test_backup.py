@@ -20,7 +20,7 @@ from schwung.commissioning.journal import ParameterJournal, read_backup
 from schwung.errors import InputError, NodeLostError, RefusedError, SdoError
 from schwung.fieldbus.configuration import mapped_live, select
 from schwung.fieldbus.drive import DriveIdentity, Parameter, ParameterValue, RawValue
-from schwung.fieldbus.eds import read_eds
+from schwung.fieldbus.eds import encode, read_eds
 from schwung.fieldbus.profile import load_canopen_profile
 from schwung.fieldbus.si import SiScales, si_scales
 
@@ -286,6 +286,22 @@ def test_what_is_refused_for_good_is_named_and_the_rest_is_written(drive: PaperD
     drive.refused.add((0x6065, 0))
     written = _write(drive, [_value(0x6065, 0, 77), _value(0x6081, 0, 9)], tmp_path)
     assert [(r.value.parameter.index, r.reason) for r in written.refused] == [(0x6065, "value out of range")]
+    assert drive.held[0x6081, 0] == 9
+
+
+def test_a_value_that_its_type_cannot_hold_is_named_and_the_rest_is_written(
+    drive: PaperDrive, tmp_path: Path
+) -> None:
+    write = drive.write
+
+    def encoding(values: Sequence[ParameterValue]) -> None:
+        for value in values:
+            encode(value.parameter, value.raw)  # as the driver does before anything goes out
+        write(values)
+
+    drive.write = encoding  # type: ignore[method-assign]  # as strict as the real one
+    (refused,) = _write(drive, [_value(0x6060, 0, 300), _value(0x6081, 0, 9)], tmp_path).refused
+    assert refused.value.parameter.index == 0x6060
     assert drive.held[0x6081, 0] == 9
 
 

@@ -26,7 +26,9 @@ def canopen_profile(profile: DeviceProfile, command: str) -> CanopenProfile:
 
     if not isinstance(profile, CanopenProfile):
         raise InputError(
-            f"schwung {command}", f"{profile.family} has no object dictionary", "This is for CANopen drives."
+            f"schwung {command}",
+            f"nobody tells which registers of {profile.family} are settings",
+            "This is for CANopen drives, whose EDS tells it.",
         )
     return profile
 

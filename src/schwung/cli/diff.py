@@ -41,7 +41,7 @@ def diff(
             "-n",
             "--node",
             min=1,
-            max=127,
+            max=247,
             help="Node id of the drive, and for $NODEID; default: the file's, else 1.",
             rich_help_panel="Bus",
         ),
@@ -102,27 +102,28 @@ def _read(
     eds: Path | None,
     other: Configuration,
     terminal: Terminal,
-) -> tuple[Configuration, CanopenProfile, EdsFile]:
-    """What the drive holds of what the other side has."""
-    from dataclasses import replace
-
-    from schwung.cli.configurations import canopen_profile
+) -> tuple[Configuration, CanopenProfile | None, EdsFile | None]:
+    """What the drive holds of what the other side has. A Modbus drive has no dictionary: all of it is asked for."""
     from schwung.cli.console import observing
     from schwung.cli.drives import open_drive
     from schwung.commissioning.backup import read_snapshot
     from schwung.commissioning.compare import from_drive, key_of
-    from schwung.fieldbus.configuration import select
+    from schwung.fieldbus.configuration import Selection, select
     from schwung.fieldbus.eds import read_eds
+    from schwung.fieldbus.profile import CanopenProfile
 
     with open_drive(options, node, profile) as opened:
-        family = canopen_profile(opened.profile, "diff")
-        dictionary = read_eds(eds or family.eds_path, node)
+        family, dictionary = None, None
+        if isinstance(opened.profile, CanopenProfile):
+            family, dictionary = opened.profile, read_eds(eds or opened.profile.eds_path, node)
+            known = select(dictionary, family).wanted
+        else:
+            known = tuple(v.parameter for v in other.values if v.parameter.space == "register")
         asked = {key_of(value.parameter) for value in other.values}
-        selection = select(dictionary, family)
-        wanted = tuple(p for p in selection.wanted if key_of(p) in asked)
+        wanted = tuple(parameter for parameter in known if key_of(parameter) in asked)
         with observing(terminal) as observer:
             observer.phase(f"Reading {len(wanted)} parameters of node {node}")
-            snapshot = read_snapshot(opened.drive.read, replace(selection, wanted=wanted), observer.progress)
+            snapshot = read_snapshot(opened.drive.read, Selection(wanted, (), 0, 0), observer.progress)
         identity = opened.drive.identity
     return from_drive(f"node {node}: {identity.name or 'drive'}", snapshot.values, node), family, dictionary
 
@@ -136,7 +137,8 @@ def _show(
     def row(d: Difference) -> tuple[str, ...]:
         held = [None if raw is None else ParameterValue(d.parameter, raw) for raw in (d.first, d.second)]
         si = [str(x or "") for x in (d.first_si, d.second_si)]
-        name = f"{d.parameter.index:04X}:{d.parameter.subindex:02X}"
+        register = d.parameter.space == "register"
+        name = f"@{d.parameter.index}" if register else f"{d.parameter.index:04X}:{d.parameter.subindex:02X}"
         return name, d.parameter.name, shown(held[0]), si[0], shown(held[1]), si[1]
 
     for letter, side in zip("AB", sides, strict=True):

@@ -96,7 +96,7 @@ def _read_one(
 
 def was_refused(error: ParameterError) -> bool:
     """True where the drive answered with a refusal; False where it did not answer."""
-    return getattr(error.__cause__, "code", None) is not None
+    return any(getattr(told, "code", None) is not None for told in (error, error.__cause__))
 
 
 def _tell(progress: Progress | None, done: int, total: int) -> None:
@@ -189,8 +189,11 @@ def _write_group(drive: ParameterAccess, group: list[ParameterValue]) -> list[Re
             if not was_refused(error):
                 raise
             named = [v for v in left if v.parameter.label in error.place] or left
-            refused += [Refused(value, f"{error.problem}") for value in named]
+            refused += [Refused(value, error.problem) for value in named]
             left = [value for value in left if value not in named]
+        except InputError as error:  # a value that its own type cannot hold never reached the bus
+            refused += [Refused(value, error.problem) for value in left]
+            break
     return refused
 
 

@@ -193,7 +193,8 @@ def for_this_drive(
         if parameter is None or reason:
             skipped.append(Skipped(value.parameter, reason or _why_not(dictionary, value.parameter)))
         else:
-            values.append(value if parameter.type == value.parameter.type else retyped(value, parameter))
+            same = parameter.type == value.parameter.type
+            values.append(ParameterValue(parameter, value.raw) if same else retyped(value, parameter))
     return Fitted(tuple(values), tuple(skipped))
 
 

@@ -8,6 +8,7 @@ from pathlib import Path
 
 import can
 
+from schwung.commissioning.backup import was_refused
 from schwung.commissioning.doctor import (
     Diagnosis,
     Phase,
@@ -27,6 +28,7 @@ from schwung.fieldbus.canopen.sdo import is_absent
 from schwung.fieldbus.drive import DriveState, Parameter, RawValue
 from schwung.fieldbus.eds import EdsFile, read_eds
 from schwung.fieldbus.profile import CanopenProfile, load_canopen_profile
+from schwung.fieldbus.profile.check import check_profile
 
 LISTEN_S = 0.5
 _SAMPLED = 80  # objects of the EDS that are asked for, beside those of the profile
@@ -78,6 +80,7 @@ def examine(
                 ),
                 *standard_checks(drive, dictionary, heard),
                 *dictionary_checks(drive, dictionary, profile),
+                *(profile_checks(profile, dictionary) if eds is not None else ()),
                 *pending_backups([folder], drive.identity),
             ]
         finally:
@@ -206,7 +209,11 @@ def _supply(read: _Reader) -> Iterator[Check]:
             )
     volts = read.integer(0x6079)
     if volts is not None:
-        yield Check("DC link", "ok" if volts else "note", f"{volts / 1000:g} V")
+        yield (
+            Check("DC link", "ok", f"{volts / 1000:g} V")
+            if volts
+            else Check("DC link", "note", "0 V, or it does not tell (6079)", "Is the power supply on?")
+        )
     inputs = read.integer(0x60FD)
     if inputs is not None:
         pressed = [name for bit, name in ((0, "negative"), (1, "positive")) if inputs >> bit & 1]
@@ -252,7 +259,7 @@ def dictionary_checks(drive: CanopenDrive, dictionary: EdsFile, profile: Canopen
         try:
             drive.read(parameter)
         except ParameterError as error:
-            if getattr(error.__cause__, "code", None) is None:
+            if not was_refused(error):
                 raise
             if isinstance(error, SdoError) and is_absent(error):
                 absent.append(parameter)
@@ -273,6 +280,13 @@ def dictionary_checks(drive: CanopenDrive, dictionary: EdsFile, profile: Canopen
             "EDS file", "note", f"{len(dictionary.warnings)} oddities in {dictionary.path.name}, the first: "
             f"{dictionary.warnings[0]}", "",
         )  # fmt: skip
+
+
+def profile_checks(profile: CanopenProfile, dictionary: EdsFile) -> Iterator[Check]:
+    """Where the vendor's own EDS contradicts the profile: types, access, what a PDO can carry."""
+    for finding in check_profile(profile, dictionary):
+        if finding.severity == "error":
+            yield Check("profile and EDS", "warning", f"{finding.place}: {finding.problem}", finding.remedy)
 
 
 def _sample(dictionary: EdsFile, profile: CanopenProfile) -> Sequence[Parameter]:
@@ -313,7 +327,7 @@ class _Reader:
         except InputError:
             return None
         except ParameterError as error:
-            if getattr(error.__cause__, "code", None) is None:
+            if not was_refused(error):
                 raise
             return None
         return raw if isinstance(raw, int) else None
