@@ -232,7 +232,7 @@ def _canopen_room(case: Case, file: Path) -> Iterator[Room]:
 def _modbus_room(case: Case, file: Path) -> Iterator[Room]:
     tcp = ("127.0.0.1", 0) if case.bus == "modbus-tcp" else None
     with ModbusBench(profile=case.family, tcp=tcp, unit=NODE, seed=SEED) as bench:
-        told = dict(bench.tool_options)
+        told = {**bench.tool_options, "timeout": 5.0}  # a busy computer is no reason to give a drive up
         options = BusOptions(
             told.pop("interface"), told.pop("channel"), told.pop("bitrate", None), extra=told
         )
