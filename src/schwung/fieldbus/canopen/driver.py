@@ -66,7 +66,7 @@ class CanopenDrive:
         self.profile, self.node_id = profile, node_id
         self._bit_rate, self._bus_options = bit_rate, bus_options
         self._scales: Scales | None = None
-        self._dictionary = eds.load_dictionary(profile.eds_path, node_id)
+        self._eds = eds.read_eds(profile.eds_path, node_id)
         self._layouts = pdo.layouts(profile, self._lookup, node_id)
         self._heartbeat: HeartbeatProducer | None = None
         self._played: list[Parameter] = []  # what playing changes, and puts back by itself
@@ -164,13 +164,8 @@ class CanopenDrive:
     # ── parameters ───────────────────────────────────────────────────────────────────────────────────────────────
 
     def parameter(self, index: int, subindex: int = 0) -> Parameter:
-        """Look up a parameter. Raises InputError when the EDS does not have it."""
-        found = self._lookup(index, subindex)
-        if found is None:
-            raise InputError(
-                str(self.profile.eds_path), f"has no 0x{index:04X}:{subindex:02X}", "Check the index."
-            )
-        return found
+        """Look up a parameter. Raises InputError, with the line in the EDS where that is known, when it lacks it."""
+        return self._eds.parameter(index, subindex)
 
     def read(self, parameter: Parameter) -> ParameterValue:
         """Read one parameter. Raises SdoError. A PDO mapping entry that the drive does not show counts as 0."""
@@ -286,7 +281,7 @@ class CanopenDrive:
     # ── within ───────────────────────────────────────────────────────────────────────────────────────────────────
 
     def _lookup(self, index: int, subindex: int) -> Parameter | None:
-        return eds.find_parameter(self._dictionary, index, subindex)
+        return self._eds.find(index, subindex)
 
     def _read_integer(self, parameter: Parameter) -> int | None:
         return self._sdo.read_integer(parameter.index, parameter.subindex, parameter.type)
@@ -342,12 +337,13 @@ class CanopenDrive:
         place = f"node {self.node_id}"
         identity = read_identity(self._sdo, self._link.name)
         expected = self.profile.identity
+        described = self._eds.dictionary.device_information
         for what, want, have in (
             ("vendor id", expected and expected.vendor_id, identity.vendor_id),
             ("product code", expected and expected.product_code, identity.product_code),
             ("revision", expected and expected.revision, identity.revision),
-            ("vendor id (EDS)", self._dictionary.device_information.vendor_number, identity.vendor_id),
-            ("product code (EDS)", self._dictionary.device_information.product_number, identity.product_code),
+            ("vendor id (EDS)", described.vendor_number, identity.vendor_id),
+            ("product code (EDS)", described.product_number, identity.product_code),
         ):
             if expected is not None and want is not None and want != have:
                 raise InputError(
