@@ -147,12 +147,15 @@ def session_of(case: Case, folder: Path) -> Session:
     return read_session(path)
 
 
-def make_session(case: Case) -> Session:
-    """A reference and four excited runs (the first with phase 0), recorded on the virtual axis."""
+def make_session(case: Case, limit_nm: float = 1e6) -> Session:
+    """A reference and four excited runs (the first with phase 0), recorded on the virtual axis.
+
+    `limit_nm`: of the torque, where the condition has none of its own.
+    """
     clip = CONDITIONS[case.condition].clip
-    limit = 1e6
+    limit = limit_nm
     if clip is not None:
-        free = [_record(case, phase, limit) for phase in (None, PHASES[0])]
+        free = [_record(case, phase, 1e6) for phase in (None, PHASES[0])]
         limit = clip * max(float(np.max(np.abs(run.torque_nm))) for run in free)
     runs = tuple(_record(case, phase, limit) for phase in (None, *PHASES))
     return Session(runs, created="2026-01-01T00:00:00", source="benchmark")

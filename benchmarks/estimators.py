@@ -31,6 +31,7 @@ from estimator_cases import (
     CONDITIONS,
     MACHINES,
     PHASES,
+    SLIDER_CRANK,
     USUAL_S,
     Case,
     Entrant,
@@ -51,6 +52,7 @@ from schwung.session import Session
 
 __all__ = ["PHASES", "Score", "main", "score"]
 
+OURS = ("multiphase", "trajectory")
 CACHE = Path(os.environ.get("XDG_CACHE_HOME", Path.home() / ".cache")) / "schwung" / "benchmark"
 #: What the drive adds to the recordings' own noise: a speed from counts of the angle, and the angle's counts.
 _COUNTED_RAD_S, _COUNT_RAD = 0.012, 2 * np.pi / 2**20
@@ -116,10 +118,7 @@ def _score(case: Case, entrant: Entrant, session: Session) -> Score:
     condition = CONDITIONS[case.condition]
     machine = believed(session, condition.clip is not None)
     if entrant.method == BOUND:
-        speed = np.hypot(np.hypot(condition.noise.speed_rad_s, _COUNTED_RAD_S),
-                         condition.noise.speed_count_rad_s / np.sqrt(12))  # fmt: skip
-        noise = Noise(condition.noise.torque_nm, float(speed), _COUNT_RAD / np.sqrt(12))
-        least = cramer_rao(session, known(session, machine, case.inertia), noise=noise)
+        least = cramer_rao(session, known(session, machine, case.inertia), noise=noise_of(case.condition))
         return Score(**head, rmse=least.rms_kgm2)
     watch = _Timed(METHODS[entrant.method])
     METHODS[entrant.method] = watch
@@ -145,6 +144,13 @@ def _score(case: Case, entrant: Entrant, session: Session) -> Score:
         whole_us=1e6 * whole / samples,
         moving_s=sum(case.motion.total_s for _ in session.runs),
     )
+
+
+def noise_of(condition: str) -> Noise:
+    """What it was made of, the drive's own part counted."""
+    made = CONDITIONS[condition].noise
+    speed = np.hypot(np.hypot(made.speed_rad_s, _COUNTED_RAD_S), made.speed_count_rad_s / np.sqrt(12))
+    return Noise(made.torque_nm, float(speed), _COUNT_RAD / np.sqrt(12))
 
 
 def _for_method(session: Session, method: str) -> Session:
@@ -223,6 +229,26 @@ def _show(scores: list[Score], methods: tuple[str, ...]) -> Iterator[str]:
         for method in (*methods, BOUND):
             values = [[s.rmse for s in rows if s.method == method and getattr(s, name) == c] for c in columns]
             cells = (1e3 * np.nanmedian(v) if np.isfinite(v).any() else np.nan for v in values)
+            yield f"{method:22}" + "".join(f"{cell:13.3g}" for cell in cells)
+    yield from _near(usual)
+
+
+def _near(usual: list[Score]) -> Iterator[str]:
+    """How near ours come to the bound on the Table 1 machine."""
+    least = {s.case: s.rmse for s in usual if s.method == BOUND and s.machine == SLIDER_CRANK}
+    for condition in (CLEAN, "clipped"):
+        times = sorted({case.duration_s for case in least if case.condition == condition}, reverse=True)
+        if not times:
+            continue
+        yield f"\nTable 1 machine, RMSE over the Cramér-Rao bound of the same runs, {condition}, by motion time in s"
+        yield " " * 22 + "".join(f"{time!s:>13}" for time in times)
+        for method in OURS:
+            ratios = [
+                [s.rmse / least[s.case] for s in usual if s.method == method and s.case in least
+                 and (s.condition, s.duration_s) == (condition, time)]
+                for time in times
+            ]  # fmt: skip
+            cells = (float(np.sqrt(np.mean(np.square(of)))) if of else np.nan for of in ratios)
             yield f"{method:22}" + "".join(f"{cell:13.3g}" for cell in cells)
 
 
