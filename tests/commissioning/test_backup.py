@@ -3,10 +3,13 @@
 from __future__ import annotations
 
 import json
+import tempfile
 from collections.abc import Sequence
 from pathlib import Path
 
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
 from schwung.commissioning.backup import plan_restore, read_snapshot, write_plan
 from schwung.commissioning.compare import Configuration, compare
@@ -362,3 +365,30 @@ def test_commands_live_values_and_strangers_are_left_out_of_what_is_written() ->
     assert "ro" in left[0x1018]
     assert "not in the EDS" in left[0x3999]
     assert "RPDO 1" in left[0x6081]
+
+
+_KEYS = st.sampled_from(
+    ["changes", "drive", "identity", "index", "subindex", "type", "old", "new", "when", "node_id", "hex"]
+)
+_JSON = st.recursive(
+    st.none() | st.booleans() | st.integers() | st.text(max_size=5),
+    lambda inner: st.lists(inner, max_size=3) | st.dictionaries(_KEYS, inner, max_size=6),
+    max_leaves=12,
+)
+
+
+@settings(max_examples=150, deadline=None)
+@given(st.binary(max_size=200) | _JSON.map(lambda d: json.dumps(d).encode()) | st.dictionaries(
+    st.sampled_from(["changes", "drive", "restored", "stored"]), _JSON, max_size=4
+).map(lambda d: json.dumps({"format": "schwung-backup", "version": 1, **d}).encode()))  # fmt: skip
+def test_any_file_is_read_or_refused(content: bytes) -> None:
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / "a.any"
+        path.write_bytes(content)
+        try:
+            found = load_configuration(path, None)
+        except InputError as refusal:
+            told = str(refusal)
+        else:
+            told = found.words
+    assert str(path) in told

@@ -103,10 +103,13 @@ def _is_concise(content: bytes) -> bool:
 def _backup(path: Path) -> Configuration:
     backup = read_backup(path)
     values = sorted(first_values(backup.changes), key=lambda v: key_of(v.parameter))
-    identity = backup.drive.get("identity") or {}
-    told = {k: int(identity[k]) for k in ("vendor_id", "product_code", "serial") if k in identity}
-    node = identity.get("node_id")
-    return Configuration(str(path), "backup", tuple(values), int(node) if node else None, told)
+    identity = backup.drive.get("identity")
+    told = (
+        {key: value for key, value in identity.items() if isinstance(value, int)}
+        if isinstance(identity, dict)
+        else {}
+    )
+    return Configuration(str(path), "backup", tuple(values), told.get("node_id"), told)
 
 
 def _concise(path: Path, content: bytes, dictionary: EdsFile | None) -> Configuration:

@@ -215,15 +215,16 @@ def read_backup(path: Path) -> Backup:
         raise InputError(
             f"{path}: version", f"is {document.get('version')!r}", f"This Schwung reads {VERSION}."
         )
+    drive = document.get("drive") or {}
+    if not isinstance(document.get("changes"), list) or not isinstance(drive, dict):
+        raise InputError(f"{path}: changes", "is no list, or drive no object", "Give a *.backup.json.")
     changes = []
-    for number, entry in enumerate(document.get("changes", [])):
+    for number, entry in enumerate(document["changes"]):
         try:
             changes.append(_change_from_json(entry))
         except (KeyError, TypeError, ValueError) as error:
             raise InputError(f"{path}: changes[{number}]", f"is damaged ({error})") from error
-    return Backup(
-        document.get("drive") or {}, tuple(changes), document.get("restored"), bool(document.get("stored"))
-    )
+    return Backup(drive, tuple(changes), document.get("restored"), bool(document.get("stored")))
 
 
 def restore_backup(drive: ParameterAccess, path: Path, force: bool = False) -> tuple[ParameterValue, ...]:

@@ -101,6 +101,8 @@ def _integer(text: str, type_name: str, node_id: int) -> Spelled:
         if known is None and re.fullmatch(r"[-+]?\d{1,20}[.,]0*", text):
             known = int(re.split(r"[.,]", text)[0])
         if known is None:
+            known = _evaluate(text, node_id)
+        if known is None:
             problem = f'"{shorten(text)}" is no {type_name}'
             return Spelled(None, problem, "Write a decimal number, or a hexadecimal one with 0x.")
         number, problem = known, f'"{shorten(text)}" is read as {known}'
