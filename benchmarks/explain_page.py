@@ -62,7 +62,11 @@ def demands(of: dict[str, list[CaseScore]], folder: Path) -> str:
         ("… all named, and nothing else", "", share(s.all_named and not s.extra for s in several)),
         ("nothing hidden: false alarms", "≤ 2 %", share(bool(s.names) for s in none)),
         ("… verdict other than consistent", "", share(s.verdict != "consistent" for s in none)),
-        ("foreign effect: not named as something else", "≥ 90 %", share(not s.names for s in foreign)),
+        (
+            "foreign effect: not named as something else",
+            "≥ 90 %",
+            share(not s.names and not s.error for s in foreign),
+        ),
         ("true coordinate first", "≥ 90 %", share(bool(s.coordinate_right) for s in hidden)),
         ("interval overlap ≥ 0.7", "", share(value >= 0.7 for value in overlaps)),
         ("interval overlap, mean", "≥ 0.7", f"{np.mean(overlaps):.2f}" if overlaps else "not run"),
@@ -71,7 +75,7 @@ def demands(of: dict[str, list[CaseScore]], folder: Path) -> str:
         ("held-out residual ≤ 1.2 floors when explained", "all", share(value <= 1.2 for value in proven)),
     ]
     text = table(("what", "demand", "measured"), rows)
-    lost = folder / "single" / "control.txt"
+    lost = folder / "control" / "control.txt"
     return text + ("\n\n" + lost.read_text(encoding="utf-8").strip() if lost.exists() else "")
 
 
@@ -159,9 +163,8 @@ def misses(of: dict[str, list[CaseScore]], folder: Path) -> str:
     return table(("set", "seed", "hidden", "named", "verdict"), rows) if rows else "None."
 
 
-def main() -> None:
-    """Command line."""
-    folder = Path(sys.argv[1])
+def page(folder: Path) -> str:
+    """All tables of the scored sets in a folder, as Markdown."""
     of = {kind: score_all(folder / kind) if (folder / kind).exists() else [] for kind in KINDS}
     parts = (
         ("The demands", demands(of, folder)),
@@ -171,8 +174,8 @@ def main() -> None:
         ("The peer", peers(of, folder)),
         ("Every miss", misses(of, folder)),
     )
-    print("\n\n".join(f"## {title}\n\n{text}" for title, text in parts))
+    return "\n\n".join(f"## {title}\n\n{text}" for title, text in parts)
 
 
 if __name__ == "__main__":
-    main()
+    print(page(Path(sys.argv[1])))

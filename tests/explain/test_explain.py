@@ -28,6 +28,12 @@ EFFECTS = (
     ("friction_drift", "change_nm", 0.15, 406),
     ("coupling_stiffness", "stiffness_nm_rad", 0.03, 407),
     ("periodic_disturbance", "frequency_hz", 0.01, 408),
+    ("torque_lag", "time_constant_s", 0.02, 60042),
+)
+#: A little off, what is concealed here would draw a name beside its own: a shifted table; cogging.
+MIMICKED = (
+    ("single", ("encoder_eccentricity",), 60018),
+    ("two", (), 1314),
 )
 
 
@@ -56,6 +62,13 @@ def test_a_concealed_effect_is_named_measured_and_proven(
         value, true = first.parameters[key].value, label["effects"][0]["parameters"][key]
         assert isinstance(value, float)
         assert value == pytest.approx(true, rel=tolerance)
+
+
+@pytest.mark.parametrize(("kind", "among", "seed"), MIMICKED)
+def test_no_further_name_is_drawn(kind: str, among: tuple[str, ...], seed: int, tmp_path: Path) -> None:
+    session, machine, label = drawn(tmp_path, seed, kind=kind, among=among)
+    hidden = {effect["physics"] for effect in label["effects"]}
+    assert {finding.physics for finding in explain(session, machine).findings} == hidden
 
 
 def test_nothing_is_named_where_nothing_is_concealed(tmp_path: Path) -> None:

@@ -168,3 +168,20 @@ def test_uncentred_undoes_what_an_eccentric_encoder_reports() -> None:
     np.testing.assert_allclose(
         motion.acceleration[inner], np.gradient(np.gradient(true, step), step)[inner], atol=2e-3
     )
+
+
+def test_uncentred_is_exact_for_an_encoder_that_is_far_off() -> None:
+    """What is neglected of five degrees would pass for a shifted inertia table."""
+    amplitude, phase, t = 0.09, -0.4, np.linspace(0.0, 1.0, 200)
+    true, speed, acceleration = 3 * np.sin(2 * t), 6 * np.cos(2 * t), -12 * np.sin(2 * t)
+    off = true + phase
+    seen = true + amplitude * np.sin(off)
+    seen_speed = speed * (1 + amplitude * np.cos(off))
+    seen_acceleration = acceleration * (1 + amplitude * np.cos(off)) - amplitude * np.sin(off) * speed**2
+    reported = forward.Motion(seen, seen_speed, seen_acceleration, np.zeros_like(t), 0.005)
+
+    motion = forward.uncentred(reported, amplitude, phase)
+
+    np.testing.assert_allclose(motion.angle, true, atol=1e-11)
+    np.testing.assert_allclose(motion.speed, speed, atol=1e-10)
+    np.testing.assert_allclose(motion.acceleration, acceleration, atol=1e-9)

@@ -202,6 +202,8 @@ def search(problem: Problem, first: Fitted, progress: Progress | None = None) ->
         beam = sorted(grown.values(), key=found.score)[:BEAM]
         if not beam or not found.worthwhile(smaller, min(beam, key=lambda f: f.chi2)):
             break
+        if min(fitted.misfit for fitted in beam) < CONSISTENT:  # nothing is worthwhile beside these
+            break
     return found
 
 
