@@ -166,7 +166,7 @@ def _interrupt(done: int, total: int) -> None:
     [
         ("emcy=0x4310@on+0.4", None, DriveFaultError),
         ("following-error@on+0.3", None, DriveFaultError),
-        ("", _interrupt, KeyboardInterrupt),
+        ("turn-around=0.0005", _interrupt, KeyboardInterrupt),  # slow enough to be interrupted
     ],
 )
 def test_trouble_in_the_motion_stops_the_generator_and_keeps_the_trace_so_far(

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from schwung.fieldbus.canopen import BusOptions, CanopenDrive, open_bus
-from schwung.fieldbus.drive import Acquisition, Recording, Setpoints
+from schwung.fieldbus.drive import Acquisition, Recording, Setpoints, Sine
 from schwung.fieldbus.profile import load_profile
 
 pytestmark = pytest.mark.vcan
@@ -37,11 +37,13 @@ Bench("two-mass", interface="socketcan", channel="{channel}", clock="{clock}", n
 
 
 @contextmanager
-def enabled(channel: str, rate_hz: float, sync: str) -> Iterator[CanopenDrive]:
+def enabled(
+    channel: str, rate_hz: float, sync: str, acquisition: Acquisition | None = None
+) -> Iterator[CanopenDrive]:
     bus = open_bus(BusOptions("socketcan", channel))
     drive = CanopenDrive(bus, 5, load_profile("schwung-bench"), sync=sync)  # type: ignore[arg-type]  # a literal
     try:
-        acquisition = Acquisition("csp", rate_hz, heartbeat_s=0.5)
+        acquisition = acquisition or Acquisition("csp", rate_hz, heartbeat_s=0.5)
         drive.write(drive.setup(acquisition))
         drive.start(acquisition)
         drive.enable()
@@ -92,3 +94,37 @@ def test_lockstep_over_the_kernels_bus_loses_nothing(vcan_channel: str, measured
     assert recording.timing.producer == "lockstep"
     assert recording.lost.size == 0
     assert np.max(np.abs(recording.position_rad - recording.position_demand_rad)) < 0.02
+
+
+def test_the_drives_trace_starts_with_the_motion_that_the_kernel_plays(
+    vcan_channel: str, measured: Measured
+) -> None:
+    """In real time: the trace's row 0 is the motion's start on the drive's clock, whenever our frames came."""
+    way = Acquisition(
+        "csp",
+        RATE_HZ,
+        heartbeat_s=0.5,
+        sampling="trace",
+        injecting="generator",
+        trace_rate_hz=1000.0,
+        trace_s=1.0,
+    )
+    rest = np.zeros(40)
+    path = np.concatenate([rest, stroke(200, RATE_HZ).position_rad])
+    with bench_process(vcan_channel, "wall"), enabled(vcan_channel, RATE_HZ, "kernel", way) as drive:
+        recording = drive.play(Setpoints(RATE_HZ, path, np.zeros(path.size), generator=Sine(50.0, 20.0)))
+        assert drive.read(drive.parameter(0x2100, 4)).raw == 0
+    assert recording.sampling == "trace"
+    assert recording.lost.size == 0
+    due = np.arange(path.size) / RATE_HZ
+    worst = recording.timing.max_s  # as unevenly as SYNC came, so do setpoints
+    time = recording.start_s + np.arange(recording.position_rad.size) / 1000.0
+    off = recording.position_demand_rad - np.interp(time, due, path)
+    first = time < recording.start_s + 0.05
+    measured(
+        "trace over vcan", f"{recording.position_rad.size} rows, demand off by {np.max(np.abs(off)):.1e} rad"
+    )
+    assert (
+        np.max(np.abs(off[first])) < 2e-3 + 0.5 * worst
+    )  # at up to 0.5 rad/s: a setpoint's time off would be more
+    assert np.ptp(recording.torque_added_nm) == pytest.approx(40.0, rel=0.05)

@@ -44,6 +44,7 @@ class SdoServer:
         self._send = send
         self._transfer: _Transfer | None = None
         self._last_s = 0.0
+        self._served = False  # since the last look at the clock: answers may have taken long to send
 
     def reset(self) -> None:
         """Forget a transfer under way."""
@@ -51,6 +52,8 @@ class SdoServer:
 
     def tick(self, now: float) -> None:
         """Abort a transfer whose client has fallen silent."""
+        if self._served:
+            self._last_s, self._served = now, False
         if self._transfer is not None and now - self._last_s > TIMEOUT_S:
             self._abort(Code.TIMED_OUT)
 
@@ -58,7 +61,7 @@ class SdoServer:
         """Handle one frame of the client."""
         if len(frame) < 8:
             return
-        self._last_s = now
+        self._last_s, self._served = now, True
         try:
             if self._transfer is not None and self._transfer.phase == "block download":
                 self._block_segment(self._transfer, frame)

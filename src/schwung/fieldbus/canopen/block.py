@@ -70,8 +70,8 @@ class BlockUpload:
     def _run(self) -> bytes:
         self._send(bytes([_INITIATE | _WITH_CRC]) + self._multiplexer + bytes([SEGMENTS, 0, 0, 0]))
         answer = self._next("no answer to the request")
-        if answer[0] & 0xE1 != 0xC0 or answer[1:4] != self._multiplexer:
-            raise BlockError(f"unexpected answer 0x{answer[0]:02X}", _COMMAND)
+        while answer[0] & 0xE1 != 0xC0 or answer[1:4] != self._multiplexer:  # late, and of an earlier request
+            answer = self._next("no answer to the request")
         size = struct.unpack_from("<I", answer, 4)[0] if answer[0] & 2 else None
         checked = bool(answer[0] & _WITH_CRC)
         self._send(bytes([_START]) + bytes(7))

@@ -44,9 +44,12 @@ ABORT_CODES = {
 }  # fmt: skip
 _SILENT_TIMEOUT_S = 0.2  # for a node that did not answer last time: the way out shall be short
 _ABSENT = (0x06020000, 0x06090011)
+_TIMED_OUT = "No SDO response"  # how canopen's error says so
+_TRANSIENT = (0x05030000, 0x05040000)  # toggle bit, time-out: a frame was lost or late, so try again
 _UNKNOWN_COMMAND = 0x05040001  # what a server without block transfer answers
 _BLOCK_ATTEMPTS = 2
-_QUIET_S, _DRAINED_S = 0.03, 1.0  # so long without a frame: the rest of a broken block has passed by
+_BLOCK_PATIENCE = 2.0  # times the time-out: a server may have a whole sub-block to get ready
+_DRAINED_S = 3.0  # the rest of a broken block has passed by at the latest
 _REMEDIES = {
     0x08000022: "Disable the drive, or put the node in pre-operational, and try again.",
     0x06010002: "Leave it out of what is written.",
@@ -195,7 +198,7 @@ class SdoChannel:
             client.wait,
             parameter.index,
             parameter.subindex,
-            self.timeout_s,
+            _BLOCK_PATIENCE * self.timeout_s,
         ).run()
 
     def _block_download(self, parameter: Parameter, data: bytes) -> bool:
@@ -237,7 +240,7 @@ class SdoChannel:
         """Let the rest of a broken block pass by: its segments could be taken for the answers to what follows."""
         client, deadline = self._client, time.monotonic() + _DRAINED_S
         client.multiplexer = _multiplexer(parameter)
-        while client.wait(_QUIET_S) is not None and time.monotonic() < deadline:
+        while client.wait(self.timeout_s) is not None and time.monotonic() < deadline:
             pass
         client.multiplexer = None
         client.clear()
@@ -258,6 +261,9 @@ class SdoChannel:
                     return result
                 except _AbortedError as error:
                     self._silent = False
+                    if error.code in _TRANSIENT and attempt + 1 < attempts:
+                        self._drain(parameter)
+                        continue
                     words = ABORT_CODES.get(error.code, "unknown abort code")
                     raise SdoError(
                         place,
@@ -272,7 +278,10 @@ class SdoChannel:
                             f"no answer to {verb} it ({error})",
                             "Check power, cable, bit rate and node id.",
                         ) from error
-                    time.sleep(0.02)  # whatever answers now is late: `multiplexer` is None, so it is dropped
+                    if _TIMED_OUT in str(error):
+                        time.sleep(0.02)  # whatever answers now is late: without a multiplexer it is dropped
+                    else:  # something else answered: the rest of an earlier transfer
+                        self._drain(parameter)
         raise AssertionError("unreachable: attempts is at least 1")
 
     def _transfer(self, parameter: Parameter, action: Callable[[], T], timeout_s: float) -> T:
