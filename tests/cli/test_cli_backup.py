@@ -110,6 +110,18 @@ def test_a_dry_run_shows_and_writes_nothing(
     assert [path.name for path in tmp_path.iterdir()] == ["axis.dcf"]
 
 
+def test_a_dry_run_of_a_backup_file_writes_nothing_either(
+    capsys: pytest.CaptureFixture[str], bench: Bench
+) -> None:
+    invoke(capsys, "backup", "axis.backup.json", *_bus(bench))
+    _hold(bench, FOLLOWING, 5)
+    code, out, _ = invoke(capsys, "restore", "axis.backup.json", *_bus(bench), "--dry-run", "--json")
+    assert code == 0
+    assert json.loads(out)["would_restore"] > 100
+    assert _held(bench, FOLLOWING) == 5
+    assert read_backup(Path("axis.backup.json")).restored is None
+
+
 def test_a_restore_keeps_the_way_back_and_says_no_without_a_yes(
     capsys: pytest.CaptureFixture[str], bench: Bench, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -11,10 +11,8 @@ from schwung.cli.options import (
     Bitrate,
     BusOption,
     Channel,
-    DryRun,
     Interface,
     Json,
-    Yes,
     bus_options,
 )
 
@@ -40,8 +38,10 @@ def restore(
     out: Annotated[
         Path | None, typer.Option(help="DCF: folder for the way back; default: schwung-<time>.")
     ] = None,
-    dry_run: DryRun = False,
-    yes: Yes = False,
+    dry_run: Annotated[
+        bool, typer.Option("--dry-run", help="Show what would be written; write nothing.")
+    ] = False,
+    yes: Annotated[bool, typer.Option("-y", "--yes", help="DCF: do not ask before writing.")] = False,
     interface: Interface = None,
     channel: Channel = None,
     bitrate: Bitrate = None,
@@ -78,7 +78,7 @@ def restore(
     options = bus_options(interface, channel, bitrate, bus)
     if wanted.kind == "backup":
         given = interface is not None or channel is not None
-        _put_back(file, force, options, given, node, profile, terminal)
+        _put_back(file, force, options, given, node, profile, terminal, dry_run)
         return
     ask = None if yes else terminal
     _configure(
@@ -94,10 +94,12 @@ def _put_back(
     node: int | None,
     profile: str | None,
     terminal: Terminal,
+    dry_run: bool,
 ) -> None:
     """The old values of a *.backup.json."""
     from schwung.cli.drives import open_drive
     from schwung.commissioning import read_backup, restore_backup
+    from schwung.commissioning.journal import first_values
     from schwung.fieldbus.canopen import BusOptions
 
     content = read_backup(file)
@@ -114,6 +116,14 @@ def _put_back(
             known["interface"], known.get("channel"), known.get("bitrate"), known.get("extra") or {}
         )
     was, family = record.get("identity") or {}, record.get("profile")
+    if dry_run:
+        planned = first_values(content.changes)
+        terminal.table(
+            "Would be put back", ("object", "value"), ((v.parameter.label, v.raw) for v in planned)
+        )
+        terminal.say("Dry run: nothing was written.")
+        terminal.result({"restored": 0, "would_restore": len(planned)})
+        return
     with open_drive(options, node or int(was.get("node_id", 1)), profile or family) as opened:
         values = restore_backup(opened.drive, file, force)
     terminal.table("Put back", ("object", "value"), ((v.parameter.label, v.raw) for v in values))
