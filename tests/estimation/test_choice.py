@@ -7,7 +7,7 @@ from estimation_plant import crank, noisy, phases, session_of
 from schwung.drivetrain.inertia import InertiaTable
 from schwung.errors import InputError
 from schwung.estimation import estimate
-from schwung.estimation.choice import choose
+from schwung.estimation.choice import choose, leaves_much, motion_over_injection
 from schwung.estimation.methods import METHODS, Outcome, Suitability, Task, register
 from schwung.estimation.table import combine_tables
 
@@ -93,6 +93,38 @@ def test_outside_a_table_it_has_no_say():
     np.testing.assert_allclose(table.inertia_kgm2, [0.15, 0.15, 0.1, 0.1, 0.1])
     bare = InertiaTable(np.linspace(0, 4, 5), np.full(5, 0.3))
     assert combine_tables([wide, bare])[1] == pytest.approx([0.5, 0.5])
+
+
+def test_a_record_that_tells_more_is_asked_for_it(bus_rate, machine):
+    """Windows leave most of it idle: the trajectory fit takes their place, what they saw of the ripple stays."""
+    found, windows = estimate(bus_rate, machine), estimate(bus_rate, machine, "denoised")
+    assert found.method == "trajectory"
+    assert any("was taken: it uses motion and injection together" in note for note in found.notes)
+    assert len(found.traces) == len(found.denoised) == 1
+    assert found.trust.miv_kgm2 == windows.trust.miv_kgm2 > 0
+    assert found.table.std_kgm2.max() < windows.table.std_kgm2.mean()
+
+    def rmse(of):
+        return np.sqrt(np.mean((of.table.inertia_kgm2 - crank(of.table.position_rad)) ** 2))
+
+    assert rmse(found) < rmse(windows) / 10
+
+
+def test_phases_suffice_as_long_as_the_injection_tells_most(four, machine):
+    def task(session):
+        return Task(session, session.excited, machine, 50.0, "complex")
+
+    faster = phases(0.15, rate=1000.0)
+    assert motion_over_injection(task(four)) < 1 < motion_over_injection(task(faster))
+    assert not leaves_much(task(four), windowed=False)
+    assert leaves_much(task(faster), windowed=False)
+    assert estimate(four, machine).method == "multiphase"
+    assert estimate(faster, machine).method == "trajectory"
+
+
+def test_a_long_record_is_not_gone_through_once_more(bus_rate, machine, monkeypatch):
+    monkeypatch.setattr("schwung.estimation.choice.MOST_SAMPLES", 100)
+    assert estimate(bus_rate, machine).method == "denoised"
 
 
 @pytest.fixture

@@ -11,9 +11,11 @@ from schwung.drivetrain import Control, Coupling, InertiaTable, Load, Machine, M
 from schwung.errors import InputError
 from schwung.estimation import estimate
 from schwung.estimation import trajectory_kernel as kernel
+from schwung.estimation.bound import cramer_rao
 from schwung.estimation.ripple import LOSS_STD
 from schwung.estimation.trajectory_fit import fit
-from schwung.estimation.trajectory_model import Basis
+from schwung.estimation.trajectory_model import Basis, Noise
+from schwung.estimation.trajectory_signals import thinned as thinned_run
 from schwung.motion import Excitation, Motion
 from schwung.session import Run, Session
 
@@ -198,6 +200,39 @@ def test_the_band_is_calibrated():
     assert 0.5 < float(np.sqrt(np.mean(np.square(errors)))) < 1.5
 
 
+#: An encoder of 20 bit: an angle without any error would have no bound worth naming.
+COUNT = 2 * np.pi / 2**20
+
+
+def counted(session):
+    return replace(
+        session,
+        runs=tuple(replace(r, position_rad=np.round(r.position_rad / COUNT) * COUNT) for r in session.runs),
+    )
+
+
+@pytest.mark.parametrize(
+    ("duration", "options"),
+    [(0.15, {}), (0.10, {"peak": 1e4}), (0.10, {})],
+    ids=["150 ms", "100 ms", "100 ms clipped"],
+)
+def test_what_auto_takes_errs_no_more_than_one_and_a_half_times_the_bound(
+    recorded, machine, duration, options
+):
+    """All angles count, those beyond the motor's turning points, where the coupling lets the load swing on, as well."""
+    session = counted(recorded(duration, **options))
+    found = estimate(session, machine)
+    assert found.method == "trajectory"
+    low, high = found.table.position_rad[[0, -1]]
+    assert low < min(run.position_rad.min() for run in session.runs)
+    assert high > max(run.position_rad.max() for run in session.runs)
+    angle = np.linspace(low - 0.5, high + 0.5, 600)
+    true = Load(viscous_friction_nms=0.1, inertia_table=InertiaTable(angle, crank(angle)))
+    noise = Noise(torque_nm=0.1, speed_rad_s=0.02, position_rad=COUNT / np.sqrt(12))
+    least = cramer_rao(session, machine.model_copy(update={"load": true}), noise=noise)
+    assert rmse(found.table) < 1.5 * least.rms_kgm2
+
+
 # Parts ----------------------------------------------------------------------------------------------------
 
 
@@ -231,3 +266,21 @@ def test_halving_pieces_changes_no_curve():
     finer = basis.finer()
     for before, after in zip(basis.rows(angle), finer.rows(angle), strict=True):
         np.testing.assert_allclose(after @ basis.refined(coefficients), before @ coefficients, atol=1e-10)
+
+
+def test_a_curve_goes_straight_on_beyond_its_range():
+    basis = Basis(-0.2, 3.1, 7)
+    coefficients = np.random.default_rng(1).normal(size=basis.size)
+    ends, beyond = np.array([-0.2, 3.1]), np.array([-0.3, 3.25])
+    value, slope = (rows @ coefficients for rows in basis.rows(ends))
+    further, still = (rows @ coefficients for rows in basis.rows(beyond))
+    np.testing.assert_allclose(further, value + slope * (beyond - ends), atol=1e-12)
+    np.testing.assert_allclose(still, slope, atol=1e-12)
+
+
+def test_a_fast_motion_keeps_its_samples(recorded, machine):
+    """Two in each piece of the curve: steps as long as a piece bend it."""
+    run = recorded(0.25).runs[0]
+    slow, fast = (thinned_run(run, machine, 90.0, pieces_hz).sample_rate_hz for pieces_hz in (300.0, 900.0))
+    assert slow == 1000.0
+    assert fast == 2000.0
