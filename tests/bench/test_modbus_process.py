@@ -1,4 +1,4 @@
-"""The Modbus bench and the tool as two processes: found, looked over, commissioned; killed in mid-motion, put back."""
+"""The tool at the Modbus bench: found, looked over; as two processes: killed in mid-motion, put back."""
 
 from __future__ import annotations
 
@@ -12,11 +12,14 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
+import pytest
 from bench_process import schwung
-from modbus_desk import profile_of
+from modbus_desk import bus_options, profile_of
 
+from schwung.cli import main
 from schwung.cli.demo import BELIEF
 from schwung.fieldbus.modbus import ModbusDrive, ModbusLink, modbus_options
+from schwung_sim.modbus_bench import ModbusBench
 
 FAULT_AND_COMMUNICATION = ("Fault", "0x7500")
 
@@ -51,19 +54,36 @@ def arguments(folder: Path, bus: list[str]) -> list[str]:
     ]  # fmt: skip
 
 
-def test_scan_and_doctor_reach_a_modbus_drive_over_a_serial_line() -> None:
-    with modbus_bench("--modbus-rtu", "--seed", "42") as bus:
-        scanned = schwung("scan", *bus, "--nodes", "1-2", "--json")
-        assert scanned.returncode == 0, scanned.stderr
-        (node,) = json.loads(scanned.stdout)["nodes"]
+def invoke(capsys: pytest.CaptureFixture[str], *arguments: str) -> tuple[int, str, str]:
+    """The tool within this process: exit code, stdout and stderr."""
+    with pytest.raises(SystemExit) as ended:
+        main(list(arguments))
+    return int(ended.value.code or 0), *capsys.readouterr()
+
+
+def test_scan_and_doctor_reach_a_modbus_drive_over_a_serial_line(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    with ModbusBench(seed=42) as bench:
+        options = bus_options(bench)
+        bus = ["-i", str(options.interface), "-c", str(options.channel), "-b", str(options.bitrate)]
+        bus += [part for key, value in options.extra.items() for part in ("--bus", f"{key}={value}")]
+        code, out, err = invoke(capsys, "scan", *bus, "--nodes", "1-2", "--json")
+        assert code == 0, err
+        (node,) = json.loads(out)["nodes"]
         assert (node["profiles"], node["serial"]) == (["schwung-bench-modbus"], 42)
-        looked = schwung("doctor", *bus, "--json")
-        assert looked.returncode == 0, looked.stderr
-        assert json.loads(looked.stdout)["can_start"]
-        wrong = schwung("doctor", *bus, "--profile", "schwung-bench")
-        assert wrong.returncode == 2
-        assert "is not for Modbus" in wrong.stderr
-        assert "Traceback" not in wrong.stderr
+        code, out, err = invoke(capsys, "doctor", *bus, "--json")
+        assert code == 0, err
+        assert json.loads(out)["can_start"]
+        code, _, err = invoke(capsys, "doctor", *bus, "--profile", "schwung-bench")
+        assert code == 2
+        assert "is not for Modbus" in err
+        machine = tmp_path / "machine.toml"
+        machine.write_text(BELIEF)
+        moving = ["-m", str(machine), "--angles", "0", "-y", "--out", str(tmp_path)]
+        code, _, err = invoke(capsys, "bode", *moving, *bus)
+        assert code == 3
+        assert "Modbus is too slow for setpoints" in err
 
 
 def test_killed_in_mid_motion_the_drive_stops_by_itself_and_restore_puts_it_back(tmp_path: Path) -> None:
