@@ -160,7 +160,10 @@ def state_checks(state: DriveState) -> Iterator[Check]:
         )  # fmt: skip
     elif told == "unknown":
         yield Check(
-            "state", "stop", "the drive shows no statusword", "Is this a CiA 402 drive, and its profile?"
+            "state",
+            "stop",
+            "it cannot be read: drive or profile have no statusword",
+            "Is it the right profile?",
         )
     else:
         nmt = "" if state.nmt == "UNKNOWN" else f"{state.nmt.lower()}, "

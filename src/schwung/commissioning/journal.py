@@ -246,7 +246,7 @@ def restore_backup(drive: ParameterAccess, path: Path, force: bool = False) -> t
                 f"was taken from a drive with {key} {was[key]:#x}, this one has {getattr(now, key):#x}",
                 "Connect the right drive, or insist with --force.",
             )
-    values = first_values(backup.changes)
+    values = _to_write(drive, backup.changes)
     drive.disable()  # a drive that stopped by itself may still hold the axis
     refused = _write_what_is_taken(drive, values)
     if refused:
@@ -261,6 +261,19 @@ def restore_backup(drive: ParameterAccess, path: Path, force: bool = False) -> t
     document["restored"] = _now()
     replace_file(path, json.dumps(document, indent=2))
     return tuple(values)
+
+
+def _to_write(drive: ParameterAccess, changes: Sequence[Change]) -> list[ParameterValue]:
+    """What has to be put back. What nobody meant to change is left alone where it is as it was."""
+    meant = {change.parameter for change in changes if change.old != change.new}
+    return [v for v in first_values(changes) if v.parameter in meant or not _holds(drive, v)]
+
+
+def _holds(drive: ParameterAccess, value: ParameterValue) -> bool:
+    try:
+        return drive.read(value.parameter).raw == value.raw
+    except ParameterError:
+        return False
 
 
 def _write_what_is_taken(drive: ParameterAccess, values: Sequence[ParameterValue]) -> list[str]:
