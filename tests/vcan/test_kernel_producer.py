@@ -41,7 +41,8 @@ def enabled(
     channel: str, rate_hz: float, sync: str, acquisition: Acquisition | None = None
 ) -> Iterator[CanopenDrive]:
     bus = open_bus(BusOptions("socketcan", channel))
-    drive = CanopenDrive(bus, 5, load_profile("schwung-bench"), sync=sync)  # type: ignore[arg-type]  # a literal
+    profile = load_profile("schwung-bench")
+    drive = CanopenDrive(bus, 5, profile, sync=sync, sdo_timeout_s=2.0)  # type: ignore[arg-type]  # a literal
     try:
         acquisition = acquisition or Acquisition("csp", rate_hz, heartbeat_s=0.5)
         drive.write(drive.setup(acquisition))
@@ -96,6 +97,7 @@ def test_lockstep_over_the_kernels_bus_loses_nothing(vcan_channel: str, measured
     assert np.max(np.abs(recording.position_rad - recording.position_demand_rad)) < 0.02
 
 
+@pytest.mark.timeout(240)
 def test_the_drives_trace_starts_with_the_motion_that_the_kernel_plays(
     vcan_channel: str, measured: Measured
 ) -> None:
