@@ -1,6 +1,7 @@
 """A drive on Modbus through the real driver: it moves, injects and records by itself, and every trouble stops it."""
 
 import threading
+import time
 from dataclasses import replace
 
 import numpy as np
@@ -8,8 +9,10 @@ import pytest
 from modbus_desk import ModbusDesk, line_options, modbus_desk, profile_of, until
 
 from schwung.errors import DriveFaultError, InputError, NodeLostError, RegisterError, StateError
+from schwung.fieldbus.cia402 import NEW_SET_POINT
 from schwung.fieldbus.drive import Guard, Sine, partial_recording
 from schwung.fieldbus.modbus import ModbusDrive, ModbusLink, match_profile, scan_units
+from schwung.fieldbus.modbus.machine import Machine
 from schwung_sim.drives.modbus.power import State
 from schwung_sim.modbus_bench import ModbusBench
 
@@ -172,6 +175,53 @@ def test_a_short_silence_on_a_serial_line_is_outlived() -> None:
         assert recording.lost.size == 0
         assert recording.position_demand_rad[-1] == pytest.approx(3.0, abs=1e-5)
         assert room.bench.servo.moves == 1
+
+
+@pytest.mark.parametrize("back", [True, False])
+def test_a_start_command_does_not_go_over_a_connection_that_came_back(
+    back: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Lost between the last look and the start; found out by whoever asks next, or by the start command itself."""
+    advance, write = Machine.advance, ModbusLink.write
+    starts: list[int] = []
+
+    def noted(link: ModbusLink, address: int, words: tuple[int, ...]) -> None:
+        starts.extend(word for word in words if address == 100 and word & NEW_SET_POINT)
+        write(link, address, words)
+
+    monkeypatch.setattr(ModbusLink, "write", noted)
+    with modbus_desk(timeout_s=0.1) as room, room.enabled(duration_s=0.2):
+
+        def advance_late(machine: Machine, controlword: int) -> None:
+            if controlword & NEW_SET_POINT:
+                room.bench.server.drop()
+                time.sleep(0.02)
+                if back:
+                    machine.statusword()
+            advance(machine, controlword)
+
+        monkeypatch.setattr(Machine, "advance", advance_late)
+        with pytest.raises(NodeLostError, match="the connection was lost"):
+            room.drive.play(room.stroke(1.0))
+        assert len(starts) == (0 if back else 1)
+        assert room.bench.servo.moves == 0
+        assert until(lambda: room.bench.servo.power.state is State.QUICK_STOP)
+
+
+def test_a_halt_from_elsewhere_is_not_overtaken_by_the_start(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Asked for between the last look and the start."""
+    advance = Machine.advance
+    with modbus_desk() as room, room.enabled(duration_s=0.2):
+
+        def advance_late(machine: Machine, controlword: int) -> None:
+            if controlword & NEW_SET_POINT:
+                room.drive.halt()
+            advance(machine, controlword)
+
+        monkeypatch.setattr(Machine, "advance", advance_late)
+        with pytest.raises(StateError, match="was halted"):
+            room.drive.play(room.stroke(1.0))
+        assert room.bench.servo.moves == 0
 
 
 def test_a_start_command_that_was_not_answered_is_not_sent_again() -> None:

@@ -103,6 +103,16 @@ class ModbusLink:
 
         self._request(_place(address, len(words)), ask, 1)
 
+    @contextlib.contextmanager
+    def alone(self) -> Iterator[None]:
+        """Nobody else asks inside the block, and it begins connected: `losses` tells whether that is a new connection.
+
+        Raises BusError where there is nobody.
+        """
+        with self._lock:
+            self._ready()
+            yield
+
     def _request(self, place: str, ask: Callable[[], ModbusPDU], attempts: int) -> ModbusPDU:
         with self._lock:
             for attempt in range(1, attempts + 1):

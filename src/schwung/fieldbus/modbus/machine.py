@@ -1,6 +1,7 @@
 """The CiA 402 state machine of a Modbus drive: looked at, climbed, left; and halted after a lost connection.
 
-A controlword is written once. Whoever waits here notices a fault, a halt and a lost connection, and raises.
+A controlword is written once, and one that starts something never over a connection that came back. Whoever waits here
+notices a fault, a halt and a lost connection, and raises.
 """
 
 from __future__ import annotations
@@ -14,6 +15,7 @@ from schwung.errors import DriveError, DriveFaultError, NodeLostError, StateErro
 from schwung.fieldbus import cia402
 from schwung.fieldbus.cia402 import State
 from schwung.fieldbus.modbus.registers import Registers
+from schwung.fieldbus.profile import ObjectRef
 from schwung.fieldbus.profile import State as StateRegisters
 
 POLL_S = 0.005
@@ -79,8 +81,24 @@ class Machine:
     # ── moving between states ────────────────────────────────────────────────────────────────────────────────────
 
     def command(self, controlword: int) -> None:
-        """Write the controlword, once."""
+        """Write a controlword that stops or switches off, once."""
         self._registers.put(self._state.controlword, controlword)
+
+    def advance(self, controlword: int) -> None:
+        """Write a controlword that switches on or starts, once; as `start`."""
+        self.start(self._state.controlword, controlword)
+
+    def start(self, ref: ObjectRef, value: int) -> None:
+        """Write what sets something moving, once, and not over a connection that came back meanwhile.
+
+        Raises NodeLostError where the connection was lost since `enable`, StateError after a halt; it is not sent then.
+        """
+        link = self._registers.link
+        with link.alone():
+            self.require_undisturbed()
+            if self._halted.is_set():
+                raise StateError(self._place, "was halted", "Enable it again.")
+            self._registers.put(ref, value)
 
     def enable(self) -> None:
         """Operation enabled. Raises StateError naming what is missing, DriveFaultError."""
@@ -98,7 +116,7 @@ class Machine:
                 raise self._stuck(word, sent, State.OPERATION_ENABLED)
             if step != sent:
                 self._may_move = True
-                self.command(step)
+                self.advance(step)
                 sent = step
             time.sleep(POLL_S)
 

@@ -138,7 +138,7 @@ class Means:
         self.registers.put(self.target, round(move.target_rad / scales.position_rad))
         self.machine.check()
         began_s = time.monotonic()
-        self.machine.command(cia402.ENABLE_OPERATION | cia402.NEW_SET_POINT | cia402.CHANGE_AT_ONCE)
+        self.machine.advance(cia402.ENABLE_OPERATION | cia402.NEW_SET_POINT | cia402.CHANGE_AT_ONCE)
         while not self.machine.check() & cia402.SET_POINT_ACKNOWLEDGE:
             if time.monotonic() - began_s > _ACKNOWLEDGED_S:
                 raise StateError(
@@ -147,7 +147,7 @@ class Means:
                     "Look at its limits and its mode.",
                 )
             time.sleep(POLL_S)
-        self.machine.command(cia402.ENABLE_OPERATION)
+        self.machine.advance(cia402.ENABLE_OPERATION)
         return began_s
 
     def _await(
@@ -203,7 +203,7 @@ class Means:
                 "its generator cannot start with the motion",
                 "Use --phases 1.",
             )
-        self.registers.put(generator.control.object, start)
+        self.machine.start(generator.control.object, start)
         yield
         self.generator_off()
 
