@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import threading
+import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
@@ -147,6 +148,26 @@ def test_supply_remote_and_inputs_are_told(bench: Bench, ask: Ask) -> None:
     if 0x60FD << 8 in od.entries:
         assert "negative limit switch" in found["limit switches"]["text"]
         assert found["interlock"]["severity"] == "warning"
+
+
+def test_an_object_that_the_drive_will_not_show_is_told(channel: str, ask: Ask) -> None:
+    with Bench("two-mass", channel=channel, node_id=3, faults="sdo-abort=0x6064", clock="wall") as bench:
+        while not bench.servo.sdo.aborts:
+            time.sleep(0.01)
+        code, found = ask()
+    assert code == 3
+    assert found["position"]["severity"] == "stop"
+    assert "refuses to show 0x6064:00" in found["EDS"]["text"]
+
+
+def test_a_drive_that_stops_answering_is_a_finding_and_no_failure(channel: str, ask: Ask) -> None:
+    with Bench("two-mass", channel=channel, node_id=3, faults="sdo-timeout=0x6502", clock="wall") as bench:
+        while not bench.servo.sdo.silent:
+            time.sleep(0.01)
+        code, found = ask()
+    assert code == 3
+    assert "6502" in found["answers"]["text"]
+    assert found["bus"]["severity"] == "ok"
 
 
 def test_a_drive_that_is_switched_on_is_left_alone(bench: Bench, ask: Ask) -> None:

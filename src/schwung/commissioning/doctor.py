@@ -145,7 +145,7 @@ def _units(drive: Drive) -> str:
 
 
 def state_checks(state: DriveState) -> Iterator[Check]:
-    """The power stage has to be off, and no fault be present."""
+    """The power stage has to be off, no fault be present, and the position be known."""
     told = state.cia402.lower()
     if "fault" in told:
         error = f": {state.error}" if state.error else "; the drive reports no error code"
@@ -168,6 +168,15 @@ def state_checks(state: DriveState) -> Iterator[Check]:
     else:
         nmt = "" if state.nmt == "UNKNOWN" else f"{state.nmt.lower()}, "
         yield Check("state", "ok", f"{nmt}{state.cia402.lower()}, no fault")
+    if math.isfinite(state.position_rad):
+        yield Check("position", "ok", f"{state.position_rad:.4g} rad")
+    else:
+        yield Check(
+            "position",
+            "stop",
+            "the drive does not show it",
+            "Is an encoder connected, and this the right profile?",
+        )
 
 
 def limit_checks(limits: DriveLimits) -> Iterator[Check]:

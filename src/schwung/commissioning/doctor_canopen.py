@@ -19,7 +19,7 @@ from schwung.commissioning.doctor import (
     with_checks,
 )
 from schwung.commissioning.preflight import Check
-from schwung.errors import BusError, InputError, ParameterError, SdoError
+from schwung.errors import BusError, DriveError, InputError, ParameterError, SdoError
 from schwung.fieldbus import cia402
 from schwung.fieldbus.canopen import BusOptions, CanopenDrive, bit_rate, match_profile, open_bus, scan_bus
 from schwung.fieldbus.canopen.emcy import describe_code
@@ -33,6 +33,7 @@ from schwung.fieldbus.profile.check import check_profile
 LISTEN_S = 0.5
 _SAMPLED = 80  # objects of the EDS that are asked for, beside those of the profile
 _GENERIC = "generic-cia402"
+_ABSENT, _HIDDEN, _RESIZED = "the drive does not have", "it refuses to show", "it has in another size"
 
 
 def examine(
@@ -68,26 +69,34 @@ def examine(
                 else node_checks(bus, node_id, heard)
             )
             return with_checks(Diagnosis((), profile.family), found)
+        dictionary = read_eds(eds or profile.eds_path, node_id)
         try:
-            diagnosis = examine_drive(drive, profile, phase)
-            phase("Comparing the EDS with the drive")
-            dictionary = read_eds(eds or profile.eds_path, node_id)
-            more = [
-                *(
-                    []
-                    if any(c.name == "state" for c in diagnosis.checks)
-                    else state_without_units(drive, dictionary)
-                ),
-                *standard_checks(drive, dictionary, heard),
-                *dictionary_checks(drive, dictionary, profile),
-                *(profile_checks(profile, dictionary) if eds is not None else ()),
-                *pending_backups([folder], drive.identity),
-            ]
+            diagnosis = _look(drive, profile, dictionary, heard, phase)
         finally:
             drive.close()
-        return with_checks(diagnosis, [*found, *more])
+        found += profile_checks(profile, dictionary) if eds is not None else ()
+        return with_checks(diagnosis, [*found, *pending_backups([folder], drive.identity)])
     finally:
         bus.shutdown()
+
+
+def _look(
+    drive: CanopenDrive, profile: CanopenProfile, dictionary: EdsFile, heard: Heard, phase: Phase
+) -> Diagnosis:
+    """All that the drive answers; where it stops answering, that is the gravest finding."""
+    diagnosis = Diagnosis((), profile.family, drive.identity)
+    more: list[Check] = []
+    try:
+        diagnosis = examine_drive(drive, profile, phase)
+        if not any(check.name == "state" for check in diagnosis.checks):
+            more += state_without_units(drive, dictionary)
+        more += standard_checks(drive, dictionary, heard)
+        phase("Comparing the EDS with the drive")
+        more += dictionary_checks(drive, dictionary, profile)
+    except DriveError as error:
+        remedy = error.remedy or "Check its supply and the cable."
+        more.append(Check("answers", "stop", f"not any more: {error.place}: {error.problem}", remedy))
+    return with_checks(diagnosis, more)
 
 
 def _matching(bus: can.BusABC, node_id: int, heard: Heard, found: list[Check]) -> CanopenProfile | None:
@@ -183,7 +192,8 @@ def state_without_units(drive: CanopenDrive, dictionary: EdsFile) -> Iterator[Ch
     read = _Reader(drive, dictionary)
     status, code = read.integer(0x6041), read.integer(0x603F)
     name = "unknown" if status is None else cia402.decode(status).value
-    return state_checks(DriveState("UNKNOWN", name, math.nan, describe_code(code) if code else ""))
+    state = DriveState("UNKNOWN", name, math.nan, describe_code(code) if code else "")
+    return (check for check in state_checks(state) if check.name == "state")
 
 
 def _supply(read: _Reader) -> Iterator[Check]:
@@ -253,7 +263,7 @@ def dictionary_checks(drive: CanopenDrive, dictionary: EdsFile, profile: Canopen
             "firmware", "note", f"the EDS is for revision 0x{int(told, 0):08X}, the drive has 0x{revision:08X}",
             "Where objects are missing below, ask the vendor for the EDS of this firmware.",
         )  # fmt: skip
-    absent, short = [], []
+    missing: dict[str, list[Parameter]] = {}
     asked = _sample(dictionary, profile)
     for parameter in asked:
         try:
@@ -261,20 +271,19 @@ def dictionary_checks(drive: CanopenDrive, dictionary: EdsFile, profile: Canopen
         except ParameterError as error:
             if not was_refused(error):
                 raise
-            if isinstance(error, SdoError) and is_absent(error):
-                absent.append(parameter)
+            gone = isinstance(error, SdoError) and is_absent(error)
+            missing.setdefault(_ABSENT if gone else _HIDDEN, []).append(parameter)
         except InputError:
-            short.append(parameter)
-    if absent or short:
-        parts = ([f"the drive does not have {absent_text(absent)}"] if absent else []) + (
-            [f"it has {absent_text(short)} in another size"] if short else []
-        )
+            missing.setdefault(_RESIZED, []).append(parameter)
+    name = dictionary.path.name
+    if missing:
+        told = "; ".join(f"{words} {absent_text(found)}" for words, found in missing.items())
         yield Check(
-            "EDS", "warning", f"of {len(asked)} objects of {dictionary.path.name}, {'; '.join(parts)}",
+            "EDS", "warning", f"of {len(asked)} objects of {name}, {told}",
             "Give the vendor's EDS of this firmware (--eds); what is needed of them is told above.",
         )  # fmt: skip
     else:
-        yield Check("EDS", "ok", f"{len(asked)} objects of {dictionary.path.name} are all there")
+        yield Check("EDS", "ok", f"{len(asked)} objects of {name} are all there")
     if dictionary.warnings:
         yield Check(
             "EDS file", "note", f"{len(dictionary.warnings)} oddities in {dictionary.path.name}, the first: "
