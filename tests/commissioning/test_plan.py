@@ -5,7 +5,8 @@ import pytest
 from commissioning_drive import DeskDrive, believed_machine
 
 from schwung.commissioning import LimitWishes, Plan
-from schwung.commissioning.plan import Limits, limits_of, make_plan, propose_frequency, setpoints_of
+from schwung.commissioning.limits import Limits, limits_of
+from schwung.commissioning.plan import make_plan, propose_frequency, setpoints_of
 from schwung.drivetrain import Machine
 from schwung.errors import InputError
 from schwung.fieldbus.drive import DriveLimits

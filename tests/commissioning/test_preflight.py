@@ -7,7 +7,8 @@ import pytest
 from commissioning_drive import DeskDrive, believed_machine
 
 from schwung.commissioning import LimitWishes, Plan, Preflight, Survey
-from schwung.commissioning.plan import limits_of, make_plan
+from schwung.commissioning.limits import limits_of
+from schwung.commissioning.plan import make_plan
 from schwung.commissioning.preflight import preflight, survey, with_control, worst
 from schwung.drivetrain import FeedForward
 from schwung.errors import InputError, RefusedError

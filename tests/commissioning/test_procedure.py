@@ -9,7 +9,8 @@ import pytest
 from commissioning_drive import DeskDrive, Silence, believed_machine
 
 from schwung.commissioning import ParameterJournal, Plan, read_backup
-from schwung.commissioning.plan import LimitWishes, limits_of, make_plan
+from schwung.commissioning.limits import LimitWishes, limits_of
+from schwung.commissioning.plan import make_plan
 from schwung.commissioning.preflight import Preflight, preflight, survey
 from schwung.commissioning.procedure import Recorded, record
 from schwung.commissioning.runs import following_error_rms

@@ -9,7 +9,8 @@ import pytest
 from commissioning_drive import DeskDrive, believed_machine
 
 from schwung.commissioning import LimitWishes, Plan
-from schwung.commissioning.plan import PlannedRun, limits_of, make_plan, setpoints_of
+from schwung.commissioning.limits import limits_of
+from schwung.commissioning.plan import PlannedRun, make_plan, setpoints_of
 from schwung.commissioning.runs import following_error, run_of
 from schwung.errors import InputError
 from schwung.fieldbus.drive import Recording, SyncTiming

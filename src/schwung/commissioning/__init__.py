@@ -18,7 +18,8 @@ from schwung.commissioning.journal import (
     read_backup,
     restore_backup,
 )
-from schwung.commissioning.plan import Limits, LimitWishes, Plan
+from schwung.commissioning.limits import Limits, LimitWishes
+from schwung.commissioning.plan import Plan
 from schwung.commissioning.preflight import Check, Preflight, Survey
 from schwung.commissioning.procedure import Observer, Recorded
 from schwung.commissioning.runs import following_error, following_error_rms

@@ -21,14 +21,8 @@ from schwung.commissioning.bode_excitation import (
 )
 from schwung.commissioning.commission import control_of, read_gains, settings_of
 from schwung.commissioning.journal import Change, ParameterJournal
-from schwung.commissioning.plan import (
-    AMPLITUDE_SHARE,
-    Limits,
-    Plan,
-    PlannedRun,
-    believed_inertia_range,
-    limits_of,
-)
+from schwung.commissioning.limits import Limits, limits_of
+from schwung.commissioning.plan import AMPLITUDE_SHARE, Plan, PlannedRun, believed_inertia_range
 from schwung.commissioning.preflight import (
     Check,
     Preflight,

@@ -8,7 +8,8 @@ from typing import Literal
 
 import numpy as np
 
-from schwung.commissioning.plan import AMPLITUDE_SHARE, Limits, LimitWishes, believed_inertia_range
+from schwung.commissioning.limits import Limits, LimitWishes
+from schwung.commissioning.plan import AMPLITUDE_SHARE, believed_inertia_range
 from schwung.commissioning.preflight import HEAVIER
 from schwung.commissioning.procedure import MAX_JITTER_SHARE
 from schwung.drivetrain import Machine, anti_resonance_hz

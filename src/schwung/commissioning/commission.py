@@ -8,7 +8,8 @@ from pathlib import Path
 from typing import Any
 
 from schwung.commissioning.journal import Change, ParameterJournal
-from schwung.commissioning.plan import LimitWishes, Plan, PlannedRun, limits_of, make_plan
+from schwung.commissioning.limits import LimitWishes, limits_of
+from schwung.commissioning.plan import Plan, PlannedRun, make_plan
 from schwung.commissioning.preflight import MAX_BUS_LOAD, Preflight, Survey, preflight, survey, with_control
 from schwung.commissioning.procedure import MAX_JITTER_SHARE, Observer, Recorded, record
 from schwung.commissioning.ways import (

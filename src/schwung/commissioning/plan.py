@@ -1,4 +1,4 @@
-"""What shall be done: limits, motion, injection, repeats; with sensible proposals where the user left a gap."""
+"""What shall be done: motion, injection, repeats; with sensible proposals where the user left a gap."""
 
 from __future__ import annotations
 
@@ -9,12 +9,12 @@ from typing import get_args
 
 import numpy as np
 
+from schwung.commissioning.limits import Limits
 from schwung.drivetrain import InertiaTable, Machine, anti_resonance_hz
 from schwung.errors import InputError
 from schwung.estimation import MIN_PHASES
 from schwung.fieldbus.drive import (
     Acquisition,
-    DriveLimits,
     Guard,
     Injecting,
     Move,
@@ -40,40 +40,6 @@ MIN_SAMPLES_PER_PERIOD = 10
 RAMP_PERIODS, SETTLED_PERIODS = 2, 3
 #: The grid on which the motion is simulated and a frequency is proposed where the drive samples by itself (Hz).
 NOMINAL_RATE_HZ = 1000.0
-
-
-@dataclass(frozen=True)
-class Limits:
-    """What the machine may be asked to do; drive coordinates, SI. All of them must be known before anything moves."""
-
-    position_min_rad: float
-    position_max_rad: float
-    speed_max_rad_s: float
-    torque_max_nm: float
-    following_error_rad: float
-
-    def __post_init__(self) -> None:
-        if not self.position_min_rad < self.position_max_rad:
-            raise InputError(
-                "position window",
-                f"runs from {self.position_min_rad:g} to {self.position_max_rad:g} rad",
-                "Give the lower end first.",
-            )
-        for name in ("speed_max_rad_s", "torque_max_nm", "following_error_rad"):
-            value = getattr(self, name)
-            if not (math.isfinite(value) and value > 0):
-                raise InputError(name, f"is {value:g}", "Give a positive number.")
-
-
-@dataclass(frozen=True)
-class LimitWishes:
-    """Limits as the user gave them; None: take what the drive enforces."""
-
-    position_min_rad: float | None = None
-    position_max_rad: float | None = None
-    speed_max_rad_s: float | None = None
-    torque_max_nm: float | None = None
-    following_error_rad: float | None = None
 
 
 @dataclass(frozen=True)
@@ -178,42 +144,6 @@ class Plan:
 def _injected_until(motion: Motion, frequency_hz: float) -> float:
     """The injection ends half a period before the recording does (s)."""
     return motion.total_s - 0.5 / frequency_hz
-
-
-def limits_of(wishes: LimitWishes, drive: DriveLimits, machine: Machine) -> Limits:
-    """The tighter of what the user allows, what the drive enforces and what the motor can.
-
-    Raises InputError naming every limit that nobody knows: nothing moves before all are known.
-    """
-    low = max(_known(wishes.position_min_rad, drive.position_min_rad), default=None)
-    high = min(_known(wishes.position_max_rad, drive.position_max_rad), default=None)
-    speed = min(_known(wishes.speed_max_rad_s, drive.speed_max_rad_s), default=None)
-    torque = min(
-        _known(wishes.torque_max_nm, drive.torque_max_nm, machine.motor.peak_torque_nm), default=None
-    )
-    following = min(_known(wishes.following_error_rad, drive.following_error_rad), default=None)
-    missing = [
-        option
-        for option, value in {
-            "--min-position": low,
-            "--max-position": high,
-            "--max-speed": speed,
-            "--max-torque": torque,
-            "--following-error": following,
-        }.items()
-        if value is None
-    ]
-    if low is None or high is None or speed is None or torque is None or following is None:
-        raise InputError(
-            "limits",
-            "neither you nor the drive say how far, how fast or how hard this machine may move",
-            f"Give {', '.join(missing)}.",
-        )
-    return Limits(low, high, speed, torque, following)
-
-
-def _known(*values: float | None) -> list[float]:
-    return [value for value in values if value is not None]
 
 
 def believed_inertia_range(machine: Machine) -> tuple[float, float]:
