@@ -244,6 +244,13 @@ SYNTAX = [
     Variant("comment lines", lambda t: "; first\n" + t.replace("\n[", "\n; more [6041]\n# and more\n["), quiet),
     Variant("comments behind values", lambda t: t.replace("AccessType=ro", "AccessType=ro ; never written"), quiet,
             {(0x6041, 0): {"access": "ro"}}),
+    Variant("comments right behind values", lambda t: t.replace("AccessType=ro", "AccessType=ro;x"), quiet,
+            {(0x6041, 0): {"access": "ro"}}),
+    Variant("comment right behind a number", default("6065", "7;counts"), quiet, {(0x6065, 0): {"default": 7}}),
+    Variant("numbers in quotes", lambda t: t.replace("DataType=0x0006", 'DataType="0x0006"'), quiet,
+            {(0x6041, 0): {"type": "UNSIGNED16"}}),
+    Variant("colons for equals signs", lambda t: t.replace("DataType=", "DataType: "), quiet,
+            {(0x6041, 0): {"type": "UNSIGNED16"}}),
     Variant("comment behind a section", replaced("[6041]", "[6041] ; Statusword"), quiet),
     Variant("text behind a section", replaced("[6041]", "[6041] Statusword"),
             warns("[6041]", "behind the bracket")),
@@ -435,11 +442,3 @@ FILES = [
 ]  # fmt: skip
 
 VARIANTS = [*ENCODINGS, *SYNTAX, *OBJECTS, *VALUES, *FILES]
-
-
-def line_of(text: str, at: str) -> int | None:
-    """Number of the line where a text stands (the last time), by any line end; None where nothing is asked for."""
-    if not at:
-        return None
-    plain = text.replace("\r\r\n", "\n\n").replace("\r\n", "\n").replace("\r", "\n")
-    return plain[: plain.rindex(at)].count("\n") + 1

@@ -65,6 +65,12 @@ _BOMS = (
     (codecs.BOM_UTF32_LE, "utf-32"), (codecs.BOM_UTF32_BE, "utf-32"), (codecs.BOM_UTF8, "utf-8-sig"),
     (codecs.BOM_UTF16_LE, "utf-16"), (codecs.BOM_UTF16_BE, "utf-16"),
 )  # fmt: skip
+#: Keys whose value is one word or number: a semicolon ends it, with or without a blank before.
+_WORDS = {
+    "datatype", "objecttype", "accesstype", "pdomapping", "objflags", "subnumber", "compactsubobj", "lowlimit",
+    "highlimit", "supportedobjects", "nrofentries",
+}  # fmt: skip
+_COLON = re.compile(r"\s*\w+\s*:(?!=)")
 _ASCII = "Save the file as plain ASCII text."
 
 
@@ -116,6 +122,8 @@ def split_sections(text: str, warnings: list[EdsWarning]) -> list[Section]:
             current = _open(line, number, found, warnings)
             continue
         key, equals, value = line.partition("=")
+        if not equals and _COLON.match(line):
+            key, equals, value = line.partition(":")
         if not equals or not key.strip():
             garbage.append(number)
             continue
@@ -124,13 +132,20 @@ def split_sections(text: str, warnings: list[EdsWarning]) -> list[Section]:
                 number, "", f'"{shorten(line)}" stands before any section',
                 "Put it below its section's name."))  # fmt: skip
             continue
-        _add(current, Entry(key.strip(), re.split(r"\s;", " " + value)[0].strip(), number), warnings)
+        _add(current, Entry(key.strip(), _value(key.strip().lower(), value), number), warnings)
     if garbage:
         more = f" (and {len(garbage) - 1} more such lines)" if len(garbage) > 1 else ""
         warnings.append(EdsWarning(
             garbage[0], "", f"is neither a section nor key=value{more}, and is left out",
             "Delete the line, or begin it with a semicolon."))  # fmt: skip
     return list(found.values())
+
+
+def _value(key: str, text: str) -> str:
+    """Without comment, and a single word without quotes."""
+    if key in _WORDS or key.isdecimal():
+        return text.partition(";")[0].strip().strip('"').strip()
+    return re.split(r"\s;", " " + text)[0].strip()
 
 
 def _open(line: str, number: int, found: dict[str, Section], warnings: list[EdsWarning]) -> Section:

@@ -14,6 +14,7 @@ from dataclasses import dataclass
 from schwung.fieldbus.drive import RawValue
 from schwung.fieldbus.eds.types import byte_size, integer_range
 
+_TEXTS = ("VISIBLE_STRING", "UNICODE_STRING")
 _LONGEST = 40  # characters of an integer; more is no value of any type
 _NODE = r"\$?\{?\$?\s*NODE_?\s?ID\s*\}?\$?"
 _HAS_NODE = re.compile(_NODE, re.IGNORECASE)
@@ -61,13 +62,15 @@ def shorten(text: str) -> str:
 def read_value(text: str, type_name: str, node_id: int) -> Spelled:
     """What a DefaultValue or ParameterValue means. An empty text means nothing, and is nothing to complain about."""
     text = text.strip()
-    if not text or (text.upper() == "NULL" and type_name not in ("VISIBLE_STRING", "UNICODE_STRING")):
+    if type_name not in _TEXTS:
+        text = text.partition(";")[0].strip().strip('"').strip()
+    if not text or (text.upper() == "NULL" and type_name not in _TEXTS):
         return Spelled(None, '"NULL" is no value' if text else "", "Leave the value empty." if text else "")
     if integer_range(type_name) is not None:
         return _integer(text, type_name, node_id)
     if type_name.startswith("REAL"):
         return _real(text, type_name)
-    if type_name in ("VISIBLE_STRING", "UNICODE_STRING"):
+    if type_name in _TEXTS:
         return Spelled(Value(text))
     return _octets(text)
 
