@@ -120,7 +120,7 @@ def test_a_family_that_cannot_be_commissioned_says_why(family: str, tmp_path: Pa
 
 def test_a_lost_connection_ends_commissioning_with_a_sentence_and_a_stopped_drive(tmp_path: Path) -> None:
     with (
-        ModbusBench(tcp=("127.0.0.1", 0), seed=6, faults="drop@on+0.35") as bench,
+        ModbusBench(tcp=("127.0.0.1", 0), seed=6, faults="drop@moving+0.1") as bench,
         connected(bus_options(bench), 1, FAMILY) as opened,
     ):
         prepared = prepare(opened.drive, opened.profile, guessed_machine(), wishes(trace_rate_hz=1000.0))

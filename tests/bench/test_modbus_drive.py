@@ -146,7 +146,7 @@ def test_two_strokes_and_other_ways_are_refused_before_anything_moves() -> None:
 @pytest.mark.parametrize(("transport", "again"), [("tcp", True), ("tcp", False), ("rtu", False)])
 def test_after_a_lost_connection_nothing_moves_by_surprise(transport: str, again: bool) -> None:
     """In the middle of a stroke. The drive is halted when the line is back, and by its watchdog where it is not."""
-    fault = "drop@on+0.3" if again else "deaf@on+0.3"
+    fault = "drop@moving+0.2" if again else "deaf@moving+0.2"
     with (
         modbus_desk(transport, timeout_s=0.1, faults=fault) as room,
         room.enabled(duration_s=3.0, trace_rate_hz=500.0),
@@ -168,7 +168,7 @@ def test_after_a_lost_connection_nothing_moves_by_surprise(transport: str, again
 def test_a_short_silence_on_a_serial_line_is_outlived() -> None:
     """Nothing was sent but questions, and those may be asked again; the drive has gone on by itself."""
     with (
-        modbus_desk("rtu", timeout_s=0.2, faults="drop@on+0.4") as room,
+        modbus_desk("rtu", timeout_s=0.2, faults="drop@moving+0.3") as room,
         room.enabled(duration_s=1.0, trace_rate_hz=500.0),
     ):
         recording = room.drive.play(room.stroke(3.0, duration_s=1.0))
@@ -227,7 +227,7 @@ def test_a_halt_from_elsewhere_is_not_overtaken_by_the_start(monkeypatch: pytest
 def test_a_start_command_that_was_not_answered_is_not_sent_again() -> None:
     """It was carried out all the same: the drive is halted instead."""
     with (
-        modbus_desk(timeout_s=0.1, faults="silent=100@on+0.03") as room,
+        modbus_desk(timeout_s=0.1, faults="silent=100@moving+0") as room,
         room.enabled(duration_s=1.0),
     ):
         with pytest.raises(RegisterError, match=r"register 100 controlword.*did not answer"):
@@ -248,7 +248,7 @@ def test_halt_from_another_thread_ends_a_motion() -> None:
 
 
 @pytest.mark.parametrize(
-    ("fault", "words"), [("fault=0x4310@on+0.4", "0x4310"), ("following-error@on+0.3", "0x8611")]
+    ("fault", "words"), [("fault=0x4310@moving+0.25", "0x4310"), ("following-error@moving+0.15", "0x8611")]
 )
 def test_a_fault_is_told_and_what_was_traced_until_then_is_kept(fault: str, words: str) -> None:
     with modbus_desk(faults=fault) as room, room.enabled(duration_s=0.8):

@@ -12,7 +12,7 @@
     following-error          the motor gives no torque any more
 
 Joined by commas. `@0.5` is the axis' own time, 0.5 s after the bench's start; `@on+0.5` counts from the moment at
-which the power stage is first on.
+which the power stage is first on, `@moving+0.5` from that at which the first stroke begins.
 """
 
 from __future__ import annotations
@@ -40,7 +40,7 @@ class Fault:
     value: float = 0.0
     extra: int = 4
     at_s: float | None = None
-    after_power_on: bool = False
+    after: str = ""  # "on", "moving"
 
 
 def parse_faults(text: str) -> tuple[Fault, ...]:
@@ -63,14 +63,17 @@ def _parse(part: str) -> Fault:
             else float(value_text or KINDS[kind] or 0)
         )
         extra = int(extra_text, 0) if extra_text else 4
-        at_s = float(when.removeprefix("on+")) if when else None
+        after, plus, seconds = when.rpartition("+")
+        if plus and after not in ("on", "moving"):
+            raise ValueError
+        at_s = float(seconds) if when else None
     except ValueError:
         raise BenchError(
             f'fault "{part}"', "its numbers cannot be read", "Write it as name=value@seconds."
         ) from None
     if value < 0 or (at_s is not None and at_s < 0):
         raise BenchError(f'fault "{part}"', "is negative", "Values and times count upwards from 0.")
-    return Fault(kind, value, extra, at_s, when.startswith("on+"))
+    return Fault(kind, value, extra, at_s, after)
 
 
 @dataclass
@@ -93,7 +96,7 @@ class FaultSchedule:
     ) -> None:
         self.now = Mischief()
         self._servo, self._drop = servo, drop
-        self._on_s: float | None = None
+        self._since: dict[str, float] = {"": 0.0}
         self._waiting = [fault for fault in faults if fault.at_s is not None]
         self._luck = random.Random(f"{seed} modbus")
         for fault in faults:
@@ -103,10 +106,12 @@ class FaultSchedule:
     def poll(self) -> None:
         """Begin what is due."""
         now = self._servo.axis.time_s
-        if self._on_s is None and self._servo.power.energised:
-            self._on_s = now
+        if self._servo.power.energised:
+            self._since.setdefault("on", now)
+        if self._servo.moves:
+            self._since.setdefault("moving", now)
         for fault in list(self._waiting):
-            start = self._on_s if fault.after_power_on else 0.0
+            start = self._since.get(fault.after)
             if start is not None and fault.at_s is not None and now >= start + fault.at_s - 1e-9:
                 self._waiting.remove(fault)
                 self._begin(fault)

@@ -200,21 +200,24 @@ class ModbusServer:
         now = self._faults.now
         self._dawdle(now.slow_s)
         touched = range(address, address + count)
-        self._swallow = now.mute or now.deaf or any(at in now.silent for at in touched)
         if now.deaf:
+            self._swallow = True
             return None
         refused = next((code for at, code in now.refused.items() if at in touched), None)
-        if refused is not None:
-            return ExcCodes(refused)
         try:
+            if refused is not None:
+                raise RefusalError(refused)
             if new is not None and function in _WRITES:
                 self.servo.write(address, list(new))
+                self._faults.poll()
             elif new is None and function == self._read_function:
                 current[address - start : address - start + count] = self.servo.read(address, count)
             else:
                 return ExcCodes(ILLEGAL_FUNCTION)
         except RefusalError as error:
             return ExcCodes(error.code)
+        finally:
+            self._swallow = now.mute or now.silent.intersection(touched) != set()
         return None
 
     def _trace_pdu(self, sending: bool, pdu: ModbusPDU) -> ModbusPDU:
