@@ -154,6 +154,9 @@ class CanopenRoom(Room):
         self.bench.servo.fault(code)
 
     def fall_silent(self) -> Callable[[], None]:
+        end = time.monotonic() + 2.0
+        while not self.bench.servo.heartbeats.watched and time.monotonic() < end:
+            time.sleep(0.005)  # who has never been heard is not missed (CiA 301 7.2.8.3.2.2)
         heartbeat = self.drive._heartbeat
         assert heartbeat is not None
         heartbeat.close()

@@ -131,6 +131,11 @@ class Heartbeats:
     def _write_producer(self, value: int) -> None:
         self._next_s = 0.0
 
+    @property
+    def watched(self) -> set[int]:
+        """Nodes whose silence would be noticed now."""
+        return set(self._heard) - self.silent
+
     def heard(self, node: int, now: float) -> None:
         """A heartbeat of another node came."""
         for k in self._consumers:
