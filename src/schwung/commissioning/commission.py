@@ -62,6 +62,7 @@ class Prepared:
     survey: Survey
     preflight: Preflight
     feed_forward: FeedForward
+    max_jitter_share: float = MAX_JITTER_SHARE
 
 
 @dataclass(frozen=True, eq=False)
@@ -127,7 +128,8 @@ def prepare(drive: Drive, profile: DeviceProfile, machine: Machine, wishes: Wish
     plan = replace(plan, reasons=(*way.reasons, *one_way, *wishes.because, *plan.reasons))
     forward = FeedForward(speed_share=gains.get("speed_feed_forward", 0.0))
     seen = survey(drive, plan)
-    return Prepared(plan, machine, seen, preflight(plan, machine, seen, forward), forward)
+    checked = preflight(plan, machine, seen, forward)
+    return Prepared(plan, machine, seen, checked, forward, wishes.max_jitter_share)
 
 
 def _standing(drive: Drive, profile: DeviceProfile) -> float:
@@ -259,6 +261,7 @@ def repeat_reference(drive: Drive, prepared: Prepared, out: Path, name: str, obs
         observer=observer,
         settings=settings_of(plan),
         runs=only,
+        max_jitter_share=prepared.max_jitter_share,
     )
     return recorded.runs[0]
 
