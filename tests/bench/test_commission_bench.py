@@ -17,6 +17,7 @@ from schwung.commissioning import (
     read_backup,
     repeat_reference,
 )
+from schwung.commissioning.procedure import Recorded
 from schwung.drivetrain import InertiaTable
 from schwung.errors import DriveError, RefusedError, SampleLossError, SchwungError
 from schwung.estimation import estimate
@@ -100,6 +101,21 @@ def test_following_error_falls_five_times_after_the_export(tmp_path: Path) -> No
         assert after_rms is not None
         assert before_rms / after_rms >= 5
         assert len(read_backup(tmp_path / "e.backup.json").changes) == 68
+
+
+def test_the_verification_tolerates_the_jitter_that_was_allowed(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    shares: list[object] = []
+
+    def recorded(*_: object, **given: object) -> Recorded:
+        shares.append(given["max_jitter_share"])
+        return Recorded((None,), (), 0)  # type: ignore[arg-type]  # the run is not looked at
+
+    monkeypatch.setattr("schwung.commissioning.commission.record", recorded)
+    with desk(seed=6) as room:
+        repeat_reference(room.drive, room.prepare(max_jitter_share=0.7), tmp_path, "verification", Silence())
+    assert shares == [0.7]
 
 
 def test_profile_position_gives_the_same_table(tmp_path: Path) -> None:
