@@ -29,6 +29,12 @@ CRASHED = (((0x2100, 1), 500), ((0x2100, 2), 47_000), ((0x2100, 3), 1571), ((0x2
 MISSES = 0.15
 
 
+@pytest.fixture(autouse=True)
+def unpredicted(monkeypatch: pytest.MonkeyPatch) -> None:
+    """What preflight foretells of the estimate takes seconds; it is tested in tests/commissioning/test_preflight.py."""
+    monkeypatch.setattr("schwung.commissioning.preflight._predicted", lambda *_: None)
+
+
 def _estimated(room: Desk, out: Path, **wishes: Any) -> Estimate:
     machine = room.prepare(**wishes).machine
     return estimate(room.record(out, **wishes), machine)

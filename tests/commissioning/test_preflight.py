@@ -1,6 +1,7 @@
 """Preflight: every danger is found before the power stage is on, and named with its remedy."""
 
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -9,18 +10,24 @@ from commissioning_drive import DeskDrive, believed_machine
 from schwung.commissioning import LimitWishes, Plan, Preflight, Survey
 from schwung.commissioning.limits import limits_of
 from schwung.commissioning.plan import make_plan
-from schwung.commissioning.preflight import preflight, survey, with_control, worst
+from schwung.commissioning.preflight import drive_checks, preflight, survey, with_control, worst
 from schwung.drivetrain import FeedForward
 from schwung.errors import InputError, RefusedError
 from schwung.fieldbus.drive import BusLoad, Capability, DriveState, Resolution
+from schwung.fieldbus.profile import load_profile
 
 MACHINE = believed_machine()
 
 
-def _plan(wishes: LimitWishes | None = None, **changes: float | bool) -> Plan:
+def _plan(wishes: LimitWishes | None = None, **changes: Any) -> Plan:
     drive = DeskDrive(MACHINE)
-    arguments = {"start_position_rad": 0.0, "distance_rad": np.pi, "duration_s": 0.25, **changes}
-    return make_plan(MACHINE, limits_of(wishes or LimitWishes(), drive.limits(), MACHINE), **arguments)  # type: ignore[arg-type]  # by name
+    arguments: dict[str, Any] = {
+        "start_position_rad": 0.0,
+        "distance_rad": np.pi,
+        "duration_s": 0.25,
+        **changes,
+    }
+    return make_plan(MACHINE, limits_of(wishes or LimitWishes(), drive.limits(), MACHINE), **arguments)
 
 
 def _survey(plan: Plan) -> Survey:
@@ -42,6 +49,47 @@ def test_a_sound_plan_passes_and_says_what_to_expect() -> None:
     assert np.median(found.predicted.table.inertia_kgm2) == pytest.approx(0.11, rel=0.03)
     assert _severity(found, "torque") == "ok"
     assert _severity(found, "room to move") == "ok"
+
+
+@pytest.mark.parametrize(
+    "way",
+    [
+        {"sampling": "trace", "injecting": "setpoints"},
+        {"sampling": "trace", "injecting": "generator", "mode": "pp", "sample_rate_hz": 100.0},
+    ],
+    ids=["trace", "by itself, SYNC at 100 Hz"],
+)
+def test_what_a_trace_will_tell_is_foretold_too(way: dict[str, Any]) -> None:
+    """On a grid of its own where SYNC is slow, and from the motion's start on, as the trace records."""
+    profile = load_profile("schwung-bench")
+    plan = _plan(trace=profile.trace, generator=profile.generator, **way)
+    found = _flight(plan)
+    found.require()
+    assert found.predicted is not None
+    assert np.median(found.predicted.table.inertia_kgm2) == pytest.approx(0.11, rel=0.03)
+    assert found.predicted.traces[0].time_s[0] < 0.05
+    by_sync = _flight(_plan())
+    assert found.excited.peak_torque_nm == pytest.approx(by_sync.excited.peak_torque_nm, rel=0.05)
+
+
+def test_only_what_the_way_needs_stops_it() -> None:
+    profile = load_profile("schwung-bench")
+    plan = _plan(
+        trace=profile.trace, generator=profile.generator, mode="pp", sampling="trace", injecting="generator"
+    )
+    lacking = ("cyclic position", "sampling by SYNC", "torque injection", "disturbance buffer")
+
+    def told(*names: str) -> dict[str, str]:
+        seen = replace(_survey(plan), capabilities=tuple(Capability(name, False, "no") for name in names))
+        return {check.name: check.severity for check in drive_checks(seen, plan.acquisition)}
+
+    assert told(*lacking) == {
+        "identity": "ok",
+        "drive state": "ok",
+        "cyclic position": "note",
+    }  # other ways: no news
+    for needed in ("trace buffer", "generator", "torque", "profile position"):
+        assert told(needed)[needed] == "stop"
 
 
 def test_a_drive_that_has_not_told_its_nmt_state_is_not_called_unknown() -> None:
