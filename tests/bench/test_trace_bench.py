@@ -21,7 +21,8 @@ from schwung.session import read_session
 BY_SYNC: dict[str, Any] = {"mode": "csp", "sampling": "sync", "injecting": "setpoints"}
 BY_TRACE: dict[str, Any] = {"mode": "csp", "sampling": "trace", "injecting": "setpoints"}
 BY_ITSELF: dict[str, Any] = {"mode": "pp", "sampling": "trace", "injecting": "generator"}
-OWN = [(0x2100, 1), (0x2100, 2), (0x2100, 3), (0x2100, 4), (0x2200, 1), (0x2200, 2), (0x2200, 3), (0x6060, 0)]
+OWN = [(0x2100, 1), (0x2100, 2), (0x2100, 3), (0x2100, 4), (0x2200, 1), (0x2200, 2), (0x2200, 3), (0x6060, 0),
+       (0x6081, 0), (0x6083, 0), (0x6084, 0)]  # fmt: skip
 #: What a tool that is killed in mid-motion leaves in the generator.
 CRASHED = (((0x2100, 1), 500), ((0x2100, 2), 47_000), ((0x2100, 3), 1571), ((0x2100, 4), 2))
 #: Of the table's angles, these may lie outside a band of 95 %: neighbours share their errors, so that a band is missed
@@ -116,10 +117,14 @@ def test_a_drive_without_csp_and_torque_offset_is_commissioned_and_left_as_it_wa
         before = [room.drive.read(room.drive.parameter(*key)).raw for key in OWN]
         plan = room.prepare(sampling="trace", trace_rate_hz=2000.0).plan
         assert plan.by_itself
-        found = _estimated(room, tmp_path / "out", sampling="trace", trace_rate_hz=2000.0, returns=False)
+        wishes = {"sampling": "trace", "trace_rate_hz": 2000.0, "returns": False, "also_s": (0.4,)}
+        found = _estimated(room, tmp_path / "out", **wishes)
         assert _rms(room, found.table) <= 0.003
         assert [room.drive.read(room.drive.parameter(*key)).raw for key in OWN] == before
         assert not room.bench.servo.power.energised
+        runs = read_session(tmp_path / "out" / "session.h5").runs
+        assert [len(run) for run in runs] == [len(runs[0])] * 2 + [len(runs[0]) + 300] * 2
+        assert room.bench.axis.position_rad == pytest.approx(0.0, abs=0.01)
         backup = read_backup(tmp_path / "out" / "setup.backup.json")
         assert backup.restored
         changed = {(c.parameter.index, c.parameter.subindex) for c in backup.changes}

@@ -213,8 +213,6 @@ def make_plan(
             raise InputError(
                 "--also", f"is {further:g} s", "Give longer times than --duration, the shortest."
             )
-    if mode == "pp" and also_s:
-        raise InputError("--also", "needs setpoints over the bus", "Use --mode csp, or one --duration.")
     if phases != 1 and (phases < MIN_PHASES or phases % 2):
         raise InputError(
             "--phases", f"is {phases}", "Use 1, or an even number from 4: pairs cancel the motion."
