@@ -90,12 +90,14 @@ def desk(
     sync: str = "auto",
     bit_rate: int = 1_000_000,
     profile: DeviceProfile | None = None,
+    bench_profile: Path | None = None,
     **bench_options: object,
 ) -> Iterator[Desk]:
-    """A connected desk; both ends are closed at the end."""
+    """A connected desk; both ends are closed at the end. `bench_profile`: what the drive is made of, where not of its
+    own profile."""
     channel = f"desk-{next(_channels)}"
     profile = profile or load_profile("schwung-bench")
-    with Bench(plant, channel=channel, node_id=1, **bench_options) as bench:  # type: ignore[arg-type]  # by name
+    with Bench(plant, channel=channel, node_id=1, profile=bench_profile, **bench_options) as bench:  # type: ignore[arg-type]  # by name
         bus = open_bus(BusOptions("virtual", channel, bit_rate))
         try:
             drive = CanopenDrive(bus, 1, profile, bit_rate=bit_rate, sync=sync)  # type: ignore[arg-type]  # a literal

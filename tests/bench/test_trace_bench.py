@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import re
+import shutil
 from pathlib import Path
 from typing import Any
 
@@ -129,6 +131,31 @@ def test_a_drive_without_csp_and_torque_offset_is_commissioned_and_left_as_it_wa
         assert backup.restored
         changed = {(c.parameter.index, c.parameter.subindex) for c in backup.changes}
         assert {(0x2100, 1), (0x2100, 2), (0x2100, 4), (0x2200, 1)} <= changed
+
+
+def test_a_generator_whose_phase_nobody_knows_serves_and_the_run_says_so(tmp_path: Path) -> None:
+    """A trace of position and torque only."""
+    own = load_profile("schwung-bench").folder
+    shutil.copytree(own, tmp_path / "profile")
+    text = (own / "profile.toml").read_text()
+    for quantity in ("speed", "torque_added", "position_demand"):
+        text, count = re.subn(rf"    {{ quantity = \"{quantity}\".*\n", "", text)
+        assert count == 1
+    (tmp_path / "profile" / "profile.toml").write_text(text)
+    profile = load_profile(tmp_path / "profile")
+    assert isinstance(profile, CanopenProfile)
+    assert profile.trace is not None
+    assert len(profile.trace.columns) == 2
+    with desk(profile=profile, bench_profile=tmp_path / "profile", seed=5) as room:
+        found = _estimated(room, tmp_path / "out", trace_rate_hz=2000.0, **BY_ITSELF)
+        assert _rms(room, found.table) <= 0.003
+    session = read_session(tmp_path / "out" / "session.h5")
+    (excited,) = session.excited
+    assert excited.torque_added_nm is None
+    assert excited.excitation is not None
+    assert excited.excitation.model_dump()["phase_known"] is False
+    assert "phase" in excited.extra["notes"][0]
+    assert excited.extra["speed_origin"] == "derived from position"
 
 
 def test_a_crash_with_the_generator_on_is_mended_by_restore(tmp_path: Path) -> None:
