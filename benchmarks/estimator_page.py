@@ -17,6 +17,7 @@ from estimator_cases import (
     DURATIONS_S,
     MACHINES,
     PAIR,
+    SLIDER_CRANK,
     USUAL_S,
     usual_runs,
 )
@@ -45,6 +46,7 @@ def write_page(scores: Sequence[Score], folder: Path) -> None:
         "motion_times": _motion_times(scores, methods),
         "physics": _physics(scores, methods),
         "bound": _bound(scores, methods),
+        "table1": _table1(scores),
         "bands": _bands(scores, methods),
         "runs": _runs(scores, methods),
         "costs": _costs(scores, methods),
@@ -191,6 +193,24 @@ def _bound(scores: Sequence[Score], methods: Sequence[str]) -> list[str]:
     for m in methods:
         rows += [[m, str(usual_runs(m)), *(cell(m, d, usual_runs(m)) for d in DURATIONS_S)]]
     return grid(head, rows)
+
+
+def _table1(scores: Sequence[Score]) -> list[str]:
+    """Ours over the bound on the paper's machine."""
+    of = [s for s in scores if s.machine == SLIDER_CRANK]
+    rows = []
+    for condition in (CLEAN, "clipped"):
+        for method in OURS:
+            cells = []
+            for duration in DURATIONS_S:
+                least = chosen(of, BOUND, duration=duration, condition=condition)
+                made = chosen(of, method, duration=duration, condition=condition)
+                squares = [
+                    np.mean([s.rmse**2 for s in group]) if group else np.nan for group in (made, least)
+                ]
+                cells.append(digits(float(np.sqrt(squares[0] / squares[1]))))
+            rows.append([condition, method, *cells])
+    return grid(("condition", "method", *(f"{1e3 * d:g} ms" for d in DURATIONS_S)), rows)
 
 
 def _bands(scores: Sequence[Score], methods: Sequence[str]) -> list[str]:

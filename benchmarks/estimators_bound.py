@@ -20,6 +20,7 @@ from estimator_cases import ALL, CLEAN, PAIR, SLIDER_CRANK, Case, Entrant, belie
 from estimators import noise_of
 
 from schwung.drivetrain import Machine
+from schwung.errors import SchwungError
 from schwung.estimation import estimate
 from schwung.estimation.bound import cramer_rao
 from schwung.estimation.choice import AUTO
@@ -81,12 +82,16 @@ def _lines(durations: Sequence[float], limits: Sequence[float], seeds: range) ->
                 motor = machine.motor.model_copy(update={"peak_torque_nm": limit})
                 machine = machine.model_copy(update={"motor": motor})
             for entrant in ENTRANTS:
-                found = ratio_of(sessions, each[0], machine, entrant)
+                where = f"{1e3 * duration:g} ms | {'none' if limit >= NO_LIMIT else f'{limit:g} N·m'}"
+                try:
+                    found = ratio_of(sessions, each[0], machine, entrant)
+                except SchwungError as refusal:
+                    yield f"| {where} | {entrant.method} | {entrant.runs} | refused: {refusal} | | | |"
+                    continue
                 name = entrant.method + (f" ({found.taken})" if entrant.method == AUTO else "")
                 yield (
-                    f"| {1e3 * duration:g} ms | {'none' if limit >= NO_LIMIT else f'{limit:g} N·m'} | {name} "
-                    f"| {entrant.runs} | {1e6 * found.rmse:.1f} | {1e6 * found.bound:.1f} | {found.ratio:.2f} "
-                    f"| {100 * found.inside:.0f} % |"
+                    f"| {where} | {name} | {entrant.runs} | {1e6 * found.rmse:.1f} | {1e6 * found.bound:.1f} "
+                    f"| {found.ratio:.2f} | {100 * found.inside:.0f} % |"
                 )
 
 
