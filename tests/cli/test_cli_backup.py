@@ -180,3 +180,25 @@ def test_files_are_compared_without_a_drive(capsys: pytest.CaptureFixture[str], 
     assert "1 differ" in out
     for wrong in (["drive", "drive"], ["none.dcf", str(EDS)], [str(EDS), __file__]):
         assert invoke(capsys, "diff", *wrong)[0] == 2
+
+
+def test_what_a_dcf_keeps_beyond_the_profiles_eds_is_compared_and_put_back(
+    capsys: pytest.CaptureFixture[str], bench: Bench, tmp_path: Path
+) -> None:
+    family = tmp_path / "family"
+    family.mkdir()
+    text = EDS.read_text()
+    at = text.index("[6085]")
+    (family / "small.eds").write_text(text[:at] + text[text.index("[6086]") :])
+    (family / "profile.toml").write_text('version = 1\nextends = "schwung-bench"\neds = "small.eds"\n')
+    known = [*_bus(bench), "--profile", str(family / "profile.toml")]
+    invoke(capsys, "backup", "axis.dcf", "--eds", str(EDS), *known)
+    invoke(capsys, "backup", "axis.bin", "--concise", "--eds", str(EDS), *known)
+    before = _held(bench, 0x6085 << 8)
+    _hold(bench, 0x6085 << 8, before + 1)
+    assert invoke(capsys, "diff", "axis.dcf", "drive", *known)[0] == 1
+    code, out, _ = invoke(capsys, "restore", "axis.bin", *known, "-y")
+    assert "not in the EDS (small.eds); give the vendor's with --eds" in " ".join(out.split())
+    assert _held(bench, 0x6085 << 8) == before + 1
+    assert invoke(capsys, "restore", "axis.dcf", *known, "-y", "--out", "back")[0] == 0
+    assert _held(bench, 0x6085 << 8) == before

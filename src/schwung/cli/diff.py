@@ -29,7 +29,10 @@ def diff(
     second: Annotated[str, typer.Argument(metavar="B", help=_SIDE)],
     everything: Annotated[bool, typer.Option("--all", help="Also list what only one of them has.")] = False,
     eds: Annotated[
-        Path | None, typer.Option(help="Names and types for a concise DCF; default: the profile's EDS.")
+        Path | None,
+        typer.Option(
+            help="Names and types for a concise DCF and for the drive; default: a DCF's own, else the profile's."
+        ),
     ] = None,
     interface: Interface = None,
     channel: Channel = None,
@@ -108,14 +111,15 @@ def _read(
     from schwung.cli.drives import open_drive
     from schwung.commissioning.backup import read_snapshot
     from schwung.commissioning.compare import from_drive, key_of
+    from schwung.commissioning.configuration_files import fitting_dictionary
     from schwung.fieldbus.configuration import Selection, select
-    from schwung.fieldbus.eds import read_eds
     from schwung.fieldbus.profile import CanopenProfile
 
     with open_drive(options, node, profile) as opened:
         family, dictionary = None, None
         if isinstance(opened.profile, CanopenProfile):
-            family, dictionary = opened.profile, read_eds(eds or opened.profile.eds_path, node)
+            family = opened.profile
+            dictionary = fitting_dictionary(other, eds, family, opened.drive.identity, node)
             known = select(dictionary, family).wanted
         else:
             known = tuple(v.parameter for v in other.values if v.parameter.space == "register")

@@ -34,7 +34,12 @@ def restore(
     store: Annotated[
         bool, typer.Option("--store", help="DCF: save in the drive's memory (1010) when all is written.")
     ] = False,
-    eds: Annotated[Path | None, typer.Option(help="DCF: the vendor's EDS; default: the profile's.")] = None,
+    eds: Annotated[
+        Path | None,
+        typer.Option(
+            help="The vendor's EDS; default: what a DCF says of its objects; concise: the profile's EDS."
+        ),
+    ] = None,
     out: Annotated[
         Path | None, typer.Option(help="DCF: folder for the way back; default: schwung-<time>.")
     ] = None,
@@ -150,16 +155,15 @@ def _configure(
     from schwung.cli.drives import open_drive
     from schwung.cli.folders import make_folder, planned_folder
     from schwung.commissioning.backup import plan_restore, write_plan
-    from schwung.commissioning.configuration_files import for_this_drive
+    from schwung.commissioning.configuration_files import fitting_dictionary, for_this_drive
     from schwung.commissioning.journal import ParameterJournal
     from schwung.errors import RefusedError
-    from schwung.fieldbus.eds import read_eds
 
     folder = planned_folder(out)
     with open_drive(options, node, profile) as opened:
         drive = opened.drive
         family = canopen_profile(opened.profile, "restore")
-        dictionary = read_eds(eds or family.eds_path, node)
+        dictionary = fitting_dictionary(wanted, eds, family, drive.identity, node)
         fitted = for_this_drive(wanted, dictionary, family, drive.identity, force)
         with observing(terminal) as observer:
             observer.phase(f"Comparing {len(fitted.values)} parameters with node {node}")

@@ -8,7 +8,7 @@ from typing import Literal
 
 from schwung.errors import InputError
 from schwung.fieldbus.drive import Parameter, ParameterValue, RawValue
-from schwung.fieldbus.eds import decode, encode
+from schwung.fieldbus.eds import EdsFile, decode, encode
 from schwung.fieldbus.si import Si, SiScales
 
 Kind = Literal["dcf", "eds", "concise", "backup", "drive"]
@@ -29,6 +29,7 @@ class Configuration:
     values: tuple[ParameterValue, ...]
     node_id: int | None = None
     identity: Mapping[str, int] = field(default_factory=dict)  # vendor_id, product_code, serial where known
+    dictionary: EdsFile | None = None  # of a DCF or EDS: the file describes its objects itself
 
     @property
     def words(self) -> str:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Literal
@@ -134,7 +134,7 @@ def _eds(file: EdsFile) -> Configuration:
     values = [value for value in told if value.parameter.index != _IDENTITY]
     return Configuration(
         str(file.path), "dcf" if configured else "eds", tuple(values), file.description.node_id,
-        _identity(file, told if configured else []),
+        _identity(file, told if configured else []), file,
     )  # fmt: skip
 
 
@@ -149,6 +149,26 @@ def _identity(file: EdsFile, values: Iterable[ParameterValue]) -> dict[str, int]
         if value.parameter.index == _IDENTITY and key and isinstance(value.raw, int):
             identity[key] = value.raw
     return identity
+
+
+def fitting_dictionary(
+    wanted: Configuration, eds: Path | None, profile: CanopenProfile, identity: DriveIdentity, node_id: int
+) -> EdsFile:
+    """The EDS as given; else the file's own objects, so that all is compared that was kept; else the profile's EDS.
+
+    The objects of another kind of drive say nothing about this one.
+    """
+    if eds is None and wanted.dictionary is not None and not list(_foreign(wanted, identity)):
+        return wanted.dictionary
+    return read_eds(eds or profile.eds_path, node_id)
+
+
+def _foreign(wanted: Configuration, identity: DriveIdentity) -> Iterator[tuple[str, int, int]]:
+    """In what the file is of another kind of drive: name, number in the file, number of the drive."""
+    for name in ("vendor_id", "product_code"):
+        was, now = wanted.identity.get(name), getattr(identity, name)
+        if was not in (None, 0, now):
+            yield name, was, now
 
 
 @dataclass(frozen=True)
@@ -171,13 +191,11 @@ def for_this_drive(
         raise InputError(
             wanted.source, "holds defaults only, no ParameterValue", "Give a DCF of `schwung backup`."
         )
-    for name in ("vendor_id", "product_code"):
-        was, now = wanted.identity.get(name), getattr(identity, name)
-        if was not in (None, 0, now) and not force:
-            raise RefusedError(
-                wanted.source, f"is of a drive with {name} {was:#x}, this one has {now:#x}",
-                "Connect the right drive, or insist with --force.",
-            )  # fmt: skip
+    for name, was, now in () if force else _foreign(wanted, identity):
+        raise RefusedError(
+            wanted.source, f"is of a drive with {name} {was:#x}, this one has {now:#x}",
+            "Connect the right drive, or insist with --force.",
+        )  # fmt: skip
     if wanted.node_id not in (None, identity.node_id) and not force:
         raise RefusedError(
             wanted.source,
@@ -203,4 +221,6 @@ def for_this_drive(
 
 def _why_not(dictionary: EdsFile, parameter: Parameter) -> str:
     known = dictionary.variable(parameter.index, parameter.subindex)
-    return "not in the EDS of this drive" if known is None else f"not to be written ({known.access})"
+    if known is None:
+        return f"not in the EDS ({dictionary.path.name}); give the vendor's with --eds"
+    return f"not to be written ({known.access})"
