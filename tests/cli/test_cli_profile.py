@@ -105,3 +105,20 @@ def test_slips_are_told_in_one_sentence(
     assert code == 2
     assert told in err
     assert "Traceback" not in err
+
+
+def test_check_shows_what_is_odd_in_the_eds(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
+    odd = tmp_path / "odd.eds"
+    odd.write_text(GENERIC_EDS.read_text().replace("[6065]\n", "[6065]\nLowLimit=rubbish\n"))
+    line = odd.read_text().splitlines().index("LowLimit=rubbish") + 1
+    arguments = ("profile", "check", "generic-cia402", "--eds", str(odd))
+    code, out, _ = invoke(capsys, *arguments)
+    assert code == 0
+    assert f"line {line} " in out
+    assert "rubbish" in out
+    code, out, _ = invoke(capsys, *arguments, "--json")
+    (warning,) = json.loads(out)["eds_warnings"]
+    assert (code, warning["line"], warning["section"]) == (0, line, "6065")
+    assert warning["remedy"]
+    code, out, _ = invoke(capsys, "profile", "check", "generic-cia402", "--json")
+    assert json.loads(out)["eds_warnings"] == []

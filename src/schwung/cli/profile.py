@@ -76,6 +76,8 @@ def check(
 ) -> None:
     """Check a profile: does the EDS bear out what it says, has every fact a source and every gap a reason?
 
+    What is odd in the EDS itself is shown too, with line and remedy; it is no mistake of the profile.
+
     [bold]Examples[/]
 
       schwung profile check my-drive/profile.toml --eds vendor.eds
@@ -95,10 +97,18 @@ def check(
         raise InputError(
             "--eds", f"{profile.family} speaks {profile.protocol}, which has no EDS", "Leave it out."
         )
-    findings = check_profile(profile, None if path is None else read_eds(path, _NODE))
+    dictionary = None if path is None else read_eds(path, _NODE)
+    findings = check_profile(profile, dictionary)
+    warnings = () if dictionary is None else dictionary.warnings
+    if warnings:
+        rows = ((f"line {w.line}", f"[{w.section}]", f"{w.problem}. {w.remedy}") for w in warnings)
+        terminal.table(f"Odd in {path}", ("", "section", "finding"), rows)
     _show_findings(terminal, findings, f"{profile.family} against {path}" if path else profile.family)
     errors = sum(1 for finding in findings if finding.severity == "error")
-    document = {"family": profile.family, "eds": path and str(path), "findings": [vars(f) for f in findings]}
+    document = {
+        "family": profile.family, "eds": path and str(path), "findings": [vars(f) for f in findings],
+        "eds_warnings": [vars(w) for w in warnings],
+    }  # fmt: skip
     if errors:
         failure = InputError(
             file,
