@@ -92,7 +92,12 @@ class ObjectDictionary:
         value = self.values.get(index << 8 | subindex)
         if value is None:
             raise incomplete(key(index, subindex))
-        return int(value)
+        return 0 if isinstance(value, bytes) else int(value)
+
+    def real(self, k: int) -> float:
+        """A number by its key; 0 where there is none, or something else."""
+        value = self.values.get(k, 0.0)
+        return 0.0 if isinstance(value, bytes) else float(value)
 
     def upload(self, index: int, subindex: int) -> bytes:
         """What an SDO upload returns. Raises AbortError."""

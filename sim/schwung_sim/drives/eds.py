@@ -104,7 +104,8 @@ class Entry:
         form = NUMERIC.get(self.data_type)
         if form is not None:
             return struct.pack(form, value)
-        return int(value).to_bytes(self.size or 0, "little", signed=self.data_type in SIGNED)
+        size = self.size or 8  # a number where the EDS has no type for one
+        return (int(value) & (1 << 8 * size) - 1).to_bytes(size, "little")
 
     def decode(self, data: bytes) -> int | float:
         """A numeric value from as many bytes as it has."""

@@ -122,7 +122,7 @@ class Heartbeats:
         node, time_ms = value >> 16 & 0xFF, value & 0xFFFF
         if value >> 24 or (time_ms and not 1 <= node <= 127):
             raise AbortError(Code.INVALID_VALUE)
-        others = [int(self._dictionary.values[k]) for k in self._consumers if k != written]
+        others = [int(self._dictionary.real(k)) for k in self._consumers if k != written]
         if time_ms and any(v & 0xFFFF and v >> 16 & 0xFF == node for v in others):
             raise AbortError(Code.INCOMPATIBLE)  # one time for one node (7.5.2.19)
         self._heard.clear()
@@ -139,7 +139,7 @@ class Heartbeats:
     def heard(self, node: int, now: float) -> None:
         """A heartbeat of another node came."""
         for k in self._consumers:
-            value = int(self._dictionary.values[k])
+            value = int(self._dictionary.real(k))
             if value >> 16 & 0xFF == node and value & 0xFFFF:
                 self._heard[node] = now
                 if node in self.silent:
@@ -153,7 +153,7 @@ class Heartbeats:
             self._next_s = now + period if now - self._next_s > period else self._next_s + period
             self._send()
         for k in self._consumers if judge else ():
-            value = int(self._dictionary.values[k])
+            value = int(self._dictionary.real(k))
             node, limit = value >> 16 & 0xFF, (value & 0xFFFF) * 1e-3
             if limit and node in self._heard and node not in self.silent and now - self._heard[node] > limit:
                 self.silent.add(node)

@@ -172,7 +172,7 @@ class Operation:
         self._position_window = value(0x6067)
         self._reached_time_s = number(0x6068) * 1e-3
         self._top_speed_rad_s = value(0x6080) * RPM
-        self.period_s = number(0x60C2, 1) * 10.0 ** number(0x60C2, 2)
+        self.period_s = number(0x60C2, 1) * 10.0 ** min(max(number(0x60C2, 2), -9), 0)
 
     @property
     def sync_period_s(self) -> float:
@@ -181,11 +181,10 @@ class Operation:
 
     def _value(self, index: int) -> float:
         """A value that may be a real number; never negative, never 0."""
-        return max(abs(float(self._dictionary.values[key(index)])), 1e-9)
+        return max(abs(self._dictionary.real(key(index))), 1e-9)
 
     def _by_key(self, k: int) -> int:
-        value = self._dictionary.values.get(k, 0)
-        return 0 if isinstance(value, bytes) else int(value)
+        return int(self._dictionary.real(k))
 
     def _counts(self) -> float:
         """The position as it is reported."""

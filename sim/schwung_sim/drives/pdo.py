@@ -52,6 +52,7 @@ class _Pdo(ABC):
             self._compile([])
 
     def _write_cob_id(self, value: int) -> None:
+        value = int(value)
         valid = not value & NOT_VALID
         if value & EXTENDED or (valid and any(value & 0x7FF in ids for ids in _RESTRICTED)):
             raise AbortError(Code.INVALID_VALUE)
@@ -78,7 +79,7 @@ class _Pdo(ABC):
         if self.valid or self.dictionary.number(self.mapping, 0):
             raise AbortError(Code.DEVICE_STATE)
         if value:
-            self._check_mappable(value)
+            self._check_mappable(int(value))
 
     def _mapped(self, count: int) -> list[tuple[int, int]]:
         """(key, bits) of the first `count` entries. Raises AbortError where one cannot be mapped."""

@@ -19,6 +19,7 @@ from schwung_sim.drives.dictionary import ObjectDictionary, incomplete
 from schwung_sim.drives.eds import Entry, Value, key, read_entries
 from schwung_sim.drives.roles import Roles
 from schwung_sim.drives.units import ENCODER_COUNTS, RATED_TORQUE_NM, RPM, read_units
+from schwung_sim.errors import BenchError
 
 NOT_VALID = 1 << 31
 PREDEFINED = 4  # PDOs of each direction that have an identifier in the predefined connection set
@@ -58,6 +59,10 @@ def open_dictionary(eds: Path, node_id: int, roles: Roles) -> ObjectDictionary:
     for k in _INDISPENSABLE:
         if k not in entries:
             raise incomplete(k)
+        if entries[k].size != 2:
+            raise BenchError(
+                f"{eds}, 0x{k >> 8:04X}", "has not the 16 bits of a CiA 402 drive", "Mend its DataType."
+            )
     values: dict[int, Value] = {**STANDARD, **_pdo_values(entries, node_id), key(0x1014): 0x80 + node_id}
     values |= {key(0x6502): _supported_modes(roles)}
     values |= {key(0x1018, n): 0 for n in range(1, 5)}

@@ -42,8 +42,7 @@ class TraceBuffer:
                 dictionary.readers[column.data] = self._column_reader(column)
 
     def _value(self, k: int) -> float:
-        value = self._dictionary.values[k]
-        return 0.0 if isinstance(value, bytes) else float(value)
+        return self._dictionary.real(k)
 
     def _control(self, value: int) -> None:
         commands = self._role.control.values

@@ -75,7 +75,7 @@ def torque_unit(quantity: Quantity | None, number: Number) -> float:
 
 def si_unit(raw: int, increment_rad: float) -> float | None:
     """SI value of one count by the notation of 60A9 and 60AA: prefix, numerator, denominator, reserved."""
-    prefix, top, bottom, _ = raw.to_bytes(4, "big")
+    prefix, top, bottom, _ = (raw & 0xFFFFFFFF).to_bytes(4, "big")
     angle = abs(increment_rad) if top == _INCREMENT else _ANGLES.get(top)
     if angle is None or bottom not in _SECONDS:
         return None

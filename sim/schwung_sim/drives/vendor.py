@@ -103,8 +103,7 @@ class VendorObjects:
         """What an object holds, or will hold when the write that is under way is over; 0 where there is none."""
         if changed is not None and changed[0] == k:
             return changed[1]
-        value = self._dictionary.values.get(k, 0)
-        return 0.0 if isinstance(value, bytes) else float(value)
+        return self._dictionary.real(k)
 
     def _number(self, k: int) -> int:
         return int(self._value(k))
