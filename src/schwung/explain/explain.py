@@ -21,6 +21,7 @@ from schwung.explain.refine import refined, slimmed
 from schwung.explain.residual import Residuals, Unknowns
 from schwung.explain.scale import scale_note
 from schwung.explain.search import CONSISTENT, Found, chosen, reduced, search
+from schwung.explain.sharpened import sharpened
 from schwung.explain.signals import Prepared, prepare
 from schwung.explain.timing import Shift, Times, shift
 from schwung.explain.values import (
@@ -78,6 +79,7 @@ def explain(session: Session, machine: Machine, *, progress: Progress | None = N
     problem = Problem(residuals, noise, parts.train)
     tell("Trying physics terms", 0.05)
     found, best = _searched(problem, parts, lambda text, share: tell(text, 0.05 + 0.6 * share))
+    found, best = sharpened(found, best, prepared, believed)
     tell("Weighing alternatives", 0.7)
     told = _Explained(session, machine, prepared, parts, residuals, found, best).result(
         tell, doubts.notes, noise.how

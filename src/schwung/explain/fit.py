@@ -23,6 +23,8 @@ PERIODIC = "periodic_disturbance"
 #: How much the objective may still fall when a fit is called done.
 _TOLERANCE = 0.1
 _STEP = 1e-3  # of the finite differences, over a parameter's scale
+#: The same where the likelihood is rough, for whether a load lifts off once more hangs on noise.
+_COARSE = {"gap_rad": 0.2}
 _WAVES_KEPT = 200  # pairs of sine and cosine that are remembered
 #: A refinement of a term takes so large a share of the misfit, where that is so much above the noise.
 REFINED_SHARE, REFINED_MISFIT = 0.1, 1.5
@@ -105,11 +107,20 @@ class Fitted:
     samples: int
     jacobian: Array  # (samples, parameters), ∂(whitened residual)/∂parameter
     white: Array  # (samples,)
+    bias: Mapping[str, float] = field(default_factory=dict)  # of parameters, by noise in the measured motion
+    spread: Mapping[str, float] = field(
+        default_factory=dict
+    )  # deviations over those of white noise, at least 1
 
     @property
     def misfit(self) -> float:
         """Mean square of the whitened residual; 1 at the noise floor."""
         return self.chi2 / max(self.samples, 1)
+
+    @property
+    def told(self) -> Model:
+        """The model without its bias."""
+        return self.model.with_values({name: self.model.value(name) - b for name, b in self.bias.items()})
 
     def covariance(self) -> Array:
         """Of the parameters, with the residual's own level in place of the floor's where it is higher."""
@@ -171,7 +182,7 @@ class Problem:
 
     def jacobian(self, model: Model, white: Array) -> Array:
         """∂(whitened residual)/∂parameter by differences, (samples, parameters)."""
-        steps = {name: _STEP * self.scale(model, name) for name in model.names}
+        steps = {name: _COARSE.get(name, _STEP) * self.scale(model, name) for name in model.names}
         moved = [model.with_values({name: model.value(name) + step}) for name, step in steps.items()]
         changes = self.several(moved) - white
         return np.asarray((changes / np.array(list(steps.values()))[:, None]).T)

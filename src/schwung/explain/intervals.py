@@ -15,6 +15,8 @@ RISE = 3.84
 #: Alternatives that fit as well within this rise, or that give up less than this share of the gain, are open.
 OPEN_RISE, OPEN_SHARE = 9.0, 0.01
 _ALTERNATIVES = 4
+#: Of these the likelihood is too rough for a profile: deviations have to do.
+ROUGH = ("gap_rad",)
 #: Whoever has more freedom and holds the named term as a special case is no alternative to it.
 _CONTAINS = {
     "stribeck_friction": {"coulomb_friction"},
@@ -27,21 +29,22 @@ def interval(found: Found, fitted: Fitted, name: str, least_variance: float = 1.
     """Ends of the 95 % interval of one parameter: where the refitted likelihood has fallen by RISE / 2."""
     names = fitted.model.names
     at, value = names.index(name), fitted.model.value(name)
-    level = max(found.level, least_variance)
-    spread = float(np.sqrt(max(fitted.covariance()[at, at], 0.0)) * np.sqrt(level / max(fitted.misfit, 1.0)))
-    if not np.isfinite(spread) or spread == 0:
-        return value, value
+    level = max(found.level, least_variance, fitted.spread.get(name, 1.0) ** 2)
+    shift = fitted.bias.get(name, 0.0)
+    std = float(np.sqrt(max(fitted.covariance()[at, at], 0.0)) * np.sqrt(level / max(fitted.misfit, 1.0)))
+    if not np.isfinite(std) or std == 0:
+        return value - shift, value - shift
     ends = []
     for side in (-1.0, 1.0):
-        reach = 1.96 * spread
-        for _ in range(2):
+        reach = 1.96 * std
+        for _ in range(0 if name in ROUGH else 2):
             trial = fitted.model.with_values({name: value + side * reach})
             pinned = replace(trial, fixed=(*trial.fixed, name))
             rise = (found.problem.fit(pinned, 4).chi2 - fitted.chi2) / level
             if 0.8 * RISE < rise < 1.25 * RISE:
                 break
             reach *= float(np.clip(np.sqrt(RISE / max(rise, 1e-3)), 0.3, 3.0))
-        ends.append(value + side * reach)
+        ends.append(value - shift + side * reach)
     return min(ends), max(ends)
 
 

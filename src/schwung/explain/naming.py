@@ -63,7 +63,7 @@ def finding(
 
 def _quantities(axis: Axis, found: Found, fitted: Fitted, term: str) -> dict[str, Quantity]:
     """Parameters by the file contract's keys."""
-    model = fitted.model
+    model = fitted.told
     if term == LOAD_TABLE:
         points = found.problem.residuals.table_rad(len(model.unknowns.load_table_nm))
         angles = np.linspace(points[0], points[-1], _FINER * (points.size - 1) + 1)

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from copy import copy
+from dataclasses import dataclass, field, replace
 from functools import lru_cache
 from operator import attrgetter
 from typing import NamedTuple
@@ -17,7 +18,7 @@ from schwung.explain import forward
 from schwung.explain.filtered import bent
 from schwung.explain.measured import Measured
 from schwung.explain.noise import motion_noise
-from schwung.explain.signals import Prepared, Signals, lasting
+from schwung.explain.signals import MOTION_BAND, Prepared, Signals, lasting
 from schwung.explain.spectrum import Spectrum
 from schwung.motion import Array
 
@@ -30,6 +31,8 @@ _HUNG = (
     "inertia_delta_kgm2", "inertia_scale", "inertia_shift_rad",
 )  # fmt: skip
 _REPORTED = ("torque_gain", "torque_lag_s", "torque_limit_nm", "speed_delay_s")
+#: Those upon which it depends how the load rings.
+_RINGS = tuple(name for name in _HUNG if not name.startswith(("load_", "event_")))
 _of_coupling = attrgetter(*_HUNG, "eccentricity_rad", "eccentricity_phase_rad")
 _of_motor = attrgetter(*(name for name in Effects._fields if name not in (*_HUNG, *_REPORTED)))
 #: Nobody's drive clips below this share of the torque that it reports, and no machine has less than LIGHTEST of the
@@ -40,7 +43,8 @@ LIMIT_OVER_NOISE = 15.0
 #: Samples for which a clipped torque lasts: single ones beyond a limit are noise, which no limit takes away.
 _CLIPPED = 4
 #: So much of the highest torque may wind up the coupling as a run begins, where nobody has measured it.
-WOUND_UP = 0.1
+#: Ringing of less than so many deviations of the floor is none.
+WOUND_UP, DIED_AWAY = 0.1, 0.1
 #: Points of a load torque over the visited angles that no sine describes, and where twice as many pay, up to so many.
 TABLE_POINTS, FINEST = 8, 29
 _KEPT = 64  # torques and gains that are remembered, per run
@@ -66,7 +70,9 @@ class _Run:
     spectrum: Spectrum
     low: Array
     torque_nm: Array  # within the band
-    peak_nm: float  # beyond it
+    sharp_nm: Array  # as it was before the drive's own filter, in the motion's band
+    bent: NDArray[np.complex128]  # gain of that filter
+    peak_nm: float  # beyond the band
     late_nm: Array  # (2, n), its change with the lag of what is reported, and with half the lag's square
     jumps: Array  # (n,) on the compared grid: shape of the controller's answer to images, of length 1
     valid: NDArray[np.bool_]  # on the compared grid
@@ -101,9 +107,8 @@ class Moving:
 
 
 class _Soft(NamedTuple):
-    """What counts as noise in a run, and by how much of what lies in its orthogonal directions is taken away."""
+    """Orthogonal directions in which a residual counts as noise, and by which share it is taken away there."""
 
-    columns: Array  # (n, m)
     directions: Array  # (n, m)
     shrink: Array  # (m,)
 
@@ -122,7 +127,9 @@ class Residuals:
         self._loaded = lru_cache(_KEPT)(self._with_table)
         self._peak_nm = max(of.peak_nm for of in self.runs)
         self._lightest_kgm2 = float(np.min(self.belief.inertia_coefficients[3]))
-        self._soft = {} if self.belief.rigid else self._ringing()
+        self._tables: dict[int, Array] = {}  # what a measured inertia may be off, per run
+        self._softs: dict[int, _Soft | None] = {}
+        self._settled = Effects()
         visited = [signals.position_rad[signals.considered] for signals in prepared.runs]
         angles = np.concatenate([*visited, prepared.runs[0].position_rad[:1]])
         self._visited = float(angles.min()), float(max(angles.max(), angles.min() + 1e-6))
@@ -147,8 +154,12 @@ class Residuals:
         jumps = spectrum.apply(signals.jumps_nm, low)[:: self.prepared.every]
         jumps = jumps / max(float(np.linalg.norm(jumps[valid])), 1e-12)
         torque = spectrum.apply(signals.torque_nm, low)
+        filtered = bent(spectrum.omega, self.prepared.bend_s2)
+        sharp = spectrum.apply(
+            signals.torque_nm, spectrum.low_pass(MOTION_BAND * self.prepared.band_hz) / filtered
+        )
         peak = float(np.max(np.abs(signals.torque_nm)))
-        return _Run(signals, motion, spectrum, low, torque, peak, late, jumps, valid)
+        return _Run(signals, motion, spectrum, low, torque, sharp, filtered, peak, late, jumps, valid)
 
     def table_rad(self, points: int) -> Array:
         """Angles at which a load torque has points, (points,), over all that were visited."""
@@ -174,9 +185,9 @@ class Residuals:
         """Reported torque within the band, (n,) on the full grid; clipped where the unknowns say it was."""
         of, e = self.runs[run], unknowns.effects
         limit = e.torque_limit_nm / e.torque_gain
-        torque = of.torque_nm
+        torque = of.torque_nm  # what was clipped is what the drive's filter has not smoothed yet
         if of.peak_nm > limit:
-            torque = of.spectrum.apply(_clipped(of.signals.torque_nm, limit), of.low)
+            torque = torque - of.spectrum.apply(of.sharp_nm - _clipped(of.sharp_nm, limit), of.low * of.bent)
         t = unknowns.timing_s
         return np.asarray(torque + t * of.late_nm[0] + 0.5 * t**2 * of.late_nm[1]) if t != 0 else torque
 
@@ -246,10 +257,10 @@ class Residuals:
             compared = compared[:, ::every]
             jumps = np.sum(compared[:, of.valid] * of.jumps[of.valid], axis=1)  # rows alike to the last bit
             compared = compared - np.multiply.outer(jumps, of.jumps)
-            if run in self._soft:
-                _, directions, shrink = self._soft[run]
-                sizes = np.stack([directions[of.valid].T @ row[of.valid] for row in compared])
-                compared -= (sizes * shrink) @ directions.T
+            soft = self._soft(run)
+            if soft is not None:
+                sizes = np.stack([soft.directions[of.valid].T @ row[of.valid] for row in compared])
+                compared -= (sizes * soft.shrink) @ soft.directions.T
             result[rows] = compared
         return result
 
@@ -266,21 +277,41 @@ class Residuals:
         clipped = e.torque_limit_nm < least * e.torque_gain
         return left >= LIGHTEST * (rotor + lightest) and not clipped
 
-    def _ringing(self) -> dict[int, _Soft]:
-        """How the load rings after the first sample of each run, where nobody knows how it was wound up."""
+    def settle(self, effects: Effects) -> None:
+        """From now on let the loads ring from the first samples on as they do with these terms."""
+        self._settled = Effects()._replace(**{name: getattr(effects, name) for name in _RINGS})
+        self._softs.clear()
+
+    def _soft(self, run: int) -> _Soft | None:
+        """What counts as noise in a run: how its load may ring from the first sample on, and a measured table."""
+        if run not in self._softs:
+            columns = [c for c in (self._ringing(run), self._tables.get(run)) if c is not None]
+            valid = self.runs[run].valid
+            self._softs[run] = _softened(np.concatenate(columns, axis=1), valid) if columns else None
+        return self._softs[run]
+
+    def _ringing(self, run: int) -> Array | None:
+        """How the load rings if it was wound up, or swung, as the run began: (n, 2) over the floor's noise.
+
+        Nobody has measured that, and the first samples of a filtered motion say it badly. None: it has died away.
+        """
+        of, e = self.runs[run], self._settled
+        if self.belief.rigid or not of.valid.any():
+            return None
         wound = WOUND_UP * self._peak_nm / self.belief.stiffness
-        softest = float(np.max(self.belief.inertia_coefficients[3]))
-        offsets = ((wound, 0.0), (0.0, wound * float(np.sqrt(self.belief.stiffness / softest))))
-        noise = self.prepared.noise.torque_nm * np.sqrt(
-            2 * self.prepared.band_hz / self.prepared.source_rate_hz
-        )
-        result = {}
-        for run, of in enumerate(self.runs):
-            if of.valid.any():
-                still = self._coupling(run, Effects(), ())
-                begun = [forward.coupling_needed(self.belief, Effects(), of.motion, one) for one in offsets]
-                rings = of.spectrum.apply(np.stack(begun) - still, of.low)
-                result[run] = _softened(rings[:, :: self.prepared.every].T / noise, of.valid)
+        heaviest = float(np.max(self.belief.inertia_coefficients[3]))
+        offsets = ((wound, 0.0), (0.0, wound * float(np.sqrt(self.belief.stiffness / heaviest))))
+        begun = np.stack([forward.coupling_needed(self.belief, e, of.motion, one) for one in offsets])
+        rings = of.spectrum.apply(begun - self._coupling(run, e, ()), of.low)[:, :: self.prepared.every]
+        band, rate = self.prepared.band_hz, self.prepared.source_rate_hz
+        rings /= self.prepared.noise.torque_nm * np.sqrt(2 * band / rate)
+        return np.asarray(rings.T) if np.sum(rings[:, of.valid] ** 2) > DIED_AWAY**2 else None
+
+    def shaken(self, drawn: Sequence[Array]) -> Residuals:
+        """The same session with more noise in its channels: of each run motion (3) and torque, (4, n)."""
+        result = copy(self)
+        result._couplings, result._motors = (Memory(_KEPT * len(self.runs)) for _ in range(2))
+        result.runs = tuple(_shaken(of, more) for of, more in zip(self.runs, drawn, strict=True))
         return result
 
     def soften(self, belief: Measured, floor_nm: float) -> None:
@@ -291,25 +322,36 @@ class Residuals:
         """
         others = [Residuals(self.prepared, belief.moved(i)) for i in range(len(belief.directions_kgm2))]
         for run, of in enumerate(self.runs):
-            if not of.valid.any():
-                continue
-            here = self.residual(run, Unknowns())
-            columns = (
-                np.stack([here - other.residual(run, Unknowns()) for other in others], axis=1) / floor_nm
-            )
-            if run in self._soft:
-                columns = np.concatenate([columns, self._soft[run].columns], axis=1)
-            self._soft[run] = _softened(columns, of.valid)
+            if of.valid.any():
+                here = self.residual(run, Unknowns())
+                off = [here - other.residual(run, Unknowns()) for other in others]
+                self._tables[run] = np.stack(off, axis=1) / floor_nm
+        self._softs.clear()
 
     def all(self, runs: Sequence[int], unknowns: Unknowns) -> list[Array]:
         """Residuals of several runs."""
         return [self.residual(run, unknowns) for run in runs]
 
 
+def _shaken(of: _Run, more: Array) -> _Run:
+    """A run with more noise in angle, speed, acceleration and torque."""
+    angle, speed, acceleration, torque = more
+    motion = of.motion._replace(
+        angle=of.motion.angle + angle,
+        speed=of.motion.speed + speed,
+        acceleration=of.motion.acceleration + acceleration,
+    )
+    signals = replace(of.signals, torque_nm=of.signals.torque_nm + torque)
+    within, sharp = of.spectrum.apply(torque, of.low), of.spectrum.apply(torque, of.low / of.bent)
+    return replace(
+        of, motion=motion, signals=signals, torque_nm=of.torque_nm + within, sharp_nm=of.sharp_nm + sharp
+    )
+
+
 def _softened(columns: Array, valid: NDArray[np.bool_]) -> _Soft:
     """Columns (n, m) that count as noise, each of so many deviations of the floor."""
     _, size, turn = np.linalg.svd(columns[valid], full_matrices=False)
-    return _Soft(columns, columns @ turn.T / np.maximum(size, 1e-12), 1 - 1 / np.sqrt(1 + size**2))
+    return _Soft(columns @ turn.T / np.maximum(size, 1e-12), 1 - 1 / np.sqrt(1 + size**2))
 
 
 def _clipped(torque_nm: Array, limit_nm: float) -> Array:

@@ -35,16 +35,18 @@ DROWNED = 30.0
 #: The band also ends where the acceleration's own noise reaches this share of the acceleration: a regressor as noisy
 #: as that hides inertia. It then goes as low as LOWEST_NOISY_HZ.
 NOISY, LOWEST_NOISY_HZ = 0.15, 4.0
-#: The motion keeps so much more than the band, that products and signs of it are right within the band.
-MOTION_BAND = 1.6
+#: The motion keeps so much more than the band, that products, signs and impacts of it are right within the band.
+MOTION_BAND = 3.0
 #: Rate of the simulation over the band, and of the compared samples over the band.
-GRID_PER_BAND, COMPARED_PER_BAND = 6.0, 2.5
+GRID_PER_BAND, COMPARED_PER_BAND = 12.0, 2.5
 #: Below this share of the session's highest speed the axis stands: stiction may hold any torque there.
 STANDSTILL = 0.01
 #: The axis moves where it does so for at least this long in one direction (s).
 SHORTEST_S = 0.03
 #: Filters spread what happens over so many periods of the band's upper end.
 REACH = 1.0
+#: What a guess of the inertia beyond its table has set ringing dies away over so many.
+BEYOND = 6.0
 #: The torque's filter bends like the speed's but for this share of that, and never surer than so (s²).
 UNLIKE_SPEED, SURE_S2 = 0.3, 1e-9
 #: Repeats of which the differences have this share of the noise's variance have none in common.
@@ -146,7 +148,8 @@ def prepare(session: Session, machine: Machine) -> Prepared:
         share = number / max(len(session.runs) - 1, 1)
         position, speed, acceleration = _moved(run, noise, band, filtered)
         moving = lasting(np.abs(speed) > max(STANDSTILL * peak, 2 * smoothing), round(SHORTEST_S * rate))
-        moving = _away_from_rest(moving, round(REACH * rate / band))
+        moving = _away_from(~moving, moving, round(REACH * rate / band))
+        moving = _within_table(moving, position, machine, round(BEYOND * rate / band))
         edge = round(1.5 * rate / band)
         moving[:edge] = moving[-edge:] = False
         at = slice(None, None, factor)
@@ -196,10 +199,25 @@ def lasting(moving: NDArray[np.bool_], samples: int) -> NDArray[np.bool_]:
     return result
 
 
-def _away_from_rest(moving: NDArray[np.bool_], samples: int) -> NDArray[np.bool_]:
-    """Samples with no standstill within so many: what stiction does there, filters spread."""
-    near = np.convolve(~moving, np.ones(2 * samples + 1), "same") > 0.5
+def _away_from(there: NDArray[np.bool_], moving: NDArray[np.bool_], samples: int) -> NDArray[np.bool_]:
+    """Moving samples with none of those within so many: what stiction does, or a guess, filters spread."""
+    near = np.convolve(there, np.ones(2 * samples + 1), "same") > 0.5
     return np.asarray(moving & ~near)
+
+
+def _within_table(
+    moving: NDArray[np.bool_], position: Array, machine: Machine, samples: int
+) -> NDArray[np.bool_]:
+    """Samples with none near them beyond the ends of the inertia's table, which says nothing there.
+
+    Where that would leave less than half of a run, its ends are believed as they are.
+    """
+    table = machine.load.inertia_table
+    if table is None:
+        return moving
+    beyond = (position < table.position_rad[0]) | (position > table.position_rad[-1])
+    within = _away_from(beyond, moving, samples)
+    return within if within.sum() >= 0.5 * moving.sum() else moving
 
 
 def _channel_noise(runs: Sequence[Run]) -> Noise:
@@ -307,6 +325,21 @@ def _speed_filter(runs: Sequence[Run], noise: Noise, band_hz: float) -> SpeedFil
     if any(_nothing_new(run) for run in runs):
         found = replace(found, delay_s=0.0, delay_std_s=np.inf)
     return replace(found, bend_s2=0.0, bend_std_s2=0.0) if any(run.is_held for run in runs) else found
+
+
+def drawn_noise(prepared: Prepared, spectrum: Spectrum, chance: np.random.Generator) -> Array:
+    """What the channels' own noise may be in a run on the grid: angle, speed, acceleration and torque, (4, n)."""
+    noise, band = prepared.noise, prepared.band_hz
+    angle, speed, torque = chance.standard_normal((3, spectrum.samples)) * np.sqrt(
+        prepared.rate_hz / prepared.source_rate_hz
+    )
+    share, low = speed_share(noise, np.abs(spectrum.omega)), spectrum.low_pass(MOTION_BAND * band)
+    angle *= noise.position_rad
+    change = spectrum.apply(angle, low * spectrum.omega * (1 - share), "slope")
+    if np.isfinite(noise.speed_rad_s):
+        change = change + spectrum.apply(noise.speed_rad_s * speed, low * share, "drop")
+    acceleration = spectrum.apply(change, spectrum.low_pass(2 * MOTION_BAND * band) * spectrum.omega, "slope")
+    return np.stack([spectrum.apply(angle, low), change, acceleration, noise.torque_nm * torque])
 
 
 def _moved(run: Run, noise: Noise, band_hz: float, filtered: SpeedFilter) -> tuple[Array, Array, Array]:

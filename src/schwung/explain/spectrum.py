@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
+from numpy.typing import NDArray
 
 from schwung.motion import Array
 
@@ -29,7 +30,7 @@ class Spectrum:
         """Gain of the low-pass at each line."""
         return np.asarray(1 / (1 + (self.frequency_hz / cutoff_hz) ** ORDER))
 
-    def apply(self, values: Array, gain: Array, trend: Trend = "keep") -> Array:
+    def apply(self, values: Array, gain: NDArray[Any], trend: Trend = "keep") -> Array:
         """Signals (…, n) filtered by a gain (a low-pass, or its product with jω).
 
         The straight line from end to end would leap where the spectrum wraps around, so it goes apart: it is kept, or
