@@ -233,6 +233,14 @@ def test_the_eds_of_another_firmware_is_noticed(bench: Bench, ask: Ask, tmp_path
     assert found["EDS file"]["severity"] == "note"  # 3F00 is not listed
 
 
+def test_what_the_eds_asks_not_to_read_is_not_read(bench: Bench, ask: Ask, tmp_path: Path) -> None:
+    bench.servo.dictionary.entries.pop(0x2400 << 8 | 1)
+    assert "2400:01" in ask("--eds", str(EDS))[1]["EDS"]["text"]
+    shy = tmp_path / "shy.eds"
+    shy.write_text(EDS.read_text().replace("[2400sub1]\n", "[2400sub1]\nObjFlags=0x2\n"))
+    assert "2400:01" not in ask("--eds", str(shy))[1]["EDS"]["text"]
+
+
 def test_a_profile_of_another_drive_is_refused_in_words(bench: Bench, ask: Ask) -> None:
     code, found = ask("--profile", "maxon-epos4")
     assert code == 3

@@ -313,9 +313,10 @@ def _sample(dictionary: EdsFile, profile: CanopenProfile) -> Sequence[Parameter]
 
 
 def _harmless(dictionary: EdsFile, index: int, subindex: int) -> bool:
-    """Readable, short, and none that may be hidden while it is not in use: PDO entries, the error history."""
+    """Readable, short, none that the EDS asks not to read, and none that may be hidden while it is not in use: PDO
+    entries, the error history."""
     variable = dictionary.variable(index, subindex)
-    if variable is None or not variable.readable or variable.type == "DOMAIN":
+    if variable is None or not variable.readable or variable.refuses_read or variable.type == "DOMAIN":
         return False
     mapping = 0x1600 <= index < 0x1800 or 0x1A00 <= index < 0x1C00
     return not mapping and not (index == 0x1003 and subindex)

@@ -10,8 +10,6 @@ from schwung.fieldbus.eds import EdsFile
 from schwung.fieldbus.eds.model import Variable
 from schwung.fieldbus.profile import CanopenProfile
 
-_REFUSE_WRITE, _REFUSE_READ = 1, 2  # bits of ObjFlags, CiA 306-1 4.6.3.2
-
 #: Objects of the standards that are commands or live values, though they can be written (CiA 301, 302, 402).
 _NO_PARAMETERS = {
     0x1003: "error history: writing it clears it",
@@ -113,7 +111,7 @@ def _reason(variable: Variable, commands: Mapping[tuple[int, int], str]) -> str:
         (index in _NO_PARAMETERS, _NO_PARAMETERS.get(index, "")),
         ((index, variable.subindex) in commands, commands.get((index, variable.subindex), "")),
         (variable.type == "DOMAIN", "a block of data, no parameter"),
-        (bool(variable.flags & _REFUSE_READ), "the EDS asks not to read it (ObjFlags)"),
-        (bool(variable.flags & _REFUSE_WRITE), "the EDS asks not to write it (ObjFlags)"),
+        (variable.refuses_read, "the EDS asks not to read it (ObjFlags)"),
+        (variable.refuses_write, "the EDS asks not to write it (ObjFlags)"),
     )
     return next((reason for holds, reason in reasons if holds), "")

@@ -25,7 +25,7 @@ class Variable:
     high: int | None = None
     default: Value | None = None
     configured: Value | None = None  # ParameterValue, in a DCF
-    flags: int = 0  # ObjFlags; bit 0: refuse write on download, bit 1: refuse read on scan
+    flags: int = 0  # ObjFlags, CiA 306-1 4.6.3.2; bit 0: refuse write on download, bit 1: refuse read on scan
     line: int = 0
     extra: Mapping[str, str] = field(default_factory=dict)  # Factor, Unit, Description, which canopen reads
 
@@ -38,6 +38,16 @@ class Variable:
     def writable(self) -> bool:
         """True where the file allows writing."""
         return "w" in self.access
+
+    @property
+    def refuses_write(self) -> bool:
+        """True where the file asks not to write it when a configuration is put back."""
+        return bool(self.flags & 1)
+
+    @property
+    def refuses_read(self) -> bool:
+        """True where the file asks not to read it when everything is read."""
+        return bool(self.flags & 2)
 
 
 @dataclass(frozen=True)
