@@ -198,6 +198,7 @@ def test_what_a_dcf_keeps_beyond_the_profiles_eds_is_compared_and_put_back(
     _hold(bench, 0x6085 << 8, before + 1)
     assert invoke(capsys, "diff", "axis.dcf", "drive", *known)[0] == 1
     code, out, _ = invoke(capsys, "restore", "axis.bin", *known, "-y")
+    assert code == 0
     assert "not in the EDS (small.eds); give the vendor's with --eds" in " ".join(out.split())
     assert _held(bench, 0x6085 << 8) == before + 1
     assert invoke(capsys, "restore", "axis.dcf", *known, "-y", "--out", "back")[0] == 0
