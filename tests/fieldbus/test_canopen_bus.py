@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import errno
+import socket
 import threading
 import time
 from collections.abc import Iterator
@@ -56,6 +57,20 @@ def test_a_wrong_option_is_an_input_error_with_a_remedy(options: BusOptions, nam
     with pytest.raises(InputError, match=named) as raised:
         open_bus(options)
     assert raised.value.remedy
+
+
+@pytest.mark.parametrize("greeting", [b"", b"SSH-2.0-OpenSSH"])
+def test_a_server_that_does_not_greet_is_not_waited_for(
+    monkeypatch: pytest.MonkeyPatch, greeting: bytes
+) -> None:
+    monkeypatch.setattr("schwung.fieldbus.canopen.bus._SERVER_S", 0.1)
+    with socket.create_server(("127.0.0.1", 0)) as server:
+        port = server.getsockname()[1]
+        answering = threading.Thread(target=lambda: server.accept()[0].sendall(greeting), daemon=True)
+        answering.start()
+        with pytest.raises(BusError, match=f"127.0.0.1:{port} does not greet"):
+            open_bus(BusOptions("socketcand", "vcan0", extra={"host": "127.0.0.1", "port": port}))
+        answering.join()
 
 
 def test_an_option_without_a_value_is_refused() -> None:

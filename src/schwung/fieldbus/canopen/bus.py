@@ -72,6 +72,8 @@ class BusOptions:
 _REMEDY = (
     "Give --interface and --channel (e.g. socketcan can0), or set CAN_INTERFACE and CAN_CHANNEL or can.conf."
 )
+_SERVER_S = 2.0
+_GREETING = b"< hi >"  # what a socketcand server says first
 _INSTALL = "Install what python-can needs for it, e.g. pip install 'python-can[serial]'."
 
 
@@ -105,21 +107,28 @@ def open_bus(options: BusOptions) -> can.BusABC:
 
 
 def _require_server(config: Mapping[str, Any], where: str) -> None:
-    """python-can asks a server that is not there again for ten seconds; once is enough."""
+    """python-can asks a server that is not there again for ten seconds, and waits for ever for one that is silent."""
     host, port = str(config.get("host", "")), config.get("port", 0)
     if not host or not port:
         raise InputError(
             f"bus {where}", "host or port is missing", "Add --bus host=ADDRESS --bus port=NUMBER."
         )
     try:
-        with socket.create_connection((host, int(port)), timeout=2.0):
-            pass
+        connection = socket.create_connection((host, int(port)), timeout=_SERVER_S)
     except (OSError, ValueError, TypeError) as error:
         raise BusError(
             f"bus {where}",
             f"nobody serves it at {host}:{port} ({error})",
             "Start the server; check host and port.",
         ) from error
+    with connection, contextlib.suppress(OSError):
+        if connection.recv(len(_GREETING)) == _GREETING:
+            return
+    raise BusError(
+        f"bus {where}",
+        f"what listens at {host}:{port} does not greet as socketcand does",
+        "Check host and port; restart the server.",
+    )
 
 
 def _widen(bus: can.BusABC) -> None:
