@@ -203,3 +203,15 @@ def test_what_a_dcf_keeps_beyond_the_profiles_eds_is_compared_and_put_back(
     assert _held(bench, 0x6085 << 8) == before + 1
     assert invoke(capsys, "restore", "axis.dcf", *known, "-y", "--out", "back")[0] == 0
     assert _held(bench, 0x6085 << 8) == before
+
+
+def test_the_eds_of_another_manufacturer_is_refused(capsys: pytest.CaptureFixture[str], bench: Bench) -> None:
+    foreign = load_canopen_profile("elmo-gold").eds_path
+    invoke(capsys, "backup", "axis.bin", "--concise", *_bus(bench))
+    for command in (
+        ["backup", "other.dcf"], ["diff", "axis.bin", "drive"], ["restore", "axis.bin", "-y", "--out", "back"],
+    ):  # fmt: skip
+        code, _, err = invoke(capsys, *command, "--eds", str(foreign), *_bus(bench))
+        assert code == 2
+        assert "is of vendor 0x0000009A, and node 3 of 0x53574E47" in err
+    assert not Path("other.dcf").exists()

@@ -233,6 +233,25 @@ def test_the_eds_of_another_firmware_is_noticed(bench: Bench, ask: Ask, tmp_path
     assert found["EDS file"]["severity"] == "note"  # 3F00 is not listed
 
 
+def test_of_the_eds_of_another_manufacturer_that_alone_is_told(
+    bench: Bench, capsys: pytest.CaptureFixture[str], channel: str
+) -> None:
+    foreign = load_canopen_profile("elmo-gold").eds_path
+    _, out, _ = invoke(
+        capsys, "doctor", "-i", "virtual", "-c", channel, "-n", "3", "--eds", str(foreign), "--json"
+    )
+    (told,) = (check for check in json.loads(out)["checks"] if check["name"] == "profile and EDS")
+    assert "the EDS is of 0x0000009A" in told["text"]
+
+
+def test_gains_that_the_machine_file_has_to_give_are_a_warning(channel: str, ask: Ask) -> None:
+    with Bench("two-mass", channel=channel, node_id=3, profile="elmo-gold"):
+        code, found = ask()
+    assert code == 0
+    assert found["control gains"]["severity"] == "warning"
+    assert "[control]" in found["control gains"]["remedy"]
+
+
 def test_what_the_eds_asks_not_to_read_is_not_read(bench: Bench, ask: Ask, tmp_path: Path) -> None:
     bench.servo.dictionary.entries.pop(0x2400 << 8 | 1)
     assert "2400:01" in ask("--eds", str(EDS))[1]["EDS"]["text"]

@@ -61,15 +61,14 @@ def backup(
     from schwung.cli.drives import open_drive
     from schwung.commissioning.backup import read_snapshot
     from schwung.commissioning.configuration_files import save_configuration
-    from schwung.fieldbus.configuration import Skipped, select
-    from schwung.fieldbus.eds import read_eds
+    from schwung.fieldbus.configuration import Skipped, dictionary_of, select
 
     terminal = Terminal(json_output)
     if file is not None:
         _require_free(file, force)
     with open_drive(bus_options(interface, channel, bitrate, bus), node, profile) as opened:
         family = canopen_profile(opened.profile, "backup")
-        dictionary = read_eds(eds or family.eds_path, node)
+        dictionary = dictionary_of(eds, family, opened.drive.identity, node)
         selection = select(dictionary, family)
         target = file or _default_name(family.family, node, concise)
         _require_free(target, force)

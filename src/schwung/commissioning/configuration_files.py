@@ -11,7 +11,7 @@ from schwung.commissioning.compare import Configuration, key_of, retyped
 from schwung.commissioning.journal import first_values, read_backup, write_backup
 from schwung.errors import InputError, RefusedError
 from schwung.fieldbus.concise import ConciseEntry, read_concise, untyped_parameter, write_concise
-from schwung.fieldbus.configuration import Skipped, mapped_live, select
+from schwung.fieldbus.configuration import Skipped, dictionary_of, mapped_live, select
 from schwung.fieldbus.dcf import dcf_text
 from schwung.fieldbus.drive import DriveIdentity, Parameter, ParameterValue
 from schwung.fieldbus.eds import EdsFile, decode, read_eds
@@ -156,11 +156,12 @@ def fitting_dictionary(
 ) -> EdsFile:
     """The EDS as given; else the file's own objects, so that all is compared that was kept; else the profile's EDS.
 
-    The objects of another kind of drive say nothing about this one.
+    The objects of another kind of drive say nothing about this one. Raises InputError for the EDS of another
+    manufacturer.
     """
     if eds is None and wanted.dictionary is not None and not list(_foreign(wanted, identity)):
         return wanted.dictionary
-    return read_eds(eds or profile.eds_path, node_id)
+    return dictionary_of(eds, profile, identity, node_id)
 
 
 def _foreign(wanted: Configuration, identity: DriveIdentity) -> Iterator[tuple[str, int, int]]:

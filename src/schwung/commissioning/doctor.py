@@ -223,7 +223,8 @@ def capability_checks(
             by_scale = quantity is not None and quantity.unit == "user"
             yield Check(name, "stop", reason, _EXTEND if by_scale else _OTHER)
         elif name in _REMEDIES:
-            yield Check(name, "note", reason, _REMEDIES[name])
+            # without gains preflight has no drive to simulate: commission asks for them
+            yield Check(name, "warning" if name == "control gains" else "note", reason, _REMEDIES[name])
         else:
             other.append(name)
     if other:

@@ -285,17 +285,25 @@ def dictionary_checks(drive: CanopenDrive, dictionary: EdsFile, profile: Canopen
     else:
         yield Check("EDS", "ok", f"{len(asked)} objects of {name} are all there")
     if dictionary.warnings:
-        yield Check(
-            "EDS file", "note", f"{len(dictionary.warnings)} oddities in {dictionary.path.name}, the first: "
-            f"{dictionary.warnings[0]}", "",
-        )  # fmt: skip
+        count = len(dictionary.warnings)
+        told = (
+            f"{count} oddities in {dictionary.path.name}, the first"
+            if count > 1
+            else f"odd in {dictionary.path.name}"
+        )
+        more = "`schwung profile check --eds` lists them." if count > 1 else ""
+        yield Check("EDS file", "note", f"{told}: {dictionary.warnings[0]}", more)
 
 
 def profile_checks(profile: CanopenProfile, dictionary: EdsFile) -> Iterator[Check]:
-    """Where the vendor's own EDS contradicts the profile: types, access, what a PDO can carry."""
-    for finding in check_profile(profile, dictionary):
-        if finding.severity == "error":
-            yield Check("profile and EDS", "warning", f"{finding.place}: {finding.problem}", finding.remedy)
+    """Where the vendor's own EDS contradicts the profile: types, access, what a PDO can carry.
+
+    Of the EDS of another manufacturer that alone is told: all else would follow from it.
+    """
+    found = [finding for finding in check_profile(profile, dictionary) if finding.severity == "error"]
+    foreign = [finding for finding in found if finding.place == "identity.vendor_id"]
+    for finding in foreign or found:
+        yield Check("profile and EDS", "warning", f"{finding.place}: {finding.problem}", finding.remedy)
 
 
 def _sample(dictionary: EdsFile, profile: CanopenProfile) -> Sequence[Parameter]:

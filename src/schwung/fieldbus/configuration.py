@@ -4,9 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
+from pathlib import Path
 
-from schwung.fieldbus.drive import Parameter, ParameterValue
-from schwung.fieldbus.eds import EdsFile
+from schwung.errors import InputError
+from schwung.fieldbus.drive import DriveIdentity, Parameter, ParameterValue
+from schwung.fieldbus.eds import EdsFile, read_eds
 from schwung.fieldbus.eds.model import Variable
 from schwung.fieldbus.profile import CanopenProfile
 
@@ -52,6 +54,23 @@ class Selection:
     skipped: tuple[Skipped, ...]
     read_only: int
     write_only: int
+
+
+def dictionary_of(
+    eds: Path | None, profile: CanopenProfile, identity: DriveIdentity, node_id: int
+) -> EdsFile:
+    """The EDS of a drive as given, else its profile's.
+
+    Raises InputError for one of another manufacturer: what it names would mean something else in this drive.
+    """
+    dictionary = read_eds(eds or profile.eds_path, node_id)
+    told = dictionary.dictionary.device_information.vendor_number
+    if eds is not None and told and told != identity.vendor_id:
+        raise InputError(
+            str(eds), f"is of vendor 0x{told:08X}, and node {identity.node_id} of 0x{identity.vendor_id:08X}",
+            "Give the EDS of this drive.",
+        )  # fmt: skip
+    return dictionary
 
 
 def select(file: EdsFile, profile: CanopenProfile | None = None) -> Selection:
