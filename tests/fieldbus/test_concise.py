@@ -56,6 +56,38 @@ def test_a_pdo_that_is_off_stays_off() -> None:
     assert [int.from_bytes(e.data, "little") for e in made] == [0xC0000285]
 
 
+def _downloads(*values: ParameterValue) -> list[tuple[int, int, int]]:
+    made = read_concise(write_concise(values, EDS.find), "x")
+    return [(e.index, e.subindex, int.from_bytes(e.data, "little")) for e in made]
+
+
+def test_a_pdo_whose_identifier_is_not_given_keeps_it() -> None:
+    """0 as identifier would be that of NMT commands."""
+    assert _downloads(_value(0x1800, 2, 1), _value(0x1A00, 0, 1), _value(0x1A00, 1, 0x60410010)) == [
+        (0x1800, 2, 1), (0x1A00, 0, 0), (0x1A00, 1, 0x60410010), (0x1A00, 0, 1),
+    ]  # fmt: skip
+    assert _downloads(_value(0x1800, 1, 0x185), _value(0x1A00, 1, 0x60410010)) == [
+        (0x1A00, 1, 0x60410010), (0x1800, 1, 0x80000185), (0x1800, 1, 0x185),
+    ]  # fmt: skip
+    assert _downloads(_value(0x1019, 0, 240)) == [(0x1019, 0, 240)]
+
+
+WRITABLE = [
+    ParameterValue(EDS.parameter_of(v), v.default.raw if v.default is not None else 0)
+    for v in EDS.description.variables()
+    if v.writable and v.readable and 0x1000 <= v.index < 0x1C00
+]
+
+
+@given(st.lists(st.sampled_from(WRITABLE), unique_by=lambda v: (v.parameter.index, v.parameter.subindex)))
+def test_nothing_is_downloaded_but_what_was_given(values: list[ParameterValue]) -> None:
+    """Each object is left at its value, in a drive that starts from anything."""
+    left = {(index, subindex): raw for index, subindex, raw in _downloads(*values)}
+    assert left.keys() == {(v.parameter.index, v.parameter.subindex) for v in values}
+    for value in values:
+        assert left[value.parameter.index, value.parameter.subindex] == value.raw
+
+
 def test_the_counter_of_sync_is_set_while_its_period_is_0() -> None:
     made = read_concise(write_concise([_value(0x1006, 0, 1000), _value(0x1019, 0, 240)], EDS.find), "x")
     assert [(e.index, int.from_bytes(e.data, "little")) for e in made] == [

@@ -9,7 +9,7 @@ An object may occur more than once: a PDO is switched off, remapped, and switche
 from __future__ import annotations
 
 import struct
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Container, Sequence
 from dataclasses import dataclass
 
 from schwung.errors import InputError
@@ -32,21 +32,48 @@ class ConciseEntry:
 def write_concise(values: Sequence[ParameterValue], lookup: Callable[[int, int], Parameter | None]) -> bytes:
     """A concise DCF that brings a drive to these values, whatever it holds before; in an order that it takes.
 
-    `lookup` knows all objects of the drive: count and identifier of a PDO are needed where its entries are given.
+    `lookup` knows all objects of the drive. Nothing but these values is downloaded: a PDO whose identifier or count is
+    not among them (a drive may have them fixed) is not switched off for its others, since nobody knows what on is.
     Raises InputError where a value does not fit its type.
     """
-    downloads: list[ParameterValue] = []
     present = {(v.parameter.index, v.parameter.subindex): v.raw for v in values}
+    fixed = [v for v in values if _is_fixed(v.parameter, present)]
+    downloads = _in_order(fixed)
 
     def read(parameter: Parameter) -> int:
         """What the drive is thought to hold: an enabled PDO, so that it is switched off first."""
         raw = present.get((parameter.index, parameter.subindex), 0)
         return int(raw) & ~pdo.INVALID if isinstance(raw, int) else 0
 
-    setup.write_ordered(values, lookup, read, downloads.append)
+    def given(index: int, subindex: int) -> Parameter | None:
+        return lookup(index, subindex) if (index, subindex) in present else None
+
+    setup.write_ordered([v for v in values if v not in fixed], given, read, downloads.append)
     entries = [(value.parameter, encode(value.parameter, value.raw)) for value in downloads]
     body = [_HEAD.pack(p.index, p.subindex, len(data)) + data for p, data in entries]
     return _COUNT.pack(len(entries)) + b"".join(body)
+
+
+def _is_fixed(parameter: Parameter, present: Container[tuple[int, int]]) -> bool:
+    """True for what belongs to a PDO whose identifier, or count of entries, is not given."""
+    if not pdo.is_pdo_object(parameter):
+        return False
+    mapping = parameter.index | 0x200
+    entries = parameter.index == mapping and (mapping, 0) not in present
+    return entries or (mapping & 0xFDFF, 1) not in present
+
+
+def _in_order(values: Sequence[ParameterValue]) -> list[ParameterValue]:
+    """Object by object; the count of a mapping goes to 0 before its entries, and comes back behind them."""
+    ordered: list[ParameterValue] = []
+    for index in sorted({v.parameter.index for v in values}):
+        own = sorted(
+            (v for v in values if v.parameter.index == index), key=lambda v: v.parameter.subindex or 256
+        )
+        if len(own) > 1 and own[-1].parameter.subindex == 0:
+            ordered.append(ParameterValue(own[-1].parameter, 0))
+        ordered += own
+    return ordered
 
 
 def read_concise(content: bytes, place: str) -> list[ConciseEntry]:
