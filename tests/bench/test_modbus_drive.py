@@ -12,7 +12,7 @@ from schwung.errors import DriveFaultError, InputError, NodeLostError, RegisterE
 from schwung.fieldbus.cia402 import NEW_SET_POINT
 from schwung.fieldbus.drive import Guard, Sine, partial_recording
 from schwung.fieldbus.modbus import ModbusDrive, ModbusLink, match_profile, scan_units
-from schwung.fieldbus.modbus.machine import Machine
+from schwung.fieldbus.modbus.state_machine import StateMachine
 from schwung_sim.drives.modbus.power import State
 from schwung_sim.modbus_bench import ModbusBench
 
@@ -182,7 +182,7 @@ def test_a_start_command_does_not_go_over_a_connection_that_came_back(
     back: bool, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Lost between the last look and the start; found out by whoever asks next, or by the start command itself."""
-    advance, write = Machine.advance, ModbusLink.write
+    advance, write = StateMachine.advance, ModbusLink.write
     starts: list[int] = []
 
     def noted(link: ModbusLink, address: int, words: tuple[int, ...]) -> None:
@@ -192,7 +192,7 @@ def test_a_start_command_does_not_go_over_a_connection_that_came_back(
     monkeypatch.setattr(ModbusLink, "write", noted)
     with modbus_desk(timeout_s=0.1) as room, room.enabled(duration_s=0.2):
 
-        def advance_late(machine: Machine, controlword: int) -> None:
+        def advance_late(machine: StateMachine, controlword: int) -> None:
             if controlword & NEW_SET_POINT:
                 room.bench.server.drop()
                 time.sleep(0.02)
@@ -200,7 +200,7 @@ def test_a_start_command_does_not_go_over_a_connection_that_came_back(
                     machine.statusword()
             advance(machine, controlword)
 
-        monkeypatch.setattr(Machine, "advance", advance_late)
+        monkeypatch.setattr(StateMachine, "advance", advance_late)
         with pytest.raises(NodeLostError, match="the connection was lost"):
             room.drive.play(room.stroke(1.0))
         assert len(starts) == (0 if back else 1)
@@ -210,15 +210,15 @@ def test_a_start_command_does_not_go_over_a_connection_that_came_back(
 
 def test_a_halt_from_elsewhere_is_not_overtaken_by_the_start(monkeypatch: pytest.MonkeyPatch) -> None:
     """Asked for between the last look and the start."""
-    advance = Machine.advance
+    advance = StateMachine.advance
     with modbus_desk() as room, room.enabled(duration_s=0.2):
 
-        def advance_late(machine: Machine, controlword: int) -> None:
+        def advance_late(machine: StateMachine, controlword: int) -> None:
             if controlword & NEW_SET_POINT:
                 room.drive.halt()
             advance(machine, controlword)
 
-        monkeypatch.setattr(Machine, "advance", advance_late)
+        monkeypatch.setattr(StateMachine, "advance", advance_late)
         with pytest.raises(StateError, match="was halted"):
             room.drive.play(room.stroke(1.0))
         assert room.bench.servo.moves == 0

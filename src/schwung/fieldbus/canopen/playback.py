@@ -90,7 +90,9 @@ def _counts(values: Array, scale: float, layout: Layout, name: str) -> NDArray[n
     if not math.isfinite(scale):
         if np.any(values):
             raise InputError(
-                f"setpoints, {name}", "nobody tells its unit", "Give its scale in a profile that extends this one."
+                f"setpoints, {name}",
+                "nobody tells its unit",
+                "Give its scale in a profile that extends this one.",
             )
         return np.zeros(values.size, dtype=np.int64)
     counts = np.rint(values / scale)
@@ -147,7 +149,9 @@ def dynamics(moves: Sequence[Move], scales: Scales, lookup: Lookup) -> list[Para
         if parameter is not None:
             values.append(ParameterValue(parameter, round(value)))
         elif index != 0x6084:
-            raise InputError(f"0x{index:04X}", "the EDS lacks it, but strokes need it", "Use the EDS of this drive.")
+            raise InputError(
+                f"0x{index:04X}", "the EDS lacks it, but strokes need it", "Use the EDS of this drive."
+            )
     return values
 
 

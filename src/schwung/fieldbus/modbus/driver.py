@@ -26,9 +26,9 @@ from schwung.fieldbus.drive import (
 from schwung.fieldbus.modbus import capabilities, setup
 from schwung.fieldbus.modbus.keeper import Keeper
 from schwung.fieldbus.modbus.link import ModbusLink
-from schwung.fieldbus.modbus.machine import Machine
 from schwung.fieldbus.modbus.play import Means
 from schwung.fieldbus.modbus.registers import Registers
+from schwung.fieldbus.modbus.state_machine import StateMachine
 from schwung.fieldbus.modbus.trace import TraceBuffer
 from schwung.fieldbus.profile import ModbusProfile
 from schwung.fieldbus.units import Scales, read_scales
@@ -53,14 +53,14 @@ class ModbusDrive:
         self._played: list[Parameter] = []
         self._keeper: Keeper | None = None
         self._trace = TraceBuffer(self._registers, profile.trace) if profile.trace is not None else None
-        self._machine: Machine | None = None
+        self._state_machine: StateMachine | None = None
         self._means: Means | None = None
         if profile.state is not None:
-            self._machine = Machine(self._registers, profile.state, self._generator_off)
+            self._state_machine = StateMachine(self._registers, profile.state, self._generator_off)
             demand = profile.quantities.position.demand
             if profile.strokes is not None and demand is not None:
                 self._means = Means(
-                    self._registers, self._machine, profile, profile.strokes, demand, self._trace
+                    self._registers, self._state_machine, profile, profile.strokes, demand, self._trace
                 )
         self._identity = self._check_identity()
 
@@ -73,14 +73,14 @@ class ModbusDrive:
 
     def state(self) -> DriveState:
         """State of the state machine and error, read now; "unknown" where the profile has no state machine."""
-        if self._machine is None:
+        if self._state_machine is None:
             return DriveState(nmt="UNKNOWN", cia402="unknown", position_rad=self._position_rad())
-        word = self._machine.statusword()
+        word = self._state_machine.statusword()
         return DriveState(
             nmt="UNKNOWN",
             cia402=cia402.decode(word).value,
             position_rad=self._position_rad(),
-            error=self._machine.error_text(),
+            error=self._state_machine.error_text(),
         )
 
     def limits(self) -> DriveLimits:
@@ -204,12 +204,12 @@ class ModbusDrive:
         self._acquisition = acquisition
         self._close_keeper()
         self._keeper = Keeper(
-            self._required_machine().statusword, setup.watchdog_s(self.profile, acquisition)
+            self._required_state_machine().statusword, setup.watchdog_s(self.profile, acquisition)
         )
 
     def enable(self) -> None:
         """Operation enabled, holding the position. Raises StateError naming what is missing, DriveFaultError."""
-        self._required_machine().enable()
+        self._required_state_machine().enable()
 
     def play(self, setpoints: Setpoints, progress: Progress | None = None) -> Recording:
         """Let the drive make one stroke and record it; see Drive.play and play.py.
@@ -222,17 +222,17 @@ class ModbusDrive:
 
     def halt(self) -> None:
         """Quick stop and generator off. Never raises; from any thread."""
-        if self._machine is not None:
-            self._machine.halt()
+        if self._state_machine is not None:
+            self._state_machine.halt()
 
     def reset_fault(self) -> None:
         """Acknowledge a fault. Ends in Switch on disabled: nothing is energised. Raises StateError where it stays."""
-        self._required_machine().reset_fault()
+        self._required_state_machine().reset_fault()
 
     def disable(self) -> None:
         """Power stage off, after standstill. Where the profile knows no state machine, nothing was on by our doing."""
-        if self._machine is not None:
-            self._machine.disable(self._position_counts)
+        if self._state_machine is not None:
+            self._state_machine.disable(self._position_counts)
 
     def stop(self) -> None:
         """Go silent: the drive's watchdog is not fed any more."""
@@ -242,10 +242,10 @@ class ModbusDrive:
     def close(self) -> None:
         """End the connection. A drive that we may have left moving is halted and switched off first."""
         self._close_keeper()
-        if self._machine is not None and self._machine.may_move:
+        if self._state_machine is not None and self._state_machine.may_move:
             self.halt()
             with contextlib.suppress(DriveError):
-                self._machine.disable(self._position_counts)
+                self._state_machine.disable(self._position_counts)
         self._link.close()
 
     def __enter__(self) -> ModbusDrive:
@@ -282,14 +282,14 @@ class ModbusDrive:
         vendor, product = (*told, 0, 0)[:2]
         return DriveIdentity(unit, vendor, product, 0, serial, self.profile.name)
 
-    def _required_machine(self) -> Machine:
-        if self._machine is None:
+    def _required_state_machine(self) -> StateMachine:
+        if self._state_machine is None:
             raise RefusedError(
                 f"profile {self.profile.family}",
                 self.profile.reason("profile position"),
                 "Choose another drive.",
             )
-        return self._machine
+        return self._state_machine
 
     def _generator_off(self) -> None:
         if self._means is not None:

@@ -29,8 +29,8 @@ from schwung.fieldbus.drive import (
     SyncTiming,
     attach_recording,
 )
-from schwung.fieldbus.modbus.machine import POLL_S, Machine
 from schwung.fieldbus.modbus.registers import Registers
+from schwung.fieldbus.modbus.state_machine import POLL_S, StateMachine
 from schwung.fieldbus.modbus.trace import TraceBuffer
 from schwung.fieldbus.profile import Generator, ModbusProfile, ObjectRef, Strokes
 from schwung.fieldbus.tracing import TraceRequest, recording_of, sine_torque, trace_request
@@ -46,7 +46,7 @@ class Means:
     """What the drive does by itself, with the registers for it."""
 
     registers: Registers
-    machine: Machine
+    state_machine: StateMachine
     profile: ModbusProfile
     strokes: Strokes
     target: ObjectRef
@@ -100,7 +100,7 @@ class Means:
                 self._await(time.monotonic(), setpoints, None, None, at_target=True)
                 return self._recording(setpoints, move, request, scales, progress)
             except BaseException as error:
-                self.machine.halt()
+                self.state_machine.halt()
                 if request is not None and began_s and not isinstance(error, BusError | NodeLostError):
                     came = (time.monotonic() - began_s) * request.rate_hz
                     self._attach(error, setpoints, move, request, scales, came)
@@ -136,10 +136,10 @@ class Means:
     def _start(self, move: Move, scales: Scales) -> float:
         """Start the stroke; returns when that was asked for. The start command is sent once, whatever happens."""
         self.registers.put(self.target, round(move.target_rad / scales.position_rad))
-        self.machine.check()
+        self.state_machine.check()
         began_s = time.monotonic()
-        self.machine.advance(cia402.ENABLE_OPERATION | cia402.NEW_SET_POINT | cia402.CHANGE_AT_ONCE)
-        while not self.machine.check() & cia402.SET_POINT_ACKNOWLEDGE:
+        self.state_machine.advance(cia402.ENABLE_OPERATION | cia402.NEW_SET_POINT | cia402.CHANGE_AT_ONCE)
+        while not self.state_machine.check() & cia402.SET_POINT_ACKNOWLEDGE:
             if time.monotonic() - began_s > _ACKNOWLEDGED_S:
                 raise StateError(
                     f"unit {self.registers.link.unit}",
@@ -147,7 +147,7 @@ class Means:
                     "Look at its limits and its mode.",
                 )
             time.sleep(POLL_S)
-        self.machine.advance(cia402.ENABLE_OPERATION)
+        self.state_machine.advance(cia402.ENABLE_OPERATION)
         return began_s
 
     def _await(
@@ -166,7 +166,7 @@ class Means:
         """
         count, rate = setpoints.position_rad.size, setpoints.sample_rate_hz
         while True:
-            word, now = self.machine.check(), time.monotonic()
+            word, now = self.state_machine.check(), time.monotonic()
             if progress is not None:
                 progress(max(0, min(count - int((end_s - now) * rate), count)), count)
             if now >= end_s:
@@ -186,7 +186,7 @@ class Means:
         """Let time pass, noticing trouble."""
         end_s = time.monotonic() + duration_s
         while time.monotonic() < end_s:
-            self.machine.check()
+            self.state_machine.check()
             time.sleep(POLL_S)
 
     # ── injection ────────────────────────────────────────────────────────────────────────────────────────────────
@@ -203,7 +203,7 @@ class Means:
                 "its generator cannot start with the motion",
                 "Use --phases 1.",
             )
-        self.machine.start(generator.control.object, start)
+        self.state_machine.start(generator.control.object, start)
         yield
         self.generator_off()
 

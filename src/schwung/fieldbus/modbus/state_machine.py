@@ -24,7 +24,7 @@ _STANDSTILL_S = 3.0
 _STILL_FOR_S = 0.05
 
 
-class Machine:
+class StateMachine:
     """The state machine of one drive. `on_halt` is called with every quick stop of ours: the generator goes off."""
 
     def __init__(self, registers: Registers, state: StateRegisters, on_halt: Callable[[], None]) -> None:
