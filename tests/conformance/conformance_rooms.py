@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import threading
 import time
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterator
@@ -28,9 +29,20 @@ from schwung_sim.modbus_bench import ModbusBench
 NODE = 5
 SEED = 11
 RATE_HZ = 1000.0
-HEARTBEAT_S = 0.05
+HEARTBEAT_S = 0.5  # so patient that a busy computer is no dead one
+SHORT_HEARTBEAT_S = 0.05
 
 _channels = count()
+
+
+def wait_until(happened: Callable[[], bool]) -> bool:
+    """Whether it happened within ten seconds: long, since the computer may be busy with other things."""
+    end = time.monotonic() + 10.0
+    while not happened():
+        if time.monotonic() > end:
+            return False
+        time.sleep(0.002)
+    return True
 
 
 class Room(ABC):
@@ -75,10 +87,10 @@ class Room(ABC):
     def sampling(self) -> Sampling:
         return "sync" if self.offers("sampling by SYNC") else "trace"
 
-    def acquisition(self, mode: OperatingMode) -> Acquisition:
+    def acquisition(self, mode: OperatingMode, heartbeat_s: float = HEARTBEAT_S) -> Acquisition:
         stroke = self.stroke(mode)
         return Acquisition(
-            mode, RATE_HZ, heartbeat_s=HEARTBEAT_S, moves=stroke.moves, sampling=self.sampling,
+            mode, RATE_HZ, heartbeat_s=heartbeat_s, moves=stroke.moves, sampling=self.sampling,
             trace_rate_hz=RATE_HZ, trace_s=stroke.position_rad.size / RATE_HZ,
         )  # fmt: skip
 
@@ -91,9 +103,9 @@ class Room(ABC):
         return Setpoints(RATE_HZ, path, np.zeros(cycles), moves)
 
     @contextmanager
-    def enabled(self, mode: OperatingMode) -> Iterator[None]:
+    def enabled(self, mode: OperatingMode, heartbeat_s: float = HEARTBEAT_S) -> Iterator[None]:
         """Set up, started, in Operation enabled; as before afterwards, whatever happened."""
-        acquisition = self.acquisition(mode)
+        acquisition = self.acquisition(mode, heartbeat_s)
         wanted = self.drive.setup(acquisition)
         before = [self.drive.read(value.parameter) for value in wanted]
         with ExitStack() as ways_out:
@@ -111,13 +123,23 @@ class Room(ABC):
         self.drive.disable()
 
     def comes_to_rest(self) -> bool:
-        """Out of operation, and standing, within two seconds."""
-        end = time.monotonic() + 2.0
-        while time.monotonic() < end:
-            time.sleep(0.01)
-            if abs(self.axis.speed_rad_s) < 0.5 and self.state() not in ("operation enabled", "between"):
-                return True
-        return False
+        """Out of operation, and standing."""
+        return wait_until(
+            lambda: abs(self.axis.speed_rad_s) < 0.5 and self.state() not in ("operation enabled", "between")
+        )
+
+    @contextmanager
+    def once_it_moves(self, act: Callable[[], object]) -> Iterator[None]:
+        """Do something while a motion is being played."""
+
+        def watch() -> None:
+            wait_until(lambda: abs(self.axis.speed_rad_s) > 0.2)
+            act()
+
+        watcher = threading.Thread(target=watch)
+        watcher.start()
+        yield
+        watcher.join()
 
     def state(self) -> str:
         """The drive's state by its own statusword."""
@@ -154,17 +176,20 @@ class CanopenRoom(Room):
         self.bench.servo.fault(code)
 
     def fall_silent(self) -> Callable[[], None]:
-        end = time.monotonic() + 2.0
-        while not self.bench.servo.heartbeats.watched and time.monotonic() < end:
-            time.sleep(0.005)  # who has never been heard is not missed (CiA 301 7.2.8.3.2.2)
+        heartbeats = self.bench.servo.heartbeats
+        wait_until(
+            lambda: bool(heartbeats.watched)
+        )  # who has never been heard is not missed (CiA 301 7.2.8.3.2.2)
         heartbeat = self.drive._heartbeat
         assert heartbeat is not None
         heartbeat.close()
         self.drive._heartbeat = None
 
         def speak() -> None:
-            self.drive._beat(HEARTBEAT_S)
-            time.sleep(2 * HEARTBEAT_S)  # a fault by silence cannot be reset before we have been heard
+            self.drive._beat(SHORT_HEARTBEAT_S)
+            wait_until(
+                lambda: not heartbeats.silent
+            )  # a fault by silence cannot be reset before we have been heard
 
         return speak
 
@@ -226,7 +251,7 @@ def _canopen_room(case: Case, file: Path) -> Iterator[Room]:
     with Bench(profile=file, eds=case.eds, channel=channel, node_id=NODE, seed=SEED) as bench:
         bus = open_bus(BusOptions("virtual", channel, 1_000_000))
         try:
-            with CanopenDrive(bus, NODE, profile, bit_rate=1_000_000) as drive:
+            with CanopenDrive(bus, NODE, profile, bit_rate=1_000_000, sdo_timeout_s=3.0) as drive:
                 yield CanopenRoom(case, bench, drive, profile)
         finally:
             bus.shutdown()

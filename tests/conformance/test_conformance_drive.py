@@ -2,11 +2,9 @@
 
 from __future__ import annotations
 
-import threading
-
 import numpy as np
 import pytest
-from conformance_rooms import RATE_HZ, SEED, ModbusRoom, Room
+from conformance_rooms import RATE_HZ, SEED, SHORT_HEARTBEAT_S, ModbusRoom, Room
 
 from schwung.errors import DriveFaultError, InputError, StateError
 from schwung.fieldbus.drive import ENERGISED, Acquisition, Move, OperatingMode, Setpoints
@@ -120,8 +118,7 @@ def test_halt_ends_a_motion(room: Room) -> None:
     mode = moving(room)
     with room.enabled(mode):
         setpoints = room.stroke(mode, 3.0, cycles=6000)
-        threading.Timer(0.05, room.drive.halt).start()
-        with pytest.raises(StateError, match=r"request|halted by us"):
+        with room.once_it_moves(room.drive.halt), pytest.raises(StateError, match=r"request|halted by us"):
             room.drive.play(setpoints)
         assert room.comes_to_rest()
 
@@ -129,9 +126,8 @@ def test_halt_ends_a_motion(room: Room) -> None:
 def test_a_fault_is_named_and_only_reset_on_request(room: Room) -> None:
     mode = moving(room)
     with room.enabled(mode):
-        setpoints = room.stroke(mode, 0.3, cycles=6000)
-        threading.Timer(0.05, lambda: room.fail(0x4310)).start()
-        with pytest.raises(DriveFaultError, match="4310"):
+        setpoints = room.stroke(mode, 3.0, cycles=6000)
+        with room.once_it_moves(lambda: room.fail(0x4310)), pytest.raises(DriveFaultError, match="4310"):
             room.drive.play(setpoints)
         assert room.comes_to_rest()
         assert room.drive.state().cia402.lower() == "fault"
@@ -144,7 +140,7 @@ def test_it_stops_by_itself_when_we_fall_silent(room: Room) -> None:
     mode = moving(room)
     if not room.offers("stop by heartbeat"):
         pytest.skip("does not watch us, and says why")
-    with room.enabled(mode):
+    with room.enabled(mode, SHORT_HEARTBEAT_S):
         speak = room.fall_silent()
         assert room.comes_to_rest()
         speak()
