@@ -215,3 +215,20 @@ def test_the_eds_of_another_manufacturer_is_refused(capsys: pytest.CaptureFixtur
         assert code == 2
         assert "is of vendor 0x0000009A, and node 3 of 0x53574E47" in err
     assert not Path("other.dcf").exists()
+
+
+def test_a_drive_that_somebody_else_has_switched_on_is_left_alone(
+    capsys: pytest.CaptureFixture[str], bench: Bench
+) -> None:
+    invoke(capsys, "backup", "axis.dcf", *_bus(bench))
+    _hold(bench, FOLLOWING, 5)
+    off = bench.servo.dictionary.readers.get(0x6041 << 8)
+    bench.servo.dictionary.readers[0x6041 << 8] = lambda: 0x0637
+    code, _, err = invoke(capsys, "restore", "axis.dcf", *_bus(bench), "-y", "--out", "back")
+    assert (code, _held(bench, FOLLOWING)) == (3, 5)
+    assert "the power stage is on (Operation enabled)" in err
+    assert not Path("back").exists()
+    assert off is not None
+    bench.servo.dictionary.readers[0x6041 << 8] = off
+    assert invoke(capsys, "restore", "axis.dcf", *_bus(bench), "-y", "--out", "back")[0] == 0
+    assert _held(bench, FOLLOWING) == 100000

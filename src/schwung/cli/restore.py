@@ -29,7 +29,10 @@ def restore(
         Path, typer.Argument(help="The *.backup.json of a run, or a DCF or concise DCF of `schwung backup`.")
     ],
     force: Annotated[
-        bool, typer.Option("--force", help="Also on a drive with another identity, and twice.")
+        bool,
+        typer.Option(
+            "--force", help="Also on a drive with another identity, twice, and while its power stage is on."
+        ),
     ] = False,
     store: Annotated[
         bool, typer.Option("--store", help="DCF: save in the drive's memory (1010) when all is written.")
@@ -60,7 +63,7 @@ def restore(
     """Put back the parameters that a run had changed, or bring a drive to the configuration in a DCF.
 
     A *.backup.json knows bus and node itself unless options say otherwise. A DCF is compared with the drive first:
-    what differs is shown, you are asked, the power stage is switched off, the present values go to a *.backup.json,
+    what differs is shown, you are asked, the power stage has to be off, the present values go to a *.backup.json,
     and only then is anything written, read back, and named where the drive refuses it.
 
     [bold]Examples[/]
@@ -154,7 +157,7 @@ def _configure(
     from schwung.cli.console import observing
     from schwung.cli.drives import open_drive
     from schwung.cli.folders import make_folder, planned_folder
-    from schwung.commissioning.backup import plan_restore, write_plan
+    from schwung.commissioning.backup import plan_restore, require_power_off, write_plan
     from schwung.commissioning.configuration_files import fitting_dictionary, for_this_drive
     from schwung.commissioning.journal import ParameterJournal
     from schwung.errors import RefusedError
@@ -184,6 +187,8 @@ def _configure(
             terminal.say("Dry run: nothing was written." if dry_run else "Nothing to write.")
             terminal.result(document | {"written": 0})
             return
+        if not force:
+            require_power_off(drive, dictionary.find(0x6041))
         if ask is not None and not ask.ask(f"Switch the power stage off and write {len(rows)} parameters?"):
             raise RefusedError("restore", "you said no", "Nothing was written.")
         make_folder(folder)

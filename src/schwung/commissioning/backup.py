@@ -7,10 +7,11 @@ from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field
 
 from schwung.commissioning.journal import Change, ParameterAccess, ParameterJournal
-from schwung.errors import InputError, ParameterError
+from schwung.errors import InputError, ParameterError, RefusedError
+from schwung.fieldbus import cia402
 from schwung.fieldbus.canopen import pdo
 from schwung.fieldbus.configuration import Selection, Skipped, mapped_live
-from schwung.fieldbus.drive import Parameter, ParameterValue, Progress
+from schwung.fieldbus.drive import ENERGISED, Parameter, ParameterValue, Progress
 
 _LAST = (0x1016, 0x1017)  # heartbeats are written last: from then on the drive watches us
 
@@ -125,6 +126,17 @@ def plan_restore(
             equal += 1
     _tell(progress, len(values), len(values))
     return Plan(tuple(changes), equal, tuple(absent))
+
+
+def require_power_off(drive: ParameterAccess, statusword: Parameter | None) -> None:
+    """Raises RefusedError where the power stage is on: who holds the axis would lose it."""
+    raw = drive.read(statusword).raw if statusword is not None else None
+    state = cia402.decode(raw).value if isinstance(raw, int) else ""
+    if state.lower() in ENERGISED:
+        raise RefusedError(
+            f"node {drive.identity.node_id}", f"the power stage is on ({state}), and we did not switch it on",
+            "Switch it off in whatever holds it (PLC, vendor's tool), or insist with --force: it is switched off then.",
+        )  # fmt: skip
 
 
 def write_plan(
