@@ -11,7 +11,8 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from schwung.drivetrain.inertia import InertiaTable, LoadTorqueTable
-from schwung.drivetrain.machine import Control, Coupling, Load, Machine, Motor, PhysicsTerm, paper_machine
+from schwung.drivetrain.machine import Control, Coupling, Load, Machine, Motor, paper_machine
+from schwung.drivetrain.physics_term import PhysicsTerm
 from schwung.drivetrain.response import injection_to_speed, resonance_hz, torque_to_speed
 from schwung.drivetrain.simulation import FeedForward, Simulated, simulate
 from schwung.errors import InputError

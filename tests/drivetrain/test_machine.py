@@ -20,11 +20,11 @@ from schwung.drivetrain.machine import (
     Load,
     Machine,
     Motor,
-    PhysicsTerm,
     load_machine,
     paper_machine,
     write_machine,
 )
+from schwung.drivetrain.physics_term import PhysicsTerm
 from schwung.errors import InputError
 
 MOTOR = {"inertia": 0.012, "viscous_friction": 0.2, "peak_torque": 233.0}

@@ -9,8 +9,9 @@ import numpy as np
 import pytest
 import tomli_w
 
-from schwung.drivetrain.machine import Machine, PhysicsTerm, load_machine, paper_machine, write_machine
+from schwung.drivetrain.machine import Machine, load_machine, paper_machine, write_machine
 from schwung.drivetrain.physics import PHYSICS, Effects, effects_of, load_torque_table
+from schwung.drivetrain.physics_term import PhysicsTerm
 from schwung.drivetrain.simulation import simulate
 from schwung.errors import InputError
 from schwung.motion import Motion

@@ -18,8 +18,9 @@ import pytest
 from scipy.interpolate import CubicSpline
 
 from schwung.drivetrain.inertia import InertiaTable, slider_crank_inertia
-from schwung.drivetrain.machine import Load, Machine, PhysicsTerm, paper_machine
+from schwung.drivetrain.machine import Load, Machine, paper_machine
 from schwung.drivetrain.physics import PHYSICS
+from schwung.drivetrain.physics_term import PhysicsTerm
 from schwung.drivetrain.simulation import Simulated, simulate
 from schwung.errors import InputError
 from schwung.motion import Array, Excitation, Motion

@@ -9,8 +9,9 @@ import numpy as np
 import pytest
 
 from schwung.drivetrain.inertia import InertiaTable, slider_crank_inertia
-from schwung.drivetrain.machine import Control, Coupling, Load, Machine, Motor, PhysicsTerm
+from schwung.drivetrain.machine import Control, Coupling, Load, Machine, Motor
 from schwung.drivetrain.physics import Effects, effects_of
+from schwung.drivetrain.physics_term import PhysicsTerm
 from schwung.drivetrain.simulation import simulate
 from schwung.explain import forward
 from schwung.motion import Array, Excitation, Motion

@@ -10,7 +10,7 @@ import pytest
 from real_recordings import RealRecordings, emps_machine, hsm150_machine, pendulum_machine
 
 from schwung.drivetrain import Machine
-from schwung.drivetrain.machine import PhysicsTerm
+from schwung.drivetrain.physics_term import PhysicsTerm
 from schwung.explain.explain import explain
 from schwung.explain.free_run import free_runs
 from schwung.explain.values import Explanation, Finding

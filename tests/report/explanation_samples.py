@@ -12,7 +12,8 @@ from typing import Any
 
 import numpy as np
 
-from schwung.drivetrain.machine import Machine, PhysicsTerm, paper_machine
+from schwung.drivetrain.machine import Machine, paper_machine
+from schwung.drivetrain.physics_term import PhysicsTerm
 from schwung.explain.values import (
     Explanation,
     Finding,

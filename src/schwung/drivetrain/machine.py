@@ -33,6 +33,7 @@ from schwung.drivetrain.inertia import (
     write_load_torque_csv,
 )
 from schwung.drivetrain.physics import check_physics
+from schwung.drivetrain.physics_term import PhysicsTerm
 from schwung.errors import InputError
 from schwung.files import replace_file
 from schwung.motion import Array
@@ -158,28 +159,6 @@ class Control(_Table):
     speed_gain_nms: Annotated[float, _positive(1e6)]
     speed_integral_time_s: Annotated[float, _positive(5.0)]
     sample_rate_hz: Annotated[float, Field(ge=100, le=1e6, allow_inf_nan=False)]
-
-
-class PhysicsTerm(_Table):
-    """One learned term, `[[physics]]`: a name of files.md's list and its parameters, kept as data."""
-
-    model_config = ConfigDict(alias_generator=None)
-
-    name: Annotated[str, Field(min_length=1)]
-
-    @property
-    def parameters(self) -> dict[str, Any]:
-        """Everything but the name, as in the file."""
-        return dict(self.model_extra or {})
-
-    def number(self, key: str) -> float:
-        """One parameter that has to be a finite number. Raises InputError naming term and key."""
-        value = self.parameters.get(key)
-        if isinstance(value, bool) or not isinstance(value, int | float) or not np.isfinite(value):
-            raise InputError(
-                f"physics.{self.name}", f"{key} is {value!r}", "Give it as a finite number in SI units."
-            )
-        return float(value)
 
 
 class Machine(_Table):

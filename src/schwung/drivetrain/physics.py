@@ -10,16 +10,14 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
 from schwung.drivetrain.compiled import inlined
 from schwung.drivetrain.inertia import LoadTorqueTable
+from schwung.drivetrain.physics_term import PhysicsTerm
 from schwung.errors import InputError
-
-if TYPE_CHECKING:
-    from schwung.drivetrain.machine import PhysicsTerm
 
 
 class Effects(NamedTuple):
