@@ -6,7 +6,6 @@ import csv
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import asdict, fields
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import numpy as np
 from estimator_cases import (
@@ -22,9 +21,7 @@ from estimator_cases import (
     usual_runs,
 )
 from estimator_picture import draw
-
-if TYPE_CHECKING:
-    from estimators import Score
+from estimator_score import Score
 
 OURS = ("multiphase", "trajectory")
 PAPER = ("former", "denoised")

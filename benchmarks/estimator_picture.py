@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import numpy as np
 from estimator_cases import BOUND, CLEAN, CONDITIONS, DURATIONS_S, USUAL_S, usual_runs
+from estimator_score import Score
 from matplotlib.axes import Axes
 from matplotlib.colors import LinearSegmentedColormap, LogNorm
 from matplotlib.figure import Figure
@@ -25,9 +25,6 @@ from schwung.report.style import (
     in_style,
     to_png,
 )
-
-if TYPE_CHECKING:
-    from estimators import Score
 
 _LOUD = {"trajectory": GOOD, "multiphase": ESTIMATE, "denoised": EXCITED, "former": FORMER}
 _REFUSED = "#d9dde3"

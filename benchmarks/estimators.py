@@ -18,7 +18,7 @@ import time
 from collections.abc import Iterator
 from concurrent.futures import ProcessPoolExecutor
 from concurrent.futures import as_completed as completed
-from dataclasses import asdict, dataclass
+from dataclasses import asdict
 from multiprocessing import get_context
 from pathlib import Path
 from typing import Any
@@ -42,6 +42,7 @@ from estimator_cases import (
     session_of,
     usual_runs,
 )
+from estimator_score import Score
 
 from schwung.errors import SchwungError
 from schwung.estimation import estimate
@@ -56,37 +57,6 @@ OURS = ("multiphase", "trajectory")
 CACHE = Path(os.environ.get("XDG_CACHE_HOME", Path.home() / ".cache")) / "schwung" / "benchmark"
 #: What the drive adds to the recordings' own noise: a speed from counts of the angle, and the angle's counts.
 _COUNTED_RAD_S, _COUNT_RAD = 0.012, 2 * np.pi / 2**20
-
-
-@dataclass(frozen=True)
-class Score:
-    """What one method made of one case; NaN where it refused. Errors in kg·m²; of the bound only `rmse`."""
-
-    machine: str
-    duration_s: float
-    condition: str
-    seed: int
-    method: str
-    runs: int
-    rmse: float = np.nan
-    median: float = np.nan
-    p95: float = np.nan
-    band: float = np.nan  # share of cells whose 95 % band holds the truth
-    covered: float = np.nan  # share of the stroke that the table spans
-    method_us: float = np.nan  # processor time of the method alone, per sample
-    whole_us: float = np.nan  # and of the whole estimate, with preparation, checks and verdict
-    moving_s: float = np.nan  # time that the machine moves for it
-    refused: str = ""
-
-    @property
-    def case(self) -> Case:
-        """The session it belongs to."""
-        return Case(self.machine, self.duration_s, self.condition, self.seed)
-
-    @property
-    def entrant(self) -> Entrant:
-        """Who made it."""
-        return Entrant(self.method, self.runs)
 
 
 class _Timed:
