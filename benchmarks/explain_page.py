@@ -85,7 +85,8 @@ def sets(of: dict[str, list[CaseScore]], folder: Path) -> str:
     for kind, scores in of.items():
         if not scores:
             continue
-        seeds = [label["seed"] for label in read_labels(folder / kind)]
+        ran = {s.case for s in scores}
+        seeds = [label["seed"] for label in read_labels(folder / kind) if label["case"] in ran]
         rows.append(
             (_OF[kind], str(len(scores)), f"{min(seeds)} to {max(seeds)}",
              f"`explain.py all --kind {kind} --cases {len(scores)} --first {min(seeds)} --out DIR/{kind}`")
@@ -121,6 +122,7 @@ def peers(of: dict[str, list[CaseScore]], folder: Path) -> str:
     rows = []
     for kind, ours in of.items():
         theirs = peer_scores(folder / kind) if ours else []
+        theirs = [s for s in theirs if s.case in {mine.case for mine in ours}]
         if not theirs:
             continue
         for what, of_case in (
@@ -163,9 +165,14 @@ def misses(of: dict[str, list[CaseScore]], folder: Path) -> str:
     return table(("set", "seed", "hidden", "named", "verdict"), rows) if rows else "None."
 
 
+def _run(folder: Path) -> list[CaseScore]:
+    """The cases that were run, however they ended."""
+    return [s for s in score_all(folder) if (folder / "explanations" / s.case / "run.json").exists()]
+
+
 def page(folder: Path) -> str:
     """All tables of the scored sets in a folder, as Markdown."""
-    of = {kind: score_all(folder / kind) if (folder / kind).exists() else [] for kind in KINDS}
+    of = {kind: _run(folder / kind) if (folder / kind).exists() else [] for kind in KINDS}
     parts = (
         ("The demands", demands(of, folder)),
         ("What was run", sets(of, folder)),
