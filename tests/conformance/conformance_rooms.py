@@ -133,7 +133,7 @@ class Room(ABC):
         """Do something while a motion is being played."""
 
         def watch() -> None:
-            wait_until(lambda: abs(self.axis.speed_rad_s) > 0.2)
+            wait_until(lambda: abs(self.axis.demand_speed_rad_s) > 0.2)  # an axis may still swing from before
             act()
 
         watcher = threading.Thread(target=watch)

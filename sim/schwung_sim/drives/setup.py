@@ -41,6 +41,7 @@ FOLLOWING_ERROR_RAD, POSITION_WINDOW_RAD = 0.6, 0.012
 PEAK_TORQUE_NM = 233.0
 TOP_SPEED_RAD_S, PROFILE_SPEED_RAD_S = 6000 * RPM, 100 * RPM
 ACCELERATION_RAD_S2, QUICK_STOP_RAD_S2 = 2000 * RPM, 10000 * RPM
+SLOWEST_RAD_S2 = 1.0  # on a slower ramp an axis neither moves nor stops while somebody waits
 
 _MODE_BITS = {"pp": 0, "csp": 7}
 _ALWAYS = 1 << 40
@@ -133,6 +134,7 @@ def _machine(roles: Roles, values: Mapping[int, Value]) -> list[tuple[int, int, 
 
     units = read_units(roles, number)
     position, speed, rate = abs(units.position_rad), abs(units.speed_rad_s), units.acceleration_rad_s2
+    slow = math.ceil(SLOWEST_RAD_S2 / rate)
     found = [
         (key(0x6065), 1, FOLLOWING_ERROR_RAD / position),
         (key(0x6067), 1, POSITION_WINDOW_RAD / position),
@@ -140,9 +142,9 @@ def _machine(roles: Roles, values: Mapping[int, Value]) -> list[tuple[int, int, 
         (key(0x607F), 1, TOP_SPEED_RAD_S / speed),
         (key(0x6080), 1, TOP_SPEED_RAD_S / RPM),
         (key(0x6081), 1, PROFILE_SPEED_RAD_S / speed),
-        (key(0x6083), 1, ACCELERATION_RAD_S2 / rate),
-        (key(0x6084), 1, ACCELERATION_RAD_S2 / rate),
-        (key(0x6085), 1, QUICK_STOP_RAD_S2 / rate),
+        (key(0x6083), slow, ACCELERATION_RAD_S2 / rate),
+        (key(0x6084), slow, ACCELERATION_RAD_S2 / rate),
+        (key(0x6085), slow, QUICK_STOP_RAD_S2 / rate),
     ]
     machine = AxisSettings()
     found += [  # a controller that somebody has tuned for this machine
