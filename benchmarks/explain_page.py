@@ -120,9 +120,10 @@ def effects(of: dict[str, list[CaseScore]]) -> str:
 def peers(of: dict[str, list[CaseScore]], folder: Path) -> str:
     """PySINDy's names beside ours, on the sets on which it was run."""
     rows = []
-    for kind, ours in of.items():
-        theirs = peer_scores(folder / kind) if ours else []
-        theirs = [s for s in theirs if s.case in {mine.case for mine in ours}]
+    for kind, scored in of.items():
+        theirs = peer_scores(folder / kind) if scored else []
+        both = {s.case for s in scored} & {s.case for s in theirs}
+        ours, theirs = ([s for s in scores if s.case in both] for scores in (scored, theirs))
         if not theirs:
             continue
         for what, of_case in (

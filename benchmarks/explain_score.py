@@ -125,12 +125,12 @@ def score_all(out: Path) -> list[CaseScore]:
 
 
 def peer_scores(out: Path) -> list[CaseScore]:
-    """The peer's names, scored alike; it has neither verdicts nor places nor parameters."""
+    """The peer's names where it was run, scored alike; it has neither verdicts nor places nor parameters."""
     scores = []
     for label in read_labels(out):
         file = out / "peer" / f"{label['case']}.json"
         if not file.exists():
-            return []
+            continue
         answer = json.loads(file.read_text(encoding="utf-8"))
         truth = [effect["physics"] for effect in label["effects"]]
         twins: list[list[str]] = [[] for _ in answer["names"]]

@@ -34,6 +34,7 @@ from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
+from scipy.interpolate import PchipInterpolator
 
 Interval = tuple[float, float]
 Effect = Mapping[str, Any]
@@ -151,8 +152,11 @@ def _all_held(truth: Mapping[str, Any], found: Mapping[str, Any]) -> bool | None
 
 def _curve(values: Mapping[str, Any], angles: np.ndarray) -> np.ndarray:
     if "table" in values:
-        points = np.array(values["table"], dtype=float)
-        return np.interp(angles, points[:, 0], points[:, 1])
+        points = np.array(
+            values["table"], dtype=float
+        )  # a curve without overshoot, constant outside: so the plant's
+        curve = PchipInterpolator(points[:, 0], points[:, 1])
+        return np.asarray(curve(np.clip(angles, points[0, 0], points[-1, 0])))
     return np.asarray(values["amplitude_nm"] * np.sin(angles + values["phase_rad"]))
 
 

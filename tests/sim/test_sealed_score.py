@@ -7,7 +7,9 @@ from pathlib import Path
 from types import ModuleType
 from typing import Any
 
+import numpy as np
 import pytest
+from scipy.interpolate import PchipInterpolator
 
 from schwung_sim.sealed import FOREIGN_NAMES, LABELS, NAMES
 
@@ -115,6 +117,18 @@ def test_angles_turn_and_inertias_compare_by_their_change(benchmark: dict[str, M
     truth = label({"load_torque": {"amplitude_nm": 2.0, "phase_rad": 0.5}})
     found = explanation({"load_torque": {"amplitude_nm": -2.0, "phase_rad": 0.5 - 3.141592653589793}})
     assert errors(truth["effects"][0], found["findings"][0]["parameters"], truth)[0][1] < 1e-9
+
+
+def test_a_load_torque_is_a_curve_through_its_points(benchmark: dict[str, ModuleType]) -> None:
+    """As the plant has it: with other points of the same curve nothing is off."""
+    points = np.array([[0.0, 1.0], [1.0, 3.0], [2.0, -1.0], [3.0, 0.0]])
+    angles = np.linspace(0.0, 3.0, 61)
+    finer = np.stack([angles, PchipInterpolator(*points.T)(angles)], axis=1).tolist()
+    truth = label({"load_torque": {"table": points.tolist()}})
+    found = {"table": {"value": finer, "ci95": None}}
+    ((key, error, held),) = benchmark["explain_truth"].parameter_errors(truth["effects"][0], found, truth)
+    assert (key, held) == ("curve", None)
+    assert error < 1e-3
 
 
 def test_the_summary_counts_every_kind(benchmark: dict[str, ModuleType], tmp_path: Path) -> None:
