@@ -94,7 +94,9 @@ def test_new_prints_where_no_file_is_named(capsys: pytest.CaptureFixture[str]) -
     [
         (("show", "no-such-family"), "neither a known family nor a file"),
         (("new", "--eds", "no-such.eds"), "cannot be read"),
+        (("new", "--eds", str(GENERIC_EDS), "--family", "My drive"), 'Write "my-drive"'),
         (("check", "schwung-bench", "--eds", "no-such.eds"), "cannot be read"),
+        (("new", "--eds", str(GENERIC_EDS), "-o", f"{GENERIC_EDS}/x/profile.toml"), "cannot be made"),
         ((), "Missing command"),
     ],
 )
@@ -122,3 +124,30 @@ def test_check_shows_what_is_odd_in_the_eds(capsys: pytest.CaptureFixture[str], 
     assert warning["remedy"]
     code, out, _ = invoke(capsys, "profile", "check", "generic-cia402", "--json")
     assert json.loads(out)["eds_warnings"] == []
+
+
+@pytest.mark.parametrize("name", ["na\udcffme.eds", "two\nlines.eds"])
+def test_a_file_name_that_toml_cannot_hold_is_told(
+    capsys: pytest.CaptureFixture[str], tmp_path: Path, name: str
+) -> None:
+    odd = tmp_path / name
+    odd.write_bytes(GENERIC_EDS.read_bytes())
+    code, _, err = invoke(capsys, "profile", "new", "--eds", str(odd), "-o", str(tmp_path / "o" / "p.toml"))
+    assert code == 2
+    assert "no profile can hold" in err
+    assert not (tmp_path / "o").exists()
+
+
+def test_what_looks_like_markup_is_shown_as_it_is(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
+    odd = tmp_path / "[x].eds"
+    odd.write_text(GENERIC_EDS.read_text().replace("ProductName=", "ProductName=[/x] "))
+    target = tmp_path / "[b]" / "profile.toml"
+    code, out, _ = invoke(capsys, "profile", "new", "--eds", str(odd), "-o", str(target), "--family", "odd")
+    assert code == 0
+    assert "[b]" in out
+    code, out, _ = invoke(capsys, "profile", "show", str(target))
+    assert code == 0
+    assert "[/x]" in out
+    code, out, _ = invoke(capsys, "profile", "check", str(target))
+    assert code == 0
+    assert "[x].eds" in "".join(out.split())

@@ -56,6 +56,8 @@ def backup(
 
       schwung backup axis3.backup.json -i socketcan -c can0 -n 3 --json
     """  # fmt: skip
+    from rich.markup import escape
+
     from schwung.cli.configurations import canopen_profile, reasons
     from schwung.cli.console import Terminal, observing
     from schwung.cli.drives import open_drive
@@ -85,7 +87,9 @@ def backup(
         *(Skipped(v.parameter, "the format cannot hold its text") for v in left_out),
     ]
     kept = len(snapshot.values) - len(left_out)
-    terminal.say(f"{kept} parameters read in {snapshot.duration_s:.1f} s, kept in [bold]{target}[/]")
+    terminal.say(
+        f"{kept} parameters read in {snapshot.duration_s:.1f} s, kept in [bold]{escape(str(target))}[/]"
+    )
     if verbose:
         terminal.table("Left out", ("object", "because"), ((s.parameter.label, s.reason) for s in skipped))
         terminal.table(f"Odd in {dictionary.path}", ("",), ((str(w),) for w in dictionary.warnings))

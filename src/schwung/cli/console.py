@@ -57,8 +57,10 @@ class Terminal:
             print(json_text(document), flush=True)
 
     def table(self, title: str, columns: Sequence[str], rows: Iterable[Sequence[object]]) -> None:
-        """A table for people; cells are escaped."""
-        table = Table(title=title, title_justify="left", title_style="bold", header_style="dim", box=None)
+        """A table for people; title and cells are escaped."""
+        table = Table(
+            title=escape(title), title_justify="left", title_style="bold", header_style="dim", box=None
+        )
         for column in columns:
             table.add_column(column, overflow="fold")
         for row in rows:

@@ -135,6 +135,8 @@ def _read(
 def _show(
     terminal: Terminal, sides: tuple[Configuration, Configuration], found: Comparison, everything: bool
 ) -> None:
+    from rich.markup import escape
+
     from schwung.cli.configurations import shown
     from schwung.fieldbus.drive import ParameterValue
 
@@ -146,7 +148,7 @@ def _show(
         return name, d.parameter.name, shown(held[0]), si[0], shown(held[1]), si[1]
 
     for letter, side in zip("AB", sides, strict=True):
-        terminal.say(f"{letter}: {side.words}")
+        terminal.say(escape(f"{letter}: {side.words}"))
     columns = ("object", "name", "A", "A in SI", "B", "B in SI")
     if found.differences:
         terminal.table(f"{len(found.differences)} differ", columns, map(row, found.differences))

@@ -45,6 +45,8 @@ def show(family: Family, json_output: Json = False) -> None:
 
       schwung profile show maxon-epos4
     """
+    from rich.markup import escape
+
     from schwung.cli.console import Terminal
     from schwung.fieldbus.profile import CAPABILITIES, load_profile
 
@@ -53,9 +55,10 @@ def show(family: Family, json_output: Json = False) -> None:
     offered = [(name, profile.offers(name)) for name in CAPABILITIES]
     reasons = {name: "" if yes else profile.reason(name) for name, yes in offered}
     terminal.say(
-        f"[bold]{profile.name}[/] ({profile.family}), {profile.protocol}, proven on {_proven(profile)}"
+        f"[bold]{escape(profile.name)}[/] ({escape(profile.family)}), {profile.protocol}, "
+        f"proven on {_proven(profile)}"
     )
-    terminal.say(f"Source: {profile.source}" if profile.source else "No source is given.")
+    terminal.say(escape(f"Source: {profile.source}") if profile.source else "No source is given.")
     terminal.table("Quantities", ("", "object", "unit", "source"), _quantities(profile))
     rows = (("can" if yes else "cannot", name, reasons[name]) for name, yes in offered)
     terminal.table("Capabilities", ("", "", ""), rows)
@@ -136,6 +139,8 @@ def new(
 
       schwung profile new --eds vendor.eds -o my-drive/profile.toml
     """
+    from rich.markup import escape
+
     from schwung.cli.console import Terminal
     from schwung.errors import InputError
     from schwung.fieldbus.eds import read_eds
@@ -148,9 +153,14 @@ def new(
     folder = out.parent if out is not None else Path()
     draft = draft_profile(read_eds(eds, _NODE), folder, family)
     if out is not None:
-        folder.mkdir(parents=True, exist_ok=True)
+        try:
+            folder.mkdir(parents=True, exist_ok=True)
+        except OSError as error:
+            raise InputError(
+                str(folder), f"cannot be made ({error.strerror})", "Choose another folder."
+            ) from error
         replace_file(out, draft.text)
-        terminal.say(f"Written: {out}")
+        terminal.say(escape(f"Written: {out}"))
     elif not json_output:
         print(draft.text)
     terminal.table("Not found in the EDS", ("",), ((sentence,) for sentence in draft.missing))
@@ -173,8 +183,10 @@ def _quantities(profile: DeviceProfile) -> list[tuple[str, str, str, str]]:
 
 
 def _show_findings(terminal: Terminal, findings: Any, title: str) -> None:
+    from rich.markup import escape
+
     if not findings:
-        terminal.say(f"[green]✓[/] {title}: nothing to mend.")
+        terminal.say(f"[green]✓[/] {escape(title)}: nothing to mend.")
         return
     signs = {"error": "[red]✗[/]", "warning": "[yellow]![/]"}
     rows = ((signs[f.severity], f.place, f"{f.problem}. {f.remedy}") for f in findings)

@@ -105,6 +105,8 @@ def _put_back(
     dry_run: bool,
 ) -> None:
     """The old values of a *.backup.json."""
+    from rich.markup import escape
+
     from schwung.cli.drives import open_drive
     from schwung.commissioning import read_backup, restore_backup
     from schwung.commissioning.journal import first_values
@@ -113,7 +115,7 @@ def _put_back(
     content = read_backup(file)
     if content.restored and not force:
         terminal.say(
-            f"{file} was put back on {content.restored} already; nothing to do (--force does it again)."
+            f"{escape(str(file))} was put back on {content.restored} already; nothing to do (--force does it again)."
         )
         terminal.result({"restored": 0, "when": content.restored})
         return
@@ -153,6 +155,8 @@ def _configure(
     dry_run: bool,
 ) -> None:
     """Bring a drive to a configuration."""
+    from rich.markup import escape
+
     from schwung.cli.configurations import canopen_profile, cells, reasons, scales_of
     from schwung.cli.console import observing
     from schwung.cli.drives import open_drive
@@ -160,7 +164,6 @@ def _configure(
     from schwung.commissioning.backup import plan_restore, require_power_off, write_plan
     from schwung.commissioning.configuration_files import fitting_dictionary, for_this_drive
     from schwung.commissioning.journal import ParameterJournal
-    from schwung.errors import RefusedError
 
     folder = planned_folder(out)
     with open_drive(options, node, profile) as opened:
@@ -180,7 +183,7 @@ def _configure(
             "left_out": [{"object": s.parameter.label, "because": s.reason} for s in left],
         }  # fmt: skip
         terminal.table(f"{len(rows)} differ", ("object", "now", "in SI", "new", "in SI"), rows)
-        terminal.say(f"{plan.equal} parameters are as in {wanted.source}.")
+        terminal.say(f"{plan.equal} parameters are as in {escape(wanted.source)}.")
         if left:
             terminal.table(f"{len(left)} of it are left out", ("because", "", "objects"), reasons(left))
         if dry_run or not rows:
@@ -189,8 +192,7 @@ def _configure(
             return
         if not force:
             require_power_off(drive, dictionary.find(0x6041))
-        if ask is not None and not ask.ask(f"Switch the power stage off and write {len(rows)} parameters?"):
-            raise RefusedError("restore", "you said no", "Nothing was written.")
+        _agree(ask, len(rows))
         make_folder(folder)
         journal = ParameterJournal(drive, folder / "restore.backup.json", drive.describe())
         with observing(terminal) as observer:
@@ -211,9 +213,17 @@ def _configure(
             drive.store()
     terminal.say(
         f"{len(rows)} parameters written and read back equal{', stored' if store else ''}; "
-        f"the way back: [bold]schwung restore {journal.path}[/]"
+        f"the way back: [bold]schwung restore {escape(str(journal.path))}[/]"
     )
     terminal.result(document | {"stored": store})
+
+
+def _agree(ask: Terminal | None, count: int) -> None:
+    """Raises RefusedError where somebody is asked, and says no."""
+    from schwung.errors import RefusedError
+
+    if ask is not None and not ask.ask(f"Write {count} parameters?"):
+        raise RefusedError("restore", "you said no", "Nothing was written.")
 
 
 def _refusal(

@@ -9,6 +9,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
+from schwung.errors import InputError
 from schwung.fieldbus.eds import EdsFile, byte_size, integer_range
 from schwung.fieldbus.eds.model import Variable
 
@@ -98,15 +99,25 @@ class _Writer:
 
 
 def draft_profile(eds: EdsFile, folder: Path, family: str | None = None) -> Draft:
-    """Draft a profile that lies in `folder` (which the path of the EDS is relative to)."""
+    """Draft a profile that lies in `folder` (which the path of the EDS is relative to).
+
+    Raises InputError where the path of the EDS cannot be written down in TOML, or the family be no family's name.
+    """
+    path = Path(os.path.relpath(eds.path.resolve(), folder.resolve())).as_posix()
+    if not path.isprintable():
+        raise InputError(ascii(path), "is a path that no profile can hold", "Rename the EDS or its folder.")
+    if family is not None and family != _slug(family):
+        raise InputError(
+            f'family "{family}"',
+            "holds more than small letters, digits and hyphens",
+            f'Write "{_slug(family)}".',
+        )
     w = _Writer(eds)
     info = eds.dictionary.device_information
     name = (
         " ".join(str(part).strip() for part in (info.vendor_name, info.product_name) if part) or eds.path.stem
     )
-    _head(
-        w, family or _slug(name), name, Path(os.path.relpath(eds.path.resolve(), folder.resolve())).as_posix()
-    )
+    _head(w, family or _slug(name), name, path)
     _identity(w)
     _modes(w)
     frames = _quantities(w)
