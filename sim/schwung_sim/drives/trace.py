@@ -4,19 +4,16 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from typing import TYPE_CHECKING, Any
+from typing import Any, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
-from schwung_sim.drives.axis import TRACE_ARMED, TRACE_FULL, TRACE_IDLE, TRACE_RUNNING
+from schwung_sim.drives.axis import TRACE_ARMED, TRACE_FULL, TRACE_IDLE, TRACE_RUNNING, Trace
 from schwung_sim.drives.dictionary import AbortError, Code, ObjectDictionary
 from schwung_sim.drives.roles import Column, TraceRole
 from schwung_sim.drives.units import Units
 from schwung_sim.plants.two_mass import TICK_S
-
-if TYPE_CHECKING:
-    from schwung_sim.drives.vendor import BenchAxis
 
 _TYPES = {
     "INTEGER8": "<i1", "INTEGER16": "<i2", "INTEGER32": "<i4", "INTEGER64": "<i8",
@@ -25,11 +22,25 @@ _TYPES = {
 }  # fmt: skip
 
 
+class TracingAxis(Protocol):
+    """What a recorder asks of the axis (drives/axis.py fulfils it)."""
+
+    def arm_trace(self, divider: int, length: int, at_once: bool = False) -> None: ...
+
+    def stop_trace(self) -> None: ...
+
+    @property
+    def trace(self) -> Trace: ...
+
+    @property
+    def trace_status(self) -> int: ...
+
+
 class TraceBuffer:
     """Arms and stops the axis' trace, tells how far it is, and gives its samples out."""
 
     def __init__(
-        self, dictionary: ObjectDictionary, axis: BenchAxis, role: TraceRole, units: Callable[[], Units]
+        self, dictionary: ObjectDictionary, axis: TracingAxis, role: TraceRole, units: Callable[[], Units]
     ) -> None:
         self._dictionary, self._axis, self._role, self._units = dictionary, axis, role, units
         self._period_s, self._length = TICK_S, 0  # of what was armed last

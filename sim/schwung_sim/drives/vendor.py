@@ -17,13 +17,12 @@ from schwung_sim.drives.axis import (
     GENERATOR_OFF,
     GENERATOR_ON,
     AxisSettings,
-    Trace,
 )
 from schwung_sim.drives.dictionary import AbortError, Code, ObjectDictionary, key
 from schwung_sim.drives.operation import Axis
 from schwung_sim.drives.roles import HarmonicRole, Roles, ScalarRole, Setting, TableRole
 from schwung_sim.drives.setup import GAINS
-from schwung_sim.drives.trace import TraceBuffer
+from schwung_sim.drives.trace import TraceBuffer, TracingAxis
 from schwung_sim.drives.units import Units, torque_unit
 
 CONTROL_RATE_HZ = 8000
@@ -37,22 +36,12 @@ _HARMONIC_POINTS, _HARMONIC_TURNS = 32, 5  # a series becomes a table of so many
 Change = tuple[int, float]  # an object that is just being written, and its new value
 
 
-class BenchAxis(Axis, Protocol):
+class BenchAxis(Axis, TracingAxis, Protocol):
     """The whole of what the drive asks of its axis (drives/axis.py fulfils it)."""
 
     settings: AxisSettings
 
     def advance(self, duration_s: float) -> None: ...
-
-    def arm_trace(self, divider: int, length: int, at_once: bool = False) -> None: ...
-
-    def stop_trace(self) -> None: ...
-
-    @property
-    def trace(self) -> Trace: ...
-
-    @property
-    def trace_status(self) -> int: ...
 
 
 class VendorObjects:
