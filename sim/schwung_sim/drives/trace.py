@@ -9,7 +9,7 @@ from typing import Any, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from schwung_sim.drives.axis import TRACE_ARMED, TRACE_FULL, TRACE_IDLE, TRACE_RUNNING, Trace
+from schwung_sim.drives.axis import TRACE_ARMED, TRACE_FULL, TRACE_IDLE, TRACE_RUNNING, AxisSettings, Trace
 from schwung_sim.drives.dictionary import AbortError, Code, ObjectDictionary
 from schwung_sim.drives.roles import Column, TraceRole
 from schwung_sim.drives.units import Units
@@ -24,6 +24,8 @@ _TYPES = {
 
 class TracingAxis(Protocol):
     """What a recorder asks of the axis (drives/axis.py fulfils it)."""
+
+    settings: AxisSettings
 
     def arm_trace(self, divider: int, length: int, at_once: bool = False) -> None: ...
 

@@ -16,7 +16,6 @@ from schwung_sim.drives.axis import (
     GENERATOR_AT_MOTION,
     GENERATOR_OFF,
     GENERATOR_ON,
-    AxisSettings,
 )
 from schwung_sim.drives.dictionary import AbortError, Code, ObjectDictionary, key
 from schwung_sim.drives.operation import Axis
@@ -38,8 +37,6 @@ Change = tuple[int, float]  # an object that is just being written, and its new 
 
 class BenchAxis(Axis, TracingAxis, Protocol):
     """The whole of what the drive asks of its axis (drives/axis.py fulfils it)."""
-
-    settings: AxisSettings
 
     def advance(self, duration_s: float) -> None: ...
 
