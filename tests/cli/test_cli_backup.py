@@ -232,3 +232,14 @@ def test_a_drive_that_somebody_else_has_switched_on_is_left_alone(
     bench.servo.dictionary.readers[0x6041 << 8] = off
     assert invoke(capsys, "restore", "axis.dcf", *_bus(bench), "-y", "--out", "back")[0] == 0
     assert _held(bench, FOLLOWING) == 100000
+
+
+def test_what_has_nothing_in_common_is_not_equal(
+    capsys: pytest.CaptureFixture[str], bench: Bench, tmp_path: Path
+) -> None:
+    other = tmp_path / "other.dcf"
+    other.write_text("[3000]\nParameterName=x\nDataType=7\nAccessType=rw\nParameterValue=1\n")
+    for pair in ([str(other), str(EDS)], [str(other), "drive", *_bus(bench)]):
+        code, _, err = invoke(capsys, "diff", *pair)
+        assert code == 2
+        assert "no parameter in common" in err

@@ -57,7 +57,7 @@ def diff(
     Only what both sides have is compared; what one of them has alone is counted (--all lists it). Of a DCF only its
     ParameterValues count, where it has any; the drive is asked for what the other side has.
 
-    Exit code 0: equal; 1: something differs; 2 and above: it could not be found out.
+    Exit code 0: equal; 1: something differs; 2 and above: it could not be found out, as where nothing is in common.
 
     [bold]Examples[/]
 
@@ -92,6 +92,11 @@ def diff(
         family = family or known_profile(None, (dict(side.identity) for side in sides))
         dictionary = dictionary or dictionary_of(None, family, node or 1)
     found = compare(*sides, scales_of(family, sides, dictionary))
+    if not found.equal and not found.differences:
+        raise InputError(
+            f"{sides[0].source}, {sides[1].source}", "have no parameter in common that can be compared",
+            "Are they of the same kind of drive?",
+        )  # fmt: skip
     _show(terminal, sides, found, everything)
     terminal.result(_document(sides, found))
     if found.differences:
