@@ -18,10 +18,13 @@ from schwung.explain.fit import Fitted, Problem
 from schwung.explain.noise import usable, whitener
 from schwung.explain.search import Found
 from schwung.explain.signals import Prepared, drawn_noise
+from schwung.explain.terms import LOAD_TABLE
 from schwung.motion import Array
 
 #: Pairs of draws, and times that the bias is worked out anew where it has brought the fit.
-_PAIRS, _ROUNDS = 6, 3
+_PAIRS, _ROUNDS = 4, 3
+#: A round that moves no parameter by more than so many deviations is the last.
+ENOUGH = 0.2
 #: Where as much noise again makes the session tell so much more of a parameter, it tells of noise.
 MOSTLY_NOISE = 1.5
 #: Stretches of a motion that are one score (s).
@@ -59,6 +62,8 @@ def _shaken(problem: Problem, fitted: Fitted) -> tuple[dict[str, float], Array]:
     ]
     columns, white = fitted.jacobian, fitted.white
     scatter = np.ones(len(names))
+    if LOAD_TABLE in model.terms:  # many points, of which no interval is told
+        return {}, scatter
     for turn in range(_ROUNDS):
         scale = np.sqrt(np.maximum(np.sum(columns**2, axis=0), 1e-300))
         inverse = np.linalg.pinv((columns / scale).T @ (columns / scale), rcond=1e-10)
@@ -78,7 +83,10 @@ def _shaken(problem: Problem, fitted: Fitted) -> tuple[dict[str, float], Array]:
             return {}, scatter
         # what the noise that is there has added to the gradient, as much again has added once more
         steps = -inverse @ (2 * gradient - np.mean(gradients, axis=0)) / scale
+        settled = np.all(np.abs(steps) < ENOUGH * np.sqrt(np.diag(inverse)) / scale)
         model = model.with_values({n: model.value(n) + float(d) for n, d in zip(names, steps, strict=True)})
+        if settled:
+            break
         white = problem.white(model)
         columns = problem.jacobian(model, white)
     return {name: fitted.model.value(name) - model.value(name) for name in names}, scatter
