@@ -151,3 +151,15 @@ def test_what_looks_like_markup_is_shown_as_it_is(capsys: pytest.CaptureFixture[
     code, out, _ = invoke(capsys, "profile", "check", str(target))
     assert code == 0
     assert "[x].eds" in "".join(out.split())
+
+
+def test_check_says_which_units_are_left_to_the_reader(capsys: pytest.CaptureFixture[str]) -> None:
+    code, out, _ = invoke(capsys, "profile", "check", "schunk-erb")
+    assert code == 0
+    assert "quantities.torque" in out
+    code, out, _ = invoke(capsys, "profile", "check", "schunk-erb", "--json")
+    left = json.loads(out)["left_to_you"]
+    assert left.keys() == {"quantities.torque", "quantities.torque_added"}
+    assert "N·m" in left["quantities.torque"]
+    code, out, _ = invoke(capsys, "profile", "check", "schwung-bench", "--json")
+    assert json.loads(out)["left_to_you"] == {}

@@ -79,7 +79,8 @@ def check(
 ) -> None:
     """Check a profile: does the EDS bear out what it says, has every fact a source and every gap a reason?
 
-    What is odd in the EDS itself is shown too, with line and remedy; it is no mistake of the profile.
+    What is odd in the EDS itself is shown too, with line and remedy, and which units are left to you; neither is a
+    mistake of the profile.
 
     [bold]Examples[/]
 
@@ -107,10 +108,13 @@ def check(
         rows = ((f"line {w.line}", f"[{w.section}]", f"{w.problem}. {w.remedy}") for w in warnings)
         terminal.table(f"Odd in {path}", ("", "section", "finding"), rows)
     _show_findings(terminal, findings, f"{profile.family} against {path}" if path else profile.family)
+    left = _left_to_you(profile)
+    if left:
+        terminal.table("Left to you: units that whoever has the machine gives", ("", "hint"), left.items())
     errors = sum(1 for finding in findings if finding.severity == "error")
     document = {
         "family": profile.family, "eds": path and str(path), "findings": [vars(f) for f in findings],
-        "eds_warnings": [vars(w) for w in warnings],
+        "eds_warnings": [vars(w) for w in warnings], "left_to_you": left,
     }  # fmt: skip
     if errors:
         failure = InputError(
@@ -180,6 +184,17 @@ def _quantities(profile: DeviceProfile) -> list[tuple[str, str, str, str]]:
             unit = f"{quantity.scale:.6g} per count" if quantity.unit == "literal" else quantity.unit
             rows.append((name, str(quantity.object), unit, profile.sources.get(f"quantities.{name}", "")))
     return rows
+
+
+def _left_to_you(profile: DeviceProfile) -> dict[str, str]:
+    """Quantities without a unit, and what it takes to give one."""
+    q = profile.quantities
+    named = {name: getattr(q, name) for name in type(q).model_fields}
+    return {
+        f"quantities.{name}": quantity.hint or "give its scale"
+        for name, quantity in named.items()
+        if quantity is not None and quantity.unit == "user"
+    }
 
 
 def _show_findings(terminal: Terminal, findings: Any, title: str) -> None:
