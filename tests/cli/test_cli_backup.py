@@ -243,3 +243,22 @@ def test_what_has_nothing_in_common_is_not_equal(
         code, _, err = invoke(capsys, "diff", *pair)
         assert code == 2
         assert "no parameter in common" in err
+
+
+def test_no_way_back_is_promised_where_nothing_was_written(
+    capsys: pytest.CaptureFixture[str], bench: Bench
+) -> None:
+    """The drive answers the comparison, and not when the old values are kept."""
+    invoke(capsys, "backup", "axis.dcf", *_bus(bench))
+    _hold(bench, FOLLOWING, 5)
+
+    def once() -> int:
+        bench.servo.dictionary.entries.pop(FOLLOWING)
+        return 5
+
+    bench.servo.dictionary.readers[FOLLOWING] = once
+    code, _, err = invoke(capsys, "restore", "axis.dcf", *_bus(bench), "-y", "--out", "back")
+    assert code == 4
+    assert "nothing was written" in err
+    assert "can be put back" not in err
+    assert _held(bench, FOLLOWING) == 5

@@ -200,7 +200,8 @@ def _configure(
             try:
                 written = write_plan(drive, plan, journal, observer.progress)
             except BaseException as error:
-                error.add_note(f"what was written so far can be put back: schwung restore {journal.path}")
+                way_back = f"what was written so far can be put back: schwung restore {journal.path}"
+                error.add_note(way_back if journal.path.exists() else "nothing was written")
                 raise
         document |= {
             "written": len(rows) - len(written.refused), "backup": str(journal.path),
