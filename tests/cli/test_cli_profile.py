@@ -71,6 +71,7 @@ def test_new_writes_a_profile_that_checks(capsys: pytest.CaptureFixture[str], tm
     )
     assert code == 0
     assert "trace buffer: its EDS names no recorder" in " ".join(out.split())
+    assert "6076 is taken to be in mN·m" in " ".join(out.split())
     assert load_profile(target).family == "my-drive"
     assert invoke(capsys, "profile", "check", str(target))[0] == 0
     code, _, err = invoke(capsys, "profile", "new", "--eds", str(GENERIC_EDS), "-o", str(target))

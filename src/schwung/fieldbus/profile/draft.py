@@ -257,6 +257,10 @@ def _torque_unit(w: _Writer, what: str) -> None:
     if what != "current" and w.has(0x6076):
         w.line('unit = "rated_torque"', "per mille of 6076")
         w.line("rated_torque_scale = 0.001", "mN·m by CiA 402-2; look it up")
+        w.missing.append(
+            "unit of rated torque: 6076 is taken to be in mN·m, as CiA 402-2 has it; drives that hold µN·m there "
+            "would inject a thousandth and read a thousandfold: look it up"
+        )
         return
     wanted = "torque constant in N·m/A divided by counts per ampere" if what == "current" else "N·m per count"
     _user(w, what, f"there is no rated torque (6076) for its {what}: give scale = {wanted}")
