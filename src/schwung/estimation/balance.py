@@ -74,9 +74,11 @@ class LoadSide:
     ripple_speed_rad_s: ComplexArray
     driving_torque_nm: ComplexArray  # of the coupling, less the load's viscous friction
     motor_speed_rad_s: ComplexArray  # the ripple's
-    spoilers: ComplexArray  # (n, 4) torques per unit: viscous, dry friction, delay (dT~/dt), loss (−d²T~/dt²)
-    spoilers_wind_up: ComplexArray  # (n, 4) what each winds up the coupling by
-    spoilers_wind_up_rate: ComplexArray  # (n, 4) its derivative
+    # (n, 4) torques per unit: viscous, dry friction, delay (dT~/dt), loss (−d²T~/dt²); (n, 5) where the injection is
+    # held: its delay alone, and the controller's
+    spoilers: ComplexArray
+    spoilers_wind_up: ComplexArray  # what each winds up the coupling by
+    spoilers_wind_up_rate: ComplexArray  # its derivative
     noise: Array  # standard deviation of a Fourier coefficient's real part, at `frequencies`
     frequencies: Array
     fade: Array
@@ -88,7 +90,7 @@ class Equations:
     """y = inertia·c + nuisance·p + noise of unit variance, as far as the noise floors tell; real rows."""
 
     inertia: Array  # (rows, basis.size)
-    nuisance: Array  # (rows, 4), of `spoilers`
+    nuisance: Array  # (rows, 4 or 5), of `spoilers`
     y: Array
 
     def scaled(self, weight: Array) -> Equations:
@@ -127,12 +129,15 @@ def load_side(ripple: Ripple, machine: Machine) -> LoadSide:
     wound_up = gain * compliance * np.fft.fft(mean_coupling)
     lead = np.fft.ifft([wound_up, s * wound_up, s**2 * wound_up], axis=1).real
 
+    held = ripple.held_torque_nm
+    delayed = torque if held is None else gain * np.fft.fft(held)
     spoilers = np.column_stack(
         [
             np.fft.ifft(speed),
             np.fft.ifft(gain * np.fft.fft(_friction(ripple, smooth_speed, np.fft.ifft(speed)))),
-            np.fft.ifft(s * torque),
+            np.fft.ifft(s * delayed),
             np.fft.ifft(-(s**2) * torque),
+            *([] if held is None else [np.fft.ifft(s * (torque - delayed))]),
         ]
     )
     wound = np.fft.fft(spoilers.T).T * (gain * compliance)[:, None]

@@ -9,6 +9,9 @@ What delays also takes off: a lag of first order τ leaves 1 − ½(ωτ)² of a
 0.1 ms at 70 Hz is worth 0.1 % of the inertia. What the speed lost against the angle is measured. The torque has
 nothing to be compared with; as far as it lags like the speed, it is taken to have passed the same filter, and the
 angle is then given that loss too, as speed and angle must be seen as the torque is.
+
+Of an injection that a bus holds, the torque is known as sent; the controller's share is as reported. Each has a delay
+of its own then: the ripple tells the injection's, the motion the controller's (`report.py`).
 """
 
 from __future__ import annotations
@@ -24,7 +27,16 @@ from schwung.errors import InputError
 from schwung.estimation.balance import STOP, fade_in_and_out, noise_floor
 from schwung.estimation.denoise import denoise
 from schwung.estimation.fit import Nuisance, fit_curve
-from schwung.estimation.ripple import LOSS_STD, Ripple, phase_groups, ripple_of_pair, ripple_of_phases
+from schwung.estimation.report import controller_lag, expected, speed_lag
+from schwung.estimation.ripple import (
+    CONTROLLER_STD,
+    LOSS_STD,
+    Ripple,
+    injection_of,
+    phase_groups,
+    ripple_of_pair,
+    ripple_of_phases,
+)
 from schwung.motion import Array
 from schwung.session.model import Run, Session
 
@@ -55,6 +67,9 @@ class Delay:
     frequency_hz: float
     speed_loss_s2: Nuisance = NOTHING  # γ: of its amplitude the speed lost γω² against the angle
     torque_loss_s2: Nuisance = NOTHING  # the torque, against the one that acts
+    controller: Nuisance | None = (
+        None  # of what is reported of the controller's torque, where injections are held
+    )
 
     @property
     def torque_to_speed(self) -> Nuisance:
@@ -64,11 +79,15 @@ class Delay:
     @property
     def significant(self) -> bool:
         """Whether one of the two is worth removing."""
-        return any(_worth_removing(part, self.frequency_hz) for part in (self.angle, self.speed))
+        parts = (self.angle, self.speed)
+        return self.controller is not None or any(_worth_removing(part, self.frequency_hz) for part in parts)
 
     @property
     def text(self) -> str:
         """One sentence for the notes."""
+        if self.controller is not None:
+            late = f"{self.controller.value * 1e3:.3f} ± {2 * self.controller.std * 1e3:.2g} ms late"
+            return f"The drive reports the controller's torque {late}, as the motion tells; it was brought forward."
         whole, speed = self.torque_to_speed, round(self.speed.value * 1e3, 3)
         order = "after" if whole.value > 0 else "ahead of"
         text = f"The speed is reported {abs(whole.value) * 1e3:.3f} ± {2 * whole.std * 1e3:.2g} ms {order} the torque"
@@ -94,12 +113,19 @@ def find_delay(session: Session, excited: Sequence[Run], machine: Machine) -> De
     speed = lag.delay_s if lagging else Nuisance(0.0, lag.delay_s.std)
     found = 0.0
     settled = SETTLED_SAMPLES / ripples[0].sample_rate_hz
+    controller = _before(session, ripples)
+    prior = controller
     for _ in range(ROUNDS):
-        moved = [_moved(ripple, torque_s=found, speed_s=speed.value) for ripple in ripples]
+        late = 0.0 if controller is None else controller.value
+        moved = [_moved(ripple, torque_s=found, speed_s=speed.value, controller_s=late) for ripple in ripples]
         fit = fit_curve(moved, machine)
         further = fit.delay_s
         found += further.value
-        if abs(further.value) < settled:
+        if controller is not None and prior is not None:
+            left = controller_lag(fit, machine, Nuisance(prior.value - late, prior.std))
+            controller = Nuisance(late + left.value, left.std)
+            late = left.value
+        if abs(further.value) < settled and abs(late) < settled:
             break
     if not fit.physical or 2 * np.pi * ripples[0].frequency_hz * abs(found) > MAX_PHASE_RAD:
         return None
@@ -108,7 +134,7 @@ def find_delay(session: Session, excited: Sequence[Run], machine: Machine) -> De
     if lagging and speed.value > 0:
         period = 1 / machine.control.sample_rate_hz if machine.control else 0.0
         losses = _losses(lag, Nuisance(-found, further.std), period)
-    return Delay(angle, speed, ripples[0].frequency_hz, *losses)
+    return Delay(angle, speed, ripples[0].frequency_hz, *losses, controller=controller)
 
 
 def without_delay(session: Session, delay: Delay) -> Session:
@@ -119,13 +145,29 @@ def without_delay(session: Session, delay: Delay) -> Session:
 def _run_without(run: Run, delay: Delay) -> Run:
     time, rate, torque = run.time_s, run.sample_rate_hz, delay.torque_loss_s2
     highest = STOP * delay.frequency_hz
+    added, extra = run.torque_added_nm, {}
+    if delay.controller is None:
+        driving = _shifted(run.torque_nm, time, delay.angle.value)
+    else:
+        # an injection's delay that is no more than chance is left to the fit, where it costs least
+        late = delay.angle.value if _worth_removing(delay.angle, delay.frequency_hz) else 0.0
+        held = injection_of(run)
+        driving = _shifted(held, time, late) + _shifted(run.torque_nm - held, time, -delay.controller.value)
+        added = None if added is None else _shifted(added, time, late)
+        extra = {CONTROLLER_STD: delay.controller.std}
     speed = _shifted(run.speed_rad_s, time, -delay.speed.value)
     return replace(
         run,
         position_rad=_lessened(run.position_rad, rate, torque.value, highest),
         speed_rad_s=_lessened(speed, rate, torque.value - delay.speed_loss_s2.value, highest),
-        torque_nm=_shifted(run.torque_nm, time, delay.angle.value),
-        extra={**run.extra, LOSS_STD: torque.std, LOSSES: (torque.value, delay.speed_loss_s2.value, highest)},
+        torque_nm=driving,
+        torque_added_nm=added,
+        extra={
+            **run.extra,
+            **extra,
+            LOSS_STD: torque.std,
+            LOSSES: (torque.value, delay.speed_loss_s2.value, highest),
+        },
     )
 
 
@@ -175,15 +217,31 @@ def _ripples(session: Session, excited: Sequence[Run]) -> list[Ripple]:
     return [ripple_of_pair(pair) for pair in denoise(session, excited)]
 
 
-def _moved(ripple: Ripple, *, torque_s: float, speed_s: float) -> Ripple:
-    """The ripple with its torque later and its speed earlier, by their spectra; ends fade."""
+def _before(session: Session, ripples: Sequence[Ripple]) -> Nuisance | None:
+    """What the lag of the controller's torque may be before the motion is asked; None where no injection is held."""
+    if all(ripple.held_torque_nm is None for ripple in ripples):
+        return None
+    return expected(speed_lag(session.runs, ripples[0].frequency_hz), ripples[0].sample_rate_hz)
+
+
+def _moved(ripple: Ripple, *, torque_s: float, speed_s: float, controller_s: float) -> Ripple:
+    """The ripple with its torque later (of a held injection: that, and the controller's share earlier) and its speed
+    earlier, by their spectra; ends fade.
+    """
     f = np.fft.fftfreq(ripple.time_s.size, 1 / ripple.sample_rate_hz)
     back, forward = np.exp(-2j * np.pi * f * torque_s), np.exp(2j * np.pi * f * speed_s)
+    torque, held = back * np.fft.fft(ripple.ripple_torque_nm), ripple.held_torque_nm
+    if held is not None:
+        sent = np.fft.fft(held)
+        earlier = np.exp(2j * np.pi * f * controller_s)
+        torque = back * sent + earlier * (np.fft.fft(ripple.ripple_torque_nm) - sent)
+        held, torque_s = np.fft.ifft(back * sent), -controller_s
     return replace(
         ripple,
+        held_torque_nm=held,
         torque_nm=_shifted(ripple.torque_nm, ripple.time_s, torque_s),
         speed_rad_s=_shifted(ripple.speed_rad_s, ripple.time_s, -speed_s),
-        ripple_torque_nm=np.fft.ifft(back * np.fft.fft(ripple.ripple_torque_nm)),
+        ripple_torque_nm=np.fft.ifft(torque),
         ripple_speed_rad_s=np.fft.ifft(forward * np.fft.fft(ripple.ripple_speed_rad_s)),
     )
 

@@ -47,7 +47,7 @@ def estimate(
     """
     if inversion not in ("complex", "magnitude"):
         raise InputError("inversion", f'there is no "{inversion}"', 'Use "complex" or "magnitude".')
-    ready = prepared(session, machine)
+    ready = prepared(session)
     excited, frequency = excited_at(ready, frequency_hz)
     task = Task(ready, excited, machine, frequency, inversion, session, points)
     choices = ranked(task) if method == AUTO else (Choice(method_named(method), ""),)

@@ -55,7 +55,7 @@ class CurveFit:
     ripples: tuple[Ripple, ...]
     viscous_nms: Nuisance  # of the motor, beyond the machine file
     dry_nm: Nuisance
-    delay_s: Nuisance  # of speed (and angle) behind torque
+    delay_s: Nuisance  # of speed (and angle) behind torque, or behind the injection alone where that is held
     unexplained_share: float  # of the power of the load's driving torque in the band
 
     @property
@@ -115,8 +115,11 @@ def fit_curve(ripples: Sequence[Ripple], machine: Machine) -> CurveFit:
     Each equation is weighted by the noise floors first, then by what its neighbours in frequency left unexplained:
     neither counts of an encoder nor what the model leaves out make noise of the colour that floors tell of.
 
-    What the drive's filter took off the torque is not fitted, as the curve can make up for it: what little the balance
-    seems to say of it is noise that meets itself. As far as it is unknown it widens the band (Schmidt's "considered").
+    Where the injection is held, the delay is its own; the controller's share is as late as it was found before.
+
+    What the drive's filter took off the torque, or how late the controller's share is reported, is not fitted, as the
+    curve can make up for it: what little the balance seems to say of it is noise that meets itself. As far as it is
+    unknown it widens the band (Schmidt's "considered").
 
     Raises InputError where a ripple holds no torque or no motion.
     """
@@ -137,6 +140,7 @@ def fit_curve(ripples: Sequence[Ripple], machine: Machine) -> CurveFit:
     peak = FRICTION_SHARE * machine.motor.peak_torque_nm
     slowest = 2 * np.pi * min(ripple.frequency_hz for ripple in ripples)
     loss = max(*(ripple.loss_std_s2 for ripple in ripples), NO_LOSS / slowest**2)
+    late = max(ripple.controller_std_s for ripple in ripples)
     prior = np.array([peak / max(top_speed, 1e-9), peak, 1 / slowest])
     weights = [np.ones(2 * load.frequencies.size) for load in loads]
     solution: Solution | None = None
@@ -146,7 +150,7 @@ def fit_curve(ripples: Sequence[Ripple], machine: Machine) -> CurveFit:
             equations(load, ripple, basis, curve).scaled(weight)
             for load, ripple, weight in zip(loads, ripples, weights, strict=True)
         ]
-        solution = _solve(parts, prior, loss)
+        solution = _solve(parts, prior, np.array([loss, late]))
         ends = np.cumsum([part.y.size for part in parts])[:-1]
         weights = [
             weight / _spread(rest, 1 - followed, load.frequencies / ripple.frequency_hz)
@@ -174,12 +178,14 @@ def _spread(residual: Array, free: Array, frequency: Array) -> Array:
     return np.tile(np.maximum(spread, 1e-12), 2)
 
 
-def _solve(parts: Sequence[Equations], prior: Array, loss_s2: float) -> Solution:
-    fitted, loss = np.split(np.vstack([part.nuisance for part in parts]), [prior.size], axis=1)
+def _solve(parts: Sequence[Equations], prior: Array, considered: Array) -> Solution:
+    width = max(part.nuisance.shape[1] for part in parts)
+    every = [np.pad(part.nuisance, ((0, 0), (0, width - part.nuisance.shape[1]))) for part in parts]
+    fitted, others = np.split(np.vstack(every), [prior.size], axis=1)
     return solve(
         np.vstack([part.inertia for part in parts]),
         fitted,
         np.concatenate([part.y for part in parts]),
         prior,
-        considered=loss_s2 * loss,
+        considered=others * considered[: others.shape[1]],
     )

@@ -15,6 +15,7 @@ import numpy as np
 
 from schwung.errors import InputError
 from schwung.estimation.denoise import check_aligned, same_motion
+from schwung.estimation.sampling import fundamental
 from schwung.estimation.sdft import ComplexArray
 from schwung.estimation.values import Denoised
 from schwung.motion import Array
@@ -28,6 +29,8 @@ PHASE_TOLERANCE = 1e-3
 SAME_INJECTION = 1e-6
 #: Attribute of a run: how sure it is what the torque's filter took off, standard deviation of γ in 1 − γω² (s²).
 LOSS_STD = "torque_loss_std_s2"
+#: Attribute of a run with a held injection: how sure it is when its controller's torque acted, s.
+CONTROLLER_STD = "controller_lag_std_s"
 
 
 @dataclass(frozen=True, eq=False)
@@ -48,6 +51,10 @@ class Ripple:
     phases_rad: tuple[float, ...]
     real: bool  # one phase only: the ripple is its real part
     loss_std_s2: float = 0.0  # of the torque, see LOSS_STD
+    held_torque_nm: ComplexArray | None = (
+        None  # the injection's share of the ripple's torque, where it was held
+    )
+    controller_std_s: float = 0.0  # see CONTROLLER_STD
 
 
 def phase_groups(excited: Sequence[Run]) -> tuple[tuple[Run, ...], ...]:
@@ -121,6 +128,7 @@ def ripple_of_phases(runs: Sequence[Run]) -> Ripple:
         values = np.vstack([getattr(run, name)[:n] for run in runs])
         return values.mean(axis=0), np.asarray(taken @ values)
 
+    held = np.vstack([injection_of(run)[:n] for run in runs]) if first.is_held else None
     position, speed, torque = both("position_rad"), both("speed_rad_s"), both("torque_nm")
     return Ripple(
         name=f"{first.name or 'excited run'} and {len(runs) - 1} of other phases",
@@ -137,7 +145,14 @@ def ripple_of_phases(runs: Sequence[Run]) -> Ripple:
         phases_rad=tuple(phases.tolist()),
         real=False,
         loss_std_s2=float(first.extra.get(LOSS_STD, 0.0)),
+        held_torque_nm=None if held is None else np.asarray(taken @ held),
+        controller_std_s=float(first.extra.get(CONTROLLER_STD, 0.0)),
     )
+
+
+def injection_of(run: Run) -> Array:
+    """What a run made ready (`sampling.prepared`) holds of a held injection (N·m), (n,); zeros where it has none."""
+    return np.zeros(len(run)) if run.torque_added_nm is None else fundamental(run.torque_added_nm)
 
 
 def ripple_of_pair(pair: Denoised) -> Ripple:
@@ -159,6 +174,8 @@ def ripple_of_pair(pair: Denoised) -> Ripple:
         phases_rad=(0.0,),
         real=True,
         loss_std_s2=float(pair.excited.extra.get(LOSS_STD, 0.0)),
+        held_torque_nm=injection_of(pair.excited)[:n].astype(np.complex128) if pair.excited.is_held else None,
+        controller_std_s=float(pair.excited.extra.get(CONTROLLER_STD, 0.0)),
     )
 
 

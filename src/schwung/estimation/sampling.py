@@ -8,8 +8,9 @@ positions over the step, and the torque's is the step itself plus the controller
 What the images leave behind, with a step of h:
 - The averages of a staircase are its samples, 0.8 % more than its fundamental has at 20 samples per period; the rest
   is images, which only the rotor follows. (a₋ + 10 a + a₊)/12 is the fundamental's average up to (ωh)⁴.
-- The rotor follows the sawtooth between staircase and fundamental (jumps of ΔT) by −ΔT·h/(12 J_r) at the instants
-  of sampling, and the controller answers with its speed gain: there, but not on average.
+- The rotor follows the sawtooth between staircase and fundamental, and the controller answers: by nothing on average,
+  but by a share of the jumps at the instants of sampling, which depends on how late it is. Being a share of the
+  injection's derivative, it looks like a delay of the injection, and `delay.py` takes it off as such.
 """
 
 from __future__ import annotations
@@ -18,24 +19,24 @@ from dataclasses import replace
 
 import numpy as np
 
-from schwung.drivetrain.machine import Machine
 from schwung.motion import Array
 from schwung.session.model import Run, Session
 
 MIN_FOR_CUBIC = 3
+#: Attribute of a run: the speed as reported (rad/s), averaged over each step, (n,).
+REPORTED_SPEED = "reported_speed_rad_s"
 
 
-def prepared(session: Session, machine: Machine | None = None) -> Session:
+def prepared(session: Session) -> Session:
     """The session as the methods take it: held injections averaged over each step, coarse speed replaced.
 
     A run says `hold_s` in its excitation where the injection was held for so long (its reference is averaged alike),
-    and "position" in the attribute `speed_source` where its reported speed is too coarse to be used. Without a
-    machine, the controller's answer to the images stays.
+    and "position" in the attribute `speed_source` where its reported speed is too coarse to be used. The
+    reported speed is kept in the attribute REPORTED_SPEED, for what it says of the drive's filters.
     """
-    held = any(is_held(run) for run in session.runs)
-    return replace(
-        session, runs=tuple(_averaged(run, machine) if held else _with_speed(run) for run in session.runs)
-    )
+    if not any(is_held(run) for run in session.runs):
+        return replace(session, runs=tuple(_with_speed(run) for run in session.runs))
+    return replace(session, runs=tuple(_averaged(run) for run in session.runs))
 
 
 def is_held(run: Run) -> bool:
@@ -43,7 +44,7 @@ def is_held(run: Run) -> bool:
     return run.is_held
 
 
-def _averaged(run: Run, machine: Machine | None) -> Run:
+def _averaged(run: Run) -> Run:
     """Averages over the steps between samples, one sample fewer, at the middle of each step.
 
     `torque_added` of a sample is what was in force over the step that ends with it.
@@ -58,36 +59,20 @@ def _averaged(run: Run, machine: Machine | None) -> Run:
         time_s=run.time_s[1:] - 0.5 / run.sample_rate_hz,
         position_rad=_step_average(run.position_rad),
         speed_rad_s=speed,
-        torque_nm=_fundamental(added[1:])
-        + _step_average(controller)
-        - _answer(run, controller, added, machine),
+        torque_nm=fundamental(added[1:]) + _step_average(controller),
         torque_added_nm=None if run.torque_added_nm is None else added[1:],
         position_demand_rad=None
         if run.position_demand_rad is None
         else _step_average(run.position_demand_rad),
+        extra={**run.extra, REPORTED_SPEED: _step_average(run.speed_rad_s)},
     )
 
 
-def _fundamental(held: Array) -> Array:
+def fundamental(held: Array) -> Array:
     """What a staircase holds besides its images, averaged over each step, (n,)."""
     smooth = held.copy()
     smooth[1:-1] = (held[:-2] + 10 * held[1:-1] + held[2:]) / 12
     return smooth
-
-
-def _answer(run: Run, controller: Array, added: Array, machine: Machine | None) -> Array:
-    """The controller's answer to the images, as it shows at the samples at both ends of each step, (n − 1,)."""
-    if machine is None or not np.any(added):
-        return np.zeros(added.size - 1)
-    gain = machine.control.speed_gain_nms if machine.control else _speed_gain(controller, run.speed_rad_s)
-    jumps = np.gradient(added[1:])
-    return np.asarray(gain * jumps / (12 * machine.motor.inertia_kgm2 * run.sample_rate_hz))
-
-
-def _speed_gain(controller: Array, speed: Array) -> float:
-    """The controller's gain from speed to torque at high frequencies (N·m·s/rad), from their differences."""
-    torque, moved = np.diff(controller), np.diff(speed)
-    return max(0.0, -float(torque @ moved) / max(float(moved @ moved), 1e-300))
 
 
 def _step_average(values: Array) -> Array:
