@@ -284,3 +284,17 @@ def test_a_fast_motion_keeps_its_samples(recorded, machine):
     slow, fast = (thinned_run(run, machine, 90.0, pieces_hz).sample_rate_hz for pieces_hz in (300.0, 900.0))
     assert slow == 1000.0
     assert fast == 2000.0
+
+
+@pytest.mark.parametrize("factor", [1e3, 1e-6])
+def test_a_torque_in_another_unit_is_an_error_or_a_verdict_never_a_traceback(recorded, machine, factor):
+    session = thinned(recorded(0.15), 4)
+    wrong = replace(
+        session, runs=tuple(replace(run, torque_nm=factor * run.torque_nm) for run in session.runs)
+    )
+    try:
+        found = estimate(wrong, machine, method="trajectory")
+    except InputError as error:
+        assert "torque" in str(error)
+    else:
+        assert found.trust.verdict != "good"

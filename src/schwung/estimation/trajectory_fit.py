@@ -106,7 +106,7 @@ def fit(recorded: Sequence[Run], machine: Machine, *, rotary: bool = True) -> Fi
     The coupling is held as believed until the rest has settled: stiffness and inertia, both far off, can make up for
     each other. Then pieces are halved until the curve's bends are resolved.
 
-    Raises InputError where there is no torque or no motion at all.
+    Raises InputError where there is no torque or no motion at all, or nothing that these equations could fit.
     """
     _check_alive(recorded)
     band = band_of(recorded)

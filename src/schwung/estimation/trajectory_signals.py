@@ -10,6 +10,7 @@ from scipy.interpolate import CubicSpline
 from scipy.signal import butter, firwin, sosfiltfilt
 
 from schwung.drivetrain.machine import Machine
+from schwung.errors import InputError
 from schwung.estimation import trajectory_kernel as kernel
 from schwung.estimation.ripple import LOSS_STD
 from schwung.estimation.sampling import is_held
@@ -206,7 +207,10 @@ class Steps:
 
     @classmethod
     def of(cls, shaft: kernel.Shaft, inertia: Array, step_s: float, *, slopes: bool) -> Steps:
-        """Steps of the given inertias (m,); without `slopes` the derivatives are empty."""
+        """Steps of the given inertias (m,); without `slopes` the derivatives are empty.
+
+        Raises InputError where the numbers run away, as a fit's do to signals that belong to no such machine.
+        """
         logs = np.log(inertia)
         nodes = np.linspace(logs.min() - 1e-3, logs.max() + 1e-3, _NODES)
 
@@ -220,7 +224,14 @@ class Steps:
             ]
             return np.asarray(CubicSpline(nodes, (ends[0] - ends[1]) / (2 * _DIFFERENCE))(logs))
 
-        curve = CubicSpline(nodes, table(shaft))
+        stepped = table(shaft)
+        if not np.all(np.isfinite(stepped)):
+            raise InputError(
+                "torque and speed",
+                "no inertia, friction and coupling make the one of the other",
+                "Check the units of torque and speed, and motor.inertia in the machine file.",
+            )
+        curve = CubicSpline(nodes, stepped)
         transition, inputs = np.split(curve(logs), [-6], axis=2)
         none = np.empty(0)
         if not slopes:
