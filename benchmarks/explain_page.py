@@ -122,7 +122,7 @@ def peers(of: dict[str, list[CaseScore]], folder: Path) -> str:
     rows = []
     for kind, scored in of.items():
         theirs = peer_scores(folder / kind) if scored else []
-        both = {s.case for s in scored} & {s.case for s in theirs}
+        both = {s.case for s in scored} & {s.case for s in theirs if not s.error}
         ours, theirs = ([s for s in scores if s.case in both] for scores in (scored, theirs))
         if not theirs:
             continue

@@ -84,10 +84,11 @@ def names(session_file: Path, machine_file: Path) -> list[str]:
     for index, run in enumerate(prepared.runs):
         valid, residual = residuals.valid(index), residuals.residual(index, aligned)
         jerk = np.gradient(run.acceleration_rad_s2, run.step_s)
+        torque = residuals.runs[index].torque_nm  # reported, within the band
         columns = {
             "position": run.position_rad, "speed": run.speed_rad_s, "acceleration": run.acceleration_rad_s2,
-            "jerk": jerk, "snap": np.gradient(jerk, run.step_s), "torque": residuals.torque(index, aligned),
-            "torque_rate": np.gradient(residuals.torque(index, aligned), run.step_s),
+            "jerk": jerk, "snap": np.gradient(jerk, run.step_s), "torque": torque,
+            "torque_rate": np.gradient(torque, run.step_s),
             "share": np.full(run.position_rad.size, run.share),
         }  # fmt: skip
         rows.append({key: values[:: prepared.every][valid] for key, values in columns.items()})
