@@ -1,5 +1,6 @@
 """Preflight: every danger is found before the power stage is on, and named with its remedy."""
 
+import math
 from dataclasses import replace
 from typing import Any
 
@@ -168,6 +169,13 @@ def test_a_coarse_torque_is_warned_of() -> None:
     plan = _plan()
     coarse = replace(_survey(plan), resolution=Resolution(6e-6, 1e-4, 5.0, 5.0))
     assert _severity(_flight(plan, coarse), "torque resolution") == "warning"
+
+
+def test_a_torque_without_a_unit_is_stopped() -> None:
+    plan = _plan()
+    seen = _survey(plan)
+    untold = replace(seen, resolution=replace(seen.resolution, torque_nm=math.nan))
+    assert _severity(_flight(plan, untold), "torque resolution") == "stop"
 
 
 def test_gains_come_from_the_drive_where_the_file_has_none() -> None:

@@ -64,7 +64,7 @@ _Returned = TypeVar("_Returned")
 _Given = ParamSpec("_Given")
 
 
-def _told_interrupts(command: Callable[_Given, _Returned]) -> Callable[_Given, _Returned]:
+def _told_interrupts(command: Callable[_Given, _Returned], group: str = "") -> Callable[_Given, _Returned]:
     """An interrupt in a command becomes one of our errors: the framework would end without a word."""
 
     @functools.wraps(command)
@@ -77,7 +77,7 @@ def _told_interrupts(command: Callable[_Given, _Returned]) -> Callable[_Given, _
             if (told_before := _interrupted_before(error)) is not None:
                 raise told_before from None
             if _is_interrupt(error):
-                raise InterruptedByUser(f"schwung {_name(command)}", "interrupted") from error
+                raise InterruptedByUser(f"schwung {group}{_name(command)}", "interrupted") from error
             raise
 
     return told
@@ -123,7 +123,7 @@ for _command in (
 
 profiles = typer.Typer(help="List, show, check and draft device profiles.", rich_markup_mode="rich")
 for _subcommand in (list_, show, check, new):
-    profiles.command(_name(_subcommand))(_told_interrupts(_subcommand))
+    profiles.command(_name(_subcommand))(_told_interrupts(_subcommand, "profile "))
 app.add_typer(profiles, name="profile")
 
 

@@ -271,17 +271,19 @@ def _resolution(
     else:
         remedy = "Inject more torque, or raise the drive's speed resolution (60A9)."
         speed = Check("speed resolution", "warning", text, remedy)
-    torque = plan.excitation.amplitude_nm / resolution.torque_nm
-    coarse = torque < MIN_RIPPLE_COUNTS
-    return "position" if use_position else "drive", [
-        speed,
-        Check(
-            "torque resolution",
-            "warning" if coarse else "ok",
-            f"the injected amplitude is {torque:.{1 if coarse else 0}f} counts high",
-            "Inject more torque." if coarse else "",
-        ),
-    ]
+    return "position" if use_position else "drive", [speed, _torque_resolution(plan, resolution)]
+
+
+def _torque_resolution(plan: Plan, resolution: Resolution) -> Check:
+    """Is the injected amplitude many counts of the reported torque high?"""
+    if not resolution.torque_nm > 0:  # NaN where nothing tells it
+        remedy = "Give its scale in a profile that extends this one."
+        return Check("torque resolution", "stop", "nobody tells what a count of torque is worth", remedy)
+    counts = plan.excitation.amplitude_nm / resolution.torque_nm
+    if counts < MIN_RIPPLE_COUNTS:
+        text = f"the injected amplitude is {counts:.1f} counts high"
+        return Check("torque resolution", "warning", text, "Inject more torque.")
+    return Check("torque resolution", "ok", f"the injected amplitude is {counts:.0f} counts high")
 
 
 def share_check(name: str, value: float, limit: float, text: str, remedy: str) -> Check:
