@@ -37,6 +37,8 @@ from schwung.session.model import Session
 #: On held-out runs, RMS over the floor: explained up to the first, at the floor for all that a floor from few repeats
 #: is worth up to the second; named beyond that where the excess falls below the third's share of what it was.
 EXPLAINED, NEARLY, NAMED_SHARE = 1.2, 1.35, 0.02
+#: The same where the believed inertia was measured: what a table is off by bends with every term that turns it.
+NAMED_SHARE_MEASURED = 0.05
 #: In whitened residuals, which weigh what is slow less, the floor's share is another: so many floors RMS are too much.
 TOO_MUCH = 1.6
 #: Where runs kept aside miss something, named physics takes so much of it; one that makes them so much worse is wrong.
@@ -224,7 +226,8 @@ class _Explained:
         if after_nm <= EXPLAINED * self.floor and share <= SEEN_ASIDE:
             return "explained"
         at_floor = after_nm <= nearly or (after <= NEARLY**2 and after_nm <= TOO_MUCH * self.floor)
-        named = (at_floor and share < SEEN_ASIDE) or everywhere < NAMED_SHARE
+        little = NAMED_SHARE_MEASURED if self.residuals.softened else NAMED_SHARE
+        named = (at_floor and share < SEEN_ASIDE) or everywhere < little
         return "partly_explained" if named else "unexplained"
 
     def _shift(self) -> Shift:

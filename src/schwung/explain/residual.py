@@ -328,6 +328,11 @@ class Residuals:
                 self._tables[run] = np.stack(off, axis=1) / floor_nm
         self._softs.clear()
 
+    @property
+    def softened(self) -> bool:
+        """Whether the belief's inertia was measured, and counts as off by what its table says."""
+        return bool(self._tables)
+
     def all(self, runs: Sequence[int], unknowns: Unknowns) -> list[Array]:
         """Residuals of several runs."""
         return [self.residual(run, unknowns) for run in runs]
