@@ -31,7 +31,7 @@ BELOW = 0.5
 #: What is not known of inertia and of load torque, as polynomials of the angle: their highest degrees.
 DEGREE_INERTIA, DEGREE_TORQUE = 3, 7
 #: A drive without any lag in what it reports is believed to this share of a sample.
-PROMPT = 0.1
+PROMPT = 0.125
 #: Motion and lag of the speed disagree beyond so many standard deviations.
 DOUBT = 3.0
 
@@ -99,6 +99,25 @@ def controller_lag(fit: CurveFit, machine: Machine, prior: Nuisance) -> Nuisance
     inverse = np.linalg.pinv((a / scale).T @ (a / scale), rcond=1e-14)
     seen = Nuisance(float(values[0] / scale[0]), float(np.sqrt(variance * inverse[0, 0])) / float(scale[0]))
     return _both(seen, prior)
+
+
+def unknown_answer(run: Run, machine: Machine) -> float:
+    """What share of an injection that is held for h may hide in the controller's answer to its images, 0…1 (1σ).
+
+    The rotor follows the staircase's corners by ΔT h/(2 J_r) B_2(x) at the share x of a step (Bernoulli's polynomial,
+    1/√180 rms), and the controller by its speed gain K: not on average, but in its samples, and where in the step is
+    not known (1/√12 of it). What of that is in phase with the torque no delay makes good.
+    """
+    assert run.excitation is not None  # held
+    assert run.torque_added_nm is not None
+    if machine.control is not None:
+        gain = machine.control.speed_gain_nms
+    else:
+        torque, moved = np.diff(run.torque_nm - run.torque_added_nm), np.diff(run.speed_rad_s)
+        gain = max(0.0, -float(torque @ moved) / max(float(moved @ moved), 1e-300))
+    step = 1 / run.sample_rate_hz
+    turned = 2 * np.pi * run.excitation.frequency_hz * step
+    return float(gain * step / machine.motor.inertia_kgm2 * turned**2 / (2 * np.sqrt(180) * np.sqrt(12)))
 
 
 def _both(seen: Nuisance, prior: Nuisance) -> Nuisance:

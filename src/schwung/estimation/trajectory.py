@@ -2,7 +2,8 @@
 
 No window, no lag and no superposition: the model is driven by the torque as measured, so that a clipped torque or a
 motion of a few periods is as good as any. All runs of the session count, excited or not, whatever their phase or
-frequency. The band is the posterior's: what noise and unknown friction, load torque, delays and coupling leave open.
+frequency. The band is the posterior's: what noise and unknown friction, load torque, delays and coupling leave open,
+and between samples of a held injection what the controller answers there.
 """
 
 from __future__ import annotations
@@ -15,6 +16,7 @@ from schwung.errors import InputError
 from schwung.estimation.choice import clipped_share
 from schwung.estimation.delay import amplitudes_restored
 from schwung.estimation.methods import Outcome, Suitability, Task, register
+from schwung.estimation.report import unknown_answer
 from schwung.estimation.table import DEFAULT_POINTS
 from schwung.estimation.trajectory_fit import Fit, fit
 from schwung.estimation.trust import MAX_CLIPPED_SHARE
@@ -50,7 +52,8 @@ class TrajectoryMethod:
         session = amplitudes_restored(task.recorded or task.session, task.session)
         found = fit(session.runs, task.machine, rotary=session.axis == "rotary")
         _check_explained(found)
-        table, notes = _table(found, task.points or DEFAULT_POINTS)
+        hidden = max((unknown_answer(run, task.machine) for run in session.runs if run.is_held), default=0.0)
+        table, notes = _table(found, task.points or DEFAULT_POINTS, hidden)
         return Outcome(
             table=table,
             notes=(*notes, *_notes(found)),
@@ -63,11 +66,16 @@ class TrajectoryMethod:
 register(TrajectoryMethod())
 
 
-def _table(found: Fit, points: int) -> tuple[InertiaTable, tuple[str, ...]]:
-    """The table over all visited angles that the data say something about."""
+def _table(found: Fit, points: int, hidden: float = 0.0) -> tuple[InertiaTable, tuple[str, ...]]:
+    """The table over all visited angles that the data say something about.
+
+    `hidden`: share of the torque that may hide between samples, and all inertia with it.
+    """
     basis = found.model.layout.basis
     grid = np.linspace(basis.low_rad, basis.high_rad, points)
     inertia, deviation = found.inertia_at(grid)
+    if hidden:
+        deviation = np.hypot(deviation, hidden * (inertia + found.model.machine.motor.inertia_kgm2))
     keep = deviation < UNKNOWN * inertia
     if keep.sum() < 2:
         raise InputError(
