@@ -113,7 +113,7 @@ def test_emps_free_run_of_the_validation_record(recordings: RealRecordings) -> N
     assert published.position_rms_rad == pytest.approx(5.3e-3, abs=0.4e-3)
     (learned,) = free_runs(emps(recordings).machine, recordings.emps_pulses)
     (baseline,) = free_runs(published_emps(), recordings.emps_pulses)
-    assert learned.position_rms_rad < 6e-3 < baseline.position_rms_rad
+    assert learned.position_rms_rad < 6.5e-3 < baseline.position_rms_rad
     assert any("mm RMS" in note for note in emps(recordings).notes)
 
 

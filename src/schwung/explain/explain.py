@@ -46,6 +46,8 @@ SEEN_ASIDE, WORSE = 0.5, 1.02
 #: Below a consistent misfit, terms stand where they lower the same on runs kept aside by so much; below the second, a
 #: belief is at the floor, and nothing is sought that could only be fitted to the noise.
 BORNE_OUT, AT_FLOOR = 0.15, 1.15
+#: Without runs kept aside a term carries this part of the mismatch at least: what is small stands on its shape alone.
+UNPROVEN = 0.01
 #: And where the belief misses so many times the floor on them: less is for those who look at single lines.
 SEEN = 1.12
 
@@ -96,7 +98,12 @@ def _searched(problem: Problem, parts: Split, progress: Progress) -> tuple[Found
     if max(first.misfit, _aside(problem, first.model, parts)) <= AT_FLOOR:
         return found, first
     found = search(problem, first, progress)
-    best = slimmed(found, _upheld(found, refined(found, chosen(found)), parts))
+    best = slimmed(
+        found,
+        _upheld(
+            found, _carrying(found, refined(found, chosen(found), proven=bool(parts.heldout)), parts), parts
+        ),
+    )
     if first.misfit < CONSISTENT and not _borne_out(found, best, parts):
         best = first
     return found, best
@@ -106,6 +113,16 @@ def _aside(problem: Problem, model: Model, parts: Split) -> float:
     """Mean square of the whitened residual on the runs kept aside; on all where there are none."""
     white = replace(problem, runs=parts.heldout or parts.train).white(model)
     return float(np.mean(white**2)) if white.size else 1.0
+
+
+def _carrying(found: Found, best: Fitted, parts: Split) -> Fitted:
+    """Where nothing is kept aside for a proof: the terms of several that carry a part of the mismatch that shows."""
+    while len(best.model.terms) > 1 and not parts.heldout:
+        spared = min(reduced(found, best), key=lambda fitted: fitted.misfit)
+        if spared.misfit - best.misfit >= UNPROVEN * (found.bare.misfit - 1):
+            break
+        best = spared
+    return best
 
 
 def _upheld(found: Found, best: Fitted, parts: Split) -> Fitted:

@@ -20,8 +20,11 @@ RIPPLED = 10.0
 REFINED = 4.0
 
 
-def refined(found: Found, best: Fitted) -> Fitted:
-    """The chosen terms without refinements that do not pay, and with a ripple over position where one stands out."""
+def refined(found: Found, best: Fitted, *, proven: bool) -> Fitted:
+    """The chosen terms without refinements that do not pay, and with a ripple over position where one stands out.
+
+    `proven`: runs are kept aside; without them a load torque keeps the few points that it was found with.
+    """
     for name in best.model.refined:
         kept = tuple(other for other in best.model.refined if other != name)
         neutral = best.model.with_values({name: getattr(Effects(), name)})
@@ -30,7 +33,8 @@ def refined(found: Found, best: Fitted) -> Fitted:
             found.by_terms[frozenset(best.model.terms)] = plain
             best = chosen(found)
             break
-    best = _with_finer_table(found, best)
+    if proven:
+        best = _with_finer_table(found, best)
     if not best.model.terms or "cogging" in best.model.terms:
         return best
     line = ripple(found.problem, best)

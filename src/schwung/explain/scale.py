@@ -18,8 +18,10 @@ from schwung.explain.terms import View
 
 #: Share of the band, and what is left out at each end of a run, in periods of it.
 SLOW, EDGE = 0.2, 1.0
-#: A scale is told where it is off by so many deviations and by so much, and known to so much.
-DEVIATIONS, OFF, KNOWN = 2.0, 0.05, 0.15
+#: A scale is told where it is off by so much, by one deviation at the least, and known to so much.
+OFF, KNOWN = 0.05, 0.15
+#: By fewer deviations than these it may be chance.
+SURE = 2.0
 #: Acceleration takes this share of the reported torque at the least, or nothing can be said of the inertia.
 INERT = 0.2
 _SCALES = ("torque_constant", "load_inertia")
@@ -58,11 +60,12 @@ def scale_note(found: Found, best: Fitted) -> str | None:
     left = float(np.mean((wanted - matrix @ scales) ** 2))
     covariance = np.linalg.pinv(matrix.T @ matrix) * left * max(rate / (2 * slow_hz), 1.0)
     scale, deviation = float(scales[0]), float(np.sqrt(covariance[0, 0]))
-    if deviation > KNOWN or scale < OFF or abs(scale - 1) < max(DEVIATIONS * deviation, OFF):
+    if deviation > KNOWN or scale < OFF or abs(scale - 1) < max(deviation, OFF):
         return None
+    is_off = "is" if abs(scale - 1) >= SURE * deviation else "may be"
     return (
         f"below {slow_hz:.2g} Hz, where noise of the acceleration matters least, the reported torque is {scale:.2f} "
-        f"times (± {1.96 * deviation:.2f}) what the believed inertia takes: the torque constant is off (true over "
+        f"times (± {1.96 * deviation:.2f}) what the believed inertia takes: the torque constant {is_off} off (true over "
         f"reported {1 / scale:.2f}), or the inertia is. This session cannot tell torque_constant from load_inertia; "
         "if it is the torque constant, every torque named here has to be multiplied by it"
     )
