@@ -98,12 +98,8 @@ def _searched(problem: Problem, parts: Split, progress: Progress) -> tuple[Found
     if max(first.misfit, _aside(problem, first.model, parts)) <= AT_FLOOR:
         return found, first
     found = search(problem, first, progress)
-    best = slimmed(
-        found,
-        _upheld(
-            found, _carrying(found, refined(found, chosen(found), proven=bool(parts.heldout)), parts), parts
-        ),
-    )
+    best = refined(found, chosen(found), proven=bool(parts.heldout))
+    best = slimmed(found, _upheld(found, best, parts) if parts.heldout else _carrying(found, best))
     if first.misfit < CONSISTENT and not _borne_out(found, best, parts):
         best = first
     return found, best
@@ -115,9 +111,9 @@ def _aside(problem: Problem, model: Model, parts: Split) -> float:
     return float(np.mean(white**2)) if white.size else 1.0
 
 
-def _carrying(found: Found, best: Fitted, parts: Split) -> Fitted:
+def _carrying(found: Found, best: Fitted) -> Fitted:
     """Where nothing is kept aside for a proof: the terms of several that carry a part of the mismatch that shows."""
-    while len(best.model.terms) > 1 and not parts.heldout:
+    while len(best.model.terms) > 1:
         spared = min(reduced(found, best), key=lambda fitted: fitted.misfit)
         if spared.misfit - best.misfit >= UNPROVEN * (found.bare.misfit - 1):
             break
@@ -127,7 +123,7 @@ def _carrying(found: Found, best: Fitted, parts: Split) -> Fitted:
 
 def _upheld(found: Found, best: Fitted, parts: Split) -> Fitted:
     """The terms of several that do not make the runs kept aside worse."""
-    while len(best.model.terms) > 1 and parts.heldout:
+    while len(best.model.terms) > 1:
         spared = min(reduced(found, best), key=lambda fitted: _aside(found.problem, fitted.model, parts))
         if _aside(found.problem, best.model, parts) < WORSE * _aside(found.problem, spared.model, parts):
             break

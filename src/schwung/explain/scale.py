@@ -65,7 +65,7 @@ def scale_note(found: Found, best: Fitted) -> str | None:
     is_off = "is" if abs(scale - 1) >= SURE * deviation else "may be"
     return (
         f"below {slow_hz:.2g} Hz, where noise of the acceleration matters least, the reported torque is {scale:.2f} "
-        f"times (± {1.96 * deviation:.2f}) what the believed inertia takes: the torque constant {is_off} off (true over "
-        f"reported {1 / scale:.2f}), or the inertia is. This session cannot tell torque_constant from load_inertia; "
-        "if it is the torque constant, every torque named here has to be multiplied by it"
+        f"times (± {1.96 * deviation:.2f}) what the believed inertia takes: the torque constant {is_off} off "
+        f"(true over reported {1 / scale:.2f}), or the inertia is. This session cannot tell torque_constant from "
+        "load_inertia; if it is the torque constant, every torque named here has to be multiplied by it"
     )
