@@ -119,7 +119,8 @@ def commission(
         str | None,
         typer.Option(
             metavar="FORM",
-            help="Write the result into the drive, unless unusable: table, mean, max or at=ANGLE.",
+            help="Write the result into the drive, unless unusable: table, harmonics, mean, max or at=ANGLE; host: "
+            "write nothing, play the torque beside the setpoints.",
         ),
     ] = None,
     store: Annotated[bool, typer.Option(help="Save an export in the drive's memory (1010).")] = True,

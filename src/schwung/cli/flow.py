@@ -21,6 +21,7 @@ from schwung.commissioning import (
     carry_out,
     export_table,
     following_error_rms,
+    host_played,
     prepare,
     repeat_reference,
 )
@@ -142,17 +143,23 @@ def _export_and_verify(
     if done.estimate.trust.verdict == "unusable":
         terminal.say("[yellow]Not exported:[/] an unusable table does not go into a drive.")
         return None
-    exported = export_table(
-        drive, profile, done.estimate.table, ending.export,
-        backup_path=out / "export.backup.json", store=ending.store,
-        motor_inertia_kgm2=done.prepared.machine.motor.inertia_kgm2,
-    )  # fmt: skip
-    terminal.say(
-        f"{len(exported.changes)} parameters written, read back equal"
-        f"{', stored' if exported.stored else ''}; the old values are in {exported.backup_path}"
-    )
+    backup, motor = out / "export.backup.json", done.prepared.machine.motor.inertia_kgm2
+    played = None
+    if ending.export.form == "host":
+        played = host_played(profile, done.estimate.table, motor, done.prepared.plan.acquisition.mode)
+        exported = Exported((), backup, stored=False)
+        terminal.say("Nothing is written: the torque is played beside the setpoints, one value per SYNC")
+    else:
+        exported = export_table(
+            drive, profile, done.estimate.table, ending.export,
+            backup_path=backup, store=ending.store, motor_inertia_kgm2=motor,
+        )  # fmt: skip
+        terminal.say(
+            f"{len(exported.changes)} parameters written, read back equal"
+            f"{', stored' if exported.stored else ''}; the old values are in {exported.backup_path}"
+        )
     with observing(terminal) as observer:
-        after = repeat_reference(drive, done.prepared, out, "verification", observer)
+        after = repeat_reference(drive, done.prepared, out, "verification", observer, played)
     verification = Verification(exported, done.recorded.runs[0], after)
     show_verification(terminal, verification)
     return verification

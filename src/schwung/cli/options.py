@@ -61,7 +61,7 @@ def one_of(option: str, text: str, choices: Any) -> Any:
 
 
 def export_choice(text: str) -> ExportChoice:
-    """table, mean, max or at=ANGLE, the angle with its unit. Raises InputError for anything else."""
+    """table, harmonics, mean, max, host or at=ANGLE, the angle with its unit. Raises InputError for anything else."""
     from schwung.commissioning import parse_choice
 
     form, _, where = text.partition("=")

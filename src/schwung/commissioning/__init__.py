@@ -11,6 +11,7 @@ from schwung.commissioning.commission import (
     wishes_of,
 )
 from schwung.commissioning.export import ExportChoice, Exported, export_table, export_values, parse_choice
+from schwung.commissioning.host_played import HostPlayed, host_played
 from schwung.commissioning.journal import (
     Backup,
     Change,
@@ -31,6 +32,7 @@ __all__ = [
     "Commissioned",
     "ExportChoice",
     "Exported",
+    "HostPlayed",
     "LimitWishes",
     "Limits",
     "Observer",
@@ -47,6 +49,7 @@ __all__ = [
     "export_values",
     "following_error",
     "following_error_rms",
+    "host_played",
     "parse_choice",
     "prepare",
     "read_backup",

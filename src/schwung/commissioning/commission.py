@@ -7,6 +7,7 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
+from schwung.commissioning.host_played import HostPlayed
 from schwung.commissioning.journal import Change, ParameterJournal
 from schwung.commissioning.limits import LimitWishes, limits_of
 from schwung.commissioning.plan import Plan, PlannedRun, make_plan
@@ -247,15 +248,25 @@ def contrast_of(session: Session, machine: Machine) -> Estimate | None:
         return None
 
 
-def repeat_reference(drive: Drive, prepared: Prepared, out: Path, name: str, observer: Observer) -> Run:
-    """Make the reference motion once more, as before or after an export, into `out/name.h5`; returns the run."""
+def repeat_reference(
+    drive: Drive,
+    prepared: Prepared,
+    out: Path,
+    name: str,
+    observer: Observer,
+    played: HostPlayed | None = None,
+) -> Run:
+    """Make the reference motion once more, as before or after an export, into `out/name.h5`; returns the run.
+
+    `played`: with this feed-forward beside the setpoints; the motion is simulated with it before it is made.
+    """
     journal = ParameterJournal(drive, out / f"{name}.backup.json", drive.describe())
     plan = replace(prepared.plan, repeats=1)
-    only = (PlannedRun("reference", 0, plan.motion, None),)
+    only = (PlannedRun("reference", 0, plan.motion, None, played=played),)
     recorded = record(
         drive,
         plan,
-        prepared.preflight,
+        prepared.preflight if played is None else _preflight_played(prepared, plan, played),
         session_path=out / f"{name}.h5",
         journal=journal,
         observer=observer,
@@ -264,6 +275,16 @@ def repeat_reference(drive: Drive, prepared: Prepared, out: Path, name: str, obs
         max_jitter_share=prepared.max_jitter_share,
     )
     return recorded.runs[0]
+
+
+def _preflight_played(prepared: Prepared, plan: Plan, played: HostPlayed) -> Preflight:
+    """The checks anew, for the machine as measured and with the torque that is going to be played."""
+    load = prepared.machine.load.model_copy(
+        update={"inertia_kgm2": None, "inertia_table": played.load_inertia}
+    )
+    machine = prepared.machine.model_copy(update={"load": load})
+    forward = replace(prepared.feed_forward, inertia=played.load_inertia)
+    return preflight(plan, machine, prepared.survey, forward)
 
 
 def wishes_of(session: Session) -> Wishes:

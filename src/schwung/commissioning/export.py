@@ -25,7 +25,7 @@ from schwung.fieldbus.profile import (
     TableExport,
 )
 
-Form = Literal["table", "harmonics", "mean", "max", "at"]
+Form = Literal["table", "harmonics", "mean", "max", "at", "host"]
 
 #: Finds a parameter by index and sub-index: `Drive.parameter`, or a dictionary's without a drive.
 Lookup = Callable[[int, int], Parameter]
@@ -39,7 +39,7 @@ _TURN_SLACK = 0.02  # share of a turn by which a table may fall short of one
 @dataclass(frozen=True)
 class ExportChoice:
     """How the table goes into the drive: as a table, as harmonics of a turn, or as one number (mean, maximum, or at
-    an angle)."""
+    an angle); or not at all: the host plays it."""
 
     form: Form = "table"
     position_rad: float | None = None
@@ -55,14 +55,16 @@ class Exported:
 
 
 def parse_choice(text: str) -> ExportChoice:
-    """ "table", "harmonics", "mean", "max" or "at=1.57". Raises InputError for anything else."""
-    plain: dict[str, Form] = {"table": "table", "harmonics": "harmonics", "mean": "mean", "max": "max"}
+    """ "table", "harmonics", "mean", "max", "host" or "at=1.57". Raises InputError for anything else."""
+    plain: dict[str, Form] = {
+        "table": "table", "harmonics": "harmonics", "mean": "mean", "max": "max", "host": "host",
+    }  # fmt: skip
     if text in plain:
         return ExportChoice(plain[text])
     form, _, angle = text.partition("=")
     if form != "at":
         raise InputError(
-            f'export form "{text}"', "is unknown", "Use table, harmonics, mean, max or at=ANGLE."
+            f'export form "{text}"', "is unknown", "Use table, harmonics, mean, max, host or at=ANGLE."
         )
     try:
         return ExportChoice("at", float(angle))
@@ -116,6 +118,12 @@ def export_values(
         if export.harmonics is None:
             raise _denied(profile, "harmonic feed-forward", "Use --as table, --as mean or --as max.")
         return _harmonic_values(lookup, export.harmonics, table)
+    if choice.form == "host":
+        raise InputError(
+            "--as host",
+            "writes nothing: the torque is played beside the setpoints",
+            "Use it as `schwung commission --export host`, or take the CSV.",
+        )
     if export.scalar is None:
         raise _denied(profile, "scalar feed-forward", "Take the CSV or DCF instead.")
     inertia = scalar_of(table, choice)

@@ -9,6 +9,7 @@ from typing import get_args
 
 import numpy as np
 
+from schwung.commissioning.host_played import HostPlayed
 from schwung.commissioning.limits import Limits
 from schwung.drivetrain import InertiaTable, Machine, anti_resonance_hz
 from schwung.errors import InputError
@@ -51,6 +52,7 @@ class PlannedRun:
     motion: Motion
     excitation: Excitation | None
     start_position_rad: float | None = None
+    played: HostPlayed | None = None
 
 
 @dataclass(frozen=True)
@@ -366,5 +368,7 @@ def setpoints_of(run: PlannedRun, plan: Plan) -> Setpoints:
             run.excitation.phase_rad,
             from_motion=plan.generator_starts_with_motion,
         )
+    if run.played is not None:
+        added = added + run.played.torque(demand, start)
     moves = moves_of(run.motion, start, rate) if plan.acquisition.mode == "pp" else ()
     return Setpoints(rate, start + demand.position_rad, added, moves, sine)
