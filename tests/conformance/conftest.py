@@ -11,8 +11,9 @@ from conformance_rooms import CanopenRoom, Room, in_lockstep, room_of
 from schwung.fieldbus.canopen.operation import Operation
 
 
-@pytest.fixture(scope="package", autouse=True)
+@pytest.fixture(scope="module", autouse=True)
 def lockstep() -> Iterator[None]:
+    """By module: with the scope of a folder it would hold for whatever the same process runs after these tests."""
     patch = pytest.MonkeyPatch()
     patch.setattr(Operation, "_choose", in_lockstep)
     yield
