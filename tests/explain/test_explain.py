@@ -30,11 +30,8 @@ EFFECTS = (
     ("periodic_disturbance", "frequency_hz", 0.01, 408),
     ("torque_lag", "time_constant_s", 0.02, 60042),
 )
-#: A little off, what is concealed here would draw a name beside its own: a shifted table; cogging.
-MIMICKED = (
-    ("single", ("encoder_eccentricity",), 60018),
-    ("two", (), 1314),
-)
+#: A little off, what is concealed here would draw a name beside its own: a shifted table.
+MIMICKED = (("single", ("encoder_eccentricity",), 60018),)
 
 
 def drawn(folder: Path, seed: int, **wishes: Any) -> tuple[Session, Machine, dict[str, Any]]:

@@ -169,10 +169,14 @@ def _limited(machine: Machine, plan: Plan) -> Machine:
 def _predicted(
     plan: Plan, simulated: Iterable[tuple[PlannedRun, Simulated]], machine: Machine
 ) -> Estimate | None:
-    """What the estimator would make of the simulated recording; None where it would refuse."""
+    """What the estimator would make of the simulated recording; None where it would refuse.
+
+    By the method of the injection alone: it judges ripple and motion, and it answers at once.
+    """
     runs = [_sampled(planned, plan, made) for planned, made in simulated]
+    method = "multiphase" if plan.phases > 1 else "denoised"
     try:
-        return estimate(Session(tuple(runs), created="", source="simulated"), machine)
+        return estimate(Session(tuple(runs), created="", source="simulated"), machine, method=method)
     except SchwungError:
         return None
 
