@@ -72,14 +72,16 @@ def inertia_figure(content: ReportContent, estimate: Estimate) -> Figure:
 
 def _error_panel(axes: Axes, content: ReportContent, table: InertiaTable, reference: InertiaTable) -> None:
     error, band = _difference(table, reference), _band(table)
+    largest = float(np.nanmax(np.abs(error)))
+    reach = 1.15 * min(float(np.nanmax(np.abs(error) + band)), 3 * largest)
     if content.contrast is not None:
         other = content.contrast.table
-        curve(axes, other.position_rad, _difference(other, reference), FORMER)
+        off = _difference(other, reference)
+        if np.nanmedian(np.abs(off)) < reach:  # else it would only cross the panel, from end to end
+            curve(axes, other.position_rad, off, FORMER)
     _fill(axes, table.position_rad, error, band)
     curve(axes, table.position_rad, error, ESTIMATE, width=1.6)
     axes.axhline(0, color=INK.light, linewidth=1.0, linestyle=DASHED)
-    largest = float(np.nanmax(np.abs(error)))
-    reach = 1.15 * min(float(np.nanmax(np.abs(error) + band)), 3 * largest)
     axes.set_ylim(-reach or -1e-6, reach or 1e-6)
     axes.set_title(f"Estimate minus {content.reference_label}, {content.units.inertia}")
 
