@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from schwung.errors import InputError
 from schwung.fieldbus.drive import Recording, Setpoints, Sine, SyncTiming
-from schwung.fieldbus.profile import Trace, TracedQuantity
+from schwung.fieldbus.profile import ObjectRef, Trace, TracedQuantity
 from schwung.fieldbus.units import Scales
 from schwung.motion import Array
 
@@ -133,3 +133,18 @@ def recording_of(
         start_s=start_s,
         sampling="trace",
     )
+
+
+def trace_settings(trace: Trace, request: TraceRequest) -> list[tuple[ObjectRef, int]]:
+    """What must be in the drive for such a trace: objects or registers, and their counts."""
+    wanted: list[tuple[ObjectRef, int]] = []
+    if trace.divider is not None:
+        wanted.append((trace.divider, request.divider))
+    if trace.period is not None:
+        wanted.append((trace.period.object, round(1 / request.rate_hz / trace.period.scale)))
+    if trace.length is not None:
+        wanted.append((trace.length, request.rows))
+    for column in trace.columns:
+        if column.selector is not None and column.selection is not None:
+            wanted.append((column.selector, column.selection))
+    return wanted

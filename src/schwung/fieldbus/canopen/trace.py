@@ -12,7 +12,7 @@ from schwung.errors import DriveError, InputError
 from schwung.fieldbus.canopen.sdo import SdoChannel
 from schwung.fieldbus.drive import Parameter, ParameterValue
 from schwung.fieldbus.profile import ObjectRef, Trace, TraceColumn, TracedQuantity
-from schwung.fieldbus.tracing import Columns, TraceRequest, column_scale
+from schwung.fieldbus.tracing import Columns, TraceRequest, column_scale, trace_settings
 from schwung.fieldbus.units import Scales
 from schwung.motion import Array
 
@@ -47,18 +47,9 @@ class TraceBuffer:
 
     def settings(self, request: TraceRequest) -> list[ParameterValue]:
         """What must be in the drive's objects for such a trace."""
-        trace = self._trace
-        wanted: list[tuple[ObjectRef, int]] = []
-        if trace.divider is not None:
-            wanted.append((trace.divider, request.divider))
-        if trace.period is not None:
-            wanted.append((trace.period.object, round(1 / request.rate_hz / trace.period.scale)))
-        if trace.length is not None:
-            wanted.append((trace.length, request.rows))
-        for column in trace.columns:
-            if column.selector is not None and column.selection is not None:
-                wanted.append((column.selector, column.selection))
-        return [ParameterValue(self._parameter(ref), value) for ref, value in wanted]
+        return [
+            ParameterValue(self._parameter(ref), value) for ref, value in trace_settings(self._trace, request)
+        ]
 
     def arm(self) -> None:
         """Make it wait for the motion. Raises SdoError where the drive refuses."""

@@ -14,7 +14,7 @@ from schwung.fieldbus.drive import ParameterValue, Progress
 from schwung.fieldbus.modbus.registers import Registers
 from schwung.fieldbus.modbus.words import WordOrder, word_count
 from schwung.fieldbus.profile import ObjectRef, Trace, TraceColumn, TracedQuantity
-from schwung.fieldbus.tracing import Columns, TraceRequest, column_scale
+from schwung.fieldbus.tracing import Columns, TraceRequest, column_scale, trace_settings
 from schwung.fieldbus.units import Scales
 from schwung.motion import Array
 
@@ -56,18 +56,10 @@ class TraceBuffer:
 
     def settings(self, request: TraceRequest) -> list[ParameterValue]:
         """What must be in the drive for such a trace."""
-        trace = self._trace
-        wanted: list[tuple[ObjectRef, int]] = []
-        if trace.divider is not None:
-            wanted.append((trace.divider, request.divider))
-        if trace.period is not None:
-            wanted.append((trace.period.object, round(1 / request.rate_hz / trace.period.scale)))
-        if trace.length is not None:
-            wanted.append((trace.length, request.rows))
-        for column in trace.columns:
-            if column.selector is not None and column.selection is not None:
-                wanted.append((column.selector, column.selection))
-        return [ParameterValue(self._registers.at(ref), value) for ref, value in wanted]
+        return [
+            ParameterValue(self._registers.at(ref), value)
+            for ref, value in trace_settings(self._trace, request)
+        ]
 
     def parameters(self) -> list[ObjectRef]:
         """What playing changes besides: where the window stands, and whether the trace is armed."""
