@@ -1,6 +1,6 @@
 """Are the bands honest, and does the verdict predict the error? Random machines, profiles, rates and noise.
 
-    python benchmarks/calibration.py --first 20000 --machines 500 --methods denoised multiphase auto
+    python benchmarks/calibration.py --first 20000 --machines 500 --methods multiphase auto auto/2
     python benchmarks/calibration.py --hard --first 9000 --machines 130 --methods denoised multiphase auto
 
 Machines are drawn by seed (`drawn.py`); with --hard four of five have something that spoils an estimate. Printed per
@@ -23,8 +23,7 @@ from pathlib import Path
 
 import numpy as np
 from drawn import CAUSES, believed, draw, draw_hard, make_session
-from estimator_cases import usual_runs
-from estimators import _for_method
+from estimator_cases import PAIR, Entrant, usual_runs
 
 from schwung.errors import SchwungError
 from schwung.estimation import estimate
@@ -79,18 +78,24 @@ GROUPS: dict[str, Callable[[Outcome], bool]] = {
 }
 
 
+def entrant(name: str) -> Entrant:
+    """A method with the runs that it is made for; "auto/2" is auto with a reference and one injected run."""
+    method, _, pair = name.partition("/")
+    return Entrant(method, PAIR if pair else usual_runs(method))
+
+
 def judge(seed: int, methods: tuple[str, ...], hard: bool = False) -> list[Outcome]:
     """All methods on one machine; a refusal counts as the verdict "refused"."""
     drawn = draw_hard(seed) if hard else draw(seed)
     session, machine = make_session(drawn, seed), believed(drawn)
     kind = (drawn.rate_hz, drawn.motion.duration_s, drawn.settings.speed_filter_s)
     outcomes = []
-    known: dict[str, Estimate] = {}  # what auto took is what it would have been by name
-    for method in sorted(methods, key=lambda name: name != AUTO):
+    known: dict[Entrant, Estimate] = {}  # what auto took is what it would have been by name
+    for method in sorted(methods, key=lambda name: entrant(name).method != AUTO):
+        asked = entrant(method)
         try:
-            made = known.get(method) or estimate(_for_method(session, method), machine, method=method)
-            if method == AUTO and usual_runs(made.method) == usual_runs(AUTO):
-                known[made.method] = made
+            made = known.get(asked) or estimate(asked.given(session), machine, method=asked.method)
+            known[Entrant(made.method, asked.runs)] = made
         except SchwungError:
             outcomes.append(Outcome(seed, drawn.cause, method, "", np.nan, np.nan, 0, 0, "refused", *kind))
             continue
@@ -216,7 +221,12 @@ def main() -> None:
     )
     parser.add_argument("--machines", type=int, default=100)
     parser.add_argument("--first", type=int, default=0, help="first seed")
-    parser.add_argument("--methods", nargs="*", default=["denoised", "multiphase", "trajectory", "auto"])
+    parser.add_argument(
+        "--methods",
+        nargs="*",
+        default=["denoised", "multiphase", "trajectory", "auto", "auto/2"],
+        help="METHOD with all the runs that it is made for, METHOD/2 with a reference and one injected run",
+    )
     parser.add_argument(
         "--hard", action="store_true", help="mostly machines with something that spoils an estimate"
     )

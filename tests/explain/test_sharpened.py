@@ -77,7 +77,7 @@ def fitted(session: Session) -> tuple[Found, Fitted]:
         )
     )
     key = frozenset(best.model.terms)
-    return sharpened(Found(problem, (), {frozenset(): bare, key: best}), best, prepared, RIGID)
+    return sharpened(Found(problem, (), {frozenset(): bare, key: best}), best, RIGID, runs)
 
 
 TRUE = {"coulomb_positive_nm": COULOMB_NM, "viscous_nms": VISCOUS_NMS, "inertia_delta_kgm2": DELTA_KGM2}

@@ -16,7 +16,7 @@ from schwung.explain.locate import Residual, locate
 from schwung.explain.measured import measured
 from schwung.explain.noise import whitener
 from schwung.explain.plausible import examine
-from schwung.explain.proof import Split, misfit, remainder, split
+from schwung.explain.proof import Split, misfit, missed_nm, remainder, split
 from schwung.explain.refine import refined, slimmed
 from schwung.explain.residual import Residuals, Unknowns
 from schwung.explain.scale import scale_note
@@ -34,19 +34,20 @@ from schwung.explain.values import (
 )
 from schwung.session.model import Session
 
-#: On held-out runs, RMS over the floor: explained up to the first, at the floor for all that a floor from few repeats
-#: is worth up to the second; named beyond that where the excess falls below the third's share of what it was.
+#: RMS over the floor: explained up to the first (on the runs kept aside for the proof), at the floor for all that a
+#: floor from few repeats is worth up to the second (on those that check what was chosen, like all that follows); named
+#: beyond that where the excess falls below the third's share of what it was.
 EXPLAINED, NEARLY, NAMED_SHARE = 1.2, 1.35, 0.02
 #: The same where the believed inertia was measured: what a table is off by bends with every term that turns it.
 NAMED_SHARE_MEASURED = 0.05
 #: In whitened residuals, which weigh what is slow less, the floor's share is another: so many floors RMS are too much.
 TOO_MUCH = 1.6
-#: Where runs kept aside miss something, named physics takes so much of it; one that makes them so much worse is wrong.
+#: Where unseen runs miss something, named physics takes so much of it; one that makes them so much worse is wrong.
 SEEN_ASIDE, WORSE = 0.5, 1.02
-#: Below a consistent misfit, terms stand where they lower the same on runs kept aside by so much; below the second, a
-#: belief is at the floor, and nothing is sought that could only be fitted to the noise.
+#: Below a consistent misfit, terms stand where they lower the same on the runs that check them by so much; below the
+#: second, a belief is at the floor, and nothing is sought that could only be fitted to the noise.
 BORNE_OUT, AT_FLOOR = 0.15, 1.15
-#: Without runs kept aside a term carries this part of the mismatch at least: what is small stands on its shape alone.
+#: Without runs to check it a term carries this part of the mismatch at least: what is small stands on its shape alone.
 UNPROVEN = 0.01
 #: And where the belief misses so many times the floor on them: less is for those who look at single lines.
 SEEN = 1.12
@@ -72,18 +73,19 @@ def explain(session: Session, machine: Machine, *, progress: Progress | None = N
     doubts.require(session.source or "session")
     curve = measured(machine)
     believed = machine if curve is None else curve.machine
-    prepared = prepare(session, believed)
-    parts = split(session, prepared)
+    parts = split(session)
+    prepared = prepare(session, believed, parts.seen)
+    parts = parts.usable(prepared)
     tell("Simulating the belief (at its first use it is compiled)", 0.02)
     residuals = Residuals(prepared, believed)
     numbers = range(len(session.runs))
-    noise = whitener(prepared, believed, residuals.all(numbers, Unknowns()))
+    noise = whitener(prepared, believed, residuals.all(numbers, Unknowns()), parts.seen)
     if curve is not None:
         residuals.soften(curve, noise.torque_nm)
     problem = Problem(residuals, noise, parts.train)
     tell("Trying physics terms", 0.05)
     found, best = _searched(problem, parts, lambda text, share: tell(text, 0.05 + 0.6 * share))
-    found, best = sharpened(found, best, prepared, believed)
+    found, best = sharpened(found, best, believed, parts.seen)
     tell("Weighing alternatives", 0.7)
     told = _Explained(session, machine, prepared, parts, residuals, found, best).result(
         tell, doubts.notes, noise.how
@@ -92,27 +94,27 @@ def explain(session: Session, machine: Machine, *, progress: Progress | None = N
 
 
 def _searched(problem: Problem, parts: Split, progress: Progress) -> tuple[Found, Fitted]:
-    """What was tried, and the best model that stands."""
+    """What was tried, and the best model that stands; of the runs that are for the proof nothing is asked."""
     first = problem.fit(Model())
     found = Found(problem, (), {frozenset(): first})
-    if max(first.misfit, _aside(problem, first.model, parts)) <= AT_FLOOR:
+    if max(first.misfit, _misses(problem, first.model, parts.check or parts.train)) <= AT_FLOOR:
         return found, first
     found = search(problem, first, progress)
-    best = refined(found, chosen(found), proven=bool(parts.heldout))
-    best = slimmed(found, _upheld(found, best, parts) if parts.heldout else _carrying(found, best))
-    if first.misfit < CONSISTENT and not _borne_out(found, best, parts):
+    best = refined(found, chosen(found), proven=bool(parts.check))
+    best = slimmed(found, _upheld(found, best, parts.check) if parts.check else _carrying(found, best))
+    if first.misfit < CONSISTENT and not _borne_out(found, best, parts.check):
         best = first
     return found, best
 
 
-def _aside(problem: Problem, model: Model, parts: Split) -> float:
-    """Mean square of the whitened residual on the runs kept aside; on all where there are none."""
-    white = replace(problem, runs=parts.heldout or parts.train).white(model)
+def _misses(problem: Problem, model: Model, runs: tuple[int, ...]) -> float:
+    """Mean square of the whitened residual on some runs."""
+    white = replace(problem, runs=runs).white(model)
     return float(np.mean(white**2)) if white.size else 1.0
 
 
 def _carrying(found: Found, best: Fitted) -> Fitted:
-    """Where nothing is kept aside for a proof: the terms of several that carry a part of the mismatch that shows."""
+    """Where nothing checks what was chosen: the terms of several that carry a part of the mismatch that shows."""
     while len(best.model.terms) > 1:
         spared = min(reduced(found, best), key=lambda fitted: fitted.misfit)
         if spared.misfit - best.misfit >= UNPROVEN * (found.bare.misfit - 1):
@@ -121,24 +123,26 @@ def _carrying(found: Found, best: Fitted) -> Fitted:
     return best
 
 
-def _upheld(found: Found, best: Fitted, parts: Split) -> Fitted:
-    """The terms of several that do not make the runs kept aside worse."""
+def _upheld(found: Found, best: Fitted, check: tuple[int, ...]) -> Fitted:
+    """The terms of several that do not make the runs that check them worse."""
     while len(best.model.terms) > 1:
-        spared = min(reduced(found, best), key=lambda fitted: _aside(found.problem, fitted.model, parts))
-        if _aside(found.problem, best.model, parts) < WORSE * _aside(found.problem, spared.model, parts):
+        spared = min(reduced(found, best), key=lambda fitted: _misses(found.problem, fitted.model, check))
+        if _misses(found.problem, best.model, check) < WORSE * _misses(found.problem, spared.model, check):
             break
         best = spared
     return best
 
 
-def _borne_out(found: Found, best: Fitted, parts: Split) -> bool:
-    """Whether the runs kept aside miss less, too: near the floor a term may fit what is no physics."""
-    before, after = (_aside(found.problem, model, parts) for model in (found.bare.model, best.model))
-    if not parts.heldout or before - after < BORNE_OUT:
+def _borne_out(found: Found, best: Fitted, check: tuple[int, ...]) -> bool:
+    """Whether the runs that check it miss less, too: near the floor a term may fit what is no physics."""
+    if not check:
         return False
-    residuals, bare = found.problem.residuals, found.bare.model
-    missed = [remainder(residuals, run, bare)[residuals.valid(run)] for run in parts.heldout]
-    return float(np.sqrt(np.mean(np.concatenate(missed) ** 2))) > SEEN * found.problem.whitener.torque_nm
+    before, after = (_misses(found.problem, model, check) for model in (found.bare.model, best.model))
+    if before - after < BORNE_OUT:
+        return False
+    return (
+        missed_nm(found.problem.residuals, check, found.bare.model) > SEEN * found.problem.whitener.torque_nm
+    )
 
 
 def _half_tested(told: Explanation, machine: Machine) -> Explanation:
@@ -153,6 +157,11 @@ def _half_tested(told: Explanation, machine: Machine) -> Explanation:
         return replace(told, verdict="unexplained", findings=(), fit=fit, machine=machine, notes=notes)
     verdict: Verdict = "partly_explained" if told.verdict == "explained" else told.verdict
     return replace(told, verdict=verdict, notes=notes)
+
+
+def _share(before: float, after: float) -> float:
+    """What is left of a mean square beyond the noise's own."""
+    return (after - 1) / max(before - 1, 1e-9)
 
 
 class _Explained:
@@ -208,7 +217,7 @@ class _Explained:
             noise_floor=NoiseFloor(self.floor, how),
             mismatch=mismatch,
             findings=findings,
-            fit=HeldOut(self.parts.train, self.parts.heldout, before, after),
+            fit=HeldOut(self.parts.seen, self.parts.heldout, before, after),
             machine=learned,
             overlays=naming.overlays(self.residuals, self.parts, bare.model, model),
             notes=tuple(
@@ -227,21 +236,33 @@ class _Explained:
         return self._of_terms(after_nm)
 
     def _of_terms(self, after_nm: float) -> Verdict:
-        """What the named terms are worth."""
+        """What the named terms are worth: whether they may be named the seen runs say, how good they are the others."""
+        if not self._nameable():
+            return "unexplained"
         bare, best, problem = self.found.bare, self.best, self.found.problem
-        before, after = (_aside(problem, fitted.model, self.parts) for fitted in (bare, best))
-        if before < AT_FLOOR:  # the runs kept aside do not show it
+        before, after = (_misses(problem, fitted.model, self.judged) for fitted in (bare, best))
+        if after > WORSE * before:
+            return "unexplained"
+        shown = before >= AT_FLOOR
+        explained = after_nm <= EXPLAINED * self.floor and (not shown or _share(before, after) <= SEEN_ASIDE)
+        return "explained" if explained else "partly_explained"
+
+    def _nameable(self) -> bool:
+        """Whether the terms take enough of the mismatch for their names to be told."""
+        bare, best, problem = self.found.bare, self.best, self.found.problem
+        runs = self.parts.check or self.parts.train
+        before, after = (_misses(problem, fitted.model, runs) for fitted in (bare, best))
+        if before < AT_FLOOR:  # the runs that check it do not show it
             if after > WORSE * before:
-                return "unexplained"
+                return False
             before, after = bare.misfit, best.misfit
-        share, nearly = (after - 1) / max(before - 1, 1e-9), NEARLY * self.floor
-        everywhere = max(share, (best.misfit - 1) / max(bare.misfit - 1, 1e-9))
-        if after_nm <= EXPLAINED * self.floor and share <= SEEN_ASIDE:
-            return "explained"
-        at_floor = after_nm <= nearly or (after <= NEARLY**2 and after_nm <= TOO_MUCH * self.floor)
+        share, everywhere = _share(before, after), _share(bare.misfit, best.misfit)
+        after_nm = missed_nm(self.residuals, runs, best.model)
+        at_floor = after_nm <= NEARLY * self.floor or (
+            after <= NEARLY**2 and after_nm <= TOO_MUCH * self.floor
+        )
         little = NAMED_SHARE_MEASURED if self.residuals.softened else NAMED_SHARE
-        named = (at_floor and share < SEEN_ASIDE) or everywhere < little
-        return "partly_explained" if named else "unexplained"
+        return (at_floor and share < SEEN_ASIDE) or max(share, everywhere) < little
 
     def _shift(self) -> Shift:
         """Late speed or torque, judged about the best model."""

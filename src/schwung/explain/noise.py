@@ -59,11 +59,46 @@ def usable(valid: NDArray[np.bool_]) -> NDArray[np.bool_]:
     return result
 
 
-def whitener(prepared: Prepared, machine: Machine, residuals: Sequence[Array]) -> Whitener:
-    """The noise of residuals (one (n,) per run, on the compared grid), by repeats where there are any."""
+def whitener(
+    prepared: Prepared, machine: Machine, residuals: Sequence[Array], seen: Sequence[int] | None = None
+) -> Whitener:
+    """The noise of residuals (one (n,) per run, on the compared grid), by repeats where there are any.
+
+    `seen`: the runs that may be looked at (None: all). Where none of them repeats another, all are.
+    """
+    numbers = tuple(range(len(prepared.runs)))
+    pairs = _differences(prepared, residuals, numbers if seen is None else seen)
+    more = ""
+    if seen is not None and not _enough(pairs):
+        pairs, more = _differences(prepared, residuals, numbers), ", the runs kept aside among them"
+    covariance = _believed_covariance(prepared, machine, prepared.noise)
+    how = "the channels' own noise: the session has no repeats of one motion, which would measure it"
+    if _enough(pairs):
+        alike = _believed_covariance(prepared, machine, prepared.alike)
+        covariance = _covariance(pairs) + alike
+        how = f"repeats of one motion ({len(pairs)} pair{'s' if len(pairs) > 1 else ''}{more})"
+        if alike[0] > ALIKE_SHARE * covariance[0]:
+            how += ", and the counts that fall alike in each of them"
+    ridge = covariance.copy()
+    ridge[0] *= 1 + _RIDGE
+    coefficients = solve_toeplitz(ridge[:ORDER], ridge[1 : ORDER + 1])
+    innovation = ridge[0] - coefficients @ ridge[1 : ORDER + 1]
+    return Whitener(np.asarray(coefficients), float(np.sqrt(innovation)), float(np.sqrt(covariance[0])), how)
+
+
+def _enough(pairs: Sequence[tuple[Array, NDArray[np.bool_]]]) -> bool:
+    """Whether differences of repeats hold samples enough to tell the noise's colour."""
+    return sum(int(valid.sum()) for _, valid in pairs) >= MIN_SAMPLES
+
+
+def _differences(
+    prepared: Prepared, residuals: Sequence[Array], numbers: Sequence[int]
+) -> list[tuple[Array, NDArray[np.bool_]]]:
+    """What each run differs by from its last repeat, over √2: as much as the noise of one; and its valid samples."""
     last: dict[int, int] = {}
     pairs: list[tuple[Array, NDArray[np.bool_]]] = []
-    for number, run in enumerate(prepared.runs):
+    for number in numbers:
+        run = prepared.runs[number]
         before = last.get(run.group)
         last[run.group] = number
         if before is None:
@@ -75,19 +110,7 @@ def whitener(prepared: Prepared, machine: Machine, residuals: Sequence[Array]) -
             continue
         difference = (residuals[number][:size] - residuals[before][:size]) / np.sqrt(2)
         pairs.append((_without_physics(difference, valid, run, prepared.every), valid))
-    covariance = _believed_covariance(prepared, machine, prepared.noise)
-    how = "the channels' own noise: the session has no repeats of one motion, which would measure it"
-    if sum(int(valid.sum()) for _, valid in pairs) >= MIN_SAMPLES:
-        alike = _believed_covariance(prepared, machine, prepared.alike)
-        covariance = _covariance(pairs) + alike
-        how = f"repeats of one motion ({len(pairs)} pairs)"
-        if alike[0] > ALIKE_SHARE * covariance[0]:
-            how += ", and the counts that fall alike in each of them"
-    ridge = covariance.copy()
-    ridge[0] *= 1 + _RIDGE
-    coefficients = solve_toeplitz(ridge[:ORDER], ridge[1 : ORDER + 1])
-    innovation = ridge[0] - coefficients @ ridge[1 : ORDER + 1]
-    return Whitener(np.asarray(coefficients), float(np.sqrt(innovation)), float(np.sqrt(covariance[0])), how)
+    return pairs
 
 
 def _without_physics(difference: Array, valid: NDArray[np.bool_], run: Signals, every: int) -> Array:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Hashable, Iterable
 from dataclasses import dataclass
 
 import numpy as np
@@ -13,38 +14,58 @@ from schwung.explain.signals import Prepared
 from schwung.explain.spectrum import Spectrum
 from schwung.explain.values import Misfit
 from schwung.motion import Array
+from schwung.session.imports import motion_identity
 from schwung.session.model import Session
 
 
 @dataclass(frozen=True)
 class Split:
-    """Runs to choose and fit on, and runs kept aside."""
+    """Runs to fit on, runs that only veto what was chosen there, and runs that nothing is asked of but the proof."""
 
     train: tuple[int, ...]
+    check: tuple[int, ...]
     heldout: tuple[int, ...]
     how: str
 
+    @property
+    def seen(self) -> tuple[int, ...]:
+        """All that took part in choosing or fitting."""
+        return tuple(sorted((*self.train, *self.check)))
 
-def split(session: Session, prepared: Prepared) -> Split:
-    """Keep a motion time aside where there are several, else the last repeats, else the last runs."""
+    def usable(self, prepared: Prepared) -> Split:
+        """This, or nothing kept aside where no sample of what was could be compared."""
+        if any(prepared.runs[run].considered.any() for run in self.heldout):
+            return self
+        numbers = tuple(range(len(prepared.runs)))
+        return Split(numbers, (), (), "none: there is no run that could be spared")
+
+
+def split(session: Session) -> Split:
+    """Keep a motion time aside where there are several, else the last repeats, else the last runs.
+
+    Of the runs aside the last, the third last and so on are for the proof; those between check what was chosen.
+    """
     numbers = range(len(session.runs))
     times = {n: run.motion.duration_s for n, run in enumerate(session.runs) if run.motion is not None}
     different = sorted(set(times.values()))
     if len(times) == len(session.runs) and len(different) > 1:
-        aside = different[len(different) // 2]
-        heldout = tuple(n for n in numbers if times[n] == aside)
-        how = f"all motions of {1000 * aside:g} ms"
+        left_out = different[len(different) // 2]
+        aside = [n for n in numbers if times[n] == left_out]
+        which = f"the motions of {1000 * left_out:g} ms"
     else:
-        last = {run.group: run.run for run in prepared.runs}
-        several = {run.group for run in prepared.runs if last[run.group] != run.run}
-        heldout = tuple(sorted(last[group] for group in several))
-        how = "the last repeat of each motion"
-        if not heldout and len(session.runs) > 2:
-            heldout, how = (len(session.runs) - 1,), "the last run"
-    train = tuple(n for n in numbers if n not in heldout)
-    if not any(prepared.runs[n].considered.any() for n in heldout):
-        return Split(tuple(numbers), (), "none: there is no run that could be spared")
-    return Split(train, heldout, how)
+        first: dict[Hashable, int] = {}
+        last: dict[Hashable, int] = {}
+        for number, run in enumerate(session.runs):
+            first.setdefault(motion_identity(run), number)
+            last[motion_identity(run)] = number
+        aside = sorted(number for motion, number in last.items() if number != first[motion])
+        which = "the last repeats of each motion"
+        if not aside and len(session.runs) > 2:
+            aside, which = [len(session.runs) - 1], "the last run"
+    heldout = tuple(sorted(aside[::-2]))
+    check = tuple(n for n in aside if n not in heldout)
+    how = f"half of {which}; the other half checked what was chosen" if check else which
+    return Split(tuple(n for n in numbers if n not in aside), check, heldout, how)
 
 
 def remainder(residuals: Residuals, run: int, model: Model) -> Array:
@@ -66,9 +87,13 @@ def misfit(
 
     Torque: reported minus needed. Speed: reported minus what the angle says, the reported one `speed_delay_s` late.
     """
-    torque = [remainder(residuals, run, model)[residuals.valid(run)] for run in runs]
     speed = [_speed_error(session, residuals.prepared, run, speed_delay_s) for run in runs]
-    return Misfit(_rms(torque), _rms(speed))
+    return Misfit(missed_nm(residuals, runs, model), _rms(speed))
+
+
+def missed_nm(residuals: Residuals, runs: Iterable[int], model: Model) -> float:
+    """Root mean square of reported minus needed torque over the compared samples of some runs (N·m)."""
+    return _rms([remainder(residuals, run, model)[residuals.valid(run)] for run in runs])
 
 
 def _rms(parts: list[Array]) -> float:

@@ -9,6 +9,7 @@ motion, over all repeats, where these scatter more than white noise does: what i
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -17,7 +18,7 @@ from schwung.drivetrain.machine import Machine
 from schwung.explain.fit import Fitted, Problem
 from schwung.explain.noise import usable, whitener
 from schwung.explain.search import Found
-from schwung.explain.signals import Prepared, drawn_noise
+from schwung.explain.signals import drawn_noise
 from schwung.explain.terms import LOAD_TABLE
 from schwung.motion import Array
 
@@ -31,16 +32,18 @@ MOSTLY_NOISE = 1.5
 STRETCH_S = 0.1
 
 
-def sharpened(found: Found, best: Fitted, prepared: Prepared, believed: Machine) -> tuple[Found, Fitted]:
-    """The problem with its noise as the best model has it, and that model's fit to it, with its bias."""
+def sharpened(found: Found, best: Fitted, believed: Machine, seen: Sequence[int]) -> tuple[Found, Fitted]:
+    """The problem with its noise as the best model has it, and that model's fit to it, with its bias.
+
+    `seen`: the runs that may be looked at.
+    """
     if not best.model.terms:
         return found, best
     residuals = found.problem.residuals
     residuals.settle(best.model.effects)
-    runs = range(len(prepared.runs))
-    problem = replace(
-        found.problem, whitener=whitener(prepared, believed, residuals.all(runs, best.model.unknowns))
-    )
+    prepared = residuals.prepared
+    needed = residuals.all(range(len(prepared.runs)), best.model.unknowns)
+    problem = replace(found.problem, whitener=whitener(prepared, believed, needed, seen))
     bare, refitted = problem.fit(found.bare.model), problem.fit(best.model)
     bias, shaken = _shaken(problem, refitted)
     ratios = np.maximum(np.maximum(_scattered(problem, refitted), shaken), 1.0)

@@ -125,19 +125,23 @@ def _roughness(values: Array) -> float:
     return _MAD * float(np.median(np.abs(sixth - np.median(sixth)))) / float(_DIFFERENCE_GAIN)
 
 
-def prepare(session: Session, machine: Machine) -> Prepared:
-    """Every run on one grid. Raises InputError where runs are too short, or of different rates."""
+def prepare(session: Session, machine: Machine, seen: Sequence[int] | None = None) -> Prepared:
+    """Every run on one grid; band, noise and the speed's filter as the runs `seen` tell them (None: all).
+
+    Raises InputError where runs are too short, or of different rates.
+    """
     rates = {run.sample_rate_hz for run in session.runs}
     if len(rates) != 1:
         raise InputError(
             "session", f"has runs at {', '.join(f'{r:g}' for r in sorted(rates))} Hz", "Resample to one rate."
         )
     rate = rates.pop()
-    noise = _channel_noise(session.runs)
-    band = _clear(session.runs, noise, _band(noise, machine, rate))
+    looked_at = session.runs if seen is None else tuple(session.runs[number] for number in seen)
+    noise = _channel_noise(looked_at)
+    band = _clear(looked_at, noise, _band(noise, machine, rate))
     factor = max(1, int(rate / (GRID_PER_BAND * band)))
-    filtered = _speed_filter(session.runs, noise, band)
-    peak = max(float(np.max(np.abs(_moved(run, noise, band, SpeedFilter())[1]))) for run in session.runs)
+    filtered = _speed_filter(looked_at, noise, band)
+    peak = max(float(np.max(np.abs(_moved(run, noise, band, SpeedFilter())[1]))) for run in looked_at)
     widest = 2 * np.pi * MOTION_BAND * band
     sign_noise = min(noise.speed_rad_s, widest * noise.position_rad) * np.sqrt(2 * MOTION_BAND * band / rate)
     smoothing = max(3 * sign_noise, 0.002 * peak, 1e-9)
@@ -179,7 +183,7 @@ def prepare(session: Session, machine: Machine) -> Prepared:
         source_rate_hz=rate,
         every=max(1, int(grid / (COMPARED_PER_BAND * band))),
         noise=noise,
-        alike=_alike(session.runs, [run.group for run in runs], noise),
+        alike=_alike(looked_at if _repeating(looked_at) else session.runs, noise),
         speed_delay_s=filtered.delay_s,
         speed_delay_std_s=filtered.delay_std_s,
         smoothing_rad_s=smoothing,
@@ -229,14 +233,20 @@ def _channel_noise(runs: Sequence[Run]) -> Noise:
     return Noise(position, speed, torque)
 
 
-def _alike(runs: Sequence[Run], groups: Sequence[int], noise: Noise) -> Noise:
+def _repeating(runs: Sequence[Run]) -> bool:
+    """Whether any of them repeats another."""
+    return len({motion_identity(run) for run in runs}) < len(runs)
+
+
+def _alike(runs: Sequence[Run], noise: Noise) -> Noise:
     """Noise that comes again in each repeat: counts that fall alike, and what a controller makes of them."""
     pairs: list[tuple[Run, Run]] = []
-    last: dict[int, Run] = {}
-    for run, group in zip(runs, groups, strict=True):
-        if group in last:
-            pairs.append((last[group], run))
-        last[group] = run
+    last: dict[object, Run] = {}
+    for run in runs:
+        motion = motion_identity(run)
+        if motion in last:
+            pairs.append((last[motion], run))
+        last[motion] = run
 
     def of(name: str, whole: float) -> float:
         if not pairs or not np.isfinite(whole):
