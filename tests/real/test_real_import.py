@@ -11,7 +11,7 @@ from scipy.signal import butter, decimate, sosfiltfilt
 
 from schwung.drivetrain import load_machine, write_machine
 from schwung.errors import InputError
-from schwung.explain.plausible import examine
+from schwung.explain.plausibility import examine
 from schwung.motion import Array
 from schwung.session import Session, read_session
 from schwung.session.imports import import_recordings, make_recipe, repeats, write_session

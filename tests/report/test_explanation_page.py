@@ -50,7 +50,7 @@ def test_an_explained_session_shows_everything_in_order() -> None:
     assert "torque: 4.00 N·m (3.92\u00a0…\u00a04.10)" in page
     assert "coulomb_friction" in page
     assert "Drive the same stroke several times slower" in page
-    assert "kept aside; fitted on 0–3" in page
+    assert "kept aside; chosen and fitted on 0–3" in page
 
 
 def test_nothing_is_fetched_nothing_runs_and_text_stays_text() -> None:

@@ -12,10 +12,10 @@ from schwung.drivetrain.machine import Machine
 from schwung.explain import free_run, naming
 from schwung.explain.fit import TIMING, Fitted, Model, Problem
 from schwung.explain.intervals import parameters
-from schwung.explain.locate import Residual, locate
+from schwung.explain.location import Residual, locate
 from schwung.explain.measured import measured
 from schwung.explain.noise import whitener
-from schwung.explain.plausible import examine
+from schwung.explain.plausibility import examine
 from schwung.explain.proof import Split, misfit, missed_nm, remainder, split
 from schwung.explain.refine import refined, slimmed
 from schwung.explain.residual import Residuals, Unknowns

@@ -12,8 +12,7 @@ from schwung.drivetrain.physics import PHYSICS
 from schwung.drivetrain.physics_term import PhysicsTerm
 from schwung.explain.fit import PERIODIC, Fitted, Model, without
 from schwung.explain.intervals import alternatives, interval, parameters
-from schwung.explain.locate import interval_of
-from schwung.explain.locate_words import unit_of
+from schwung.explain.location import interval_of, unit_of
 from schwung.explain.proof import Split, remainder
 from schwung.explain.residual import Residuals
 from schwung.explain.search import Found

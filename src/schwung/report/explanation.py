@@ -280,7 +280,11 @@ def _key_numbers(content: ExplanationContent) -> Iterator[tuple[str, str, str]]:
             else "RMS"
         )
         yield "Speed error", f"{fit.after.speed_rmse_rad_s:.3g} {units.speed}", small
-    yield "Judged on runs", runs_text(fit.heldout_runs), f"kept aside; fitted on {runs_text(fit.train_runs)}"
+    yield (
+        "Judged on runs",
+        runs_text(fit.heldout_runs),
+        f"kept aside; chosen and fitted on {runs_text(fit.train_runs)}",
+    )
 
 
 def _findings_table(content: ExplanationContent) -> str:

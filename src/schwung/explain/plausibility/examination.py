@@ -14,8 +14,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from schwung.drivetrain.machine import Machine
-from schwung.explain.plausible_units import low_pass, speed_doubts, torque_doubts
-from schwung.explain.plausible_values import (
+from schwung.explain.plausibility.units import low_pass, speed_doubts, torque_doubts
+from schwung.explain.plausibility.values import (
     Action,
     Correction,
     Doubt,
@@ -28,8 +28,6 @@ from schwung.motion import Array
 from schwung.session.imports.motions import repeats
 from schwung.session.imports.signals import derive_speed, white_noise
 from schwung.session.model import Run, Session
-
-__all__ = ["Action", "Correction", "Doubt", "Plausibility", "Severity", "Signal", "corrected", "examine"]
 
 _ORDER: dict[Severity, int] = {"stop": 0, "warning": 1, "note": 2}
 #: Angles are wrapped at these; a jump that is none of them is named by its size.

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import csr_array
 
-from schwung.explain.locate_columns import Dictionary, Samples, Shape
+from schwung.explain.location.columns import Dictionary, Samples, Shape
 from schwung.motion import Array
 
 #: A direction of which less than this is left after the chosen shapes is not told apart from them.

@@ -15,7 +15,7 @@ from scipy.signal import butter, sosfiltfilt
 
 from schwung.drivetrain.inertia import InertiaTable
 from schwung.drivetrain.machine import Machine
-from schwung.explain.plausible_values import Correction, Doubt, Signal, corrected
+from schwung.explain.plausibility.values import Correction, Doubt, Signal, corrected
 from schwung.motion import Array
 from schwung.session.imports.signals import white_noise
 from schwung.session.model import Axis, Run, Session

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from scipy.signal import lfilter
 
-from schwung.explain.locate import Residual, interval_of, locate, shares
+from schwung.explain.location import Residual, interval_of, locate, shares
 
 RATE_HZ = 1000.0
 EFFECTS = {

@@ -11,7 +11,7 @@ from scipy.optimize import minimize_scalar
 from scipy.stats import chi2
 from scipy.stats import f as f_law
 
-from schwung.explain.locate_columns import TURN, Samples, Shape
+from schwung.explain.location.columns import TURN, Samples, Shape
 from schwung.motion import Array
 from schwung.session.model import Axis
 

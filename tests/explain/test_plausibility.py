@@ -10,7 +10,8 @@ import pytest
 
 from schwung.drivetrain import Load, Machine, paper_machine, simulate
 from schwung.errors import InputError
-from schwung.explain.plausible import Doubt, Plausibility, corrected, examine, lateness, plateau, wrap_period
+from schwung.explain.plausibility import Doubt, Plausibility, corrected, examine
+from schwung.explain.plausibility.examination import lateness, plateau, wrap_period
 from schwung.motion import Array, Motion
 from schwung.session import Run, Session
 

@@ -13,9 +13,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from schwung.explain.locate_columns import Samples
-from schwung.explain.locate_lines import Comb
-from schwung.explain.locate_space import Space
+from schwung.explain.location.columns import Samples
+from schwung.explain.location.lines import Comb
+from schwung.explain.location.space import Space
 from schwung.explain.values import Coordinate
 from schwung.motion import Array
 

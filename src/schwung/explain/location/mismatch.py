@@ -2,7 +2,7 @@
 
 The residual is predicted jointly (additively) from shapes of eight coordinates; a coordinate's share is its part of the
 joint prediction, so that what several coordinates could predict is credited to the simplest that does. Every coordinate
-is tested beyond the others by permutation (locate_chance.py), with its best shape sought in every draw.
+is tested beyond the others by permutation (chance.py), with its best shape sought in every draw.
 """
 
 from __future__ import annotations
@@ -12,17 +12,15 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from schwung.explain.locate_columns import Residual, dictionary, gather
-from schwung.explain.locate_interval import interval_of
-from schwung.explain.locate_lines import Comb
-from schwung.explain.locate_search import COORDINATES, LEAST_SHARE, SIGNIFICANT, Search
-from schwung.explain.locate_space import Space
-from schwung.explain.locate_words import sentence, unit_of
+from schwung.explain.location.columns import Residual, dictionary, gather
+from schwung.explain.location.interval import interval_of
+from schwung.explain.location.lines import Comb
+from schwung.explain.location.search import COORDINATES, LEAST_SHARE, SIGNIFICANT, Search
+from schwung.explain.location.space import Space
+from schwung.explain.location.words import sentence, unit_of
 from schwung.explain.values import Coordinate, Located
 from schwung.motion import Array
 from schwung.session.model import Axis
-
-__all__ = ["Residual", "Share", "interval_of", "locate", "shares"]
 
 HELD_WIDTH = 0.84  # of a raised cosine's width: where nearly all of it is, as in interval_of
 EQUAL = 0.01  # of a coordinate's gain: another one that misses no more than this cannot be told from it

@@ -7,10 +7,10 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from schwung.explain.locate_chance import Null, p_of_position_line, p_of_shapes
-from schwung.explain.locate_columns import Samples, raised_cosine
-from schwung.explain.locate_lines import Comb, Line, frequency_line
-from schwung.explain.locate_space import Space
+from schwung.explain.location.chance import Null, p_of_position_line, p_of_shapes
+from schwung.explain.location.columns import Samples, raised_cosine
+from schwung.explain.location.lines import Comb, Line, frequency_line
+from schwung.explain.location.space import Space
 from schwung.explain.values import Coordinate
 from schwung.motion import Array
 
