@@ -17,7 +17,9 @@ import can
 from schwung.errors import BusError
 
 FrameCallback = Callable[[can.Message], None]
-_READ_TIMEOUT_S = 0.1
+_READ_TIMEOUT_S = 0.02  # on a silent bus, `close` waits for the reader so long
+_FAILURE_PAUSE_S = 0.1
+_CLOSED_WITHIN_S = 1.0
 _SEND_PAUSES_S = (0.0005, 0.001, 0.002, 0.004, 0.008, 0.016, 0.032)  # 64 ms in all
 
 
@@ -110,7 +112,7 @@ class Link:
         """End the reader thread; the bus stays open."""
         self._closing = True
         if threading.current_thread() is not self._thread:
-            self._thread.join(10 * _READ_TIMEOUT_S)
+            self._thread.join(_CLOSED_WITHIN_S)
 
     def _read(self) -> None:
         recv = self.bus.recv
@@ -120,7 +122,7 @@ class Link:
             except (can.CanError, OSError, ValueError) as error:  # ValueError: the socket was closed under us
                 if not self._closing:
                     self._fail(f"cannot receive ({error})", "Is the interface up?")
-                    time.sleep(_READ_TIMEOUT_S)
+                    time.sleep(_FAILURE_PAUSE_S)
                 continue
             if message is None:
                 continue
