@@ -55,6 +55,13 @@ def test_where_one_run_can_be_spared_it_is_for_the_proof() -> None:
     assert split(session_of((0.2, False), (0.2, True))).heldout == ()
 
 
+def test_a_third_repeat_checks_where_one_run_alone_is_for_the_proof() -> None:
+    parts = split(session_of((0.2, False), (0.2, False), (0.2, False), (0.2, False)))
+    assert (parts.train, parts.check, parts.heldout) == ((0, 1), (2,), (3,))
+    parts = split(session_of((0.2, False), (0.2, False), (0.2, False), (0.2, True)))
+    assert (parts.train, parts.check, parts.heldout) == ((0, 3), (1,), (2,))
+
+
 @pytest.fixture(scope="module")
 def rubbing(tmp_path_factory: pytest.TempPathFactory) -> tuple[Session, Machine]:
     """A session that conceals dry friction, and the belief."""

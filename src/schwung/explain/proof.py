@@ -62,10 +62,20 @@ def split(session: Session) -> Split:
         which = "the last repeats of each motion"
         if not aside and len(session.runs) > 2:
             aside, which = [len(session.runs) - 1], "the last run"
+    train = [n for n in numbers if n not in aside]
     heldout = tuple(sorted(aside[::-2]))
     check = tuple(n for n in aside if n not in heldout)
     how = f"half of {which}; the other half checked what was chosen" if check else which
-    return Split(tuple(n for n in numbers if n not in aside), check, heldout, how)
+    repeated = [n for n in train if sum(_same(session, n, other) for other in train) > 1]
+    if not check and repeated:
+        train.remove(repeated[-1])
+        check, how = (repeated[-1],), f"{which}; one more repeat checked what was chosen"
+    return Split(tuple(train), check, heldout, how)
+
+
+def _same(session: Session, one: int, other: int) -> bool:
+    """Whether two runs repeat the same motion."""
+    return motion_identity(session.runs[one]) == motion_identity(session.runs[other])
 
 
 def remainder(residuals: Residuals, run: int, model: Model) -> Array:

@@ -16,12 +16,10 @@ from numpy.typing import NDArray
 from schwung.drivetrain.machine import Machine
 from schwung.explain.plausibility.units import low_pass, speed_doubts, torque_doubts
 from schwung.explain.plausibility.values import (
-    Action,
     Correction,
     Doubt,
     Plausibility,
     Severity,
-    Signal,
     corrected,
 )
 from schwung.motion import Array
