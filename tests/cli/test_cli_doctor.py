@@ -13,6 +13,8 @@ import can
 import pytest
 from cli_running import invoke
 
+from schwung.commissioning import doctor_canopen
+from schwung.commissioning.doctor_canopen import LISTEN_S
 from schwung.fieldbus.profile import load_canopen_profile
 from schwung_sim.bench import Bench
 
@@ -21,7 +23,9 @@ EDS = load_canopen_profile("schwung-bench").eds_path
 
 @pytest.fixture(autouse=True)
 def _elsewhere(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """And in a hurry: half a second of listening before every look at a drive would be most of these tests."""
     monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(doctor_canopen, "LISTEN_S", 0.05)
 
 
 @pytest.fixture
@@ -191,7 +195,10 @@ def test_an_empty_bus_is_told_what_to_look_at(ask: Ask) -> None:
     assert "termination" in found["node"]["remedy"]
 
 
-def test_another_master_is_noticed(bench: Bench, ask: Ask, channel: str) -> None:
+def test_another_master_is_noticed(
+    bench: Bench, ask: Ask, channel: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(doctor_canopen, "LISTEN_S", LISTEN_S)
     other = can.Bus(interface="virtual", channel=channel)
     ending = threading.Event()
 

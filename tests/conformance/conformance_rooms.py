@@ -29,8 +29,9 @@ from schwung_sim.modbus_bench import ModbusBench
 NODE = 5
 SEED = 11
 RATE_HZ = 1000.0
-HEARTBEAT_S = 0.5  # so patient that a busy computer is no dead one
-SHORT_HEARTBEAT_S = 0.05
+HEARTBEAT_S = 0.1  # as often, since every start and stop waits for the drive's next one
+MISSES_ALLOWED = 15  # and so patient, that a busy computer is no dead one
+SHORT_HEARTBEAT_S = 0.01
 
 _channels = count()
 

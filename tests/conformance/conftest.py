@@ -6,16 +6,22 @@ from collections.abc import Iterator
 
 import pytest
 from conformance_drives import Case, canopen_cases, modbus_cases
-from conformance_rooms import CanopenRoom, Room, in_lockstep, room_of
+from conformance_rooms import MISSES_ALLOWED, CanopenRoom, Room, in_lockstep, room_of
 
+from schwung.fieldbus.canopen import nmt, setup
 from schwung.fieldbus.canopen.operation import Operation
 
 
 @pytest.fixture(scope="module", autouse=True)
 def lockstep() -> Iterator[None]:
-    """By module: with the scope of a folder it would hold for whatever the same process runs after these tests."""
+    """In lockstep, and patient with a busy computer.
+
+    By module: with the scope of a folder it would hold for whatever the same process runs after these tests.
+    """
     patch = pytest.MonkeyPatch()
     patch.setattr(Operation, "_choose", in_lockstep)
+    for module in (nmt, setup):
+        patch.setattr(module, "MISSES_ALLOWED", MISSES_ALLOWED)
     yield
     patch.undo()
 
