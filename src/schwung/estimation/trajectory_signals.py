@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property, lru_cache
 
 import numpy as np
 from scipy.interpolate import CubicSpline
@@ -94,13 +95,24 @@ class Signals:
         """Signals (n, …) without what lies above the band, without lag."""
         if 2 * self.band_hz * self.step_s >= WIDEST or values.shape[0] <= _EDGE:
             return values
-        sections = butter(4, 2 * self.band_hz * self.step_s, output="sos")
+        sections = _low_pass(2 * self.band_hz * self.step_s)
         return np.asarray(sosfiltfilt(sections, values, axis=0, padlen=_EDGE))
 
     def speed_at(self, delay_s: float, derivative: int = 0) -> Array:
         """The believed motor speed `delay_s` before each sample, or its derivative, (n,)."""
         then = np.clip(self.time_s - delay_s, self.time_s[0], self.time_s[-1])
-        return np.asarray(CubicSpline(self.time_s, self.states[:, 1])(then, derivative))
+        return np.asarray(self._speed(then, derivative))
+
+    @cached_property
+    def _speed(self) -> CubicSpline:
+        return CubicSpline(self.time_s, self.states[:, 1])
+
+
+@lru_cache(maxsize=64)
+def _low_pass(edge: float) -> Array:
+    """Sections of the filter that `quiet` applies, hundreds of times in a fit; `edge` as a share of the highest
+    frequency."""
+    return np.asarray(butter(4, edge, output="sos"))
 
 
 def signals_of(recorded: Run, machine: Machine, band_hz: float, pieces_hz: float | None = None) -> Signals:
