@@ -1,6 +1,6 @@
 """Commissioning through the whole bus chain: right numbers, and every fault ends with a stopped drive."""
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import h5py
@@ -35,6 +35,21 @@ CHANGED = [
     (0x1800, 2),
     (0x6007, 0),
 ]
+
+
+@dataclass(frozen=True)
+class Once:
+    """A commissioning with the default wishes, and the inertia at the table's angles that it should have found."""
+
+    done: Commissioned
+    truth_kgm2: np.ndarray
+
+
+@pytest.fixture(scope="module")
+def once(tmp_path_factory: pytest.TempPathFactory) -> Once:
+    with desk(seed=7) as room:
+        done = room.commission(tmp_path_factory.mktemp("once"))
+        return Once(done, room.bench.plant.true_inertia(done.estimate.table.position_rad))
 
 
 def _values(room: Desk) -> dict[tuple[int, int], object]:
@@ -118,12 +133,12 @@ def test_the_verification_tolerates_the_jitter_that_was_allowed(
     assert shares == [0.7]
 
 
-def test_profile_position_gives_the_same_table(tmp_path: Path) -> None:
+def test_profile_position_gives_the_same_table(once: Once, tmp_path: Path) -> None:
+    by_setpoints = once.done.estimate.table
     with desk(seed=7) as room:
-        by_setpoints = room.commission(tmp_path / "csp").estimate.table
         by_moves = room.commission(tmp_path / "pp", mode="pp").estimate.table
-        shared = by_moves.position_rad[(by_moves.position_rad > 0.1) & (by_moves.position_rad < 3.0)]
-        assert np.max(np.abs(by_moves.at(shared) - by_setpoints.at(shared))) < 0.006
+    shared = by_moves.position_rad[(by_moves.position_rad > 0.1) & (by_moves.position_rad < 3.0)]
+    assert np.max(np.abs(by_moves.at(shared) - by_setpoints.at(shared))) < 0.006
 
 
 def _error_rms(room: Desk, done: Commissioned) -> float:
@@ -197,11 +212,9 @@ def test_a_bus_that_is_too_slow_is_refused(bit_rate: int, rate_hz: float, tmp_pa
         room.commission(tmp_path / "out", sample_rate_hz=rate_hz, sampling="sync")
 
 
-def test_an_injection_held_between_syncs_has_to_be_known_as_such(tmp_path: Path) -> None:
+def test_an_injection_held_between_syncs_has_to_be_known_as_such(once: Once) -> None:
     """The bench drive holds 60B2 as most drives do; estimated as if it were continuous the table is biased."""
-    with desk(seed=7) as room:
-        done = room.commission(tmp_path / "out")
-        truth = room.bench.plant.true_inertia(done.estimate.table.position_rad)
+    done, truth = once.done, once.truth_kgm2
     unsaid = tuple(
         replace(
             run, excitation=run.excitation and run.excitation.model_copy(update={"hold_s": None}), extra={}
@@ -214,11 +227,9 @@ def test_an_injection_held_between_syncs_has_to_be_known_as_such(tmp_path: Path)
     assert naive_rms > 3 * rms
 
 
-def test_a_session_read_from_disk_gives_the_very_same_estimate(tmp_path: Path) -> None:
-    with desk(seed=8) as room:
-        done = room.commission(tmp_path / "out")
-    again = estimate(read_session(done.session_path), done.prepared.machine)
-    assert np.array_equal(again.table.inertia_kgm2, done.estimate.table.inertia_kgm2)
+def test_a_session_read_from_disk_gives_the_very_same_estimate(once: Once) -> None:
+    again = estimate(read_session(once.done.session_path), once.done.prepared.machine)
+    assert np.array_equal(again.table.inertia_kgm2, once.done.estimate.table.inertia_kgm2)
 
 
 def test_a_motion_out_of_the_window_is_refused_before_the_drive_is_touched(tmp_path: Path) -> None:
