@@ -1,4 +1,4 @@
-"""Tests that need the kernel's own CAN: a fresh interface for each, or a skip that says how to get one."""
+"""Tests that need the kernel's own CAN: fresh interfaces, or a skip that says how to get one."""
 
 from __future__ import annotations
 
@@ -7,6 +7,7 @@ import os
 import shutil
 import socket
 import subprocess
+import sys
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
@@ -32,10 +33,9 @@ def is_up(channel: str) -> bool:
     return flags.exists() and bool(int(flags.read_text(), 16) & 1)
 
 
-@pytest.fixture
-def vcan_channel() -> Iterator[str]:
+@contextlib.contextmanager
+def interface(channel: str) -> Iterator[str]:
     """A virtual CAN interface that is up: a new one where we may create it, else a `vcan0` that exists."""
-    channel = f"vcan{os.getpid()}"
     complaint = ip_link("add", "dev", channel, "type", "vcan")
     if not complaint:
         complaint = ip_link("set", channel, "up")
@@ -49,6 +49,31 @@ def vcan_channel() -> Iterator[str]:
         yield "vcan0"
     else:
         pytest.skip(f"no vcan here ({complaint}); run it in user-mode-linux: {HOW}")
+
+
+@pytest.fixture
+def vcan_channel() -> Iterator[str]:
+    """An interface for this test alone."""
+    with interface(f"vcan{os.getpid()}") as channel:
+        yield channel
+
+
+@pytest.fixture(scope="module")
+def bench_channel(request: pytest.FixtureRequest) -> Iterator[str]:
+    """An interface with a bench on it, a process of its own; `request.param` is its clock."""
+    with interface(f"bench{os.getpid()}") as channel:
+        script = f"""
+from schwung_sim.bench import Bench
+Bench("two-mass", interface="socketcan", channel="{channel}", clock="{request.param}", node_id=5).run_forever(200)
+"""
+        with subprocess.Popen([sys.executable, "-c", script], stdout=subprocess.PIPE, text=True) as process:
+            try:
+                assert process.stdout is not None
+                line = process.stdout.readline()
+                assert "bench ready" in line, line
+                yield channel
+            finally:
+                process.terminate()
 
 
 @pytest.fixture

@@ -1,4 +1,4 @@
-"""Commissioning over the kernel's CAN, bench and tool as two processes: the same table as on the virtual bus."""
+"""Commissioning over the kernel's CAN, the bench a process of its own: the same table as on the virtual bus."""
 
 from __future__ import annotations
 
@@ -8,29 +8,33 @@ import subprocess
 import sys
 from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 
+from schwung.cli import main
 from schwung.cli.demo import BELIEF
 from schwung.drivetrain import read_inertia_csv
 
 pytestmark = pytest.mark.vcan
 
 
-def _schwung(*arguments: str) -> subprocess.CompletedProcess[str]:
-    return subprocess.run(
-        [sys.executable, "-m", "schwung", *arguments],
-        capture_output=True,
-        text=True,
-        timeout=200,
-        check=False,
-    )
+def _schwung(capsys: pytest.CaptureFixture[str], *arguments: str) -> Any:
+    """The tool in this process, which has loaded and compiled everything already; what it says as JSON."""
+    with pytest.raises(SystemExit) as ended:
+        main([*arguments, "--json"])
+    out, err = capsys.readouterr()
+    assert not ended.value.code, out + err
+    return json.loads(out)
 
 
 @pytest.mark.timeout(240)
 def test_the_table_over_vcan_is_that_of_the_virtual_bus(
-    vcan_channel: str, tmp_path: Path, measured: Callable[[str, str], None]
+    vcan_channel: str,
+    tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
+    measured: Callable[[str, str], None],
 ) -> None:
     (tmp_path / "machine.toml").write_text(BELIEF)
     bus = ["-i", "socketcan", "-c", vcan_channel]
@@ -42,19 +46,14 @@ def test_the_table_over_vcan_is_that_of_the_virtual_bus(
         assert bench.stdout is not None
         line = bench.stdout.readline()
         assert re.search("bench ready", line), line + bench.stdout.read()
-        done = _schwung(
-            "commission", "-m", str(tmp_path / "machine.toml"), "--distance", "180deg", "--duration", "250ms",
-            "--export", "table", "-y", "--json", "--out", str(tmp_path / "vcan"), *bus,
+        result = _schwung(
+            capsys, "commission", "-m", str(tmp_path / "machine.toml"), "--distance", "180deg",
+            "--duration", "250ms", "--export", "table", "-y", "--out", str(tmp_path / "vcan"), *bus,
         )  # fmt: skip
     finally:
         bench.terminate()
         bench.wait(10)
-    assert done.returncode == 0, done.stdout + done.stderr
-    result = json.loads(done.stdout)
-    desk = _schwung(
-        "demo", "--plant", "two-mass", "--seed", "3", "--out", str(tmp_path / "virtual"), "--json"
-    )
-    assert desk.returncode == 0, desk.stderr
+    desk = _schwung(capsys, "demo", "--plant", "two-mass", "--seed", "3", "--out", str(tmp_path / "virtual"))
     ours, theirs = (read_inertia_csv(tmp_path / name / "inertia.csv") for name in ("vcan", "virtual"))
     difference = ours.inertia_kgm2 - theirs.at(ours.position_rad)
     rms = float(np.sqrt(np.mean(difference**2)))
@@ -65,4 +64,4 @@ def test_the_table_over_vcan_is_that_of_the_virtual_bus(
     measured("following error after the export", f"{result['export']['improvement']:.1f} times smaller")
     assert rms < 0.0005
     assert rms < band
-    assert json.loads(desk.stdout)["rmse_kgm2"] <= 0.003
+    assert desk["rmse_kgm2"] <= 0.003

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import subprocess
-import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 
@@ -19,21 +17,9 @@ pytestmark = pytest.mark.vcan
 RATE_HZ = 200.0
 Measured = Callable[[str, str], None]
 
-
-@contextmanager
-def bench_process(channel: str, clock: str) -> Iterator[None]:
-    script = f"""
-from schwung_sim.bench import Bench
-Bench("two-mass", interface="socketcan", channel="{channel}", clock="{clock}", node_id=5).run_forever(120)
-"""
-    with subprocess.Popen([sys.executable, "-c", script], stdout=subprocess.PIPE, text=True) as process:
-        try:
-            assert process.stdout is not None
-            line = process.stdout.readline()
-            assert "bench ready" in line, line
-            yield
-        finally:
-            process.terminate()
+#: By the bench's clock; one bench for all tests of the same.
+ON_THE_WALL = pytest.mark.parametrize("bench_channel", ["wall"], indirect=True)
+BY_SYNC = pytest.mark.parametrize("bench_channel", ["sync"], indirect=True)
 
 
 @contextmanager
@@ -70,26 +56,27 @@ def figures(recording: Recording) -> str:
 
 
 @pytest.mark.parametrize(
-    ("clock", "rate_hz", "sync"), [("wall", RATE_HZ, "auto"), ("sync", RATE_HZ, "kernel")]
+    ("bench_channel", "sync"), [("wall", "auto"), ("sync", "kernel")], indirect=["bench_channel"]
 )
 def test_a_motion_longer_than_the_ring_is_played_by_the_kernel(
-    clock: str, rate_hz: float, sync: str, vcan_channel: str, measured: Measured
+    bench_channel: str, sync: str, measured: Measured
 ) -> None:
-    with bench_process(vcan_channel, clock), enabled(vcan_channel, rate_hz, sync) as drive:
-        setpoints = stroke(600, rate_hz)
+    with enabled(bench_channel, RATE_HZ, sync) as drive:
+        setpoints = stroke(600, RATE_HZ)
         recording = drive.play(setpoints)
-    measured(f"motion at {rate_hz:g} Hz, {clock} clock", figures(recording))
+    measured(f"motion at {RATE_HZ:g} Hz, SYNC {sync}", figures(recording))
     assert recording.timing.producer == "kernel"
     assert recording.position_rad.size == 600
     assert recording.lost.size <= 6
-    assert recording.timing.period_s == pytest.approx(1 / rate_hz, rel=0.02)
+    assert recording.timing.period_s == pytest.approx(1 / RATE_HZ, rel=0.02)
     assert recording.position_demand_rad == pytest.approx(setpoints.position_rad, abs=0.01)
     good = np.isfinite(recording.position_rad)
     assert np.max(np.abs((recording.position_rad - recording.position_demand_rad)[good])) < 0.02
 
 
-def test_lockstep_over_the_kernels_bus_loses_nothing(vcan_channel: str, measured: Measured) -> None:
-    with bench_process(vcan_channel, "sync"), enabled(vcan_channel, 1000.0, "auto") as drive:
+@BY_SYNC
+def test_lockstep_over_the_kernels_bus_loses_nothing(bench_channel: str, measured: Measured) -> None:
+    with enabled(bench_channel, 1000.0, "auto") as drive:
         recording = drive.play(stroke(1000, 1000.0))
     measured("motion at 1 kHz, lockstep", figures(recording))
     assert recording.timing.producer == "lockstep"
@@ -98,8 +85,9 @@ def test_lockstep_over_the_kernels_bus_loses_nothing(vcan_channel: str, measured
 
 
 @pytest.mark.timeout(240)
+@ON_THE_WALL
 def test_the_drives_trace_starts_with_the_motion_that_the_kernel_plays(
-    vcan_channel: str, measured: Measured
+    bench_channel: str, measured: Measured
 ) -> None:
     """In real time: the trace's row 0 is the motion's start on the drive's clock, whenever our frames came."""
     way = Acquisition(
@@ -113,7 +101,7 @@ def test_the_drives_trace_starts_with_the_motion_that_the_kernel_plays(
     )
     rest = np.zeros(40)
     path = np.concatenate([rest, stroke(200, RATE_HZ).position_rad])
-    with bench_process(vcan_channel, "wall"), enabled(vcan_channel, RATE_HZ, "kernel", way) as drive:
+    with enabled(bench_channel, RATE_HZ, "kernel", way) as drive:
         recording = drive.play(Setpoints(RATE_HZ, path, np.zeros(path.size), generator=Sine(50.0, 20.0)))
         assert drive.read(drive.parameter(0x2100, 4)).raw == 0
     assert recording.sampling == "trace"

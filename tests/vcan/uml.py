@@ -8,9 +8,9 @@ machine's own files, brings up `lo` and `vcan0`, runs COMMAND in this folder wit
 with its status; 124 when the time was up, 125 when the command could not be run.
 
 Inside, every file of the machine is there but read-only, so nothing is left behind. Writable are RAM disks
-(HOME, TMPDIR, /dev/shm, and NUMBA_CACHE_DIR, which starts with what is in it outside) and DIR, under its own
-name. There is one processor, real time, and root; a system call costs 30 µs. pytest is told to use one process and
-no cache of its own.
+(HOME, with matplotlib's list of fonts, TMPDIR, /dev/shm, and NUMBA_CACHE_DIR, which starts with what is in it
+outside) and DIR, under its own name. There is one processor, real time, and root; a system call costs 30 µs. pytest
+is told to use one process and no cache of its own.
 """
 
 from __future__ import annotations
@@ -55,6 +55,9 @@ busybox poweroff -f
 COMMAND = """cd {folder} || exit
 {environment}
 [ -z "$NUMBA_CACHE_DIR" ] || cp -r "$NUMBA_CACHE_DIR/." /run/numba 2>/dev/null
+fonts=${{XDG_CACHE_HOME:-$HOME/.cache}}/matplotlib
+[ ! -d "$fonts" ] || {{ mkdir -p /run/home/.cache && cp -r "$fonts" /run/home/.cache; }}
+unset XDG_CACHE_HOME
 export HOME=/run/home TMPDIR=/run/tmp NUMBA_CACHE_DIR=/run/numba LANG=C.UTF-8
 export PYTHONDONTWRITEBYTECODE=1 PYTEST_ADDOPTS="-n 0 -p no:cacheprovider"
 {command}
