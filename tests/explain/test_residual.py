@@ -124,7 +124,7 @@ def test_every_effect_that_makes_a_torque_is_told_from_none(residuals: Residuals
     """What is remembered is found again by what it depends on: a forgotten field would go unnoticed."""
     flexible = Residuals(residuals.prepared, FLEXIBLE)
     base = Effects(
-        stribeck_rise_nm=0.5, local_friction_nm=0.5, load_amplitude_nm=0.5, event_peak_nm=0.5,
+        stribeck_rise_nm=0.5, drift_nm=0.3, local_friction_nm=0.5, load_amplitude_nm=0.5, event_peak_nm=0.5,
         periodic_amplitude_nm=0.5, cogging_amplitude_nm=0.5, eccentricity_rad=1e-3, gap_rad=1e-4,
         third_inertia_kgm2=0.01, third_stiffness_nm_rad=1000.0, coulomb_positive_nm=1.0, coulomb_negative_nm=1.0,
         event_time_s=0.15, event_duration_s=0.1, local_centre_rad=-1.0, torque_limit_nm=4.0,

@@ -27,10 +27,15 @@ class Effects(NamedTuple):
     coulomb_negative_nm: float = 0.0
     stribeck_rise_nm: float = 0.0  # breakaway minus Coulomb
     stribeck_speed_rad_s: float = 1.0
+    stribeck_exponent: float = 2.0  # × exp(−|ω/ω_s|^exponent)
     local_friction_nm: float = 0.0
     local_centre_rad: float = 0.0
     local_width_rad: float = 1.0  # from end to end of a raised cosine
+    local_sharpness: float = 1.0  # the raised cosine to this power: flat below 1, peaked above
     drift_nm: float = 0.0  # of dry friction, from first run to last
+    drift_settling: float = (
+        0.0  # so many time constants of its settling are in the session; 0: it drifts evenly
+    )
     viscous_nms: float = 0.0
     viscous_difference_nms: float = 0.0  # of the viscous coefficient, positive direction minus negative
     drag_nms2: float = 0.0
@@ -40,6 +45,7 @@ class Effects(NamedTuple):
     event_time_s: float = 0.0  # after the motion leaves rest
     event_duration_s: float = 1.0
     event_peak_nm: float = 0.0  # raised cosine, on the load
+    event_sharpness: float = 1.0  # as of a tight spot
     periodic_frequency_hz: float = 1.0
     periodic_amplitude_nm: float = 0.0
     periodic_phase_rad: float = 0.0  # at the run's time 0
@@ -94,6 +100,7 @@ PHYSICS: Mapping[str, Mapping[str, Key]] = {
         "coulomb_torque_nm": Key("coulomb", "N·m"),
         "breakaway_torque_nm": Key("stribeck_rise_nm", "N·m"),
         "stribeck_speed_rad_s": Key("stribeck_speed_rad_s", "rad/s", _POSITIVE),
+        "exponent": Key("stribeck_exponent", "", _POSITIVE, optional=2.0, highest=10.0),
     },
     "asymmetric_friction": {
         "torque_positive_nm": Key("coulomb_positive_nm", "N·m"),
@@ -106,8 +113,12 @@ PHYSICS: Mapping[str, Mapping[str, Key]] = {
         "torque_nm": Key("local_friction_nm", "N·m"),
         "centre_rad": Key("local_centre_rad", "rad"),
         "width_rad": Key("local_width_rad", "rad", _POSITIVE),
+        "sharpness": Key("local_sharpness", "", _POSITIVE, optional=1.0, highest=10.0),
     },
-    "friction_drift": {"change_nm": Key("drift_nm", "N·m")},
+    "friction_drift": {
+        "change_nm": Key("drift_nm", "N·m"),
+        "settling": Key("drift_settling", "", -50.0, optional=0.0, highest=50.0),
+    },
     "load_torque": {
         "amplitude_nm": Key("load_amplitude_nm", "N·m"),
         "phase_rad": Key("load_phase_rad", "rad"),
@@ -117,6 +128,7 @@ PHYSICS: Mapping[str, Mapping[str, Key]] = {
         "time_s": Key("event_time_s", "s"),
         "duration_s": Key("event_duration_s", "s", _POSITIVE),
         "peak_nm": Key("event_peak_nm", "N·m"),
+        "sharpness": Key("event_sharpness", "", _POSITIVE, optional=1.0, highest=10.0),
     },
     "periodic_disturbance": {
         "frequency_hz": Key("periodic_frequency_hz", "Hz", _POSITIVE),
@@ -238,20 +250,37 @@ def _fields(term: PhysicsTerm) -> dict[str, float]:
 
 
 @inlined
+def drift(e: Effects, share: float) -> float:
+    """What dry friction has gained (N·m) after a share of the session, 0…1: evenly, or settling."""
+    if abs(e.drift_settling) < 1e-3:
+        return e.drift_nm * share
+    return float(e.drift_nm * np.expm1(-e.drift_settling * share) / np.expm1(-e.drift_settling))
+
+
+@inlined
+def bump(share: float, sharpness: float) -> float:
+    """A raised cosine over 0…1 to a power: 1 in the middle, 0 at the ends and beyond."""
+    if not 0.0 < share < 1.0:
+        return 0.0
+    height = 0.5 * (1.0 - np.cos(2.0 * np.pi * share))
+    return float(height if sharpness == 1.0 else height**sharpness)
+
+
+@inlined
 def dry_friction(e: Effects, angle: float, speed: float, share: float) -> float:
     """Level of dry friction on the motor (N·m, not negative): direction, Stribeck, tight spot, drift.
 
     `share`: how far through the session the run is, 0…1.
     """
     level = e.coulomb_positive_nm if speed > 0.0 else e.coulomb_negative_nm
-    level += e.drift_nm * share
+    level += drift(e, share)
     if e.stribeck_rise_nm != 0.0:
-        level += e.stribeck_rise_nm * np.exp(-((speed / e.stribeck_speed_rad_s) ** 2))
+        ratio = abs(speed) / e.stribeck_speed_rad_s
+        level += e.stribeck_rise_nm * np.exp(-(ratio**e.stribeck_exponent))
     if e.local_friction_nm != 0.0:
         away = angle - e.local_centre_rad
         away -= 2.0 * np.pi * np.round(away / (2.0 * np.pi))  # a tight spot comes back every turn
-        if abs(away) < 0.5 * e.local_width_rad:
-            level += e.local_friction_nm * 0.5 * (1.0 + np.cos(2.0 * np.pi * away / e.local_width_rad))
+        level += e.local_friction_nm * bump(0.5 + away / e.local_width_rad, e.local_sharpness)
     return max(level, 0.0)
 
 
@@ -281,9 +310,9 @@ def load_torque(e: Effects, angle: float, motion_time: float) -> float:
     if e.load_amplitude_nm != 0.0:
         torque += e.load_amplitude_nm * np.sin(angle + e.load_phase_rad)
     if e.event_peak_nm != 0.0:
-        share = (motion_time - e.event_time_s) / e.event_duration_s
-        if 0.0 < share < 1.0:
-            torque += e.event_peak_nm * 0.5 * (1.0 - np.cos(2.0 * np.pi * share))
+        torque += e.event_peak_nm * bump(
+            (motion_time - e.event_time_s) / e.event_duration_s, e.event_sharpness
+        )
     return torque
 
 

@@ -188,7 +188,7 @@ def substeps(machine: Machine, plant: kernel.Plant, period: float, top_speed: fl
 
 def _dry_level(e: physics.Effects, share: float) -> float:
     """The most that dry friction can be (N·m)."""
-    level = max(e.coulomb_positive_nm, e.coulomb_negative_nm) + e.drift_nm * share
+    level = max(e.coulomb_positive_nm, e.coulomb_negative_nm) + physics.drift(e, share)
     return max(level + max(e.stribeck_rise_nm, 0.0) + max(e.local_friction_nm, 0.0), 0.0)
 
 

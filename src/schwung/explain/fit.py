@@ -27,7 +27,9 @@ _STEP = 1e-3  # of the finite differences, over a parameter's scale
 _COARSE = {"gap_rad": 0.2}
 _WAVES_KEPT = 200  # pairs of sine and cosine that are remembered
 #: A refinement of a term takes so large a share of the misfit, where that is so much above the noise.
-REFINED_SHARE, REFINED_MISFIT = 0.1, 1.5
+REFINED_SHARE, REFINED_MISFIT = 0.05, 1.2
+#: A refinement is fitted where a linear look promises this part of that.
+HOPED = 0.3
 _BOLDEST = 3.0  # steps of the parameter's scale in one iteration
 
 
@@ -69,6 +71,11 @@ class Model:
                 self.unknowns.load_table_nm[TABLE_FIELDS.index(name)] if self.unknowns.load_table_nm else 0.0
             )
         return float(getattr(self.effects, name))
+
+    def is_bounded(self, name: str) -> bool:
+        """Whether a parameter stands where its term ends."""
+        bounds = (LIBRARY[term].bounds.get(name, ()) for term in self.terms if term in LIBRARY)
+        return any(self.value(name) == end for ends in bounds for end in ends)
 
     def with_values(self, values: Mapping[str, float]) -> Model:
         """The model with some parameters changed; tied fields follow, bounds hold."""
@@ -232,16 +239,25 @@ class Problem:
     def refine(self, fitted: Fitted) -> Fitted:
         """With those refinements of its terms that take a good share of what it misses: one name, one more key."""
         for term in fitted.model.terms:
-            for name in () if term == PERIODIC else LIBRARY[term].refinements:
+            for name, values in () if term == PERIODIC else LIBRARY[term].refinements.items():
                 if fitted.misfit < REFINED_MISFIT or name in fitted.model.refined:
                     continue
                 begun = replace(fitted.model, refined=(*fitted.model.refined, name))
-                speed = max(self.residuals.prepared.peak_speed_rad_s, 1e-12)
+                speed = max(self.residuals.prepared.peak_speed_rad_s, 1e-12)  # from 0 there is no scale
                 level = 0.1 * self.whitener.torque_nm * float(np.sqrt(fitted.misfit)) / speed
-                finer = self.fit(begun.with_values({name: level}))  # not from 0, where there is no scale
+                starts = [begun.with_values({name: value}) for value in values or (level,)]
+                fits = [self.fit(start) for start in starts if self._promising(fitted, start)]
+                finer = min(fits, key=lambda one: one.chi2, default=fitted)
                 if fitted.chi2 - finer.chi2 > REFINED_SHARE * fitted.chi2:
                     fitted = finer
         return fitted
+
+    def _promising(self, fitted: Fitted, start: Model) -> bool:
+        """Whether a refinement takes enough in a linear look, the other parameters moving along."""
+        columns = np.column_stack([fitted.jacobian, self.white(start) - fitted.white])
+        columns /= np.maximum(np.linalg.norm(columns, axis=0), 1e-300)
+        basis, _ = np.linalg.qr(columns)
+        return float(np.sum((basis[:, -1] @ fitted.white) ** 2)) > HOPED * REFINED_SHARE * fitted.chi2
 
 
 def _bounded(change: float, scale: float) -> float:
@@ -261,7 +277,7 @@ _SMALLEST: Mapping[str, float] = {
     "third_inertia_kgm2": 1e-9, "coulomb_positive_nm": 1e-5, "coulomb_negative_nm": 1e-5, "drift_nm": 1e-5,
     "offset_nm": 1e-5, "load_amplitude_nm": 1e-5, "local_friction_nm": 1e-5, "stribeck_rise_nm": 1e-5,
     "event_peak_nm": 1e-5, "cogging_amplitude_nm": 1e-5, "periodic_frequency_hz": 0.01, "torque_gain": 1e-3,
-    "inertia_scale": 1e-3, "cubic_nm_rad3": 1.0,
+    "inertia_scale": 1e-3, "cubic_nm_rad3": 1.0, "drift_settling": 0.1,
 }  # fmt: skip
 _SHARE: Mapping[str, float] = {
     "cogging_order": 0.0, "local_centre_rad": 0.0, "event_time_s": 0.0, "periodic_frequency_hz": 0.0,

@@ -93,7 +93,7 @@ def _quantities(axis: Axis, found: Found, fitted: Fitted, term: str) -> dict[str
         if field in _PHASES:
             value, low, high = _within_turn(value, low, high)
         unit = key.unit if name == "phase_rad" else _unit(key.unit, axis)
-        result[name] = Quantity(value, unit, (low, high))
+        result[name] = Quantity(value, unit, (max(low, key.lowest), min(high, key.highest)))
     return result
 
 

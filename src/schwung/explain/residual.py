@@ -25,7 +25,7 @@ from schwung.motion import Array
 #: The fields of Effects upon which the coupling's torque depends, and those that leave the motor's own alone; for other
 #: changes neither need be worked out again.
 _HUNG = (
-    "load_amplitude_nm", "load_phase_rad", "event_time_s", "event_duration_s", "event_peak_nm",
+    "load_amplitude_nm", "load_phase_rad", "event_time_s", "event_duration_s", "event_peak_nm", "event_sharpness",
     "gap_rad", "stiffness_nm_rad", "damping_nms", "cubic_nm_rad3",
     "third_inertia_kgm2", "third_stiffness_nm_rad", "third_damping_nms",
     "inertia_delta_kgm2", "inertia_scale", "inertia_shift_rad",

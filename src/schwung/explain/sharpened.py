@@ -63,8 +63,9 @@ def _shaken(problem: Problem, fitted: Fitted) -> tuple[dict[str, float], Array]:
     draws = [
         [drawn_noise(residuals.prepared, of.spectrum, chance) for of in residuals.runs] for _ in range(_PAIRS)
     ]
-    columns, white = fitted.jacobian, fitted.white
-    scatter = np.ones(len(names))
+    free = np.array([not model.is_bounded(name) for name in names])  # the others would not stay where they may be
+    columns, white = fitted.jacobian * free, fitted.white
+    scatter, furthest = np.ones(len(names)), np.inf
     if LOAD_TABLE in model.terms:  # many points, of which no interval is told
         return {}, scatter
     for turn in range(_ROUNDS):
@@ -75,7 +76,7 @@ def _shaken(problem: Problem, fitted: Fitted) -> tuple[dict[str, float], Array]:
             for sign in (1.0, -1.0):
                 shaken = replace(problem, residuals=residuals.shaken([sign * one for one in draw]))
                 white_then = shaken.white(model)
-                columns_then = shaken.jacobian(model, white_then) / scale
+                columns_then = shaken.jacobian(model, white_then) * free / scale
                 gradients.append(columns_then.T @ white_then)
                 energy += np.sum(columns_then**2, axis=0) / (2 * _PAIRS)
         gradient = (columns / scale).T @ white
@@ -86,12 +87,15 @@ def _shaken(problem: Problem, fitted: Fitted) -> tuple[dict[str, float], Array]:
             return {}, scatter
         # what the noise that is there has added to the gradient, as much again has added once more
         steps = -inverse @ (2 * gradient - np.mean(gradients, axis=0)) / scale
-        settled = np.all(np.abs(steps) < ENOUGH * np.sqrt(np.diag(inverse)) / scale)
+        gone = np.max(np.abs(steps * scale) / np.sqrt(np.maximum(np.diag(inverse), 1e-300)))
+        if gone > furthest:  # it runs away: edges have no slope that this could go by
+            return {}, scatter
+        furthest = gone
         model = model.with_values({n: model.value(n) + float(d) for n, d in zip(names, steps, strict=True)})
-        if settled:
+        if gone < ENOUGH:
             break
         white = problem.white(model)
-        columns = problem.jacobian(model, white)
+        columns = problem.jacobian(model, white) * free
     return {name: fitted.model.value(name) - model.value(name) for name in names}, scatter
 
 

@@ -5,11 +5,10 @@ from __future__ import annotations
 import numpy as np
 
 from schwung.explain.residual import Moving
-from schwung.explain.terms.term import Start, Term, View
+from schwung.explain.terms.term import SHARPNESS, Start, Term, View
 from schwung.motion import Array
 
 BOTH = ("coulomb_positive_nm", "coulomb_negative_nm")
-_ANY = (-np.inf, np.inf)
 
 
 def _dry(_view: View) -> list[Start]:
@@ -65,26 +64,50 @@ FRICTION = (
     Term("coulomb_friction", "direction", _dry, ("coulomb_positive_nm",), {}, 0, tied=BOTH),
     Term("viscous_friction", "speed", _viscous, ("viscous_nms",), {}, 0),
     Term(
-        "asymmetric_friction", "direction", _asymmetric, BOTH, {}, 1, refinements=("viscous_difference_nms",)
+        "asymmetric_friction",
+        "direction",
+        _asymmetric,
+        BOTH,
+        {},
+        1,
+        refinements={"viscous_difference_nms": ()},
     ),
     Term(
         "stribeck_friction",
         "speed",
         _stribeck,
         ("coulomb_positive_nm", "stribeck_rise_nm", "stribeck_speed_rad_s"),
-        {"stribeck_speed_rad_s": (1e-6, np.inf), "stribeck_rise_nm": (0.0, np.inf)},
+        {
+            "stribeck_speed_rad_s": (1e-6, np.inf),
+            "stribeck_rise_nm": (0.0, np.inf),
+            "stribeck_exponent": (0.3, 6.0),
+        },
         3,
         tied=BOTH,
+        refinements={"stribeck_exponent": (1.0, 3.0)},
     ),
     Term("quadratic_drag", "speed", _drag, ("drag_nms2",), {}, 1),
-    Term("friction_drift", "run", _drift, ("drift_nm",), {}, 1),
+    Term(
+        "friction_drift",
+        "run",
+        _drift,
+        ("drift_nm",),
+        {"drift_settling": (-12.0, 25.0)},
+        1,
+        refinements={"drift_settling": (3.0, -3.0)},
+    ),
     Term(
         "local_friction",
         "position",
         _local,
         ("local_friction_nm", "local_centre_rad", "local_width_rad"),
-        {"local_width_rad": (1e-3, 2 * np.pi), "local_friction_nm": (0.0, np.inf)},
+        {
+            "local_width_rad": (1e-3, 2 * np.pi),
+            "local_friction_nm": (0.0, np.inf),
+            "local_sharpness": SHARPNESS,
+        },
         3,
+        refinements={"local_sharpness": (0.3, 2.0)},
         scanned=True,
     ),
 )

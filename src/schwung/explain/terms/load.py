@@ -8,7 +8,7 @@ import numpy as np
 from scipy.interpolate import CubicSpline
 
 from schwung.explain.residual import FINEST, TABLE_POINTS, Moving
-from schwung.explain.terms.term import Start, Term, View, polar
+from schwung.explain.terms.term import SHARPNESS, Start, Term, View, polar
 from schwung.motion import Array
 
 #: The load torque that no sine describes, by its points; published as "load_torque".
@@ -127,8 +127,9 @@ LOAD = (
         "time_in_motion",
         _event,
         ("event_time_s", "event_duration_s", "event_peak_nm"),
-        {"event_duration_s": (1e-3, np.inf)},
+        {"event_duration_s": (1e-3, np.inf), "event_sharpness": SHARPNESS},
         3,
+        refinements={"event_sharpness": (0.3, 2.0)},
         scanned=True,
     ),
 )

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -14,6 +14,8 @@ from schwung.explain.values import Coordinate
 from schwung.motion import Array
 
 Fields = Mapping[str, float]
+#: Of a bump over place or time: from a box to what looks like a Gaussian.
+SHARPNESS = (0.02, 6.0)
 
 
 @dataclass(frozen=True, eq=False)
@@ -101,8 +103,8 @@ class Start:
         neutral = Effects()
         values = dict(self.shape)
         for direction, coefficient in zip(self.directions, coefficients, strict=True):
-            for field, unit in direction.items():
-                values[field] = values.get(field, getattr(neutral, field)) + coefficient * unit
+            for name, unit in direction.items():
+                values[name] = values.get(name, getattr(neutral, name)) + coefficient * unit
         return values
 
 
@@ -117,7 +119,9 @@ class Term:
     bounds: Mapping[str, tuple[float, float]]
     simplicity: int = 0  # of two that fit alike the lower is preferred
     tied: tuple[str, ...] = ()
-    refinements: tuple[str, ...] = ()  # fields that are fitted beside them only where that is well worth it
+    #: Fields that are fitted beside them only where that is well worth it, and where that may start; none named: from
+    #: a tenth of what is missed, at the peak of the speed.
+    refinements: Mapping[str, tuple[float, ...]] = field(default_factory=dict)
     scanned: bool = False  # its starts depend on the residual's fine structure: looked for anew at every step
 
 
