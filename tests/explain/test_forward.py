@@ -14,6 +14,7 @@ from schwung.drivetrain.physics import Effects, effects_of
 from schwung.drivetrain.physics_term import PhysicsTerm
 from schwung.drivetrain.simulation import simulate
 from schwung.explain import forward
+from schwung.explain.spectrum import Spectrum
 from schwung.motion import Array, Excitation, Motion
 
 RATE_HZ = 8000.0
@@ -101,6 +102,29 @@ def test_simulated_torque_comes_back_as_needed_torque(
     missed = needed(machine(load, coupling), effects_of(physics), motion) - torque
 
     assert np.sqrt(np.mean(missed**2)) < tolerance * np.sqrt(np.mean(torque**2))
+
+
+def test_impacts_take_the_same_torque_however_seldom_they_are_sampled() -> None:
+    play = term("backlash", gap_rad=2e-3)
+    motion, _ = recorded(machine(PROFILE, SPRING, play))
+    spectrum = Spectrum(motion.angle.size, RATE_HZ, 0.02)
+    smooth = forward.Motion(
+        *(spectrum.apply(values, spectrum.low_pass(500.0)) for values in motion[:3]), *motion[3:]
+    )
+    within = {}
+    for every in (1, 5):
+        at = slice(None, None, every)
+        seldom = forward.Motion(
+            *(np.ascontiguousarray(values[at]) for values in smooth[:4]), every * smooth.step
+        )
+        torque = forward.coupling_needed(
+            forward.believed(machine(PROFILE, SPRING)), effects_of([play]), seldom
+        )
+        slow = Spectrum(torque.size, RATE_HZ / every, 0.02)
+        within[every] = slow.apply(torque, slow.low_pass(150.0))
+    missed = within[5] - within[1][::5]
+
+    assert np.sqrt(np.mean(missed**2)) < 2.5e-3 * np.sqrt(np.mean(within[1] ** 2))
 
 
 @pytest.mark.parametrize(

@@ -15,6 +15,7 @@ ways in take plain tuples, whose types numba knows at a glance (named ones cost 
 
 from __future__ import annotations
 
+from functools import lru_cache
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -25,13 +26,15 @@ from schwung.drivetrain.inertia import InertiaTable
 from schwung.drivetrain.kernel import Curve, value_and_slope
 from schwung.drivetrain.machine import Machine
 from schwung.drivetrain.physics import Effects, coupling_torque, load_torque, motor_torque, third_torque
+from schwung.explain.spectrum import Spectrum
 from schwung.motion import Array
 
 #: Highest |eigenvalue| × Runge-Kutta step of the load on its spring.
 _STEP = 0.15
 #: Steps per sample where the coupling has play: contact is sudden.
-_CONTACT_SUBSTEPS = 4
+_CONTACT_SUBSTEPS = 8
 _MAX_SUBSTEPS = 16
+_PAD = 64.0  # samples by which the ends are prolonged
 _NEWTON = 3  # steps from a reported angle to the true one
 _FINER = 6  # pieces of a table's curve per piece of the table
 
@@ -165,9 +168,22 @@ def coupling_needed(
     steps = substeps(belief, e, motion.step)
     load, terms, moved = tuple(_changed(belief, e)), tuple(map(float, e)), tuple(motion)
     if not belief.rigid:
-        return _hung(load, terms, moved, steps, (float(begun[0]), float(begun[1])))
+        torque = _hung(load, terms, moved, steps, (float(begun[0]), float(begun[1])))
+        return _sharpened(torque, steps) if e.gap_rad > 0 else torque
     torque = _carried(load, terms, moved)
     return torque + _third_carried(terms, moved, steps) if e.third_inertia_kgm2 > 0 else torque
+
+
+def _sharpened(evened: Array, steps: int) -> Array:
+    """Values (n,) that were evened out over their neighbours, so many steps apart, with the gain of that taken back."""
+    spectrum = _spectrum(evened.size)
+    turn = np.pi * spectrum.frequency_hz[1:]
+    return spectrum.apply(evened, np.r_[1.0, (steps * np.sin(turn / steps) / np.sin(turn)) ** 2])
+
+
+@lru_cache
+def _spectrum(samples: int) -> Spectrum:
+    return Spectrum(samples, 1.0, _PAD)
 
 
 @inlined
@@ -270,17 +286,28 @@ def _wound_up(belief: Belief, e: Effects, motion: Motion) -> Hanging:
 
 @compiled
 def _hung(load: _Plain, terms: _Plain, moved: _Plain, steps: int, begun: _Plain) -> Array:
-    """The coupling's torque (N·m) with the load on its spring, (n,): classical Runge-Kutta."""
+    """The coupling's torque (N·m) with the load on its spring, (n,): classical Runge-Kutta.
+
+    With play it leaps at every impact, which samples would take for something slow: it is evened out over the
+    neighbouring samples, with triangular weights.
+    """
     belief, e, motion = Belief(*load), Effects(*terms), Motion(*moved)
     angles, speeds = _halves(motion, steps)
     state, piece = _moved(_wound_up(belief, e, motion), Hanging(begun[0], begun[1], 0.0, 0.0), 1.0), 0
     n, h = motion.angle.size, motion.step / steps
-    result = np.empty(n)
+    result = np.zeros(n)
     for i in range(n):
         twist, twist_speed = motion.angle[i] - state.angle, motion.speed[i] - state.speed
-        result[i] = coupling_torque(e, belief.stiffness, belief.damping, twist, twist_speed)
+        torque = coupling_torque(e, belief.stiffness, belief.damping, twist, twist_speed)
+        if e.gap_rad <= 0.0 or i == 0 or i == n - 1:
+            result[i] = torque
         for s in range(steps if i < n - 1 else 0):
             at, time = 2 * (i * steps + s), motion.motion_time[i] + s * h
+            if e.gap_rad > 0.0:
+                twist, twist_speed = angles[at] - state.angle, speeds[at] - state.speed
+                torque = coupling_torque(e, belief.stiffness, belief.damping, twist, twist_speed) / steps
+                result[i] += torque * (1.0 - s / steps) if i > 0 else 0.0
+                result[i + 1] += torque * s / steps if i < n - 2 else 0.0
             k1, piece = _rates(belief, e, angles[at], speeds[at], time, state, piece)
             at, time = at + 1, time + h / 2
             k2, piece = _rates(belief, e, angles[at], speeds[at], time, _moved(state, k1, h / 2), piece)
