@@ -12,6 +12,7 @@ from schwung.drivetrain import Load, Machine, paper_machine, simulate
 from schwung.errors import InputError
 from schwung.explain.plausibility import Doubt, Plausibility, corrected, examine
 from schwung.explain.plausibility.examination import lateness, plateau, wrap_period
+from schwung.explain.plausibility.units import inertia_factor
 from schwung.motion import Array, Motion
 from schwung.session import Run, Session
 
@@ -61,6 +62,18 @@ def scaled(position: float = 1.0, speed: float = 1.0, torque: float = 1.0) -> Ca
 def only(found: Plausibility) -> Doubt:
     assert len(found.doubts) == 1, found.notes
     return found.doubts[0]
+
+
+@pytest.mark.parametrize("duration_s", [0.1, 0.25, 0.8])
+def test_the_believed_inertia_is_found_however_fast_it_changes(duration_s: float) -> None:
+    motion = Motion(distance_rad=2 * np.pi, duration_s=duration_s)  # two swings of the crank's inertia
+    session = Session(
+        (recorded(motion, 0, 1), recorded(motion, 1, 2)), "2024-01-01T00:00:00+00:00", "simulated"
+    )
+    fitted = inertia_factor(session, MACHINE)
+    assert fitted is not None
+    assert fitted.known
+    assert fitted.factor == pytest.approx(1.0, abs=0.05)
 
 
 def test_nothing_is_doubted_about_a_sound_session(session: Session) -> None:

@@ -25,6 +25,8 @@ _DEGREE = np.pi / 180
 _RPM = _TURN / 60
 #: The band in which a machine is about rigid and accelerations are not noise.
 _BAND_HZ, _BAND_SHARE = 25.0, 0.2
+#: Motion of so many times that band makes torques within it, where it is multiplied.
+_PRODUCTS = 4.0
 #: A factor is that of a unit within this much (relative); factors between 0.9 and 1.1 are not questioned.
 _SAME_FACTOR, _NO_QUESTION = 0.03, 0.1
 #: Speed and the change of position are one motion above this correlation.
@@ -100,9 +102,9 @@ class Fitted:
         return all(1 / _PARTS_AGREE < each / self.factor < _PARTS_AGREE for each in self.within_parts)
 
 
-def low_pass(values: Array, rate_hz: float) -> Array:
+def low_pass(values: Array, rate_hz: float, band_hz: float = _BAND_HZ) -> Array:
     """Without lag, to the band in which a machine is about rigid."""
-    band = min(_BAND_HZ, _BAND_SHARE * rate_hz)
+    band = min(band_hz, _BAND_SHARE * rate_hz)
     if values.size < 32:
         return values
     return np.asarray(sosfiltfilt(_filter(band / (rate_hz / 2)), values))
@@ -204,8 +206,7 @@ def inertia_factor(session: Session, machine: Machine) -> Fitted | None:
     for run in session.runs:
         rate = run.sample_rate_hz
         speed = _change(run)
-        inertia, slope = _inertia(machine, run.position_rad)
-        needed = inertia * np.gradient(speed, 1 / rate) + slope * speed**2 / 2
+        needed = _needed(run, machine)
         columns = [needed, speed, np.tanh(speed / (_MOVES * peak)) if peak else speed, np.ones_like(speed)]
         if swings:
             columns += [np.sin(run.position_rad), np.cos(run.position_rad)]
@@ -231,6 +232,17 @@ def inertia_factor(session: Session, machine: Machine) -> Fitted | None:
             _coefficient(_within(matrix, part), _within(torque[:, None], part)[:, 0], independent)[0]
         )
     return Fitted(factor, error, tuple(within))
+
+
+def _needed(run: Run, machine: Machine) -> Array:
+    """Torque that the believed inertia needs, (n,), within the band.
+
+    Products of what is filtered are not filtered products: on a fast stroke inertia itself changes within the band.
+    """
+    rate = run.sample_rate_hz
+    speed = low_pass(np.gradient(run.position_rad, 1 / rate), rate, _PRODUCTS * _BAND_HZ)
+    inertia, slope = _inertia(machine, run.position_rad)
+    return low_pass(inertia * np.gradient(speed, 1 / rate) + slope * speed**2 / 2, rate)
 
 
 def _inertia(machine: Machine, position: Array) -> tuple[Array, Array]:
