@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import pytest
 
 from schwung.drivetrain import paper_machine
@@ -11,9 +13,12 @@ from schwung.explain.timing import Times, shift
 NOISE = Noise(1e-6, 1e-2, 1e-1)
 
 
-def prepared(speed_delay_s: float, std_s: float = 1e-6) -> Prepared:
-    """A 4 kHz session whose speed is so late behind the angle."""
-    return Prepared((), 300.0, 4000.0, 4000.0, 5, NOISE, NOISE, speed_delay_s, std_s, 0.01, 20.0)
+def prepared(
+    speed_delay_s: float, std_s: float = 1e-6, bend_s2: float = 0.0, bend_std_s2: float = float("inf")
+) -> Prepared:
+    """A 4 kHz session whose speed is so late behind the angle, by a filter that is seen to bend so much."""
+    plain = Prepared((), 300.0, 4000.0, 4000.0, 5, NOISE, NOISE, speed_delay_s, std_s, 0.01, 20.0)
+    return replace(plain, seen_bend_s2=bend_s2, seen_bend_std_s2=bend_std_s2)
 
 
 def times(torque_late_s: float, lag_s: float = 0.0) -> Times:
@@ -48,6 +53,37 @@ def test_the_shape_of_a_lag_decides_where_it_shows() -> None:
 
 def test_between_the_two_both_are_left_open() -> None:
     assert shift(prepared(150e-6), paper_machine(), times(100e-6)).doubtful
+
+
+@pytest.mark.parametrize(
+    ("filtered_s", "delay_s", "lag_s", "bend_std_s2", "name", "doubtful"),
+    [
+        (200e-6, 0.0, 110e-6, 1e-9, "torque_lag", False),
+        (200e-6, 0.0, 110e-6, 1e-8, "torque_lag", True),
+        (90e-6, 110e-6, 0.0, 1e-9, "measurement_delay", True),  # there are filters that hardly bend
+    ],
+)
+def test_a_filter_is_as_late_as_it_bends(
+    filtered_s: float, delay_s: float, lag_s: float, bend_std_s2: float, name: str, *, doubtful: bool
+) -> None:
+    bend = 0.5 * filtered_s**2  # of a low-pass of first order; neither delay nor lag bends the speed
+    recorded = prepared(filtered_s + delay_s, bend_s2=bend, bend_std_s2=bend_std_s2)
+    found = shift(recorded, paper_machine(), times(filtered_s - lag_s))
+    assert (found.name, found.doubtful) == (name, doubtful)
+    assert found.seconds == pytest.approx(110e-6)
+
+
+def test_no_filter_is_ahead_of_time() -> None:
+    found = shift(prepared(112e-6), paper_machine(), times(-30e-6))
+    assert (found.name, found.doubtful) == ("torque_lag", False)
+
+
+@pytest.mark.parametrize(
+    ("late_s", "named"), [(66e-6, False), (75e-6, True), (121e-6, False), (110e-6, True)]
+)
+def test_what_sampling_shifts_is_half_a_period_or_a_whole_one(late_s: float, *, named: bool) -> None:
+    found = shift(prepared(late_s), paper_machine(), times(0.0))  # a controller at 8 kHz
+    assert (found.name is not None) == named
 
 
 def test_a_speed_made_of_the_angle_says_nothing_of_a_delay() -> None:

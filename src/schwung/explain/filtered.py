@@ -36,6 +36,8 @@ class SpeedFilter:
     delay_std_s: float = np.inf
     bend_s2: float = 0.0
     bend_std_s2: float = 0.0
+    seen_s2: float = 0.0  # the bend by what was recorded alone, not by what filters usually do
+    seen_std_s2: float = np.inf
 
     def undone(self, omega: NDArray[Any]) -> Array:
         """Gain at jω (rad/s), (n,), that takes the filter back."""
@@ -70,7 +72,7 @@ def speed_filter(
     seen, seen_std = _bend(runs, band_hz, delay, angle_noise_rad, speed_noise_rad_s)
     share = usual_std**2 / (usual_std**2 + seen_std**2)
     bend = usual + share * (seen - usual)
-    return SpeedFilter(delay, spread, max(bend, 0.0), usual_std * float(np.sqrt(1 - share)))
+    return SpeedFilter(delay, spread, max(bend, 0.0), usual_std * float(np.sqrt(1 - share)), seen, seen_std)
 
 
 def _later(

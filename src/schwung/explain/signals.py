@@ -106,6 +106,8 @@ class Prepared:
     injected_hz: tuple[float, ...] = ()
     bend_s2: float = 0.0  # of the reported torque's own filter, as far as the speed's tells (see filtered.py)
     bend_std_s2: float = SURE_S2
+    seen_bend_s2: float = 0.0  # of the speed's filter, by the recordings alone
+    seen_bend_std_s2: float = np.inf
 
 
 def differences_noise(values: Array) -> float:
@@ -191,6 +193,8 @@ def prepare(session: Session, machine: Machine, seen: Sequence[int] | None = Non
         injected_hz=tuple(sorted({run.excitation.frequency_hz for run in session.runs if run.excitation})),
         bend_s2=filtered.bend_s2,
         bend_std_s2=UNLIKE_SPEED * filtered.bend_s2 + max(filtered.bend_std_s2, SURE_S2),
+        seen_bend_s2=filtered.seen_s2,
+        seen_bend_std_s2=filtered.seen_std_s2,
     )
 
 
@@ -334,7 +338,9 @@ def _speed_filter(runs: Sequence[Run], noise: Noise, band_hz: float) -> SpeedFil
     found = speed_filter(runs, jumps, band_hz, noise.position_rad, noise.speed_rad_s)
     if any(_nothing_new(run) for run in runs):
         found = replace(found, delay_s=0.0, delay_std_s=np.inf)
-    return replace(found, bend_s2=0.0, bend_std_s2=0.0) if any(run.is_held for run in runs) else found
+    if any(run.is_held for run in runs):
+        return replace(found, bend_s2=0.0, bend_std_s2=0.0, seen_s2=0.0, seen_std_s2=np.inf)
+    return found
 
 
 def drawn_noise(prepared: Prepared, spectrum: Spectrum, chance: np.random.Generator) -> Array:

@@ -2,8 +2,10 @@
 
 Every drive filters and samples, so that speed and torque are both reported a little after the angle, as late as each
 other; a torque that is held for a period belongs to its middle. Beyond that, a speed that comes later than the torque
-is delayed, and a torque that acts later than it is reported has a lag. Which of the two it is can be told where the
-other channel is where it ought to be, and else is left open.
+is delayed, and a torque that acts later than it is reported has a lag. The sum of the two is all that the times say;
+which of them it is follows from how late the drive's filter would be: as late as the torque is after the motion, were
+the speed delayed, and as late as the speed is after the angle, were it the torque that lags. Filters bend the speed the
+more the later they are and a delay does not, and no filter is ahead of time. What that leaves open is said to be open.
 """
 
 from __future__ import annotations
@@ -13,15 +15,17 @@ from dataclasses import dataclass
 import numpy as np
 
 from schwung.drivetrain.machine import Machine
+from schwung.explain.filtered import LONGEST_FILTER_S, SPREAD, USUAL
 from schwung.explain.signals import Prepared
 
-#: Shifts below this are what filters do (s), and so close to half or a whole period they are sampling's own.
-SMALLEST_S, SAMPLING_S = 1.5e-5, 1.2e-5
+#: Shifts below this are what filters do (s). Sampling's own are half or a whole period, but for this much.
+SMALLEST_S, SAMPLING_S = 1.5e-5, 5e-6
 #: A channel closer than this to the angle is on time (s).
 ON_TIME_S = 1e-5
-#: Speed or torque are not filtered for longer than this without its being worth a name (s).
-LONGEST_FILTER_S = 2.5e-4
 _DEVIATIONS = 6.0
+#: In logarithms of likelihood: odds that leave nothing open, and how unlikely it is that a lag is as long as the
+#: filter, or a filter shorter than half of the controller's period, over which a speed is taken.
+SURE, COINCIDENCE, SHORT = 4.5, 2.0, 1.0
 #: Above this mean square over the noise's, a shift may stand in for whatever else is missed.
 UNSETTLED = 4.0
 _APART = "speed and torque are {:.2g} ms apart, which may stand in for what is not explained: no delay or lag is named"
@@ -68,7 +72,10 @@ def shift(prepared: Prepared, machine: Machine, times: Times) -> Shift:
     note = _ordinary(later, max(smallest, _DEVIATIONS * std), times.timing_s, prepared, machine)
     if note is None and times.misfit > UNSETTLED:
         note = _APART.format(1e3 * later)
-    return _named(later, std, times.timing_s, prepared) if note is None else Shift(None, note=note)
+    if note is not None:
+        return Shift(None, note=note)
+    control = 1 / machine.control.sample_rate_hz if machine.control else 0.0
+    return _named(later, std, times.timing_s, prepared, control)
 
 
 def _ordinary(
@@ -93,13 +100,33 @@ def _period(prepared: Prepared, machine: Machine) -> float:
     return 1 / (machine.control.sample_rate_hz if machine.control else prepared.source_rate_hz)
 
 
-def _named(later: float, std: float, timing_s: float, prepared: Prepared) -> Shift:
-    """Late speed or late torque, by which of the two is on time."""
-    if prepared.speed_delay_s > LONGEST_FILTER_S or abs(timing_s) < ON_TIME_S:
+def _named(later: float, std: float, timing_s: float, prepared: Prepared, period_s: float) -> Shift:
+    """Late speed or late torque: by what a filter can do, and where it could do both, by what is likelier."""
+    if prepared.speed_delay_s > LONGEST_FILTER_S:
         return Shift("measurement_delay", later, std)
-    if timing_s > ON_TIME_S or abs(prepared.speed_delay_s) < ON_TIME_S:
+    if timing_s > ON_TIME_S:
         return Shift("torque_lag", later, std)
-    return Shift("measurement_delay", later, std, doubtful=True)
+    odds = _odds(prepared, timing_s, period_s)
+    return Shift("torque_lag" if odds > 0 else "measurement_delay", later, std, doubtful=abs(odds) < SURE)
+
+
+def _odds(prepared: Prepared, timing_s: float, period_s: float) -> float:
+    """Logarithm of how much likelier a lag of the torque is than a delay of the speed."""
+    odds = _likely(prepared, prepared.speed_delay_s) - _likely(prepared, -timing_s)
+    if abs(timing_s) < ON_TIME_S:
+        odds -= COINCIDENCE
+    elif -timing_s < 0.5 * period_s - ON_TIME_S:
+        odds += SHORT
+    return odds
+
+
+def _likely(prepared: Prepared, filtered_s: float) -> float:
+    """Logarithm of the likelihood of the speed's bend, if the drive's filter is so late."""
+    if not np.isfinite(prepared.seen_bend_std_s2):
+        return 0.0
+    late = 0.5 * max(filtered_s, 0.0) ** 2
+    variance = (SPREAD * late) ** 2 + prepared.seen_bend_std_s2**2
+    return float(-0.5 * (prepared.seen_bend_s2 - USUAL * late) ** 2 / variance - 0.5 * np.log(variance))
 
 
 def _of_sampling(later: float, prepared: Prepared, machine: Machine) -> bool:
