@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 from scipy.signal import lfilter
 
-from schwung.drivetrain.machine import Load, Machine, Motor
-from schwung.explain.noise import ORDER, Whitener, impedance, usable, whitener
+from schwung.drivetrain.machine import Coupling, Load, Machine, Motor
+from schwung.explain.noise import ORDER, Whitener, impedance, motion_noise, usable, whitener
 from schwung.explain.signals import Noise, Prepared, prepare
 from schwung.motion import Array, Motion
 from schwung.session.model import Run, Session
@@ -20,6 +20,7 @@ MACHINE = Machine(
     motor=Motor(inertia_kgm2=0.01, viscous_friction_nms=0.0, peak_torque_nm=500.0),
     load=Load(viscous_friction_nms=0.0, inertia_kgm2=0.05),
 )
+SPRINGY = MACHINE.model_copy(update={"coupling": Coupling(stiffness_nm_rad=5000.0, damping_nms=0.3)})
 #: Noise with a colour: an oscillation at a fifth of the sampling rate, and its innovation's deviation.
 COLOUR, INNOVATION_NM = np.array([1.0, -0.55, 0.6, -0.2]), 0.08
 
@@ -90,6 +91,29 @@ def test_floor_from_repeats_is_the_noise_that_was_put_in() -> None:
     assert found.torque_nm == pytest.approx(deviation(), rel=0.06)
     assert found.innovation_nm == pytest.approx(INNOVATION_NM, rel=0.06)
     assert "repeats" in found.how
+
+
+def ringing(runs: Prepared, seed: int) -> tuple[list[Array], float]:
+    """The angle's noise as a load on a spring of little damping passes it on, per run; and its deviation."""
+    rng = np.random.default_rng(seed)
+    size, step = runs.runs[0].time_s[:: runs.every].size, runs.every / runs.rate_hz
+    frequency = np.fft.rfftfreq(4 * size, step)
+    low = 1 / (1 + (frequency / runs.band_hz) ** 8)
+    gain = low * np.sqrt(runs.noise.torque_nm**2 + motion_noise(runs, SPRINGY, runs.noise, frequency))
+    drawn = [np.fft.irfft(np.fft.rfft(rng.normal(size=4 * size)) * gain)[:size] for _ in runs.runs]
+    return drawn, float(np.sqrt(np.fft.irfft(gain**2)[0]))
+
+
+@pytest.mark.parametrize("line_nm", [0.0, 2.0])
+def test_what_rings_for_noise_is_noise_and_a_line_of_its_own_phase_is_not(line_nm: float) -> None:
+    runs = replace(prepared(12), noise=Noise(1e-5, np.inf, 0.01))
+    noise, floor_nm = ringing(runs, 5)
+    time, rng = runs.runs[0].time_s[:: runs.every], np.random.default_rng(6)
+    lines = [line_nm * np.sin(2 * np.pi * 37.0 * time + rng.uniform(0, 2 * np.pi)) for _ in noise]
+
+    found = whitener(runs, SPRINGY, [one + line for one, line in zip(noise, lines, strict=True)])
+
+    assert found.torque_nm == pytest.approx(floor_nm, rel=0.15)
 
 
 def test_without_repeats_the_floor_is_that_of_the_channels_and_says_so() -> None:

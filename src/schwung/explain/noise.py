@@ -9,7 +9,7 @@ must not learn a disturbance that happens to differ between repeats.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -32,6 +32,9 @@ ALIKE_SHARE = 0.2
 #: Lines that a difference of repeats may hold; one does that is so many times the median around it.
 MOST_LINES, NEIGHBOURS, STANDS_OUT = 2, 60, 25.0
 _RIDGE = 1e-3
+
+#: A density over frequencies (Hz), (n,) -> (n,).
+Spectral = Callable[[Array], Array]
 
 
 @dataclass(frozen=True, eq=False)
@@ -67,10 +70,14 @@ def whitener(
     `seen`: the runs that may be looked at (None: all). Where none of them repeats another, all are.
     """
     numbers = tuple(range(len(prepared.runs)))
-    pairs = _differences(prepared, residuals, numbers if seen is None else seen)
+
+    def expected(frequency_hz: Array) -> Array:
+        return _density(prepared, machine, prepared.noise, frequency_hz)
+
+    pairs = _differences(prepared, residuals, numbers if seen is None else seen, expected)
     more = ""
     if seen is not None and not _enough(pairs):
-        pairs, more = _differences(prepared, residuals, numbers), ", the runs kept aside among them"
+        pairs, more = _differences(prepared, residuals, numbers, expected), ", the runs kept aside among them"
     covariance = _believed_covariance(prepared, machine, prepared.noise)
     how = "the channels' own noise: the session has no repeats of one motion, which would measure it"
     if _enough(pairs):
@@ -92,7 +99,7 @@ def _enough(pairs: Sequence[tuple[Array, NDArray[np.bool_]]]) -> bool:
 
 
 def _differences(
-    prepared: Prepared, residuals: Sequence[Array], numbers: Sequence[int]
+    prepared: Prepared, residuals: Sequence[Array], numbers: Sequence[int], expected: Spectral
 ) -> list[tuple[Array, NDArray[np.bool_]]]:
     """What each run differs by from its last repeat, over √2: as much as the noise of one; and its valid samples."""
     last: dict[int, int] = {}
@@ -109,24 +116,26 @@ def _differences(
         if valid.sum() < MIN_SAMPLES // 4:
             continue
         difference = (residuals[number][:size] - residuals[before][:size]) / np.sqrt(2)
-        pairs.append((_without_physics(difference, valid, run, prepared.every), valid))
+        pairs.append((_without_physics(difference, valid, run, prepared, expected), valid))
     return pairs
 
 
-def _without_physics(difference: Array, valid: NDArray[np.bool_], run: Signals, every: int) -> Array:
+def _without_physics(
+    difference: Array, valid: NDArray[np.bool_], run: Signals, prepared: Prepared, expected: Spectral
+) -> Array:
     """A difference of repeats, (n,), without what physics may change between them, which is not noise.
 
     That is friction (a level, its sign and its slope over speed), and a vibration with a phase of its own in each run,
-    where a line stands out of the spectrum.
+    where a line stands out of the spectrum that noise is expected to have.
     """
-    size = difference.size
+    size, every = difference.size, prepared.every
     speed, time = run.speed_rad_s[::every][:size], run.time_s[::every][:size]
     peak = max(float(np.max(np.abs(speed))), 1e-300)
     shapes = [np.ones(size), np.tanh(speed / (0.02 * peak)), speed / peak]
     for _ in range(MOST_LINES):
         columns = np.stack(shapes, axis=1)
         left = difference - columns @ np.linalg.lstsq(columns[valid], difference[valid], rcond=None)[0]
-        line = _line(left, valid, time)
+        line = _line(left, valid, time, prepared.band_hz, expected)
         if line is None:
             return np.asarray(left)
         shapes += [np.sin(2 * np.pi * line * time), np.cos(2 * np.pi * line * time)]
@@ -136,13 +145,21 @@ def _without_physics(difference: Array, valid: NDArray[np.bool_], run: Signals, 
     )
 
 
-def _line(left: Array, valid: NDArray[np.bool_], time: Array) -> float | None:
-    """Frequency (Hz) of a line that holds far more than its neighbourhood; None where there is none."""
+def _line(
+    left: Array, valid: NDArray[np.bool_], time: Array, band_hz: float, expected: Spectral
+) -> float | None:
+    """Frequency (Hz) of a line that holds far more than its neighbourhood; None where there is none.
+
+    Both over the density that is expected: a load on its spring makes a peak of the angle's noise, which is no line.
+    """
     used, span = np.where(valid, left, 0.0), float(np.ptp(time[valid]))
     apart = float(np.median(np.diff(time)))
-    frequencies = np.arange(2 / span, 0.45 / apart, 0.3 / span)
+    frequencies = np.arange(2 / span, min(0.45 / apart, band_hz), 0.3 / span)
+    if frequencies.size == 0:
+        return None
     turn = 2j * np.pi * apart
     power = np.abs(czt(used, frequencies.size, np.exp(-turn * 0.3 / span), np.exp(turn * 2 / span))) ** 2
+    power /= expected(frequencies)
     best = int(np.argmax(power))
     around = power[max(0, best - NEIGHBOURS) : best + NEIGHBOURS]
     return float(frequencies[best]) if power[best] > STANDS_OUT * np.median(around) else None
@@ -163,12 +180,16 @@ def _covariance(pairs: Sequence[tuple[Array, NDArray[np.bool_]]]) -> Array:
 
 def _believed_covariance(prepared: Prepared, machine: Machine, noise: Noise) -> Array:
     """The same from noise of the channels, by the belief's mechanical impedance."""
-    band, rate = prepared.band_hz, prepared.rate_hz / prepared.every
-    frequency = np.linspace(0.0, rate / 2, 513)
-    low = 1 / (1 + (frequency / band) ** 8)
-    density = low**2 * (noise.torque_nm**2 + motion_noise(prepared, machine, noise, frequency))
+    rate = prepared.rate_hz / prepared.every
+    density = _density(prepared, machine, noise, np.linspace(0.0, rate / 2, 513))
     covariance = np.fft.irfft(density) * rate / prepared.source_rate_hz
     return np.asarray(covariance[: ORDER + 1])
+
+
+def _density(prepared: Prepared, machine: Machine, noise: Noise, frequency_hz: Array) -> Array:
+    """Variance per sample, as of white noise, of the residual at each frequency (N²·m²), (n,)."""
+    low = 1 / (1 + (frequency_hz / prepared.band_hz) ** 8)
+    return np.asarray(low**2 * (noise.torque_nm**2 + motion_noise(prepared, machine, noise, frequency_hz)))
 
 
 def motion_noise(prepared: Prepared, machine: Machine, noise: Noise, frequency_hz: Array) -> Array:
