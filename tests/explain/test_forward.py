@@ -145,6 +145,23 @@ def test_what_a_belief_leaves_out_does_not_come_back(physics: PhysicsTerm) -> No
     assert np.sqrt(np.mean(missed**2)) > 4e-2 * np.sqrt(np.mean(torque**2))
 
 
+@pytest.mark.parametrize("sooner", [0.9, 1.2])
+def test_what_steps_cannot_follow_is_told_before_it_grows_without_bounds(sooner: float) -> None:
+    motion, _ = recorded(machine(EVEN, SPRING))
+    belief = forward.believed(machine(EVEN, SPRING))
+    damping = (
+        sooner * 2.78 * 16 * 0.09 / motion.step
+    )  # b/J times the finest step, against what bounds the fourth order
+    effects = Effects()._replace(damping_nms=damping)
+    with np.errstate(all="ignore"):
+        torque = forward.coupling_needed(belief, effects, motion)
+
+    grows = not np.all(np.abs(torque) < 1e6)
+    assert grows == (sooner > 1)
+    assert not (grows and forward.can_follow(belief, effects, motion.step))
+    assert forward.can_follow(belief, effects._replace(damping_nms=0.5 * damping), motion.step)
+
+
 def test_a_rigid_load_takes_what_newton_says() -> None:
     angle = np.linspace(0.2, 3.0, 400)
     speed, acceleration = 10 + np.sin(angle), 50 * np.cos(angle)

@@ -34,6 +34,7 @@ _STEP = 0.15
 #: Steps per sample where the coupling has play: contact is sudden.
 _CONTACT_SUBSTEPS = 8
 _MAX_SUBSTEPS = 16
+_STABLE = 2.5  # beyond 2.78 times the eigenvalue's inverse a step of fourth order grows without bounds
 _PAD = 64.0  # samples by which the ends are prolonged
 _NEWTON = 3  # steps from a reported angle to the true one
 _FINER = 6  # pieces of a table's curve per piece of the table
@@ -139,6 +140,19 @@ def substeps(belief: Belief, e: Effects, step_s: float) -> int:
     """Runge-Kutta steps of the load per sample."""
     if belief.rigid and e.third_inertia_kgm2 <= 0:
         return 1
+    needed = int(np.ceil(step_s * _fastest(belief, e) / _STEP))
+    if e.gap_rad > 0:
+        needed = max(needed, _CONTACT_SUBSTEPS)
+    return min(max(needed, 1), _MAX_SUBSTEPS)
+
+
+def can_follow(belief: Belief, e: Effects, step_s: float) -> bool:
+    """Whether Runge-Kutta steps as fine as there are follow what hangs on the motor: else they say nothing of it."""
+    return step_s * _fastest(belief, e) < _STABLE * _MAX_SUBSTEPS
+
+
+def _fastest(belief: Belief, e: Effects) -> float:
+    """Highest |eigenvalue| of what hangs on the motor (1/s), at the lightest load."""
     last = value_and_slope(
         Curve(belief.inertia_knots, belief.inertia_coefficients), belief.inertia_knots[-1]
     )[0]
@@ -146,16 +160,12 @@ def substeps(belief: Belief, e: Effects, step_s: float) -> int:
     lightest = max(e.inertia_scale * lightest + e.inertia_delta_kgm2, 0.02 * lightest, 1e-12)
     k = e.stiffness_nm_rad if e.stiffness_nm_rad > 0 else belief.stiffness
     b = e.damping_nms if e.damping_nms >= 0 else belief.damping
-    fastest = 0.0 if belief.rigid else max(np.sqrt(2 * k / lightest), b / lightest)
+    fastest = 0.0 if belief.rigid else float(max(np.sqrt(2 * k / lightest), b / lightest))
     if e.third_inertia_kgm2 > 0:
         third = min(e.third_inertia_kgm2, lightest)
-        fastest = max(
-            fastest, np.sqrt(2 * (k + e.third_stiffness_nm_rad) / third), e.third_damping_nms / third
-        )
-    needed = int(np.ceil(step_s * fastest / _STEP))
-    if e.gap_rad > 0:
-        needed = max(needed, _CONTACT_SUBSTEPS)
-    return min(max(needed, 1), _MAX_SUBSTEPS)
+        swing = float(np.sqrt(2 * (k + e.third_stiffness_nm_rad) / third))
+        fastest = max(fastest, swing, e.third_damping_nms / third)
+    return fastest
 
 
 def coupling_needed(

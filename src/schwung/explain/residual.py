@@ -269,13 +269,15 @@ class Residuals:
         return np.asarray(self.several(run, (unknowns,))[0])
 
     def _possible(self, e: Effects) -> bool:
-        """Whether there could be such a machine."""
+        """Whether there could be such a machine, and whether its motion can be worked out."""
         lightest = self._lightest_kgm2
         rotor = self.belief.rotor_inertia if self.belief.rigid else 0.0
         left = rotor + e.inertia_scale * lightest + e.inertia_delta_kgm2
         least = max(LEAST_LIMIT * self._peak_nm, LIMIT_OVER_NOISE * self.prepared.noise.torque_nm)
         clipped = e.torque_limit_nm < least * e.torque_gain
-        return left >= LIGHTEST * (rotor + lightest) and not clipped
+        if left < LIGHTEST * (rotor + lightest) or clipped:
+            return False
+        return forward.can_follow(self.belief, e, 1 / self.prepared.rate_hz)
 
     def settle(self, effects: Effects) -> None:
         """From now on let the loads ring from the first samples on as they do with these terms."""
