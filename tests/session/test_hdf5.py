@@ -14,6 +14,7 @@ import pytest
 from schwung.errors import InputError, SchwungError
 from schwung.motion import Excitation, Motion
 from schwung.session import PartialRun, Run, SessionWriter, read_session
+from schwung.session.imports import motion_identity
 
 RATE = 1000.0
 MOTION = Motion(distance_rad=3.0, duration_s=0.25)
@@ -157,7 +158,7 @@ SPOILED = {
         _attr("run/0000", "motion", '{"kind":"third","distance_rad":1,"duration_s":-1}'),
         "duration_s",
     ),
-    "motion kind": (_attr("run/0000", "motion", '{"kind":"x","distance_rad":1,"duration_s":1}'), "kind"),
+    "motion kind": (_attr("run/0000", "motion", '{"kind":3,"distance_rad":1,"duration_s":1}'), "kind"),
     "motion text": (_attr("run/0000", "motion", "fast"), "/run/0000@motion"),
     "excitation": (_attr("run/0001", "excitation", '{"frequency_hz":0,"amplitude_nm":1}'), "frequency_hz"),
     "nyquist": (_attr("run/0001", "excitation", '{"frequency_hz":600,"amplitude_nm":1}'), "600 Hz"),
@@ -189,6 +190,23 @@ def test_what_later_versions_add_is_ignored(path):
     assert len(session.runs) == 2
     assert session.extra["weather"] == "sunny"
     np.testing.assert_array_equal(session.runs[0].extra["current"], np.ones(3))
+
+
+def test_a_motion_of_another_kind_is_kept_as_it_is(path, tmp_path):
+    """files.md leaves the kinds open: the recording says how the axis moved, its commands are not needed for that."""
+    told = {"kind": "trapezoid", "distance_rad": 1.0, "duration_s": 0.2}
+    with h5py.File(path, "r+") as file:
+        for name in ("0000", "0001"):
+            file[f"run/{name}"].attrs["motion"] = json.dumps(told)
+    session = read_session(path)
+    assert [run.motion for run in session.runs] == [None, None]
+    identities = {motion_identity(run) for run in session.runs}
+    assert len(identities) == 2  # one of them has an injection
+    with SessionWriter(tmp_path / "again.h5", source="t") as writer:
+        writer.append(session.runs[0])
+    with h5py.File(tmp_path / "again.h5") as file:
+        assert json.loads(file["run/0000"].attrs["motion"]) == told
+    assert motion_identity(read_session(tmp_path / "again.h5").runs[0]) in identities
 
 
 def test_fixed_length_strings_and_big_endian_numbers_are_read(path):

@@ -113,7 +113,7 @@ PHYSICS: Mapping[str, Mapping[str, Key]] = {
         "torque_nm": Key("local_friction_nm", "N·m"),
         "centre_rad": Key("local_centre_rad", "rad"),
         "width_rad": Key("local_width_rad", "rad", _POSITIVE),
-        "sharpness": Key("local_sharpness", "", _POSITIVE, optional=1.0, highest=10.0),
+        "sharpness": Key("local_sharpness", "", _POSITIVE, optional=1.0, highest=100.0),
     },
     "friction_drift": {
         "change_nm": Key("drift_nm", "N·m"),
@@ -128,7 +128,7 @@ PHYSICS: Mapping[str, Mapping[str, Key]] = {
         "time_s": Key("event_time_s", "s"),
         "duration_s": Key("event_duration_s", "s", _POSITIVE),
         "peak_nm": Key("event_peak_nm", "N·m"),
-        "sharpness": Key("event_sharpness", "", _POSITIVE, optional=1.0, highest=10.0),
+        "sharpness": Key("event_sharpness", "", _POSITIVE, optional=1.0, highest=100.0),
     },
     "periodic_disturbance": {
         "frequency_hz": Key("periodic_frequency_hz", "Hz", _POSITIVE),

@@ -40,10 +40,14 @@ from schwung.session.model import Session
 EXPLAINED, NEARLY, NAMED_SHARE = 1.2, 1.35, 0.02
 #: The same where the believed inertia was measured: what a table is off by bends with every term that turns it.
 NAMED_SHARE_MEASURED = 0.05
+#: Beyond the floor's neighbourhood the torque's own excess falls below this share, too, slow as it may be.
+SLOW_SHARE = 0.1
 #: In whitened residuals, which weigh what is slow less, the floor's share is another: so many floors RMS are too much.
 TOO_MUCH = 1.6
 #: Where unseen runs miss something, named physics takes so much of it; one that makes them so much worse is wrong.
 SEEN_ASIDE, WORSE = 0.5, 1.02
+#: A proof in which more is left than this proves nothing.
+HARDLY = 0.75
 #: Below a consistent misfit, terms stand where they lower the same on the runs that check them by so much; below the
 #: second, a belief is at the floor, and nothing is sought that could only be fitted to the noise.
 BORNE_OUT, AT_FLOOR = 0.15, 1.15
@@ -86,6 +90,9 @@ def explain(session: Session, machine: Machine, *, progress: Progress | None = N
     tell("Trying physics terms", 0.05)
     found, best = _searched(problem, parts, lambda text, share: tell(text, 0.05 + 0.6 * share))
     found, best = sharpened(found, best, believed, parts.seen)
+    needed = _needed(found, best)
+    if needed is not best:
+        found, best = sharpened(found, needed, believed, parts.seen)
     tell("Weighing alternatives", 0.7)
     told = _Explained(session, machine, prepared, parts, residuals, found, best).result(
         tell, doubts.notes, noise.how
@@ -105,6 +112,16 @@ def _searched(problem: Problem, parts: Split, progress: Progress) -> tuple[Found
     if first.misfit < CONSISTENT and not _borne_out(found, best, parts.check):
         best = first
     return found, best
+
+
+def _needed(found: Found, best: Fitted) -> Fitted:
+    """Without the terms that do not pay for themselves once the noise is known better."""
+    while len(best.model.terms) > 1:
+        spared = min(reduced(found, best), key=found.score)
+        if found.score(spared) > found.score(best):
+            break
+        best = spared
+    return best
 
 
 def _misses(problem: Problem, model: Model, runs: tuple[int, ...]) -> float:
@@ -233,15 +250,15 @@ class _Explained:
             if bare.misfit > CONSISTENT or before_nm > NEARLY * self.floor:
                 return "unexplained"
             return "explained" if moved.name else "consistent"
-        return self._of_terms(after_nm)
+        return self._of_terms(before_nm, after_nm)
 
-    def _of_terms(self, after_nm: float) -> Verdict:
+    def _of_terms(self, before_nm: float, after_nm: float) -> Verdict:
         """What the named terms are worth: whether they may be named the seen runs say, how good they are the others."""
         if not self._nameable():
             return "unexplained"
         bare, best, problem = self.found.bare, self.best, self.found.problem
         before, after = (_misses(problem, fitted.model, self.judged) for fitted in (bare, best))
-        if after > WORSE * before:
+        if after > WORSE * before or self._left(before_nm, after_nm) > HARDLY:
             return "unexplained"
         shown = before >= AT_FLOOR
         explained = after_nm <= EXPLAINED * self.floor and (not shown or _share(before, after) <= SEEN_ASIDE)
@@ -257,12 +274,23 @@ class _Explained:
                 return False
             before, after = bare.misfit, best.misfit
         share, everywhere = _share(before, after), _share(bare.misfit, best.misfit)
-        after_nm = missed_nm(self.residuals, runs, best.model)
-        at_floor = after_nm <= NEARLY * self.floor or (
-            after <= NEARLY**2 and after_nm <= TOO_MUCH * self.floor
+        before_nm, after_nm = (missed_nm(self.residuals, runs, fitted.model) for fitted in (bare, best))
+        if self._left(before_nm, after_nm) > SEEN_ASIDE:
+            return False
+        fitted_nm = missed_nm(self.residuals, self.parts.train, best.model)
+        at_floor = max(fitted_nm, after_nm) <= NEARLY * self.floor or (
+            after <= NEARLY**2 and max(fitted_nm, after_nm) <= TOO_MUCH * self.floor
         )
         little = NAMED_SHARE_MEASURED if self.residuals.softened else NAMED_SHARE
-        return (at_floor and share < SEEN_ASIDE) or max(share, everywhere) < little
+        return (at_floor and share < SEEN_ASIDE) or (
+            max(share, everywhere) < little and self._left(before_nm, after_nm) < SLOW_SHARE
+        )
+
+    def _left(self, before_nm: float, after_nm: float) -> float:
+        """What is left of a torque's mean square beyond the noise's; 0 where the belief misses nothing that shows."""
+        if before_nm <= SEEN * self.floor:
+            return 0.0
+        return _share((before_nm / self.floor) ** 2, (after_nm / self.floor) ** 2)
 
     def _shift(self) -> Shift:
         """Late speed or torque, judged about the best model."""
@@ -304,9 +332,10 @@ class _Explained:
             return ()
         named = {finding.where.coordinate: finding.where for finding in reversed(findings)}
         listed = sorted(named.values(), key=lambda one: -one.share_of_energy)
+        lost = verdict == "unexplained"
         shown = (
-            locate(self._residuals(self.found.bare.model), self.session.axis)
-            if self.found.bare.misfit > CONSISTENT
+            locate(self._residuals(self.found.bare.model), self.session.axis, surely=not lost)
+            if lost or self.found.bare.misfit > CONSISTENT
             else ()
         )
         return (*listed, *(one for one in shown if one.coordinate not in named))

@@ -40,7 +40,10 @@ def interval(found: Found, fitted: Fitted, name: str, least_variance: float = 1.
         for _ in range(0 if name in ROUGH else 2):
             trial = fitted.model.with_values({name: value + side * reach})
             pinned = replace(trial, fixed=(*trial.fixed, name))
-            rise = (found.problem.fit(pinned, 4).chi2 - fitted.chi2) / level
+            chi2 = found.problem.fit(pinned, 4).chi2
+            rise = (
+                (chi2 - fitted.chi2) / level if np.isfinite(chi2) else 10 * RISE
+            )  # no such machine: too far
             if 0.8 * RISE < rise < 1.25 * RISE:
                 break
             reach *= float(np.clip(np.sqrt(RISE / max(rise, 1e-3)), 0.3, 3.0))

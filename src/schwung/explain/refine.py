@@ -11,11 +11,13 @@ from schwung.drivetrain.physics import Effects
 from schwung.explain.fit import Fitted, combined, without
 from schwung.explain.residual import FINEST
 from schwung.explain.ripple import ripple
-from schwung.explain.search import ALIKE, Found, chosen, pruned
+from schwung.explain.search import ALIKE, CONSISTENT, Found, chosen, pruned
 from schwung.explain.terms import LOAD_TABLE
 
 #: A ripple is worth as many parameters' price at the least.
 RIPPLED = 10.0
+#: Highest order per turn of what may be a load's own (a second crank, an unbalanced lever), not a motor's teeth.
+HARMONICS = 3.5
 #: A refinement is worth as many.
 REFINED = 4.0
 
@@ -35,7 +37,9 @@ def refined(found: Found, best: Fitted, *, proven: bool) -> Fitted:
             break
     if proven:
         best = _with_finer_table(found, best)
-    if not best.model.terms or "cogging" in best.model.terms:
+    if "cogging" in best.model.terms:
+        return _without_harmonic(found, best)
+    if not best.model.terms:
         return best
     line = ripple(found.problem, best)
     if line is None:
@@ -47,6 +51,16 @@ def refined(found: Found, best: Fitted, *, proven: bool) -> Fitted:
     }
     finer = found.fit(combined(best.model, "cogging", fields))
     return finer if (best.chi2 - finer.chi2) / found.level > RIPPLED * np.log(finer.samples) else best
+
+
+def _without_harmonic(found: Found, best: Fitted) -> Fitted:
+    """One load torque of any shape in place of a sine and a "cogging" of an order as low as a load's."""
+    terms = best.model.terms
+    if "load_torque" not in terms or best.model.effects.cogging_order > HARMONICS:
+        return best
+    spared = without(without(best.model, "cogging"), "load_torque")
+    table = _with_finer_table(found, found.fit(combined(spared, LOAD_TABLE, {})))
+    return table if LOAD_TABLE in table.model.terms and table.misfit < CONSISTENT * best.misfit else best
 
 
 def _with_finer_table(found: Found, best: Fitted) -> Fitted:

@@ -24,7 +24,8 @@ OFF, KNOWN = 0.05, 0.15
 SURE = 2.0
 #: Acceleration takes this share of the reported torque at the least, or nothing can be said of the inertia.
 INERT = 0.2
-_SCALES = ("torque_constant", "load_inertia")
+#: Terms that say it themselves, or bend the torque where it is greatest.
+_SCALES = ("torque_constant", "load_inertia", "torque_saturation")
 
 
 def scale_note(found: Found, best: Fitted) -> str | None:

@@ -52,6 +52,8 @@ LEAST_PART, MOST_LEFT = 0.006, 0.5
 CONSISTENT = 1.6
 #: So near to an injected frequency, in lines of the shortest run, no disturbance can be told from the injection.
 INJECTED = 2.5
+#: The search goes on after a term that takes such a share of what was missed.
+GROWTH = 0.15
 #: A full fit is tried where the linear look promises this share of what is wanted of it.
 HOPE = 0.3
 
@@ -113,6 +115,12 @@ class Found:
         if gain < (PICKED if picked else 1.0) * least * self.level:
             return False
         return gain > LEAST_PART * self.bare.misfit or gain > MOST_LEFT * (before.misfit - 1)
+
+    def grows(self, before: Fitted, after: Fitted) -> bool:
+        """Whether to look further: while much is missed, each of several effects takes but a part of it."""
+        return self.worthwhile(before, after) or (
+            before.misfit > CONSISTENT and before.misfit - after.misfit > GROWTH * before.misfit
+        )
 
     def fit(self, model: Model, *starts: Model) -> Fitted:
         """The best fit of a set of terms from several starts, remembered."""
@@ -200,7 +208,7 @@ def search(problem: Problem, first: Fitted, progress: Progress | None = None) ->
                     )
         smaller = min((f for k, f in found.by_terms.items() if len(k) < size), key=found.score)
         beam = sorted(grown.values(), key=found.score)[:BEAM]
-        if not beam or not found.worthwhile(smaller, min(beam, key=lambda f: f.chi2)):
+        if not beam or not found.grows(smaller, min(beam, key=lambda f: f.chi2)):
             break
         if min(fitted.misfit for fitted in beam) < CONSISTENT:  # nothing is worthwhile beside these
             break

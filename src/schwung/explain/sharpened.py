@@ -63,7 +63,9 @@ def _shaken(problem: Problem, fitted: Fitted) -> tuple[dict[str, float], Array]:
     draws = [
         [drawn_noise(residuals.prepared, of.spectrum, chance) for of in residuals.runs] for _ in range(_PAIRS)
     ]
-    free = np.array([not model.is_bounded(name) for name in names])  # the others would not stay where they may be
+    free = np.array(
+        [not model.is_bounded(name) for name in names]
+    )  # the others would not stay where they may be
     columns, white = fitted.jacobian * free, fitted.white
     scatter, furthest = np.ones(len(names)), np.inf
     if LOAD_TABLE in model.terms:  # many points, of which no interval is told

@@ -15,7 +15,7 @@ from contextlib import contextmanager
 from datetime import UTC, datetime
 from pathlib import Path
 from types import TracebackType
-from typing import Any, Self, TypeVar
+from typing import Any, Self, TypeVar, get_args
 from uuid import uuid4
 
 import h5py
@@ -24,7 +24,7 @@ from pydantic import BaseModel, ValidationError
 
 from schwung.errors import InputError, SchwungError
 from schwung.files import replace_file
-from schwung.motion import Array, Excitation, Motion
+from schwung.motion import Array, Excitation, Motion, MotionKind
 from schwung.session.model import Axis, PartialRun, Run, Session
 
 _Model = TypeVar("_Model", bound=BaseModel)
@@ -160,16 +160,31 @@ def _read_run(runs: h5py.Group, name: str, axis: Axis, root: str) -> Run:
     for key, item in group.items():
         if key not in _FIELDS and isinstance(item, h5py.Dataset):
             extra[key] = _parsed(item[()])
+    motion = None
+    if _is_foreign(group, place):  # kept as it is, for what it tells: which runs repeat the same
+        told = extra["motion"] = _json(group, "motion", place)
+        injected = None if excitation is None else excitation.model_dump_json()
+        extra.setdefault("same_motion", f"motion {json.dumps(told, sort_keys=True)} {injected}")
+    else:
+        motion = _value(group, "motion", Motion, place)
     return Run(
         role="excited" if role == "excited" else "reference",
         repeat=int(repeat),
         sample_rate_hz=rate,
-        motion=_value(group, "motion", Motion, place),
+        motion=motion,
         excitation=excitation,
         name=place,
         extra=extra,
         **arrays,
     )
+
+
+def _is_foreign(group: h5py.Group, place: str) -> bool:
+    """Whether a run's motion is of a kind that another program knows; the recording says how it went."""
+    if "motion" not in group.attrs:
+        return False
+    kind = _json(group, "motion", place).get("kind")
+    return isinstance(kind, str) and kind not in get_args(MotionKind)
 
 
 def _dataset(group: h5py.Group, name: str, axis: Axis, place: str) -> Array:

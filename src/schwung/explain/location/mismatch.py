@@ -37,25 +37,28 @@ class Share:
     p_value: float
 
 
-def locate(residuals: Sequence[Residual], axis: Axis) -> tuple[Located, ...]:
+def locate(residuals: Sequence[Residual], axis: Axis, *, surely: bool = True) -> tuple[Located, ...]:
     """The coordinates that the residual follows significantly, by share; empty where it is noise.
 
-    A coordinate that this session cannot tell from a named one comes with it, its text says so.
+    A coordinate that this session cannot tell from a named one comes with it, its text says so. Not `surely`: where
+    none is significant, the one that comes closest, its text says that, too.
     """
     search = _searched(residuals, axis)
     if search is None:
         return ()
     tested = _tested(search)
     kept = [c for c, p in tested.items() if p < SIGNIFICANT]
+    if not surely and not kept and tested:
+        kept = [min(tested, key=lambda coordinate: tested[coordinate])]
     search.chosen = [i for i in search.chosen if search.space.shapes[i].coordinate in kept]
     found: list[Located] = []
     for coordinate in kept:
         mine = _of(search, coordinate)
         contribution = search.space.contribution(search.chosen, mine)
         share = float(contribution @ search.samples.residual) / search.space.energy
-        if share < LEAST_SHARE:
-            continue
         p_value = tested[coordinate]
+        if share < LEAST_SHARE and p_value < SIGNIFICANT:
+            continue
         interval = _interval(search, coordinate, mine, contribution)
         found.append(_located(search, coordinate, interval, min(share, 1.0), p_value, axis, None))
         found.extend(_twins(search, coordinate, mine, min(share, 1.0), p_value, axis))
@@ -195,6 +198,8 @@ def _located(
     ]
     each_turn = bool(shapes) and all(shape.bump is not None and shape.period is not None for shape in shapes)
     text = sentence(coordinate, interval, visited, share, axis, twin, each_turn)
+    if p_value >= SIGNIFICANT:
+        text += f" This may be chance (p {p_value:.2g}); nothing else stands out more."
     return Located(coordinate, interval, unit_of(coordinate, axis), share, float(p_value), text)
 
 

@@ -15,7 +15,7 @@ from schwung.motion import Array
 
 Fields = Mapping[str, float]
 #: Of a bump over place or time: from a box to what looks like a Gaussian.
-SHARPNESS = (0.02, 6.0)
+SHARPNESS = (0.003, 20.0)
 
 
 @dataclass(frozen=True, eq=False)
