@@ -10,6 +10,7 @@ from scipy.stats import chi2 as chi2_distribution
 
 from schwung.drivetrain.machine import Machine
 from schwung.explain import free_run, naming
+from schwung.explain.choice import AT_FLOOR, SEEN, WORSE, missed, needed, searched
 from schwung.explain.fit import TIMING, Fitted, Model, Problem
 from schwung.explain.intervals import parameters
 from schwung.explain.location import Residual, locate
@@ -17,10 +18,9 @@ from schwung.explain.measured import measured
 from schwung.explain.noise import whitener
 from schwung.explain.plausibility import examine
 from schwung.explain.proof import Split, misfit, missed_nm, remainder, split
-from schwung.explain.refine import refined, slimmed
 from schwung.explain.residual import Residuals, Unknowns
 from schwung.explain.scale import scale_note
-from schwung.explain.search import CONSISTENT, Found, chosen, reduced, search
+from schwung.explain.search import CONSISTENT, Found, reduced
 from schwung.explain.sharpened import sharpened
 from schwung.explain.signals import Prepared, prepare
 from schwung.explain.timing import Shift, Times, shift
@@ -44,17 +44,10 @@ NAMED_SHARE_MEASURED = 0.05
 SLOW_SHARE = 0.1
 #: In whitened residuals, which weigh what is slow less, the floor's share is another: so many floors RMS are too much.
 TOO_MUCH = 1.6
-#: Where unseen runs miss something, named physics takes so much of it; one that makes them so much worse is wrong.
-SEEN_ASIDE, WORSE = 0.5, 1.02
+#: Where unseen runs miss something, named physics takes so much of it.
+SEEN_ASIDE = 0.5
 #: A proof in which more is left than this proves nothing.
 HARDLY = 0.75
-#: Below a consistent misfit, terms stand where they lower the same on the runs that check them by so much; below the
-#: second, a belief is at the floor, and nothing is sought that could only be fitted to the noise.
-BORNE_OUT, AT_FLOOR = 0.15, 1.15
-#: Without runs to check it a term carries this part of the mismatch at least: what is small stands on its shape alone.
-UNPROVEN = 0.01
-#: And where the belief misses so many times the floor on them: less is for those who look at single lines.
-SEEN = 1.12
 
 #: What shows in nothing but acceleration; a session without much of that can name none of them.
 OF_ACCELERATION = (
@@ -88,78 +81,16 @@ def explain(session: Session, machine: Machine, *, progress: Progress | None = N
         residuals.soften(curve, noise.torque_nm)
     problem = Problem(residuals, noise, parts.train)
     tell("Trying physics terms", 0.05)
-    found, best = _searched(problem, parts, lambda text, share: tell(text, 0.05 + 0.6 * share))
+    found, best = searched(problem, parts, lambda text, share: tell(text, 0.05 + 0.6 * share))
     found, best = sharpened(found, best, believed, parts.seen)
-    needed = _needed(found, best)
-    if needed is not best:
-        found, best = sharpened(found, needed, believed, parts.seen)
+    slim = needed(found, best)
+    if slim is not best:
+        found, best = sharpened(found, slim, believed, parts.seen)
     tell("Weighing alternatives", 0.7)
     told = _Explained(session, machine, prepared, parts, residuals, found, best).result(
         tell, doubts.notes, noise.how
     )
     return _half_tested(told, machine) if "inertia_undetermined" in doubts.kinds() else told
-
-
-def _searched(problem: Problem, parts: Split, progress: Progress) -> tuple[Found, Fitted]:
-    """What was tried, and the best model that stands; of the runs that are for the proof nothing is asked."""
-    first = problem.fit(Model())
-    found = Found(problem, (), {frozenset(): first})
-    if max(first.misfit, _misses(problem, first.model, parts.check or parts.train)) <= AT_FLOOR:
-        return found, first
-    found = search(problem, first, progress)
-    best = refined(found, chosen(found), proven=bool(parts.check))
-    best = slimmed(found, _upheld(found, best, parts.check) if parts.check else _carrying(found, best))
-    if first.misfit < CONSISTENT and not _borne_out(found, best, parts.check):
-        best = first
-    return found, best
-
-
-def _needed(found: Found, best: Fitted) -> Fitted:
-    """Without the terms that do not pay for themselves once the noise is known better."""
-    while len(best.model.terms) > 1:
-        spared = min(reduced(found, best), key=found.score)
-        if found.score(spared) > found.score(best):
-            break
-        best = spared
-    return best
-
-
-def _misses(problem: Problem, model: Model, runs: tuple[int, ...]) -> float:
-    """Mean square of the whitened residual on some runs."""
-    white = replace(problem, runs=runs).white(model)
-    return float(np.mean(white**2)) if white.size else 1.0
-
-
-def _carrying(found: Found, best: Fitted) -> Fitted:
-    """Where nothing checks what was chosen: the terms of several that carry a part of the mismatch that shows."""
-    while len(best.model.terms) > 1:
-        spared = min(reduced(found, best), key=lambda fitted: fitted.misfit)
-        if spared.misfit - best.misfit >= UNPROVEN * (found.bare.misfit - 1):
-            break
-        best = spared
-    return best
-
-
-def _upheld(found: Found, best: Fitted, check: tuple[int, ...]) -> Fitted:
-    """The terms of several that do not make the runs that check them worse."""
-    while len(best.model.terms) > 1:
-        spared = min(reduced(found, best), key=lambda fitted: _misses(found.problem, fitted.model, check))
-        if _misses(found.problem, best.model, check) < WORSE * _misses(found.problem, spared.model, check):
-            break
-        best = spared
-    return best
-
-
-def _borne_out(found: Found, best: Fitted, check: tuple[int, ...]) -> bool:
-    """Whether the runs that check it miss less, too: near the floor a term may fit what is no physics."""
-    if not check:
-        return False
-    before, after = (_misses(found.problem, model, check) for model in (found.bare.model, best.model))
-    if before - after < BORNE_OUT:
-        return False
-    return (
-        missed_nm(found.problem.residuals, check, found.bare.model) > SEEN * found.problem.whitener.torque_nm
-    )
 
 
 def _half_tested(told: Explanation, machine: Machine) -> Explanation:
@@ -257,7 +188,7 @@ class _Explained:
         if not self._nameable():
             return "unexplained"
         bare, best, problem = self.found.bare, self.best, self.found.problem
-        before, after = (_misses(problem, fitted.model, self.judged) for fitted in (bare, best))
+        before, after = (missed(problem, fitted.model, self.judged) for fitted in (bare, best))
         if after > WORSE * before or self._left(before_nm, after_nm) > HARDLY:
             return "unexplained"
         shown = before >= AT_FLOOR
@@ -268,7 +199,7 @@ class _Explained:
         """Whether the terms take enough of the mismatch for their names to be told."""
         bare, best, problem = self.found.bare, self.best, self.found.problem
         runs = self.parts.check or self.parts.train
-        before, after = (_misses(problem, fitted.model, runs) for fitted in (bare, best))
+        before, after = (missed(problem, fitted.model, runs) for fitted in (bare, best))
         if before < AT_FLOOR:  # the runs that check it do not show it
             if after > WORSE * before:
                 return False
