@@ -86,3 +86,19 @@ def test_noise_that_comes_again_in_each_repeat_is_known_as_such() -> None:
     assert alike.torque_nm == pytest.approx(0.05, rel=0.15)
     assert alike.position_rad == pytest.approx(1e-6, rel=0.15)
     assert unlike.torque_nm == unlike.position_rad == 0.0
+
+
+def test_angle_and_speed_are_one_motion_of_which_the_counts_do_not_show() -> None:
+    """ω = dθ/dt of what is prescribed, and θ to far less than the counts' quantum/√12, where speed tells it better."""
+    quantum = 1e-4
+    run = _session(held=False).runs[0]
+    chance = np.random.default_rng(3)
+    turn = 2 * np.pi * run.time_s
+    counted = np.round((1 - np.cos(turn)) / quantum) * quantum
+    told = 2 * np.pi * np.sin(turn) + 1e-3 * chance.standard_normal(turn.size)
+    session = Session((replace(run, position_rad=counted, speed_rad_s=told),), created="", source="test")
+    signals, middle = prepare(session, MACHINE).runs[0], slice(200, -200)
+    slope = np.gradient(signals.position_rad, signals.step_s)
+    exact = 1 - np.cos(2 * np.pi * signals.time_s)
+    assert np.std((slope - signals.speed_rad_s)[middle]) < 2e-3
+    assert np.std((signals.position_rad - exact)[middle]) < 0.2 * quantum / np.sqrt(12)

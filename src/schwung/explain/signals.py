@@ -15,7 +15,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -350,12 +350,27 @@ def drawn_noise(prepared: Prepared, spectrum: Spectrum, chance: np.random.Genera
         prepared.rate_hz / prepared.source_rate_hz
     )
     share, low = speed_share(noise, np.abs(spectrum.omega)), spectrum.low_pass(MOTION_BAND * band)
-    angle *= noise.position_rad
-    change = spectrum.apply(angle, low * spectrum.omega * (1 - share), "slope")
-    if np.isfinite(noise.speed_rad_s):
-        change = change + spectrum.apply(noise.speed_rad_s * speed, low * share, "drop")
+    speed *= noise.speed_rad_s if np.isfinite(noise.speed_rad_s) else 0.0
+    angle, change = _fused(spectrum, noise.position_rad * angle, speed, low * (1 - share), low * share)
     acceleration = spectrum.apply(change, spectrum.low_pass(2 * MOTION_BAND * band) * spectrum.omega, "slope")
-    return np.stack([spectrum.apply(angle, low), change, acceleration, noise.torque_nm * torque])
+    return np.stack([angle, change, acceleration, noise.torque_nm * torque])
+
+
+def _fused(
+    spectrum: Spectrum, angle: Array, speed: Array, of_angle: NDArray[Any], of_speed: NDArray[Any]
+) -> tuple[Array, Array]:
+    """Angle and speed as one motion, (n,) each: the reported angle by one gain, the reported speed's sum by another.
+
+    A stiff coupling multiplies what the two differ by, and the counts of the angle would be all that one sees.
+    """
+    summed = np.cumsum(speed) / spectrum.rate_hz  # half a sample early, and larger by 1/sinc
+    exact = np.sinc(spectrum.frequency_hz / spectrum.rate_hz) * np.exp(
+        -0.5 * spectrum.omega / spectrum.rate_hz
+    )
+    of_sum, omega = of_speed * exact, spectrum.omega
+    position = spectrum.apply(angle, of_angle) + spectrum.apply(summed, of_sum, "drop")
+    change = spectrum.apply(angle, of_angle * omega, "slope") + spectrum.apply(summed, of_sum * omega, "drop")
+    return position, change
 
 
 def _moved(run: Run, noise: Noise, band_hz: float, filtered: SpeedFilter) -> tuple[Array, Array, Array]:
@@ -363,9 +378,8 @@ def _moved(run: Run, noise: Noise, band_hz: float, filtered: SpeedFilter) -> tup
     spectrum = Spectrum(len(run), run.sample_rate_hz, 4 / band_hz)
     low = spectrum.low_pass(MOTION_BAND * band_hz)
     share = speed_share(noise, np.abs(spectrum.omega))
-    position = spectrum.apply(run.position_rad, low)
-    speed = spectrum.apply(run.position_rad, low * spectrum.omega * (1 - share), "slope")
-    speed = speed + spectrum.apply(run.speed_rad_s, low * share * filtered.undone(spectrum.omega), "drop")
+    of_speed = low * share * filtered.undone(spectrum.omega)
+    position, speed = _fused(spectrum, run.position_rad, run.speed_rad_s, low * (1 - share), of_speed)
     acceleration = spectrum.apply(
         speed, spectrum.low_pass(2 * MOTION_BAND * band_hz) * spectrum.omega, "slope"
     )
