@@ -48,6 +48,8 @@ TOO_MUCH = 1.6
 SEEN_ASIDE = 0.5
 #: A proof in which more is left than this proves nothing.
 HARDLY = 0.75
+#: Where the floor is not reached, what several terms carry beyond each other sums up to this part of the mismatch.
+TOGETHER = 0.2
 
 #: What shows in nothing but acceleration; a session without much of that can name none of them.
 OF_ACCELERATION = (
@@ -146,6 +148,8 @@ class _Explained:
         if verdict in ("explained", "partly_explained"):
             tell("Intervals of the parameters", 0.75)
             findings = self._findings(moved)
+            if verdict == "partly_explained" and self._only_together(findings, after.torque_rmse_nm):
+                verdict, findings = "unexplained", ()
         model = best.model if findings else bare.model
         if not findings:
             after = before
@@ -222,6 +226,11 @@ class _Explained:
         if before_nm <= SEEN * self.floor:
             return 0.0
         return _share((before_nm / self.floor) ** 2, (after_nm / self.floor) ** 2)
+
+    def _only_together(self, findings: tuple[Finding, ...], after_nm: float) -> bool:
+        """Whether several terms stand in for a shape that the library lacks: none can be spared, none carries much."""
+        alone = sum(finding.where.share_of_energy for finding in findings)
+        return len(findings) > 1 and alone < TOGETHER and after_nm > NEARLY * self.floor
 
     def _shift(self) -> Shift:
         """Late speed or torque, judged about the best model."""
