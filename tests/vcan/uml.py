@@ -99,6 +99,12 @@ def write_scripts(exchange: Path, command: list[str], out: Path | None, time_lim
     init.chmod(0o755)
 
 
+def stay_on_one_processor() -> None:
+    """The kernel runs its processes by tracing them, turn by turn: across processors each turn would wake another."""
+    if hasattr(os, "sched_setaffinity"):
+        os.sched_setaffinity(0, {max(os.sched_getaffinity(0))})
+
+
 def boot(exchange: Path, memory_mib: int, time_limit: int) -> int:
     """Boot, pass on what the command prints, and return its exit status."""
     kernel = [
@@ -163,6 +169,7 @@ def main() -> int:
         return NOT_RUN
     for number in (signal.SIGTERM, signal.SIGHUP):
         signal.signal(number, lambda received, _: sys.exit(128 + received))
+    stay_on_one_processor()
     with tempfile.TemporaryDirectory(prefix="schwung-uml-", dir="/tmp") as exchange:
         write_scripts(Path(exchange), arguments.command, arguments.out, arguments.time_limit)
         return boot(Path(exchange), arguments.memory, arguments.time_limit)
