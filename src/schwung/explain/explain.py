@@ -50,6 +50,8 @@ SEEN_ASIDE = 0.5
 HARDLY = 0.75
 #: Where the floor is not reached, what several terms carry beyond each other sums up to this part of the mismatch.
 TOGETHER = 0.2
+#: What every axis has, and what long strokes at one speed cannot tell apart from each other well.
+USUAL = ("coulomb_friction", "asymmetric_friction", "viscous_friction", "cogging")
 
 #: What shows in nothing but acceleration; a session without much of that can name none of them.
 OF_ACCELERATION = (
@@ -230,7 +232,8 @@ class _Explained:
     def _only_together(self, findings: tuple[Finding, ...], after_nm: float) -> bool:
         """Whether several terms stand in for a shape that the library lacks: none can be spared, none carries much."""
         alone = sum(finding.where.share_of_energy for finding in findings)
-        return len(findings) > 1 and alone < TOGETHER and after_nm > NEARLY * self.floor
+        usual = all(finding.physics in USUAL for finding in findings)
+        return len(findings) > 1 and not usual and alone < TOGETHER and after_nm > NEARLY * self.floor
 
     def _shift(self) -> Shift:
         """Late speed or torque, judged about the best model."""
