@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
@@ -10,7 +9,7 @@ import numpy as np
 from schwung.explain.fit import Fitted, Model, Problem
 from schwung.explain.proof import Split, missed_nm
 from schwung.explain.refine import refined, slimmed
-from schwung.explain.search import CONSISTENT, Found, chosen, reduced, search
+from schwung.explain.search import CONSISTENT, Found, Progress, chosen, reduced, search
 
 #: A term that makes the runs that check it so much worse is wrong.
 WORSE = 1.02
@@ -21,8 +20,6 @@ BORNE_OUT, AT_FLOOR = 0.15, 1.15
 SEEN = 1.12
 #: Without runs to check it a term carries this part of the mismatch at least: what is small stands on its shape alone.
 UNPROVEN = 0.01
-
-Progress = Callable[[str, float], None]
 
 
 def searched(problem: Problem, parts: Split, progress: Progress) -> tuple[Found, Fitted]:

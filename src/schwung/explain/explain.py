@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
@@ -20,7 +19,7 @@ from schwung.explain.plausibility import examine
 from schwung.explain.proof import Split, misfit, missed_nm, remainder, split
 from schwung.explain.residual import Residuals, Unknowns
 from schwung.explain.scale import scale_note
-from schwung.explain.search import CONSISTENT, Found, reduced
+from schwung.explain.search import CONSISTENT, Found, Progress, reduced
 from schwung.explain.sharpened import sharpened
 from schwung.explain.signals import Prepared, prepare
 from schwung.explain.timing import Shift, Times, shift
@@ -58,8 +57,6 @@ OF_ACCELERATION = (
     "load_inertia", "inertia_profile_shift", "torque_constant", "torque_lag", "measurement_delay", "coupling_stiffness",
     "coupling_damping", "nonlinear_stiffness", "backlash", "extra_compliance",
 )  # fmt: skip
-
-Progress = Callable[[str, float], None]
 
 
 def explain(session: Session, machine: Machine, *, progress: Progress | None = None) -> Explanation:
