@@ -68,7 +68,7 @@ WANTED = (
 )  # fmt: skip
 
 
-@pytest.mark.parametrize(("begin", "wanted"), list(itertools.product(State, WANTED)))
+@pytest.mark.parametrize(("begin", "wanted"), list(itertools.product(WORDS, WANTED)))
 def test_the_controlwords_lead_to_the_wanted_state(begin: State, wanted: State) -> None:
     drive, energised_after_fault = Drive(begin), False
     for _ in range(8):
@@ -122,3 +122,15 @@ def test_a_drive_that_sticks_has_its_missing_precondition_named(
     assert named in reason.problem
     assert cia402.decode(status).value in reason.problem
     assert reason.remedy
+
+
+@pytest.mark.parametrize("word", [0x0001, 0x0003, 0x0013, 0x002F, None])
+def test_what_the_standard_does_not_list_is_unknown_and_not_off(word: int | None) -> None:
+    assert cia402.decode(word) is State.UNKNOWN
+    assert State.UNKNOWN not in cia402.OFF
+
+
+def test_only_a_controlword_with_all_four_bits_enables() -> None:
+    enabling = [word for word in range(0x200) if cia402.enables_operation(word)]
+    assert {word & 0x0F for word in enabling} == {0x0F}
+    assert len(enabling) == 0x200 // 16

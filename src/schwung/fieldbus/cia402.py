@@ -25,6 +25,7 @@ class State(Enum):
     QUICK_STOP_ACTIVE = "Quick stop active"
     FAULT_REACTION = "Fault reaction active"
     FAULT = "Fault"
+    UNKNOWN = "unknown"  # a pattern that the standard does not list, or no answer: never to be taken for off
 
 
 # Controlwords (bits: 0 switch on, 1 enable voltage, 2 no quick stop, 3 enable operation, 7 fault reset)
@@ -68,16 +69,25 @@ _TOWARDS_ENABLED = {
 
 #: The power stage is on.
 ENERGISED = (State.OPERATION_ENABLED, State.QUICK_STOP_ACTIVE, State.FAULT_REACTION)
+#: The power stage is off, and stays so whatever a single controlword that enables operation says.
+OFF = (State.SWITCH_ON_DISABLED, State.NOT_READY, State.FAULT)
 
 _ABOVE_READY = (State.SWITCHED_ON, State.OPERATION_ENABLED)
 
 
-def decode(statusword: int) -> State:
-    """State of a statusword. A pattern that the standard does not know counts as not ready."""
-    for mask, pattern, state in _PATTERNS:
-        if statusword & mask == pattern:
-            return state
-    return State.NOT_READY
+def decode(statusword: int | None) -> State:
+    """State of a statusword. A pattern that the standard does not know is `UNKNOWN`, as is one that was refused (None):
+    neither says that the power stage is off."""
+    if statusword is not None:
+        for mask, pattern, state in _PATTERNS:
+            if statusword & mask == pattern:
+                return state
+    return State.UNKNOWN
+
+
+def enables_operation(controlword: int) -> bool:
+    """True for a controlword that switches the power stage on, or leaves it on (bits 0 to 3)."""
+    return controlword & ENABLE_OPERATION == ENABLE_OPERATION
 
 
 def next_controlword(state: State, wanted: State) -> int | None:
@@ -106,7 +116,7 @@ class Reason:
 
 
 def why_stuck(
-    statusword: int,
+    statusword: int | None,
     controlword: int,
     wanted: State,
     *,
@@ -120,8 +130,10 @@ def why_stuck(
 
     controlword: the one last sent; controlword_seen: 6040 read back, where it could be read: another value than
     the one sent means that the PDO does not reach the object. mode, mode_display: 6060 wanted and 6061 shown.
-    error: the decoded error code, where the drive reports one.
+    error: the decoded error code, where the drive reports one. statusword None: it was refused.
     """
+    if statusword is None:
+        return Reason("does not show its statusword (6041)", "Is this the profile of this drive?")
     state = decode(statusword)
     faulty = state in (State.FAULT, State.FAULT_REACTION)
     waiting = state in (State.SWITCH_ON_DISABLED, State.READY)

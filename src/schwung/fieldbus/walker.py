@@ -1,0 +1,112 @@
+"""Walking a drive through the CiA 402 state machine, on whatever bus it is: up to operation, and verifiably off.
+
+Going up stops at the first disturbance. Going off does not: a state that cannot be read or that the standard does not
+know is never taken for off; Disable Voltage is sent all the same, and what cannot be verified is raised.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+from schwung.clock import Clock
+from schwung.errors import DriveError, StateError
+from schwung.fieldbus import cia402
+from schwung.fieldbus.cia402 import State
+
+#: A state that lasts longer than this is stuck (s); a brake that is released takes up to half a second.
+PATIENCE_S = 2.0
+#: Steps down that a drive may do on a ramp of its own, before the voltage goes (605B, 605C).
+_STEPS_DOWN = {State.OPERATION_ENABLED: cia402.SWITCH_ON, State.SWITCHED_ON: cia402.SHUTDOWN}
+
+
+@dataclass(frozen=True)
+class Access:
+    """What a bus lends to the walker."""
+
+    place: str  # "node 3"
+    statusword: Callable[[], int | None]  # read now; None where the drive does not show it. Raises DriveError
+    command: Callable[[int], None]  # a controlword that the drive is given time for. Raises DriveError
+    pause: Callable[[], None]  # between two looks
+    stuck: Callable[
+        [int | None, int, State], DriveError
+    ]  # of statusword, last controlword, wanted state: why
+
+
+class Walker:
+    """One drive's state machine, from outside."""
+
+    def __init__(self, clock: Clock, access: Access, patience_s: float = PATIENCE_S) -> None:
+        self._clock, self._access, self._patience_s = clock, access, patience_s
+
+    def state(self) -> State:
+        """The state now; `UNKNOWN` where the drive shows none. Raises DriveError where it does not answer."""
+        return cia402.decode(self._access.statusword())
+
+    def climb(self, wanted: State, check: Callable[[], None]) -> None:
+        """Step by step up to a state, each controlword once. `check` raises what has come between.
+
+        Raises StateError or DriveFaultError naming what is missing.
+        """
+        access, previous, since, sent = self._access, None, self._clock.now(), -1
+        while True:
+            word = access.statusword()
+            state = cia402.decode(word)
+            check()
+            if state is wanted:
+                return
+            if state is not previous:
+                previous, since = state, self._clock.now()
+            step = cia402.next_controlword(state, wanted)
+            hopeless = (
+                step is None and state is not State.UNKNOWN
+            )  # which may be a state on its way to the next
+            if hopeless or self._clock.now() - since > self._patience_s:
+                raise access.stuck(word, max(sent, 0), wanted)
+            if step is None or step == sent:
+                access.pause()
+            else:
+                access.command(step)
+                sent = step
+
+    def off(self) -> None:
+        """Switch off, and see that it is: Switch on disabled, or a fault that has been reacted to. A fault stays.
+
+        Call it when the axis stands: the voltage goes. Raises StateError where the power stage may still be on, or what
+        kept the drive from answering; Disable Voltage has been sent then.
+        """
+        access, since, word = self._access, self._clock.now(), None
+        previous: State | None = None
+        while True:
+            overdue = self._clock.now() - since > self._patience_s
+            try:
+                word = access.statusword()
+                state = cia402.decode(word)
+                if state in cia402.OFF:
+                    return
+                if state is not previous:
+                    previous, since = state, self._clock.now()
+                elif overdue:
+                    break
+                if state is State.FAULT_REACTION:  # it ends by itself, in Fault
+                    access.pause()
+                else:
+                    access.command(_STEPS_DOWN.get(state, cia402.DISABLE_VOLTAGE))
+            except DriveError:
+                self._insist()
+                if overdue:
+                    raise
+        self._insist()
+        shown = "no statusword" if word is None else f'statusword 0x{word:04X}, "{cia402.decode(word).value}"'
+        raise StateError(
+            access.place,
+            f"may still be energised ({shown})",
+            "Stay clear of the machine, press the emergency stop, then look at the drive.",
+        )
+
+    def _insist(self) -> None:
+        """Voltage off, unseen: sent, whatever becomes of it."""
+        try:
+            self._access.command(cia402.DISABLE_VOLTAGE)
+        except DriveError:
+            self._access.pause()
