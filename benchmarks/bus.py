@@ -29,7 +29,7 @@ def measure(plant: str, seconds: float) -> None:
     profile = load_profile("schwung-bench")
     acquisition = Acquisition("csp", RATE_HZ)
     with Bench(plant, channel=f"benchmark-{plant}", node_id=1):
-        bus = open_bus(BusOptions("virtual", f"benchmark-{plant}", 1_000_000))
+        bus = open_bus(BusOptions("stepped", f"benchmark-{plant}", 1_000_000))
         drive = CanopenDrive(bus, 1, profile, bit_rate=1_000_000)
         before = drive.setup(acquisition)
         drive.write(before)

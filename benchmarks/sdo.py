@@ -41,7 +41,7 @@ def measure(size: int, turn_around_s: float) -> float:
         "two-mass", channel="benchmark-sdo", node_id=1, faults=f"turn-around={turn_around_s}"
     ) as bench:
         bench.servo.dictionary.values[USER_DATA.index << 8] = content
-        bus = open_bus(BusOptions("virtual", "benchmark-sdo", 1_000_000))
+        bus = open_bus(BusOptions("stepped", "benchmark-sdo", 1_000_000))
         link = Link(bus)
         sdo = SdoChannel(link, 1, timeout_s=1.0)
         took = {}

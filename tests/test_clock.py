@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import can
 import pytest
 
-from schwung.clock import BIT_RATE, EPOCH_S, Clock, SteppedBus, SteppedClock, WallClock
+from schwung.clock import BIT_RATE, EPOCH_S, Clock, SteppedBus, SteppedClock, WallClock, clock_of
 
 
 @dataclass
@@ -264,3 +264,24 @@ def test_only_its_own_buses_can_be_read() -> None:
         pytest.raises(TypeError, match="stepped clock"),
     ):
         SteppedClock().read(bus, _unexpected, _unexpected)
+
+
+def test_who_names_a_channel_meets_there_by_python_can_s_own_means() -> None:
+    one, other = (can.Bus(interface="stepped", channel="hall", bitrate=500_000) for _ in range(2))
+    elsewhere = can.Bus(interface="stepped", channel="yard")
+    assert clock_of(one) is clock_of(other)
+    assert clock_of(one) is not clock_of(elsewhere)
+    one.send(frame(0x123))
+    message = other.recv(1.0)
+    assert message is not None
+    assert message.timestamp == pytest.approx(EPOCH_S + 47 / 500_000, abs=1e-6)
+    before = clock_of(one)
+    for end in (one, other, elsewhere):
+        end.shutdown()
+    with can.Bus(interface="stepped", channel="hall") as again:
+        assert clock_of(again) is not before  # an empty hall is forgotten
+
+
+def test_every_other_bus_runs_by_the_wall() -> None:
+    with can.Bus(interface="virtual", channel="any") as bus:
+        assert isinstance(clock_of(bus), WallClock)

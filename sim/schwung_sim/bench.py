@@ -1,4 +1,8 @@
-"""The bench: one simulated drive with its machine on any CAN bus, in a thread or as a process of its own."""
+"""The bench: one simulated drive with its machine on any CAN bus.
+
+On a stepped bus, which brings its own clock, it does what is due when that clock says so; on any other it has a thread,
+or is a process of its own.
+"""
 
 from __future__ import annotations
 
@@ -14,7 +18,7 @@ import can
 
 from schwung_sim.drives.axis import ServoAxis
 from schwung_sim.drives.roles import find_profile, read_profile, read_roles
-from schwung_sim.drives.servo import CanopenServo, Clock
+from schwung_sim.drives.servo import TICK_S, CanopenServo, Clock
 from schwung_sim.drives.vendor import CONTROL_PERIOD_US, OWN_FAMILY
 from schwung_sim.errors import BenchError
 from schwung_sim.faults import FaultSchedule, FaultyBus, parse_faults
@@ -35,7 +39,8 @@ class Bench:
     `plant` is a name ("two-mass", "slider-crank") or a Plant; `conceal` switches on physics that the tool
     under test does not know (plants/concealed.py has the syntax), `faults` what goes wrong (faults.py has
     the syntax). `interface`, `channel` and `bus_options` are python-can's; `tcp` = (host, port) serves a bus
-    of its own instead, see socketcand.py. `profile` (a family of device_profiles, or a path) says which objects play
+    of its own instead, see socketcand.py. `clock`: what the axis follows, see CanopenServo; by default the clock
+    of a stepped bus, else SYNC. `profile` (a family of device_profiles, or a path) says which objects play
     which part, `eds` which objects there are: nothing else is shown on the bus; default: the bench's own drive.
     `memory` keeps stored parameters (1010) in a file. All chance comes from `seed`, and so does the serial number of
     the drive.
@@ -48,18 +53,18 @@ class Bench:
         *,
         conceal: str = "",
         seed: int = 0,
-        interface: str = "virtual",
+        interface: str = "stepped",
         channel: str = "bench",
         bus_options: Mapping[str, Any] | None = None,
         tcp: tuple[str, int] | None = None,
-        clock: Clock = "sync",
+        clock: Clock | None = None,
         node_id: int = 5,
         eds: Path | None = None,
         profile: str | Path | None = None,
         faults: str = "",
         memory: Path | None = None,
     ) -> None:
-        if clock not in ("sync", "wall"):
+        if clock not in ("sync", "wall", None):
             raise BenchError("--clock", f'there is no clock "{clock}"', "There are sync and wall.")
         if seed < 0:
             raise BenchError("--seed", f"{seed} is negative", "Take 0 or more.")
@@ -84,15 +89,19 @@ class Bench:
         self.bus = FaultyBus(bus, seed=seed) if wanted_faults else bus
         try:
             self.axis = ServoAxis(self.plant, seed=seed)
+            self._time = getattr(self.bus, "clock", None)
+            timed = {} if self._time is None else {"monotonic": self._time.now, "sleep": self._time.sleep}
             self.servo = CanopenServo(
-                self.bus, node_id, self.axis, eds or own_eds, roles, clock=clock, seed=seed, memory=memory
-            )
+                self.bus, node_id, self.axis, eds or own_eds, roles, seed=seed, memory=memory,
+                clock=clock or ("sync" if self._time is None else "wall"), **timed,
+            )  # fmt: skip
         except BaseException:
             self.close()
             raise
         if isinstance(self.bus, FaultyBus):
             self.servo.on_advance = FaultSchedule(self.servo, self.bus, wanted_faults).poll
         self.failure: BaseException | None = None
+        self._tasks: list[Any] = []  # what a stepped bus's clock does for us
         self._thread: threading.Thread | None = None
         self._ended = threading.Event()
 
@@ -105,7 +114,14 @@ class Bench:
         return options
 
     def start(self) -> Bench:
-        """Switch the drive on, in a thread of its own; it has booted when this returns."""
+        """Switch the drive on; it has booted when this returns."""
+        if self._time is not None:
+            self.servo.start()
+            self._tasks = [
+                self._time.read(self.bus, self.servo.receive, lambda _: self.servo.bus_failed()),
+                self._time.every(TICK_S, self.servo.tick, "bench drive"),
+            ]
+            return self
         self._thread = threading.Thread(target=self._run, name="bench-drive", daemon=True)
         self._thread.start()
         if not self.servo.booted.wait(START_S) or self.failure is not None:
@@ -125,6 +141,8 @@ class Bench:
     def stop(self) -> None:
         """Switch off and leave the bus. Raises what made the drive's thread fail, if anything did."""
         self.servo.stop()
+        while self._tasks:
+            self._tasks.pop().close()
         if self._thread is not None:
             self._thread.join(START_S)
             self._thread = None

@@ -109,6 +109,9 @@ class FaultyBus(can.BusABC):
         self._off = False
         self._send_luck, self._receive_luck = random.Random(f"{seed} send"), random.Random(f"{seed} receive")
         self.channel_info = f"{bus.channel_info}, with faults"
+        clock = getattr(bus, "clock", None)  # a stepped bus has its own
+        self._sleep = time.sleep if clock is None else clock.sleep
+        self._date = time.time if clock is None else clock.date
         super().__init__(channel=getattr(bus, "channel", "faulty"))
 
     def go_bus_off(self) -> None:
@@ -129,20 +132,34 @@ class FaultyBus(can.BusABC):
             return
         self.inner.send(msg, timeout)
 
-    def _recv_internal(self, timeout: float | None) -> tuple[can.Message | None, bool]:
+    @property
+    def clock(self) -> Any:
+        """The clock of the bus inside, where it has one."""
+        return getattr(self.inner, "clock", None)
+
+    @property
+    def stepped(self) -> Any:
+        """The stepped bus inside, where it is one."""
+        return getattr(self.inner, "stepped", None)
+
+    def recv(self, timeout: float | None = None) -> can.Message | None:
+        """Receive, or lose it. Raises can.CanOperationError in bus-off."""
         self._check()
         message = self.inner.recv(timeout)
         if message is None:
-            return None, True
+            return None
         if self.drop and self._receive_luck.random() < self.drop:
             self.dropped += 1
-            return None, True
+            return None
         if self.turn_around_s:
-            waits = message.timestamp + self.turn_around_s - time.time()
-            time.sleep(min(max(waits, 0.0), self.turn_around_s))
+            waits = message.timestamp + self.turn_around_s - self._date()
+            self._sleep(min(max(waits, 0.0), self.turn_around_s))
         if self.jitter_s and message.arbitration_id == SYNC_ID:
-            time.sleep(self._receive_luck.uniform(0, self.jitter_s))
-        return message, True
+            self._sleep(self._receive_luck.uniform(0, self.jitter_s))
+        return message
+
+    def _recv_internal(self, timeout: float | None) -> tuple[can.Message | None, bool]:
+        return self.recv(timeout), True
 
     def shutdown(self) -> None:
         """Shut the bus inside down as well."""

@@ -3,7 +3,11 @@
     WallClock      `every` and `read` are threads; what waits, waits in the kernel
     SteppedClock   one thread, no waiting: whoever sleeps or waits carries out what is due meanwhile, frames among it;
                    where nothing is due the clock jumps to the next thing that will be. Same calls, same bytes,
-                   however busy the computer is. A frame on its own bus (`bus`) takes as long as its bits do
+                   however busy the computer is. A frame on its own bus takes as long as its bits do. That bus is an
+                   interface of python-can's, "stepped": who names a channel first makes a clock for it, and everybody
+                   who names it in the same process meets there
+
+Whoever has a bus has its clock: `clock_of`.
 
 Callbacks of `every`, `read` and `later` note what came and do not wait: under the wall they would hold up a thread.
 """
@@ -48,6 +52,11 @@ class Event(Protocol):
 
 class Clock(Protocol):
     """What time it is, and how it passes. All times are in seconds."""
+
+    @property
+    def simulated(self) -> bool:
+        """Every deadline is kept by construction."""
+        ...
 
     def now(self) -> float:
         """Monotonic; its zero means nothing."""
@@ -95,6 +104,8 @@ _ENDED_WITHIN_S = 1.0
 
 class WallClock:
     """The computer's own time. It has no state: two of them are as good as one."""
+
+    simulated = False
 
     now = staticmethod(time.monotonic)
     date = staticmethod(time.time)
@@ -186,6 +197,8 @@ class SteppedClock:
     """Simulated time; see the module. Everything happens in the thread that sleeps or waits, in the order in which it
     is due, and in the order in which it was asked for where that is the same."""
 
+    simulated = True
+
     def __init__(self) -> None:
         self._now = 0.0
         self._order = itertools.count()
@@ -246,9 +259,9 @@ class SteppedClock:
     def bus(
         self, channel: str = "bench", *, bit_rate: int = BIT_RATE, receive_own_messages: bool = False
     ) -> SteppedBus:
-        """One more end of a wire; the first one makes it."""
+        """One more end of a wire of this clock's own; the first one makes it."""
         wire = self._wires.setdefault(channel, Wire(self, bit_rate))
-        return SteppedBus(wire, channel, receive_own_messages)
+        return SteppedBus(channel, wire=wire, receive_own_messages=receive_own_messages)
 
     def _at(self, when: float, call: _Call) -> _Call:
         heapq.heappush(self._due, (when, next(self._order), call))
@@ -390,13 +403,30 @@ class _Arrival(_Call):
 class SteppedBus(can.BusABC):
     """One end of a stepped wire, as python-can has it. `recv` lets the clock's time pass."""
 
-    def __init__(self, wire: Wire, channel: str, receive_own_messages: bool) -> None:
+    def __init__(
+        self,
+        channel: str = "bench",
+        *,
+        wire: Wire | None = None,
+        bitrate: int = BIT_RATE,
+        receive_own_messages: bool = False,
+        **_: Any,
+    ) -> None:
+        if wire is None:
+            wire = _named.get(channel)
+            if wire is None:
+                wire = _named[channel] = Wire(SteppedClock(), bitrate)
         self.wire, self.receive_own_messages = wire, receive_own_messages
         self.channel_info, self.channel = f"stepped {channel}", channel
         self.waiting: deque[can.Message] = deque()
         self.reader: _Reader | None = None
         wire.ends.append(self)
         super().__init__(channel=channel)
+
+    @property
+    def clock(self) -> SteppedClock:
+        """The clock by which it runs."""
+        return self.wire.clock
 
     @property
     def stepped(self) -> SteppedBus:
@@ -433,7 +463,19 @@ class SteppedBus(can.BusABC):
         super().shutdown()
         if self in self.wire.ends:
             self.wire.ends.remove(self)
+        if not self.wire.ends and _named.get(self.channel) is self.wire:
+            del _named[self.channel]
         self.waiting.clear()
+
+
+#: Wires that were made by naming a channel, for as long as anybody is on them.
+_named: dict[str, Wire] = {}
+
+
+def clock_of(bus: can.BusABC) -> Clock:
+    """The clock by which a bus runs: its own where it is stepped, else the wall's."""
+    inner = getattr(bus, "stepped", None)
+    return inner.clock if isinstance(inner, SteppedBus) else WallClock()
 
 
 def _copy(message: can.Message) -> can.Message:

@@ -98,7 +98,7 @@ def desk(
     channel = f"desk-{next(_channels)}"
     profile = profile or load_profile("schwung-bench")
     with Bench(plant, channel=channel, node_id=1, profile=bench_profile, **bench_options) as bench:  # type: ignore[arg-type]  # by name
-        bus = open_bus(BusOptions("virtual", channel, bit_rate))
+        bus = open_bus(BusOptions("stepped", channel, bit_rate))
         try:
             drive = CanopenDrive(bus, 1, profile, bit_rate=bit_rate, sync=sync)  # type: ignore[arg-type]  # a literal
             try:

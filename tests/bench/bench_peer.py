@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import struct
-import time
 from typing import Any
 
 import can
+
+from schwung.clock import clock_of
 
 NODE = 5
 
@@ -25,8 +26,9 @@ class Master:
     def wait_for(self, *can_ids: int, timeout_s: float = 1.0) -> dict[int, bytes]:
         """The next frame of each identifier; those that do not come in time are missing."""
         found: dict[int, bytes] = {}
-        end = time.monotonic() + timeout_s
-        while len(found) < len(can_ids) and (left := end - time.monotonic()) > 0:
+        clock = clock_of(self.bus)
+        end = clock.now() + timeout_s
+        while len(found) < len(can_ids) and (left := end - clock.now()) > 0:
             message = self.bus.recv(left)
             if message is None:
                 continue

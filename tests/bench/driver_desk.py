@@ -22,12 +22,16 @@ _channels = count()
 
 @contextmanager
 def bench_and_bus(
-    *, own_messages: bool = False, tool_faults: dict[str, Any] | None = None, **bench_options: Any
+    *,
+    own_messages: bool = False,
+    tool_faults: dict[str, Any] | None = None,
+    interface: str = "stepped",
+    **bench_options: Any,
 ) -> Iterator[tuple[Bench, can.BusABC]]:
     """A running bench and a second end of its bus; `tool_faults` make our own adapter a faulty one."""
     channel = f"driver-{next(_channels)}"
-    with Bench("two-mass", channel=channel, node_id=NODE, **bench_options) as bench:
-        bus: can.BusABC = can.Bus(interface="virtual", channel=channel, receive_own_messages=own_messages)
+    with Bench("two-mass", interface=interface, channel=channel, node_id=NODE, **bench_options) as bench:
+        bus: can.BusABC = can.Bus(interface=interface, channel=channel, receive_own_messages=own_messages)
         if tool_faults:
             bus = FaultyBus(bus, **tool_faults)
         try:

@@ -1,7 +1,6 @@
 """Faults on demand, seen over the bus by a master that knows nothing of them."""
 
 import struct
-import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 
@@ -9,15 +8,16 @@ import can
 import pytest
 from bench_peer import NODE, Master
 
+from schwung.clock import clock_of
 from schwung_sim.bench import Bench
 from schwung_sim.faults import Fault, FaultyBus, parse_faults
 
 
 @contextmanager
 def moving(faults: str, seed: int = 0) -> Iterator[tuple[Bench, Master]]:
-    """A bench with faults, and a master that has the drive in operation."""
+    """A bench with faults, and a master in lockstep that has the drive in operation: cycles are counted."""
     with (
-        Bench(channel=f"faults {faults} {seed}", faults=faults, seed=seed) as bench,
+        Bench(channel=f"faults {faults} {seed}", faults=faults, seed=seed, clock="sync") as bench,
         Master(**bench.tool_options) as master,
     ):
         master.prepare()
@@ -97,7 +97,7 @@ def test_bus_off_of_the_drive_is_silence_and_a_stop() -> None:
         answers = [master.cycle(0x0F, 200 * n, timeout_s=0.05) for n in range(60)]
         assert answers[20] is not None
         assert answers[-1] is None
-        time.sleep(0.1)
+        master.wait_for(timeout_s=0.1)
         assert bench.servo.power.state.name in ("FAULT", "FAULT_REACTION_ACTIVE")  # 6007 is 1 by default
 
 
@@ -110,14 +110,15 @@ def test_second_master_takes_the_drive_out_of_operation() -> None:
 
 def test_dropped_frames_are_repeatable_and_as_many_as_asked() -> None:
     def arrived(seed: int) -> list[int]:
-        with can.Bus(interface="virtual", channel="drop") as far:
-            bus = FaultyBus(can.Bus(interface="virtual", channel="drop"), drop=0.02, seed=seed)
+        with can.Bus(interface="stepped", channel="drop") as far:
+            bus = FaultyBus(can.Bus(interface="stepped", channel="drop"), drop=0.02, seed=seed)
             try:
                 for n in range(2000):
                     bus.send(can.Message(arbitration_id=n, is_extended_id=False))
-                there = [n.arbitration_id for n in iter(lambda: far.recv(0), None)]
+                there = [n.arbitration_id for n in iter(lambda: far.recv(1.0), None)]
                 for n in there:
                     far.send(can.Message(arbitration_id=n, is_extended_id=False))
+                clock_of(far).sleep(1.0)
                 return [m.arbitration_id for m in (bus.recv(0) for _ in there) if m is not None]
             finally:
                 bus.shutdown()
@@ -137,15 +138,16 @@ def test_dropped_frames_leave_gaps_that_a_master_can_see() -> None:
 
 def test_late_sync_is_still_one_period() -> None:
     with moving("jitter=0.002") as (bench, master):
-        started, at = time.monotonic(), bench.axis.time_s
+        clock = clock_of(master.bus)
+        started, at = clock.now(), bench.axis.time_s
         for n in range(50):
             assert master.cycle(0x0F, 0) is not None, n
         assert bench.axis.time_s - at == pytest.approx(0.05)
-        assert time.monotonic() - started > 0.025  # 50 delays of 1 ms on the average
+        assert clock.now() - started > 0.025  # 50 delays of 1 ms on the average
 
 
 def test_bus_off_of_a_tool() -> None:
-    with can.Bus(interface="virtual", channel="tool") as inner:
+    with can.Bus(interface="stepped", channel="tool") as inner:
         bus = FaultyBus(inner, bus_off_after=3)
         message = can.Message(arbitration_id=0x80, is_extended_id=False)
         for _ in range(3):

@@ -26,7 +26,7 @@ Bench(tcp=("127.0.0.1", 0), seed=9).run_forever(max_time_s=float(sys.argv[1]))
 
 
 def test_a_motion_over_the_virtual_bus() -> None:
-    with Bench(channel="motion", seed=3) as bench, Master(**bench.tool_options) as master:
+    with Bench(channel="motion", seed=3, clock="sync") as bench, Master(**bench.tool_options) as master:
         master.prepare()
         master.enable()
         for n in range(1000):

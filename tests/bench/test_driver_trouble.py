@@ -2,9 +2,6 @@
 
 from __future__ import annotations
 
-import threading
-import time
-
 import can
 import numpy as np
 import pytest
@@ -19,9 +16,7 @@ from schwung.errors import (
     SdoError,
     StateError,
 )
-from schwung.fieldbus import cia402
 from schwung.fieldbus.canopen import CanopenDrive
-from schwung.fieldbus.canopen.kernel import KernelProducer
 from schwung.fieldbus.canopen.link import Frame
 from schwung.fieldbus.drive import Acquisition, partial_recording
 from schwung.fieldbus.profile import load_profile
@@ -69,9 +64,9 @@ def test_lost_frames_become_nan_and_shift_nothing() -> None:
         assert np.max(np.abs((recording.position_rad - recording.position_demand_rad)[good])) < 0.02
 
 
-def test_halt_from_another_thread_ends_the_motion() -> None:
+def test_halt_from_elsewhere_ends_the_motion() -> None:
     with enabled() as (bench, drive):
-        threading.Timer(0.2, drive.halt).start()
+        drive.clock.later(0.2, drive.halt)
         with pytest.raises(StateError, match="halt") as raised:
             drive.play(LONG)
         assert partial_recording(raised.value) is not None
@@ -79,21 +74,19 @@ def test_halt_from_another_thread_ends_the_motion() -> None:
         assert abs(bench.axis.speed_rad_s) < 0.05
 
 
-def test_halt_while_it_is_being_enabled_is_not_forgotten(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Another thread says halt between two steps of the state machine: the next step may not come."""
+def test_halt_while_it_is_being_enabled_is_not_forgotten() -> None:
+    """Somebody says halt between two steps of the state machine: the next step may not come."""
     with connected() as (bench, drive):
         drive.write(drive.setup(CSP))
         drive.start(CSP)
-        command, done = drive._operation._command, []
+        done = []
 
-        def halt_after_switch_on(word: int) -> None:
-            command(word)
-            if word == cia402.SWITCH_ON and not done:
-                done.append(threading.Thread(target=drive.halt))
-                done[0].start()
-                done[0].join()
+        def halt_when_switched_on() -> None:
+            if bench.servo.power.state is Power.SWITCHED_ON and not done:
+                done.append(True)
+                drive.halt()
 
-        monkeypatch.setattr(drive._operation, "_command", halt_after_switch_on)
+        drive.clock.every(0.001, halt_when_switched_on)
         with pytest.raises(StateError, match="halt"):
             drive.enable()
         assert bench.servo.power.state is not Power.OPERATION_ENABLED
@@ -104,7 +97,7 @@ def test_halt_while_it_is_being_enabled_is_not_forgotten(monkeypatch: pytest.Mon
 def test_a_drive_that_somebody_else_has_switched_on_is_left_alone() -> None:
     with connected() as (bench, drive):
         drive.write(drive.setup(CSP))
-        other = Master(interface="virtual", channel=bench.channel)
+        other = Master(interface="stepped", channel=bench.channel)
         for word in (0x06, 0x07, 0x0F):
             other.write(0x6040, 0, word, 2)
         with pytest.raises(StateError, match="somebody else"):
@@ -118,11 +111,11 @@ def test_a_node_that_is_lost_while_it_is_enabled_is_given_up_soon() -> None:
     with connected(faults="bus-off@on+0.0") as (bench, drive):
         drive.write(drive.setup(CSP))
         drive.start(CSP)
-        began = time.monotonic()
+        began = drive.clock.now()
         with pytest.raises((NodeLostError, SdoError)):
             drive.enable()
         drive.close()
-        assert time.monotonic() - began < 4.0
+        assert drive.clock.now() - began < 4.0
         assert bench.servo.settle(2.0)
 
 
@@ -162,12 +155,12 @@ def test_our_own_adapter_going_bus_off_is_a_bus_error_and_the_drive_stops_by_its
         drive.write(drive.setup(CSP))
         drive.start(CSP)
         drive.enable()
-        threading.Timer(0.2, bus.go_bus_off).start()  # type: ignore[attr-defined]
+        drive.clock.later(0.2, bus.go_bus_off)  # type: ignore[attr-defined]
         with pytest.raises(BusError):
             drive.play(LONG)
-        began = time.monotonic()
+        began = drive.clock.now()
         drive.close()
-        assert time.monotonic() - began < 8.0
+        assert drive.clock.now() - began < 8.0
         assert bench.servo.settle(2.0)
 
 
@@ -196,8 +189,9 @@ def test_a_fault_is_only_reset_on_request_and_energises_nothing() -> None:
 
 def test_foreign_setpoints_on_our_identifier_are_noticed() -> None:
     with enabled() as (bench, drive):
-        other = can.Bus(interface="virtual", channel=bench.bus.channel_id)  # type: ignore[attr-defined]
-        threading.Timer(0.2, other.send, [Frame(0x200 + NODE, bytes([0x06, 0, 0, 0, 0, 0, 0, 0]))]).start()
+        other = can.Bus(interface="stepped", channel=bench.channel)
+        foreign = Frame(0x200 + NODE, bytes([0x06, 0, 0, 0, 0, 0, 0, 0]))
+        drive.clock.later(0.2, lambda: other.send(foreign))
         with pytest.raises(StateError, match="another master sends setpoints"):
             drive.play(LONG)
         other.shutdown()
@@ -217,29 +211,10 @@ def test_an_object_that_cannot_be_written_is_named(fault: str, words: str) -> No
         assert not bench.servo.power.energised
 
 
-def test_a_program_that_is_held_up_leaves_a_stopped_drive(monkeypatch: pytest.MonkeyPatch) -> None:
-    """The kernel would replay its ring for ever: its last slots stop the drive."""
-    with enabled(rate_hz=500.0, sync="kernel", own_messages=True) as (bench, drive):
-        monkeypatch.setattr(KernelProducer, "_feed", lambda self: None)
-        with pytest.raises(StateError, match=r"held up|left"):
-            drive.play(stroke(2000, 500.0))
-        assert bench.servo.settle(2.0)
-        assert bench.servo.power.state is not Power.OPERATION_ENABLED
-
-
 def test_closing_in_mid_motion_stops_the_drive_and_does_not_hang() -> None:
     with enabled(rate_hz=200.0, sync="thread") as (bench, drive):
-
-        def move() -> None:
-            with pytest.raises(DriveError):
-                drive.play(stroke(2000, 200.0))
-
-        mover = threading.Thread(target=move)
-        mover.start()
-        time.sleep(0.3)
-        began = time.monotonic()
-        drive.close()
-        assert time.monotonic() - began < 6.0
-        mover.join(5.0)
-        assert not mover.is_alive()
+        drive.clock.later(0.3, drive.close)
+        with pytest.raises(DriveError):
+            drive.play(stroke(2000, 200.0))
+        assert drive.clock.now() < 8.0
         assert not bench.servo.power.energised

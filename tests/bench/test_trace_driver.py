@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import threading
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from typing import Any
@@ -216,7 +215,7 @@ def test_halt_from_another_thread_silences_the_generator() -> None:
     )
     path = 0.5 * (1 - np.cos(2 * np.pi * np.arange(20_000) / 20_000))
     with tracing_drive(acquisition) as (bench, drive):
-        threading.Timer(0.2, drive.halt).start()
+        drive.clock.later(0.2, drive.halt)
         with pytest.raises(StateError, match="halt"):
             drive.play(Setpoints(1000.0, path, np.zeros(path.size), generator=Sine(50.0, 20.0)))
         assert not generating(bench)

@@ -49,8 +49,8 @@ def test_the_version_is_told(capsys: pytest.CaptureFixture[str]) -> None:
         (["restore", "none.json"], "does not exist"),
         (["export", "MACHINE"], "machine.toml"),
         (["scan", "-i", "nonsense", "-c", "x"], "nonsense"),
-        (["scan", "-i", "virtual", "-c", "x", "--nodes", "0-5"], "--nodes"),
-        (["scan", "-i", "virtual", "-c", "x", "--bus", "host"], "key=value"),
+        (["scan", "-i", "stepped", "-c", "x", "--nodes", "0-5"], "--nodes"),
+        (["scan", "-i", "stepped", "-c", "x", "--bus", "host"], "key=value"),
         (
             [
                 "commission",
@@ -61,14 +61,14 @@ def test_the_version_is_told(capsys: pytest.CaptureFixture[str]) -> None:
                 "--duration",
                 "1",
                 "-i",
-                "virtual",
+                "stepped",
                 "--mode",
                 "x",
             ],
             "--mode",
         ),
         (
-            ["commission", "-m", "MACHINE", "--distance", "1", "--duration", "1", "-i", "virtual", "-c", "q"],
+            ["commission", "-m", "MACHINE", "--distance", "1", "--duration", "1", "-i", "stepped", "-c", "q"],
             "node 1",
         ),
         (["bench"], "one bus"),

@@ -31,7 +31,7 @@ def bench(request: pytest.FixtureRequest) -> Iterator[Bench]:
 
 
 def _bus(bench: Bench) -> list[str]:
-    return ["-i", "virtual", "-c", bench.channel, "-n", "3"]
+    return ["-i", "stepped", "-c", bench.channel, "-n", "3"]
 
 
 def _held(bench: Bench, key: int) -> int:

@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import json
-import threading
-import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
@@ -13,6 +11,7 @@ import can
 import pytest
 from cli_running import invoke
 
+from schwung.clock import clock_of
 from schwung.commissioning import doctor_canopen
 from schwung.commissioning.doctor_canopen import LISTEN_S
 from schwung.fieldbus.profile import load_canopen_profile
@@ -51,7 +50,7 @@ def ask(capsys: pytest.CaptureFixture[str], channel: str) -> Ask:
             capsys,
             "doctor",
             "-i",
-            "virtual",
+            "stepped",
             "-c",
             channel,
             "-b",
@@ -156,8 +155,7 @@ def test_supply_remote_and_inputs_are_told(bench: Bench, ask: Ask) -> None:
 
 def test_an_object_that_the_drive_will_not_show_is_told(channel: str, ask: Ask) -> None:
     with Bench("two-mass", channel=channel, node_id=3, faults="sdo-abort=0x6064", clock="wall") as bench:
-        while not bench.servo.sdo.aborts:
-            time.sleep(0.01)
+        clock_of(bench.bus).wait(lambda: bool(bench.servo.sdo.aborts), 1.0)
         code, found = ask()
     assert code == 3
     assert found["position"]["severity"] == "stop"
@@ -166,8 +164,7 @@ def test_an_object_that_the_drive_will_not_show_is_told(channel: str, ask: Ask) 
 
 def test_a_drive_that_stops_answering_is_a_finding_and_no_failure(channel: str, ask: Ask) -> None:
     with Bench("two-mass", channel=channel, node_id=3, faults="sdo-timeout=0x6502", clock="wall") as bench:
-        while not bench.servo.sdo.silent:
-            time.sleep(0.01)
+        clock_of(bench.bus).wait(lambda: bool(bench.servo.sdo.silent), 1.0)
         code, found = ask()
     assert code == 3
     assert "6502" in found["answers"]["text"]
@@ -199,27 +196,17 @@ def test_another_master_is_noticed(
     bench: Bench, ask: Ask, channel: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(doctor_canopen, "LISTEN_S", LISTEN_S)
-    other = can.Bus(interface="virtual", channel=channel)
-    ending = threading.Event()
-
-    def beat() -> None:
-        while not ending.wait(0.02):
-            other.send(can.Message(arbitration_id=0x080, is_extended_id=False))
-
-    thread = threading.Thread(target=beat)
-    thread.start()
-    try:
-        code, found = ask()
-    finally:
-        ending.set()
-        thread.join()
-        other.shutdown()
+    other = can.Bus(interface="stepped", channel=channel)
+    sync = can.Message(arbitration_id=0x080, is_extended_id=False)
+    clock_of(other).every(0.02, lambda: other.send(sync))
+    code, found = ask()
+    other.shutdown()
     assert code == 3
     assert "SYNC" in found["other master"]["text"]
 
 
 def test_a_slow_bus_is_told_its_highest_rate(bench: Bench, capsys: pytest.CaptureFixture[str]) -> None:
-    arguments = ["doctor", "-i", "virtual", "-c", bench.channel, "-b", "125000", "-n", "3"]
+    arguments = ["doctor", "-i", "stepped", "-c", bench.channel, "-b", "125000", "-n", "3"]
     code, out, _ = invoke(capsys, *arguments, "--profile", "generic-cia402", "--json")
     found = {check["name"]: check for check in json.loads(out)["checks"]}
     assert code == 0
@@ -245,7 +232,7 @@ def test_of_the_eds_of_another_manufacturer_that_alone_is_told(
 ) -> None:
     foreign = load_canopen_profile("elmo-gold").eds_path
     _, out, _ = invoke(
-        capsys, "doctor", "-i", "virtual", "-c", channel, "-n", "3", "--eds", str(foreign), "--json"
+        capsys, "doctor", "-i", "stepped", "-c", channel, "-n", "3", "--eds", str(foreign), "--json"
     )
     (told,) = (check for check in json.loads(out)["checks"] if check["name"] == "profile and EDS")
     assert "the EDS is of 0x0000009A" in told["text"]
@@ -276,7 +263,7 @@ def test_a_profile_of_another_drive_is_refused_in_words(bench: Bench, ask: Ask) 
 def test_people_see_what_is_wrong_and_with_verbose_what_is_well(
     bench: Bench, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    arguments = ["doctor", "-i", "virtual", "-c", bench.channel, "-n", "3"]
+    arguments = ["doctor", "-i", "stepped", "-c", bench.channel, "-n", "3"]
     code, out, _ = invoke(capsys, *arguments)
     assert code == 0
     assert "Commissioning can start" in out
@@ -287,4 +274,4 @@ def test_people_see_what_is_wrong_and_with_verbose_what_is_well(
 
 def test_wrong_options_are_a_mistake_and_no_finding(capsys: pytest.CaptureFixture[str]) -> None:
     assert invoke(capsys, "doctor", "-i", "nonsense", "-c", "x")[0] == 2
-    assert invoke(capsys, "doctor", "-i", "virtual", "-c", "x", "--profile", "none")[0] == 2
+    assert invoke(capsys, "doctor", "-i", "stepped", "-c", "x", "--profile", "none")[0] == 2

@@ -36,7 +36,7 @@ def channel(request: pytest.FixtureRequest) -> Iterator[str]:
 
 
 def _commission(channel: str, *more: str) -> list[str]:
-    bus = ["-i", "virtual", "-c", channel, "-b", "1000000"]
+    bus = ["-i", "stepped", "-c", channel, "-b", "1000000"]
     return ["commission", "-m", "machine.toml", "--distance", "180deg", "--duration", "250ms", *bus, *more]
 
 

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import threading
-import time
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager
@@ -14,10 +12,9 @@ from typing import Any
 import numpy as np
 from conformance_drives import Case, completed_profile
 
+from schwung.clock import Clock, WallClock
 from schwung.errors import DriveError
 from schwung.fieldbus.canopen import BusOptions, CanopenDrive, open_bus
-from schwung.fieldbus.canopen.operation import Operation
-from schwung.fieldbus.canopen.sync import LockstepProducer
 from schwung.fieldbus.connecting import connected
 from schwung.fieldbus.drive import Acquisition, Drive, Move, OperatingMode, Sampling, Setpoints
 from schwung.fieldbus.modbus import ModbusDrive
@@ -29,21 +26,9 @@ from schwung_sim.modbus_bench import ModbusBench
 NODE = 5
 SEED = 11
 RATE_HZ = 1000.0
-HEARTBEAT_S = 0.1  # as often, since every start and stop waits for the drive's next one
-MISSES_ALLOWED = 15  # and so patient, that a busy computer is no dead one
 SHORT_HEARTBEAT_S = 0.01
 
 _channels = count()
-
-
-def wait_until(happened: Callable[[], bool]) -> bool:
-    """Whether it happened within ten seconds: long, since the computer may be busy with other things."""
-    end = time.monotonic() + 10.0
-    while not happened():
-        if time.monotonic() > end:
-            return False
-        time.sleep(0.002)
-    return True
 
 
 class Room(ABC):
@@ -52,8 +37,8 @@ class Room(ABC):
     profile: DeviceProfile
     drive: Drive
 
-    def __init__(self, case: Case, bench: Bench | ModbusBench) -> None:
-        self.case, self.bench = case, bench
+    def __init__(self, case: Case, bench: Bench | ModbusBench, clock: Clock) -> None:
+        self.case, self.bench, self.clock = case, bench, clock
         self.axis: ServoAxis = bench.axis
         self.plant = bench.plant
 
@@ -74,6 +59,10 @@ class Room(ABC):
     def fall_silent(self) -> Callable[[], None]:
         """What kill -9 does to us: nothing more is said. Returns how to speak again."""
 
+    def wait_until(self, happened: Callable[[], bool]) -> bool:
+        """Whether it happened within ten seconds."""
+        return self.clock.wait(happened, 10.0)
+
     def offers(self, capability: str) -> bool:
         return next(c.available for c in self.drive.capabilities() if c.name == capability)
 
@@ -88,7 +77,7 @@ class Room(ABC):
     def sampling(self) -> Sampling:
         return "sync" if self.offers("sampling by SYNC") else "trace"
 
-    def acquisition(self, mode: OperatingMode, heartbeat_s: float = HEARTBEAT_S) -> Acquisition:
+    def acquisition(self, mode: OperatingMode, heartbeat_s: float = 0.1) -> Acquisition:
         stroke = self.stroke(mode)
         return Acquisition(
             mode, RATE_HZ, heartbeat_s=heartbeat_s, moves=stroke.moves, sampling=self.sampling,
@@ -104,7 +93,7 @@ class Room(ABC):
         return Setpoints(RATE_HZ, path, np.zeros(cycles), moves)
 
     @contextmanager
-    def enabled(self, mode: OperatingMode, heartbeat_s: float = HEARTBEAT_S) -> Iterator[None]:
+    def enabled(self, mode: OperatingMode, heartbeat_s: float = 0.1) -> Iterator[None]:
         """Set up, started, in Operation enabled; as before afterwards, whatever happened."""
         acquisition = self.acquisition(mode, heartbeat_s)
         wanted = self.drive.setup(acquisition)
@@ -125,7 +114,7 @@ class Room(ABC):
 
     def comes_to_rest(self) -> bool:
         """Out of operation, and standing."""
-        return wait_until(
+        return self.wait_until(
             lambda: abs(self.axis.speed_rad_s) < 0.5 and self.state() not in ("operation enabled", "between")
         )
 
@@ -133,14 +122,19 @@ class Room(ABC):
     def once_it_moves(self, act: Callable[[], object]) -> Iterator[None]:
         """Do something while a motion is being played."""
 
-        def watch() -> None:
-            wait_until(lambda: abs(self.axis.demand_speed_rad_s) > 0.2)  # an axis may still swing from before
-            act()
+        done = self.clock.event()
 
-        watcher = threading.Thread(target=watch)
-        watcher.start()
+        def look() -> None:
+            if (
+                not done.is_set() and abs(self.axis.demand_speed_rad_s) > 0.2
+            ):  # it may still swing from before
+                done.set()
+                act()
+
+        watch = self.clock.every(0.002, look)
         yield
-        watcher.join()
+        self.wait_until(done.is_set)
+        watch.close()
 
     def state(self) -> str:
         """The drive's state by its own statusword."""
@@ -153,14 +147,14 @@ class Room(ABC):
 
 
 class CanopenRoom(Room):
-    """A drive on CANopen, in lockstep: time is SYNC, as fast as it is answered."""
+    """A drive on CANopen, on a stepped bus."""
 
     bench: Bench
     drive: CanopenDrive
     profile: CanopenProfile
 
     def __init__(self, case: Case, bench: Bench, drive: CanopenDrive, profile: CanopenProfile) -> None:
-        super().__init__(case, bench)
+        super().__init__(case, bench, drive.clock)
         self.drive, self.profile = drive, profile
 
     def held(self) -> dict[int, object]:
@@ -178,7 +172,7 @@ class CanopenRoom(Room):
 
     def fall_silent(self) -> Callable[[], None]:
         heartbeats = self.bench.servo.heartbeats
-        wait_until(
+        self.wait_until(
             lambda: bool(heartbeats.watched)
         )  # who has never been heard is not missed (CiA 301 7.2.8.3.2.2)
         heartbeat = self.drive._heartbeat
@@ -188,7 +182,7 @@ class CanopenRoom(Room):
 
         def speak() -> None:
             self.drive._beat(SHORT_HEARTBEAT_S)
-            wait_until(
+            self.wait_until(
                 lambda: not heartbeats.silent
             )  # a fault by silence cannot be reset before we have been heard
 
@@ -203,7 +197,7 @@ class ModbusRoom(Room):
     profile: ModbusProfile
 
     def __init__(self, case: Case, bench: ModbusBench, drive: ModbusDrive, profile: ModbusProfile) -> None:
-        super().__init__(case, bench)
+        super().__init__(case, bench, WallClock())
         self.drive, self.profile = drive, profile
 
     def held(self) -> dict[int, object]:
@@ -250,9 +244,9 @@ def _canopen_room(case: Case, file: Path) -> Iterator[Room]:
     if case.eds is not None:
         profile = profile.model_copy(update={"eds": str(case.eds)})
     with Bench(profile=file, eds=case.eds, channel=channel, node_id=NODE, seed=SEED) as bench:
-        bus = open_bus(BusOptions("virtual", channel, 1_000_000))
+        bus = open_bus(BusOptions("stepped", channel, 1_000_000))
         try:
-            with CanopenDrive(bus, NODE, profile, bit_rate=1_000_000, sdo_timeout_s=3.0) as drive:
+            with CanopenDrive(bus, NODE, profile, bit_rate=1_000_000) as drive:
                 yield CanopenRoom(case, bench, drive, profile)
         finally:
             bus.shutdown()
@@ -269,8 +263,3 @@ def _modbus_room(case: Case, file: Path) -> Iterator[Room]:
             assert isinstance(found.drive, ModbusDrive)
             assert isinstance(found.profile, ModbusProfile)
             yield ModbusRoom(case, bench, found.drive, found.profile)
-
-
-def in_lockstep(operation: Operation, exchange: Any, period_s: float) -> LockstepProducer:
-    """Real drives have their own clock and no object to say that SYNC is it: the suite knows it of the bench."""
-    return LockstepProducer(exchange, period_s)

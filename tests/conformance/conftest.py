@@ -6,24 +6,7 @@ from collections.abc import Iterator
 
 import pytest
 from conformance_drives import Case, canopen_cases, modbus_cases
-from conformance_rooms import MISSES_ALLOWED, CanopenRoom, Room, in_lockstep, room_of
-
-from schwung.fieldbus.canopen import nmt, setup
-from schwung.fieldbus.canopen.operation import Operation
-
-
-@pytest.fixture(scope="module", autouse=True)
-def lockstep() -> Iterator[None]:
-    """In lockstep, and patient with a busy computer.
-
-    By module: with the scope of a folder it would hold for whatever the same process runs after these tests.
-    """
-    patch = pytest.MonkeyPatch()
-    patch.setattr(Operation, "_choose", in_lockstep)
-    for module in (nmt, setup):
-        patch.setattr(module, "MISSES_ALLOWED", MISSES_ALLOWED)
-    yield
-    patch.undo()
+from conformance_rooms import CanopenRoom, Room, room_of
 
 
 @pytest.fixture(scope="module", params=[*canopen_cases(), *modbus_cases()], ids=lambda case: case.id)

@@ -9,11 +9,10 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from conformance_rooms import HEARTBEAT_S, Room
+from conformance_rooms import Room
 
 from schwung.commissioning import LimitWishes, ParameterJournal, Wishes, prepare
 from schwung.commissioning.commission import settings_of
-from schwung.commissioning.plan import make_plan
 from schwung.commissioning.procedure import record
 from schwung.drivetrain import Control, Coupling, Load, Machine, Motor
 from schwung.errors import InputError, RefusedError
@@ -70,12 +69,8 @@ def why(room: Room, name: str) -> str:
 
 @pytest.fixture(autouse=True)
 def unpredicted(monkeypatch: pytest.MonkeyPatch) -> None:
-    """What preflight foretells of the estimate is the same for every drive, takes seconds, and is tested elsewhere.
-
-    A busy computer, on which a bench is silent for a third of a second, is no reason to give a drive up here.
-    """
+    """What preflight foretells of the estimate is the same for every drive, takes seconds, and is tested elsewhere."""
     monkeypatch.setattr("schwung.commissioning.preflight._predicted", lambda *_: None)
-    monkeypatch.setitem(make_plan.__kwdefaults__, "heartbeat_s", HEARTBEAT_S)
 
 
 def test_it_is_commissioned_or_refused_in_plain_words(room: Room, tmp_path: Path) -> None:

@@ -2,20 +2,19 @@
 
 from __future__ import annotations
 
-import threading
-import time
 from collections.abc import Iterator
 
 import can
 import numpy as np
 import pytest
 
-from schwung.errors import DriveError, InputError, NodeLostError, SdoError
+from schwung.clock import SteppedClock, clock_of
+from schwung.errors import DriveError, InputError, NodeLostError, SdoError, StateError
 from schwung.fieldbus import eds
 from schwung.fieldbus.canopen import pdo, setup
 from schwung.fieldbus.canopen.emcy import Emergency, describe_code
 from schwung.fieldbus.canopen.link import Frame, Link
-from schwung.fieldbus.canopen.nmt import HeartbeatProducer, NodeMonitor
+from schwung.fieldbus.canopen.nmt import HeartbeatProducer, NodeMonitor, OtherMasters
 from schwung.fieldbus.canopen.sdo import SdoChannel
 from schwung.fieldbus.drive import Acquisition, Parameter, ParameterValue
 from schwung.fieldbus.profile import ObjectRef, load_profile
@@ -152,7 +151,8 @@ def test_an_emergency_is_decoded() -> None:
 
 @pytest.fixture
 def ends() -> Iterator[tuple[Link, can.BusABC]]:
-    one, other = (can.Bus(interface="virtual", channel="test-frames") for _ in range(2))
+    clock = SteppedClock()
+    one, other = (clock.bus() for _ in range(2))
     link = Link(one)
     yield link, other
     link.close()
@@ -160,46 +160,36 @@ def ends() -> Iterator[tuple[Link, can.BusABC]]:
     one.shutdown()
 
 
-def serve(bus: can.BusABC, answers: dict[str, list[str]], until: threading.Event) -> threading.Thread:
-    """Answer SDO requests (hex) with frames (hex); each request in the table serves its answers in turn, one a time."""
+def serve(bus: can.BusABC, answers: dict[str, list[str]]) -> None:
+    """Answer SDO requests (hex) with frames (hex)."""
 
-    def run() -> None:
-        while not until.is_set():
-            message = bus.recv(0.02)
-            if message is not None and message.arbitration_id == 0x605:
-                for frame in answers.get(message.data.hex(), []):
-                    bus.send(Frame(0x585, bytes.fromhex(frame)))
+    def answer(message: can.Message) -> None:
+        if message.arbitration_id == 0x605:
+            for frame in answers.get(message.data.hex(), []):
+                bus.send(Frame(0x585, bytes.fromhex(frame)))
 
-    thread = threading.Thread(target=run)
-    thread.start()
-    return thread
+    clock_of(bus).read(bus, answer, lambda error: pytest.fail(str(error)))
 
 
 def test_sdo_is_deaf_to_answers_for_other_objects(ends: tuple[Link, can.BusABC]) -> None:
     link, other = ends
-    done = threading.Event()
     late = "4f60600008000000"  # 6060 = 8: the answer to an earlier request
-    thread = serve(other, {"4041600000000000": [late, "4b41600037020000"]}, done)
+    serve(other, {"4041600000000000": [late, "4b41600037020000"]})
     sdo = SdoChannel(link, 5, timeout_s=0.5)
     assert sdo.read(Parameter(0x6041, 0, "UNSIGNED16")).raw == 0x237
-    done.set()
-    thread.join()
 
 
 def test_a_refused_block_transfer_falls_back_to_segments(ends: tuple[Link, can.BusABC]) -> None:
     link, other = ends
-    done = threading.Event()
     answers = {
         "a40022047f000000": ["8000220401000405"],  # block upload: command specifier unknown
         "4000220400000000": ["4100220409000000"],  # segmented, 9 bytes
         "6000000000000000": ["0001020304050607"],
         "7000000000000000": ["1b08090000000000"],
     }
-    thread = serve(other, answers, done)
+    serve(other, answers)
     sdo = SdoChannel(link, 5, timeout_s=0.3)
     assert sdo.read(Parameter(0x2200, 4, "DOMAIN")).raw == bytes(range(1, 10))
-    done.set()
-    thread.join()
 
 
 def test_no_answer_is_an_sdo_error_and_the_next_one_comes_sooner(ends: tuple[Link, can.BusABC]) -> None:
@@ -207,10 +197,10 @@ def test_no_answer_is_an_sdo_error_and_the_next_one_comes_sooner(ends: tuple[Lin
     sdo = SdoChannel(link, 5, timeout_s=0.1, attempts=3)
     took = []
     for _ in range(2):
-        began = time.monotonic()
+        began = link.clock.now()
         with pytest.raises(SdoError, match=r"node 5, 0x6041:00.*no answer"):
             sdo.read(Parameter(0x6041, 0, "UNSIGNED16"))
-        took.append(time.monotonic() - began)
+        took.append(link.clock.now() - began)
     assert took[0] > 0.3
     assert took[1] < 0.25
 
@@ -223,10 +213,10 @@ def test_silence_restart_and_leaving_operational_are_trouble(ends: tuple[Link, c
     other.send(Frame(0x705, b"\x7f"))  # not watched yet: no trouble
     other.send(Frame(0x705, b"\x05"))
     assert monitor.wait_for("OPERATIONAL", 1.0)
-    monitor.expect(0.02)
+    monitor.expect(0.06)
     other.send(Frame(0x705, b"\x7f"))
     other.send(Frame(0x705, b"\x00"))
-    time.sleep(0.1)
+    link.clock.sleep(0.1)
     monitor.check()
     assert [type(t) for t in troubles] == [NodeLostError] * 3
     assert ["left OPERATIONAL" in str(troubles[0]), "restarted" in str(troubles[1])] == [True, True]
@@ -235,12 +225,37 @@ def test_silence_restart_and_leaving_operational_are_trouble(ends: tuple[Link, c
 
 def test_our_heartbeat_is_sent_until_it_is_closed(ends: tuple[Link, can.BusABC]) -> None:
     link, other = ends
-    producer = HeartbeatProducer(link, NodeMonitor(link, 5), 0.02)
-    time.sleep(0.15)
+    producer = HeartbeatProducer(link, NodeMonitor(link, 5), OtherMasters(link), 0.02)
+    link.clock.sleep(0.15)
     producer.close()
+    link.clock.sleep(0.01)
     beats = []
     while (message := other.recv(0)) is not None:
         beats.append((message.arbitration_id, bytes(message.data)))
-    assert 4 <= len(beats) <= 9
+    assert len(beats) == 8
     assert set(beats) == {(0x77F, b"\x05")}
     assert other.recv(0.06) is None
+
+
+@pytest.mark.parametrize("heard_s", [0.0, 0.9], ids=["at once", "late"])
+def test_who_beats_as_we_do_keeps_us_from_beating(ends: tuple[Link, can.BusABC], heard_s: float) -> None:
+    """A drive cannot tell two masters of one id apart: if one died, it would run on by the other's heartbeat."""
+    link, other = ends
+    masters = OtherMasters(link)
+    link.clock.later(heard_s, lambda: other.send(Frame(0x77F, b"\x05")))
+    with pytest.raises(StateError, match="another master"):
+        HeartbeatProducer(link, NodeMonitor(link, 5), masters, 0.1)
+    link.clock.sleep(1.0)
+    assert other.recv(0) is None  # not one of ours went out
+
+
+def test_who_begins_to_beat_as_we_do_is_trouble(ends: tuple[Link, can.BusABC]) -> None:
+    link, other = ends
+    monitor, troubles = NodeMonitor(link, 5), list[DriveError]()
+    producer = HeartbeatProducer(link, monitor, OtherMasters(link), 0.1)
+    monitor.on_trouble = troubles.append
+    other.send(Frame(0x77F, b"\x05"))
+    link.clock.sleep(0.01)
+    producer.close()
+    assert len(troubles) == 1
+    assert "another master" in str(troubles[0])

@@ -34,6 +34,7 @@ TICK_S = 0.002  # how often timers are looked at when no frame comes
 STALL_S = 0.02  # a drive's own processor never stops for so long; a bench on a busy computer may
 SYNC_LOST_S = 0.05  # without SYNC for so long, a stop reaction goes on by the wall clock
 BACKLOG_S = 0.25  # a wall-clocked plant that fell further behind than this drops the rest
+_WHOLE = 1e-6  # of a control tick: rounding errors of the time shall not make one more or less of them
 EMCY_BUS_OFF, EMCY_SYNC_LENGTH = 0x8140, 0x8240
 _COMMUNICATION = range(0x1000, 0x2000)
 
@@ -55,8 +56,9 @@ class CanopenServo:
 
     `clock` "sync": the axis advances one communication period (1006, else 60C2 in cyclic position, else 1 ms) per
     SYNC and stands still otherwise; only a stop that SYNC has deserted goes on by the wall clock. "wall": the axis
-    follows `monotonic`. `eds` says which objects there are, `roles` what they do. `memory` keeps stored parameters,
-    `seed` is the serial number. Raises BenchError where node id, EDS or memory are wrong.
+    follows `monotonic`, which need not be the wall's. `eds` says which objects there are, `roles` what they do.
+    `memory` keeps stored parameters, `seed` is the serial number.
+    Raises BenchError where node id, EDS or memory are wrong.
     """
 
     def __init__(
@@ -71,13 +73,14 @@ class CanopenServo:
         seed: int = 0,
         memory: Path | None = None,
         monotonic: Callable[[], float] = time.monotonic,
+        sleep: Callable[[float], None] = time.sleep,
     ) -> None:
         if not 1 <= node_id <= 127:
             raise BenchError("node id", f"{node_id} is not within 1…127")
         self.bus, self.node_id, self.axis, self.clock = bus, node_id, axis, clock
         self.syncs = 0
         self.on_advance: Callable[[], None] | None = None  # the bench's own: called whenever time has passed
-        self._monotonic = monotonic
+        self._monotonic, self._sleep = monotonic, sleep
         self._seed = seed
         self._wall = clock == "wall"
         self.booted = threading.Event()
@@ -220,7 +223,7 @@ class CanopenServo:
         try:
             self.bus.send(Frame(can_id, data))
         except can.CanError:
-            self._bus_failed()
+            self.bus_failed()
 
     def _send_heartbeat(self) -> None:
         self._send(0x700 + self.node_id, bytes((self.nmt,)))
@@ -252,7 +255,7 @@ class CanopenServo:
     def _follow_wall(self, now: float) -> None:
         self._debt_s += min(now - self._last_tick_s, BACKLOG_S)
         self._last_tick_s = now
-        ticks = int(self._debt_s * vendor.CONTROL_RATE_HZ)
+        ticks = int(self._debt_s * vendor.CONTROL_RATE_HZ + _WHOLE)
         if ticks:
             self._debt_s -= ticks / vendor.CONTROL_RATE_HZ
             self._advance(ticks / vendor.CONTROL_RATE_HZ)
@@ -265,26 +268,30 @@ class CanopenServo:
             try:
                 message = self.bus.recv(TICK_S)
             except can.CanError:
-                self._bus_failed()
+                self.bus_failed()
                 self._stop.wait(0.01)
                 message = None
             if message is not None:
-                if self._bus_off:
-                    self._bus_back()
-                self.service(message)
+                self.receive(message)
             self.tick(message is None or message.timestamp >= self._behind_until)
+
+    def receive(self, message: can.Message) -> None:
+        """Take one frame from the bus, which works where it brings one."""
+        if self._bus_off:
+            self._bus_back()
+        self.service(message)
 
     def stop(self) -> None:
         """End `run`; from any thread."""
         self._stop.set()
 
     def settle(self, timeout_s: float) -> bool:
-        """Wait, in another thread, until the drive is out of operation and at rest; False if it is not in time."""
-        end = time.monotonic() + timeout_s
+        """Wait, where others serve it, until the drive is out of operation and at rest; False if not in time."""
+        end = self._monotonic() + timeout_s
         while self.power.state is Power.OPERATION_ENABLED or self.power.coming_to_rest:
-            if time.monotonic() > end:
+            if self._monotonic() > end:
                 return False
-            time.sleep(0.005)
+            self._sleep(0.005)
         return True
 
     # -- Faults -----------------------------------------------------------------------------------
@@ -324,7 +331,8 @@ class CanopenServo:
         if self.dictionary.number(0x603F) != EMCY_HEARTBEAT:
             self.emergency.clear(EMCY_HEARTBEAT)
 
-    def _bus_failed(self) -> None:
+    def bus_failed(self) -> None:
+        """Nothing can be sent or received: bus-off."""
         if not self._bus_off:
             self._bus_off = True
             self._communication_error(EMCY_BUS_OFF)

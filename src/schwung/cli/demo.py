@@ -53,7 +53,6 @@ def demo(
       schwung demo --out first-look --duration 200ms --json
     """  # fmt: skip
     import math
-    import os
 
     import numpy as np
 
@@ -70,10 +69,9 @@ def demo(
     terminal = Terminal(json_output)
     folder = planned_folder(out)
     machine_file = folder / "machine.toml"
-    channel = f"schwung-demo-{os.getpid()}"
     with (
-        Bench(plant, conceal=conceal, seed=seed, channel=channel, node_id=1) as bench,
-        open_drive(BusOptions("virtual", channel, 1_000_000), 1, "schwung-bench") as opened,
+        Bench(plant, conceal=conceal, seed=seed, channel="demo", node_id=1) as bench,
+        open_drive(BusOptions("stepped", "demo", 1_000_000), 1, "schwung-bench") as opened,
     ):
         make_folder(folder)
         replace_file(machine_file, BELIEF)

@@ -125,19 +125,29 @@ class Guard:
     following_error_rad: float
 
 
+#: Who sends SYNC on CANopen: see canopen/cyclic.py.
+SyncChoice = Literal["auto", "lockstep", "kernel", "thread"]
+
+
 @dataclass(frozen=True)
 class Acquisition:
     """How a motion shall be commanded and sampled."""
 
     mode: OperatingMode
     sample_rate_hz: float
-    heartbeat_s: float = 0.1  # the drive stops by itself when we have been silent for three of these
+    heartbeat_s: float = 0.1
+    misses_allowed: int = 3  # heartbeats: after so many the drive stops by itself, and we give it up
     moves: tuple[Move, ...] = ()  # PP: the strokes that will be played, so that `setup` covers their dynamics
     guard: Guard | None = None  # where the drive's own limits are wider, `setup` tightens them
     sampling: Sampling = "sync"
     injecting: Injecting = "setpoints"
     trace_rate_hz: float | None = None  # wanted of a trace buffer; None: as fast as it holds the whole motion
     trace_s: float = 0.0  # how long the longest trace shall be
+
+    @property
+    def silence_allowed_s(self) -> float:
+        """How long either side may be silent."""
+        return self.misses_allowed * self.heartbeat_s
 
 
 @dataclass(frozen=True)

@@ -16,6 +16,8 @@ from schwung.fieldbus.cia402 import State
 
 #: A state that lasts longer than this is stuck (s); a brake that is released takes up to half a second.
 PATIENCE_S = 2.0
+#: A drive that has not answered so often, each time for as long as the bus allows, is not waited for any longer.
+SILENCES = 2
 #: Steps down that a drive may do on a ramp of its own, before the voltage goes (605B, 605C).
 _STEPS_DOWN = {State.OPERATION_ENABLED: cia402.SWITCH_ON, State.SWITCHED_ON: cia402.SHUTDOWN}
 
@@ -77,8 +79,9 @@ class Walker:
         """
         access, since, word = self._access, self._clock.now(), None
         previous: State | None = None
+        silences = 0
         while True:
-            overdue = self._clock.now() - since > self._patience_s
+            overdue = self._clock.now() - since > self._patience_s or silences >= SILENCES
             try:
                 word = access.statusword()
                 state = cia402.decode(word)
@@ -93,6 +96,7 @@ class Walker:
                 else:
                     access.command(_STEPS_DOWN.get(state, cia402.DISABLE_VOLTAGE))
             except DriveError:
+                silences += 1
                 self._insist()
                 if overdue:
                     raise

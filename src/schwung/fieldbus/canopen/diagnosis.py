@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import contextlib
-import time
 
 from schwung.errors import DriveError, DriveFaultError, SdoError, StateError
 from schwung.fieldbus import cia402
@@ -16,7 +15,7 @@ _EMERGENCY_S = 0.1  # an emergency may come a little after the statusword that s
 
 
 def why_stuck(
-    sdo: SdoChannel, monitor: nmt.NodeMonitor, status: int, word: int, wanted: State, mode: int | None
+    sdo: SdoChannel, monitor: nmt.NodeMonitor, status: int | None, word: int, wanted: State, mode: int | None
 ) -> DriveError:
     """The error that names why the state machine does not reach `wanted`; asks the drive what it can."""
     seen = shown = None
@@ -45,9 +44,8 @@ def explain(sdo: SdoChannel, monitor: nmt.NodeMonitor, since_s: float, trouble: 
     """A fault with the drive's own words for it: its emergency since then, else its error code; others as they are."""
     if not isinstance(trouble, DriveFaultError):
         return trouble
-    deadline = time.monotonic() + _EMERGENCY_S
-    while (emergency := monitor.last_emergency(since_s)) is None and time.monotonic() < deadline:
-        time.sleep(0.01)
+    monitor.clock.wait(lambda: monitor.last_emergency(since_s) is not None, _EMERGENCY_S)
+    emergency = monitor.last_emergency(since_s)
     words = f"emergency {emergency}" if emergency is not None else ""
     if emergency is None:
         with contextlib.suppress(DriveError):

@@ -15,8 +15,8 @@ from schwung.fieldbus.canopen import capabilities, guard, pdo, playback, setup
 from schwung.fieldbus.canopen.bus import ASSUMED_BIT_RATE, BusOptions, bus_load
 from schwung.fieldbus.canopen.emcy import describe_code
 from schwung.fieldbus.canopen.link import Link
-from schwung.fieldbus.canopen.nmt import MISSES_ALLOWED, HeartbeatProducer, NodeMonitor
-from schwung.fieldbus.canopen.operation import Operation, SyncChoice
+from schwung.fieldbus.canopen.nmt import BEATS_PER_LIMIT, HeartbeatProducer, NodeMonitor, OtherMasters
+from schwung.fieldbus.canopen.operation import Operation
 from schwung.fieldbus.canopen.scan import read_identity
 from schwung.fieldbus.canopen.sdo import SdoChannel
 from schwung.fieldbus.drive import (
@@ -32,6 +32,7 @@ from schwung.fieldbus.drive import (
     Recording,
     Resolution,
     Setpoints,
+    SyncChoice,
 )
 from schwung.fieldbus.profile import CanopenProfile
 from schwung.fieldbus.units import Scales, read_scales
@@ -71,8 +72,10 @@ class CanopenDrive:
         self._heartbeat: HeartbeatProducer | None = None
         self._played: list[Parameter] = []  # what playing changes, and puts back by itself
         self._link = Link(bus)
+        self.clock = self._link.clock
         try:
             self._monitor = NodeMonitor(self._link, node_id)
+            self._masters = OtherMasters(self._link)
             self._sdo = SdoChannel(self._link, node_id, sdo_timeout_s)
             self._identity = self._check_identity()
             self._operation = Operation(
@@ -263,12 +266,13 @@ class CanopenDrive:
         self._operation.stop()
 
     def close(self) -> None:
-        """End all threads; the bus stays open. Never hangs. A drive that still runs is stopped and switched off."""
+        """End all of ours; the bus stays open. Never hangs. A drive that still runs is stopped and switched off."""
         self._operation.close()
         if self._heartbeat is not None:
             self._heartbeat.close()
             self._heartbeat = None
         self._monitor.close()
+        self._masters.close()
         self._sdo.close()
         self._link.close()
 
@@ -308,7 +312,7 @@ class CanopenDrive:
         )
         listens = heard and setup.listens_to_us(int(value.raw))
         if listens:
-            self._beat(int(value.raw) % 0x10000 / 1000 / MISSES_ALLOWED)
+            self._beat(int(value.raw) % 0x10000 / 1000 / BEATS_PER_LIMIT)
         if value.parameter.index == 0x1017 and not value.raw:
             self._monitor.expect(None)
         self._sdo.write(value)
@@ -321,14 +325,14 @@ class CanopenDrive:
             return
         if self._heartbeat is not None:
             self._heartbeat.close()
-        self._heartbeat = HeartbeatProducer(self._link, self._monitor, period_s)
+        self._heartbeat = HeartbeatProducer(self._link, self._monitor, self._masters, period_s)
 
     def _require_quiet(self) -> None:
         place = f"node {self.node_id}"
         if self._operation.running:
             raise StateError(place, "exchanges PDOs, which cannot be changed meanwhile", "Stop it first.")
         status = self._integer(0x6041, 0)
-        if status is not None and cia402.decode(status) in cia402.ENERGISED:
+        if cia402.decode(status) in cia402.ENERGISED:
             raise StateError(
                 place, f'is in "{cia402.decode(status).value}"', "Disable it before changing PDOs."
             )

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import threading
 from collections.abc import Callable
 from typing import Protocol
 
@@ -16,7 +15,7 @@ from schwung.fieldbus.canopen.recorder import Recorder
 from schwung.fieldbus.drive import Progress
 
 SYNC_ID = 0x080
-COUNTER_OVERFLOW = 240  # of 1019, the highest that CiA 301 allows
+COUNTER_OVERFLOW = 128  # of 1019: a ring of the kernel's holds as many cycles (CiA 301 allows up to 240)
 
 
 class Producer(Protocol):
@@ -28,8 +27,24 @@ class Producer(Protocol):
         """Begin the exchange, holding this RPDO frame."""
         ...
 
+    @property
+    def last(self) -> bytes:
+        """The RPDO frame that went out last."""
+        ...
+
     def hold(self, frame: bytes) -> None:
-        """Hold this frame from now on; a playback under way is given up. From any thread."""
+        """Hold this frame from now on; a playback under way is given up. From any thread.
+
+        Raises StateError for a frame that enables operation after a `latch`.
+        """
+        ...
+
+    def latch(self, controlword: int) -> None:
+        """From now on: the last frame that went out, with this controlword and no injected torque. From any thread."""
+        ...
+
+    def release(self) -> None:
+        """End a latch: what is asked for goes out again."""
         ...
 
     def pump(self, duration_s: float) -> bool:
@@ -48,7 +63,7 @@ class Producer(Protocol):
 class Exchange:
     """Receives the TPDOs, keeps the latest, logs them while a recorder is set, and watches for trouble.
 
-    `trouble` holds the first error that came up; `troubled` is set with it.
+    `trouble` holds the first error that came up.
     """
 
     def __init__(self, link: Link, layouts: Layouts, node_id: int, counter: bool) -> None:
@@ -61,7 +76,6 @@ class Exchange:
         )
         self.after_tpdo: Callable[[int], None] | None = None
         self.trouble: DriveError | None = None
-        self.troubled = threading.Event()
         self.sync_count = self.answer_count = 0  # SYNCs sent, and TPDOs that came
         self._status_tpdo = next(i for i, t in enumerate(layouts.tpdos) if t.carries("6041:00"))
         self._status_offset = layouts.tpdos[self._status_tpdo].offset("6041:00")
@@ -81,12 +95,10 @@ class Exchange:
         """Note trouble; the first counts."""
         if self.trouble is None:
             self.trouble = error
-            self.troubled.set()
 
     def clear(self) -> None:
         """Forget trouble, before a new playback."""
         self.trouble = None
-        self.troubled.clear()
 
     @property
     def statusword(self) -> int | None:

@@ -25,6 +25,7 @@ from schwung.errors import BusError, InputError, StateError
 from schwung.fieldbus import cia402
 from schwung.fieldbus.canopen.exchange import SYNC_ID, Exchange
 from schwung.fieldbus.canopen.link import Frame
+from schwung.fieldbus.canopen.output import StopFrame
 from schwung.fieldbus.canopen.recorder import Recorder
 from schwung.fieldbus.canopen.sync import wait_while_playing
 from schwung.fieldbus.drive import Progress
@@ -43,13 +44,14 @@ class KernelProducer:
 
     name = "kernel"
 
-    def __init__(self, exchange: Exchange, period_s: float) -> None:
+    def __init__(self, exchange: Exchange, period_s: float, stop_frame: StopFrame) -> None:
         if abs(period_s * 1e6 - round(period_s * 1e6)) > 1e-6:
             raise InputError(
                 "sample_rate_hz", f"{1 / period_s:g} Hz is no whole number of µs", "Take e.g. 1000."
             )
         self.period_s = period_s
-        self._exchange = exchange
+        self._exchange, self._stop_frame = exchange, stop_frame
+        self.last = b""
         self._rpdo_id = exchange.layouts.rpdo.can_id
         self._offset = exchange.layouts.rpdo.offset("6040:00")
         self._task: ModifiableCyclicTaskABC | None = None
@@ -87,6 +89,11 @@ class KernelProducer:
             self._write()
         self._over.set()
 
+    def latch(self, controlword: int) -> None:
+        self.hold(self._stop_frame.frame(self.last or self._held, controlword))
+
+    def release(self) -> None: ...
+
     def pump(self, duration_s: float) -> bool:
         count = self._exchange.answer_count
         time.sleep(max(duration_s, 3 * self.period_s))
@@ -101,7 +108,7 @@ class KernelProducer:
             self._write()
         feeder = threading.Thread(target=self._feed, name="schwung setpoints", daemon=True)
         feeder.start()
-        wait_while_playing(self._over, self._exchange, recorder, len(frames), progress)
+        wait_while_playing(self._over.is_set, self._exchange, recorder, len(frames), progress)
         time.sleep(4 * self.period_s)  # answers that come late
         if self._setpoint == len(frames):
             self.hold(after)
@@ -211,7 +218,7 @@ class KernelProducer:
 
     def _feed(self) -> None:
         while not self._over.wait(self.period_s * REFILL / 8):
-            if self._exchange.troubled.is_set():
+            if self._exchange.trouble is not None:
                 return
             with self._write_lock:
                 if self._frames and self._played - self._written >= REFILL:
@@ -222,6 +229,7 @@ class KernelProducer:
         if self._stamps is not None:
             self._stamps[0].append(message.timestamp)
         self._played += 1
+        self.last = bytes(message.data)
         frames = self._frames
         if not frames:
             return

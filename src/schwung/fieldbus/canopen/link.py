@@ -1,4 +1,4 @@
-"""One thread that reads the bus and hands frames out by identifier; sending with bounded retries.
+"""Reads the bus and hands frames out by identifier; sending with bounded retries.
 
 canopen.Network does the same with more work per frame, and its notifier dies of the first error on the bus: this
 one reports errors to whoever listens, goes on, and always ends within a second of `close`.
@@ -7,19 +7,15 @@ one reports errors to whoever listens, goes on, and always ends within a second 
 from __future__ import annotations
 
 import errno
-import threading
-import time
 from collections.abc import Callable
 from typing import Any
 
 import can
 
+from schwung.clock import clock_of
 from schwung.errors import BusError
 
 FrameCallback = Callable[[can.Message], None]
-_READ_TIMEOUT_S = 0.02  # on a silent bus, `close` waits for the reader so long
-_FAILURE_PAUSE_S = 0.1
-_CLOSED_WITHIN_S = 1.0
 _SEND_PAUSES_S = (0.0005, 0.001, 0.002, 0.004, 0.008, 0.016, 0.032)  # 64 ms in all
 
 
@@ -43,21 +39,19 @@ class Frame(can.Message):
 
 
 class Link:
-    """The bus with a reader thread. Does not own the bus: `close` ends the thread only."""
+    """The bus with a reader. Does not own the bus: `close` ends the reading only."""
 
     def __init__(self, bus: can.BusABC) -> None:
-        self.bus = bus
+        self.bus, self.clock = bus, clock_of(bus)
         self._callbacks: dict[int, tuple[FrameCallback, ...]] = {}
         self._watchers: tuple[FrameCallback, ...] = ()
         self.on_failure: Callable[[BusError], None] | None = None  # reading failed, or bus-off was reported
-        self._change = threading.Lock()
-        self._send_lock = threading.Lock()
+        self._change, self._send_lock = self.clock.lock(), self.clock.lock()
         self._closing = False
-        self._thread = threading.Thread(target=self._read, name="schwung bus reader", daemon=True)
-        self._thread.start()
+        self._reader = self.clock.read(bus, self._receive, self._failed)
 
     def subscribe(self, can_id: int, callback: FrameCallback) -> None:
-        """Call back from the reader thread for every data frame with this identifier."""
+        """Call back from the reader for every data frame with this identifier."""
         with self._change:
             self._callbacks[can_id] = (*self._callbacks.get(can_id, ()), callback)
 
@@ -86,7 +80,7 @@ class Link:
         for pause in _SEND_PAUSES_S:
             if not _buffer_full(first):
                 break
-            time.sleep(pause)
+            self.clock.sleep(pause)
             try:
                 with self._send_lock:
                     self.bus.send(frame)
@@ -109,30 +103,22 @@ class Link:
         return self._closing
 
     def close(self) -> None:
-        """End the reader thread; the bus stays open."""
+        """End the reading; the bus stays open."""
         self._closing = True
-        if threading.current_thread() is not self._thread:
-            self._thread.join(_CLOSED_WITHIN_S)
+        self._reader.close()
 
-    def _read(self) -> None:
-        recv = self.bus.recv
-        while not self._closing:
-            try:
-                message = recv(_READ_TIMEOUT_S)
-            except (can.CanError, OSError, ValueError) as error:  # ValueError: the socket was closed under us
-                if not self._closing:
-                    self._fail(f"cannot receive ({error})", "Is the interface up?")
-                    time.sleep(_FAILURE_PAUSE_S)
-                continue
-            if message is None:
-                continue
-            if message.is_error_frame:
-                self._error_frame(message)
-            elif not message.is_remote_frame:
-                for callback in self._callbacks.get(message.arbitration_id, ()):
-                    callback(message)
-                for callback in self._watchers:
-                    callback(message)
+    def _receive(self, message: can.Message) -> None:
+        if message.is_error_frame:
+            self._error_frame(message)
+        elif not message.is_remote_frame:
+            for callback in self._callbacks.get(message.arbitration_id, ()):
+                callback(message)
+            for callback in self._watchers:
+                callback(message)
+
+    def _failed(self, error: Exception) -> None:
+        if not self._closing:
+            self._fail(f"cannot receive ({error})", "Is the interface up?")
 
     def _error_frame(self, message: can.Message) -> None:
         if message.arbitration_id & 0x40:  # CAN_ERR_BUSOFF, linux/can/error.h

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-import time
 from collections import Counter
 from collections.abc import Mapping
 from dataclasses import dataclass
 
 import can
 
+from schwung.clock import clock_of
 from schwung.fieldbus.canopen.emcy import Emergency
 from schwung.fieldbus.canopen.nmt import NMT_STATES
 
@@ -48,8 +48,9 @@ def listen(bus: can.BusABC, duration_s: float) -> Heard:
     heartbeats: dict[int, str] = {}
     emergencies: list[tuple[int, Emergency]] = []
     errors, failure = 0, ""
-    end = time.monotonic() + duration_s
-    while (left := end - time.monotonic()) > 0:
+    clock = clock_of(bus)
+    end = clock.now() + duration_s
+    while (left := end - clock.now()) > 0:
         try:
             message = bus.recv(left)
         except (can.CanError, OSError, ValueError) as error:
@@ -68,5 +69,5 @@ def listen(bus: can.BusABC, duration_s: float) -> Heard:
             state = message.data[0] & 0x7F
             heartbeats[node] = NMT_STATES.get(state, f"state 0x{state:02X}")
         elif can_id & 0x780 == 0x080 and node:
-            emergencies.append((node, Emergency.decode(bytes(message.data), time.time())))
+            emergencies.append((node, Emergency.decode(bytes(message.data), clock.date())))
     return Heard(frames, errors, duration_s, heartbeats, tuple(emergencies), failure)

@@ -2,20 +2,22 @@
 
 from __future__ import annotations
 
-import threading
-import time
 from collections.abc import Callable
 
 import can
 
-from schwung.errors import BusError, DriveError, DriveFaultError, NodeLostError
+from schwung.errors import BusError, DriveError, DriveFaultError, NodeLostError, StateError
 from schwung.fieldbus.canopen.emcy import Emergency
 from schwung.fieldbus.canopen.link import Link
 
 MASTER_NODE_ID = 0x7F  # whose heartbeat the drive listens for
 NMT_STATES = {0x00: "INITIALISING", 0x04: "STOPPED", 0x05: "OPERATIONAL", 0x7F: "PRE-OPERATIONAL"}
 START, STOP, PRE_OPERATIONAL, RESET_NODE, RESET_COMMUNICATION = 0x01, 0x02, 0x80, 0x81, 0x82
-MISSES_ALLOWED = 3  # heartbeats that may be missing before a node counts as lost, on both sides
+MASTER_HEARTBEAT_ID = 0x700 + MASTER_NODE_ID
+BEATS_PER_LIMIT = 3  # ours, within the time after which a drive that listens gives us up
+MISSES_ALLOWED = (
+    3  # heartbeats that may be missing before a node counts as lost, on both sides, where nobody says
+)
 
 UNKNOWN = "UNKNOWN"
 
@@ -34,8 +36,7 @@ class NodeMonitor:
         self.boot_ups = 0
         self.emergencies: list[Emergency] = []
         self.on_trouble: Callable[[DriveError], None] | None = None
-        self._link = link
-        self._heard = threading.Event()
+        self._link, self.clock = link, link.clock
         self._last_heard = 0.0
         self._expected_within_s: float | None = None
         link.subscribe(0x700 + node_id, self._on_heartbeat)
@@ -47,20 +48,17 @@ class NodeMonitor:
         self._link.unsubscribe(0x700 + self.node_id, self._on_heartbeat)
         self._link.unsubscribe(0x080 + self.node_id, self._on_emergency)
 
-    def expect(self, heartbeat_s: float | None) -> None:
-        """From now on a heartbeat is due at least every `heartbeat_s` times MISSES_ALLOWED, and shall show OPERATIONAL.
-
-        None: not watched.
-        """
-        self._last_heard = time.monotonic()
-        self._expected_within_s = None if heartbeat_s is None else MISSES_ALLOWED * heartbeat_s
+    def expect(self, within_s: float | None) -> None:
+        """From now on a heartbeat is due within so long, and shall show OPERATIONAL. None: not watched."""
+        self._last_heard = self.clock.now()
+        self._expected_within_s = within_s
 
     def check(self, late_s: float = 0.0) -> None:
         """Report a node that fell silent. `late_s`: by how much the caller itself was late, which excuses the node."""
         within = self._expected_within_s
         if within is None:
             return
-        silent = time.monotonic() - self._last_heard - late_s
+        silent = self.clock.now() - self._last_heard - late_s
         if silent > within:
             self._expected_within_s = None
             self._trouble(NodeLostError(
@@ -68,14 +66,7 @@ class NodeMonitor:
 
     def wait_for(self, state: str, timeout_s: float) -> bool:
         """Wait until a heartbeat shows the NMT state."""
-        deadline = time.monotonic() + timeout_s
-        while self.nmt != state:
-            left = deadline - time.monotonic()
-            if left <= 0:
-                return False
-            self._heard.clear()
-            self._heard.wait(min(left, 0.05))
-        return True
+        return self.clock.wait(lambda: self.nmt == state, timeout_s)
 
     def last_emergency(self, since_s: float) -> Emergency | None:
         """The latest emergency not older than `since_s` (receive time), error resets left out."""
@@ -84,7 +75,7 @@ class NodeMonitor:
 
     def _on_heartbeat(self, message: can.Message) -> None:
         state = message.data[0] & 0x7F if message.data else 0
-        self._last_heard = time.monotonic()
+        self._last_heard = self.clock.now()
         self.nmt = NMT_STATES.get(state, f"state 0x{state:02X}")
         if state == 0x00:
             self.boot_ups += 1
@@ -94,10 +85,9 @@ class NodeMonitor:
             self._trouble(NodeLostError(
                 f"node {self.node_id}", f"left OPERATIONAL for {self.nmt}",
                 "It missed our heartbeat, or another master sent an NMT command."))  # fmt: skip
-        self._heard.set()
 
     def _on_emergency(self, message: can.Message) -> None:
-        emergency = Emergency.decode(bytes(message.data), time.time())
+        emergency = Emergency.decode(bytes(message.data), self.clock.date())
         self.emergencies.append(emergency)
         del self.emergencies[:-100]
         if not emergency.is_reset:
@@ -110,33 +100,66 @@ class NodeMonitor:
 
 
 class HeartbeatProducer:
-    """Our heartbeat from a thread of its own, so that the drive notices when we die; also looks after `monitor`."""
+    """Our heartbeat, so that the drive notices when we die; also looks after `monitor`.
 
-    def __init__(self, link: Link, monitor: NodeMonitor, period_s: float) -> None:
+    Raises StateError where another master beats as the same node: if one died, the drive would run on by the other's.
+    """
+
+    def __init__(self, link: Link, monitor: NodeMonitor, masters: OtherMasters, period_s: float) -> None:
         self.period_s = period_s
-        self._link, self._monitor = link, monitor
-        self._ending = threading.Event()
-        self._thread = threading.Thread(target=self._run, name="schwung heartbeat", daemon=True)
-        self._thread.start()
+        masters.require_none()
+        self._link, self._monitor, self._clock = link, monitor, link.clock
+        masters.on_heard = self._report
+        self._due = self._clock.now()
+        self._task = self._clock.every(period_s, self._beat, "schwung heartbeat")
 
     def close(self) -> None:
         """Fall silent."""
-        self._ending.set()
-        if threading.current_thread() is not self._thread:
-            self._thread.join(2 * self.period_s + 0.5)
+        self._task.close()
 
-    def _run(self) -> None:
-        data = bytes([0x05])
-        due = time.monotonic()
-        while not self._ending.is_set():
-            try:
-                self._link.send(0x700 + MASTER_NODE_ID, data)
-            except BusError as error:
-                if self._monitor.on_trouble is not None:
-                    self._monitor.on_trouble(error)
-            due += self.period_s
-            self._ending.wait(max(0.0, due - time.monotonic()))
-            late = max(0.0, time.monotonic() - due)
-            self._monitor.check(late)
-            if late > self.period_s:
-                due = time.monotonic()
+    def _beat(self) -> None:
+        late = max(0.0, self._clock.now() - self._due)
+        self._due += self.period_s + (late if late > self.period_s else 0.0)
+        try:
+            self._link.send(MASTER_HEARTBEAT_ID, bytes([0x05]))
+        except BusError as error:
+            self._report(error)
+        self._monitor.check(late)
+
+    def _report(self, error: DriveError) -> None:
+        if self._monitor.on_trouble is not None:
+            self._monitor.on_trouble(error)
+
+
+class OtherMasters:
+    """Listens for heartbeats of our own node id: a drive watches the id, not who sends it, so nobody else may."""
+
+    LISTEN_S = 1.0  # before our first heartbeat: most masters beat more often
+
+    def __init__(self, link: Link) -> None:
+        self.on_heard: Callable[[DriveError], None] | None = None
+        self._link, self._clock, self._heard = link, link.clock, False
+        self._since = self._clock.now()
+        link.subscribe(MASTER_HEARTBEAT_ID, self._on_heartbeat)
+
+    def require_none(self) -> None:
+        """Listen for LISTEN_S since the connection was made. Raises StateError where somebody was heard."""
+        self._clock.wait(lambda: self._heard, self._since + self.LISTEN_S - self._clock.now())
+        if self._heard:
+            raise self._error()
+
+    def close(self) -> None:
+        """Stop listening."""
+        self._link.unsubscribe(MASTER_HEARTBEAT_ID, self._on_heartbeat)
+
+    def _on_heartbeat(self, message: can.Message) -> None:
+        self._heard = True
+        if self.on_heard is not None:
+            self.on_heard(self._error())
+
+    def _error(self) -> StateError:
+        return StateError(
+            self._link.name,
+            f"another master sends heartbeats as node {MASTER_NODE_ID}, too: the drive would not notice if we died",
+            "Disconnect it, or stop its program, while commissioning.",
+        )

@@ -45,6 +45,11 @@ class Layout:
         """First byte of an object in the frame."""
         return int(self.dtype.fields[str(ref)][1])  # type: ignore[index]  # named dtypes have fields
 
+    def place(self, ref: ObjectRef | str) -> slice:
+        """The bytes of an object in the frame."""
+        first = self.offset(ref)
+        return slice(first, first + int(self.dtype[str(ref)].itemsize))
+
     def pack(self, columns: Mapping[str, Any], count: int) -> bytes:
         """`count` frames one after another; columns are integers or arrays (count,), absent ones 0."""
         frames = np.zeros(count, self.dtype)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import contextlib
-import time
 from collections.abc import Iterable
 
 import can
@@ -44,7 +43,7 @@ def scan_bus(
         link.watch(on_frame)
         for node in wanted:
             link.send(0x600 + node, _UPLOAD_DEVICE_TYPE)
-        time.sleep(max(_ASK_S, _LISTEN_S))
+        link.clock.sleep(max(_ASK_S, _LISTEN_S))
         present = [node for node in wanted if node in heard]
         found = []
         for number, node in enumerate(present):

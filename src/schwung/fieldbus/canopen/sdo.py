@@ -8,9 +8,8 @@ from __future__ import annotations
 
 import queue
 import threading
-import time
 from collections.abc import Callable
-from typing import TypeVar
+from typing import Any, TypeVar
 
 import can
 import canopen
@@ -79,7 +78,7 @@ class _Client(SdoClient):  # type: ignore[misc]  # canopen is not followed by my
         self.responses.put(data)
 
     def clear(self) -> None:
-        self.responses: queue.Queue[bytes] = queue.Queue()
+        self.responses = _Responses(self.network._link.clock)
 
     def wait(self, timeout_s: float) -> bytes | None:
         """The next frame of the server; None where none comes in time."""
@@ -87,6 +86,27 @@ class _Client(SdoClient):  # type: ignore[misc]  # canopen is not followed by my
             return self.responses.get(timeout=timeout_s)
         except queue.Empty:
             return None
+
+
+class _Responses:
+    def __init__(self, clock: Any) -> None:
+        self._came: list[bytes] = []
+        self._clock, self._event = clock, clock.event()
+
+    def empty(self) -> bool:
+        return not self._came
+
+    def put(self, data: bytes) -> None:
+        self._came.append(data)
+        self._event.set()
+
+    def get(self, block: bool = True, timeout: float = 0.0) -> bytes:
+        end = self._clock.now() + timeout
+        while not self._came:
+            self._event.clear()
+            if not self._came and not self._event.wait(end - self._clock.now()):
+                raise queue.Empty
+        return self._came.pop(0)
 
 
 class _Sender:
@@ -238,9 +258,9 @@ class SdoChannel:
 
     def _drain(self, parameter: Parameter) -> None:
         """Let the rest of a broken block pass by: its segments could be taken for the answers to what follows."""
-        client, deadline = self._client, time.monotonic() + _DRAINED_S
+        client, deadline = self._client, self._link.clock.now() + _DRAINED_S
         client.multiplexer = _multiplexer(parameter)
-        while client.wait(self.timeout_s) is not None and time.monotonic() < deadline:
+        while client.wait(self.timeout_s) is not None and self._link.clock.now() < deadline:
             pass
         client.multiplexer = None
         client.clear()
@@ -279,7 +299,9 @@ class SdoChannel:
                             "Check power, cable, bit rate and node id.",
                         ) from error
                     if _TIMED_OUT in str(error):
-                        time.sleep(0.02)  # whatever answers now is late: without a multiplexer it is dropped
+                        self._link.clock.sleep(
+                            0.02
+                        )  # whatever answers now is late: without a multiplexer it is dropped
                     else:  # something else answered: the rest of an earlier transfer
                         self._drain(parameter)
         raise AssertionError("unreachable: attempts is at least 1")

@@ -8,7 +8,7 @@ from collections.abc import Callable, Iterator, Sequence
 from schwung.errors import DriveError, InputError
 from schwung.fieldbus.canopen import pdo
 from schwung.fieldbus.canopen.exchange import COUNTER_OVERFLOW, SYNC_ID
-from schwung.fieldbus.canopen.nmt import MASTER_NODE_ID, MISSES_ALLOWED
+from schwung.fieldbus.canopen.nmt import MASTER_NODE_ID
 from schwung.fieldbus.canopen.pdo import Layouts
 from schwung.fieldbus.canopen.sdo import SdoChannel
 from schwung.fieldbus.drive import Acquisition, Parameter, ParameterValue
@@ -99,9 +99,10 @@ def has_counter(profile: CanopenProfile, lookup: Lookup) -> bool:
 def _heartbeats(acquisition: Acquisition, lookup: Lookup, read: ReadInteger) -> list[tuple[int, int, int]]:
     values = []
     milliseconds = round(1000 * acquisition.heartbeat_s)
+    silence = round(1000 * acquisition.silence_allowed_s)
     slot = consumer_slot(lookup, read)
     if slot is not None:
-        values.append((0x1016, slot, MASTER_NODE_ID << 16 | MISSES_ALLOWED * milliseconds))
+        values.append((0x1016, slot, MASTER_NODE_ID << 16 | silence))
     if lookup(0x1017, 0) is not None:
         values.append((0x1017, 0, milliseconds))
     return values

@@ -1,0 +1,93 @@
+"""Looking at one drive and commanding it: by PDO where they are exchanged and answered, by SDO where not."""
+
+from __future__ import annotations
+
+from schwung.errors import DriveError, StateError
+from schwung.fieldbus import cia402
+from schwung.fieldbus.canopen import diagnosis, nmt
+from schwung.fieldbus.canopen.cyclic import Cyclic
+from schwung.fieldbus.canopen.sdo import SdoChannel
+from schwung.fieldbus.cia402 import State
+from schwung.fieldbus.drive import Parameter, ParameterValue
+from schwung.fieldbus.profile import CanopenProfile
+from schwung.fieldbus.walker import Access, Walker
+
+CONTROLWORD = Parameter(0x6040, 0, "UNSIGNED16", "Controlword")
+_STEP_S = 0.005
+_STANDSTILL_S = 2.0
+_STILL_RAD = 2e-4  # in a step: slower than 0.04 rad/s for three steps is standstill
+
+
+class Dialogue:
+    """What one says to a drive and hears of it; `cyclic` is set while PDOs are exchanged."""
+
+    def __init__(self, sdo: SdoChannel, monitor: nmt.NodeMonitor, profile: CanopenProfile) -> None:
+        self.cyclic: Cyclic | None = None
+        self.place = f"node {sdo.node_id}"
+        self._sdo, self._monitor, self._profile = sdo, monitor, profile
+        access = Access(self.place, self.statusword, self.command, lambda: self._pause(_STEP_S), self.stuck)
+        self.walker = Walker(monitor.clock, access)
+
+    def statusword(self) -> int | None:
+        """Read now; None where the drive refuses to show it. Raises SdoError where it does not answer."""
+        by_pdo = self.cyclic.statusword if self.cyclic is not None else None
+        return by_pdo if by_pdo is not None else self._sdo.read_integer(0x6041, 0, "UNSIGNED16")
+
+    def state(self) -> State:
+        """See Walker.state."""
+        return self.walker.state()
+
+    def position(self) -> int:
+        """Counts. Raises StateError where the drive refuses to show them: 0 would be a place like any other."""
+        found = self.cyclic.position if self.cyclic is not None else None
+        if found is None:
+            ref = self._profile.quantities.position.object
+            found = self._sdo.read_integer(ref.index, ref.subindex, "INTEGER32")
+        if found is None:
+            raise StateError(self.place, "does not show its position", "Is this the profile of this drive?")
+        return found
+
+    def command(self, controlword: int) -> None:
+        """Send a controlword, by SDO where PDOs are not answered, and give the drive time for it.
+
+        The target stays what it was; a drive without power gets the place where it is, and holds that when enabled.
+        """
+        cyclic = self.cyclic
+        if cyclic is not None:
+            cyclic.producer.hold(cyclic.frame(controlword, self._target(cyclic)))
+        if cyclic is None or not cyclic.answering:
+            self._sdo.write(ParameterValue(CONTROLWORD, controlword))
+        self._pause(_STEP_S)
+
+    def _target(self, cyclic: Cyclic) -> int:
+        at_rest = cia402.decode(cyclic.statusword) in (*cia402.OFF, State.READY, State.SWITCHED_ON)
+        return self.position() if at_rest or cyclic.target is None else cyclic.target
+
+    def stuck(self, status: int | None, word: int, wanted: State) -> DriveError:
+        """Why the drive does not reach a state, in its own words where it has any."""
+        mode = self.cyclic.mode if self.cyclic is not None else None
+        return diagnosis.why_stuck(self._sdo, self._monitor, status, word, wanted, mode)
+
+    def await_standstill(self, count_rad: float | None) -> bool:
+        """Let time pass until the position hardly changes; False after two seconds of it, or in silence.
+
+        `count_rad`: what one count of the position is worth; None where nobody knows.
+        """
+        if self.cyclic is None or not self.cyclic.pump(0.0):
+            return False
+        tolerance = 0.0 if count_rad is None else _STILL_RAD / abs(count_rad)
+        elapsed, still, last = 0.0, 0, self.position()
+        while elapsed < _STANDSTILL_S and still < 3:
+            if not self.cyclic.pump(_STEP_S):
+                return False
+            elapsed += _STEP_S
+            now = self.position()
+            still = still + 1 if abs(now - last) <= tolerance else 0
+            last = now
+        return still >= 3
+
+    def _pause(self, duration_s: float) -> None:
+        if self.cyclic is not None:
+            self.cyclic.pump(duration_s)
+        else:
+            self._monitor.clock.sleep(duration_s)
