@@ -1,16 +1,14 @@
-"""How fast a SYNC-clocked bench runs at 1 kHz in one process, and whether a sample gets lost.
+"""How fast bench and tool run at 1 kHz in one process, by simulated time, and whether a sample gets lost.
 
-    python benchmarks/bus.py                 one minute of bus time with the two-mass machine
+    python benchmarks/bus.py                 one minute of bus time with each machine
     python benchmarks/bus.py --seconds 600   ten minutes
 
-The limit that it is held against is real time: 1000 SYNCs per second. Tool and drive are two threads that take turns,
-so one core serves them better than two: it is measured both ways where the system can pin a process.
+The limit that it is held against is real time: 1000 SYNCs per second.
 """
 
 from __future__ import annotations
 
 import argparse
-import os
 import time
 
 import numpy as np
@@ -63,8 +61,3 @@ if __name__ == "__main__":
     given = parser.parse_args()
     for name in given.plant:
         measure(name, given.seconds)
-    if hasattr(os, "sched_setaffinity"):
-        os.sched_setaffinity(0, {max(os.sched_getaffinity(0))})
-        print("on one core:")
-        for name in given.plant:
-            measure(name, given.seconds)
