@@ -18,6 +18,7 @@ from modbus_desk import bus_options, profile_of
 
 from schwung.cli import main
 from schwung.cli.demo import BELIEF
+from schwung.clock import WallClock
 from schwung.fieldbus.modbus import ModbusDrive, ModbusLink, modbus_options
 from schwung_sim.modbus_bench import ModbusBench
 
@@ -92,7 +93,8 @@ def test_killed_in_mid_motion_the_drive_stops_by_itself_and_restore_puts_it_back
         tool = subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
         profile = profile_of()
         with ModbusDrive(
-            ModbusLink(modbus_options(bus[1], bus[3], None, {}), 1, profile.modbus), profile
+            ModbusLink(modbus_options(bus[1], bus[3], None, {}), 1, profile.modbus, clock=WallClock()),
+            profile,
         ) as looker:
             end_s = time.monotonic() + 60
             while abs(looker.state().position_rad) < 0.5 and time.monotonic() < end_s:
@@ -103,7 +105,8 @@ def test_killed_in_mid_motion_the_drive_stops_by_itself_and_restore_puts_it_back
             looker.close()  # our looking would keep the watchdog quiet
         time.sleep(2.0)
         with ModbusDrive(
-            ModbusLink(modbus_options(bus[1], bus[3], None, {}), 1, profile.modbus), profile
+            ModbusLink(modbus_options(bus[1], bus[3], None, {}), 1, profile.modbus, clock=WallClock()),
+            profile,
         ) as looker:
             state = looker.state()
             assert state.cia402 == FAULT_AND_COMMUNICATION[0]
@@ -111,7 +114,8 @@ def test_killed_in_mid_motion_the_drive_stops_by_itself_and_restore_puts_it_back
         restored = schwung("restore", str(tmp_path / "out" / "setup.backup.json"))
         assert restored.returncode == 0, restored.stderr
         with ModbusDrive(
-            ModbusLink(modbus_options(bus[1], bus[3], None, {}), 1, profile.modbus), profile
+            ModbusLink(modbus_options(bus[1], bus[3], None, {}), 1, profile.modbus, clock=WallClock()),
+            profile,
         ) as looker:
             assert looker.read(looker.parameter(104)).raw == 0  # mode
             assert looker.read(looker.parameter(110)).raw == 0  # watchdog

@@ -148,6 +148,7 @@ class ModbusServo:
         mode = self._bind("state.mode", None, self._only(PP))
         if mode is not None:
             mode.value = 0
+        self._bind("state.mode_display", lambda: self.value("state.mode"))
         self._bind("watchdog")
         self._bind("store", None, self._store, plain=True)
 
