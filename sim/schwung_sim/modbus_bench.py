@@ -113,6 +113,11 @@ class ModbusBench:
             raise BenchError("bench", f"the drive did not start within {START_S:g} s")
         return self
 
+    def happen(self, faults: str) -> None:
+        """Let faults happen now; in the thread in which the drive lives."""
+        for fault in parse_faults(faults):
+            self.server.faults.begin(fault)
+
     def _run(self) -> None:
         try:
             if self._serving is not None:

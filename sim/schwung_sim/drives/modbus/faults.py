@@ -105,7 +105,7 @@ class FaultSchedule:
         self._luck = random.Random(f"{seed} modbus")
         for fault in faults:
             if fault.at_s is None:
-                self._begin(fault)
+                self.begin(fault)
 
     def poll(self) -> None:
         """Begin what is due."""
@@ -118,13 +118,14 @@ class FaultSchedule:
             start = self._since.get(fault.after)
             if start is not None and fault.at_s is not None and now >= start + fault.at_s - 1e-9:
                 self._waiting.remove(fault)
-                self._begin(fault)
+                self.begin(fault)
 
     def garbled(self) -> bool:
         """Whether the answer that goes out now is to be spoilt."""
         return self.now.garble > 0 and self._luck.random() < self.now.garble
 
-    def _begin(self, fault: Fault) -> None:
+    def begin(self, fault: Fault) -> None:
+        """Make it happen now."""
         servo, now, number = self._servo, self.now, int(fault.value)
         actions: dict[str, Callable[[], object]] = {
             "exception": lambda: now.refused.update({number: fault.extra}),

@@ -62,7 +62,7 @@ class ModbusServer:
         self.servo, self.unit, self.transport = servo, unit, transport
         self.requests = 0
         self.drop: Callable[[], None] = lambda: None
-        self._faults = FaultSchedule(servo, faults, self._cut, seed)
+        self.faults = FaultSchedule(servo, faults, self._cut, seed)
         self._read_function = int(servo.profile["modbus"].get("read_function", 3))
         self._clock: Clock | None = None
         self._ticker: Timer | None = None
@@ -102,7 +102,7 @@ class ModbusServer:
         if ticks:
             self._debt_s -= ticks * TICK_S
             self.servo.advance(ticks * TICK_S)
-            self._faults.poll()
+            self.faults.poll()
 
     # ── requests ─────────────────────────────────────────────────────────────────────────────────────────────────
 
@@ -112,7 +112,7 @@ class ModbusServer:
             return  # it is not ours
         self._catch_up()
         clock, now = self.clock, self.clock.now()
-        self._free_s = max(self._free_s, now) + self._faults.now.slow_s
+        self._free_s = max(self._free_s, now) + self.faults.now.slow_s
 
         def respond() -> None:
             response = self._respond(request)
@@ -131,7 +131,7 @@ class ModbusServer:
 
         self.requests += 1
         self._catch_up()
-        now = self._faults.now
+        now = self.faults.now
         if now.deaf:
             return None
         touched = range(request.address, request.address + max(request.count, len(request.registers), 1))
@@ -169,19 +169,19 @@ class ModbusServer:
         words = list(request.registers)
         if isinstance(request, pdu.WriteSingleRegisterRequest):
             self.servo.write(address, words)
-            self._faults.poll()
+            self.faults.poll()
             return pdu.WriteSingleRegisterResponse(address=address, registers=words)
         if isinstance(request, pdu.WriteMultipleRegistersRequest):
             if not 1 <= request.count <= _MOST_WRITTEN or request.byte_count != 2 * len(words):
                 raise RefusalError(ILLEGAL_VALUE)
             self.servo.write(address, words)
-            self._faults.poll()
+            self.faults.poll()
             return pdu.WriteMultipleRegistersResponse(address=address, count=request.count)
         raise RefusalError(ILLEGAL_FUNCTION)
 
     def spoilt(self, frame: bytes) -> bytes:
         """An answer as it arrives: with a wrong byte on a serial line, or lost, where the line is bad."""
-        if not self._faults.garbled():
+        if not self.faults.garbled():
             return frame
         return b"" if self.transport == "tcp" else frame[:3] + bytes([frame[3] ^ 0x40]) + frame[4:]
 

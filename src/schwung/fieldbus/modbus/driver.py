@@ -207,14 +207,18 @@ class ModbusDrive:
         self._required_state_machine()
         self._acquisition = acquisition
         self._close_keeper()
-        period_s = setup.watchdog_s(self.profile, acquisition)
-        self._keeper = self.clock.every(period_s, self._be_heard, "modbus keeper")
+        half_s = setup.watchdog_s(self.profile, acquisition) / 2
+        self._keeper = self.clock.every(half_s, lambda: self._be_heard(half_s), "modbus keeper")
 
-    def _be_heard(self) -> None:
-        """So that the drive's watchdog is quiet. Failures are left to who asks next, and waits for the answer."""
-        if not self._link.asking:  # which is heard, too
+    def _be_heard(self, silent_s: float) -> None:
+        """Where nobody else has asked for so long: the drive's watchdog is quiet for as long as we live.
+
+        Failures are left to who asks next, and waits for the answer.
+        """
+        link = self._link
+        if not link.asking and self.clock.now() - link.asked_s >= silent_s:
             with contextlib.suppress(DriveError):
-                self._required_state_machine().statusword()
+                self._required_state_machine().look()
 
     def enable(self) -> None:
         """Operation enabled, holding the position. Raises StateError naming what is missing, DriveFaultError."""

@@ -59,6 +59,7 @@ class ModbusLink:
         self.on_reconnect: Callable[[], None] | None = None
         self.losses = 0  # how often the connection was lost
         self.requests = 0
+        self.asked_s = clock.now()  # when the last one was sent
         self._timeout_s = self.options.timeout_s or drive.timeout_s
         self._pause_s = max(drive.silence_s, silence_s(self.options))
         self._serial = self.options.transport == "rtu"  # answers say of no request whose they are
@@ -215,29 +216,39 @@ class ModbusLink:
         """One request on a line that is ready. Raises what pymodbus and `permit` do."""
         if self._asking:
             raise RuntimeError(f"{self.name} is asked from within a request; see when_free")
-        self._ready()
-        if permit is not None:
-            permit()
-        self.requests += 1
+        self._connect()
         self._asking = True
+        try:
+            self._await_silence()
+            if permit is not None:
+                permit()
+            self.requests += 1
+            self.asked_s = self.clock.now()
+            return self._sent(ask)
+        finally:
+            self._asking = False
+
+    def _sent(self, ask: Callable[[], ModbusPDU]) -> ModbusPDU:
         try:
             return ask()
         except BaseException:  # Ctrl-C, too: the answer is still to come
             self._straggler_due = self._serial
             raise
         finally:
-            self._asking = False
             self._quiet_until_s = self.clock.now() + self._pause_s
 
-    def _ready(self) -> None:
-        """Connected, and the line silent for long enough."""
+    def _connect(self) -> None:
+        """Connected, and what had been set moving over a lost connection halted."""
         if self._closed:
             raise BusError(self.name, "is closed", "Connect again.")
         if not self._client.connected:
             self._open()
             self._greeting_due = True
         self._greet()
-        if self._straggler_due:  # a late answer would be taken for that to the next request
+
+    def _await_silence(self) -> None:
+        """The pause between two requests; and before it a late answer, which would be taken for that to the next."""
+        if self._straggler_due:
             self._straggler_due = False
             with contextlib.suppress(ConnectionException, OSError):  # whoever asks next finds out
                 self._client.recv(None)

@@ -54,12 +54,12 @@ class Registers:
 
     # ── values ───────────────────────────────────────────────────────────────────────────────────────────────────
 
-    def read(self, parameter: Parameter) -> ParameterValue:
-        """Read one parameter. Raises RegisterError, NodeLostError."""
+    def read(self, parameter: Parameter, *, again: bool = True) -> ParameterValue:
+        """Read one parameter; `again` as in ModbusLink.read. Raises RegisterError, NodeLostError."""
         modbus = self.profile.modbus
         count = words.word_count(parameter.type, modbus.registers_per_parameter)
         try:
-            read = self.link.read(parameter.index, count)
+            read = self.link.read(parameter.index, count, again=again)
         except RegisterError as error:
             raise RegisterError(parameter.label, error.problem, error.remedy, error.code) from error
         return ParameterValue(parameter, words.decode(read, parameter.type, modbus.word_order))
@@ -76,9 +76,9 @@ class Registers:
         except RegisterError as error:
             raise RegisterError(parameter.label, error.problem, error.remedy, error.code) from error
 
-    def integer(self, ref: ObjectRef) -> int:
-        """What a reference of the profile holds. Raises RegisterError, NodeLostError."""
-        raw = self.read(self.at(ref)).raw
+    def integer(self, ref: ObjectRef, *, again: bool = True) -> int:
+        """What a reference of the profile holds; as `read`. Raises RegisterError, NodeLostError."""
+        raw = self.read(self.at(ref), again=again).raw
         return int(raw) if isinstance(raw, int | float) else 0
 
     def put(self, ref: ObjectRef, value: int, permit: Callable[[], None] | None = None) -> None:

@@ -14,7 +14,8 @@ from schwung.fieldbus.units import Scales
 
 #: The drive waits for so many silent periods of ours before it stops by itself,
 SILENCES = 3
-#: but never less than this (s): a request that is lost is asked for again after the time-out.
+#: but never less than this (s), nor than one lost request takes: its time-out, and on a serial line another one for an
+#: answer that is only late.
 LEAST_WATCHDOG_S = 1.0
 
 
@@ -32,7 +33,8 @@ def wanted_values(
     if profile.state is not None and profile.state.mode is not None:
         wanted.append((profile.state.mode, profile.modes[acquisition.mode]))
     if profile.watchdog is not None:
-        seconds = max(SILENCES * acquisition.heartbeat_s, 2 * profile.modbus.timeout_s, LEAST_WATCHDOG_S)
+        outlived_s = (2 if registers.link.options.transport == "tcp" else 3) * profile.modbus.timeout_s
+        seconds = max(SILENCES * acquisition.heartbeat_s, outlived_s, LEAST_WATCHDOG_S)
         wanted.append((profile.watchdog.object, round(seconds / profile.watchdog.scale)))
     stop = profile.stop
     for setting in (stop.quick_stop_option, stop.connection_lost, stop.fault_reaction):

@@ -20,7 +20,7 @@ from schwung.fieldbus.profile import State as StateRegisters
 from schwung.fieldbus.walker import Access, Walker
 
 POLL_S = 0.005
-_HALT_S = 2.0  # a drive that does not follow a quick stop for so long is not reached by one more
+_HALT_S, _HALT_ATTEMPTS = 2.0, 3  # a drive that follows no quick stop for so long is not reached by one more
 _MODE_S = 0.5
 _FAULT_S = 2.0  # for a fault's reaction, and for its reset
 _STANDSTILL_S = 3.0
@@ -55,6 +55,10 @@ class StateMachine:
     def statusword(self) -> int:
         """As the drive tells it now. Raises RegisterError, NodeLostError."""
         return self._registers.integer(self._state.statusword)
+
+    def look(self) -> int:
+        """The statusword, asked for once. Raises RegisterError, NodeLostError."""
+        return self._registers.integer(self._state.statusword, again=False)
 
     def state(self) -> State:
         """The state now; `UNKNOWN` where the drive refuses to show it, or shows what the standard does not know.
@@ -188,20 +192,19 @@ class StateMachine:
 
     def _stop_moving(self) -> None:
         """A stop may be repeated, and is, where it is refused, lost or not followed. Never raises."""
-        end_s, quiet = self._clock.now() + _HALT_S, False
-        while True:
-            stopped = False
+        end_s, attempts, stopped, quiet = self._clock.now() + _HALT_S, 0, False, False
+        while not (stopped and quiet) and (attempts < _HALT_ATTEMPTS or self._clock.now() < end_s):
+            if attempts:
+                self._clock.sleep(POLL_S)
+            attempts += 1
             with contextlib.suppress(Exception):
                 self.command(cia402.QUICK_STOP)
+            with contextlib.suppress(Exception):
+                stopped = cia402.decode(self.look()) not in (State.OPERATION_ENABLED, State.UNKNOWN)
             if not quiet:
                 with contextlib.suppress(Exception):
                     self._on_halt()
                     quiet = True
-            with contextlib.suppress(Exception):
-                stopped = self.state() not in (State.OPERATION_ENABLED, State.UNKNOWN)
-            if (stopped and quiet) or self._clock.now() >= end_s:
-                return
-            self._clock.sleep(POLL_S)
 
     def disable(self) -> None:
         """Power stage off, after standstill, and seen to be off. A fault is left as it is.
