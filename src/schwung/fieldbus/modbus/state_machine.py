@@ -167,14 +167,14 @@ class StateMachine:
             self._clock.sleep(POLL_S)
 
     def _walker(self, command: Callable[[int], None]) -> Walker:
-        access = Access(
-            place=self._place,
-            statusword=self._shown,
-            command=command,
-            pause=lambda: self._clock.sleep(POLL_S),
-            stuck=self._stuck,
-        )
-        return Walker(self._clock, access)
+        def pause() -> None:
+            self._clock.sleep(POLL_S)
+
+        def commanded(controlword: int) -> None:
+            command(controlword)
+            pause()
+
+        return Walker(self._clock, Access(self._place, self._shown, commanded, pause, self._stuck))
 
     def _stuck(self, word: int | None, sent: int, wanted: State) -> DriveError:
         reason = cia402.why_stuck(word, sent, wanted, error=self.error_text())
