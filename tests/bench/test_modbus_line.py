@@ -150,6 +150,23 @@ def test_where_the_greeting_fails_it_is_owed_still() -> None:
         assert len(tries) == 3
 
 
+@pytest.mark.parametrize("transport", ["tcp", "rtu"])
+def test_a_socket_and_a_serial_port_of_this_computer_carry_the_same(transport: str) -> None:
+    """On the wall's clock, which pymodbus' own clients go by."""
+    tcp = ("127.0.0.1", 0) if transport == "tcp" else None
+    with ModbusBench(tcp=tcp, seed=1, faults=f"silent={CONTROLWORD}") as bench:
+        link = ModbusLink(line_options(bench), 1, profile_of().modbus, clock=WallClock())
+        link.write(MODE, (0, 1))
+        assert link.read(MODE, 2) == (0, 1)
+        with pytest.raises(RegisterError, match="no such register"):
+            link.read(30_000, 2)
+        with pytest.raises(RegisterError, match=r"did not answer within 0\.5 s"):
+            link.write(CONTROLWORD, (0, 6))
+        with link.patience(5.0):
+            assert link.read(VENDOR, 2) == (0x5357, 0x4E47)
+        link.close()
+
+
 def test_nobody_there() -> None:
     with pytest.raises(BusError, match="cannot be opened"):
         ModbusLink(ModbusOptions("tcp", host="127.0.0.1", port=1), 1, profile_of().modbus, clock=WallClock())

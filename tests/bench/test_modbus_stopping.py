@@ -347,7 +347,7 @@ def test_a_window_that_shows_not_where_it_stands_is_no_reason_not_to_read_it() -
         assert recording.position_rad[-1] == pytest.approx(1.0, abs=0.05)
 
 
-def test_a_fault_before_it_is_enabled_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_fault_before_it_is_enabled_is_told() -> None:
     with modbus_desk() as room:
         room.bench.servo.power.fail(0x3210)
         with pytest.raises(DriveFaultError, match="0x3210"):

@@ -207,8 +207,8 @@ class ModbusDrive:
         self._required_state_machine()
         self._acquisition = acquisition
         self._close_keeper()
-        half_s = setup.watchdog_s(self.profile, acquisition) / 2
-        self._keeper = self.clock.every(half_s, lambda: self._be_heard(half_s), "modbus keeper")
+        silent_s = setup.silent_s(acquisition)
+        self._keeper = self.clock.every(silent_s, lambda: self._be_heard(silent_s), "modbus keeper")
 
     def _be_heard(self, silent_s: float) -> None:
         """Where nobody else has asked for so long: the drive's watchdog is quiet for as long as we live.

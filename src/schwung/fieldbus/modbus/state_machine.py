@@ -11,7 +11,7 @@ import contextlib
 import math
 from collections.abc import Callable
 
-from schwung.errors import DriveError, DriveFaultError, NodeLostError, RegisterError, StateError
+from schwung.errors import BusError, DriveError, DriveFaultError, NodeLostError, RegisterError, StateError
 from schwung.fieldbus import cia402
 from schwung.fieldbus.cia402 import State
 from schwung.fieldbus.modbus.registers import Registers
@@ -197,8 +197,12 @@ class StateMachine:
             if attempts:
                 self._clock.sleep(POLL_S)
             attempts += 1
-            with contextlib.suppress(Exception):
+            try:
                 self.command(cia402.QUICK_STOP)
+            except (BusError, NodeLostError):
+                continue  # nobody is there to be looked at
+            except Exception:  # refused, not answered: it may have stopped all the same
+                pass
             with contextlib.suppress(Exception):
                 stopped = cia402.decode(self.look()) not in (State.OPERATION_ENABLED, State.UNKNOWN)
             if not quiet:
@@ -232,8 +236,12 @@ class StateMachine:
         still = max(_STILL_RAD, 1.5 * count_rad) / count_rad if count_rad > 0 else 1.0  # counts
         while clock.now() < end_s and clock.now() - since_s < _STILL_FOR_S:
             now = math.nan
-            with contextlib.suppress(DriveError):
+            try:
                 now = self._position()
+            except (BusError, NodeLostError):
+                return  # nobody is there to be let go of
+            except DriveError:
+                pass
             if not abs(now - at) <= still:
                 at, since_s = now, clock.now()
             clock.sleep(POLL_S)
