@@ -239,11 +239,14 @@ def test_nonsense_that_passes_is_waited_out() -> None:
         assert room.bench.servo.power.state is State.SWITCH_ON_DISABLED
 
 
-def test_a_fault_reaction_is_waited_out() -> None:
+def test_a_fault_reaction_is_waited_out(monkeypatch: pytest.MonkeyPatch) -> None:
+    """It ends when the brake has fallen in, half a second after the axis stands."""
     with modbus_desk() as room, room.enabled():
         run_away(room)
-        power = room.bench.servo.power
+        power, clock = room.bench.servo.power, room.clock
         power.stop_rate_rad_s2 = 4.0  # 1.2 s
+        poll, held_until_s = power.poll, clock.now() + 1.8
+        monkeypatch.setattr(power, "poll", lambda: poll() if clock.now() > held_until_s else None)
         power.fail(0x4310)
         room.drive.disable()
         assert power.state is State.FAULT
