@@ -81,6 +81,17 @@ def test_a_stroke_is_recorded_as_the_drive_traced_it(transport: str) -> None:
     assert np.std(recording.torque_added_nm[:40]) > 10.0  # the sine was on before the motion
 
 
+@BOTH
+def test_the_same_calls_give_the_same_bytes(transport: str) -> None:
+    """Noise, lost answers and time are all the seed's; nothing is the computer's."""
+    runs = []
+    for _ in range(2):
+        with modbus_desk(transport, faults="garble=0.02") as room, room.enabled():
+            recording = room.drive.play(room.stroke(1.0, sine=SINE))
+            runs.append((room.sent, room.clock.now(), recording.position_rad.tobytes()))
+    assert runs[0] == runs[1]
+
+
 def test_a_sine_from_the_motion_on_starts_at_its_phase() -> None:
     sine = replace(SINE, phase_rad=np.pi / 2, from_motion=True)
     with modbus_desk() as room, room.enabled(trace_rate_hz=2000.0):

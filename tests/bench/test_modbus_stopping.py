@@ -86,7 +86,8 @@ def test_halting_a_drive_that_is_gone_ends_and_never_raises(transport: str, faul
 def test_a_generator_that_stays_on_is_switched_off_again() -> None:
     with modbus_desk() as room, room.enabled():
         room.bench.axis.configure(generator_control=2)
-        room.bench.happen("busy=0.4")
+        room.bench.happen("exception=406:4")
+        room.clock.later(0.3, room.bench.server.faults.now.refused.clear)
         room.drive.halt()
         assert room.bench.axis.settings.generator_control == 0
 
