@@ -1,5 +1,8 @@
-"""The bench on Modbus: one simulated drive with its machine, on loopback TCP or on a serial line made of two
-pseudo-terminals, in a thread or as a process of its own."""
+"""The bench on Modbus: one simulated drive with its machine.
+
+With a stepped clock everything happens in the thread that lets its time pass, on a line of that time. Without, it is on
+loopback TCP or on a pseudo-terminal, in a thread or as a process of its own, and the drive's time is the wall's.
+"""
 
 from __future__ import annotations
 
@@ -13,8 +16,10 @@ from typing import Any
 
 from schwung_sim.drives.axis import ServoAxis
 from schwung_sim.drives.modbus.faults import parse_faults
-from schwung_sim.drives.modbus.server import ModbusServer, SerialLine
+from schwung_sim.drives.modbus.server import Clock, ModbusServer
+from schwung_sim.drives.modbus.serving import SerialServing, TcpServing
 from schwung_sim.drives.modbus.servo import ModbusServo, read_profile
+from schwung_sim.drives.modbus.stepped import USUAL_BITRATE, SteppedLine
 from schwung_sim.errors import BenchError
 from schwung_sim.plants import Plant, make_plant
 
@@ -41,9 +46,9 @@ class ModbusBench:
     """A drive, its axis and its plant on Modbus.
 
     `plant` and `conceal` as in Bench; `profile` is a family or a path. `tcp` = (host, port), port 0: any; without it a
-    serial line is made, `bitrate` then paces it as a real one. `faults`: see drives/modbus/faults.py. All chance comes
-    from `seed`, and so does the serial number. The drive's time is the computer's.
-    Raises BenchError on wrong use, before anything runs.
+    serial line is made, `bitrate` then paces it as a real one. `clock`: a stepped clock, in whose time all happens;
+    `line` is then the tool's end, and the address means nothing. `faults`: see drives/modbus/faults.py. All chance
+    comes from `seed`, and so does the serial number. Raises BenchError on wrong use, before anything runs.
     """
 
     def __init__(
@@ -57,6 +62,7 @@ class ModbusBench:
         conceal: str = "",
         seed: int = 0,
         faults: str = "",
+        clock: Clock | None = None,
     ) -> None:
         if seed < 0:
             raise BenchError("--seed", f"{seed} is negative", "Take 0 or more.")
@@ -67,9 +73,18 @@ class ModbusBench:
         self.axis = ServoAxis(self.plant, seed=seed)
         self.servo = ModbusServo(content, self.axis, seed=seed)
         self.family = str(content.get("family", ""))
-        self._bitrate = bitrate
-        self._line = SerialLine(bitrate) if tcp is None else None
-        self.server = ModbusServer(self.servo, unit, tcp=tcp, line=self._line, faults=wanted, seed=seed)
+        self.server = ModbusServer(
+            self.servo, unit, "rtu" if tcp is None else "tcp", faults=wanted, seed=seed
+        )
+        self.line: SteppedLine | None = None
+        self._bitrate, self._clock = bitrate, clock
+        self._serving: TcpServing | SerialServing | None = None
+        if clock is not None:
+            self.line = SteppedLine(clock, self.server, bitrate)
+        elif tcp is not None:
+            self._serving = TcpServing(self.server, tcp)
+        else:
+            self._serving = SerialServing(self.server, bitrate)
         self.failure: BaseException | None = None
         self._ready = threading.Event()
         self._thread: threading.Thread | None = None
@@ -77,15 +92,20 @@ class ModbusBench:
     @property
     def tool_options(self) -> dict[str, Any]:
         """What the tool under test takes to meet this bench: interface, channel, bit rate."""
-        if self._line is not None:
-            rate = self._bitrate or 115200
-            return {"interface": "modbus-rtu", "channel": self._line.tool, "bitrate": rate, "parity": "N"}
-        host, port = self.server.address or ("127.0.0.1", 0)
-        return {"interface": "modbus-tcp", "channel": f"{host}:{port}"}
+        serving = self._serving
+        if self.server.transport == "tcp":
+            host, port = serving.address if isinstance(serving, TcpServing) else ("bench", 502)
+            return {"interface": "modbus-tcp", "channel": f"{host}:{port}"}
+        channel = serving.tool if isinstance(serving, SerialServing) else "bench"
+        rate = self._bitrate or USUAL_BITRATE
+        return {"interface": "modbus-rtu", "channel": channel, "bitrate": rate, "parity": "N"}
 
     def start(self) -> ModbusBench:
-        """Switch the drive on, in a thread of its own; it answers when this returns."""
+        """Switch the drive on; it answers when this returns."""
         self.servo.advance(0.002)  # the compiled loops are ready before the first request
+        if self._clock is not None:
+            self.server.begin(self._clock)
+            return self
         self._thread = threading.Thread(target=self._run, name="modbus-bench", daemon=True)
         self._thread.start()
         if not self._ready.wait(START_S) or self.failure is not None:
@@ -93,9 +113,15 @@ class ModbusBench:
             raise BenchError("bench", f"the drive did not start within {START_S:g} s")
         return self
 
+    def happen(self, faults: str) -> None:
+        """Let faults happen now; in the thread in which the drive lives."""
+        for fault in parse_faults(faults):
+            self.server.faults.begin(fault)
+
     def _run(self) -> None:
         try:
-            self.server.run(self._ready.set)
+            if self._serving is not None:
+                self._serving.run(self._ready.set)
         except BaseException as error:
             self.failure = error
         finally:
@@ -103,7 +129,10 @@ class ModbusBench:
 
     def stop(self) -> None:
         """Switch off. Raises what made the drive's thread fail, if anything did."""
-        self.server.stop()
+        if self._serving is None:
+            self.server.end()
+            return
+        self._serving.stop()
         if self._thread is not None:
             self._thread.join(START_S)
             self._thread = None

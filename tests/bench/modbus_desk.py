@@ -1,8 +1,7 @@
-"""The Modbus bench and the tool's driver at its other end."""
+"""The Modbus bench and the tool's driver at its other end, on a line in simulated time."""
 
 from __future__ import annotations
 
-import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -10,8 +9,10 @@ from typing import Any
 
 import numpy as np
 
+from schwung.clock import SteppedClock
 from schwung.commissioning.plan import moves_of
 from schwung.fieldbus.canopen import BusOptions
+from schwung.fieldbus.connecting import Connected, connected
 from schwung.fieldbus.drive import Acquisition, Move, Setpoints, Sine
 from schwung.fieldbus.modbus import ModbusDrive, ModbusLink, ModbusOptions, modbus_options
 from schwung.fieldbus.profile import ModbusProfile, load_profile
@@ -42,12 +43,40 @@ def profile_of(family: str = FAMILY) -> ModbusProfile:
     return profile
 
 
+def modbus_bench(transport: str, clock: SteppedClock, *plant: Any, **options: Any) -> ModbusBench:
+    """A bench in a clock's time, on TCP or a serial line."""
+    tcp = ("bench", 502) if transport == "tcp" else None
+    return ModbusBench(*plant, tcp=tcp, clock=clock, **{"seed": 7, **options})
+
+
+@contextmanager
+def connected_bench(
+    transport: str, *plant: Any, family: str | None = None, profile: str = FAMILY, **options: Any
+) -> Iterator[tuple[ModbusBench, Connected]]:
+    """A bench, and the tool connected to it as the command line would be; `family`: what --profile says."""
+    clock = SteppedClock()
+    with (
+        modbus_bench(transport, clock, *plant, profile=profile, **options) as bench,
+        connected(bus_options(bench), 1, family, clock=clock, line=bench.line) as opened,
+    ):
+        yield bench, opened
+
+
 @dataclass
 class ModbusDesk:
-    """Bench and drive, connected."""
+    """Bench and drive, connected, and the time they live in. `sent`: every frame of the tool's."""
 
     bench: ModbusBench
     drive: ModbusDrive
+    clock: SteppedClock
+    sent: list[bytes]
+
+    @property
+    def controlwords(self) -> list[int]:
+        """Every controlword that went over the line, in order, whatever became of it."""
+        header, trailer = (7, None) if self.bench.server.transport == "tcp" else (1, -2)
+        requests = (frame[header:trailer] for frame in self.sent)
+        return [int.from_bytes(pdu[6:], "big") for pdu in requests if pdu[:3] == b"\x10\x00\x64"]
 
     def acquisition(self, trace_rate_hz: float = 1000.0, duration_s: float = 0.2) -> Acquisition:
         return Acquisition(
@@ -81,23 +110,28 @@ class ModbusDesk:
         finally:
             self.drive.stop()
 
+    def until(self, condition: Callable[[], bool], patience_s: float = 3.0) -> bool:
+        """Let time pass for it; False where it does not come."""
+        return self.clock.wait(condition, patience_s)
+
 
 @contextmanager
 def modbus_desk(
     transport: str = "tcp", family: str = FAMILY, timeout_s: float | None = None, **bench_options: Any
 ) -> Iterator[ModbusDesk]:
     """A connected desk; both ends are closed at the end."""
-    tcp = ("127.0.0.1", 0) if transport == "tcp" else None
-    with ModbusBench(profile=family, tcp=tcp, **{"seed": 7, **bench_options}) as bench:
+    clock = SteppedClock()
+    with modbus_bench(transport, clock, profile=family, **bench_options) as bench:
         profile = profile_of(family)
-        link = ModbusLink(line_options(bench, timeout_s), 1, profile.modbus)
+        line = bench.line
+        assert line is not None
+        sent, send = [], line.send
+
+        def noted(data: bytes) -> None:
+            sent.append(data)
+            send(data)
+
+        line.send = noted  # type: ignore[method-assign]  # somebody listens
+        link = ModbusLink(line_options(bench, timeout_s), 1, profile.modbus, clock=clock, line=line)
         with ModbusDrive(link, profile) as drive:
-            yield ModbusDesk(bench, drive)
-
-
-def until(condition: Callable[[], bool], patience_s: float = 3.0) -> bool:
-    """Wait for it; False where it does not come."""
-    end_s = time.monotonic() + patience_s
-    while not condition() and time.monotonic() < end_s:
-        time.sleep(0.005)
-    return condition()
+            yield ModbusDesk(bench, drive, clock, sent)

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from bench_machine import Silence, desk, guessed_machine
-from modbus_desk import FAMILY, bus_options, profile_of
+from modbus_desk import FAMILY, connected_bench, profile_of
 
 from schwung.commissioning import (
     ExportChoice,
@@ -23,8 +23,6 @@ from schwung.commissioning import (
 )
 from schwung.drivetrain import Control, InertiaTable
 from schwung.errors import InputError, NodeLostError, RefusedError
-from schwung.fieldbus.connecting import connected
-from schwung_sim.modbus_bench import ModbusBench
 
 #: Errors of neighbouring angles are alike and strokes over Modbus begin when they begin, so that a whole stretch of a
 #: curve lies outside a band of 95 % now and then: so many deviations are allowed, and this share of angles beyond them.
@@ -45,8 +43,7 @@ def wishes(**changes: object) -> Wishes:
 def test_the_inertia_comes_out_and_the_drive_is_as_before(
     transport: str, trace_rate_hz: float | None, tmp_path: Path
 ) -> None:
-    tcp = ("127.0.0.1", 0) if transport == "tcp" else None
-    with ModbusBench("two-mass", tcp=tcp, seed=5) as bench, connected(bus_options(bench), 1, None) as opened:
+    with connected_bench(transport, "two-mass", seed=5) as (bench, opened):
         drive, profile = opened.drive, opened.profile
         held = {p: drive.read(p).raw for p in drive.parameters()}  # type: ignore[attr-defined]  # of Modbus drives
         prepared = prepare(drive, profile, guessed_machine(), wishes(trace_rate_hz=trace_rate_hz))
@@ -80,11 +77,7 @@ def test_every_bus_gives_the_same_table_and_the_true_one_within_its_band(tmp_pat
         truth = room.bench.plant.true_inertia
     for transport, rate_hz in (("tcp", 8000.0), ("rtu", 1000.0)):
         (tmp_path / transport).mkdir()
-        tcp = ("127.0.0.1", 0) if transport == "tcp" else None
-        with (
-            ModbusBench("two-mass", tcp=tcp, seed=5) as bench,
-            connected(bus_options(bench), 1, None) as opened,
-        ):
+        with connected_bench(transport, "two-mass", seed=5) as (_, opened):
             prepared = prepare(opened.drive, opened.profile, guessed_machine(), wishes(trace_rate_hz=rate_hz))
             tables.append(carry_out(opened.drive, prepared, tmp_path / transport, Silence()).estimate.table)
     angle = np.linspace(0.05, np.pi - 0.05, 60)
@@ -102,10 +95,7 @@ def _at(table: InertiaTable, angle: np.ndarray) -> tuple[np.ndarray, np.ndarray]
 
 
 def test_the_table_goes_into_the_drive_helps_and_comes_out_again(tmp_path: Path) -> None:
-    with (
-        ModbusBench(tcp=("127.0.0.1", 0), seed=6) as bench,
-        connected(bus_options(bench), 1, FAMILY) as opened,
-    ):
+    with connected_bench("tcp", family=FAMILY, seed=6) as (bench, opened):
         drive, profile = opened.drive, opened.profile
         prepared = prepare(drive, profile, guessed_machine(), wishes(trace_rate_hz=1000.0))
         before = repeat_reference(drive, prepared, tmp_path, "before", Silence())
@@ -127,7 +117,7 @@ def test_the_table_goes_into_the_drive_helps_and_comes_out_again(tmp_path: Path)
 @pytest.mark.parametrize("family", ["schneider-lexium-32", "kollmorgen-akd", "delta-asda-a2"])
 def test_a_family_that_cannot_be_commissioned_says_why(family: str, tmp_path: Path) -> None:
     """First that units are missing; and with everything given that a user can give, what the profile cannot."""
-    tcp = None if family == "delta-asda-a2" else ("127.0.0.1", 0)
+    transport = "rtu" if family == "delta-asda-a2" else "tcp"
     control = Control(
         position_gain_per_s=60, speed_gain_nms=7, speed_integral_time_s=0.02, sample_rate_hz=8000
     )
@@ -141,26 +131,22 @@ def test_a_family_that_cannot_be_commissioned_says_why(family: str, tmp_path: Pa
         if quantity is not None and quantity.unit == "user":
             lines += [f"[quantities.{name}]", 'unit = "literal"', "scale = 1e-5"]
     file.write_text("\n".join(lines))
-    with ModbusBench(profile=family, tcp=tcp) as bench:
-        if profile.quantities.position.unit == "user":
-            with (
-                connected(bus_options(bench), 1, family) as opened,
-                pytest.raises(InputError, match=r"left to you: rad of one count"),
-            ):
-                prepare(opened.drive, opened.profile, machine, given)
-        with connected(bus_options(bench), 1, str(file)) as opened:
-            prepared = prepare(opened.drive, opened.profile, machine, given)
-            with pytest.raises(RefusedError, match=r"this profile can't do that, because"):
-                carry_out(opened.drive, prepared, tmp_path, Silence())
+    if profile.quantities.position.unit == "user":
+        with (
+            connected_bench(transport, profile=family, family=family) as (_, opened),
+            pytest.raises(InputError, match=r"left to you: rad of one count"),
+        ):
+            prepare(opened.drive, opened.profile, machine, given)
+    with connected_bench(transport, profile=family, family=str(file)) as (bench, opened):
+        prepared = prepare(opened.drive, opened.profile, machine, given)
+        with pytest.raises(RefusedError, match=r"this profile can't do that, because"):
+            carry_out(opened.drive, prepared, tmp_path, Silence())
         assert bench.servo.moves == 0
         assert not bench.axis.energised
 
 
 def test_a_lost_connection_ends_commissioning_with_a_sentence_and_a_stopped_drive(tmp_path: Path) -> None:
-    with (
-        ModbusBench(tcp=("127.0.0.1", 0), seed=6, faults="drop@moving+0.1") as bench,
-        connected(bus_options(bench), 1, FAMILY) as opened,
-    ):
+    with connected_bench("tcp", family=FAMILY, seed=6, faults="drop@moving+0.1") as (bench, opened):
         prepared = prepare(opened.drive, opened.profile, guessed_machine(), wishes(trace_rate_hz=1000.0))
         with pytest.raises(NodeLostError, match="connection was lost"):
             carry_out(opened.drive, prepared, tmp_path, Silence())

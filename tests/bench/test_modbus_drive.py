@@ -1,20 +1,18 @@
 """A drive on Modbus through the real driver: it moves, injects and records by itself, and every trouble stops it."""
 
-import threading
-import time
 from dataclasses import replace
 
 import numpy as np
 import pytest
-from modbus_desk import ModbusDesk, line_options, modbus_desk, profile_of, until
+from modbus_desk import ModbusDesk, line_options, modbus_bench, modbus_desk, profile_of
 
+from schwung.clock import SteppedClock
 from schwung.errors import DriveFaultError, InputError, NodeLostError, RegisterError, StateError
 from schwung.fieldbus.cia402 import NEW_SET_POINT
 from schwung.fieldbus.drive import Guard, Sine, partial_recording
 from schwung.fieldbus.modbus import ModbusDrive, ModbusLink, match_profile, scan_units
 from schwung.fieldbus.modbus.state_machine import StateMachine
 from schwung_sim.drives.modbus.power import State
-from schwung_sim.modbus_bench import ModbusBench
 
 BOTH = pytest.mark.parametrize("transport", ["tcp", "rtu"])
 SINE = Sine(frequency_hz=50.0, amplitude_nm=20.0)
@@ -45,15 +43,16 @@ def test_it_tells_who_it_is_what_it_keeps_and_what_it_can(transport: str) -> Non
 
 
 def test_it_is_found_by_its_identity_and_by_asking_around() -> None:
-    with ModbusBench(tcp=("127.0.0.1", 0), unit=3, seed=7) as bench:
-        options = line_options(bench, timeout_s=0.1)
-        assert match_profile(options, 3).family == "schwung-bench-modbus"
-        found = scan_units(options, range(2, 5))
+    clock = SteppedClock()
+    with modbus_bench("tcp", clock, unit=3) as bench:
+        options, line = line_options(bench), bench.line
+        assert match_profile(options, 3, clock=clock, line=line).family == "schwung-bench-modbus"
+        found = scan_units(options, range(2, 5), clock=clock, line=line)
         assert [(node.node_id, node.profiles, node.serial) for node in found] == [
             (3, ("schwung-bench-modbus",), 7)
         ]
         with pytest.raises(InputError, match=r"unit 2 .* fits no profile"):
-            match_profile(options, 2)
+            match_profile(options, 2, clock=clock, line=line)
 
 
 def test_a_wrong_word_order_is_seen_before_anything_else() -> None:
@@ -80,6 +79,17 @@ def test_a_stroke_is_recorded_as_the_drive_traced_it(transport: str) -> None:
     assert np.max(recording.torque_added_nm) == pytest.approx(20.0, rel=0.01)
     assert recording.position_demand_rad[-1] == pytest.approx(1.0, abs=1e-5)
     assert np.std(recording.torque_added_nm[:40]) > 10.0  # the sine was on before the motion
+
+
+@BOTH
+def test_the_same_calls_give_the_same_bytes(transport: str) -> None:
+    """Noise, lost answers and time are all the seed's; nothing is the computer's."""
+    runs = []
+    for _ in range(2):
+        with modbus_desk(transport, faults="garble=0.02") as room, room.enabled():
+            recording = room.drive.play(room.stroke(1.0, sine=SINE))
+            runs.append((room.sent, room.clock.now(), recording.position_rad.tobytes()))
+    assert runs[0] == runs[1]
 
 
 def test_a_sine_from_the_motion_on_starts_at_its_phase() -> None:
@@ -148,7 +158,7 @@ def test_after_a_lost_connection_nothing_moves_by_surprise(transport: str, again
     """In the middle of a stroke. The drive is halted when the line is back, and by its watchdog where it is not."""
     fault = "drop@moving+0.2" if again else "deaf@moving+0.2"
     with (
-        modbus_desk(transport, timeout_s=0.1, faults=fault) as room,
+        modbus_desk(transport, faults=fault) as room,
         room.enabled(duration_s=3.0, trace_rate_hz=500.0),
     ):
         with pytest.raises((NodeLostError, RegisterError, StateError, DriveFaultError)) as caught:
@@ -156,19 +166,19 @@ def test_after_a_lost_connection_nothing_moves_by_surprise(transport: str, again
         if again:
             assert isinstance(caught.value, NodeLostError)
         power, axis = room.bench.servo.power, room.bench.axis
-        assert until(lambda: power.state in (State.QUICK_STOP, State.FAULT))
-        assert until(lambda: axis.standstill and axis.demand_speed_rad_s == 0.0)
+        assert room.until(lambda: power.state in (State.QUICK_STOP, State.FAULT))
+        assert room.until(lambda: axis.standstill and axis.demand_speed_rad_s == 0.0)
         stands = axis.position_rad
         assert stands < 5.0
         assert power.error == (0 if again else 0x7500)
-        assert not until(lambda: abs(axis.position_rad - stands) > 0.05, 0.3)
+        assert not room.until(lambda: abs(axis.position_rad - stands) > 0.05, 0.3)
         assert room.bench.servo.moves == 1
 
 
 def test_a_short_silence_on_a_serial_line_is_outlived() -> None:
     """Nothing was sent but questions, and those may be asked again; the drive has gone on by itself."""
     with (
-        modbus_desk("rtu", timeout_s=0.2, faults="drop@moving+0.3") as room,
+        modbus_desk("rtu", faults="drop@moving+0.3") as room,
         room.enabled(duration_s=1.0, trace_rate_hz=500.0),
     ):
         recording = room.drive.play(room.stroke(3.0, duration_s=1.0))
@@ -182,20 +192,12 @@ def test_a_start_command_does_not_go_over_a_connection_that_came_back(
     back: bool, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Lost between the last look and the start; found out by whoever asks next, or by the start command itself."""
-    advance, write = StateMachine.advance, ModbusLink.write
-    starts: list[int] = []
-
-    def noted(link: ModbusLink, address: int, words: tuple[int, ...]) -> None:
-        starts.extend(word for word in words if address == 100 and word & NEW_SET_POINT)
-        write(link, address, words)
-
-    monkeypatch.setattr(ModbusLink, "write", noted)
-    with modbus_desk(timeout_s=0.1) as room, room.enabled(duration_s=0.2):
+    advance = StateMachine.advance
+    with modbus_desk() as room, room.enabled(duration_s=0.2):
 
         def advance_late(machine: StateMachine, controlword: int) -> None:
             if controlword & NEW_SET_POINT:
                 room.bench.server.drop()
-                time.sleep(0.02)
                 if back:
                     machine.statusword()
             advance(machine, controlword)
@@ -203,9 +205,10 @@ def test_a_start_command_does_not_go_over_a_connection_that_came_back(
         monkeypatch.setattr(StateMachine, "advance", advance_late)
         with pytest.raises(NodeLostError, match="the connection was lost"):
             room.drive.play(room.stroke(1.0))
+        starts = [word for word in room.controlwords if word & NEW_SET_POINT]
         assert len(starts) == (0 if back else 1)
         assert room.bench.servo.moves == 0
-        assert until(lambda: room.bench.servo.power.state is State.QUICK_STOP)
+        assert room.until(lambda: room.bench.servo.power.state is State.QUICK_STOP)
 
 
 def test_a_halt_from_elsewhere_is_not_overtaken_by_the_start(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -227,24 +230,24 @@ def test_a_halt_from_elsewhere_is_not_overtaken_by_the_start(monkeypatch: pytest
 def test_a_start_command_that_was_not_answered_is_not_sent_again() -> None:
     """It was carried out all the same: the drive is halted instead."""
     with (
-        modbus_desk(timeout_s=0.1, faults="silent=100@moving+0") as room,
+        modbus_desk(faults="silent=100@moving+0") as room,
         room.enabled(duration_s=1.0),
     ):
         with pytest.raises(RegisterError, match=r"register 100 controlword.*did not answer"):
             room.drive.play(room.stroke(6.0, duration_s=1.0))
         assert room.bench.servo.moves == 1
-        assert until(lambda: room.bench.servo.power.state is State.QUICK_STOP)
+        assert room.until(lambda: room.bench.servo.power.state is State.QUICK_STOP)
         assert room.bench.axis.position_rad < 5.0
 
 
-def test_halt_from_another_thread_ends_a_motion() -> None:
+def test_halt_from_elsewhere_ends_a_motion() -> None:
     with modbus_desk() as room, room.enabled(duration_s=1.0):
-        threading.Timer(0.4, room.drive.halt).start()
+        room.clock.later(0.4, room.drive.halt)
         with pytest.raises(StateError, match="halted by us"):
             room.drive.play(room.stroke(6.0, duration_s=1.0, sine=SINE))
         assert room.bench.servo.power.state is State.QUICK_STOP
         assert room.bench.axis.settings.generator_control == 0
-        assert until(lambda: room.bench.axis.standstill)
+        assert room.until(lambda: room.bench.axis.standstill)
 
 
 @pytest.mark.parametrize(
@@ -261,7 +264,7 @@ def test_a_fault_is_told_and_what_was_traced_until_then_is_kept(fault: str, word
         assert np.all(np.diff(before) >= -1e-4)
         room.drive.disable()
         assert room.drive.state().cia402.startswith("Fault")
-        assert until(lambda: room.bench.servo.power.state is State.FAULT)
+        assert room.until(lambda: room.bench.servo.power.state is State.FAULT)
         with pytest.raises(DriveFaultError, match="fault is present"):
             room.drive.enable()
         room.drive.reset_fault()
@@ -284,10 +287,10 @@ def test_a_drive_that_is_closed_while_it_moves_is_stopped_and_off() -> None:
 def test_the_drive_hears_us_while_we_do_nothing_and_stops_when_we_do_not() -> None:
     with modbus_desk() as room:
         with room.enabled():
-            assert not until(
+            assert not room.until(
                 lambda: room.bench.servo.power.state is not State.ENABLED, 1.4
             )  # the watchdog is 1 s
-        assert until(lambda: room.bench.servo.power.state is State.FAULT, 2.5)
+        assert room.until(lambda: room.bench.servo.power.state is State.FAULT, 2.5)
         assert room.bench.servo.power.error == 0x7500
 
 
@@ -297,9 +300,10 @@ def test_start_wants_what_setup_asks_for() -> None:
 
 
 def test_another_family_is_not_taken_for_this_one() -> None:
-    with ModbusBench(profile="schneider-lexium-32", tcp=("127.0.0.1", 0)) as bench:
+    clock = SteppedClock()
+    with modbus_bench("tcp", clock, profile="schneider-lexium-32") as bench:
         profile = profile_of()
-        link = ModbusLink(line_options(bench), 1, profile.modbus)
+        link = ModbusLink(line_options(bench), 1, profile.modbus, clock=clock, line=bench.line)
         with pytest.raises(InputError, match="does not answer as Schwung bench drive"):
             ModbusDrive(link, profile)
         link.close()

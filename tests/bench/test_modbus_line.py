@@ -1,12 +1,12 @@
 """The line itself: refusals in words, silence, late answers, lost connections; no write is ever sent twice."""
 
-import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 
 import pytest
-from modbus_desk import line_options, profile_of
+from modbus_desk import line_options, modbus_bench, profile_of
 
+from schwung.clock import SteppedClock, WallClock
 from schwung.errors import BusError, NodeLostError, RegisterError
 from schwung.fieldbus.modbus import ModbusLink, ModbusOptions
 from schwung_sim.modbus_bench import ModbusBench
@@ -18,9 +18,11 @@ VENDOR, CONTROLWORD, MODE, POSITION = 0, 100, 104, 200
 def a_line(
     transport: str = "tcp", unit: int = 1, timeout_s: float = 0.15, **options: object
 ) -> Iterator[tuple[ModbusBench, ModbusLink]]:
-    tcp = ("127.0.0.1", 0) if transport == "tcp" else None
-    with ModbusBench(tcp=tcp, seed=1, **options) as bench:  # type: ignore[arg-type]  # by name
-        link = ModbusLink(line_options(bench, timeout_s), unit, profile_of().modbus)
+    clock = SteppedClock()
+    with modbus_bench(transport, clock, seed=1, **options) as bench:
+        link = ModbusLink(
+            line_options(bench, timeout_s), unit, profile_of().modbus, clock=clock, line=bench.line
+        )
         try:
             yield bench, link
         finally:
@@ -113,7 +115,6 @@ def test_after_a_lost_connection_the_first_thing_on_the_new_one_is_ours_to_choos
         assert link.read(POSITION, 2) == (0, 0)
         assert not said
         bench.server.drop()
-        time.sleep(0.02)
         assert link.read(POSITION, 2) == (0, 0)  # a read may be asked again
         assert said == [(0x5357, 0x4E47)]
         assert link.losses == 1
@@ -123,7 +124,6 @@ def test_a_write_that_meets_a_lost_connection_is_not_repeated() -> None:
     with a_line() as (bench, link):
         link.read(VENDOR, 2)
         bench.server.drop()
-        time.sleep(0.02)
         before = bench.server.requests
         with pytest.raises(NodeLostError, match="connection was lost"):
             link.write(MODE, (0, 1))
@@ -143,7 +143,6 @@ def test_where_the_greeting_fails_it_is_owed_still() -> None:
         link.on_reconnect = greet
         link.read(VENDOR, 2)
         bench.server.drop()
-        time.sleep(0.02)
         for _ in range(2):
             with pytest.raises(RegisterError, match="busy"):
                 link.read(VENDOR, 2)
@@ -151,20 +150,40 @@ def test_where_the_greeting_fails_it_is_owed_still() -> None:
         assert len(tries) == 3
 
 
+@pytest.mark.parametrize("transport", ["tcp", "rtu"])
+def test_a_socket_and_a_serial_port_of_this_computer_carry_the_same(transport: str) -> None:
+    """On the wall's clock, which pymodbus' own clients go by."""
+    tcp = ("127.0.0.1", 0) if transport == "tcp" else None
+    with ModbusBench(tcp=tcp, seed=1, faults=f"silent={CONTROLWORD}") as bench:
+        link = ModbusLink(line_options(bench), 1, profile_of().modbus, clock=WallClock())
+        link.write(MODE, (0, 1))
+        assert link.read(MODE, 2) == (0, 1)
+        with pytest.raises(RegisterError, match="no such register"):
+            link.read(30_000, 2)
+        with pytest.raises(RegisterError, match=r"did not answer within 0\.5 s"):
+            link.write(CONTROLWORD, (0, 6))
+        with link.patience(5.0):
+            assert link.read(VENDOR, 2) == (0x5357, 0x4E47)
+        link.close()
+
+
 def test_nobody_there() -> None:
     with pytest.raises(BusError, match="cannot be opened"):
-        ModbusLink(ModbusOptions("tcp", host="127.0.0.1", port=1), 1, profile_of().modbus)
+        ModbusLink(ModbusOptions("tcp", host="127.0.0.1", port=1), 1, profile_of().modbus, clock=WallClock())
     with pytest.raises(BusError, match="cannot be opened"):
-        ModbusLink(ModbusOptions("rtu", device="/dev/no-such-line"), 1, profile_of().modbus)
+        ModbusLink(
+            ModbusOptions("rtu", device="/dev/no-such-line"), 1, profile_of().modbus, clock=WallClock()
+        )
 
 
 def test_the_pause_that_a_drive_wants_is_kept() -> None:
     modbus = profile_of().modbus.model_copy(update={"silence_s": 0.02})
-    with ModbusBench(seed=1) as bench:
-        link = ModbusLink(line_options(bench), 1, modbus)
+    clock = SteppedClock()
+    with modbus_bench("rtu", clock) as bench:
+        link = ModbusLink(line_options(bench), 1, modbus, clock=clock, line=bench.line)
         link.read(VENDOR, 2)
-        began = time.monotonic()
+        began = clock.now()
         for _ in range(5):
             link.read(VENDOR, 2)
         link.close()
-        assert time.monotonic() - began >= 5 * 0.02
+        assert clock.now() - began >= 5 * 0.02

@@ -12,13 +12,18 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
+import numpy as np
 import pytest
 from bench_process import schwung
 from modbus_desk import bus_options, profile_of
 
 from schwung.cli import main
 from schwung.cli.demo import BELIEF
+from schwung.clock import WallClock
+from schwung.errors import StateError
+from schwung.fieldbus.drive import Acquisition, Move, Setpoints
 from schwung.fieldbus.modbus import ModbusDrive, ModbusLink, modbus_options
+from schwung_sim.drives.modbus.power import State
 from schwung_sim.modbus_bench import ModbusBench
 
 FAULT_AND_COMMUNICATION = ("Fault", "0x7500")
@@ -86,13 +91,36 @@ def test_scan_and_doctor_reach_a_modbus_drive_over_a_serial_line(
         assert "Modbus is too slow for setpoints" in err
 
 
+def test_halt_from_another_thread_ends_a_motion_over_a_socket() -> None:
+    """By the wall's clock, so that the two really meet at the lock of the link."""
+    profile = profile_of()
+    with ModbusBench(tcp=("127.0.0.1", 0), seed=7) as bench:
+        options = bus_options(bench)
+        line = modbus_options(str(options.interface), options.channel, None, {})
+        with ModbusDrive(ModbusLink(line, 1, profile.modbus, clock=WallClock()), profile) as drive:
+            acquisition = Acquisition("pp", 1000.0, sampling="trace", trace_rate_hz=500.0, trace_s=2.0)
+            drive.write(drive.setup(acquisition))
+            drive.start(acquisition)
+            drive.enable()
+            moves = (Move(10, 20.0, 12.0, 100.0),)
+            stroke = Setpoints(1000.0, np.zeros(2000), np.zeros(2000), moves)
+            stopping = WallClock().later(0.3, drive.halt)
+            with pytest.raises(StateError, match="halted"):
+                drive.play(stroke)
+            stopping.close()
+            assert bench.servo.power.state is State.QUICK_STOP
+            drive.disable()
+            assert not bench.axis.energised
+
+
 def test_killed_in_mid_motion_the_drive_stops_by_itself_and_restore_puts_it_back(tmp_path: Path) -> None:
     with modbus_bench("--modbus-tcp", "127.0.0.1:0") as bus:
         command = [sys.executable, "-m", "schwung", *arguments(tmp_path, bus)]
         tool = subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
         profile = profile_of()
         with ModbusDrive(
-            ModbusLink(modbus_options(bus[1], bus[3], None, {}), 1, profile.modbus), profile
+            ModbusLink(modbus_options(bus[1], bus[3], None, {}), 1, profile.modbus, clock=WallClock()),
+            profile,
         ) as looker:
             end_s = time.monotonic() + 60
             while abs(looker.state().position_rad) < 0.5 and time.monotonic() < end_s:
@@ -103,7 +131,8 @@ def test_killed_in_mid_motion_the_drive_stops_by_itself_and_restore_puts_it_back
             looker.close()  # our looking would keep the watchdog quiet
         time.sleep(2.0)
         with ModbusDrive(
-            ModbusLink(modbus_options(bus[1], bus[3], None, {}), 1, profile.modbus), profile
+            ModbusLink(modbus_options(bus[1], bus[3], None, {}), 1, profile.modbus, clock=WallClock()),
+            profile,
         ) as looker:
             state = looker.state()
             assert state.cia402 == FAULT_AND_COMMUNICATION[0]
@@ -111,7 +140,8 @@ def test_killed_in_mid_motion_the_drive_stops_by_itself_and_restore_puts_it_back
         restored = schwung("restore", str(tmp_path / "out" / "setup.backup.json"))
         assert restored.returncode == 0, restored.stderr
         with ModbusDrive(
-            ModbusLink(modbus_options(bus[1], bus[3], None, {}), 1, profile.modbus), profile
+            ModbusLink(modbus_options(bus[1], bus[3], None, {}), 1, profile.modbus, clock=WallClock()),
+            profile,
         ) as looker:
             assert looker.read(looker.parameter(104)).raw == 0  # mode
             assert looker.read(looker.parameter(110)).raw == 0  # watchdog

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 from conformance_drives import Case, completed_profile
 
-from schwung.clock import Clock, WallClock
+from schwung.clock import Clock, SteppedClock
 from schwung.errors import DriveError
 from schwung.fieldbus.canopen import BusOptions, CanopenDrive, open_bus
 from schwung.fieldbus.connecting import connected
@@ -190,14 +190,14 @@ class CanopenRoom(Room):
 
 
 class ModbusRoom(Room):
-    """A drive on Modbus; its time is the computer's."""
+    """A drive on Modbus, on a stepped line."""
 
     bench: ModbusBench
     drive: ModbusDrive
     profile: ModbusProfile
 
     def __init__(self, case: Case, bench: ModbusBench, drive: ModbusDrive, profile: ModbusProfile) -> None:
-        super().__init__(case, bench, WallClock())
+        super().__init__(case, bench, drive.clock)
         self.drive, self.profile = drive, profile
 
     def held(self) -> dict[int, object]:
@@ -253,13 +253,14 @@ def _canopen_room(case: Case, file: Path) -> Iterator[Room]:
 
 
 def _modbus_room(case: Case, file: Path) -> Iterator[Room]:
-    tcp = ("127.0.0.1", 0) if case.bus == "modbus-tcp" else None
-    with ModbusBench(profile=case.family, tcp=tcp, unit=NODE, seed=SEED) as bench:
-        told = {**bench.tool_options, "timeout": 5.0}  # a busy computer is no reason to give a drive up
+    tcp = ("bench", 502) if case.bus == "modbus-tcp" else None
+    clock = SteppedClock()
+    with ModbusBench(profile=case.family, tcp=tcp, unit=NODE, seed=SEED, clock=clock) as bench:
+        told = bench.tool_options
         options = BusOptions(
             told.pop("interface"), told.pop("channel"), told.pop("bitrate", None), extra=told
         )
-        with connected(options, NODE, str(file)) as found:
+        with connected(options, NODE, str(file), clock=clock, line=bench.line) as found:
             assert isinstance(found.drive, ModbusDrive)
             assert isinstance(found.profile, ModbusProfile)
             yield ModbusRoom(case, bench, found.drive, found.profile)

@@ -15,6 +15,7 @@ from contextlib import contextmanager
 import pytest
 from libmodbus import LibmodbusServer, load, serial_line
 
+from schwung.clock import WallClock
 from schwung.errors import RegisterError
 from schwung.fieldbus.modbus import ModbusLink, ModbusOptions
 from schwung.fieldbus.modbus.words import decode, encode
@@ -36,7 +37,9 @@ def linked(transport: str, **modbus: object) -> Iterator[tuple[LibmodbusServer, 
     drive = Modbus(word_order="high_first", timeout_s=0.5, **modbus)  # type: ignore[arg-type]  # by name
     if transport == "tcp":
         server = LibmodbusServer(LIBRARY)
-        link = ModbusLink(ModbusOptions("tcp", host="127.0.0.1", port=server.port), 1, drive)
+        link = ModbusLink(
+            ModbusOptions("tcp", host="127.0.0.1", port=server.port), 1, drive, clock=WallClock()
+        )
         try:
             yield server, link
         finally:
@@ -45,7 +48,9 @@ def linked(transport: str, **modbus: object) -> Iterator[tuple[LibmodbusServer, 
         return
     with serial_line() as (theirs, ours):
         server = LibmodbusServer(LIBRARY, theirs)
-        link = ModbusLink(ModbusOptions("rtu", device=ours, baudrate=115200, parity="N"), 1, drive)
+        link = ModbusLink(
+            ModbusOptions("rtu", device=ours, baudrate=115200, parity="N"), 1, drive, clock=WallClock()
+        )
         try:
             yield server, link
         finally:

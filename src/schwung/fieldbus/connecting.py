@@ -9,12 +9,20 @@ from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 
+from schwung.clock import Clock, WallClock
 from schwung.errors import InputError
 from schwung.fieldbus.canopen import BusOptions, CanopenDrive, bit_rate, open_bus, scan_bus
 from schwung.fieldbus.canopen import match_profile as match_node
 from schwung.fieldbus.drive import Drive, Progress
 from schwung.fieldbus.found import FoundNode
-from schwung.fieldbus.modbus import ModbusDrive, ModbusLink, match_profile, modbus_options, scan_units
+from schwung.fieldbus.modbus import (
+    Line,
+    ModbusDrive,
+    ModbusLink,
+    match_profile,
+    modbus_options,
+    scan_units,
+)
 from schwung.fieldbus.profile import DeviceProfile, ModbusProfile, load_canopen_profile, load_profile
 
 
@@ -32,13 +40,21 @@ def is_modbus(options: BusOptions) -> bool:
 
 
 @contextmanager
-def connected(options: BusOptions, node_id: int, profile_name: str | None) -> Iterator[Connected]:
+def connected(
+    options: BusOptions,
+    node_id: int,
+    profile_name: str | None,
+    *,
+    clock: Clock | None = None,
+    line: Line | None = None,
+) -> Iterator[Connected]:
     """Open bus and drive, the profile as named or else by the drive's identity; closed again whatever happens.
 
+    `clock`: whose time it is; default: the wall's. `line`: on Modbus, not one of this computer's, but a bench's.
     Raises InputError where nobody answers or profile and drive disagree, BusError where the bus cannot be opened.
     """
     with (
-        _modbus(options, node_id, profile_name)
+        _modbus(options, node_id, profile_name, clock or WallClock(), line)
         if is_modbus(options)
         else _canopen(options, node_id, profile_name) as found
     ):
@@ -60,9 +76,13 @@ def _canopen(options: BusOptions, node_id: int, profile_name: str | None) -> Ite
 
 
 @contextmanager
-def _modbus(options: BusOptions, unit: int, profile_name: str | None) -> Iterator[Connected]:
+def _modbus(
+    options: BusOptions, unit: int, profile_name: str | None, clock: Clock, bench: Line | None
+) -> Iterator[Connected]:
     line = modbus_options(options.interface or "", options.channel, options.bitrate, options.extra)
-    profile = load_profile(profile_name) if profile_name else match_profile(line, unit)
+    profile = (
+        load_profile(profile_name) if profile_name else match_profile(line, unit, clock=clock, line=bench)
+    )
     if not isinstance(profile, ModbusProfile):
         raise InputError(
             f"profile {profile.family}", "is not for Modbus", "Name a Modbus family, or connect by its bus."
@@ -73,7 +93,7 @@ def _modbus(options: BusOptions, unit: int, profile_name: str | None) -> Iterato
             f"knows no Modbus {line.transport.upper()}",
             f"Use -i modbus-{profile.modbus.transports[0]}.",
         )
-    link = ModbusLink(line, unit, profile.modbus)
+    link = ModbusLink(line, unit, profile.modbus, clock=clock, line=bench)
     try:
         drive = ModbusDrive(link, profile, bus=vars(options))
     except BaseException:
@@ -91,7 +111,7 @@ def scan(
     """Who is on the bus. Reads only. Raises InputError, BusError."""
     if is_modbus(options):
         line = modbus_options(options.interface or "", options.channel, options.bitrate, options.extra)
-        return scan_units(line, nodes, progress)
+        return scan_units(line, nodes, progress, clock=WallClock())
     bus = open_bus(options)
     try:
         return scan_bus(bus, nodes, progress)

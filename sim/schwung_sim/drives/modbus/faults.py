@@ -1,6 +1,8 @@
 """What can go wrong on Modbus, so that a tool can be tried against it.
 
     exception=100:6          requests that touch register 100 are refused with exception code 6
+    busy=0.3                 for 0.3 s every request is refused with exception code 6
+    acknowledge=0.3          writes are answered by exception code 5 and carried out 0.3 s later; busy until then
     silent=100               requests that touch register 100 are not answered
     mute                     everything is carried out, nothing is answered any more
     deaf                     nothing is heard any more: the cable is off
@@ -26,8 +28,8 @@ from schwung_sim.errors import BenchError
 
 #: kind -> default value; None: a value has to be given
 KINDS: dict[str, float | None] = {
-    "exception": None, "silent": None, "mute": 0, "deaf": 0, "drop": 0, "slow": None, "swap": 0, "garble": None,
-    "fault": 0x4310, "following-error": 0,
+    "exception": None, "busy": None, "acknowledge": None, "silent": None, "mute": 0, "deaf": 0, "drop": 0,
+    "slow": None, "swap": 0, "garble": None, "fault": 0x4310, "following-error": 0,
 }  # fmt: skip
 RTU_DROP_S = 0.3
 
@@ -85,6 +87,8 @@ class Mischief:
     mute: bool = False
     deaf: bool = False
     slow_s: float = 0.0
+    busy_until_s: float = 0.0  # the axis' own time
+    acknowledge_s: float = 0.0
     garble: float = 0.0
 
 
@@ -101,7 +105,7 @@ class FaultSchedule:
         self._luck = random.Random(f"{seed} modbus")
         for fault in faults:
             if fault.at_s is None:
-                self._begin(fault)
+                self.begin(fault)
 
     def poll(self) -> None:
         """Begin what is due."""
@@ -114,16 +118,19 @@ class FaultSchedule:
             start = self._since.get(fault.after)
             if start is not None and fault.at_s is not None and now >= start + fault.at_s - 1e-9:
                 self._waiting.remove(fault)
-                self._begin(fault)
+                self.begin(fault)
 
     def garbled(self) -> bool:
         """Whether the answer that goes out now is to be spoilt."""
         return self.now.garble > 0 and self._luck.random() < self.now.garble
 
-    def _begin(self, fault: Fault) -> None:
+    def begin(self, fault: Fault) -> None:
+        """Make it happen now."""
         servo, now, number = self._servo, self.now, int(fault.value)
         actions: dict[str, Callable[[], object]] = {
             "exception": lambda: now.refused.update({number: fault.extra}),
+            "busy": lambda: setattr(now, "busy_until_s", servo.axis.time_s + fault.value),
+            "acknowledge": lambda: setattr(now, "acknowledge_s", fault.value),
             "silent": lambda: now.silent.add(number),
             "mute": lambda: setattr(now, "mute", True),
             "deaf": lambda: setattr(now, "deaf", True),

@@ -9,7 +9,7 @@ from typing import Any
 
 from schwung_sim.errors import BenchError
 
-ILLEGAL_FUNCTION, ILLEGAL_ADDRESS, ILLEGAL_VALUE, DEVICE_FAILURE, BUSY = 1, 2, 3, 4, 6
+ILLEGAL_FUNCTION, ILLEGAL_ADDRESS, ILLEGAL_VALUE, DEVICE_FAILURE, ACKNOWLEDGE, BUSY = 1, 2, 3, 4, 5, 6
 
 _FORMATS = {
     "INTEGER16": "h", "UNSIGNED16": "H", "INTEGER32": "i", "UNSIGNED32": "I",
@@ -65,6 +65,7 @@ class RegisterMap:
         self._at: dict[int, Cell] = {}
         self.window: range = range(0)
         self.read_window: Callable[[], list[int]] = list
+        self.window_was_read: Callable[[int], None] = lambda _: None
 
     def add(self, ref: str) -> Cell:
         """The parameter that a profile writes as "@7706:INTEGER32"; the same one when it is named again."""
@@ -97,7 +98,9 @@ class RegisterMap:
         """Words at addresses. Raises RefusalError where a parameter is not there, or only a part of it is asked for."""
         if address in self.window and address + count - 1 in self.window:
             first = address - self.window.start
-            return self.read_window()[first : first + count]
+            words = self.read_window()[first : first + count]
+            self.window_was_read(count)
+            return words
         return [word for cell in self._covering(address, count) for word in cell.encode(self.high_first)]
 
     def write(self, address: int, words: list[int]) -> None:

@@ -1,238 +1,227 @@
-"""The Modbus drive on its line: pymodbus serves the registers, the axis follows the computer's clock."""
+"""The Modbus drive behind its line: requests in, answers out, and time that passes for it. Which line, and whose time,
+is not its matter: stepped.py has bytes that travel in simulated time, serving.py sockets and pseudo-terminals."""
 
 from __future__ import annotations
 
-import asyncio
-import contextlib
-import logging
-import os
-import pty
-import time
-import tty
 from collections.abc import Callable
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Literal, Protocol
 
-from schwung_sim.drives.modbus.faults import RTU_DROP_S, Fault, FaultSchedule
-from schwung_sim.drives.modbus.registers import ILLEGAL_FUNCTION, RefusalError
+from schwung_sim.drives.modbus.faults import Fault, FaultSchedule
+from schwung_sim.drives.modbus.registers import (
+    ACKNOWLEDGE,
+    BUSY,
+    ILLEGAL_FUNCTION,
+    ILLEGAL_VALUE,
+    RefusalError,
+)
 from schwung_sim.drives.modbus.servo import ModbusServo
-from schwung_sim.errors import BenchError
 from schwung_sim.plants.two_mass import TICK_S
 
 if TYPE_CHECKING:
-    from pymodbus.constants import ExcCodes
     from pymodbus.pdu import ModbusPDU
-    from pymodbus.simulator import SimDevice
 
 PERIOD_S = 0.002  # how often time passes when no request comes
 BACKLOG_S = 0.25  # an axis that fell further behind than this drops the rest
-_CHARACTER_BITS = 11
-_WRITES = {6, 16}
+#: Registers in one request (Modbus Application Protocol 1.1b3, 6.12).
+_MOST_WRITTEN = 123
+
+Transport = Literal["tcp", "rtu"]
 
 
-class SerialLine:
-    """A line between two pseudo-terminals, `drive` and `tool`; paced as a real one where a bit rate is given."""
+class Timer(Protocol):
+    """Something due, or due again and again, until it is closed."""
 
-    def __init__(self, bitrate: int | None = None) -> None:
-        self._ends = [pty.openpty(), pty.openpty()]
-        for _, slave in self._ends:
-            tty.setraw(slave)
-        self.drive, self.tool = (os.ttyname(slave) for _, slave in self._ends)
-        self._bitrate = bitrate
-        self._cut_until_s = 0.0
-        self._loop: asyncio.AbstractEventLoop | None = None
+    def close(self) -> None: ...
 
-    def connect(self, loop: asyncio.AbstractEventLoop) -> None:
-        """Carry bytes both ways from now on."""
-        self._loop = loop
-        (one, _), (other, _) = self._ends
-        for source, sink in ((one, other), (other, one)):
-            os.set_blocking(source, False)
-            loop.add_reader(source, self._carry, source, sink)
 
-    def _carry(self, source: int, sink: int) -> None:
-        with contextlib.suppress(BlockingIOError):
-            data = os.read(source, 4096)
-            if time.monotonic() < self._cut_until_s or self._loop is None:
-                return
-            delay_s = len(data) * _CHARACTER_BITS / self._bitrate if self._bitrate else 0.0
-            self._loop.call_later(delay_s, os.write, sink, data)
+class Clock(Protocol):
+    """The time that the drive lives in (s): a stepped clock, or that of an event loop."""
 
-    def cut(self, duration_s: float) -> None:
-        """Nothing gets through for so long."""
-        self._cut_until_s = time.monotonic() + duration_s
+    def now(self) -> float: ...
 
-    def close(self) -> None:
-        """Take the line away."""
-        for ends in self._ends:
-            for end in ends:
-                if self._loop is not None and not self._loop.is_closed():
-                    self._loop.remove_reader(end)
-                os.close(end)
+    def every(self, period_s: float, call: Callable[[], None]) -> Timer: ...
+
+    def later(self, delay_s: float, call: Callable[[], None]) -> Timer: ...
 
 
 class ModbusServer:
-    """One drive served on TCP, or on a serial line; `run` returns after `stop`. Everything happens in its loop."""
+    """One drive as it answers on a line. `begin` lets its time pass; `drop`, which belongs to the line, cuts it.
+
+    Everything happens in the thread in which the clock calls and `Session.receive` is called.
+    """
 
     def __init__(
         self,
         servo: ModbusServo,
         unit: int,
+        transport: Transport,
         *,
-        tcp: tuple[str, int] | None = None,
-        line: SerialLine | None = None,
         faults: tuple[Fault, ...] = (),
         seed: int = 0,
     ) -> None:
-        self.servo, self.unit = servo, unit
-        self.address = tcp
+        self.servo, self.unit, self.transport = servo, unit, transport
         self.requests = 0
-        self._line = line
-        self._faults = FaultSchedule(servo, faults, self._drop, seed)
+        self.drop: Callable[[], None] = lambda: None
+        self.faults = FaultSchedule(servo, faults, self._cut, seed)
         self._read_function = int(servo.profile["modbus"].get("read_function", 3))
-        self._swallow = False
-        self._server: Any = None
-        self._loop: asyncio.AbstractEventLoop | None = None
-        self._stopping: asyncio.Event | None = None
-        self._last_s = time.monotonic()
-        self._debt_s = 0.0
+        self._clock: Clock | None = None
+        self._ticker: Timer | None = None
+        self._last_s = self._debt_s = self._free_s = 0.0
 
-    # ── life ─────────────────────────────────────────────────────────────────────────────────────────────────────
+    def _cut(self) -> None:
+        self.drop()
 
-    def run(self, ready: Callable[[], None]) -> None:
-        """Serve until `stop`; `ready` is called when the address is known. Raises BenchError where it is taken."""
-        asyncio.run(self._serve(ready))
+    def begin(self, clock: Clock) -> None:
+        """Time passes for the drive from now on."""
+        self._clock, self._last_s, self._free_s = clock, clock.now(), clock.now()
+        self._ticker = clock.every(PERIOD_S, self._catch_up)
 
-    def stop(self) -> None:
-        """End `run`; from any thread."""
-        if self._loop is not None and self._stopping is not None:
-            with contextlib.suppress(RuntimeError):  # it ended by itself
-                self._loop.call_soon_threadsafe(self._stopping.set)
+    def end(self) -> None:
+        """Time stands still."""
+        if self._ticker is not None:
+            self._ticker.close()
+            self._ticker = None
 
-    async def _serve(self, ready: Callable[[], None]) -> None:
-        from pymodbus.server import ModbusSerialServer, ModbusTcpServer
+    def session(self, reply: Callable[[bytes], object]) -> Session:
+        """One connection; `reply` sends bytes back on it."""
+        return Session(self, reply)
 
-        logging.getLogger("pymodbus").addHandler(logging.NullHandler())
-        self._loop, self._stopping = asyncio.get_running_loop(), asyncio.Event()
-        hooks: dict[str, Any] = {"trace_packet": self._trace_packet, "trace_pdu": self._trace_pdu}
-        if self._line is not None:
-            self._line.connect(self._loop)
-            self._server = ModbusSerialServer(self._device(), port=self._line.drive, baudrate=115200, **hooks)
-        else:
-            self._server = ModbusTcpServer(self._device(), address=self.address or ("127.0.0.1", 0), **hooks)
-        try:
-            await self._server.serve_forever(background=True)
-        except RuntimeError as error:
-            raise BenchError(
-                f"address {self.address}", f"cannot be served ({error})", "Take a free port."
-            ) from error
-        if self._line is None:
-            self.address = self._server.transport.sockets[0].getsockname()[:2]
-        ready()
-        try:
-            self._last_s = time.monotonic()
-            while not self._stopping.is_set():
-                self._catch_up()
-                with contextlib.suppress(TimeoutError):
-                    await asyncio.wait_for(self._stopping.wait(), PERIOD_S)
-        finally:
-            await self._server.shutdown()
-            if self._line is not None:
-                self._line.close()
+    @property
+    def clock(self) -> Clock:
+        """The drive's time. Raises RuntimeError before `begin`."""
+        if self._clock is None:
+            raise RuntimeError("the drive is not switched on")
+        return self._clock
 
     def _catch_up(self) -> None:
-        """Let as much time pass for the drive as has passed here."""
-        now = time.monotonic()
+        """Let as much time pass for the drive as has passed outside."""
+        now = self.clock.now()
         self._debt_s = min(self._debt_s + now - self._last_s, BACKLOG_S)
         self._last_s = now
-        ticks = int(self._debt_s / TICK_S)
+        ticks = int(self._debt_s / TICK_S + 1e-9)
         if ticks:
             self._debt_s -= ticks * TICK_S
             self.servo.advance(ticks * TICK_S)
-            self._faults.poll()
-
-    def _dawdle(self, duration_s: float) -> None:
-        """Take so long for an answer. Nobody else is served meanwhile: pymodbus would mix up whose answer is whose."""
-        end_s = time.monotonic() + duration_s
-        while (rest_s := end_s - time.monotonic()) > 0:
-            time.sleep(min(rest_s, PERIOD_S))
-            self._catch_up()
-
-    def drop(self) -> None:
-        """Cut the connection; from any thread."""
-        if self._loop is not None:
-            self._loop.call_soon_threadsafe(self._drop)
-
-    def _drop(self) -> None:
-        if self._line is not None:
-            self._line.cut(RTU_DROP_S)
-        elif self._server is not None:
-            for connection in list(self._server.active_connections.values()):
-                connection.close()
+            self.faults.poll()
 
     # ── requests ─────────────────────────────────────────────────────────────────────────────────────────────────
 
-    def _device(self) -> SimDevice:
-        """All registers, as pymodbus wants them: what is not among them it refuses by itself."""
-        from pymodbus.simulator import DataType, SimData, SimDevice
+    def take(self, request: ModbusPDU, answer: Callable[[ModbusPDU], None]) -> None:
+        """Carry a request out and answer it: now, or when those before it are done where the drive is slow."""
+        if request.dev_id != self.unit:
+            return  # it is not ours
+        self._catch_up()
+        clock, now = self.clock, self.clock.now()
+        self._free_s = max(self._free_s, now) + self.faults.now.slow_s
 
-        registers = self.servo.registers
-        taken = {
-            at for cell in registers.cells.values() for at in range(cell.address, cell.address + cell.words)
-        }
-        addresses = sorted(taken | set(registers.window))
-        runs: list[list[int]] = []
-        for address in addresses:
-            if runs and address == runs[-1][-1] + 1:
-                runs[-1].append(address)
-            else:
-                runs.append([address])
-        data = [SimData(run[0], count=len(run), values=0, datatype=DataType.REGISTERS) for run in runs]
-        return SimDevice(self.unit, simdata=data, action=self._answer)
+        def respond() -> None:
+            response = self._respond(request)
+            if response is not None:
+                response.dev_id, response.transaction_id = request.dev_id, request.transaction_id
+                answer(response)
 
-    async def _answer(
-        self, function: int, start: int, address: int, count: int, current: list[int], new: Any
-    ) -> ExcCodes | None:
-        """One request. pymodbus answers from `current`, which begins at address `start`."""
-        from pymodbus.constants import ExcCodes
+        if self._free_s > now:
+            clock.later(self._free_s - now, respond)
+        else:
+            respond()
+
+    def _respond(self, request: ModbusPDU) -> ModbusPDU | None:
+        """The answer to a request, which has been carried out; None: there is none."""
+        from pymodbus.pdu import ExceptionResponse
 
         self.requests += 1
         self._catch_up()
-        now = self._faults.now
-        self._dawdle(now.slow_s)
-        touched = range(address, address + count)
+        now = self.faults.now
         if now.deaf:
-            self._swallow = True
             return None
+        touched = range(request.address, request.address + max(request.count, len(request.registers), 1))
         refused = next((code for at, code in now.refused.items() if at in touched), None)
         try:
             if refused is not None:
                 raise RefusalError(refused)
-            if new is not None and function in _WRITES:
-                self.servo.write(address, list(new))
-                self._faults.poll()
-            elif new is None and function == self._read_function:
-                current[address - start : address - start + count] = self.servo.read(address, count)
-            else:
-                return ExcCodes(ILLEGAL_FUNCTION)
+            if self.servo.axis.time_s < now.busy_until_s:
+                raise RefusalError(BUSY)
+            if now.acknowledge_s and request.function_code != self._read_function:
+                now.busy_until_s = self.servo.axis.time_s + now.acknowledge_s
+                self.clock.later(now.acknowledge_s, lambda: self._carried_out_late(request))
+                raise RefusalError(ACKNOWLEDGE)
+            response = self._carried_out(request)
         except RefusalError as error:
-            return ExcCodes(error.code)
-        finally:
-            self._swallow = now.mute or now.silent.intersection(touched) != set()
-        return None
+            response = ExceptionResponse(request.function_code, error.code)
+        return None if now.mute or now.silent.intersection(touched) else response
 
-    def _trace_pdu(self, sending: bool, pdu: ModbusPDU) -> ModbusPDU:
-        """A request to another unit is not ours to answer, though pymodbus would."""
-        if not sending:
-            self._swallow = pdu.dev_id != self.unit
-        return pdu
+    def _carried_out_late(self, request: ModbusPDU) -> None:
+        self._catch_up()
+        try:
+            self._carried_out(request)
+        except RefusalError:
+            return  # it was acknowledged; nobody is told any more
 
-    def _trace_packet(self, sending: bool, data: bytes) -> bytes:
-        """Between framing and line: answers may get lost."""
-        if not sending:
-            return data
-        if self._swallow:
-            self._swallow = False
-            return b""
-        if self._faults.garbled():
-            return b"" if self._line is None else data[:3] + bytes([data[3] ^ 0x40]) + data[4:]
-        return data
+    def _carried_out(self, request: ModbusPDU) -> ModbusPDU:
+        """The answer to a request that the drive carries out. Raises RefusalError for one that it does not."""
+        from pymodbus.pdu import register_message as pdu
+
+        code, address = request.function_code, request.address
+        if code == self._read_function:
+            registers = self.servo.read(address, request.count)
+            readers = {3: pdu.ReadHoldingRegistersResponse, 4: pdu.ReadInputRegistersResponse}
+            return readers[code](registers=registers)
+        words = list(request.registers)
+        if isinstance(request, pdu.WriteSingleRegisterRequest):
+            self.servo.write(address, words)
+            self.faults.poll()
+            return pdu.WriteSingleRegisterResponse(address=address, registers=words)
+        if isinstance(request, pdu.WriteMultipleRegistersRequest):
+            if not 1 <= request.count <= _MOST_WRITTEN or request.byte_count != 2 * len(words):
+                raise RefusalError(ILLEGAL_VALUE)
+            self.servo.write(address, words)
+            self.faults.poll()
+            return pdu.WriteMultipleRegistersResponse(address=address, count=request.count)
+        raise RefusalError(ILLEGAL_FUNCTION)
+
+    def spoilt(self, frame: bytes) -> bytes:
+        """An answer as it arrives: with a wrong byte on a serial line, or lost, where the line is bad."""
+        if not self.faults.garbled():
+            return frame
+        return b"" if self.transport == "tcp" else frame[:3] + bytes([frame[3] ^ 0x40]) + frame[4:]
+
+
+class Session:
+    """One connection to a server: bytes that come, whole requests out of them, answers framed."""
+
+    def __init__(self, server: ModbusServer, reply: Callable[[bytes], object]) -> None:
+        from pymodbus.framer import FramerRTU, FramerSocket
+        from pymodbus.pdu import DecodePDU
+
+        self._server, self._reply = server, reply
+        framer: Any = FramerSocket if server.transport == "tcp" else FramerRTU
+        self._framer = framer(DecodePDU(True))
+        self._function_at = 7 if server.transport == "tcp" else 1  # behind MBAP header, or address
+        self._buffer = b""
+
+    def receive(self, data: bytes) -> None:
+        """Bytes have come. What makes no frame is thrown away, and so is what cannot be read as one."""
+        from pymodbus.exceptions import ModbusIOException
+        from pymodbus.pdu import ExceptionResponse
+
+        self._buffer += data
+        while self._buffer:
+            try:
+                used, request = self._framer.handleFrame(self._buffer, 0, 0)
+            except ModbusIOException as error:
+                refusal = ExceptionResponse(self._buffer[self._function_at] & 0x7F, ILLEGAL_FUNCTION)
+                refusal.dev_id, refusal.transaction_id = error.dev_id, error.transaction_id
+                self._buffer = b""
+                if refusal.dev_id == self._server.unit:
+                    self._answer(refusal)
+                return
+            if not used:
+                return
+            self._buffer = self._buffer[used:]
+            if request is not None:
+                self._server.take(request, self._answer)
+
+    def _answer(self, response: ModbusPDU) -> None:
+        frame = self._server.spoilt(self._framer.buildFrame(response))
+        if frame:
+            self._reply(frame)

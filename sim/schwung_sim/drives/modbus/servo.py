@@ -64,6 +64,7 @@ class ModbusServo:
             int(modbus.get("registers_per_parameter", 1)), modbus["word_order"] == "high_first"
         )
         self.moves = 0  # strokes begun, for tests: nothing may move twice
+        self.reading_advances = False  # the trace's window moves on by what was read of it
         self._acknowledged = False
         self._moving = False
         self._silent_s = 0.0
@@ -148,6 +149,7 @@ class ModbusServo:
         mode = self._bind("state.mode", None, self._only(PP))
         if mode is not None:
             mode.value = 0
+        self._bind("state.mode_display", lambda: self.value("state.mode"))
         self._bind("watchdog")
         self._bind("store", None, self._store, plain=True)
 
@@ -267,6 +269,7 @@ class ModbusServo:
             first = int(trace["data"].removeprefix("@").split(":")[0])
             self.registers.window = range(first, first + trace["window"])
             self.registers.read_window = self._trace_window
+            self.registers.window_was_read = self._move_window
 
     def _bind_generator_and_trace(self) -> None:
         axis = self.axis
@@ -341,6 +344,12 @@ class ModbusServo:
             blocks += [(counts >> 16 * shift) & 0xFFFF for shift in shifts]
         words = np.column_stack(blocks).ravel().tolist() if blocks[0].size else []
         return [*words, *([0] * (trace["window"] - len(words)))]
+
+    def _move_window(self, words: int) -> None:
+        cursor = self._roles.get("trace.cursor")
+        if self.reading_advances and cursor is not None:
+            row = sum(_WORDS[column["type"][-2:]] for column in self.profile["trace"]["columns"])
+            cursor[0].value += words // row
 
     # ── moving ───────────────────────────────────────────────────────────────────────────────────────────────────
 

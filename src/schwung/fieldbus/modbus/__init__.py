@@ -1,5 +1,6 @@
 """Modbus: words, connection, driver, scan."""
 
+from schwung.fieldbus.modbus.client import Line
 from schwung.fieldbus.modbus.driver import ModbusDrive
 from schwung.fieldbus.modbus.link import ModbusLink
 from schwung.fieldbus.modbus.options import INTERFACES, ModbusOptions, modbus_options
@@ -7,6 +8,7 @@ from schwung.fieldbus.modbus.scan import match_profile, scan_units
 
 __all__ = [
     "INTERFACES",
+    "Line",
     "ModbusDrive",
     "ModbusLink",
     "ModbusOptions",

@@ -7,6 +7,7 @@ import math
 from collections.abc import Sequence
 from typing import Any
 
+from schwung.clock import Clock, Task
 from schwung.errors import DriveError, InputError, RefusedError, StateError
 from schwung.fieldbus import cia402
 from schwung.fieldbus.drive import (
@@ -24,7 +25,6 @@ from schwung.fieldbus.drive import (
     Setpoints,
 )
 from schwung.fieldbus.modbus import capabilities, setup
-from schwung.fieldbus.modbus.keeper import Keeper
 from schwung.fieldbus.modbus.link import ModbusLink
 from schwung.fieldbus.modbus.play import Means
 from schwung.fieldbus.modbus.registers import Registers
@@ -46,17 +46,20 @@ class ModbusDrive:
         self, link: ModbusLink, profile: ModbusProfile, *, bus: dict[str, Any] | None = None
     ) -> None:
         self.profile, self._link = profile, link
+        self.clock: Clock = link.clock
         self._bus = bus or {}
         self._registers = Registers(link, profile)
         self._scales: Scales | None = None
         self._acquisition: Acquisition | None = None
         self._played: list[Parameter] = []
-        self._keeper: Keeper | None = None
+        self._keeper: Task | None = None
         self._trace = TraceBuffer(self._registers, profile.trace) if profile.trace is not None else None
         self._state_machine: StateMachine | None = None
         self._means: Means | None = None
         if profile.state is not None:
-            self._state_machine = StateMachine(self._registers, profile.state, self._generator_off)
+            self._state_machine = StateMachine(
+                self._registers, profile.state, self._generator_off, self._position_counts, self._count_rad
+            )
             demand = profile.quantities.position.demand
             if profile.strokes is not None and demand is not None:
                 self._means = Means(
@@ -201,15 +204,26 @@ class ModbusDrive:
                 f"unit {self._link.unit}", f"is not set up: {names}{' …' if len(missing) > 3 else ''}",
                 "Write `setup` first.",
             )  # fmt: skip
+        self._required_state_machine()
         self._acquisition = acquisition
         self._close_keeper()
-        self._keeper = Keeper(
-            self._required_state_machine().statusword, setup.watchdog_s(self.profile, acquisition)
-        )
+        silent_s = setup.silent_s(acquisition)
+        self._keeper = self.clock.every(silent_s, lambda: self._be_heard(silent_s), "modbus keeper")
+
+    def _be_heard(self, silent_s: float) -> None:
+        """Where nobody else has asked for so long: the drive's watchdog is quiet for as long as we live.
+
+        Failures are left to who asks next, and waits for the answer.
+        """
+        link = self._link
+        if not link.asking and self.clock.now() - link.asked_s >= silent_s:
+            with contextlib.suppress(DriveError):
+                self._required_state_machine().look()
 
     def enable(self) -> None:
         """Operation enabled, holding the position. Raises StateError naming what is missing, DriveFaultError."""
-        self._required_state_machine().enable()
+        mode = None if self._acquisition is None else self.profile.modes[self._acquisition.mode]
+        self._required_state_machine().enable(mode)
 
     def play(self, setpoints: Setpoints, progress: Progress | None = None) -> Recording:
         """Let the drive make one stroke and record it; see Drive.play and play.py.
@@ -221,7 +235,10 @@ class ModbusDrive:
         return self._means.play(setpoints, self._acquisition, self.scales, progress)
 
     def halt(self) -> None:
-        """Quick stop and generator off. Never raises; from any thread."""
+        """Quick stop and generator off, until the drive shows it; nothing is started any more until `enable`.
+
+        Never raises; from any thread.
+        """
         if self._state_machine is not None:
             self._state_machine.halt()
 
@@ -230,9 +247,12 @@ class ModbusDrive:
         self._required_state_machine().reset_fault()
 
     def disable(self) -> None:
-        """Power stage off, after standstill. Where the profile knows no state machine, nothing was on by our doing."""
+        """Power stage off, after standstill. Where the profile knows no state machine, nothing was on by our doing.
+
+        Raises StateError where it may still be on.
+        """
         if self._state_machine is not None:
-            self._state_machine.disable(self._position_counts)
+            self._state_machine.disable()
 
     def stop(self) -> None:
         """Go silent: the drive's watchdog is not fed any more."""
@@ -245,7 +265,7 @@ class ModbusDrive:
         if self._state_machine is not None and self._state_machine.may_move:
             self.halt()
             with contextlib.suppress(DriveError):
-                self._state_machine.disable(self._position_counts)
+                self._state_machine.disable()
         self._link.close()
 
     def __enter__(self) -> ModbusDrive:
@@ -297,6 +317,12 @@ class ModbusDrive:
 
     def _position_counts(self) -> int:
         return self._registers.integer(self.profile.quantities.position.object)
+
+    def _count_rad(self) -> float:
+        try:
+            return self.scales.position_rad
+        except (InputError, DriveError):
+            return math.nan
 
     def _position_rad(self) -> float:
         return self._position_counts() * self.scales.position_rad

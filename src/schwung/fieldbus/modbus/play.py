@@ -10,13 +10,13 @@ from __future__ import annotations
 
 import contextlib
 import math
-import time
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
-from schwung.errors import BusError, DriveError, InputError, NodeLostError, StateError
+from schwung.clock import Clock
+from schwung.errors import BusError, DriveError, InputError, NodeLostError, RegisterError, StateError
 from schwung.fieldbus import cia402
 from schwung.fieldbus.drive import (
     Acquisition,
@@ -51,6 +51,11 @@ class Means:
     strokes: Strokes
     target: ObjectRef
     trace: TraceBuffer | None
+
+    @property
+    def clock(self) -> Clock:
+        """The link's."""
+        return self.registers.link.clock
 
     def changed(self) -> list[ObjectRef]:
         """What `play` changes, and puts back."""
@@ -97,12 +102,12 @@ class Means:
                     began_s = self._start(move, scales)
                     end_s = began_s + (setpoints.position_rad.size - move.at_index) / setpoints.sample_rate_hz
                     self._await(end_s, setpoints, request, progress, at_target=setpoints.generator is None)
-                self._await(time.monotonic(), setpoints, None, None, at_target=True)
+                self._await(self.clock.now(), setpoints, None, None, at_target=True)
                 return self._recording(setpoints, move, request, scales, progress)
             except BaseException as error:
                 self.state_machine.halt()
                 if request is not None and began_s and not isinstance(error, BusError | NodeLostError):
-                    came = (time.monotonic() - began_s) * request.rate_hz
+                    came = (self.clock.now() - began_s) * request.rate_hz
                     self._attach(error, setpoints, move, request, scales, came)
                 raise
 
@@ -137,16 +142,16 @@ class Means:
         """Start the stroke; returns when that was asked for. The start command is sent once, whatever happens."""
         self.registers.put(self.target, round(move.target_rad / scales.position_rad))
         self.state_machine.check()
-        began_s = time.monotonic()
+        began_s = self.clock.now()
         self.state_machine.advance(cia402.ENABLE_OPERATION | cia402.NEW_SET_POINT | cia402.CHANGE_AT_ONCE)
         while not self.state_machine.check() & cia402.SET_POINT_ACKNOWLEDGE:
-            if time.monotonic() - began_s > _ACKNOWLEDGED_S:
+            if self.clock.now() - began_s > _ACKNOWLEDGED_S:
                 raise StateError(
                     f"unit {self.registers.link.unit}",
                     "did not take the stroke",
                     "Look at its limits and its mode.",
                 )
-            time.sleep(POLL_S)
+            self.clock.sleep(POLL_S)
         self.state_machine.advance(cia402.ENABLE_OPERATION)
         return began_s
 
@@ -166,7 +171,7 @@ class Means:
         """
         count, rate = setpoints.position_rad.size, setpoints.sample_rate_hz
         while True:
-            word, now = self.state_machine.check(), time.monotonic()
+            word, now = self.state_machine.check(), self.clock.now()
             if progress is not None:
                 progress(max(0, min(count - int((end_s - now) * rate), count)), count)
             if now >= end_s:
@@ -180,14 +185,14 @@ class Means:
                         f"{what} in time",
                         "Look at trigger, limits and mode.",
                     )
-            time.sleep(POLL_S)
+            self.clock.sleep(POLL_S)
 
     def _watch(self, duration_s: float) -> None:
         """Let time pass, noticing trouble."""
-        end_s = time.monotonic() + duration_s
-        while time.monotonic() < end_s:
+        end_s = self.clock.now() + duration_s
+        while self.clock.now() < end_s:
             self.state_machine.check()
-            time.sleep(POLL_S)
+            self.clock.sleep(POLL_S)
 
     # ── injection ────────────────────────────────────────────────────────────────────────────────────────────────
 
@@ -259,7 +264,13 @@ class Means:
         """Target and window are where they were, afterwards; a target alone starts nothing."""
         cursor = self.profile.trace.cursor if self.profile.trace is not None else None
         refs = [self.target, *([cursor] if cursor is not None else [])]
-        before = [self.registers.read(self.registers.at(ref)) for ref in refs]
+        before = []
+        for ref in refs:
+            try:
+                before.append(self.registers.read(self.registers.at(ref)))
+            except RegisterError as error:
+                if error.code is None:
+                    raise  # refused: it takes a value and shows none, so that there is none to put back
         try:
             yield
         finally:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 
 from schwung.errors import InputError, ParameterError, RegisterError
 from schwung.fieldbus.drive import Parameter, ParameterValue, RawValue
@@ -54,33 +54,36 @@ class Registers:
 
     # ── values ───────────────────────────────────────────────────────────────────────────────────────────────────
 
-    def read(self, parameter: Parameter) -> ParameterValue:
-        """Read one parameter. Raises RegisterError, NodeLostError."""
+    def read(self, parameter: Parameter, *, again: bool = True) -> ParameterValue:
+        """Read one parameter; `again` as in ModbusLink.read. Raises RegisterError, NodeLostError."""
         modbus = self.profile.modbus
         count = words.word_count(parameter.type, modbus.registers_per_parameter)
         try:
-            read = self.link.read(parameter.index, count)
+            read = self.link.read(parameter.index, count, again=again)
         except RegisterError as error:
             raise RegisterError(parameter.label, error.problem, error.remedy, error.code) from error
         return ParameterValue(parameter, words.decode(read, parameter.type, modbus.word_order))
 
-    def write(self, parameter: Parameter, raw: RawValue) -> None:
-        """Write one parameter, once. Raises RegisterError, NodeLostError; InputError for a value that does not fit."""
+    def write(self, parameter: Parameter, raw: RawValue, permit: Callable[[], None] | None = None) -> None:
+        """Write one parameter, once; `permit` as in ModbusLink.write.
+
+        Raises RegisterError, NodeLostError; InputError for a value that does not fit.
+        """
         modbus = self.profile.modbus
         encoded = words.encode(raw, parameter.type, modbus.word_order, modbus.registers_per_parameter)
         try:
-            self.link.write(parameter.index, encoded)
+            self.link.write(parameter.index, encoded, permit)
         except RegisterError as error:
             raise RegisterError(parameter.label, error.problem, error.remedy, error.code) from error
 
-    def integer(self, ref: ObjectRef) -> int:
-        """What a reference of the profile holds. Raises RegisterError, NodeLostError."""
-        raw = self.read(self.at(ref)).raw
+    def integer(self, ref: ObjectRef, *, again: bool = True) -> int:
+        """What a reference of the profile holds; as `read`. Raises RegisterError, NodeLostError."""
+        raw = self.read(self.at(ref), again=again).raw
         return int(raw) if isinstance(raw, int | float) else 0
 
-    def put(self, ref: ObjectRef, value: int) -> None:
-        """Write a reference of the profile, once."""
-        self.write(self.at(ref), value)
+    def put(self, ref: ObjectRef, value: int, permit: Callable[[], None] | None = None) -> None:
+        """Write a reference of the profile, once; as `write`."""
+        self.write(self.at(ref), value, permit)
 
     def si(self, scaled: ScaledObject | None) -> float | None:
         """What a scaled reference holds, in SI; None where the profile has none, or the drive refuses it."""

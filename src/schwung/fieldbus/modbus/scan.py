@@ -5,9 +5,11 @@ from __future__ import annotations
 from collections.abc import Iterable
 from dataclasses import replace
 
+from schwung.clock import Clock
 from schwung.errors import DriveError, InputError, NodeLostError, RegisterError
 from schwung.fieldbus.drive import Progress
 from schwung.fieldbus.found import FoundNode
+from schwung.fieldbus.modbus.client import Line
 from schwung.fieldbus.modbus.driver import ModbusDrive
 from schwung.fieldbus.modbus.link import ModbusLink
 from schwung.fieldbus.modbus.options import ModbusOptions
@@ -22,13 +24,15 @@ def modbus_profiles() -> list[ModbusProfile]:
     return [p for p in list_profiles() if isinstance(p, ModbusProfile) and p.identity]
 
 
-def match_profile(options: ModbusOptions, unit: int) -> ModbusProfile:
+def match_profile(
+    options: ModbusOptions, unit: int, *, clock: Clock, line: Line | None = None
+) -> ModbusProfile:
     """The first profile whose identity the unit answers. Raises InputError when none fits, BusError without a line."""
     refused = ""
     for profile in modbus_profiles():
         if options.transport not in profile.modbus.transports:
             continue
-        link = ModbusLink(options, unit, profile.modbus)
+        link = ModbusLink(options, unit, profile.modbus, clock=clock, line=line)
         try:
             ModbusDrive(link, profile)
         except InputError as error:
@@ -45,7 +49,12 @@ def match_profile(options: ModbusOptions, unit: int) -> ModbusProfile:
 
 
 def scan_units(
-    options: ModbusOptions, units: Iterable[int], progress: Progress | None = None
+    options: ModbusOptions,
+    units: Iterable[int],
+    progress: Progress | None = None,
+    *,
+    clock: Clock,
+    line: Line | None = None,
 ) -> tuple[FoundNode, ...]:
     """Ask units one by one; who refuses is there, too. Raises BusError where the line cannot be opened."""
     wanted = list(units)
@@ -54,7 +63,7 @@ def scan_units(
     for number, unit in enumerate(wanted):
         if progress is not None:
             progress(number, len(wanted))
-        node = _examine(hurried, unit)
+        node = _examine(hurried, unit, clock, line)
         if node is not None:
             found.append(node)
     if progress is not None:
@@ -62,11 +71,11 @@ def scan_units(
     return tuple(found)
 
 
-def _examine(options: ModbusOptions, unit: int) -> FoundNode | None:
-    if not _is_there(options, unit):
+def _examine(options: ModbusOptions, unit: int, clock: Clock, line: Line | None) -> FoundNode | None:
+    if not _is_there(options, unit, clock, line):
         return None
     for profile in modbus_profiles():
-        link = ModbusLink(options, unit, profile.modbus)
+        link = ModbusLink(options, unit, profile.modbus, clock=clock, line=line)
         try:
             drive = ModbusDrive(link, profile)
             identity, state = drive.identity, drive.state()
@@ -82,9 +91,9 @@ def _examine(options: ModbusOptions, unit: int) -> FoundNode | None:
     return FoundNode(unit, 0, 0, 0, 0, "unknown Modbus device", None, "UNKNOWN", "", (), ())
 
 
-def _is_there(options: ModbusOptions, unit: int) -> bool:
+def _is_there(options: ModbusOptions, unit: int, clock: Clock, line: Line | None) -> bool:
     """Whether anybody answers at all: a refusal is an answer, unless a gateway gives it for somebody who does not."""
-    link = ModbusLink(options, unit, _PLAIN)
+    link = ModbusLink(options, unit, _PLAIN, clock=clock, line=line)
     try:
         link.read(0, 1)
     except RegisterError as error:

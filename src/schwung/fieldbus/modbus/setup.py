@@ -12,9 +12,8 @@ from schwung.fieldbus.profile import CapabilityName, ModbusProfile, ObjectRef
 from schwung.fieldbus.tracing import trace_request
 from schwung.fieldbus.units import Scales
 
-#: The drive waits for so many silent periods of ours before it stops by itself,
-SILENCES = 3
-#: but never less than this (s): a request that is lost is asked for again after the time-out.
+#: The drive never stops by itself before this (s), nor before what one lost request takes: its time-out, and on a
+#: serial line another one for an answer that is only late.
 LEAST_WATCHDOG_S = 1.0
 
 
@@ -32,7 +31,8 @@ def wanted_values(
     if profile.state is not None and profile.state.mode is not None:
         wanted.append((profile.state.mode, profile.modes[acquisition.mode]))
     if profile.watchdog is not None:
-        seconds = max(SILENCES * acquisition.heartbeat_s, 2 * profile.modbus.timeout_s, LEAST_WATCHDOG_S)
+        outlived_s = (2 if registers.link.options.transport == "tcp" else 3) * profile.modbus.timeout_s
+        seconds = max(acquisition.silence_allowed_s, outlived_s, LEAST_WATCHDOG_S)
         wanted.append((profile.watchdog.object, round(seconds / profile.watchdog.scale)))
     stop = profile.stop
     for setting in (stop.quick_stop_option, stop.connection_lost, stop.fault_reaction):
@@ -48,9 +48,10 @@ def wanted_values(
     return [value for value in values if registers.read(value.parameter).raw != value.raw]
 
 
-def watchdog_s(profile: ModbusProfile, acquisition: Acquisition) -> float:
-    """How often the drive wants to hear from us (s)."""
-    return max(SILENCES * acquisition.heartbeat_s, LEAST_WATCHDOG_S) / SILENCES
+def silent_s(acquisition: Acquisition) -> float:
+    """After so long a silence of ours (s) the drive is asked for its watchdog's sake: a sixth of the shortest one, so
+    that one answer may be lost."""
+    return max(acquisition.silence_allowed_s, LEAST_WATCHDOG_S) / 6
 
 
 def _require_means(profile: ModbusProfile, acquisition: Acquisition) -> None:

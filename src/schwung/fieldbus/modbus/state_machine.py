@@ -1,38 +1,53 @@
-"""The CiA 402 state machine of a Modbus drive: looked at, climbed, left; and halted after a lost connection.
+"""The CiA 402 state machine of a Modbus drive: looked at, climbed, left; and halted, for good, whatever comes between.
 
-A controlword is written once, and one that starts something never over a connection that came back. Whoever waits here
-notices a fault, a halt and a lost connection, and raises.
+A controlword that starts something is written once, and never over a connection that came back, nor after a halt. One
+that stops is repeated until the statusword agrees. Whoever waits here notices a fault, a halt and a lost connection,
+and raises.
 """
 
 from __future__ import annotations
 
 import contextlib
-import threading
-import time
+import math
 from collections.abc import Callable
 
-from schwung.errors import DriveError, DriveFaultError, NodeLostError, StateError
+from schwung.errors import BusError, DriveError, DriveFaultError, NodeLostError, RegisterError, StateError
 from schwung.fieldbus import cia402
 from schwung.fieldbus.cia402 import State
 from schwung.fieldbus.modbus.registers import Registers
 from schwung.fieldbus.profile import ObjectRef
 from schwung.fieldbus.profile import State as StateRegisters
+from schwung.fieldbus.walker import Access, Walker
 
 POLL_S = 0.005
-_CLIMB_S = 5.0  # a brake takes its time
+_HALT_S, _HALT_ATTEMPTS = 2.0, 3  # a drive that follows no quick stop for so long is not reached by one more
+_MODE_S = 0.5
+_FAULT_S = 2.0  # for a fault's reaction, and for its reset
 _STANDSTILL_S = 3.0
 _STILL_FOR_S = 0.05
+_STILL_RAD = 1e-3  # within _STILL_FOR_S: slower than 0.02 rad/s
+_FAULTY = (State.FAULT, State.FAULT_REACTION)
 
 
 class StateMachine:
-    """The state machine of one drive. `on_halt` is called with every quick stop of ours: the generator goes off."""
+    """The state machine of one drive. `on_halt` is called with every quick stop of ours: the generator goes off.
+    `position` reads where the axis is, and `count_rad` what one count of that is; NaN where that is not known."""
 
-    def __init__(self, registers: Registers, state: StateRegisters, on_halt: Callable[[], None]) -> None:
+    def __init__(
+        self,
+        registers: Registers,
+        state: StateRegisters,
+        on_halt: Callable[[], None],
+        position: Callable[[], int],
+        count_rad: Callable[[], float],
+    ) -> None:
         self._registers, self._state, self._on_halt = registers, state, on_halt
+        self._position, self._count_rad = position, count_rad
+        self._clock = registers.link.clock
         self._place = f"unit {registers.link.unit}"
         self._may_move = False
         self._losses_seen = 0
-        self._halted = threading.Event()
+        self._halted = self._clock.event()
         registers.link.on_reconnect = self._after_loss
 
     # ── looking ──────────────────────────────────────────────────────────────────────────────────────────────────
@@ -40,6 +55,25 @@ class StateMachine:
     def statusword(self) -> int:
         """As the drive tells it now. Raises RegisterError, NodeLostError."""
         return self._registers.integer(self._state.statusword)
+
+    def look(self) -> int:
+        """The statusword, asked for once. Raises RegisterError, NodeLostError."""
+        return self._registers.integer(self._state.statusword, again=False)
+
+    def state(self) -> State:
+        """The state now; `UNKNOWN` where the drive refuses to show it, or shows what the standard does not know.
+
+        Raises RegisterError where it does not answer, NodeLostError.
+        """
+        return cia402.decode(self._shown())
+
+    def _shown(self) -> int | None:
+        try:
+            return self.statusword()
+        except RegisterError as error:
+            if error.code is None:
+                raise
+            return None
 
     def error_text(self) -> str:
         """The drive's error code in words; empty where it has none."""
@@ -55,7 +89,7 @@ class StateMachine:
         word = self.statusword()
         self.require_undisturbed()
         state = cia402.decode(word)
-        if state in (State.FAULT, State.FAULT_REACTION):
+        if state in _FAULTY:
             told = self.error_text()
             raise DriveFaultError(
                 self._place,
@@ -78,7 +112,7 @@ class StateMachine:
                 "Check cable and network; nothing moves again by itself.",
             )
 
-    # ── moving between states ────────────────────────────────────────────────────────────────────────────────────
+    # ── up ───────────────────────────────────────────────────────────────────────────────────────────────────────
 
     def command(self, controlword: int) -> None:
         """Write a controlword that stops or switches off, once."""
@@ -93,87 +127,142 @@ class StateMachine:
 
         Raises NodeLostError where the connection was lost since `enable`, StateError after a halt; it is not sent then.
         """
-        link = self._registers.link
-        with link.alone():
-            self.require_undisturbed()
-            if self._halted.is_set():
-                raise StateError(self._place, "was halted", "Enable it again.")
-            self._registers.put(ref, value)
+        self._registers.put(ref, value, self._require_free)
 
-    def enable(self) -> None:
-        """Operation enabled. Raises StateError naming what is missing, DriveFaultError."""
+    def _require_free(self) -> None:
+        self.require_undisturbed()
+        if self._halted.is_set():
+            raise StateError(self._place, "was halted", "Enable it again.")
+
+    def enable(self, mode: int | None = None) -> None:
+        """Operation enabled, in a mode that the drive shows before it is energised. A halt is over with this.
+
+        Raises StateError naming what is missing, DriveFaultError.
+        """
         self._losses_seen = self._registers.link.losses
         self._halted.clear()
-        deadline, sent = time.monotonic() + _CLIMB_S, -1
-        while True:
-            word = self.statusword()
-            self.require_undisturbed()
-            state = cia402.decode(word)
-            if state is State.OPERATION_ENABLED:
-                return
-            step = cia402.next_controlword(state, State.OPERATION_ENABLED)
-            if step is None or time.monotonic() > deadline or self._halted.is_set():
-                raise self._stuck(word, sent, State.OPERATION_ENABLED)
-            if step != sent:
-                self._may_move = True
-                self.advance(step)
-                sent = step
-            time.sleep(POLL_S)
+        if mode is not None:
+            self._require_mode(mode)
 
-    def _stuck(self, word: int, sent: int, wanted: State) -> DriveError:
-        reason = cia402.why_stuck(word, max(sent, 0), wanted, error=self.error_text())
-        faulty = cia402.decode(word) in (State.FAULT, State.FAULT_REACTION)
+        def climb(controlword: int) -> None:
+            self._may_move = True
+            self.advance(controlword)
+
+        self._walker(climb).climb(State.OPERATION_ENABLED, self._require_free)
+        self._may_move = True  # also where it was on already
+
+    def _require_mode(self, mode: int) -> None:
+        """Mode display (6061), or where there is none the mode itself, as it is wanted. Raises StateError."""
+        ref = self._state.mode_display or self._state.mode
+        if ref is None:
+            return
+        end_s = self._clock.now() + _MODE_S
+        while (shown := self._registers.integer(ref)) != mode:
+            if self._clock.now() > end_s:
+                raise StateError(
+                    self._place,
+                    f"mode {mode} was asked for, the drive shows {shown} (register {ref.index})",
+                    "Write `setup` first; look for another master.",
+                )
+            self._clock.sleep(POLL_S)
+
+    def _walker(self, command: Callable[[int], None]) -> Walker:
+        def pause() -> None:
+            self._clock.sleep(POLL_S)
+
+        def commanded(controlword: int) -> None:
+            command(controlword)
+            pause()
+
+        return Walker(self._clock, Access(self._place, self._shown, commanded, pause, self._stuck))
+
+    def _stuck(self, word: int | None, sent: int, wanted: State) -> DriveError:
+        reason = cia402.why_stuck(word, sent, wanted, error=self.error_text())
+        faulty = cia402.decode(word) in _FAULTY
         return (DriveFaultError if faulty else StateError)(self._place, reason.problem, reason.remedy)
 
+    # ── down ─────────────────────────────────────────────────────────────────────────────────────────────────────
+
     def halt(self) -> None:
-        """Quick stop, and everything off that moves it. Never raises; from any thread."""
+        """Quick stop, and everything off that moves it, until the drive shows it; from then on nothing is started until
+        `enable`. Never raises; from any thread, and from callbacks of the clock."""
         self._halted.set()
         with contextlib.suppress(Exception):
-            self.command(cia402.QUICK_STOP)
-        with contextlib.suppress(Exception):
-            self._on_halt()
+            self._registers.link.when_free(self._stop_moving)
 
-    def disable(self, position: Callable[[], int]) -> None:
-        """Power stage off, after standstill. A fault is left as it is."""
-        state = cia402.decode(self.statusword())
-        if state in (State.FAULT, State.FAULT_REACTION):
-            self._await_standstill(position)
-            self._may_move = False
+    def _stop_moving(self) -> None:
+        """A stop may be repeated, and is, where it is refused, lost or not followed. Never raises."""
+        end_s, attempts, stopped, quiet = self._clock.now() + _HALT_S, 0, False, False
+        while not (stopped and quiet) and (attempts < _HALT_ATTEMPTS or self._clock.now() < end_s):
+            if attempts:
+                self._clock.sleep(POLL_S)
+            attempts += 1
+            try:
+                self.command(cia402.QUICK_STOP)
+            except (BusError, NodeLostError):
+                continue  # nobody is there to be looked at
+            except Exception:  # refused, not answered: it may have stopped all the same
+                pass
+            with contextlib.suppress(Exception):
+                stopped = cia402.decode(self.look()) not in (State.OPERATION_ENABLED, State.UNKNOWN)
+            if not quiet:
+                with contextlib.suppress(Exception):
+                    self._on_halt()
+                    quiet = True
+
+    def disable(self) -> None:
+        """Power stage off, after standstill, and seen to be off. A fault is left as it is.
+
+        Where nothing is on by our doing, a drive that shows so is left alone. Raises StateError where the power stage
+        may still be on, or what kept the drive from telling; Disable Voltage has been sent then.
+        """
+        state: State | None = None
+        with contextlib.suppress(DriveError):
+            state = self.state()
+        known = state is not None and state is not State.UNKNOWN
+        if known and state not in cia402.ENERGISED and not self._may_move:
             return
-        if state not in cia402.ENERGISED and not self._may_move:
-            return  # nothing is on by our doing, nor at all
-        if state is State.OPERATION_ENABLED:
-            self.command(cia402.QUICK_STOP)
-        self._await_standstill(position)
-        self.command(cia402.DISABLE_VOLTAGE)
-        deadline = time.monotonic() + _CLIMB_S
-        while cia402.decode(word := self.statusword()) in cia402.ENERGISED:
-            if time.monotonic() > deadline:
-                raise self._stuck(word, cia402.DISABLE_VOLTAGE, State.SWITCH_ON_DISABLED)
-            time.sleep(POLL_S)
+        if state not in (*cia402.OFF, State.QUICK_STOP_ACTIVE, State.FAULT_REACTION):
+            self._stop_moving()
+        self._await_standstill()
+        self._walker(self.command).off()
         self._may_move = False
 
-    @staticmethod
-    def _await_standstill(position: Callable[[], int]) -> None:
-        """Until the position has not changed by more than a few counts for a while, or it takes too long."""
-        deadline = time.monotonic() + _STANDSTILL_S
-        at, since = position(), time.monotonic()
-        while time.monotonic() < deadline and time.monotonic() - since < _STILL_FOR_S:
-            time.sleep(POLL_S)
-            now = position()
-            if abs(now - at) > 50:
-                at, since = now, time.monotonic()
+    def _await_standstill(self) -> None:
+        """Until the axis has not moved for a while, or it takes too long, or cannot be told."""
+        clock = self._clock
+        end_s, since_s, at = clock.now() + _STANDSTILL_S, clock.now(), math.nan
+        count_rad = abs(self._count_rad())
+        still = max(_STILL_RAD, 1.5 * count_rad) / count_rad if count_rad > 0 else 1.0  # counts
+        while clock.now() < end_s and clock.now() - since_s < _STILL_FOR_S:
+            now = math.nan
+            try:
+                now = self._position()
+            except (BusError, NodeLostError):
+                return  # nobody is there to be let go of
+            except DriveError:
+                pass
+            if not abs(now - at) <= still:
+                at, since_s = now, clock.now()
+            clock.sleep(POLL_S)
 
     def reset_fault(self) -> None:
-        """Acknowledge a fault. Ends in Switch on disabled. Raises StateError where it stays."""
+        """Acknowledge a fault, once it has been reacted to. Ends in Switch on disabled.
+
+        Raises StateError where it stays.
+        """
+        self._await(lambda state: state is not State.FAULT_REACTION, cia402.DISABLE_VOLTAGE)
         self.command(cia402.DISABLE_VOLTAGE)
         self.command(cia402.FAULT_RESET)
         self.command(cia402.DISABLE_VOLTAGE)
-        deadline = time.monotonic() + 1.0
-        while cia402.decode(word := self.statusword()) in (State.FAULT, State.FAULT_REACTION):
-            if time.monotonic() > deadline:
-                raise self._stuck(word, cia402.FAULT_RESET, State.SWITCH_ON_DISABLED)
-            time.sleep(POLL_S)
+        self._await(lambda state: state is State.SWITCH_ON_DISABLED, cia402.FAULT_RESET)
+
+    def _await(self, reached: Callable[[State], bool], sent: int) -> None:
+        end_s = self._clock.now() + _FAULT_S
+        while not reached(cia402.decode(word := self._shown())):
+            if self._clock.now() > end_s:
+                raise self._stuck(word, sent, State.SWITCH_ON_DISABLED)
+            self._clock.sleep(POLL_S)
 
     @property
     def may_move(self) -> bool:

@@ -9,7 +9,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from schwung.errors import DriveError, InputError
+from schwung.errors import DriveError, InputError, RegisterError
 from schwung.fieldbus.drive import ParameterValue, Progress
 from schwung.fieldbus.modbus.registers import Registers
 from schwung.fieldbus.modbus.words import WordOrder, word_count
@@ -25,6 +25,9 @@ _TYPES = {
     "INTEGER16": ">i2", "UNSIGNED16": ">u2", "INTEGER32": ">i4", "UNSIGNED32": ">u4",
     "INTEGER64": ">i8", "UNSIGNED64": ">u8", "REAL32": ">f4", "REAL64": ">f8",
 }  # fmt: skip
+
+
+_WINDOW_ATTEMPTS = 3
 
 
 class TraceBuffer:
@@ -63,8 +66,10 @@ class TraceBuffer:
 
     def parameters(self) -> list[ObjectRef]:
         """What playing changes besides: where the window stands, and whether the trace is armed."""
-        trace = self._trace
-        return [trace.control.object, *([trace.cursor] if trace.cursor is not None else [])]
+        cursor = self._trace.cursor
+        if cursor is not None and self._registers.lookup_integer(cursor.index) is None:
+            cursor = None  # it takes a position and shows none
+        return [self._trace.control.object, *([cursor] if cursor is not None else [])]
 
     def arm(self) -> None:
         """Make it wait for the motion. Raises RegisterError where the drive refuses."""
@@ -119,12 +124,43 @@ class TraceBuffer:
         step = self._window // self._row_words
         for first in range(0, rows, step):
             count = min(step, rows - first) * self._row_words
-            self._registers.put(cursor, first)
             at = first * self._row_words
-            held[at : at + count] = self._registers.link.read(data.index, count)
+            held[at : at + count] = self._at_cursor(cursor, first, data, count)
             if progress is not None:
                 progress(min(first + step, rows), rows)
         return held
+
+    def _at_cursor(self, cursor: ObjectRef, first: int, data: ObjectRef, count: int) -> tuple[int, ...]:
+        """The window, put at a row and read. Raises RegisterError.
+
+        In some drives reading moves it on: where an answer was lost, it is put there again and asked where it stands
+        before the next try, so that no row is skipped or read twice.
+        """
+        registers, tries = self._registers, 0
+        while True:
+            tries += 1
+            try:
+                registers.put(cursor, first)  # a position, which starts nothing: it may be written again
+                if tries > 1:
+                    self._require_at(cursor, first)
+                return registers.link.read(data.index, count, again=False)
+            except RegisterError as error:
+                if error.code is not None or tries == _WINDOW_ATTEMPTS:
+                    raise
+
+    def _require_at(self, cursor: ObjectRef, first: int) -> None:
+        try:
+            stands = self._registers.integer(cursor)
+        except RegisterError as error:
+            if error.code is None:
+                raise
+            return  # it takes a position and shows none
+        if stands != first:
+            raise RegisterError(
+                self._registers.at(cursor).label,
+                f"stands at row {stands}, not {first}",
+                "Look for another master on the line.",
+            )
 
     def _straight(self, address: int, count: int) -> NDArray[np.uint16]:
         chunk = self._registers.profile.modbus.chunk

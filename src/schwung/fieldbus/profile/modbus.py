@@ -60,6 +60,8 @@ class State(Part):
     """As 6041."""
     mode: Ref | None = None
     """As 6060."""
+    mode_display: Ref | None = None
+    """As 6061: the mode that is in force."""
     error: Ref | None = None
     """As 603F: why it is in fault."""
 
