@@ -1,0 +1,172 @@
+"""The tool against drives made of literal frames: what a wrong fact in a profile cannot pass."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from golden_arms import SCHUNK_ERB, ZEROERR_EROB
+from golden_drive import Golden, GoldenDrive, Row, connected, sdo
+from golden_elmo import ELMO_GOLD
+from golden_maxon import EPOS2, EPOS4
+from golden_others import BENCH, FAULHABER_CC, GENERIC, SIMCO, TRINAMIC
+
+from schwung.errors import InputError
+from schwung.fieldbus import cia402
+from schwung.fieldbus.canopen import pdo, playback
+from schwung.fieldbus.canopen.scan import fitting_profiles
+from schwung.fieldbus.drive import Acquisition, Move, Setpoints
+from schwung.fieldbus.eds import read_eds
+from schwung.fieldbus.profile import CanopenProfile, list_profiles, load_canopen_profile
+
+ALL = (EPOS4, EPOS2, ELMO_GOLD, SCHUNK_ERB, ZEROERR_EROB, TRINAMIC, SIMCO, FAULHABER_CC, GENERIC, BENCH)
+MOVING = [golden for golden in ALL if golden.mode]
+RATE_HZ = 1000.0
+#: Scales are compared with decimal literals of 16 digits.
+EXACT = 1e-12
+
+
+def family(golden: Golden) -> str:
+    return golden.family
+
+
+def acquisition(golden: Golden) -> Acquisition:
+    """One sample per ms, heartbeats every 100 ms; a stroke of 20 pi rad/s, 200 pi rad/s² where the drive shapes it."""
+    if golden.mode == "pp":
+        return Acquisition("pp", RATE_HZ, moves=(stroke(golden),))
+    return Acquisition("csp", RATE_HZ)
+
+
+def stroke(golden: Golden) -> Move:
+    return Move(2, golden.samples[-1].position_demand_rad, 20 * math.pi, 200 * math.pi)
+
+
+def in_state(golden: Golden, word: int) -> list[Row]:
+    """Its rows, with another statusword."""
+    row = Row("40 41 60 00", f"4B 41 60 00 {word & 0xFF:02X} {word >> 8:02X}", word, "states")
+    return [row, *(other for other in golden.rows if other.request != row.request)]
+
+
+def told(value: float | None) -> float:
+    """What the tool shall know: NaN where the manual does not tell."""
+    return math.nan if value is None else value
+
+
+def test_every_canopen_family_has_its_golden_drive() -> None:
+    assert {g.family for g in ALL} == {p.family for p in list_profiles() if isinstance(p, CanopenProfile)}
+
+
+@pytest.mark.parametrize("golden", ALL, ids=family)
+def test_the_tool_connects_and_knows_whom(golden: Golden) -> None:
+    told_by = {row.request: row.value for row in golden.rows}
+    with connected(GoldenDrive(golden.rows), load_canopen_profile(golden.family)) as drive:
+        assert drive.identity.vendor_id == told_by["40 18 10 01"]
+        assert drive.identity.product_code == told_by.get("40 18 10 02", 0)
+        fitting = [profile.family for profile in fitting_profiles(drive.identity)]
+    assert (golden.family in fitting) == golden.identified
+
+
+@pytest.mark.parametrize("golden", ALL, ids=family)
+def test_the_tool_reads_what_the_frames_say(golden: Golden) -> None:
+    with connected(GoldenDrive(golden.rows), load_canopen_profile(golden.family)) as drive:
+        for row in golden.rows:
+            request = sdo(row.request)
+            index, subindex = int.from_bytes(request[1:3], "little"), request[3]
+            try:
+                parameter = drive.parameter(index, subindex)
+            except InputError:
+                continue  # not in our dictionary: a fact that the tool does not use
+            assert drive.read(parameter).raw == row.value, f"{parameter.label}: {row.source}"
+
+
+@pytest.mark.parametrize("golden", ALL, ids=family)
+def test_units_are_those_of_the_manual(golden: Golden) -> None:
+    with connected(GoldenDrive(golden.rows), load_canopen_profile(golden.family)) as drive:
+        scales, wanted = drive.scales, golden.scale
+        for name in ("position_rad", "speed_rad_s", "torque_nm", "acceleration_rad_s2"):
+            value = told(getattr(wanted, name))
+            assert getattr(scales, name) == pytest.approx(value, rel=EXACT, nan_ok=True), (
+                f"{name}: {wanted.source}"
+            )
+        for rated in (scales.rated_torque_nm, drive.limits().rated_torque_nm):
+            assert told(rated) == pytest.approx(told(wanted.rated_torque_nm), rel=EXACT, nan_ok=True), (
+                wanted.source
+            )
+
+
+@pytest.mark.parametrize("golden", ALL, ids=family)
+def test_statuswords_and_position_are_understood(golden: Golden) -> None:
+    counts = next(row.value for row in golden.rows if row.request == "40 64 60 00")
+    for word, name in golden.states.items():
+        bench = GoldenDrive(in_state(golden, word))
+        with connected(bench, load_canopen_profile(golden.family)) as drive:
+            state = drive.state()
+            assert state.cia402 == name, hex(word)
+            assert state.position_rad == pytest.approx(counts * told(golden.scale.position_rad), rel=EXACT)
+            assert cia402.decode(word).value == name
+
+
+@pytest.mark.parametrize(
+    ("golden", "request_", "answer"),
+    [(golden, *pair) for golden in ALL for pair in golden.wrong.items()],
+    ids=lambda x: x.family if isinstance(x, Golden) else None,
+)
+def test_a_drive_that_says_otherwise_is_refused(golden: Golden, request_: str, answer: str) -> None:
+    rows = [replace(row, answer=answer) if row.request == request_ else row for row in golden.rows]
+    assert rows != list(golden.rows)
+    with (
+        pytest.raises(InputError),
+        connected(GoldenDrive(rows), load_canopen_profile(golden.family)) as drive,
+    ):
+        assert drive.scales.position_rad  # the profile may only find out when it asks for units
+
+
+@pytest.mark.parametrize("golden", [g for g in MOVING if g.written], ids=family)
+def test_setting_up_writes_these_frames(golden: Golden) -> None:
+    off = next(word for word, name in golden.states.items() if name == "Switch on disabled")
+    bench = GoldenDrive(in_state(golden, off))
+    with connected(bench, load_canopen_profile(golden.family)) as drive:
+        drive.write(drive.setup(acquisition(golden)))
+        assert drive.setup(acquisition(golden)) == []
+    missing = [text for text in golden.written if sdo(text) not in bench.downloads]
+    assert missing == []
+
+
+@pytest.mark.parametrize("golden", MOVING, ids=family)
+def test_frames_and_si_values_match_both_ways(golden: Golden) -> None:
+    profile = load_canopen_profile(golden.family)
+    eds = read_eds(profile.eds_path, 1)
+    layouts = pdo.layouts(profile, eds.find, 1)
+    with connected(GoldenDrive(golden.rows), profile) as drive:
+        scales = drive.scales
+    q, last = profile.quantities, golden.samples[-1]
+    moves = (stroke(golden),) if golden.mode == "pp" else ()
+    count = 60 if moves else len(golden.samples)
+    played = [last] * count if moves else golden.samples
+    setpoints = Setpoints(
+        RATE_HZ,
+        np.array([s.position_demand_rad for s in played]),
+        np.array([s.torque_added_nm for s in played]),
+        moves,
+    )
+    mode = acquisition(golden).mode
+    packed = playback.pack(setpoints, mode, profile, layouts.rpdo, scales, 0).frames
+    for number, sample in enumerate(golden.samples):
+        if number or not moves:  # a stroke's target goes ahead of its bit
+            assert bytes.fromhex(sample.rpdo) == packed[2 if sample is last and moves else number]
+        fields = {}
+        for layout, text in zip(layouts.tpdos, sample.tpdos, strict=True):
+            frame = bytes.fromhex(text)
+            assert len(frame) == layout.size
+            record = layout.unpack([frame])
+            fields.update({name: float(record[name][0]) for name in layout.dtype.names or ()})
+        for quantity, scale, wanted in (
+            (q.position, scales.position_rad, sample.position_rad),
+            (q.speed, scales.speed_rad_s, sample.speed_rad_s),
+            (q.torque, scales.torque_nm, sample.torque_nm),
+        ):
+            assert quantity is not None
+            value = fields[str(quantity.object)] * scale
+            assert value == pytest.approx(told(wanted), rel=EXACT, nan_ok=True), str(quantity.object)
