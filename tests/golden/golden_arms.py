@@ -61,6 +61,7 @@ ZEROERR_EROB = Golden(
         Row("40 64 60 00", "43 64 60 00 00 00 02 00", 131072, f"{_EROB}: position_to_angle, 524288 a turn: 90 degrees"),
         Row("40 6C 60 00", "43 6C 60 00 00 00 08 00", 524288, f"{_EROB}: velocity_to_pulse: 60 rpm"),
         Row("40 5E 60 00", "4B 5E 60 00 02 00", 2, f"{_EDS}: default"),
+        Row("40 10 10 01", "43 10 10 01 01 00 00 00", 1, "CiA 301, 7.5.2.13: bit 0, saves on command"),
         Row("40 60 60 00", "4F 60 60 00 01", 1, f"{_EROB}: profile position"),
         Row("40 02 65 00", "43 02 65 00 8D 03 00 00", 909, f"{_EDS}: default of 6502: pp, pv, tq, csp, csv, cst"),
         Row("40 06 10 00", "43 06 10 00 E8 03 00 00", 1000, f"{_EROB}: communication cycle of 1000 us"),

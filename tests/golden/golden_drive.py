@@ -89,6 +89,7 @@ class Golden:
     samples: tuple[Sample, ...] = ()
     mode: str = "csp"
     written: tuple[str, ...] = ()  # downloads that setting up at 1 kHz must send, in any order
+    limits: Mapping[str, float] = field(default_factory=dict)  # fields of DriveLimits; all others are unknown
     identified: bool = True  # by 1018
     #: Answers, by request, with which the tool must refuse the drive.
     wrong: Mapping[str, str] = field(default_factory=dict)

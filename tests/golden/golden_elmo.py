@@ -10,7 +10,7 @@ _STATES = "leggedrobotics/elmo_ethercat_sdk, src/elmo_ethercat_sdk/Statusword.cp
 ELMO_GOLD = Golden(
     family="elmo-gold",
     rows=(
-        Row("40 18 10 01", "43 18 10 01 9A 00 00 00", 0x0000009A, f"{_DCF}: 1018:01; Elmo's number at CiA"),
+        Row("40 18 10 01", "43 18 10 01 9A 00 00 00", 0x0000009A, f"{_DCF}: default; Elmo's number at CiA"),
         Row("40 18 10 02", "43 18 10 02 23 09 03 00", 0x00030923, f"{_DCF}: ProductNumber"),
         Row("40 41 60 00", "4B 41 60 00 37 06", 0x0637, f"{_STATES}: operation enabled"),
         Row("40 64 60 00", "43 64 60 00 00 20 00 00", 8192, f"{_MANUAL}, page 65: position units; composed"),
@@ -26,6 +26,7 @@ ELMO_GOLD = Golden(
         Row("40 5A 60 00", "4B 5A 60 00 02 00", 2, f"{_DCF}: default: on the quick-stop ramp, then off"),
         Row("40 07 60 00", "4B 07 60 00 01 00", 1, f"{_DCF}: default: fault"),
         Row("40 5E 60 00", "4B 5E 60 00 02 00", 2, f"{_DCF}: default"),
+        Row("40 10 10 01", "43 10 10 01 01 00 00 00", 1, "CiA 301, 7.5.2.13: bit 0, saves on command"),
         Row("40 60 60 00", "4F 60 60 00 00", 0, "CiA 402-2: no mode"),
         Row("40 16 10 00", "4F 16 10 00 01", 1, "CiA 301, 7.5.2.17"),
         Row("40 16 10 01", "43 16 10 01 00 00 00 00", 0, f"{_DCF}: default"),
@@ -45,6 +46,7 @@ ELMO_GOLD = Golden(
         rated_torque_nm=1.27,
         source=f"{_SDK}: 2 pi over the encoder's resolution, for position and speed; torque per mille",
     ),
+    limits={"torque_max_nm": 3.81},  # 3000 per mille of 1.27 N m
     states={
         0x0250: "Switch on disabled", 0x0231: "Ready to switch on", 0x0233: "Switched on",
         0x0237: "Operation enabled", 0x0217: "Quick stop active", 0x021F: "Fault reaction active", 0x0208: "Fault",

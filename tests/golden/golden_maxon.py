@@ -29,6 +29,12 @@ EPOS4 = Golden(
         Row("40 07 60 00", "4B 07 60 00 03 00", 3, f"{_ENUMS}, table 6-146: 3, on the quick-stop ramp"),
         Row("40 5E 60 00", "4B 5E 60 00 02 00", 2, f"{_ENUMS}, table 6-153: 2, on the quick-stop ramp"),
         Row("40 02 65 00", "43 02 65 00 A5 03 00 00", 0x3A5, f"{_DCF}: pp, pv, hm, csp, csv, cst"),
+        Row("40 65 60 00", "43 65 60 00 20 4E 00 00", 20000, f"{_DCF}; increments"),
+        Row("40 66 60 00", "4B 66 60 00 00 00", 0, _DCF),
+        Row("40 7D 60 01", "43 7D 60 01 00 00 00 00", 0, f"{_DCF}: both 0, no window"),
+        Row("40 7D 60 02", "43 7D 60 02 00 00 00 00", 0, _DCF),
+        Row("40 7F 60 00", "43 7F 60 00 14 05 00 00", 1300, f"{_DCF}; rpm, as 60A9"),
+        Row("40 80 60 00", "43 80 60 00 14 05 00 00", 1300, f"{_DCF}; rpm: the limit and the range of 607F"),
         Row("40 60 60 00", "4F 60 60 00 01", 1, f"{_ENUMS}, table 6-154: profile position"),
         Row("40 16 10 00", "4F 16 10 00 02", 2, "CiA 301, 7.5.2.17"),
         Row("40 16 10 01", "43 16 10 01 00 00 00 00", 0, _DCF),
@@ -49,6 +55,11 @@ EPOS4 = Golden(
         rated_torque_nm=0.512871,
         source=_UNITS,
     ),
+    limits={
+        "speed_max_rad_s": 136.1356816555577,  # 1300 rpm
+        "following_error_rad": 39.269908169872416,  # 20000 / 3200 turns
+        "following_error_time_s": 0.0,
+    },
     states={  # _ENUMS, table 2-5 (bits 4 and 7 do not count), with remote, home reference and mode's bits
         0x0000: "Not ready to switch on", 0x8240: "Switch on disabled", 0x8231: "Ready to switch on",
         0x8233: "Switched on", 0x9637: "Operation enabled", 0x00B7: "Operation enabled",
@@ -102,6 +113,7 @@ EPOS2 = Golden(
         Row("40 8C 60 00", "4F 8C 60 00 A4", 0xA4, f"{_EDS2}: speed in revolutions per minute"),
         Row("40 07 60 00", "4B 07 60 00 00 00", 0, f"{_EDS2}: 6007 is there"),
         Row("40 5E 60 00", "4B 5E 60 00 02 00", 2, f"{_EDS2}: default"),
+        Row("40 10 10 01", "43 10 10 01 01 00 00 00", 1, "CiA 301, 7.5.2.13: bit 0, saves on command"),
         Row("40 60 60 00", "4F 60 60 00 03", 3, f"{_EPOS2}: profile velocity"),
         Row("40 81 60 00", "43 81 60 00 E8 03 00 00", 1000, f"{_EPOS2}: rpm"),
         Row("40 83 60 00", "43 83 60 00 10 27 00 00", 10000, f"{_EPOS2}: rpm/s"),

@@ -26,6 +26,7 @@ TRINAMIC = Golden(
         Row("40 58 20 00", "43 58 20 00 00 10 00 00", 4096, f"{_PY}, profile velocity by PDO: Position Scaler = Steps"),
         Row("40 5A 60 00", "4B 5A 60 00 02 00", 2, f"{_TMC_EDS}: default"),
         Row("40 5E 60 00", "4B 5E 60 00 02 00", 2, f"{_TMC_EDS}: default"),
+        Row("40 10 10 01", "43 10 10 01 01 00 00 00", 1, "CiA 301, 7.5.2.13: bit 0, saves on command"),
         Row("40 60 60 00", "4F 60 60 00 03", 3, f"{_PY}: PROFILE_VELOCITY_MODE"),
         Row("40 16 10 00", "4F 16 10 00 01", 1, "CiA 301, 7.5.2.17"),
         Row("40 16 10 01", "43 16 10 01 00 00 00 00", 0, f"{_TMC_EDS}: default"),
@@ -125,6 +126,7 @@ FAULHABER_CC = Golden(
         Row("40 8F 60 01", "43 8F 60 01 00 08 00 00", 2048, f"{_CC}: default of 608F:01"),
         Row("40 8F 60 02", "43 8F 60 02 01 00 00 00", 1, f"{_CC}: default of 608F:02"),
         Row("40 93 60 01", "43 93 60 01 01 00 00 00", 1, f"{_CC}: default of 6093:01"),
+        Row("40 10 10 01", "43 10 10 01 01 00 00 00", 1, "CiA 301, 7.5.2.13: bit 0, saves on command"),
         Row("40 93 60 02", "43 93 60 02 01 00 00 00", 1, f"{_CC}: default of 6093:02"),
     ),
     scale=Scale(0.0030679615757712823, None, None, None, None, f"{_CC}: 2 pi / 2048; the rest has no unit"),
@@ -174,6 +176,7 @@ GENERIC = Golden(
         rated_torque_nm=2.5,
         source=f"{_NANOTEC}; {_SYNAPTICON}; {_BECKHOFF}",
     ),
+    limits={"torque_max_nm": 7.5},
     states=_STATES,
     samples=(
         Sample(0.0, 0.0, "0F 00 00 00 00 00 00 00", ("27 12 00 00 00 00 00 00", "00 00 00 00"), 0.0, 0.0, 0.0),

@@ -10,6 +10,7 @@ import pytest
 from golden_arms import SCHUNK_ERB, ZEROERR_EROB
 from golden_drive import Golden, GoldenDrive, Row, connected, sdo
 from golden_elmo import ELMO_GOLD
+from golden_files import FOLDERS, told_by_the_file
 from golden_maxon import EPOS2, EPOS4
 from golden_others import BENCH, FAULHABER_CC, GENERIC, SIMCO, TRINAMIC
 
@@ -81,6 +82,23 @@ def test_the_tool_reads_what_the_frames_say(golden: Golden) -> None:
             assert drive.read(parameter).raw == row.value, f"{parameter.label}: {row.source}"
 
 
+@pytest.mark.parametrize("golden", [g for g in ALL if g.family in FOLDERS], ids=family)
+def test_the_manufacturers_file_says_what_we_say_that_it_does(golden: Golden) -> None:
+    """Type of every object, and every value whose source is a default or a ParameterValue of that file."""
+    told_there = told_by_the_file(golden.family)
+    size_of = {0x4F: 1, 0x4B: 2, 0x43: 4}
+    for row in golden.rows:
+        request, answer = sdo(row.request), sdo(row.answer)
+        entry = told_there.get((int.from_bytes(request[1:3], "little"), request[3]))
+        if entry is None:
+            continue
+        assert size_of[answer[0]] == entry.size, row
+        if "ParameterValue" in row.source:
+            assert row.value == entry.configured, row
+        elif "default" in row.source.lower():
+            assert row.value == entry.default, row
+
+
 @pytest.mark.parametrize("golden", ALL, ids=family)
 def test_units_are_those_of_the_manual(golden: Golden) -> None:
     with connected(GoldenDrive(golden.rows), load_canopen_profile(golden.family)) as drive:
@@ -132,6 +150,17 @@ def test_setting_up_writes_these_frames(golden: Golden) -> None:
         assert drive.setup(acquisition(golden)) == []
     missing = [text for text in golden.written if sdo(text) not in bench.downloads]
     assert missing == []
+
+
+@pytest.mark.parametrize(
+    "golden", [g for g in ALL if any(r.request == "40 10 10 01" for r in g.rows)], ids=family
+)
+def test_saving_is_the_word_save(golden: Golden) -> None:
+    """CiA 301, 7.5.2.13: 65766173h, which is "save" in the order of the bytes."""
+    bench = GoldenDrive(golden.rows)
+    with connected(bench, load_canopen_profile(golden.family)) as drive:
+        drive.store()
+    assert bench.downloads == [bytes.fromhex("23 10 10 01 73 61 76 65")]
 
 
 @pytest.mark.parametrize("golden", MOVING, ids=family)
