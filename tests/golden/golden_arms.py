@@ -9,6 +9,7 @@ _STANDARD = "CiA 402-2, table of the statusword"
 SCHUNK_ERB = Golden(
     family="schunk-erb",
     mode="pp",
+    modes=("", "2F 60 60 00 01"),
     identified=False,
     rows=(
         Row("40 18 10 01", "43 18 10 01 00 00 00 00", 0, f"{_DCF} tells no vendor: any is taken"),

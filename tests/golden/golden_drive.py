@@ -88,7 +88,9 @@ class Golden:
     states: Mapping[int, str]  # statuswords that the manual prints, and the standard's name of each
     samples: tuple[Sample, ...] = ()
     mode: str = "csp"
-    written: tuple[str, ...] = ()  # downloads that setting up at 1 kHz must send, in any order
+    modes: tuple[str, ...] = ("2F 60 60 00 08", "2F 60 60 00 01")  # downloads that choose csp, pp
+    #: Downloads that setting up at 1 kHz must send, in any order; to 605A, 605E and 6007 no other ones.
+    written: tuple[str, ...] = ()
     limits: Mapping[str, float] = field(default_factory=dict)  # fields of DriveLimits; all others are unknown
     identified: bool = True  # by 1018
     #: Answers, by request, with which the tool must refuse the drive.

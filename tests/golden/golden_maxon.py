@@ -100,6 +100,7 @@ _STATES2 = "EPOS Firmware Specification, 8.1.1, table 1 (device state bits)"
 EPOS2 = Golden(
     family="maxon-epos2",
     mode="pp",
+    modes=("", "2F 60 60 00 01"),
     rows=(
         Row("40 18 10 01", "43 18 10 01 FB 00 00 00", 0x000000FB, f"{_EDS2}: VendorNumber"),
         Row("40 18 10 02", "43 18 10 02 00 00 22 63", 0x63220000, f"{_EDS2}: ProductNumber"),

@@ -1,5 +1,6 @@
 """The Modbus families, frame by frame: Delta ASDA-A2, Schneider Lexium 32, Kollmorgen AKD, and our own bench drive."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 from golden_registers import Exchange
@@ -18,6 +19,7 @@ class GoldenModbus:
     torque_nm: float | None
     state: str
     stands_rad: float | None
+    places: Mapping[str, int]  # parts of the profile, and the register that each must be
 
 
 _ASDA = "ASDA-A2 user manual, February 2017"
@@ -42,6 +44,7 @@ DELTA = GoldenModbus(
     torque_nm=None,
     state="unknown",
     stands_rad=None,
+    places={"quantities.position.object": 0x0012},  # P0-09
 )  # fmt: skip
 
 _LXM = "LXM32M Modbus-TCP module, 0198441113843, V1.01, 01.2012 (manualsdump.com, schneider_electric-lxm32m/198938)"
@@ -66,6 +69,10 @@ LEXIUM = GoldenModbus(
     torque_nm=None,
     state="Operation enabled",
     stands_rad=3.141592653589793,
+    places={
+        "quantities.position.object": 7706, "quantities.position.resolution": 1550, "quantities.speed.object": 7744,
+        "state.controlword": 6914, "state.statusword": 6916,
+    },
 )  # fmt: skip
 
 _AKD = "AKD BASIC user guide, March 2012 (easymanua.ls/kollmorgen/akd-basic)"
@@ -92,6 +99,7 @@ AKD = GoldenModbus(
     torque_nm=None,
     state="unknown",
     stands_rad=None,
+    places={"quantities.position.object": 588, "quantities.speed.object": 856},
 )  # fmt: skip
 
 _BENCH = "the drive is ours: 2^20 counts a turn, 0.001 rpm, 0.01 N m, high word first"
@@ -116,4 +124,9 @@ BENCH = GoldenModbus(
     torque_nm=0.01,
     state="Switch on disabled",
     stands_rad=-1.5707963267948966,
+    places={
+        "state.controlword": 100, "state.statusword": 102, "state.mode": 104, "state.error": 106,
+        "quantities.position.object": 200, "quantities.position.demand": 210, "quantities.speed.object": 202,
+        "quantities.torque.object": 204, "watchdog.object": 110, "store.object": 112,
+    },
 )  # fmt: skip

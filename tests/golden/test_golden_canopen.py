@@ -18,7 +18,7 @@ from schwung.errors import InputError
 from schwung.fieldbus import cia402
 from schwung.fieldbus.canopen import pdo, playback
 from schwung.fieldbus.canopen.scan import fitting_profiles
-from schwung.fieldbus.drive import Acquisition, Move, Setpoints
+from schwung.fieldbus.drive import Acquisition, Move, OperatingMode, Setpoints
 from schwung.fieldbus.eds import read_eds
 from schwung.fieldbus.profile import CanopenProfile, list_profiles, load_canopen_profile
 
@@ -103,6 +103,7 @@ def test_the_manufacturers_file_says_what_we_say_that_it_does(golden: Golden) ->
 def test_units_are_those_of_the_manual(golden: Golden) -> None:
     with connected(GoldenDrive(golden.rows), load_canopen_profile(golden.family)) as drive:
         scales, wanted = drive.scales, golden.scale
+        assert scales.torque_added_nm == pytest.approx(told(wanted.torque_nm), rel=EXACT, nan_ok=True)
         for name in ("position_rad", "speed_rad_s", "torque_nm", "acceleration_rad_s2"):
             value = told(getattr(wanted, name))
             assert getattr(scales, name) == pytest.approx(value, rel=EXACT, nan_ok=True), (
@@ -148,8 +149,27 @@ def test_setting_up_writes_these_frames(golden: Golden) -> None:
     with connected(bench, load_canopen_profile(golden.family)) as drive:
         drive.write(drive.setup(acquisition(golden)))
         assert drive.setup(acquisition(golden)) == []
-    missing = [text for text in golden.written if sdo(text) not in bench.downloads]
-    assert missing == []
+    wanted = [sdo(text) for text in golden.written]
+    assert [frame.hex(" ") for frame in wanted if frame not in bench.downloads] == []
+    stops = [frame for frame in bench.downloads if frame[1:3] in (b"\x5a\x60", b"\x5e\x60", b"\x07\x60")]
+    assert [frame.hex(" ") for frame in stops if frame not in wanted] == []
+
+
+@pytest.mark.parametrize("golden", MOVING, ids=family)
+def test_modes_are_chosen_by_these_frames(golden: Golden) -> None:
+    off = next(word for word, name in golden.states.items() if name == "Switch on disabled")
+    rows = [row for row in in_state(golden, off) if row.request != "40 60 60 00"]
+    rows.append(Row("40 60 60 00", "4F 60 60 00 00", 0, "CiA 402-2: no mode"))
+    modes: tuple[OperatingMode, ...] = ("csp", "pp")
+    for mode, frame in zip(modes, golden.modes, strict=True):
+        bench = GoldenDrive(rows)
+        with connected(bench, load_canopen_profile(golden.family)) as drive:
+            if frame:
+                drive.write(drive.setup(Acquisition(mode, RATE_HZ)))
+                assert sdo(frame) in bench.downloads
+            else:
+                with pytest.raises(InputError, match=f'has no "{mode}"'):
+                    drive.setup(Acquisition(mode, RATE_HZ))
 
 
 @pytest.mark.parametrize(

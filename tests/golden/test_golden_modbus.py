@@ -59,6 +59,12 @@ def test_frames_are_the_manuals_both_ways(golden: GoldenModbus, monkeypatch: pyt
 
 
 @pytest.mark.parametrize("golden", ALL, ids=family)
+def test_the_profile_uses_these_registers(golden: GoldenModbus) -> None:
+    used = {place: ref.index for place, ref in modbus_profile(golden.family).refs()}
+    assert {place: used.get(place) for place in golden.places} == golden.places
+
+
+@pytest.mark.parametrize("golden", ALL, ids=family)
 def test_units_and_state_are_the_manuals(golden: GoldenModbus, monkeypatch: pytest.MonkeyPatch) -> None:
     with connected(line(golden), modbus_profile(golden.family), monkeypatch, tcp=golden.tcp) as drive:
         for name in ("position_rad", "speed_rad_s", "torque_nm"):
