@@ -5,6 +5,10 @@ from golden_drive import Golden, Row, Sample, Scale
 _ROS = "ros-industrial/ros_canopen, canopen_motor_node/src/handle_layer.cpp, commit 1de23dc1"
 _DCF = "ipa320/cob_robots, cob_hardware_config/robots/common/Schunk_0_63.dcf, commit cc76524d"
 _STANDARD = "CiA 402-2, table of the statusword"
+_STATES = {
+    0x0240: "Switch on disabled", 0x0231: "Ready to switch on", 0x0233: "Switched on", 0x0237: "Operation enabled",
+    0x0217: "Quick stop active", 0x021F: "Fault reaction active", 0x0218: "Fault",
+}  # fmt: skip
 
 SCHUNK_ERB = Golden(
     family="schunk-erb",
@@ -35,7 +39,7 @@ SCHUNK_ERB = Golden(
         rated_torque_nm=None,
         source=_ROS,
     ),
-    states={0x0240: "Switch on disabled", 0x0237: "Operation enabled", 0x0207: "Quick stop active", 0x0208: "Fault"},
+    states=_STATES,
     samples=(
         Sample(0.0, 0.0, "0F 00 00 00 00 00 00 00", ("37 02 00 00 00 00 00 00", "00 00 00 00"), 0.0, 0.0, None),
         Sample(
@@ -83,8 +87,7 @@ ZEROERR_EROB = Golden(
         rated_torque_nm=None,
         source=f"{_EROB}: encoder_resolution=524288; velocity_to_pulse, acceleration_to_pulse",
     ),
-    states={0x0240: "Switch on disabled", 0x0231: "Ready to switch on", 0x0233: "Switched on",
-            0x0237: "Operation enabled", 0x0218: "Fault"},
+    states=_STATES,
     samples=(
         Sample(0.0, 0.0, "0F 00 00 00 00 00 00 00", ("37 12 00 00 00 00 00 00", "00 00 00 00"), 0.0, 0.0, None),
         Sample(

@@ -6,13 +6,13 @@ SDO) composes them for that object and type. What is not written down does not e
 
 from __future__ import annotations
 
-import queue
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 
 import can
 
+from schwung.clock import SteppedClock
 from schwung.fieldbus.canopen import CanopenDrive
 from schwung.fieldbus.profile import CanopenProfile
 
@@ -22,6 +22,13 @@ _SDO_REQUEST, _SDO_ANSWER, _HEARTBEAT = 0x600 + NODE, 0x580 + NODE, 0x700 + NODE
 _ABSENT = bytes.fromhex("00 00 02 06")
 #: First byte of an expedited upload's answer, by that of the download that wrote the value (CiA 301, 7.2.4.3.3).
 _READ_BACK = {0x23: 0x43, 0x27: 0x47, 0x2B: 0x4B, 0x2F: 0x4F}
+_CONTROLWORD, _MODE = bytes.fromhex("40 60 00"), bytes.fromhex("60 60 00")
+_HEARTBEAT_S = 0.1
+#: State in which a controlword ends, bits 0 to 3 (CiA 402-2, table of the controlword; 605A = 6).
+_LEADS_TO = {
+    0x00: "Switch on disabled", 0x02: "Quick stop active", 0x06: "Ready to switch on", 0x07: "Switched on",
+    0x0F: "Operation enabled",
+}  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -101,27 +108,38 @@ class GoldenDrive:
     """Answers from the table. `downloads` keeps what was written, `rpdos` what came by PDO."""
 
     def __init__(
-        self,
-        rows: Sequence[Row],
-        samples: Sequence[Sample] = (),
-        states: Mapping[int, int] | None = None,
+        self, rows: Sequence[Row], samples: Sequence[Sample] = (), states: Mapping[int, str] | None = None
     ) -> None:
         self.answers = {sdo(row.request): sdo(row.answer) for row in (*PDO_ROWS, *rows)}
         self.pdos = {bytes.fromhex(s.rpdo): [bytes.fromhex(t) for t in s.tpdos] for s in samples}
-        self.states = states or {}  # statusword by controlword
         self.downloads: list[bytes] = []
         self.rpdos: list[bytes] = []
+        words = {name: word for word, name in reversed((states or {}).items())}
+        self._words = {command: words[name] for command, name in _LEADS_TO.items() if name in words}
+        self._nmt = 0x7F
 
-    def take(self, message: can.Message) -> Iterator[can.Message]:
+    def attach(self, clock: SteppedClock) -> None:
+        """Put it on a wire of its own end."""
+        bus = clock.bus()
+
+        def receive(message: can.Message) -> None:
+            for answer in self._take(message.arbitration_id, bytes(message.data)):
+                bus.send(answer)
+
+        clock.read(bus, receive, _fail)
+        clock.every(_HEARTBEAT_S, lambda: bus.send(_frame(_HEARTBEAT, bytes([self._nmt]))))
+
+    def _take(self, can_id: int, data: bytes) -> Iterator[can.Message]:
         """What it says to a frame."""
-        data = bytes(message.data)
-        if message.arbitration_id == _SDO_REQUEST:
+        if can_id == _SDO_REQUEST:
             yield _frame(_SDO_ANSWER, self._served(data))
-        elif message.arbitration_id == _NMT:
-            yield _frame(_HEARTBEAT, bytes([{0x01: 0x05, 0x80: 0x7F}.get(data[0], 0x00)]))
-        elif message.arbitration_id == _RPDO:
+        elif can_id == _NMT:
+            self._nmt = {0x01: 0x05, 0x80: 0x7F}[data[0]]
+            yield _frame(_HEARTBEAT, bytes([self._nmt]))
+        elif can_id == _RPDO:
             self.rpdos.append(data)
-        elif message.arbitration_id == _SYNC and self.rpdos:
+            self._obey(data[:2])
+        elif can_id == _SYNC and self.rpdos:
             for number, tpdo in enumerate(self._sampled(self.rpdos[-1])):
                 yield _frame(0x180 + 0x100 * number + NODE, tpdo)
 
@@ -129,52 +147,41 @@ class GoldenDrive:
         read = bytes([0x40, *request[1:4], 0, 0, 0, 0])
         if request in self.answers:
             return self.answers[request]
-        if request[0] in _READ_BACK and read in self.answers:
+        if request[0] in _READ_BACK and (read in self.answers or request[1:4] == _CONTROLWORD):
             self.downloads.append(request)
             self.answers[read] = bytes([_READ_BACK[request[0]], *request[1:]])
+            if request[1:4] == _MODE:  # is shown at once
+                self.answers[sdo("40 61 60 00")] = bytes([0x4F, 0x61, *request[2:]])
+            elif request[1:4] == _CONTROLWORD:
+                self._obey(request[4:6])
             return bytes([0x60, *request[1:4], 0, 0, 0, 0])
         return bytes([0x80, *request[1:4], *_ABSENT])
+
+    def _obey(self, command: bytes) -> None:
+        word = self._words.get(int.from_bytes(command, "little") & 0x0F)
+        if word is not None:
+            self.answers[sdo("40 41 60 00")] = sdo("4B 41 60 00")[:4] + word.to_bytes(2, "little") + bytes(2)
 
     def _sampled(self, rpdo: bytes) -> list[bytes]:
         """The table's; before and after the motion it stands as at the begin, in the state that it was told."""
         if rpdo in self.pdos:
             return self.pdos[rpdo]
         first, *rest = next(iter(self.pdos.values()))
-        word = self.states.get(int.from_bytes(rpdo[:2], "little"), 0x0240)
-        return [word.to_bytes(2, "little") + first[2:], *rest]
+        return [self.answers[sdo("40 41 60 00")][4:6] + first[2:], *rest]
 
 
 def _frame(can_id: int, data: bytes) -> can.Message:
     return can.Message(arbitration_id=can_id, data=data, is_extended_id=False)
 
 
-class GoldenBus(can.BusABC):
-    """A bus with that drive alone on it: every frame is answered when it is sent."""
-
-    def __init__(self, drive: GoldenDrive) -> None:
-        self.channel_info, self._drive = "golden", drive
-        self._answers: queue.SimpleQueue[can.Message] = queue.SimpleQueue()
-        super().__init__(channel="golden")
-
-    def send(self, msg: can.Message, timeout: float | None = None) -> None:
-        """See can.BusABC."""
-        for answer in self._drive.take(msg):
-            self._answers.put(answer)
-
-    def recv(self, timeout: float | None = None) -> can.Message | None:
-        """See can.BusABC."""
-        try:
-            return self._answers.get(timeout=timeout)
-        except queue.Empty:
-            return None
+def _fail(error: Exception) -> None:
+    raise error
 
 
 @contextmanager
 def connected(drive: GoldenDrive, profile: CanopenProfile) -> Iterator[CanopenDrive]:
-    """The tool's own driver, connected to it."""
-    bus = GoldenBus(drive)
-    try:
-        with CanopenDrive(bus, NODE, profile) as driver:
-            yield driver
-    finally:
-        bus.shutdown()
+    """The tool's own driver, connected to it; no time passes but theirs."""
+    clock = SteppedClock()
+    drive.attach(clock)
+    with CanopenDrive(clock.bus(), NODE, profile) as driver:
+        yield driver

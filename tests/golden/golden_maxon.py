@@ -134,9 +134,10 @@ EPOS2 = Golden(
         rated_torque_nm=None,
         source=f"{_EPOS2}: quadcounts, rev/min, rev/min/s, mA",
     ),
-    states={  # _STATES2; Start is 0x0000
+    states={  # _STATES2; Measure Init (4133) is read as Switched on, though power is applied
         0x0100: "Not ready to switch on", 0x0140: "Switch on disabled", 0x0121: "Ready to switch on",
-        0x0123: "Switched on", 0x4123: "Switched on", 0x0137: "Operation enabled", 0x0117: "Quick stop active",
+        0x0123: "Switched on", 0x4123: "Switched on", 0x4133: "Switched on",
+        0x0137: "Operation enabled", 0x0117: "Quick stop active",
         0x010F: "Fault reaction active", 0x011F: "Fault reaction active", 0x0108: "Fault",
     },
     samples=(  # controlword, target | statusword, position, current | speed

@@ -142,6 +142,10 @@ _BECKHOFF = "Beckhoff AX8000, object 6077 (infosys.beckhoff.com/content/1033/ax8
 _SYNAPTICON = "Synapticon, object 6076 (doc-legacy.synapticon.com/software/42, 0x6076 Motor rated torque)"
 _STOP = "Beckhoff AX8000, object 605A (infosys.beckhoff.com/content/1033/ax8xxx_object/11604658955.html)"
 
+_CANDUMP = (
+    "canopen-python/canopen, issue 167: 201 02 00, then 181 17 16, 40 06 and 40 02 of a drive with 605A = 2"
+)
+
 GENERIC = Golden(
     family="generic-cia402",
     identified=False,
@@ -178,7 +182,7 @@ GENERIC = Golden(
         source=f"{_NANOTEC}; {_SYNAPTICON}; {_BECKHOFF}",
     ),
     limits={"torque_max_nm": 7.5},
-    states=_STATES,
+    states=_STATES | {0x1617: "Quick stop active", 0x0640: "Switch on disabled"},  # _CANDUMP
     samples=(
         Sample(0.0, 0.0, "0F 00 00 00 00 00 00 00", ("27 12 00 00 00 00 00 00", "00 00 00 00"), 0.0, 0.0, 0.0),
         Sample(

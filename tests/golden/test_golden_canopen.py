@@ -219,3 +219,33 @@ def test_frames_and_si_values_match_both_ways(golden: Golden) -> None:
             assert quantity is not None
             value = fields[str(quantity.object)] * scale
             assert value == pytest.approx(told(wanted), rel=EXACT, nan_ok=True), str(quantity.object)
+
+
+@pytest.mark.parametrize("golden", MOVING, ids=family)
+def test_a_motion_is_played_and_recorded_frame_by_frame(golden: Golden) -> None:
+    """Start, enable, play, disable, stop: the tool's whole way, on a bus that carries literal frames only."""
+    first, last = golden.samples[0], golden.samples[-1]
+    off = next(word for word, name in golden.states.items() if name == "Switch on disabled")
+    stands = Row("40 64 60 00", "43 64 60 00", 0, "samples: where it stands before")
+    rows = [row for row in in_state(golden, off) if row.request != stands.request]
+    bench = GoldenDrive([stands, *rows], golden.samples, golden.states)
+    plan = acquisition(golden)
+    count = 60 if plan.moves else len(golden.samples)
+    played = [first, first] + [last] * (count - 2) if plan.moves else list(golden.samples)
+    demand = np.array([s.position_demand_rad for s in played])
+    setpoints = Setpoints(RATE_HZ, demand, np.array([s.torque_added_nm for s in played]), plan.moves)
+    with connected(bench, load_canopen_profile(golden.family)) as drive:
+        drive.write(drive.setup(plan))
+        drive.start(plan)
+        drive.enable()
+        recording = drive.play(setpoints)
+        drive.disable()
+        drive.stop()
+    assert recording.lost.size == 0
+    for number, sample in [(2, last)] if plan.moves else enumerate(golden.samples):
+        assert bytes.fromhex(sample.rpdo) in bench.rpdos
+        assert recording.statusword[number] == int.from_bytes(bytes.fromhex(sample.tpdos[0])[:2], "little")
+        for name in ("position_rad", "speed_rad_s", "torque_nm"):
+            value = getattr(recording, name)[number]
+            assert value == pytest.approx(told(getattr(sample, name)), rel=EXACT, nan_ok=True), name
+    assert bench.rpdos[-1][:2] == b"\x00\x00"

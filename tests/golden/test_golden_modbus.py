@@ -62,6 +62,7 @@ def test_frames_are_the_manuals_both_ways(golden: GoldenModbus, monkeypatch: pyt
 def test_the_profile_uses_these_registers(golden: GoldenModbus) -> None:
     used = {place: ref.index for place, ref in modbus_profile(golden.family).refs()}
     assert {place: used.get(place) for place in golden.places} == golden.places
+    assert modbus_profile(golden.family).modes in ({}, {"pp": 1})  # CiA 402-2, 6060: 1 is profile position
 
 
 @pytest.mark.parametrize("golden", ALL, ids=family)
