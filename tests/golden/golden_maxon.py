@@ -25,6 +25,7 @@ EPOS4 = Golden(
         Row("40 AA 60 00", "43 AA 60 00 00 03 C0 00", 0x00C00300, f"{_UNITS}: rpm/s, the one legal value"),
         Row("40 76 60 00", "43 76 60 00 67 D3 07 00", 512871, f"{_DCF}; micronewton metres: {_UNITS}"),
         Row("40 01 30 05", "43 01 30 05 E2 A4 01 00", 107746, _DCF),
+        Row("40 A1 30 05", "43 A1 30 05 D9 0A 00 00", 2777, _DCF),
         Row("40 5A 60 00", "4B 5A 60 00 06 00", 6, f"{_ENUMS}, table 6-149: 6 to 6, on the quick-stop ramp, and stay"),
         Row("40 07 60 00", "4B 07 60 00 03 00", 3, f"{_ENUMS}, table 6-146: 3, on the quick-stop ramp"),
         Row("40 5E 60 00", "4B 5E 60 00 02 00", 2, f"{_ENUMS}, table 6-153: 2, on the quick-stop ramp"),

@@ -14,6 +14,8 @@ from golden_files import FOLDERS, told_by_the_file
 from golden_maxon import EPOS2, EPOS4
 from golden_others import BENCH, FAULHABER_CC, GENERIC, SIMCO, TRINAMIC
 
+from schwung.commissioning import ExportChoice, export_values
+from schwung.drivetrain import InertiaTable
 from schwung.errors import InputError
 from schwung.fieldbus import cia402
 from schwung.fieldbus.canopen import pdo, playback
@@ -249,3 +251,17 @@ def test_a_motion_is_played_and_recorded_frame_by_frame(golden: Golden) -> None:
             value = getattr(recording, name)[number]
             assert value == pytest.approx(told(getattr(sample, name)), rel=EXACT, nan_ok=True), name
     assert bench.rpdos[-1][:2] == b"\x00\x00"
+
+
+def test_the_epos4_takes_an_inertia_as_current_per_acceleration() -> None:
+    """J / Kt in A s²/rad (Imcab/EposLib, Control loops, after Firmware Specification 6.2.62); 5554 µA s²/rad times
+    0.107746 N m/A (the DCF's 3001:05) are 5.98421284e-4 kg m² of motor and load together."""
+    bench = GoldenDrive(EPOS4.rows)
+    load = InertiaTable(np.array([0.0, 6.0]), np.full(2, 4.98421284e-4))
+    profile = load_canopen_profile(EPOS4.family)
+    with connected(bench, profile) as drive:
+        mean = ExportChoice("mean")
+        drive.write(
+            export_values(drive.parameter, profile, load, mean, read=drive.read, motor_inertia_kgm2=1e-4)
+        )
+    assert bench.downloads == [bytes.fromhex("23 A1 30 05 B2 15 00 00")]
