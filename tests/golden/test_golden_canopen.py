@@ -16,11 +16,11 @@ from golden_others import BENCH, FAULHABER_CC, GENERIC, SIMCO, TRINAMIC
 
 from schwung.commissioning import ExportChoice, export_values
 from schwung.drivetrain import InertiaTable
-from schwung.errors import InputError
+from schwung.errors import InputError, SdoError
 from schwung.fieldbus import cia402
 from schwung.fieldbus.canopen import pdo, playback
 from schwung.fieldbus.canopen.scan import fitting_profiles
-from schwung.fieldbus.drive import Acquisition, Move, OperatingMode, Setpoints
+from schwung.fieldbus.drive import Acquisition, Move, OperatingMode, ParameterValue, Setpoints
 from schwung.fieldbus.eds import read_eds
 from schwung.fieldbus.profile import CanopenProfile, list_profiles, load_canopen_profile
 
@@ -183,6 +183,15 @@ def test_saving_is_the_word_save(golden: Golden) -> None:
     with connected(bench, load_canopen_profile(golden.family)) as drive:
         drive.store()
     assert bench.downloads == [bytes.fromhex("23 10 10 01 73 61 76 65")]
+
+
+def test_a_value_that_the_drive_does_not_know_is_named() -> None:
+    """605A of an EPOS4 takes 6 only, others abort with 06090030 (Imcab/EposLib, signals/Enums.hpp, table 6-149)."""
+    refused = Row("2B 5A 60 00 02 00", "80 5A 60 00 30 00 09 06", 2, "table 6-149")
+    with connected(GoldenDrive([*EPOS4.rows, refused]), load_canopen_profile(EPOS4.family)) as drive:
+        with pytest.raises(SdoError, match="value out of range"):
+            drive.write([ParameterValue(drive.parameter(0x605A), 2)])
+        assert drive.read(drive.parameter(0x605A)).raw == 6
 
 
 @pytest.mark.parametrize("golden", MOVING, ids=family)
