@@ -1,22 +1,17 @@
 """A Modbus drive made of literal frames: what is sent, and what comes back. It knows no profile.
 
 A request that is not in the table is answered with exception 2, illegal data address (Modbus Application Protocol
-1.1b3, 7).
+1.1b3, 7); on a serial line, with silence.
 """
 
 from __future__ import annotations
 
-import socket
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
-from typing import Any
 
-import pytest
-import serial
-
-from schwung.fieldbus.modbus import ModbusDrive, ModbusLink
-from schwung.fieldbus.modbus.options import ModbusOptions
+from schwung.clock import SteppedClock
+from schwung.fieldbus.modbus import ModbusDrive, ModbusLink, ModbusOptions
 from schwung.fieldbus.profile import ModbusProfile
 
 
@@ -33,64 +28,44 @@ class Exchange:
 
 
 class GoldenLine:
-    """Looks like a serial port, or like a connected socket."""
+    """The drive's end of a line within this process (schwung.fieldbus.modbus.client.Line)."""
+
+    hung_up = False
 
     def __init__(self, frames: Mapping[str, str], *, tcp: bool) -> None:
         self.frames = {bytes.fromhex(a): bytes.fromhex(b) for a, b in frames.items()}
+        self.tcp = tcp
         self.requests: list[bytes] = []
-        self.inter_byte_timeout = 0.0
-        self._tcp, self._waiting = tcp, b""
-        self._near, self._far = socket.socketpair()  # what `select` looks at
+        self._answer = b""
 
-    # ── a serial port ────────────────────────────────────────────────────────────────────────────────────────────
-
-    @property
-    def in_waiting(self) -> int:
-        return len(self._waiting)
-
-    def write(self, data: bytes) -> int:
-        self.requests.append(data)
-        self._waiting += self.frames.get(data, b"")
-        return len(data)
-
-    def read(self, size: int) -> bytes:
-        data, self._waiting = self._waiting[:size], self._waiting[size:]
-        return data
-
-    # ── a socket ─────────────────────────────────────────────────────────────────────────────────────────────────
-
-    def fileno(self) -> int:
-        return self._near.fileno()
-
-    def getsockname(self) -> Any:
-        return self._near.getsockname()
-
-    def setblocking(self, blocking: bool) -> None:
-        self._near.setblocking(blocking)
-
-    def send(self, data: bytes) -> int:
-        header, unit, asked = data[:4], data[6:7], data[7:]  # transaction and protocol; length; unit
-        self.requests.append(asked)
-        answer = unit + self.frames.get(asked, bytes([asked[0] | 0x80, 2]))
-        self._far.send(header + len(answer).to_bytes(2, "big") + answer)
-        return len(data)
-
-    def recv(self, size: int) -> bytes:
-        return self._near.recv(size)
+    def open(self) -> bool:
+        return True
 
     def close(self) -> None:
-        self._near.close()
-        self._far.close()
+        self._answer = b""
+
+    def send(self, data: bytes) -> None:
+        if self.tcp:  # transaction, protocol and length; unit
+            head, unit, data = data[:4], data[6:7], data[7:]
+            answer = unit + self.frames.get(data, bytes([data[0] | 0x80, 2]))
+            self._answer += head + len(answer).to_bytes(2, "big") + answer
+        else:
+            self._answer += self.frames.get(data, b"")
+        self.requests.append(data)
+
+    @property
+    def waiting(self) -> bool:
+        return bool(self._answer)
+
+    def take(self) -> bytes:
+        answer, self._answer = self._answer, b""
+        return answer
 
 
 @contextmanager
-def connected(
-    line: GoldenLine, profile: ModbusProfile, monkeypatch: pytest.MonkeyPatch, *, tcp: bool
-) -> Iterator[ModbusDrive]:
-    """The tool's own driver, connected to it."""
-    with monkeypatch.context() as patch:
-        patch.setattr(socket, "create_connection", lambda *_, **__: line)
-        patch.setattr(serial, "serial_for_url", lambda *_, **__: line)
-        options = ModbusOptions("tcp", host="golden") if tcp else ModbusOptions("rtu", device="golden")
-        with ModbusDrive(ModbusLink(options, 1, profile.modbus), profile) as drive:
-            yield drive
+def connected(line: GoldenLine, profile: ModbusProfile) -> Iterator[ModbusDrive]:
+    """The tool's own driver, connected to it; no time passes but its."""
+    options = ModbusOptions("tcp", host="golden") if line.tcp else ModbusOptions("rtu", device="golden")
+    link = ModbusLink(options, 1, profile.modbus, clock=SteppedClock(), line=line)
+    with ModbusDrive(link, profile) as drive:
+        yield drive

@@ -47,9 +47,9 @@ def test_every_modbus_family_has_its_golden_drive() -> None:
 
 
 @pytest.mark.parametrize("golden", ALL, ids=family)
-def test_frames_are_the_manuals_both_ways(golden: GoldenModbus, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_frames_are_the_manuals_both_ways(golden: GoldenModbus) -> None:
     wire = line(golden)
-    with connected(wire, modbus_profile(golden.family), monkeypatch, tcp=golden.tcp) as drive:
+    with connected(wire, modbus_profile(golden.family)) as drive:
         for exchange in golden.read:
             found = drive.read(parameter(drive, exchange.register, exchange.value))
             assert found.raw == exchange.value, exchange.source
@@ -66,8 +66,8 @@ def test_the_profile_uses_these_registers(golden: GoldenModbus) -> None:
 
 
 @pytest.mark.parametrize("golden", ALL, ids=family)
-def test_units_and_state_are_the_manuals(golden: GoldenModbus, monkeypatch: pytest.MonkeyPatch) -> None:
-    with connected(line(golden), modbus_profile(golden.family), monkeypatch, tcp=golden.tcp) as drive:
+def test_units_and_state_are_the_manuals(golden: GoldenModbus) -> None:
+    with connected(line(golden), modbus_profile(golden.family)) as drive:
         for name in ("position_rad", "speed_rad_s", "torque_nm"):
             told = getattr(golden, name)
             wanted = math.nan if told is None else told
@@ -78,17 +78,17 @@ def test_units_and_state_are_the_manuals(golden: GoldenModbus, monkeypatch: pyte
         assert state.position_rad == pytest.approx(stands, rel=EXACT, nan_ok=True)
 
 
-def test_a_drive_in_the_other_word_order_is_no_bench_drive(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_drive_in_the_other_word_order_is_no_bench_drive() -> None:
     swapped = {"03 00 00 00 02": "03 04 4E 47 53 57", "03 00 02 00 02": "03 04 4D 42 00 00"}
     wire = GoldenLine(swapped | {"03 00 04 00 02": "03 04 00 07 00 00"}, tcp=True)
     with (
         pytest.raises(InputError, match="not 0x53574e47"),
-        connected(wire, modbus_profile(BENCH.family), monkeypatch, tcp=True),
+        connected(wire, modbus_profile(BENCH.family)),
     ):
         pass
 
 
-def test_the_akds_hint_gives_the_manuals_example(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_akds_hint_gives_the_manuals_example(tmp_path: Path) -> None:
     """MODBUS.PSCALE = 16, MODBUS.PIN = 5215189, MODBUS.POUT = 500000: PL.FB is mrad, and 3495 was 36462 counts of 65536
     (AKD user guide, May 2014, page 880)."""
     per_count = 2 * math.pi / 2**16 * 5215189 / 500000
@@ -98,6 +98,6 @@ def test_the_akds_hint_gives_the_manuals_example(tmp_path: Path, monkeypatch: py
         f'[quantities.position]\nunit = "literal"\nscale = {per_count!r}\n'
         '[sources]\n"quantities.position" = "its hint"\n'
     )
-    with connected(line(AKD), modbus_profile(file), monkeypatch, tcp=True) as drive:
+    with connected(line(AKD), modbus_profile(file)) as drive:
         assert drive.scales.position_rad == pytest.approx(0.001, rel=1e-7)  # PIN and POUT are rounded
         assert drive.state().position_rad == pytest.approx(36462 / 65536 * 2 * math.pi, abs=0.001)
