@@ -20,7 +20,7 @@ NODE = 1
 _NMT, _SYNC, _RPDO = 0x000, 0x080, 0x200 + NODE
 _SDO_REQUEST, _SDO_ANSWER, _HEARTBEAT = 0x600 + NODE, 0x580 + NODE, 0x700 + NODE
 _ABSENT = bytes.fromhex("00 00 02 06")
-#: First byte of an expedited upload's answer, by that of the download that wrote the value (CiA 301, 7.2.4.3.3).
+#: First byte of an expedited upload's answer, by that of the download that wrote the value (CiA 301, 7.2.4.3).
 _READ_BACK = {0x23: 0x43, 0x27: 0x47, 0x2B: 0x4B, 0x2F: 0x4F}
 _CONTROLWORD, _MODE = bytes.fromhex("40 60 00"), bytes.fromhex("60 60 00")
 _HEARTBEAT_S = 0.1
