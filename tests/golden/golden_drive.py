@@ -114,7 +114,9 @@ class GoldenDrive:
         self.pdos = {bytes.fromhex(s.rpdo): [bytes.fromhex(t) for t in s.tpdos] for s in samples}
         self.downloads: list[bytes] = []
         self.rpdos: list[bytes] = []
-        words = {name: word for word, name in reversed((states or {}).items())}
+        words: dict[str, int] = {}
+        for word, name in (states or {}).items():
+            words.setdefault(name, word)
         self._words = {command: words[name] for command, name in _LEADS_TO.items() if name in words}
         self._nmt = 0x7F
 
