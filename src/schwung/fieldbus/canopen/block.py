@@ -1,38 +1,30 @@
-"""SDO block upload, the client's side (CiA 301 clause 7.2.4.3.15 to 17): a domain in sub-blocks of 127 segments.
+"""SDO block transfer, the client's side (CiA 301 clauses 7.2.4.3.9 to 7.2.4.3.17): sub-blocks of up to 127 segments.
 
-canopen's acknowledges in the middle of a sub-block at the first gap, and takes for new what a server then repeats.
+Lost segments are asked for, or sent, again; size and CRC are checked as far as the server knows them.
 """
 
 from __future__ import annotations
 
 import binascii
 import struct
-from collections.abc import Callable
 from dataclasses import dataclass
 
+from schwung.fieldbus.canopen import abort
+from schwung.fieldbus.canopen.abort import BrokenError, SilenceError
+from schwung.fieldbus.canopen.transfer import SEGMENT_BYTES, is_uploaded, uploaded
+from schwung.fieldbus.canopen.turns import Dialogue
+
 SEGMENTS = 127  # of a sub-block: as many as the protocol allows
-SEGMENT_BYTES = 7
 #: Sub-blocks in a row of which no segment was of use: then the bus is worse than the protocol can mend.
 MAX_IDLE_BLOCKS = 3
 
-_INITIATE, _START, _ACKNOWLEDGE, _END, _ABORT = 0xA0, 0xA3, 0xA2, 0xA1, 0x80
-_WITH_CRC = 0x04
-_TIMED_OUT, _COMMAND, _CRC, _LENGTH, _GENERAL = 0x05040000, 0x05040001, 0x05040004, 0x06070010, 0x08000000
-
-Send = Callable[[bytes], None]
-Receive = Callable[[float], bytes | None]
+_UPLOAD, _START, _ACKNOWLEDGE, _END_UPLOAD = 0xA0, 0xA3, 0xA2, 0xA1  # of the client
+_DOWNLOAD, _END_DOWNLOAD = 0xC0, 0xC1
+_WITH_CRC, _SIZED, _LAST = 0x04, 0x02, 0x80
 
 
-class BlockError(Exception):
-    """The transfer broke; the server was told so (SDO abort). A plain transfer may still work."""
-
-
-class BlockAbortedError(Exception):
-    """The server ended the transfer with this abort code."""
-
-    def __init__(self, code: int) -> None:
-        super().__init__(f"0x{code:08X}")
-        self.code = code
+class BlockError(BrokenError):
+    """The block transfer broke; the server was told so (SDO abort). A plain transfer may still work."""
 
 
 @dataclass
@@ -45,57 +37,47 @@ class _SubBlock:
 
 
 class BlockUpload:
-    """One transfer. `receive` waits so many seconds for the server's next frame of 8 bytes; None: it was silent."""
+    """One upload. `run` raises BlockError, AbortedError, SilenceError, PreemptedError and BusError."""
 
-    def __init__(self, send: Send, receive: Receive, index: int, subindex: int, timeout_s: float) -> None:
-        self._send, self._receive, self._timeout_s = send, receive, timeout_s
-        self._multiplexer = struct.pack("<HB", index, subindex)
+    def __init__(self, dialogue: Dialogue) -> None:
+        self._dialogue = dialogue
+        self._former = b""
 
     def run(self) -> bytes:
-        """The object's bytes, checked against size and CRC as far as the server tells them.
+        """The object's bytes. A server that prefers plain segments, or one frame, is followed."""
+        dialogue = self._dialogue
+        dialogue.open = True
+        head = bytes([_UPLOAD | _WITH_CRC]) + dialogue.multiplexer
+        answer = dialogue.request(head + bytes([SEGMENTS, 0, 0, 0]), _answers_upload)
+        if is_uploaded(answer):
+            return uploaded(dialogue, answer)
+        dialogue.in_block = True
+        size = struct.unpack_from("<I", answer, 4)[0] if answer[0] & _SIZED else None
+        dialogue.send(bytes([_START]) + bytes(7))
+        data = self._segments()
+        end = dialogue.answer(lambda frame: frame[0] & 0xE0 == 0xC0)
+        if end[0] & 3 != 1:
+            raise BlockError(f"unexpected end 0x{end[0]:02X}", abort.COMMAND)
+        whole = bytes(data[: len(data) - (end[0] >> 2 & 7)])
+        if size is not None and len(whole) != size:
+            raise BlockError(f"{len(whole)} of {size} bytes came", abort.LENGTH)
+        if answer[0] & _WITH_CRC and binascii.crc_hqx(whole, 0) != struct.unpack_from("<H", end, 1)[0]:
+            raise BlockError("the CRC is wrong", abort.CRC)
+        dialogue.send(bytes([_END_UPLOAD]) + bytes(7))
+        return whole
 
-        Segments that are lost are asked for again. Raises BlockError, BlockAbortedError, and what `send` raises.
-        """
-        try:
-            return self._run()
-        except BlockAbortedError:
-            raise
-        except BlockError as error:
-            self._abort(error.args[1])
-            raise
-        except BaseException:  # Ctrl-C: the server shall not go on
-            self._abort(_GENERAL)
-            raise
-
-    def _run(self) -> bytes:
-        self._send(bytes([_INITIATE | _WITH_CRC]) + self._multiplexer + bytes([SEGMENTS, 0, 0, 0]))
-        answer = self._next("no answer to the request")
-        while answer[0] & 0xE1 != 0xC0 or answer[1:4] != self._multiplexer:  # late, and of an earlier request
-            answer = self._next("no answer to the request")
-        size = struct.unpack_from("<I", answer, 4)[0] if answer[0] & 2 else None
-        checked = bool(answer[0] & _WITH_CRC)
-        self._send(bytes([_START]) + bytes(7))
+    def _segments(self) -> bytearray:
+        """The data of all sub-blocks, each acknowledged; the last segment's unused bytes are still at its end."""
         data, idle = bytearray(), 0
         while True:
             block = self._sub_block()
             data += block.data
             idle = 0 if block.sequence else idle + 1
             if idle >= MAX_IDLE_BLOCKS:
-                raise BlockError("no segment comes through", _TIMED_OUT)
-            self._send(bytes([_ACKNOWLEDGE, block.sequence, SEGMENTS]) + bytes(5))
+                raise BlockError("no segment comes through", abort.TIMED_OUT)
+            self._dialogue.send(bytes([_ACKNOWLEDGE, block.sequence, SEGMENTS]) + bytes(5))
             if block.last:
-                break
-        end = self._next("the end is missing")
-        if end[0] & 0xE3 != 0xC1:
-            raise BlockError(f"unexpected end 0x{end[0]:02X}", _COMMAND)
-        unused = end[0] >> 2 & 7
-        whole = bytes(data[: len(data) - unused])
-        if size is not None and len(whole) != size:
-            raise BlockError(f"{len(whole)} of {size} bytes came", _LENGTH)
-        if checked and binascii.crc_hqx(whole, 0) != struct.unpack_from("<H", end, 1)[0]:
-            raise BlockError("the CRC is wrong", _CRC)
-        self._send(bytes([_END]) + bytes(7))
-        return whole
+                return data
 
     def _sub_block(self) -> _SubBlock:
         """Segments up to the end of the sub-block: its last number, the end of the data, or silence after a gap.
@@ -104,32 +86,68 @@ class BlockUpload:
         """
         block, heard = _SubBlock(bytearray()), False
         while True:
-            frame = self._receive(self._timeout_s)
+            frame = self._dialogue.receive(self._dialogue.timeout_s)
             if frame is None:
                 if not heard:  # then nobody knows which acknowledgement the server has
-                    raise BlockError("the segments stop", _TIMED_OUT)
+                    raise SilenceError("the segments stop")
                 return block
-            self._check_abort(frame)
-            heard = True
-            sequence = frame[0] & 0x7F
+            self._dialogue.check(frame)
+            if frame == self._former:
+                continue  # came twice: it may end its own sub-block, but not this one
+            self._former, heard = frame, True
+            sequence, last = frame[0] & ~_LAST, bool(frame[0] & _LAST)
             if sequence == block.sequence + 1:
-                block.sequence = sequence
+                block.sequence, block.last = sequence, last
                 block.data += frame[1:]
-                block.last = bool(frame[0] & 0x80)
-            if sequence == SEGMENTS or frame[0] & 0x80:
+            if sequence == SEGMENTS or last:
                 return block
 
-    def _next(self, missing: str) -> bytes:
-        frame = self._receive(self._timeout_s)
-        if frame is None:
-            raise BlockError(missing, _TIMED_OUT)
-        self._check_abort(frame)
-        return frame
 
-    def _check_abort(self, frame: bytes) -> None:
-        """An abort names the object, or none; a last segment that is the first of its sub-block begins with 0x81."""
-        if frame[0] == _ABORT:
-            raise BlockAbortedError(struct.unpack_from("<I", frame, 4)[0])
+class BlockDownload:
+    """One download of at least a byte. `run` raises as that of BlockUpload."""
 
-    def _abort(self, code: int) -> None:
-        self._send(bytes([_ABORT]) + self._multiplexer + struct.pack("<I", code))
+    def __init__(self, dialogue: Dialogue, data: bytes) -> None:
+        self._dialogue, self._data = dialogue, data
+
+    def run(self) -> bytes:
+        """Write the object; nothing comes back."""
+        dialogue, data = self._dialogue, self._data
+        dialogue.open = True
+        head = bytes([_DOWNLOAD | _WITH_CRC | _SIZED]) + dialogue.multiplexer
+        answer = dialogue.request(head + struct.pack("<I", len(data)), lambda frame: frame[0] & 0xE3 == 0xA0)
+        dialogue.in_block = True
+        position, idle, segments = 0, 0, _block_size(answer[4])
+        while position < len(data):
+            sent = self._send_block(position, segments)
+            acknowledged = dialogue.answer(lambda frame: frame[0] & 0xE3 == 0xA2)
+            if acknowledged[1] > sent:
+                raise BlockError(f"{acknowledged[1]} of {sent} segments are acknowledged", abort.SEQUENCE)
+            position += SEGMENT_BYTES * acknowledged[1]
+            idle = 0 if acknowledged[1] else idle + 1
+            if idle >= MAX_IDLE_BLOCKS:
+                raise BlockError("no segment gets through", abort.TIMED_OUT)
+            segments = _block_size(acknowledged[2])
+        crc = binascii.crc_hqx(data, 0) if answer[0] & _WITH_CRC else 0
+        unused = -len(data) % SEGMENT_BYTES
+        dialogue.send(struct.pack("<BH5x", _END_DOWNLOAD | unused << 2, crc))
+        dialogue.answer(lambda frame: frame[0] & 0xE3 == 0xA1)
+        return b""
+
+    def _send_block(self, position: int, segments: int) -> int:
+        """One sub-block from `position` on; the number of its segments."""
+        starts = range(position, len(self._data), SEGMENT_BYTES)[:segments]
+        for sequence, start in enumerate(starts, start=1):
+            last = _LAST if start + SEGMENT_BYTES >= len(self._data) else 0
+            chunk = self._data[start : start + SEGMENT_BYTES]
+            self._dialogue.send(bytes([last | sequence]) + chunk.ljust(SEGMENT_BYTES, b"\0"))
+        return len(starts)
+
+
+def _answers_upload(frame: bytes) -> bool:
+    return frame[0] & 0xE1 == 0xC0 or is_uploaded(frame)
+
+
+def _block_size(segments: int) -> int:
+    if not 1 <= segments <= SEGMENTS:
+        raise BlockError(f"sub-blocks of {segments} segments are asked for", abort.BLOCK_SIZE)
+    return segments

@@ -81,7 +81,7 @@ class SineGenerator:
         self._killed = True
         if self._may_run:
             off = self._generator.control.off
-            self._may_run = not self._sdo.write_once(self._control, off, _PATIENCE_S, _PATIENCE_S)
+            self._may_run = not self._sdo.write_once(self._control, off, _PATIENCE_S)
         return not self._may_run
 
     def _read(self, index: int, subindex: int) -> int | None:

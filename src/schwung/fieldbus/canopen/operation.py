@@ -206,7 +206,7 @@ class Operation:
                 cyclic.producer.latch(cia402.QUICK_STOP)
         heard = False
         for _ in range(_HALT_TRIES):
-            heard = bool(self._sdo.write_once(CONTROLWORD, cia402.QUICK_STOP, 0.2, 0.2)) or heard
+            heard = bool(self._sdo.write_once(CONTROLWORD, cia402.QUICK_STOP, 0.2)) or heard
             self.own_means.kill()
             if cyclic is None:
                 break
