@@ -41,7 +41,7 @@ class BlockUpload:
 
     def __init__(self, dialogue: Dialogue) -> None:
         self._dialogue = dialogue
-        self._former = b""
+        self._ended_by = b""  # the frame that ended the sub-block before this one
 
     def run(self) -> bytes:
         """The object's bytes. A server that prefers plain segments, or one frame, is followed."""
@@ -53,16 +53,17 @@ class BlockUpload:
             return uploaded(dialogue, answer)
         dialogue.in_block = True
         size = struct.unpack_from("<I", answer, 4)[0] if answer[0] & _SIZED else None
+        self._ended_by = answer
         dialogue.send(bytes([_START]) + bytes(7))
         data = self._segments()
-        end = dialogue.answer(lambda frame: frame[0] & 0xE0 == 0xC0)
-        if end[0] & 3 != 1:
-            raise BlockError(f"unexpected end 0x{end[0]:02X}", abort.COMMAND)
-        whole = bytes(data[: len(data) - (end[0] >> 2 & 7)])
-        if size is not None and len(whole) != size:
-            raise BlockError(f"{len(whole)} of {size} bytes came", abort.LENGTH)
-        if answer[0] & _WITH_CRC and binascii.crc_hqx(whole, 0) != struct.unpack_from("<H", end, 1)[0]:
-            raise BlockError("the CRC is wrong", abort.CRC)
+        while True:
+            end = dialogue.answer(lambda frame: frame[0] & 0xE3 == 0xC1)
+            whole = bytes(data[: len(data) - (end[0] >> 2 & 7)])
+            wrong = _wrong(whole, size, struct.unpack_from("<H", end, 1)[0] if answer[0] & _WITH_CRC else None)
+            if wrong is None:
+                break
+            if end != self._ended_by:  # else it may be the last segment, come twice
+                raise wrong
         dialogue.send(bytes([_END_UPLOAD]) + bytes(7))
         return whole
 
@@ -92,14 +93,15 @@ class BlockUpload:
                     raise SilenceError("the segments stop")
                 return block
             self._dialogue.check(frame)
-            if frame == self._former:
-                continue  # came twice: it may end its own sub-block, but not this one
-            self._former, heard = frame, True
             sequence, last = frame[0] & ~_LAST, bool(frame[0] & _LAST)
             if sequence == block.sequence + 1:
                 block.sequence, block.last = sequence, last
                 block.data += frame[1:]
+            elif sequence == 0 or frame == self._ended_by:
+                continue  # no segment; or one that came twice, and ends nothing any more
+            heard = True
             if sequence == SEGMENTS or last:
+                self._ended_by = frame
                 return block
 
 
@@ -141,6 +143,15 @@ class BlockDownload:
             chunk = self._data[start : start + SEGMENT_BYTES]
             self._dialogue.send(bytes([last | sequence]) + chunk.ljust(SEGMENT_BYTES, b"\0"))
         return len(starts)
+
+
+def _wrong(whole: bytes, size: int | None, crc: int | None) -> BlockError | None:
+    """What contradicts the size and the CRC that the server tells, each where it does."""
+    if size is not None and len(whole) != size:
+        return BlockError(f"{len(whole)} of {size} bytes came", abort.LENGTH)
+    if crc is not None and binascii.crc_hqx(whole, 0) != crc:
+        return BlockError("the CRC is wrong", abort.CRC)
+    return None
 
 
 def _answers_upload(frame: bytes) -> bool:
