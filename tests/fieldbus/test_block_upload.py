@@ -90,11 +90,11 @@ def test_a_wrong_crc_is_refused_and_said() -> None:
 def test_a_server_without_crc_is_believed_by_its_size() -> None:
     desk = holding(100)
     answers = {0: b"\xc2\x10\x20\0d\0\0\0", 16: b"\xd5" + bytes(7)}
-    desk.garble = lambda number, frame: answers.get(number, frame)
+    desk.garble = answers.get
     assert upload(desk) == content(100)
     short = holding(100)
     answers[0] = b"\xc2\x10\x20\0c\0\0\0"
-    short.garble = lambda number, frame: answers.get(number, frame)
+    short.garble = answers.get
     with pytest.raises(BlockError, match="100 of 99"):
         upload(short)
 

@@ -59,7 +59,9 @@ class BlockUpload:
         while True:
             end = dialogue.answer(lambda frame: frame[0] & 0xE3 == 0xC1)
             whole = bytes(data[: len(data) - (end[0] >> 2 & 7)])
-            wrong = _wrong(whole, size, struct.unpack_from("<H", end, 1)[0] if answer[0] & _WITH_CRC else None)
+            wrong = _wrong(
+                whole, size, struct.unpack_from("<H", end, 1)[0] if answer[0] & _WITH_CRC else None
+            )
             if wrong is None:
                 break
             if end != self._ended_by:  # else it may be the last segment, come twice

@@ -33,7 +33,7 @@ _SILENT_TIMEOUT_S = 0.2  # for a node that did not answer last time: the way out
 _PAUSE_S = 0.02  # before a repeat, and for the answers to what was repeated: what is late comes now
 _BLOCK_ATTEMPTS = 2
 _BLOCK_PATIENCE = 2.0  # times the time-out: a server may have a whole sub-block to get ready
-_PREEMPTIONS = 20  # of one attempt; each is a stop, so that more of them are a loop
+_PREEMPTIONS = 100  # of one attempt; each is a stop, so that more of them are a loop
 
 
 class SdoChannel:
@@ -84,7 +84,8 @@ class SdoChannel:
         Raises SdoError and BusError.
         """
         by_block: _Action | None = (lambda dialogue: BlockUpload(dialogue).run()) if block else None
-        return self._transfer("read", parameter, transfer.upload, by_block)
+        short = (eds.byte_size(parameter.type) or 8) <= transfer.EXPEDITED_BYTES
+        return self._transfer("read", parameter, lambda d: transfer.upload(d, short=short), by_block)
 
     def download(
         self, parameter: Parameter, data: bytes, block: bool = False, timeout_s: float | None = None

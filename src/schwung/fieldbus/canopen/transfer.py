@@ -16,14 +16,15 @@ _UPLOADED, _SEGMENT_WRITTEN, _SEGMENT_UPLOADED = 0x40, 0x20, 0x00  # of the serv
 _SPECIFIER, _TOGGLE, _EXPEDITED, _SIZED, _LAST = 0xE0, 0x10, 0x02, 0x01, 0x01
 
 
-def upload(dialogue: Dialogue) -> bytes:
+def upload(dialogue: Dialogue, *, short: bool) -> bytes:
     """The object's bytes, in one frame or by segments, checked against their number as far as the server tells it.
 
-    Raises AbortedError, BrokenError, SilenceError, PreemptedError and BusError.
+    `short` says that it has no more than 4 bytes, so that the server will hold no transfer. Raises AbortedError,
+    BrokenError, SilenceError, PreemptedError and BusError.
     """
-    return uploaded(
-        dialogue, dialogue.request(bytes([_UPLOAD]) + dialogue.multiplexer + bytes(4), is_uploaded)
-    )
+    dialogue.open = not short
+    request = bytes([_UPLOAD]) + dialogue.multiplexer + bytes(4)
+    return uploaded(dialogue, dialogue.request(request, is_uploaded))
 
 
 def is_uploaded(frame: bytes) -> bool:
@@ -59,7 +60,11 @@ def _segment_after(former: bytes) -> Fits:
 
 
 def download(dialogue: Dialogue, data: bytes, *, segmented: bool) -> bytes:
-    """Write the object, in one frame where it fits and may; nothing comes back. Raises as `upload`."""
+    """Write the object, in one frame where it fits and may; nothing comes back. Raises as `upload`.
+
+    Segments are confirmed by their toggle bit alone: a confirmation that came a second time, as late as that of the
+    segment after the next, could not be told from it.
+    """
     if 1 <= len(data) <= EXPEDITED_BYTES and not segmented:
         dialogue.request(expedited(dialogue.multiplexer, data), _is_written)
         return b""

@@ -1,0 +1,378 @@
+"""A stop waits for no transfer: whatever is under way, its frame goes out at once, and nothing undoes it."""
+
+from __future__ import annotations
+
+import queue
+import struct
+import threading
+from collections.abc import Callable
+from typing import cast
+
+import can
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from sdo_desk import (
+    CONTROLWORD,
+    MODE,
+    STATUSWORD,
+    USER_DATA,
+    Desk,
+    MakeServer,
+    Objects,
+    Serve,
+    bench_server,
+    canopen_server,
+    content,
+    delay,
+    lose,
+    strict_server,
+)
+
+from schwung.clock import WallClock
+from schwung.errors import BusError, SdoError
+from schwung.fieldbus.canopen.link import Link
+from schwung.fieldbus.canopen.sdo import Outcome, SdoChannel
+from schwung.fieldbus.drive import Parameter, ParameterValue
+
+STOP = struct.pack("<BHBHxx", 0x2B, 0x6040, 0, 2)
+PATIENCE_S = 0.2
+SIZE = 3000
+FRAME_S = 111e-6  # 8 bytes at 1 Mbit/s
+
+
+def stop(desk: Desk) -> Outcome:
+    return desk.sdo.write_once(CONTROLWORD, 2, PATIENCE_S)
+
+
+def uploading(desk: Desk, block: bool) -> None:
+    desk.objects.values[USER_DATA.index, 0] = content(SIZE)
+    assert desk.sdo.upload(USER_DATA, block=block) == content(SIZE)
+
+
+def downloading(desk: Desk, block: bool) -> None:
+    desk.sdo.download(USER_DATA, content(SIZE), block=block)
+    assert desk.objects.values[USER_DATA.index, 0] == content(SIZE)
+
+
+def reading(desk: Desk) -> None:
+    assert [desk.sdo.read(STATUSWORD).raw for _ in range(50)] == [0x237] * 50
+
+
+def writing(desk: Desk) -> None:
+    for mode in range(50):
+        desk.sdo.write(ParameterValue(MODE, mode))
+        assert desk.objects.values[MODE.index, 0] == bytes([mode])
+
+
+TRANSFERS: dict[str, Callable[[Desk], None]] = {
+    "expedited upload": reading,
+    "expedited download": writing,
+    "segmented upload": lambda desk: uploading(desk, block=False),
+    "segmented download": lambda desk: downloading(desk, block=False),
+    "block upload": lambda desk: uploading(desk, block=True),
+    "block download": lambda desk: downloading(desk, block=True),
+}
+SERVERS: list[MakeServer] = [bench_server, strict_server, canopen_server]
+
+
+@pytest.mark.parametrize("name", TRANSFERS)
+@pytest.mark.parametrize("server", SERVERS)
+def test_a_timer_stops_amid_any_transfer_which_is_carried_out_afterwards(
+    server: MakeServer, name: str
+) -> None:
+    """At forty instants each, a millisecond and a bit apart."""
+    for when_s in [1e-5 + 0.00113 * number for number in range(40)]:
+        desk = Desk(server)
+        outcomes: list[Outcome] = []
+        desk.at(when_s, lambda desk=desk, outcomes=outcomes: outcomes.append(stop(desk)))  # type: ignore[misc]
+        TRANSFERS[name](desk)
+        desk.clock.sleep(max(0.0, when_s + 0.01 - desk.clock.now()))
+        assert outcomes == [Outcome.CONFIRMED], when_s
+        assert desk.asked.count(STOP) == 1
+        assert desk.at_s[desk.asked.index(STOP)] == pytest.approx(when_s, abs=1e-9)  # at once
+        assert desk.objects.values[CONTROLWORD.index, 0] == b"\2\0"
+        aborts = [frame for frame in desk.asked[: desk.asked.index(STOP)] if frame[0] == 0x80]
+        several = ("segmented" in name or "block" in name) and aborts
+        assert aborts == ([struct.pack("<BHBI", 0x80, 0x2010, 0, 0x08000000)] if several else [])
+
+
+@pytest.mark.parametrize("name", ["segmented upload", "segmented download", "block upload", "block download"])
+def test_a_server_that_holds_a_transfer_is_told_its_end_before_the_stop(name: str) -> None:
+    desk = Desk()
+    desk.at(0.005, lambda: stop(desk))
+    TRANSFERS[name](desk)
+    place = desk.asked.index(STOP)
+    assert desk.asked[place - 1] == struct.pack("<BHBI", 0x80, 0x2010, 0, 0x08000000)
+    assert desk.at_s[place - 1] == desk.at_s[place]
+
+
+def test_a_word_under_way_is_not_written_again_after_the_stop() -> None:
+    """It would enable the drive again."""
+    for way in (lose(), lose(0), delay(0.01, 0)):
+        desk = Desk(timeout_s=0.05)
+        desk.to_server = way
+        outcomes: list[Outcome] = []
+        desk.at(0.0002, lambda desk=desk, outcomes=outcomes: outcomes.append(stop(desk)))  # type: ignore[misc]
+        with pytest.raises(SdoError, match=r"node 5, 0x6040:00 Controlword: .*given up.*stop"):
+            desk.sdo.write(ParameterValue(CONTROLWORD, 0x0F))
+        desk.clock.sleep(1.0)
+        words = [frame[4] for frame in desk.asked if frame[1:4] == b"\x40\x60\0"]
+        assert words == [0x0F, 2]
+
+
+def test_a_word_between_two_attempts_is_not_written_again_either() -> None:
+    desk = Desk(timeout_s=0.05)
+    desk.to_server = lose(0)
+    desk.at(0.06, lambda: stop(desk))  # the first attempt has timed out, the second is still to come
+    with pytest.raises(SdoError, match="given up"):
+        desk.sdo.write(ParameterValue(CONTROLWORD, 0x0F))
+    assert desk.asked[-1] == STOP
+
+
+def test_the_confirmation_of_the_word_before_is_not_that_of_the_stop() -> None:
+    """Both words are confirmed alike. The stop's frame is lost: one confirmation comes, and it is not the stop's."""
+    desk = Desk(timeout_s=0.5)
+    outcomes: list[Outcome] = []
+    desk.at(0.0002, lambda: outcomes.append(stop(desk)))
+    desk.to_server = lose(1)
+    with pytest.raises(SdoError, match="given up"):
+        desk.sdo.write(ParameterValue(CONTROLWORD, 0x0F))
+    assert outcomes == [Outcome.NOT_ANSWERED]
+    assert not outcomes[0]
+    assert desk.objects.written == [(0x6040, b"\x0f\0")]
+    assert stop(desk) is Outcome.CONFIRMED  # once more, and nothing is owed any longer
+    assert desk.objects.written[-1] == (0x6040, b"\2\0")
+
+
+def test_both_confirmed_is_confirmed() -> None:
+    desk = Desk(timeout_s=0.5)
+    outcomes: list[Outcome] = []
+    desk.at(0.0002, lambda: outcomes.append(stop(desk)))
+    with pytest.raises(SdoError, match="given up"):
+        desk.sdo.write(ParameterValue(CONTROLWORD, 0x0F))
+    assert outcomes == [Outcome.CONFIRMED]
+    assert desk.objects.written == [(0x6040, b"\x0f\0"), (0x6040, b"\2\0")]
+
+
+def test_a_refused_read_of_the_word_is_not_a_refused_stop() -> None:
+    def write_only(objects: Objects, answer: Serve) -> Serve:
+        serve = bench_server(objects, answer)
+        refusal = struct.pack("<BHBI", 0x80, 0x6040, 0, 0x06010001)
+        return lambda frame: answer(refusal) if frame[:4] == b"\x40\x40\x60\0" else serve(frame)
+
+    desk = Desk(write_only)
+    outcomes: list[Outcome] = []
+    desk.at(0.0002, lambda: outcomes.append(stop(desk)))
+    assert desk.sdo.read_integer(0x6040, 0, "UNSIGNED16") is None
+    assert outcomes == [Outcome.CONFIRMED]
+    assert len(desk.asked) == 3  # the read, the stop, and the read anew
+
+
+def test_confirmed_refused_and_not_answered_are_told_apart_and_nothing_is_raised() -> None:
+    desk = Desk()
+    assert stop(desk) is Outcome.CONFIRMED
+    assert stop(desk)
+    assert desk.sdo.write_once(Parameter(0x1018, 1, "UNSIGNED32"), 1, PATIENCE_S) is Outcome.REFUSED
+    assert not desk.sdo.write_once(Parameter(0x5FFF, 0, "UNSIGNED32"), 1, PATIENCE_S)
+    desk.to_server = lose(*range(100))
+    began = desk.clock.now()
+    assert stop(desk) is Outcome.NOT_ANSWERED
+    assert not Outcome.NOT_ANSWERED
+    assert desk.clock.now() - began == pytest.approx(PATIENCE_S)
+    assert (
+        desk.sdo.write_once(CONTROLWORD, 1 << 20, PATIENCE_S) is Outcome.NOT_ANSWERED
+    )  # does not fit the type
+
+    def fail(can_id: int, data: bytes) -> None:
+        raise BusError("can0", "the send buffer stays full")
+
+    desk.link.send = fail  # type: ignore[method-assign]
+    assert stop(desk) is Outcome.NOT_ANSWERED
+
+
+def test_answers_for_others_do_not_confirm_a_stop() -> None:
+    desk = Desk(lambda objects, answer: lambda frame: None)
+    for late in (
+        "6041600000000000",
+        "8041600000000206",
+        "6060600000000000",
+        "4b40600002000000",
+        "2000",
+        "a2",
+    ):
+        desk.at(0.001, lambda late=late: desk.answer(bytes.fromhex(late)))  # type: ignore[misc]
+    assert stop(desk) is Outcome.NOT_ANSWERED
+
+
+def test_a_segment_that_looks_like_the_confirmation_does_not_confirm_a_stop() -> None:
+    """Segment 96 of a block is 0x60, and its first bytes are those of 6040. The stop's frame is lost."""
+    desk = Desk(timeout_s=0.05)
+    looks = b"\x40\x60\0" + b"\2\0\0\0"
+    desk.objects.values[USER_DATA.index, 0] = content(7 * 95) + looks + content(1000)
+    outcomes: list[Outcome] = []
+    desk.at(0.004, lambda: outcomes.append(stop(desk)))  # segments 1 to 30 have come
+    desk.to_server = lambda number, frame: () if frame == STOP else (0.0,)
+    assert desk.sdo.upload(USER_DATA, block=True) == desk.objects.values[USER_DATA.index, 0]
+    assert b"\x60" + looks in desk.answered[: 2 + 127]
+    assert outcomes == [Outcome.NOT_ANSWERED]
+
+
+def test_a_stop_while_nobody_answers_waits_for_itself_alone() -> None:
+    desk = Desk(lambda objects, answer: lambda frame: None, timeout_s=0.5)
+    outcomes: list[Outcome] = []
+    ended: list[float] = []
+    desk.at(0.3, lambda: (outcomes.append(stop(desk)), ended.append(desk.clock.now())))
+    with pytest.raises(SdoError, match="no answer"):
+        desk.sdo.read(STATUSWORD)
+    assert outcomes == [Outcome.NOT_ANSWERED]
+    assert ended == [pytest.approx(0.3 + PATIENCE_S)]
+
+
+def test_stops_within_stops_and_reads_within_reads() -> None:
+    """Timers interrupt one another: a read in an upload, a stop in the read, a read in the stop."""
+    desk = Desk()
+    desk.objects.values[USER_DATA.index, 0] = content(SIZE)
+    outcomes: list[Outcome] = []
+    read: list[object] = []
+    desk.at(0.0050, lambda: read.append(desk.sdo.read(STATUSWORD).raw))
+    desk.at(0.0051, lambda: outcomes.append(stop(desk)))
+    desk.at(0.0052, lambda: read.append(desk.sdo.read(STATUSWORD).raw))
+    desk.at(0.0053, lambda: outcomes.append(stop(desk)))
+    desk.at(0.0054, lambda: outcomes.append(desk.sdo.write_once(MODE, 8, PATIENCE_S)))
+    assert desk.sdo.upload(USER_DATA) == content(SIZE)
+    assert read == [0x237, 0x237]
+    assert outcomes == [Outcome.CONFIRMED] * 3
+    for frame in (STOP, struct.pack("<BHBBxxx", 0x2F, 0x6060, 0, 8)):
+        assert frame in desk.asked
+
+
+def test_a_write_within_a_write_of_the_same_object_is_the_last_word() -> None:
+    desk = Desk()
+    desk.at(0.0002, lambda: desk.sdo.write(ParameterValue(MODE, 3)))
+    with pytest.raises(SdoError, match="given up"):
+        desk.sdo.write(ParameterValue(MODE, 8))
+    desk.clock.sleep(1.0)
+    assert desk.objects.values[MODE.index, 0] == b"\3"
+
+
+def test_a_read_that_is_interrupted_for_ever_says_so() -> None:
+    desk = Desk()
+    desk.objects.values[USER_DATA.index, 0] = content(SIZE)
+    task = desk.clock.every(0.01, lambda: stop(desk))
+    with pytest.raises(SdoError, match="interrupting"):
+        desk.sdo.upload(USER_DATA)
+    task.close()
+    assert desk.sdo.read(STATUSWORD).raw == 0x237
+
+
+@settings(max_examples=150, deadline=None)
+@given(
+    name=st.sampled_from(sorted(TRANSFERS)),
+    server=st.sampled_from(SERVERS[:2]),
+    stops_s=st.lists(st.floats(1e-6, 0.05), min_size=1, max_size=4, unique=True),
+    late=st.dictionaries(st.integers(0, 60), st.floats(0, 0.003), max_size=3),
+)
+def test_stops_are_confirmed_only_where_they_were_carried_out(
+    name: str, server: MakeServer, stops_s: list[float], late: dict[int, float]
+) -> None:
+    """Each stop writes another word; answers of the server come late, but in order."""
+    desk = Desk(server)
+    last = [0.0]
+
+    def in_order(number: int, frame: bytes) -> tuple[float, ...]:
+        due = max(desk.clock.now() + late.get(number, 0.0), last[0])
+        last[0] = due
+        return (due - desk.clock.now(),)
+
+    desk.to_client = in_order
+    outcomes: dict[int, Outcome] = {}
+    for word, when_s in enumerate(sorted(stops_s), start=100):
+        desk.at(
+            when_s,
+            lambda word=word: outcomes.update({word: desk.sdo.write_once(CONTROLWORD, word, PATIENCE_S)}),  # type: ignore[misc]
+        )
+    TRANSFERS[name](desk)
+    desk.clock.sleep(max(0.0, 0.3 - desk.clock.now()))
+    carried_out = [struct.unpack("<H", data)[0] for index, data in desk.objects.written if index == 0x6040]
+    assert len(outcomes) == len(stops_s)
+    assert carried_out == sorted(carried_out)
+    assert {word for word, outcome in outcomes.items() if outcome} <= set(carried_out)
+
+
+class Threaded:
+    """A link whose server and reader are threads, as on a real bus."""
+
+    def __init__(self) -> None:
+        self.objects = Objects()
+        self._requests: queue.SimpleQueue[bytes | None] = queue.SimpleQueue()
+        self._callback: Callable[[can.Message], None] = lambda message: None
+        self._serve = bench_server(self.objects, self._answer)
+        self._thread = threading.Thread(target=self._run)
+        self._thread.start()
+
+    def subscribe(self, can_id: int, callback: Callable[[can.Message], None]) -> None:
+        self._callback = callback
+
+    def send(self, can_id: int, data: bytes) -> None:
+        self._requests.put(bytes(data))
+
+    def close(self) -> None:
+        self._requests.put(None)
+        self._thread.join()
+
+    def _answer(self, frame: bytes) -> None:
+        self._callback(can.Message(arbitration_id=0x585, data=frame.ljust(8, b"\0"), is_extended_id=False))
+
+    def _run(self) -> None:
+        while (frame := self._requests.get()) is not None:
+            self._serve(frame)
+
+
+def test_threads_that_transfer_are_stopped_from_another_one() -> None:
+    """The wall's clock, and three threads that are never idle: each of 50 stops is confirmed, each transfer right."""
+    link = Threaded()
+    link.objects.values[USER_DATA.index, 0] = content(SIZE)
+    link.objects.values[0x2011, 0] = b""
+    sdo = SdoChannel(cast(Link, link), 5, timeout_s=5.0, clock=WallClock())
+    done = threading.Event()
+    wrong: list[object] = []
+    counts = [0, 0, 0]
+    outcomes: list[Outcome] = []
+
+    def again(number: int, right: Callable[[], bool]) -> None:
+        try:
+            while not done.is_set():
+                if not right():
+                    wrong.append(number)
+                counts[number] += 1
+        except Exception as error:
+            wrong.append(error)
+
+    other = Parameter(0x2011, 0, "DOMAIN")
+
+    def wrote() -> bool:
+        sdo.download(other, content(200))
+        return link.objects.values[0x2011, 0] == content(200)
+
+    transfers: list[Callable[[], bool]] = [
+        lambda: sdo.upload(USER_DATA) == content(SIZE),
+        lambda: sdo.read(STATUSWORD).raw == 0x237,
+        wrote,
+    ]
+    threads = [threading.Thread(target=again, args=pair) for pair in enumerate(transfers)]
+    for thread in threads:
+        thread.start()
+    try:
+        for _ in range(50):
+            before = sum(counts)
+            outcomes.append(sdo.write_once(CONTROLWORD, 2, 5.0))
+            WallClock().wait(lambda before=before: sum(counts) > before or bool(wrong), 5.0)  # type: ignore[misc]
+    finally:
+        done.set()
+        for thread in threads:
+            thread.join()
+        link.close()
+    assert outcomes == [Outcome.CONFIRMED] * 50
+    assert [data for index, data in link.objects.written if index == 0x6040] == [b"\2\0"] * 50
+    assert wrong == []
