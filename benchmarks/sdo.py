@@ -15,9 +15,10 @@ import math
 import time
 
 from schwung.fieldbus.canopen import BusOptions, open_bus
-from schwung.fieldbus.canopen.block import SEGMENT_BYTES, SEGMENTS
+from schwung.fieldbus.canopen.block import SEGMENTS
 from schwung.fieldbus.canopen.link import Link
 from schwung.fieldbus.canopen.sdo import SdoChannel
+from schwung.fieldbus.canopen.transfer import SEGMENT_BYTES
 from schwung.fieldbus.drive import Parameter
 from schwung_sim.bench import Bench
 

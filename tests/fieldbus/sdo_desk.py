@@ -16,6 +16,7 @@ from schwung.fieldbus.canopen.turns import Dialogue
 from schwung.fieldbus.drive import Parameter
 from schwung_sim.drives.dictionary import AbortError, Code, ObjectDictionary
 from schwung_sim.drives.sdo_server import SdoServer
+from stepped_link import SteppedLink, unexpected
 
 T = TypeVar("T")
 
@@ -156,33 +157,6 @@ class Outlet:
         self._send(can_id, bytes(data))
 
 
-class SteppedLink:
-    """What the channel uses of a Link, on a stepped bus."""
-
-    def __init__(self, bus: SteppedBus, clock: SteppedClock) -> None:
-        self._bus, self._callbacks = bus, {}  # type: ignore[var-annotated]
-        self._reader = clock.read(bus, self._receive, _unexpected)
-
-    def subscribe(self, can_id: int, callback: Callable[[can.Message], None]) -> None:
-        self._callbacks[can_id] = callback
-
-    def unsubscribe(self, can_id: int, callback: Callable[[can.Message], None]) -> None:
-        assert self._callbacks[can_id] == callback
-        del self._callbacks[can_id]
-
-    def send(self, can_id: int, data: bytes) -> None:
-        assert len(data) == 8
-        self._bus.send(can.Message(arbitration_id=can_id, data=data, is_extended_id=False))
-
-    def _receive(self, message: can.Message) -> None:
-        if message.arbitration_id in self._callbacks:
-            self._callbacks[message.arbitration_id](message)
-
-
-def _unexpected(error: Exception) -> None:
-    raise error
-
-
 class Desk:
     """`sdo` on one end, the server of `make` on the other; `to_server` and `to_client` are the ways between.
 
@@ -204,7 +178,7 @@ class Desk:
             bus._is_shutdown = True  # nothing to close: spares a warning for every wire that is dropped
         ours.wire.weather = self._weather
         self._server = make(self.objects, self.answer)
-        self.clock.read(self._theirs, self._serve, _unexpected)
+        self.clock.read(self._theirs, self._serve, unexpected)
         self.link = SteppedLink(ours, self.clock)
         self.sdo = SdoChannel(cast(Link, self.link), NODE, timeout_s, attempts, clock=self.clock)
 

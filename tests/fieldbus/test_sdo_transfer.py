@@ -335,6 +335,18 @@ def test_what_is_written_over_a_bad_wire_is_right_or_an_error(
     assert {data for _, data in desk.objects.written} <= {content(size)}
 
 
+def test_a_server_that_forgets_a_transfer_is_asked_anew() -> None:
+    """It restarted: what it then says of a segment is no refusal of the object."""
+    desk = holding(100)
+    server = desk._server.__closure__[0].cell_contents  # type: ignore[attr-defined]
+    desk.at(0.005, server.reset)
+    assert desk.sdo.upload(USER_DATA) == content(100)
+    assert [frame[0] for frame in desk.asked].count(0x40) == 2
+    desk.at(desk.clock.now() + 0.005, server.reset)
+    desk.sdo.download(USER_DATA, content(100)[::-1])
+    assert desk.objects.values[USER_DATA.index, 0] == content(100)[::-1]
+
+
 # ── blocks with their fall-backs ─────────────────────────────────────────────────────────────────────────────────────
 
 

@@ -166,7 +166,7 @@ class SdoChannel:
             try:
                 return self._attempt(dialogue, action, _BLOCK_PATIENCE * self.timeout_s)
             except AbortedError as error:
-                if error.code == abort.COMMAND and not dialogue.in_block:
+                if error.code == abort.COMMAND and not dialogue.accepted:
                     self.serves_blocks = False
             except (BrokenError, SilenceError):
                 continue
@@ -181,7 +181,10 @@ class SdoChannel:
                 data = self._attempt(dialogue, action, patience)
             except AbortedError as error:
                 self._silent = False
-                if error.code not in abort.TRANSIENT or not left:
+                forgotten = (
+                    error.code == abort.COMMAND and dialogue.accepted
+                )  # the node restarted, or others asked it
+                if not (error.code in abort.TRANSIENT or forgotten) or not left:
                     raise
             except (SilenceError, BrokenError) as error:
                 self._silent = not left and isinstance(error, SilenceError)

@@ -60,7 +60,8 @@ class Dialogue:
         self.multiplexer, self.writes = multiplexer, writes
         self.timeout_s = 0.0  # how long an answer may take
         self.open = False  # the server may hold a transfer of several frames, which somebody has to end
-        self.in_block = False  # the server has taken up a block transfer
+        self.accepted = False  # the server has taken up this attempt
+        self.in_block = False  # and it is a block transfer
         self.begun = self.preempted = self.overruled = False
         self._turns = turns
         self._asked = self._answered = 0  # requests that name the object; the reader alone counts answers
@@ -76,7 +77,9 @@ class Dialogue:
         """Ask for the object; the answer that names it and fits. Raises AbortedError, SilenceError."""
         self._frames.clear()
         self._turns.send(self, frame, asks=True)
-        return self.answer(lambda answer: answer[1:4] == self.multiplexer and fits(answer))
+        answer = self.answer(lambda answer: answer[1:4] == self.multiplexer and fits(answer))
+        self.accepted = True
+        return answer
 
     def send(self, frame: bytes) -> None:
         """Go on. Raises AbortedError where the server has ended the transfer; all else that has come is late."""
@@ -113,7 +116,7 @@ class Dialogue:
 
         Raises what the action raises.
         """
-        self.open = self.in_block = False
+        self.open = self.accepted = self.in_block = False
         try:
             result = action(self)
         except BaseException as error:
