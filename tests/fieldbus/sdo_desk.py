@@ -12,11 +12,10 @@ import canopen
 from schwung.clock import SteppedBus, SteppedClock
 from schwung.fieldbus.canopen.link import Link
 from schwung.fieldbus.canopen.sdo import SdoChannel
-from schwung.fieldbus.canopen.turns import Dialogue
+from schwung.fieldbus.canopen.turns import Talk
 from schwung.fieldbus.drive import Parameter
 from schwung_sim.drives.dictionary import AbortError, Code, ObjectDictionary
 from schwung_sim.drives.sdo_server import SdoServer
-from stepped_link import SteppedLink, unexpected
 
 T = TypeVar("T")
 
@@ -157,6 +156,10 @@ class Outlet:
         self._send(can_id, bytes(data))
 
 
+def unexpected(error: Exception) -> None:
+    raise error
+
+
 class Desk:
     """`sdo` on one end, the server of `make` on the other; `to_server` and `to_client` are the ways between.
 
@@ -179,8 +182,8 @@ class Desk:
         ours.wire.weather = self._weather
         self._server = make(self.objects, self.answer)
         self.clock.read(self._theirs, self._serve, unexpected)
-        self.link = SteppedLink(ours, self.clock)
-        self.sdo = SdoChannel(cast(Link, self.link), NODE, timeout_s, attempts, clock=self.clock)
+        self.link = Link(ours)
+        self.sdo = SdoChannel(self.link, NODE, timeout_s, attempts)
 
     def answer(self, frame: bytes) -> None:
         """Send a frame as the server does."""
@@ -191,15 +194,15 @@ class Desk:
         """Have a timer call at this time of the clock."""
         self.clock.later(when_s - self.clock.now(), lambda: (call(), None)[1])
 
-    def by_block(self, action: Callable[[Dialogue], bytes], parameter: Parameter = USER_DATA) -> bytes:
+    def by_block(self, action: Callable[[Talk], bytes], parameter: Parameter = USER_DATA) -> bytes:
         """One attempt of a transfer, without what the channel does about its failure."""
         turns = self.sdo._turns
         multiplexer = struct.pack("<HB", parameter.index, parameter.subindex)
-        dialogue = Dialogue(turns, multiplexer, writes=False)
-        with turns.underway(dialogue):
-            turns.take(dialogue)
-            dialogue.timeout_s = self.sdo.timeout_s
-            return dialogue.carry_out(action)
+        talk = Talk(turns, multiplexer, writes=False)
+        with turns.underway(talk):
+            turns.take(talk)
+            talk.timeout_s = self.sdo.timeout_s
+            return talk.carry_out(action)
 
     def _serve(self, message: can.Message) -> None:
         if message.arbitration_id == REQUEST:

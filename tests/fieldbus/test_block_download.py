@@ -15,7 +15,7 @@ from schwung.fieldbus.canopen.block import MAX_IDLE_BLOCKS, BlockDownload, Block
 
 
 def download(desk: Desk, data: bytes) -> None:
-    desk.by_block(lambda dialogue: BlockDownload(dialogue, data).run())
+    desk.by_block(lambda talk: BlockDownload(talk, data).run())
 
 
 def scripted(answers: dict[bytes, bytes]) -> object:

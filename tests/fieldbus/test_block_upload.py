@@ -12,7 +12,7 @@ from sdo_desk import USER_DATA, Desk, content, delay, double, lose, merged
 
 from schwung.fieldbus.canopen.abort import AbortedError, SilenceError
 from schwung.fieldbus.canopen.block import SEGMENTS, BlockError, BlockUpload
-from schwung.fieldbus.canopen.turns import Dialogue
+from schwung.fieldbus.canopen.turns import Talk
 
 
 def holding(size: int) -> Desk:
@@ -22,7 +22,7 @@ def holding(size: int) -> Desk:
 
 
 def upload(desk: Desk) -> bytes:
-    return desk.by_block(lambda dialogue: BlockUpload(dialogue).run())
+    return desk.by_block(lambda talk: BlockUpload(talk).run())
 
 
 @pytest.mark.parametrize("size", [1, 4, 7, 8, 889, 890, 1778, 20_000])
@@ -142,16 +142,16 @@ def test_a_server_that_falls_silent_is_told_that_it_is_given_up() -> None:
 def test_an_interrupt_ends_the_transfer_on_the_bus_too() -> None:
     desk = holding(2000)
 
-    def interrupted(dialogue: Dialogue) -> bytes:
-        receive, frames = dialogue.receive, itertools.count()
+    def interrupted(talk: Talk) -> bytes:
+        receive, frames = talk.receive, itertools.count()
 
         def receiving(timeout_s: float) -> bytes | None:
             if next(frames) == 50:
                 raise KeyboardInterrupt
             return receive(timeout_s)
 
-        dialogue.receive = receiving  # type: ignore[method-assign]
-        return BlockUpload(dialogue).run()
+        talk.receive = receiving  # type: ignore[method-assign]
+        return BlockUpload(talk).run()
 
     with pytest.raises(KeyboardInterrupt):
         desk.by_block(interrupted)

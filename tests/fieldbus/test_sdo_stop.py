@@ -304,7 +304,7 @@ class Threaded:
     """A link whose server and reader are threads, as on a real bus."""
 
     def __init__(self) -> None:
-        self.objects = Objects()
+        self.clock, self.objects = WallClock(), Objects()
         self._requests: queue.SimpleQueue[bytes | None] = queue.SimpleQueue()
         self._callback: Callable[[can.Message], None] = lambda message: None
         self._serve = bench_server(self.objects, self._answer)
@@ -334,7 +334,7 @@ def test_threads_that_transfer_are_stopped_from_another_one() -> None:
     link = Threaded()
     link.objects.values[USER_DATA.index, 0] = content(SIZE)
     link.objects.values[0x2011, 0] = b""
-    sdo = SdoChannel(cast(Link, link), 5, timeout_s=5.0, clock=WallClock())
+    sdo = SdoChannel(cast(Link, link), 5, timeout_s=5.0)
     done = threading.Event()
     wrong: list[object] = []
     counts = [0, 0, 0]
@@ -367,7 +367,7 @@ def test_threads_that_transfer_are_stopped_from_another_one() -> None:
         for _ in range(50):
             before = sum(counts)
             outcomes.append(sdo.write_once(CONTROLWORD, 2, 5.0))
-            WallClock().wait(lambda before=before: sum(counts) > before or bool(wrong), 5.0)  # type: ignore[misc]
+            link.clock.wait(lambda before=before: sum(counts) > before or bool(wrong), 5.0)  # type: ignore[misc]
     finally:
         done.set()
         for thread in threads:

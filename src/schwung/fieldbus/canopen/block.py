@@ -12,7 +12,7 @@ from dataclasses import dataclass
 from schwung.fieldbus.canopen import abort
 from schwung.fieldbus.canopen.abort import BrokenError, SilenceError
 from schwung.fieldbus.canopen.transfer import SEGMENT_BYTES, is_uploaded, uploaded
-from schwung.fieldbus.canopen.turns import Dialogue
+from schwung.fieldbus.canopen.turns import Talk
 
 SEGMENTS = 127  # of a sub-block: as many as the protocol allows
 #: Sub-blocks in a row of which no segment was of use: then the bus is worse than the protocol can mend.
@@ -39,25 +39,25 @@ class _SubBlock:
 class BlockUpload:
     """One upload. `run` raises BlockError, AbortedError, SilenceError, PreemptedError and BusError."""
 
-    def __init__(self, dialogue: Dialogue) -> None:
-        self._dialogue = dialogue
+    def __init__(self, talk: Talk) -> None:
+        self._dialogue = talk
         self._ended_by = b""  # the frame that ended the sub-block before this one
 
     def run(self) -> bytes:
         """The object's bytes. A server that prefers plain segments, or one frame, is followed."""
-        dialogue = self._dialogue
-        dialogue.open = True
-        head = bytes([_UPLOAD | _WITH_CRC]) + dialogue.multiplexer
-        answer = dialogue.request(head + bytes([SEGMENTS, 0, 0, 0]), _answers_upload)
+        talk = self._dialogue
+        talk.open = True
+        head = bytes([_UPLOAD | _WITH_CRC]) + talk.multiplexer
+        answer = talk.request(head + bytes([SEGMENTS, 0, 0, 0]), _answers_upload)
         if is_uploaded(answer):
-            return uploaded(dialogue, answer)
-        dialogue.in_block = True
+            return uploaded(talk, answer)
+        talk.in_block = True
         size = struct.unpack_from("<I", answer, 4)[0] if answer[0] & _SIZED else None
         self._ended_by = answer
-        dialogue.send(bytes([_START]) + bytes(7))
+        talk.send(bytes([_START]) + bytes(7))
         data = self._segments()
         while True:
-            end = dialogue.answer(lambda frame: frame[0] & 0xE3 == 0xC1)
+            end = talk.answer(lambda frame: frame[0] & 0xE3 == 0xC1)
             whole = bytes(data[: len(data) - (end[0] >> 2 & 7)])
             wrong = _wrong(
                 whole, size, struct.unpack_from("<H", end, 1)[0] if answer[0] & _WITH_CRC else None
@@ -66,7 +66,7 @@ class BlockUpload:
                 break
             if end != self._ended_by:  # else it may be the last segment, come twice
                 raise wrong
-        dialogue.send(bytes([_END_UPLOAD]) + bytes(7))
+        talk.send(bytes([_END_UPLOAD]) + bytes(7))
         return whole
 
     def _segments(self) -> bytearray:
@@ -110,20 +110,20 @@ class BlockUpload:
 class BlockDownload:
     """One download of at least a byte. `run` raises as that of BlockUpload."""
 
-    def __init__(self, dialogue: Dialogue, data: bytes) -> None:
-        self._dialogue, self._data = dialogue, data
+    def __init__(self, talk: Talk, data: bytes) -> None:
+        self._dialogue, self._data = talk, data
 
     def run(self) -> bytes:
         """Write the object; nothing comes back."""
-        dialogue, data = self._dialogue, self._data
-        dialogue.open = True
-        head = bytes([_DOWNLOAD | _WITH_CRC | _SIZED]) + dialogue.multiplexer
-        answer = dialogue.request(head + struct.pack("<I", len(data)), lambda frame: frame[0] & 0xE3 == 0xA0)
-        dialogue.in_block = True
+        talk, data = self._dialogue, self._data
+        talk.open = True
+        head = bytes([_DOWNLOAD | _WITH_CRC | _SIZED]) + talk.multiplexer
+        answer = talk.request(head + struct.pack("<I", len(data)), lambda frame: frame[0] & 0xE3 == 0xA0)
+        talk.in_block = True
         position, idle, segments = 0, 0, _block_size(answer[4])
         while position < len(data):
             sent = self._send_block(position, segments)
-            acknowledged = dialogue.answer(lambda frame: frame[0] & 0xE3 == 0xA2)
+            acknowledged = talk.answer(lambda frame: frame[0] & 0xE3 == 0xA2)
             if acknowledged[1] > sent:
                 raise BlockError(f"{acknowledged[1]} of {sent} segments are acknowledged", abort.SEQUENCE)
             position += SEGMENT_BYTES * acknowledged[1]
@@ -133,8 +133,8 @@ class BlockDownload:
             segments = _block_size(acknowledged[2])
         crc = binascii.crc_hqx(data, 0) if answer[0] & _WITH_CRC else 0
         unused = -len(data) % SEGMENT_BYTES
-        dialogue.send(struct.pack("<BH5x", _END_DOWNLOAD | unused << 2, crc))
-        dialogue.answer(lambda frame: frame[0] & 0xE3 == 0xA1)
+        talk.send(struct.pack("<BH5x", _END_DOWNLOAD | unused << 2, crc))
+        talk.answer(lambda frame: frame[0] & 0xE3 == 0xA1)
         return b""
 
     def _send_block(self, position: int, segments: int) -> int:

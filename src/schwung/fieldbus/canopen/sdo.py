@@ -9,7 +9,6 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
-from schwung.clock import Clock, WallClock
 from schwung.errors import InputError, SdoError
 from schwung.fieldbus import eds
 from schwung.fieldbus.canopen import abort, transfer
@@ -23,12 +22,12 @@ from schwung.fieldbus.canopen.abort import (
 )
 from schwung.fieldbus.canopen.block import BlockDownload, BlockUpload
 from schwung.fieldbus.canopen.link import Link
-from schwung.fieldbus.canopen.turns import Dialogue, Outcome, Turns
+from schwung.fieldbus.canopen.turns import Outcome, Talk, Turns
 from schwung.fieldbus.drive import Parameter, ParameterValue, RawValue
 
 __all__ = ["ABORT_CODES", "Outcome", "SdoChannel", "is_absent"]
 
-_Action = Callable[[Dialogue], bytes]
+_Action = Callable[[Talk], bytes]
 _SILENT_TIMEOUT_S = 0.2  # for a node that did not answer last time: the way out shall be short
 _PAUSE_S = 0.02  # before a repeat, and for the answers to what was repeated: what is late comes now
 _BLOCK_ATTEMPTS = 2
@@ -42,12 +41,10 @@ class SdoChannel:
     `timeout_s` is how long an answer may take, `attempts` how often a transfer is begun where answers are lost.
     """
 
-    def __init__(
-        self, link: Link, node_id: int, timeout_s: float = 0.5, attempts: int = 3, clock: Clock | None = None
-    ) -> None:
+    def __init__(self, link: Link, node_id: int, timeout_s: float = 0.5, attempts: int = 3) -> None:
         self.node_id, self.timeout_s, self.attempts = node_id, timeout_s, attempts
-        self._clock = clock or WallClock()
-        self._turns = Turns(link, node_id, self._clock)
+        self._clock = link.clock
+        self._turns = Turns(link, node_id)
         self._silent = False  # nobody answered last time: one attempt is enough until somebody does
         self.serves_blocks = True  # until the server says otherwise
 
@@ -83,7 +80,7 @@ class SdoChannel:
 
         Raises SdoError and BusError.
         """
-        by_block: _Action | None = (lambda dialogue: BlockUpload(dialogue).run()) if block else None
+        by_block: _Action | None = (lambda talk: BlockUpload(talk).run()) if block else None
         short = (eds.byte_size(parameter.type) or 8) <= transfer.EXPEDITED_BYTES
         return self._transfer("read", parameter, lambda d: transfer.upload(d, short=short), by_block)
 
@@ -96,9 +93,7 @@ class SdoChannel:
         interrupted this write: then it is not begun again.
         """
         segmented = parameter.type == "DOMAIN"
-        by_block: _Action | None = (
-            (lambda dialogue: BlockDownload(dialogue, data).run()) if block and data else None
-        )
+        by_block: _Action | None = (lambda talk: BlockDownload(talk, data).run()) if block and data else None
         self._transfer(
             "write", parameter, lambda d: transfer.download(d, data, segmented=segmented), by_block, timeout_s
         )
@@ -130,12 +125,12 @@ class SdoChannel:
         by_block: _Action | None,
         timeout_s: float | None = None,
     ) -> bytes:
-        dialogue = Dialogue(self._turns, _multiplexer(parameter), writes=verb == "write")
+        talk = Talk(self._turns, _multiplexer(parameter), writes=verb == "write")
         place = f"node {self.node_id}, {parameter.label}"
-        with self._turns.underway(dialogue):
+        with self._turns.underway(talk):
             try:
-                data = None if by_block is None else self._try_block(dialogue, by_block)
-                return self._repeat(dialogue, plain, timeout_s) if data is None else data
+                data = None if by_block is None else self._try_block(talk, by_block)
+                return self._repeat(talk, plain, timeout_s) if data is None else data
             except AbortedError as error:
                 remedy = abort.REMEDIES.get(error.code, "")
                 raise SdoError(place, f"the drive refused to {verb} it: {error}", remedy) from error
@@ -158,31 +153,31 @@ class SdoChannel:
                     place, f"stops kept interrupting what was to {verb} it", "Try again."
                 ) from error
 
-    def _try_block(self, dialogue: Dialogue, action: _Action) -> bytes | None:
+    def _try_block(self, talk: Talk, action: _Action) -> bytes | None:
         """None where block transfer is refused or breaks, in whatever way: the plain transfer then decides."""
         for _ in range(_BLOCK_ATTEMPTS):
             if self._silent or not self.serves_blocks:
                 break
             try:
-                return self._attempt(dialogue, action, _BLOCK_PATIENCE * self.timeout_s)
+                return self._attempt(talk, action, _BLOCK_PATIENCE * self.timeout_s)
             except AbortedError as error:
-                if error.code == abort.COMMAND and not dialogue.accepted:
+                if error.code == abort.COMMAND and not talk.accepted:
                     self.serves_blocks = False
             except (BrokenError, SilenceError):
                 continue
         return None
 
-    def _repeat(self, dialogue: Dialogue, action: _Action, timeout_s: float | None) -> bytes:
+    def _repeat(self, talk: Talk, action: _Action, timeout_s: float | None) -> bytes:
         """Raises what the last attempt raises."""
         attempts = 1 if self._silent else self.attempts
         patience = timeout_s or (min(self.timeout_s, _SILENT_TIMEOUT_S) if self._silent else self.timeout_s)
         for left in reversed(range(attempts)):
             try:
-                data = self._attempt(dialogue, action, patience)
+                data = self._attempt(talk, action, patience)
             except AbortedError as error:
                 self._silent = False
                 forgotten = (
-                    error.code == abort.COMMAND and dialogue.accepted
+                    error.code == abort.COMMAND and talk.accepted
                 )  # the node restarted, or others asked it
                 if not (error.code in abort.TRANSIENT or forgotten) or not left:
                     raise
@@ -192,20 +187,20 @@ class SdoChannel:
                     raise
             else:
                 self._silent = False
-                dialogue.settle(_PAUSE_S)
+                talk.settle(_PAUSE_S)
                 return data
             self._clock.sleep(_PAUSE_S)
         raise AssertionError("unreachable: attempts is at least 1")
 
-    def _attempt(self, dialogue: Dialogue, action: _Action, timeout_s: float) -> bytes:
+    def _attempt(self, talk: Talk, action: _Action, timeout_s: float) -> bytes:
         """One attempt, begun anew when it was interrupted."""
         for _ in range(_PREEMPTIONS):
-            self._turns.take(dialogue)
-            dialogue.timeout_s = timeout_s
+            self._turns.take(talk)
+            talk.timeout_s = timeout_s
             try:
                 if self._turns.noisy:
-                    dialogue.drain()
-                return dialogue.carry_out(action)
+                    talk.drain()
+                return talk.carry_out(action)
             except PreemptedError:
                 continue
         raise PreemptedError

@@ -6,7 +6,7 @@ import struct
 
 from schwung.fieldbus.canopen import abort
 from schwung.fieldbus.canopen.abort import BrokenError
-from schwung.fieldbus.canopen.turns import WRITTEN, Dialogue, Fits
+from schwung.fieldbus.canopen.turns import WRITTEN, Fits, Talk
 
 SEGMENT_BYTES = 7
 EXPEDITED_BYTES = 4
@@ -16,15 +16,15 @@ _UPLOADED, _SEGMENT_WRITTEN, _SEGMENT_UPLOADED = 0x40, 0x20, 0x00  # of the serv
 _SPECIFIER, _TOGGLE, _EXPEDITED, _SIZED, _LAST = 0xE0, 0x10, 0x02, 0x01, 0x01
 
 
-def upload(dialogue: Dialogue, *, short: bool) -> bytes:
+def upload(talk: Talk, *, short: bool) -> bytes:
     """The object's bytes, in one frame or by segments, checked against their number as far as the server tells it.
 
     `short` says that it has no more than 4 bytes, so that the server will hold no transfer. Raises AbortedError,
     BrokenError, SilenceError, PreemptedError and BusError.
     """
-    dialogue.open = not short
-    request = bytes([_UPLOAD]) + dialogue.multiplexer + bytes(4)
-    return uploaded(dialogue, dialogue.request(request, is_uploaded))
+    talk.open = not short
+    request = bytes([_UPLOAD]) + talk.multiplexer + bytes(4)
+    return uploaded(talk, talk.request(request, is_uploaded))
 
 
 def is_uploaded(frame: bytes) -> bool:
@@ -32,17 +32,17 @@ def is_uploaded(frame: bytes) -> bool:
     return frame[0] & _SPECIFIER == _UPLOADED
 
 
-def uploaded(dialogue: Dialogue, answer: bytes) -> bytes:
+def uploaded(talk: Talk, answer: bytes) -> bytes:
     """What comes after the answer to the request, or is in it already; see `upload`."""
     if answer[0] & _EXPEDITED:
         unused = answer[0] >> 2 & 3 if answer[0] & _SIZED else 0
         return answer[4 : 8 - unused]
-    dialogue.open = True
+    talk.open = True
     size = struct.unpack_from("<I", answer, 4)[0] if answer[0] & _SIZED else None
     data, toggle, former = bytearray(), 0, b""
     while True:
-        dialogue.send(bytes([_UPLOAD_SEGMENT | toggle]) + bytes(7))
-        frame = dialogue.answer(_segment_after(former))
+        talk.send(bytes([_UPLOAD_SEGMENT | toggle]) + bytes(7))
+        frame = talk.answer(_segment_after(former))
         if frame[0] & _TOGGLE != toggle:
             raise BrokenError("a segment came out of turn", abort.TOGGLE)
         data += frame[1 : 8 - (frame[0] >> 1 & 7)]
@@ -59,25 +59,25 @@ def _segment_after(former: bytes) -> Fits:
     return lambda frame: frame[0] & _SPECIFIER == _SEGMENT_UPLOADED and frame != former
 
 
-def download(dialogue: Dialogue, data: bytes, *, segmented: bool) -> bytes:
+def download(talk: Talk, data: bytes, *, segmented: bool) -> bytes:
     """Write the object, in one frame where it fits and may; nothing comes back. Raises as `upload`.
 
     Segments are confirmed by their toggle bit alone: a confirmation that came a second time, as late as that of the
     segment after the next, could not be told from it.
     """
     if 1 <= len(data) <= EXPEDITED_BYTES and not segmented:
-        dialogue.request(expedited(dialogue.multiplexer, data), _is_written)
+        talk.request(expedited(talk.multiplexer, data), _is_written)
         return b""
-    dialogue.open = True
-    announcement = bytes([_DOWNLOAD | _SIZED]) + dialogue.multiplexer + struct.pack("<I", len(data))
-    dialogue.request(announcement, _is_written)
+    talk.open = True
+    announcement = bytes([_DOWNLOAD | _SIZED]) + talk.multiplexer + struct.pack("<I", len(data))
+    talk.request(announcement, _is_written)
     toggle = 0
     for start in range(0, max(len(data), 1), SEGMENT_BYTES):
         chunk = data[start : start + SEGMENT_BYTES]
         last = start + SEGMENT_BYTES >= len(data)
         head = _DOWNLOAD_SEGMENT | toggle | (SEGMENT_BYTES - len(chunk)) << 1 | last
-        dialogue.send(bytes([head]) + chunk.ljust(SEGMENT_BYTES, b"\0"))
-        answer = dialogue.answer(_is_segment_written if start == 0 else _confirmation(toggle))
+        talk.send(bytes([head]) + chunk.ljust(SEGMENT_BYTES, b"\0"))
+        answer = talk.answer(_is_segment_written if start == 0 else _confirmation(toggle))
         if answer[0] & _TOGGLE != toggle:
             raise BrokenError("a segment was confirmed out of turn", abort.TOGGLE)
         toggle ^= _TOGGLE

@@ -1,7 +1,7 @@
 """Whose turn it is to talk to a node's SDO server: one transfer at a time, and a stop before all of them.
 
-A transfer is a `Dialogue`. It has the turn until it is over, or until a stop takes it away: `Turns.stop` waits for
-nobody. What the dialogue asked before is then answered in vain, and it is up to its owner to begin anew.
+A transfer is a `Talk` with the server. It has the turn until it is over, or until a stop takes it away: `Turns.stop`
+waits for nobody. What was asked before is then answered in vain, and it is up to its owner to begin anew.
 
 Answers carry no number, only the object, and segments not even that. So what can be known of them is used:
 a server answers in the order in which it is asked, and what has come before a frame is sent does not answer it.
@@ -50,7 +50,7 @@ class Outcome(enum.Enum):
         return self is Outcome.CONFIRMED
 
 
-class Dialogue:
+class Talk:
     """One transfer's talk with the server about one object; it may take several attempts.
 
     All that sends or receives raises PreemptedError once the turn has been lost, and what sends BusError.
@@ -111,7 +111,7 @@ class Dialogue:
         if frame[0] == ABORT and frame[1:4] in (self.multiplexer, _NAMELESS):
             raise AbortedError(struct.unpack_from("<I", frame, 4)[0])
 
-    def carry_out(self, action: Callable[[Dialogue], T]) -> T:
+    def carry_out(self, action: Callable[[Talk], T]) -> T:
         """One attempt. On every way out on which the server may still hold the transfer, it is told the end of it.
 
         Raises what the action raises.
@@ -203,16 +203,16 @@ class _Stop:
 
 
 class Turns:
-    """What the dialogues with one server share. `close` ends listening."""
+    """What the talks with one server share. `close` ends listening."""
 
-    def __init__(self, link: Link, node_id: int, clock: Clock) -> None:
-        self.clock = clock
+    def __init__(self, link: Link, node_id: int) -> None:
+        self.clock = clock = link.clock
         self.noisy = False  # a block was broken off, of which segments may still come
         self._link, self._node_id = link, node_id
         self._one = clock.lock()  # of several threads' transfers, one at a time
         self._sending = clock.lock()  # held for a frame, never for an answer
-        self._turn: Dialogue | None = None
-        self._underway: list[Dialogue] = []  # have the turn, wait for it, or have lost it
+        self._turn: Talk | None = None
+        self._underway: list[Talk] = []  # have the turn, wait for it, or have lost it
         self._stops: tuple[_Stop, ...] = ()
         link.subscribe(0x580 + node_id, self._on_frame)
 
@@ -221,20 +221,20 @@ class Turns:
         self._link.unsubscribe(0x580 + self._node_id, self._on_frame)
 
     @contextlib.contextmanager
-    def underway(self, dialogue: Dialogue) -> Iterator[None]:
+    def underway(self, talk: Talk) -> Iterator[None]:
         """Within, no other thread's transfer is: it waits at the door. A stop from now on concerns this one."""
         with self._sending:
-            self._underway.append(dialogue)
+            self._underway.append(talk)
         try:
             with self._one:
                 yield
         finally:
             with self._sending:
-                self._underway.remove(dialogue)
-                if self._turn is dialogue:
+                self._underway.remove(talk)
+                if self._turn is talk:
                     self._turn = None
 
-    def take(self, dialogue: Dialogue) -> None:
+    def take(self, talk: Talk) -> None:
         """Give it the turn, when no stop waits for its answer any more.
 
         One that still has the turn waits further down in this very thread: a timer or a frame has called us. It is
@@ -243,31 +243,29 @@ class Turns:
         late: tuple[_Stop, ...] = ()
         while True:
             with self._sending:
-                if dialogue.overruled:
+                if talk.overruled:
                     raise OverruledError
                 ahead = tuple(s for s in self._stops if not s.over.is_set() and s not in late)
                 if not ahead:
                     for stop in late:
                         stop.over.set()
-                    if self._turn is not dialogue:
+                    if self._turn is not talk:
                         self._interrupt(self._turn)
-                    self._overrule(
-                        dialogue.multiplexer, lambda other: other.begun and dialogue.writes, dialogue
-                    )
-                    self._turn = dialogue
-                    dialogue.begin()
+                    self._overrule(talk.multiplexer, lambda other: other.begun and talk.writes, talk)
+                    self._turn = talk
+                    talk.begin()
                     return
             for stop in ahead:
                 stop.over.wait(stop.until_s - self.clock.now())
             late += ahead
 
-    def send(self, dialogue: Dialogue, frame: bytes, *, asks: bool = False) -> None:
+    def send(self, talk: Talk, frame: bytes, *, asks: bool = False) -> None:
         """Send a frame in its turn. Raises PreemptedError, BusError."""
         with self._sending:
-            if dialogue.preempted or self._turn is not dialogue:
+            if talk.preempted or self._turn is not talk:
                 raise PreemptedError
             if asks:
-                dialogue.ask()
+                talk.ask()
             self._send(frame)
 
     def stop(self, multiplexer: bytes, frame: bytes, timeout_s: float) -> Outcome:
@@ -305,24 +303,24 @@ class Turns:
         self._link.send(0x600 + self._node_id, frame)
 
     def _overrule(
-        self, multiplexer: bytes, concerns: Callable[[Dialogue], bool], but: Dialogue | None = None
+        self, multiplexer: bytes, concerns: Callable[[Talk], bool], but: Talk | None = None
     ) -> None:
         for other in self._underway:
             if other is not but and other.writes and other.multiplexer == multiplexer and concerns(other):
                 other.overruled = True
 
     @staticmethod
-    def _interrupt(dialogue: Dialogue | None) -> None:
-        if dialogue is not None:
-            dialogue.interrupt()
+    def _interrupt(talk: Talk | None) -> None:
+        if talk is not None:
+            talk.interrupt()
 
     def _on_frame(self, message: can.Message) -> None:
         frame = bytes(message.data).ljust(8, b"\0")
         if any(stop.hears(frame) for stop in self._stops):
             return
-        dialogue = self._turn
-        if dialogue is not None:
-            dialogue.hear(frame)
+        talk = self._turn
+        if talk is not None:
+            talk.hear(frame)
 
 
 def abort_frame(multiplexer: bytes, code: int) -> bytes:
