@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import struct
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import TypeVar, cast
 
 import can
@@ -52,6 +52,17 @@ def double(*numbers: int, after_s: float = 0.0) -> Way:
 
 def delay(delay_s: float, *numbers: int) -> Way:
     return lambda number, frame: (delay_s,) if number in numbers else (0.0,)
+
+
+def stalled(clock: SteppedClock, late: Mapping[int, float], way: Way = unharmed) -> Way:
+    """Late by so much, by number; and what comes after does not overtake, as on a bus. Else as `way` has it."""
+    last_s = [0.0]
+
+    def arrive(number: int, frame: bytes) -> Sequence[float]:
+        last_s[0] = max(clock.now() + late.get(number, 0.0), last_s[0])
+        return [last_s[0] - clock.now() + after_s for after_s in way(number, frame)]
+
+    return arrive
 
 
 def merged(*ways: Way) -> Way:

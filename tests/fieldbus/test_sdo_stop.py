@@ -16,6 +16,7 @@ from sdo_desk import (
     CONTROLWORD,
     MODE,
     STATUSWORD,
+    TURN_AROUND_S,
     USER_DATA,
     Desk,
     MakeServer,
@@ -26,13 +27,16 @@ from sdo_desk import (
     content,
     delay,
     lose,
+    stalled,
     strict_server,
 )
 
 from schwung.clock import WallClock
 from schwung.errors import BusError, SdoError
+from schwung.fieldbus.canopen.abort import PreemptedError
 from schwung.fieldbus.canopen.link import Link
 from schwung.fieldbus.canopen.sdo import Outcome, SdoChannel
+from schwung.fieldbus.canopen.turns import Talk
 from schwung.fieldbus.drive import Parameter, ParameterValue
 
 STOP = struct.pack("<BHBHxx", 0x2B, 0x6040, 0, 2)
@@ -229,6 +233,85 @@ def test_a_stop_while_nobody_answers_waits_for_itself_alone() -> None:
     assert ended == [pytest.approx(0.3 + PATIENCE_S)]
 
 
+def test_a_transfer_does_not_begin_before_a_stop_was_answered() -> None:
+    """A server with room for one frame would lose one of the two."""
+    desk = Desk()
+    desk.objects.values[USER_DATA.index, 0] = content(SIZE)
+    began: list[float] = []
+    read: list[object] = []
+    desk.at(0.005, lambda: (stop(desk), began.append(desk.clock.now())))
+    desk.at(0.0051, lambda: read.append(desk.sdo.read(STATUSWORD).raw))
+    assert desk.sdo.upload(USER_DATA) == content(SIZE)
+    asked_s = desk.at_s[desk.asked.index(bytes.fromhex("4041600000000000"))]
+    assert asked_s > 0.005 + TURN_AROUND_S
+    assert read == [0x237]
+
+
+def test_a_read_within_a_stop_that_nobody_answers_begins_when_the_stop_has_waited_enough() -> None:
+    desk = Desk()
+    desk.to_server = lambda number, frame: () if frame[0] == 0x2B else (0.0,)
+    read: list[float] = []
+    for when_s in (0.01, 0.02, 0.03):
+        desk.at(when_s, lambda: (desk.sdo.read(STATUSWORD), read.append(desk.clock.now())))
+        desk.at(when_s + 0.001, lambda: desk.sdo.write_once(MODE, 8, 0.001))
+    assert stop(desk) is Outcome.NOT_ANSWERED
+    assert len(read) == 3
+    assert read[0] == pytest.approx(PATIENCE_S, abs=0.01)
+
+
+def test_a_stop_between_two_frames_of_a_sub_block_lets_no_other_through() -> None:
+    """As from a signal's handler: what followed would be commands, to a server that waits for no segment any more."""
+    desk = Desk()
+    send, outcomes = desk.link.send, list[Outcome]()
+
+    def sending(can_id: int, data: bytes) -> None:
+        send(can_id, data)
+        if len(desk.asked) == 20:
+            outcomes.append(stop(desk))
+
+    desk.link.send = sending  # type: ignore[method-assign]
+    desk.sdo.download(USER_DATA, content(SIZE), block=True)
+    assert desk.objects.values[USER_DATA.index, 0] == content(SIZE)
+    assert outcomes == [Outcome.CONFIRMED]
+    assert [frame[0] for frame in desk.asked[19:23]] == [19, 0x80, 0x2B, 0xC6]
+
+
+def test_a_stop_that_is_asked_for_is_ahead_of_a_transfer_that_goes_on_sending() -> None:
+    """Another thread may win the lock again and again, a frame at a time."""
+    desk = Desk()
+    turns = desk.sdo._turns
+    tries: list[str] = []
+
+    class Contended:
+        def __enter__(self) -> None:
+            if tries == ["armed"]:
+                tries.append("tried")
+                with pytest.raises(PreemptedError):
+                    turns._turn.send(bytes(8))  # type: ignore[union-attr]
+
+        def __exit__(self, *_: object) -> None:
+            pass
+
+    def interrupted(talk: Talk) -> bytes:
+        turns._sending = Contended()
+        tries.append("armed")
+        assert stop(desk)
+        return b""
+
+    desk.by_block(interrupted)
+    assert tries == ["armed", "tried"]
+    assert desk.asked == [STOP]
+
+
+def test_a_lost_read_of_the_word_owes_the_stop_no_confirmation() -> None:
+    desk = Desk()
+    desk.to_server = lose(0)
+    outcomes: list[Outcome] = []
+    desk.at(0.0002, lambda: outcomes.append(stop(desk)))
+    assert desk.sdo.read(CONTROLWORD).raw == 2
+    assert outcomes == [Outcome.CONFIRMED]
+
+
 def test_stops_within_stops_and_reads_within_reads() -> None:
     """Timers interrupt one another: a read in an upload, a stop in the read, a read in the stop."""
     desk = Desk()
@@ -278,14 +361,7 @@ def test_stops_are_confirmed_only_where_they_were_carried_out(
 ) -> None:
     """Each stop writes another word; answers of the server come late, but in order."""
     desk = Desk(server)
-    last = [0.0]
-
-    def in_order(number: int, frame: bytes) -> tuple[float, ...]:
-        due = max(desk.clock.now() + late.get(number, 0.0), last[0])
-        last[0] = due
-        return (due - desk.clock.now(),)
-
-    desk.to_client = in_order
+    desk.to_client = stalled(desk.clock, late)
     outcomes: dict[int, Outcome] = {}
     for word, when_s in enumerate(sorted(stops_s), start=100):
         desk.at(
@@ -327,6 +403,39 @@ class Threaded:
     def _run(self) -> None:
         while (frame := self._requests.get()) is not None:
             self._serve(frame)
+
+
+def test_a_thread_that_waits_for_an_answer_holds_up_no_stop() -> None:
+    """By the wall's clock too: the stop is confirmed while the read has all the time in the world to wait."""
+    link = Threaded()
+    serve, answering = link._serve, threading.Event()
+    asked = threading.Event()
+
+    def deaf(frame: bytes) -> None:
+        if frame[1:4] == b"\x41\x60\0" and not answering.is_set():
+            asked.set()
+        else:
+            serve(frame)
+
+    link._serve = deaf
+    sdo = SdoChannel(cast(Link, link), 5, timeout_s=60.0)
+    read: list[object] = []
+    thread = threading.Thread(target=lambda: read.append(sdo.read(STATUSWORD).raw))
+    thread.start()
+    try:
+        assert asked.wait(5.0)
+        asked.clear()
+        assert sdo.write_once(CONTROLWORD, 2, 5.0) is Outcome.CONFIRMED
+        assert read == []
+        assert asked.wait(5.0)  # it is asked for anew, and has still no answer
+        answering.set()
+        assert sdo.write_once(CONTROLWORD, 0, 5.0) is Outcome.CONFIRMED
+        thread.join(5.0)
+    finally:
+        answering.set()
+        link.close()
+    assert read == [0x237]
+    assert link.objects.written == [(0x6040, b"\2\0"), (0x6040, b"\0\0")]
 
 
 def test_threads_that_transfer_are_stopped_from_another_one() -> None:

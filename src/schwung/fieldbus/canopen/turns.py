@@ -75,7 +75,6 @@ class Talk:
 
     def request(self, frame: bytes, fits: Fits) -> bytes:
         """Ask for the object; the answer that names it and fits. Raises AbortedError, SilenceError."""
-        self._frames.clear()
         self._turns.send(self, frame, asks=True)
         answer = self.answer(lambda answer: answer[1:4] == self.multiplexer and fits(answer))
         self.accepted = True
