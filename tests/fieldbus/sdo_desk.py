@@ -229,3 +229,9 @@ class Desk:
         else:
             message.data[:] = self.garble(len(sent) - 1, sent[-1])
         return way(len(sent) - 1, sent[-1])
+
+
+def holding(size: int) -> Desk:
+    desk = Desk()
+    desk.objects.values[USER_DATA.index, 0] = content(size)
+    return desk

@@ -8,17 +8,11 @@ import struct
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from sdo_desk import USER_DATA, Desk, content, delay, double, lose, merged
+from sdo_desk import USER_DATA, Desk, content, delay, double, holding, lose, merged
 
 from schwung.fieldbus.canopen.abort import AbortedError, SilenceError
 from schwung.fieldbus.canopen.block import SEGMENTS, BlockError, BlockUpload
 from schwung.fieldbus.canopen.turns import Talk
-
-
-def holding(size: int) -> Desk:
-    desk = Desk()
-    desk.objects.values[USER_DATA.index, 0] = content(size)
-    return desk
 
 
 def upload(desk: Desk) -> bytes:
