@@ -8,7 +8,7 @@ import struct
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from sdo_desk import USER_DATA, Desk, content, delay, double, holding, lose, merged
+from sdo_desk import TURN_AROUND_S, USER_DATA, Desk, content, delay, double, holding, lose, merged
 
 from schwung.fieldbus.canopen.abort import AbortedError, SilenceError
 from schwung.fieldbus.canopen.block import SEGMENTS, BlockError, BlockUpload
@@ -49,6 +49,14 @@ def test_a_frame_that_comes_twice_changes_nothing(number: int, after_s: float) -
     desk = holding(2000)
     desk.to_client = double(number, after_s=after_s)
     assert upload(desk) == content(2000)
+
+
+def test_a_last_segment_that_comes_twice_is_not_the_end_frame() -> None:
+    """65 segments: the last begins with C1, as the end frame does."""
+    desk = holding(7 * 65)
+    desk.to_client = double(65, after_s=TURN_AROUND_S / 2)
+    assert upload(desk) == content(7 * 65)
+    assert desk.answered[65][0] == desk.answered[66][0] == 0xC1
 
 
 @settings(max_examples=150, deadline=None)

@@ -37,7 +37,7 @@ def until_aborted(talk: Talk) -> bytes:
     return b""
 
 
-def broken_off(desk: Desk, times: int) -> None:
+def broken_off(desk: Desk, times: int, code: int = 0x08000000) -> None:
     """The server aborts so many block uploads midway."""
     server = desk._server.__closure__[0].cell_contents  # type: ignore[attr-defined]
     left, send_block = [times], server._send_block
@@ -45,16 +45,19 @@ def broken_off(desk: Desk, times: int) -> None:
     def breaking(transfer: object) -> None:
         if transfer.position > 5000 and left[0]:  # type: ignore[attr-defined]
             left[0] -= 1
-            raise AbortError(0x08000000)
+            raise AbortError(code)
         send_block(transfer)
 
     server._send_block = breaking
 
 
+@pytest.mark.parametrize(
+    "code", [0x08000000, 0x05040001]
+)  # the latter also says that it has no blocks, but not here
 @pytest.mark.parametrize("times", [1, 5])
-def test_a_server_that_aborts_midway_is_asked_again_and_then_for_segments(times: int) -> None:
+def test_a_server_that_aborts_midway_is_asked_again_and_then_for_segments(times: int, code: int) -> None:
     desk = holding(8000)
-    broken_off(desk, times)
+    broken_off(desk, times, code)
     assert desk.sdo.upload(USER_DATA, block=True) == content(8000)
     assert [request[0] for request in desk.asked].count(0xA4) == 2
     assert (len(desk.asked) > 1000) == (times > 1)

@@ -216,6 +216,29 @@ def test_a_segment_that_looks_like_the_confirmation_does_not_confirm_a_stop() ->
     assert outcomes == [Outcome.NOT_ANSWERED]
 
 
+def test_nor_does_it_confirm_a_second_stop() -> None:
+    desk = Desk(timeout_s=0.05)
+    looks = b"\x40\x60\0" + b"\2\0\0\0"
+    desk.objects.values[USER_DATA.index, 0] = content(7 * 95) + looks + content(1000)
+    outcomes: list[Outcome] = []
+    desk.at(0.004, lambda: outcomes.append(desk.sdo.write_once(MODE, 8, 0.001)))
+    desk.at(0.0045, lambda: outcomes.append(stop(desk)))
+    desk.to_server = lambda number, frame: () if frame[0] in (0x2B, 0x2F) else (0.0,)
+    assert desk.sdo.upload(USER_DATA, block=True) == desk.objects.values[USER_DATA.index, 0]
+    assert outcomes == [Outcome.NOT_ANSWERED] * 2
+
+
+@pytest.mark.parametrize("name", ["segmented upload", "segmented download", "block upload", "block download"])
+def test_a_read_within_a_transfer_ends_it_for_the_server_too(name: str) -> None:
+    """A timer may read while the main flow waits within a transfer, and both come right."""
+    desk = Desk(strict_server)
+    read: list[object] = []
+    desk.at(0.005, lambda: read.append(desk.sdo.read(STATUSWORD).raw))
+    TRANSFERS[name](desk)
+    assert read == [0x237]
+    assert struct.pack("<BHBI", 0x80, 0x2010, 0, 0x08000000) in desk.asked
+
+
 def test_a_stop_while_nobody_answers_waits_for_itself_alone() -> None:
     desk = Desk(lambda objects, answer: lambda frame: None, timeout_s=0.5)
     outcomes: list[Outcome] = []

@@ -82,7 +82,7 @@ class SdoChannel:
         """
         by_block: _Action | None = (lambda talk: BlockUpload(talk).run()) if block else None
         short = (eds.byte_size(parameter.type) or 8) <= transfer.EXPEDITED_BYTES
-        return self._transfer("read", parameter, lambda d: transfer.upload(d, short=short), by_block)
+        return self._transfer("read", parameter, lambda talk: transfer.upload(talk, short=short), by_block)
 
     def download(
         self, parameter: Parameter, data: bytes, block: bool = False, timeout_s: float | None = None
@@ -95,7 +95,11 @@ class SdoChannel:
         segmented = parameter.type == "DOMAIN"
         by_block: _Action | None = (lambda talk: BlockDownload(talk, data).run()) if block and data else None
         self._transfer(
-            "write", parameter, lambda d: transfer.download(d, data, segmented=segmented), by_block, timeout_s
+            "write",
+            parameter,
+            lambda talk: transfer.download(talk, data, segmented=segmented),
+            by_block,
+            timeout_s,
         )
 
     def write_once(self, parameter: Parameter, raw: int, timeout_s: float) -> Outcome:
@@ -176,9 +180,8 @@ class SdoChannel:
                 data = self._attempt(talk, action, patience)
             except AbortedError as error:
                 self._silent = False
-                forgotten = (
-                    error.code == abort.COMMAND and talk.accepted
-                )  # the node restarted, or others asked it
+                # A server that does not know what to do with a segment has restarted, or was asked by others.
+                forgotten = error.code == abort.COMMAND and talk.accepted
                 if not (error.code in abort.TRANSIENT or forgotten) or not left:
                     raise
             except (SilenceError, BrokenError) as error:

@@ -172,19 +172,19 @@ class Talk:
 
 
 class _Stop:
-    """A write that waits for its confirmation, and that an earlier request of the same object may have one due."""
+    """A write that waits for its confirmation; earlier requests of the same object may have answers due before."""
 
     def __init__(self, clock: Clock, multiplexer: bytes, timeout_s: float) -> None:
         self.over = clock.event()
         self.until_s = clock.now() + timeout_s
         self.outcome = Outcome.NOT_ANSWERED
-        self.owed = 0  # answers that are due to others before
-        self.owed_to_writes = False
+        self.owed = 0  # answers that are due before
+        self.owed_to_writes = False  # so that they look like its own
         self.after_block = False  # segments may still come whose bytes look like anything
         self._multiplexer = multiplexer
 
     def hears(self, frame: bytes) -> bool:
-        """True where the frame was for it, or for one that it has replaced."""
+        """True where the frame was for it, or answers an earlier request of its object."""
         if (
             self.over.is_set()
             or frame[1:4] != self._multiplexer
@@ -270,8 +270,7 @@ class Turns:
     def stop(self, multiplexer: bytes, frame: bytes, timeout_s: float) -> Outcome:
         """Send the frame of an expedited download now, whoever has the turn, and wait for its answer.
 
-        A write of the same object that is under way, or waits to be, is not begun again. A server that holds a transfer
-        of several frames is told its end first. Raises BusError.
+        A write of the same object that is under way, or waits to be, is not begun again. Raises BusError.
         """
         talking = self._turn
         if talking is not None:
@@ -280,16 +279,13 @@ class Turns:
         try:
             with self._sending:
                 former, self._turn = self._turn, None
-                replaced = [d for d in self._underway if d.begun and d.multiplexer == multiplexer]
-                stop.owed = sum(d.unanswered for d in replaced)
-                stop.owed_to_writes = any(d.writes for d in replaced)
-                stop.after_block = former is not None and former.in_block
+                replaced = [talk for talk in self._underway if talk.begun and talk.multiplexer == multiplexer]
+                stop.owed = sum(talk.unanswered for talk in replaced)
+                stop.owed_to_writes = any(talk.writes for talk in replaced)
                 self._stops += (stop,)
                 self._overrule(multiplexer, lambda other: True)
                 self._interrupt(former)
-                if former is not None and former.open:
-                    with contextlib.suppress(BusError):
-                        self._send(abort_frame(former.multiplexer, abort.GENERAL))
+                stop.after_block = self.noisy
                 self._send(frame)
             stop.over.wait(timeout_s)
             return stop.outcome
@@ -308,10 +304,15 @@ class Turns:
             if other is not but and other.writes and other.multiplexer == multiplexer and concerns(other):
                 other.overruled = True
 
-    @staticmethod
-    def _interrupt(talk: Talk | None) -> None:
-        if talk is not None:
-            talk.interrupt()
+    def _interrupt(self, talk: Talk | None) -> None:
+        """Take its turn away. A server that holds a transfer of several frames is told its end, for others' sake."""
+        if talk is None:
+            return
+        talk.interrupt()
+        self.noisy = self.noisy or talk.in_block
+        if talk.open:
+            with contextlib.suppress(BusError):
+                self._send(abort_frame(talk.multiplexer, abort.GENERAL))
 
     def _on_frame(self, message: can.Message) -> None:
         frame = bytes(message.data).ljust(8, b"\0")
