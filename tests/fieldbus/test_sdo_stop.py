@@ -276,6 +276,14 @@ def test_a_read_within_a_stop_that_nobody_answers_begins_when_the_stop_has_waite
     assert read[0] == pytest.approx(PATIENCE_S, abs=0.01)
 
 
+def test_a_write_within_a_stop_that_nobody_answers_does_not_confirm_it() -> None:
+    desk = Desk()
+    desk.to_server = lose(0)
+    desk.at(0.001, lambda: desk.sdo.write(ParameterValue(CONTROLWORD, 0)))
+    assert stop(desk) is Outcome.NOT_ANSWERED
+    assert desk.asked == [STOP, STOP[:4] + bytes(4)]
+
+
 def test_a_stop_between_two_frames_of_a_sub_block_lets_no_other_through() -> None:
     """As from a signal's handler: what followed would be commands, to a server that waits for no segment any more."""
     desk = Desk()
