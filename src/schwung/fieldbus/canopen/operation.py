@@ -18,7 +18,7 @@ from schwung.fieldbus.canopen.link import Link
 from schwung.fieldbus.canopen.own_means import Lookup, OwnMeans
 from schwung.fieldbus.canopen.pdo import Layouts
 from schwung.fieldbus.canopen.recorder import Recorder
-from schwung.fieldbus.canopen.sdo import SdoChannel
+from schwung.fieldbus.canopen.sdo import Outcome, SdoChannel
 from schwung.fieldbus.canopen.setup import temporarily
 from schwung.fieldbus.cia402 import State
 from schwung.fieldbus.drive import Acquisition, Progress, Recording, Setpoints, SyncChoice, attach_recording
@@ -206,7 +206,8 @@ class Operation:
                 cyclic.producer.latch(cia402.QUICK_STOP)
         heard = False
         for _ in range(_HALT_TRIES):
-            heard = bool(self._sdo.write_once(CONTROLWORD, cia402.QUICK_STOP, 0.2)) or heard
+            outcome = self._sdo.write_once(CONTROLWORD, cia402.QUICK_STOP, 0.2)
+            heard = heard or outcome is not Outcome.NOT_ANSWERED
             self.own_means.kill()
             if cyclic is None:
                 break
