@@ -145,6 +145,10 @@ class ServoAxis:
         self._c["integral_nm"] = 0.0
         self._hold(self.position_rad)
 
+    def close_brake(self, holding_nm: float) -> None:
+        """The holding brake grips the motor's shaft, and holds up to this torque; 0 opens it."""
+        self._c["brake_nm"], self._c["brake_rad"] = holding_nm, self.position_rad
+
     def set_target(self, position_rad: float, over_s: float) -> None:
         """Cyclic setpoint: reach it after `over_s`, a cycle; speed and acceleration from the last ones.
 

@@ -34,6 +34,8 @@ _REALS = (
     "torque_nm", "generator_time_s",
     "position_rad", "speed_rad_s", "reported_speed_rad_s", "reported_torque_nm", "standstill_s",
     "in_window_s",
+    # holding brake: what it holds, 0 where it is open, and the angle at which it does
+    "brake_nm", "brake_rad",
 )  # fmt: skip
 _WHOLE = (
     "energised", "feed_forward_mode", "generator_control", "generator_on", "segment", "segments", "cyclic",
@@ -55,6 +57,8 @@ _LATENESS = 0.4
 #: A demand that has rested this long and moves again starts a new motion (where there is no start command): the
 #: strokes of one run are one motion, and it begins where the demand leaves rest.
 REST_BETWEEN_MOTIONS_S = 0.15
+#: A closed holding brake, as the motor feels it: a stiff and well damped spring that slips beyond what it holds.
+BRAKE_STIFFNESS_NM_RAD, BRAKE_DAMPING_NMS = 5000.0, 10.0
 
 
 @compiled
@@ -176,8 +180,21 @@ def _trace(c: Any, trace: Any, added: float) -> None:
 
 
 @compiled
+def _brake(c: Any) -> Any:
+    """Torque of the closed holding brake on the motor's shaft."""
+    held = BRAKE_STIFFNESS_NM_RAD * (c.brake_rad - c.position_rad) - BRAKE_DAMPING_NMS * c.speed_rad_s
+    torque = min(max(held, -c.brake_nm), c.brake_nm)
+    if torque != held:  # it slips, and will hold where it comes to rest
+        c.brake_rad = c.position_rad + torque / BRAKE_STIFFNESS_NM_RAD
+    return torque
+
+
+@compiled
 def control_law(c: Any, segments: Any, inertia: Any, trace: Any) -> Any:
-    """Torque (N·m) for the tick that begins now; integrates only where that does not push into the limit."""
+    """Torque (N·m) on the motor for the tick that begins now: the controller's, and that of a closed brake.
+
+    The controller integrates only where that does not push into the limit.
+    """
     update_demand(c, segments)
     _notice_motion(c)
     added = _generator(c) + _torque_offset(c)
@@ -185,7 +202,7 @@ def control_law(c: Any, segments: Any, inertia: Any, trace: Any) -> Any:
     c.limited = 0
     if c.energised == 0:
         c.torque_nm, c.integral_nm = 0.0, 0.0
-        return 0.0
+        return _brake(c) if c.brake_nm > 0.0 else 0.0
     error = c.position_gain_1_s * (c.demand_rad - c.position_rad)
     error += c.speed_feed_forward * c.demand_rad_s - c.speed_rad_s
     torque = c.speed_gain_nms_rad * error + c.integral_nm
@@ -195,7 +212,7 @@ def control_law(c: Any, segments: Any, inertia: Any, trace: Any) -> Any:
         c.limited = 1
     if c.speed_integral_time_s > 0.0 and (c.limited == 0 or error * torque < 0.0):
         c.integral_nm += c.speed_gain_nms_rad * error * TICK_S / c.speed_integral_time_s
-    return c.torque_nm
+    return c.torque_nm + _brake(c) if c.brake_nm > 0.0 else c.torque_nm
 
 
 @compiled

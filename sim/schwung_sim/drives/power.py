@@ -1,6 +1,8 @@
 """The power drive state machine of CiA 402 (IEC 61800-7-201 clause 6), with its option codes.
 
-Pure: it knows the controlword, the option codes and an axis that it can energise, stop and coast.
+Pure: it knows the controlword, the option codes and an axis that it can energise, stop and coast. What else keeps a
+drive out of operation, or from following, is here too, and off unless somebody asks for it: safe torque off, a holding
+brake, local control, reasons of the drive's own.
 """
 
 from __future__ import annotations
@@ -9,6 +11,7 @@ from collections.abc import Callable
 from enum import Enum
 from typing import Protocol
 
+from schwung_sim.drives.brake import BrakedMotor, HoldingBrake
 from schwung_sim.drives.dictionary import ObjectDictionary
 
 STOP_MARGIN_S = 1.0  # a stopping ramp that takes so much longer than it should is given up: power off
@@ -30,7 +33,7 @@ VOLTAGE_ENABLED, REMOTE = 1 << 4, 1 << 9
 HALT = 1 << 8
 
 
-class Motor(Protocol):
+class Motor(BrakedMotor, Protocol):
     """What the state machine asks of the axis."""
 
     def energise(self, on: bool) -> None: ...
@@ -42,9 +45,6 @@ class Motor(Protocol):
 
     @property
     def speed_rad_s(self) -> float: ...
-
-    @property
-    def time_s(self) -> float: ...
 
 
 class PowerStage:
@@ -64,6 +64,15 @@ class PowerStage:
         self._dictionary, self._motor, self._ramp, self._clear_faults = dictionary, motor, ramp, clear_faults
         self.state = Power.SWITCH_ON_DISABLED
         self.halted = False
+        self.local = False  # the controlword is not processed
+        self.awaited: Callable[[], bool] | None = (
+            None  # whether a controlword has still to act: drives/latency.py
+        )
+        self.at_power_off: list[Callable[[], None]] = []
+        self._held: set[str] = set()
+        self._sto: Power | None = None  # where open STO leads
+        self._brake: HoldingBrake | None = None
+        self._releasing = False
         self._word = 0
         self._after_stop: Power | None = None  # where a running stop leads; the same state: it stays there
         self._give_up_s = 0.0
@@ -71,22 +80,39 @@ class PowerStage:
 
     @property
     def coming_to_rest(self) -> bool:
-        """A stop is running, or the axis coasts after power was taken away: time has to go on, SYNC or not."""
-        return self._after_stop is not None or self._coasting
+        """Something is under way that needs no SYNC to go on: a stop, coasting, a brake, a late controlword."""
+        return (
+            self._after_stop is not None
+            or self._coasting
+            or (self.awaited is not None and self.awaited())
+            or (self._brake is not None and self._brake.moving)
+        )
 
     @property
     def enabled(self) -> bool:
-        """Setpoints are followed: operation enabled, no stop or halt under way."""
-        return self.state is Power.OPERATION_ENABLED and self._after_stop is None and not self.halted
+        """Setpoints are followed: operation enabled, no stop or halt under way, nothing that holds the axis."""
+        return (
+            self.state is Power.OPERATION_ENABLED
+            and self._after_stop is None
+            and not self.halted
+            and not self._held
+        )
 
     @property
     def energised(self) -> bool:
-        return self.state in (Power.OPERATION_ENABLED, Power.QUICK_STOP_ACTIVE, Power.FAULT_REACTION_ACTIVE)
+        return self._releasing or self.state in (
+            Power.OPERATION_ENABLED,
+            Power.QUICK_STOP_ACTIVE,
+            Power.FAULT_REACTION_ACTIVE,
+        )
 
     @property
     def status(self) -> int:
         """The statusword's bits that belong to the state machine."""
-        return self.state.value | VOLTAGE_ENABLED | REMOTE
+        status = self.state.value
+        if self._sto is None:
+            status |= VOLTAGE_ENABLED
+        return status if self.local else status | REMOTE
 
     # -- The controlword --------------------------------------------------------------------------
 
@@ -94,7 +120,7 @@ class PowerStage:
         """Follow a controlword (table 31 of the standard)."""
         rising, self._word = word & ~self._word, word
         if self.state is Power.FAULT:
-            if rising & 0x80 and self._clear_faults():
+            if rising & 0x80 and self._sto is not Power.FAULT and self._clear_faults():
                 self.state = Power.SWITCH_ON_DISABLED
             return
         if self.state is Power.FAULT_REACTION_ACTIVE:
@@ -114,7 +140,7 @@ class PowerStage:
         if self.state is Power.OPERATION_ENABLED:
             self.quick_stop()
         elif self.state is not Power.QUICK_STOP_ACTIVE:
-            self.state = Power.SWITCH_ON_DISABLED
+            self._off(Power.SWITCH_ON_DISABLED)
 
     def quick_stop(self) -> None:
         """Transition 11, with the reaction of 605A."""
@@ -133,14 +159,18 @@ class PowerStage:
         shutdown, switch_on, enable = word & 0x07 == 0x06, word & 0x0F == 0x07, word & 0x0F == 0x0F
         state = self.state
         if state is Power.SWITCH_ON_DISABLED and shutdown:
-            self.state = Power.READY_TO_SWITCH_ON
+            if self._sto is None:
+                self.state = Power.READY_TO_SWITCH_ON
         elif state is Power.READY_TO_SWITCH_ON and (switch_on or enable):
             self.state = Power.SWITCHED_ON  # with "enable" set the next transition follows at once (3 + 4)
             self._climb(word)
         elif state is Power.SWITCHED_ON and shutdown:
-            self.state = Power.READY_TO_SWITCH_ON
+            self._off(Power.READY_TO_SWITCH_ON)
         elif state is Power.SWITCHED_ON and enable:
-            self._enable()
+            if not self._releasing:
+                self._enable()
+        elif state is Power.SWITCHED_ON and self._releasing:
+            self._off(Power.SWITCHED_ON)
         elif state is Power.OPERATION_ENABLED:
             if shutdown:
                 self._leave(0x605B, Power.READY_TO_SWITCH_ON)
@@ -151,14 +181,19 @@ class PowerStage:
 
     def _enable(self) -> None:
         self._after_stop, self.halted, self._coasting = None, False, False
-        self.state = Power.OPERATION_ENABLED
         self._motor.energise(True)
+        if self._brake is None or self._brake.is_open:
+            self.state = Power.OPERATION_ENABLED
+        else:
+            self._releasing = True
+            self._brake.tell(closed=False)
 
     def _leave(self, option_code: int, target: Power) -> None:
         """Out of operation: at once, or after the slow-down ramp (605B, 605C)."""
         if self._after_stop is target:
             return
-        if self._dictionary.number(option_code) == 0:
+        kept = self._brake is not None and self._motor.standstill  # power stays until the brake has closed
+        if self._dictionary.number(option_code) == 0 and not kept:
             self._off(target)
         else:
             self._stop(self._ramp(0x6084), target)
@@ -194,19 +229,31 @@ class PowerStage:
 
     def power_off(self) -> None:
         """As at power-on: the motor coasts, nothing is remembered."""
-        self._off(Power.SWITCH_ON_DISABLED)
+        self._off(self._sto or Power.SWITCH_ON_DISABLED)
         self._word = 0
+        for forget in self.at_power_off:
+            forget()
 
     def poll(self) -> None:
-        """Finish a stop that has come to standstill, or that takes too long."""
+        """Finish what is under way: a brake, a stop that has come to standstill, or that takes too long."""
+        if self._brake is not None:
+            self._brake.poll()
+            if self._releasing and self._brake.is_open:
+                self._releasing, self.state = False, Power.OPERATION_ENABLED
         if self._coasting and self._motor.standstill:
             self._coasting = False
         if self._after_stop is None:
             return
         if self._motor.standstill or self._motor.time_s > self._give_up_s:
-            target, self._after_stop = self._after_stop, None
-            if target is not Power.QUICK_STOP_ACTIVE:
-                self._off(target)
+            self._at_rest(self._after_stop)
+
+    def _at_rest(self, target: Power) -> None:
+        if target is Power.QUICK_STOP_ACTIVE:
+            self._after_stop = None
+        elif self._brake is not None and not self._brake.closed:
+            self._brake.tell(closed=True)
+        else:
+            self._off(target)
 
     def _stop(self, deceleration_rad_s2: float, then: Power) -> None:
         self._motor.quick_stop(deceleration_rad_s2)
@@ -218,5 +265,36 @@ class PowerStage:
         if self.energised:
             self._motor.energise(False)
             self._coasting = True
-        self._after_stop, self.halted = None, False
+            if self._brake is not None:
+                self._brake.tell(closed=True)
+        self._after_stop, self.halted, self._releasing = None, False, False
         self.state = target
+
+    # -- What keeps it from operation -------------------------------------------------------------
+
+    def open_sto(self, into: Power) -> None:
+        """Safe torque off (IEC 61800-5-2 4.2.3.2): no torque from now on, whatever the option codes say.
+
+        It leads into Switch on disabled (transitions 7, 9, 10, 12: the high-level power is gone), or into Fault,
+        which is not reset before STO is closed.
+        """
+        self._sto = into
+        self._off(Power.FAULT if self.state in (Power.FAULT, Power.FAULT_REACTION_ACTIVE) else into)
+
+    def close_sto(self) -> None:
+        """Torque is allowed again; nothing energises by itself."""
+        self._sto = None
+
+    def fit_brake(self, delay_s: float) -> None:
+        """Give the motor a holding brake that takes so long to open, and to close."""
+        self._brake = HoldingBrake(self._motor, delay_s, closed=not self.energised)
+
+    def hold(self, reason: str) -> None:
+        """From now on the axis does not follow: it comes to rest on the quick-stop ramp and is held there."""
+        if self.enabled:
+            self._motor.quick_stop(self._ramp(0x6085))
+        self._held.add(reason)
+
+    def release(self, reason: str) -> None:
+        """This reason to hold is gone."""
+        self._held.discard(reason)
