@@ -1,10 +1,10 @@
-"""What one count is worth on this drive's bus (CiA 402-2: 608F, 6091, 6092, 60A9, 60AA, 6076; CiA 303-2)."""
+"""What one count is worth on this drive's bus (CiA 402-2: 607E, 608F, 6091, 6092, 60A9, 60AA, 6076; CiA 303-2)."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from schwung_sim.drives.eds import key
 from schwung_sim.drives.roles import Quantity, Roles
@@ -20,6 +20,9 @@ _ANGLES = {0x10: 1.0, 0x41: math.pi / 180, 0xB4: 2 * math.pi, 0xC0: RPM}
 _SECONDS = {0x03: 1.0, 0x47: 60.0, 0x48: 3600.0, 0x57: 1.0}
 _INCREMENT = 0xB5
 
+#: Bits of 607E.
+POSITION_POLARITY, SPEED_POLARITY = 1 << 7, 1 << 6
+
 #: Value of an object by its key; 0 where it has none.
 Number = Callable[[int], int]
 
@@ -29,6 +32,7 @@ class Units:
     """SI per count; what turns the direction is negative."""
 
     position_rad: float
+    demand_rad: float  # of a demanded position: another sign only where 607E turns demands alone
     speed_rad_s: float
     acceleration_rad_s2: float
     torque_nm: float
@@ -48,11 +52,32 @@ def read_units(roles: Roles, number: Number) -> Units:
     rated = rated_torque(roles, number)
     return Units(
         position_rad=position,
+        demand_rad=position,
         speed_rad_s=speed,
         acceleration_rad_s2=_acceleration(roles.acceleration, position, speed, number),
         torque_nm=torque_unit(roles.torque, number),
         torque_added_nm=torque_unit(roles.torque_added, number),
         rated_torque_nm=rated,
+    )
+
+
+def turned(units: Units, polarity: int, torque_bit: int = 0, demand_only: bool = False) -> Units:
+    """The units as object 607E turns them.
+
+    CiA 402-2, polarity: with bit 7 position demand and actual values are multiplied by −1, with bit 6 those of the
+    velocity. No bit is there for the torque, whose sign (6077, 60B2) stays that of the motor; drives have their own:
+    `torque_bit` is the one that turns it. `demand_only`: in some drives actual positions keep the motor's sign.
+    """
+    position = -1 if polarity & POSITION_POLARITY else 1
+    speed = -1 if polarity & SPEED_POLARITY else 1
+    torque = -1 if polarity & torque_bit else 1
+    return replace(
+        units,
+        position_rad=units.position_rad * (1 if demand_only else position),
+        demand_rad=units.demand_rad * position,
+        speed_rad_s=units.speed_rad_s * (1 if demand_only else speed),
+        torque_nm=units.torque_nm * torque,
+        torque_added_nm=units.torque_added_nm * torque,
     )
 
 
