@@ -19,6 +19,7 @@ __all__ = [
     "AbortError",
     "Code",
     "Entry",
+    "NoAnswer",
     "ObjectDictionary",
     "Reader",
     "Value",
@@ -63,6 +64,10 @@ class AbortError(Exception):
     def __init__(self, code: int) -> None:
         self.code = code
         super().__init__(f"0x{code:08X}")
+
+
+class NoAnswer(Exception):
+    """The drive lost its supply during an access: nobody is there to answer."""
 
 
 class ObjectDictionary:

@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import json
+import os
 from collections.abc import Callable
 from functools import partial
 from pathlib import Path
+from typing import Literal
 
-from schwung_sim.drives.dictionary import AbortError, Code, ObjectDictionary, Value, key
+from schwung_sim.drives.dictionary import AbortError, Code, NoAnswer, ObjectDictionary, Value, key
 from schwung_sim.errors import BenchError
 
 SAVE, LOAD = 0x65766173, 0x64616F6C  # "save", "load", least significant byte first
@@ -22,6 +24,10 @@ _GROUPS = {
 _VOLATILE = {key(0x1003), key(0x6040)} | {key(index, n) for index in (0x1010, 0x1011) for n in range(5)}
 
 
+#: What a memory holds after the supply failed while it was written: what it held before, nothing, or all that is new.
+Cut = Literal["before", "defaults", "stored"]
+
+
 class ParameterStore:
     """Parameters in non-volatile memory: a JSON file where `path` is given, else while this object lives.
 
@@ -34,6 +40,7 @@ class ParameterStore:
     ) -> None:
         self._dictionary, self._path, self._ready = dictionary, path, ready
         self._volatile = _VOLATILE | volatile
+        self._cut: tuple[Cut, Callable[[], None]] | None = None
         self._stored: dict[int, Value] = self._read(path) if path is not None and path.exists() else {}
         for group in _GROUPS:
             dictionary.writers[key(0x1010, group)] = partial(self._save, group)
@@ -50,6 +57,14 @@ class ParameterStore:
                 str(path), f"is no drive memory ({error})", "Name a new file, or one that a bench wrote."
             ) from error
 
+    def cut_power(self, left: Cut, power_cycle: Callable[[], None]) -> None:
+        """Let the supply fail at the next command to store: nobody answers, and the drive boots with what is `left`.
+
+        CiA 301 7.5.2.13 has storing confirmed when it is done: without an answer nobody knows. A memory is never left
+        half written: drives keep two copies, or take their defaults where the checksum is wrong.
+        """
+        self._cut = left, power_cycle
+
     def power_up(self, only: range = _GROUPS[1]) -> None:
         """Defaults, then what was stored, for the objects in `only`; hooks are not called."""
         for k, entry in self._dictionary.entries.items():
@@ -60,10 +75,17 @@ class ParameterStore:
         if signature != SAVE:
             raise AbortError(Code.CANNOT_STORE)
         self._check_ready()
+        before, cut = dict(self._stored), self._cut
         for k, entry in self._dictionary.entries.items():
             if entry.index in _GROUPS[group] and entry.writable and k not in self._volatile:
                 self._stored[k] = self._dictionary.values[k]
+        if cut is not None and cut[0] != "stored":
+            self._stored = before if cut[0] == "before" else {}
         self._write()
+        if cut is not None:
+            self._cut = None
+            cut[1]()
+            raise NoAnswer
 
     def _restore(self, group: int, signature: int) -> None:
         if signature != LOAD:
@@ -82,7 +104,9 @@ class ParameterStore:
         content = {
             f"{k:06X}": v.hex() if isinstance(v, bytes) else v for k, v in sorted(self._stored.items())
         }
+        new = self._path.with_name(self._path.name + ".new")
         try:
-            self._path.write_text(json.dumps(content, indent=0))
+            new.write_text(json.dumps(content, indent=0))
+            os.replace(new, self._path)
         except OSError as error:
             raise AbortError(Code.CANNOT_STORE) from error

@@ -12,7 +12,7 @@ NOT_VALID = 1 << 31
 EXTENDED = 1 << 29
 EVENT = 254  # transmission types 254 and 255 are event-driven, 0…240 follow SYNC
 MAX_BITS = 64
-EMCY_TOO_SHORT, EMCY_TOO_LONG = 0x8210, 0x8220
+EMCY_TOO_SHORT, EMCY_TOO_LONG, EMCY_RPDO_TIMEOUT = 0x8210, 0x8220, 0x8250
 
 SendFrame = Callable[[int, bytes], None]
 Report = Callable[[int], None]
@@ -126,11 +126,14 @@ class _Pdo(ABC):
 class Rpdo(_Pdo):
     """What the drive receives. Synchronous ones are held until the next SYNC."""
 
-    def __init__(self, dictionary: ObjectDictionary, number: int, report: Report) -> None:
+    def __init__(self, dictionary: ObjectDictionary, number: int, report: Report, clear: Report) -> None:
         self._writes: list[Callable[[int], None]] = []
         self._keys: list[int] = []
         self._held: bytes | None = None
-        self._report = report
+        self._report, self._clear = report, clear
+        self.keeps_first = False  # of several frames in one SYNC window the first acts
+        self._came = False  # since the last look at the deadline
+        self._came_s: float | None = None
         super().__init__(dictionary, 0x1400 + number, 0x1600 + number)
 
     def _is_dummy(self, k: int, bits: int) -> bool:
@@ -144,8 +147,12 @@ class Rpdo(_Pdo):
         self._keys = keys
         self._writes = [_ignore if self._is_dummy(k, 0) else self.dictionary.writer(k) for k in keys]
 
+    def rebind(self) -> None:
+        """Look anew for what stands behind the mapped objects."""
+        self._bind(self._keys)
+
     def restart(self) -> None:
-        self._held = None
+        self._held, self._came, self._came_s = None, False, None
 
     def receive(self, data: bytes) -> None:
         """Take a frame: act now, or hold it for SYNC."""
@@ -153,10 +160,22 @@ class Rpdo(_Pdo):
             self._report(EMCY_TOO_SHORT if len(data) < self.format.size else EMCY_TOO_LONG)
             if len(data) < self.format.size:
                 return
+        self._came = True
         if self.type <= 240:
-            self._held = data
+            if self._held is None or not self.keeps_first:
+                self._held = data
         else:
             self._act(data)
+
+    def watch(self, now: float) -> None:
+        """The deadline of 14xx:05, which begins with the first frame (CiA 301 7.5.2.35): past it, an error."""
+        limit = self.dictionary.real(key(self.communication, 5)) * 1e-3
+        if self._came:
+            self._came, self._came_s = False, now
+            self._clear(EMCY_RPDO_TIMEOUT)
+        elif limit and self._came_s is not None and now - self._came_s > limit:
+            self._came_s = None
+            self._report(EMCY_RPDO_TIMEOUT)
 
     def sync(self) -> None:
         """Act on what came since the last SYNC."""
@@ -248,9 +267,13 @@ def _ignore(value: int) -> None:
 class PdoEngine:
     """All PDOs that the EDS declares; active only while the node is operational."""
 
-    def __init__(self, dictionary: ObjectDictionary, send: SendFrame, report: Report) -> None:
-        self.rpdos = [Rpdo(dictionary, number, report) for number in _numbers(dictionary, 0x1400)]
+    def __init__(self, dictionary: ObjectDictionary, send: SendFrame, report: Report, clear: Report) -> None:
+        self.rpdos = [Rpdo(dictionary, number, report, clear) for number in _numbers(dictionary, 0x1400)]
         self.tpdos = [Tpdo(dictionary, number, send) for number in _numbers(dictionary, 0x1800)]
+        self.misses: list[
+            bool
+        ] = []  # the bench's own: the next RPDOs do not come with their SYNC; True: behind it
+        self._late: list[tuple[int, bytes]] = []
 
     def load(self) -> None:
         """Take over what the dictionary holds."""
@@ -266,7 +289,10 @@ class PdoEngine:
         """Take a frame, where it is one of ours."""
         for rpdo in self.rpdos:
             if rpdo.can_id == can_id and rpdo.valid:
-                rpdo.receive(data)
+                if not self.misses:
+                    rpdo.receive(data)
+                elif self.misses.pop():
+                    self._late.append((can_id, data))
 
     def sync(self, counter: int) -> None:
         """Sample and send first, then act: what is reported belongs to the instant of SYNC."""
@@ -275,9 +301,16 @@ class PdoEngine:
                 tpdo.sync(counter)
         for rpdo in self.rpdos:
             rpdo.sync()
+        if self._late:
+            late, self._late = self._late, []
+            for can_id, data in late:
+                self.receive(can_id, data)
 
     def poll(self, now: float) -> None:
-        """Send what is due by event."""
+        """Send what is due by event; look at the deadlines of what should come."""
+        for rpdo in self.rpdos:
+            if rpdo.valid:
+                rpdo.watch(now)
         for tpdo in self.tpdos:
             if tpdo.type >= EVENT and tpdo.valid and tpdo.format.size:
                 tpdo.poll(now)

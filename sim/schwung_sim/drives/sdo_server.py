@@ -7,7 +7,7 @@ import struct
 from collections.abc import Callable
 from dataclasses import dataclass, field
 
-from schwung_sim.drives.dictionary import DOMAIN_MAX_BYTES, AbortError, Code, ObjectDictionary
+from schwung_sim.drives.dictionary import DOMAIN_MAX_BYTES, AbortError, Code, NoAnswer, ObjectDictionary
 
 BLOCK_SIZE = 127  # segments per sub-block that we ask for
 TIMEOUT_S = 1.0
@@ -69,6 +69,8 @@ class SdoServer:
                 self._command(frame)
         except AbortError as error:
             self._abort(error.code, frame)
+        except NoAnswer:
+            self._transfer = None
 
     def _command(self, frame: bytes) -> None:
         specifier = frame[0] >> 5

@@ -98,11 +98,11 @@ class CanopenServo:
         self.emergency = Emergency(dictionary, self._send, self._may_send_emcy)
         self.heartbeats = Heartbeats(dictionary, self._send_heartbeat, self._node_lost, self._node_back)
         self.sdo = SdoServer(dictionary, lambda data: self._send(0x580 + node_id, data))
-        self.pdo = PdoEngine(dictionary, self._send, self.emergency.report)
+        self.pdo = PdoEngine(dictionary, self._send, self.emergency.report, self.emergency.clear)
         self.power = PowerStage(dictionary, axis, self._deceleration, self._clear_faults)
         self.operation = Operation(dictionary, axis, self.power, self.fault, roles)
         self.vendor = vendor.VendorObjects(dictionary, axis, roles, lambda: self.operation.units)
-        self._store = ParameterStore(
+        self.store = ParameterStore(
             dictionary, memory, lambda: not self.power.energised, self.vendor.volatile
         )
         self._bind(roles.clock)
@@ -128,7 +128,7 @@ class CanopenServo:
         self._enter(Nmt.PRE_OPERATIONAL)
 
     def _power_up(self) -> None:
-        self._store.power_up()
+        self.store.power_up()
         self.dictionary.values[key(0x1018, 4)] = self._seed & 0xFFFFFFFF
         self._load_communication()
         self.operation.load()
@@ -152,7 +152,7 @@ class CanopenServo:
 
     def _reset_communication(self) -> None:
         self._connection_lost()
-        self._store.power_up(_COMMUNICATION)
+        self.store.power_up(_COMMUNICATION)
         self.dictionary.values[key(0x1018, 4)] = self._seed & 0xFFFFFFFF
         self._load_communication()
         self.start()
