@@ -14,12 +14,14 @@ from schwung_sim.bench import default_eds
 from schwung_sim.drives.axis import ServoAxis
 from schwung_sim.drives.roles import find_profile, read_profile, read_roles
 from schwung_sim.drives.servo import CanopenServo
+from schwung_sim.faults import FaultSchedule, FaultyBus, parse_faults
 from schwung_sim.plants import make_plant
 
 NODE = 5
 COUNTS_PER_RAD = 2**20 / (2 * math.pi)
 FORMS = {1: "<B", 2: "<H", 4: "<I"}
 STATE_MASK = 0x6F
+SHUTDOWN, SWITCH_ON, ENABLE, QUICK, VOLTAGE_OFF, RESET, HALT = 0x06, 0x07, 0x0F, 0x02, 0x00, 0x80, 0x100
 SWITCH_ON_DISABLED, READY, SWITCHED_ON, ENABLED = 0x40, 0x21, 0x23, 0x27
 QUICK_STOP, FAULT_REACTION, FAULT = 0x07, 0x0F, 0x08
 
@@ -62,6 +64,7 @@ class Rig:
         memory: Path | None = None,
         seed: int = 0,
         profile: str | Path = "schwung-bench",
+        faults: str = "",
     ) -> None:
         self.now = 100.0
         self.wire = Wire()
@@ -78,6 +81,10 @@ class Rig:
             memory=memory,
             monotonic=lambda: self.now,
         )
+        if faults:
+            bus = FaultyBus(self.wire)
+            bus.shutdown()  # as with the wire: nothing to close
+            self.servo.on_advance = FaultSchedule(self.servo, bus, parse_faults(faults)).poll
         self.servo.start()
 
     # -- frames --
@@ -191,3 +198,22 @@ class Rig:
         (first,), (second,) = self.take(0x185), self.take(0x285)
         status, position, torque = struct.unpack("<Hih", first)
         return status, position, torque, struct.unpack("<i", second)[0]
+
+    def run(self, speed_rad_s: float = 6.0, cycles: int = 150) -> int:
+        """CSP at constant speed from rest at 0; returns the last target (counts)."""
+        self.cyclic()
+        self.write(0x6060, 0, 8, 1)
+        for word, state in ((SHUTDOWN, READY), (SWITCH_ON, SWITCHED_ON), (ENABLE, ENABLED)):
+            for _ in range(500):  # a brake, or a slow state machine
+                self.cycle(word, 0)
+                if self.state == state:
+                    break
+        target = 0
+        for _ in range(cycles):
+            target += round(speed_rad_s * 1e-3 * COUNTS_PER_RAD)
+            self.cycle(ENABLE, target)
+        return target
+
+    def emergencies(self) -> list[int]:
+        """Error codes that the drive has sent since the last look."""
+        return [struct.unpack_from("<H", data)[0] for data in self.take(0x80 + NODE)]

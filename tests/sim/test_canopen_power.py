@@ -6,19 +6,25 @@ import struct
 import pytest
 from canopen_rig import (
     COUNTS_PER_RAD,
+    ENABLE,
     ENABLED,
     FAULT,
     FAULT_REACTION,
+    HALT,
     NODE,
+    QUICK,
     QUICK_STOP,
     READY,
+    RESET,
+    SHUTDOWN,
+    SWITCH_ON,
     SWITCH_ON_DISABLED,
     SWITCHED_ON,
+    VOLTAGE_OFF,
     Aborted,
     Rig,
 )
 
-SHUTDOWN, SWITCH_ON, ENABLE, QUICK, VOLTAGE_OFF, RESET, HALT = 0x06, 0x07, 0x0F, 0x02, 0x00, 0x80, 0x100
 TARGET_REACHED, LIMIT, MODE_BIT, FOLLOWING_ERROR = 1 << 10, 1 << 11, 1 << 12, 1 << 13
 REV = 2**20
 
@@ -80,24 +86,11 @@ def test_modes(rig: Rig, mode: int) -> None:
     assert rig.read(0x6502) == 0x81
 
 
-# -- motion helpers --
-
-
-def run(rig: Rig, speed_rad_s: float = 6.0, cycles: int = 150) -> int:
-    """CSP at constant speed; returns the last target (counts)."""
-    rig.cyclic()
-    rig.write(0x6060, 0, 8, 1)
-    for word in (SHUTDOWN, SWITCH_ON, ENABLE):
-        rig.cycle(word, 0)
-    target = 0
-    for _ in range(cycles):
-        target += round(speed_rad_s * 1e-3 * COUNTS_PER_RAD)
-        rig.cycle(ENABLE, target)
-    return target
+# -- motion --
 
 
 def test_csp_follows_and_reports(rig: Rig) -> None:
-    target = run(rig, speed_rad_s=3.0, cycles=300)
+    target = rig.run(speed_rad_s=3.0, cycles=300)
     status, position, torque, speed = rig.cycle(ENABLE, target + 501)
     assert status & MODE_BIT
     assert not status & (LIMIT | FOLLOWING_ERROR)
@@ -111,7 +104,7 @@ def test_csp_follows_and_reports(rig: Rig) -> None:
 
 def test_torque_offset_moves_the_axis_and_is_in_per_mille(rig: Rig) -> None:
     """100 ‰ of 70 N·m against the controller: the torque demand changes by it at once."""
-    run(rig, cycles=0)
+    rig.run(cycles=0)
     for _ in range(3):
         rig.cycle(ENABLE, 0, 0)
     before = rig.axis.torque_demand_nm
@@ -123,7 +116,7 @@ def test_torque_offset_moves_the_axis_and_is_in_per_mille(rig: Rig) -> None:
 
 def test_torque_is_clipped_at_6072(rig: Rig) -> None:
     rig.write(0x6072, 0, 50, 2)
-    run(rig, speed_rad_s=20.0, cycles=20)
+    rig.run(speed_rad_s=20.0, cycles=20)
     assert abs(rig.read(0x6074, signed=True)) <= 50
     assert rig.status & LIMIT
 
@@ -145,7 +138,7 @@ def test_quick_stop_options(rig: Rig, option: int, then: int, seconds: float) ->
     """605A: coast, or the slow-down (6084) or quick-stop (6085) ramp; then power off, or stay."""
     rig.write(0x605A, 0, option, 2)
     rig.write(0x6084, 0, 2_000_000, 4)  # 2000 rpm/s: 209 rad/s²
-    target = run(rig)
+    target = rig.run()
     speed = rig.axis.demand_speed_rad_s
     assert rig.control(QUICK) == (SWITCH_ON_DISABLED if option == 0 else QUICK_STOP)
     rest = rig.axis.demand_rad
@@ -163,7 +156,7 @@ def test_quick_stop_options(rig: Rig, option: int, then: int, seconds: float) ->
 
 def test_quick_stop_can_be_left_by_voltage_off(rig: Rig) -> None:
     rig.write(0x605A, 0, 6, 2)
-    run(rig)
+    rig.run()
     rig.control(QUICK)
     assert rig.control(VOLTAGE_OFF) == SWITCH_ON_DISABLED
     assert not rig.axis.energised
@@ -175,7 +168,7 @@ def test_quick_stop_can_be_left_by_voltage_off(rig: Rig) -> None:
 )
 def test_leaving_operation(rig: Rig, option: int, index: int, word: int, then: int) -> None:
     rig.write(index, 0, option, 2)
-    run(rig)
+    rig.run()
     assert rig.control(word) == (ENABLED if option else then)
     rig.sync(1000)
     assert rig.state == then
@@ -183,7 +176,7 @@ def test_leaving_operation(rig: Rig, option: int, index: int, word: int, then: i
 
 
 def test_halt_stops_and_lets_go_on(rig: Rig) -> None:
-    target = run(rig)
+    target = rig.run()
     for _ in range(200):
         status, held, _, _ = rig.cycle(ENABLE | HALT, target + 200000)
     assert status & 0x6F == ENABLED
@@ -201,7 +194,7 @@ def test_halt_stops_and_lets_go_on(rig: Rig) -> None:
 @pytest.mark.parametrize("option", [0, 1, 2])
 def test_fault_reaction_options(rig: Rig, option: int) -> None:
     rig.write(0x605E, 0, option, 2)
-    run(rig)
+    rig.run()
     rig.servo.fault(0x4310)
     assert rig.state == (FAULT if option == 0 else FAULT_REACTION)
     assert rig.axis.energised == (option > 0)
@@ -223,7 +216,7 @@ def test_fault_reset_needs_a_rising_edge(rig: Rig) -> None:
 def test_following_error_needs_window_and_time(rig: Rig) -> None:
     rig.write(0x6065, 0, round(0.05 * COUNTS_PER_RAD), 4)
     rig.write(0x6066, 0, 15, 2)
-    target = run(rig, cycles=10)
+    target = rig.run(cycles=10)
     rig.take(0x80 + NODE)
     rig.servo.vendor.weaken()
     flagged, cycles = 0, 0
@@ -242,7 +235,7 @@ def test_following_error_needs_window_and_time(rig: Rig) -> None:
 
 def test_following_error_can_be_switched_off(rig: Rig) -> None:
     rig.write(0x6065, 0, 0xFFFFFFFF, 4)
-    target = run(rig, cycles=10)
+    target = rig.run(cycles=10)
     rig.servo.vendor.weaken()
     for _ in range(200):
         target += 1000
@@ -252,7 +245,7 @@ def test_following_error_can_be_switched_off(rig: Rig) -> None:
 
 def test_target_beyond_the_limits_is_limited_and_flagged(rig: Rig) -> None:
     rig.write(0x607D, 2, 20000, 4)
-    run(rig, cycles=0)
+    rig.run(cycles=0)
     for n in range(300):
         status, position, _, _ = rig.cycle(ENABLE, 100 * n)
     assert status & LIMIT
@@ -262,7 +255,7 @@ def test_target_beyond_the_limits_is_limited_and_flagged(rig: Rig) -> None:
 
 
 def test_position_beyond_the_limits_is_a_fault(rig: Rig) -> None:
-    run(rig, cycles=50)
+    rig.run(cycles=50)
     rig.write(0x607D, 2, 10000, 4)  # behind the axis
     rig.sync()
     assert rig.state in (FAULT_REACTION, FAULT)
@@ -271,7 +264,7 @@ def test_position_beyond_the_limits_is_a_fault(rig: Rig) -> None:
 
 def test_jump_is_slowed_to_the_top_speed(rig: Rig) -> None:
     rig.write(0x6080, 0, 60, 4)  # 1 rev/s
-    run(rig, cycles=0)
+    rig.run(cycles=0)
     for _ in range(100):
         status = rig.cycle(ENABLE, REV)[0]
     assert status & LIMIT
@@ -382,7 +375,7 @@ def test_profile_target_is_limited_as_well(rig: Rig) -> None:
 
 @pytest.mark.parametrize(("unit", "factor"), [(0x00B44700, 1000), (0xFEB44700, 10)])
 def test_speed_unit_scales_speed_and_profile(rig: Rig, unit: int, factor: int) -> None:
-    run(rig, cycles=100)
+    rig.run(cycles=100)
     fine = rig.read(0x606C, signed=True)
     rig.control(VOLTAGE_OFF)
     rig.write(0x60A9, 0, unit, 4)
