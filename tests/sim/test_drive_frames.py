@@ -1,6 +1,7 @@
 """Objects 607B, 607C and 607E of the simulated drive, and what they do to everything else (CiA 402-2, factor group)."""
 
 import math
+import struct
 from pathlib import Path
 
 import pytest
@@ -215,6 +216,56 @@ def test_all_three_together() -> None:
     _, position, _, _ = go(rig, -10_000, 290_000)
     assert rig.axis.position_counts == pytest.approx(-300_000, abs=SETTLED)
     assert position == pytest.approx(290_000 - QUARTER, abs=SETTLED)
+
+
+# -- What else is over the angle --
+
+
+@pytest.mark.parametrize(
+    ("polarity", "offset", "start_rad", "values"),
+    [
+        (0x00, 0, -0.1, (0.5, 0.6, 0.7)),
+        (0x00, 100_000, -0.1 + 100_000 / COUNTS_PER_RAD, (0.5, 0.6, 0.7)),
+        (
+            0x80,
+            0,
+            -0.2,
+            (0.7, 0.6, 0.5),
+        ),  # −0.1, 0.05, 0.2 rad of the user's are 0.1, −0.05, −0.2 rad of the motor
+        (0x80, 100_000, -0.2 - 100_000 / COUNTS_PER_RAD, (0.7, 0.6, 0.5)),
+    ],
+)
+@pytest.mark.parametrize("frame_first", [True, False])
+def test_inertia_table_is_over_the_users_angle(
+    polarity: int, offset: int, start_rad: float, values: tuple[float, ...], frame_first: bool
+) -> None:
+    rig = Rig()
+    frame = [(0x607E, 0, polarity, 1), (0x607C, 0, offset, 4)]
+    table = [(0x2300, n, 4_000_000 + 1_000_000 * n, 4) for n in (1, 2, 3)]
+    table += [(0x2301, 1, -100_000, 4), (0x2301, 2, 150_000, 4), (0x2301, 3, 3, 1), (0x2302, 1, 2, 1)]
+    for one in frame + table if frame_first else table + frame:
+        rig.write(*one)
+    settings = rig.axis.settings
+    assert settings.table_inertia_kgm2 == pytest.approx(values)
+    assert (settings.table_start_rad, settings.table_step_rad) == pytest.approx((start_rad, 0.15))
+
+
+def test_recorder_has_the_users_positions() -> None:
+    client_rows = []
+    for objects in ((), ((0x607E, 0, 0xC0, 1), (0x607C, 0, 10_000, 4))):
+        rig = enabled(*objects)
+        client = rig.client()
+        rig.write(0x2200, 1, 8, 2)
+        rig.write(0x2200, 2, 50, 4)
+        rig.write(0x2200, 3, 1, 1)
+        start = rig.read(0x6064, signed=True)
+        go(rig, start, start + 60 * STEP)
+        client_rows.append(
+            [row[0] - start for row in struct.iter_unpack("<iihhi", client.sdo.upload(0x2200, 4))]
+        )
+        assert start == (-10_000 if objects else 0)
+    assert client_rows[1] == pytest.approx(client_rows[0], abs=200)  # the same way, measured the same way
+    assert max(client_rows[1]) > 5000
 
 
 # -- The objects themselves --

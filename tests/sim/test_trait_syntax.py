@@ -1,8 +1,10 @@
 """What can be said about a drive, and what cannot; every word of it is told where a user looks for it."""
 
+import re
 from pathlib import Path
 
 import pytest
+from canopen_rig import Rig
 
 from schwung_sim import faults
 from schwung_sim.bench import Bench
@@ -46,6 +48,18 @@ def test_begin_and_end() -> None:
 def test_nonsense_is_told_before_anything_runs(text: str, said: str) -> None:
     with pytest.raises(BenchError, match=said):
         Bench(channel="nonsense", faults=text)
+
+
+EXAMPLES = re.findall(r"^    ([a-z]\S+)  ", faults.__doc__ or "", re.MULTILINE)
+
+
+@pytest.mark.parametrize("example", EXAMPLES)
+def test_every_documented_example_begins_and_ends(example: str) -> None:
+    (fault,) = parse_faults(example)
+    rig = Rig(faults=example)
+    rig.sync(1000)
+    assert rig.axis.time_s == pytest.approx(1.0)
+    assert fault.kind in faults.KINDS
 
 
 @pytest.mark.parametrize("kind", sorted(TRAITS))

@@ -6,6 +6,7 @@ Units come from profile and dictionary (units.py), the place of zero and a range
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 from typing import Any, Protocol
 
 from schwung_sim.drives.dictionary import ObjectDictionary, key
@@ -66,8 +67,9 @@ class Scales:
         torque_sign = -1 if polarity & self.torque_bit else 1
         self._per_mille = torque_sign * 1000 / units.rated_torque_nm
         self.played_unit_nm = torque_sign * torque_unit(self._roles.host_played, self.by_key)
-        self.units = units = turned(units, polarity, self.torque_bit, self.demand_only)
+        units = turned(units, polarity, self.torque_bit, self.demand_only)
         self.frame = read_frame(self._dictionary.number)
+        self.units = units = replace(units, zero=0 if self.frame is None else self.frame.zero)
         turn, before = units.counts_per_turn, self._encoder
         fine = turn >= FINE_TURN and abs(turn - round(turn)) < 1e-6
         self._direct = fine and units.position_rad > 0  # a position count is one of the encoder

@@ -100,11 +100,14 @@ class TraceBuffer:
         trace, units = self._axis.trace, self._units()
         count_rad = 2 * math.pi / self._axis.settings.encoder_counts
         values, scale = {
-            "position": (trace.position_counts * count_rad, units.position_rad),
+            "position": (
+                trace.position_counts * count_rad - units.zero * units.position_rad,
+                units.position_rad,
+            ),
             "speed": (trace.speed_rad_s, units.speed_rad_s),
             "torque": (trace.torque_nm, units.torque_nm),
             "torque_added": (trace.torque_added_nm, units.torque_added_nm),
-            "position_demand": (trace.demand_rad, units.demand_rad),
+            "position_demand": (trace.demand_rad - units.zero * units.demand_rad, units.demand_rad),
         }[column.quantity]
         if values.size and not math.isclose(trace.sample_time_s, self._period_s, rel_tol=1e-9):
             rows = int((values.size - 1) * trace.sample_time_s / self._period_s + 1e-9) + 1

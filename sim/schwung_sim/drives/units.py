@@ -38,6 +38,8 @@ class Units:
     torque_nm: float
     torque_added_nm: float
     rated_torque_nm: float
+    zero: int = 0  # position counts of the motor at which the bus has 0: 607C
+    direction: int = 1  # −1 where 607E turns positions
 
     @property
     def counts_per_turn(self) -> float:
@@ -78,6 +80,7 @@ def turned(units: Units, polarity: int, torque_bit: int = 0, demand_only: bool =
         speed_rad_s=units.speed_rad_s * (1 if demand_only else speed),
         torque_nm=units.torque_nm * torque,
         torque_added_nm=units.torque_added_nm * torque,
+        direction=position,
     )
 
 

@@ -62,6 +62,8 @@ class VendorObjects:
             write[k] = self._writer(k, self._apply_generator)
         for k in set(self._inertia_objects()):
             write[k] = self._writer(k, self._apply_inertia)
+        for k in (key(0x607C), key(0x607E)):
+            write[k] = self._and_inertia(write[k])
 
     def load(self) -> None:
         """Give the axis everything that the dictionary holds."""
@@ -100,6 +102,13 @@ class VendorObjects:
     @staticmethod
     def _writer(k: int, apply: Callable[[Change], None]) -> Callable[[float], None]:
         return lambda value: apply((k, value))
+
+    def _and_inertia(self, write: Callable[[Any], None]) -> Callable[[float], None]:
+        def both(value: float) -> None:
+            write(value)
+            self._apply_inertia()
+
+        return both
 
     def _write_torque_limit(self, per_mille: float, always: bool = False) -> None:
         if not self._weakened and (always or per_mille != self._dictionary.number(0x6072)):
@@ -172,7 +181,18 @@ class VendorObjects:
             if self._enabled(table.enable, bool(found["table_inertia_kgm2"]), changed):
                 mode = FEED_FORWARD_TABLE
         if any(part is not None for part in (table, scalar, series)):
-            self._axis.configure(**settings, feed_forward_mode=mode)
+            self._axis.configure(**self._on_motor(settings), feed_forward_mode=mode)
+
+    def _on_motor(self, settings: dict[str, Any]) -> dict[str, Any]:
+        """A table over the user's angle, turned by 607E and counted from 607C, as one over the motor's."""
+        units, values = self._units(), settings.get("table_inertia_kgm2", ())
+        if not values or (units.direction > 0 and units.zero == 0):
+            return settings
+        start, zero = settings["table_start_rad"], units.zero * units.demand_rad
+        if units.direction > 0:
+            return settings | {"table_start_rad": zero + start}
+        end = start + (len(values) - 1) * settings["table_step_rad"]
+        return settings | {"table_start_rad": zero - end, "table_inertia_kgm2": values[::-1]}
 
     def _enabled(self, switch: Setting | None, otherwise: bool, changed: Change | None) -> bool:
         return otherwise if switch is None else self._value(switch.object, changed) == switch.value
