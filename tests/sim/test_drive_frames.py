@@ -10,6 +10,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from schwung_sim.drives.frame import Frame, read_frame
+from schwung_sim.drives.roles import Roles
+from schwung_sim.drives.units import read_units, turned
 
 LIMIT, TARGET_REACHED = 1 << 11, 1 << 10
 QUARTER = 2**18  # counts of a quarter turn
@@ -89,6 +91,16 @@ def test_torque_offset_and_torque_keep_the_motors_sign_unless_the_drive_has_a_bi
     rig.sync(3)
     assert abs(rig.axis.torque_nm) > 0.1
     assert rig.read(0x6077, signed=True) == pytest.approx(sign * rig.axis.torque_nm / 0.07, abs=0.6)
+
+
+@pytest.mark.parametrize(("polarity", "sign"), [(0xC0, 1), (0x20, -1)])
+def test_every_torque_on_the_bus_has_the_same_sign(polarity: int, sign: int) -> None:
+    """Also where a drive adds torque at an object of its own, and reports it at another."""
+    plain = read_units(Roles(), lambda k: 0)
+    units = turned(plain, polarity, torque_bit=1 << 5)
+    assert units.torque_nm == sign * plain.torque_nm
+    assert units.torque_added_nm == sign * plain.torque_added_nm
+    assert units.rated_torque_nm == plain.rated_torque_nm
 
 
 def test_in_some_drives_polarity_turns_demands_only() -> None:

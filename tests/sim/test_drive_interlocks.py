@@ -21,7 +21,7 @@ from canopen_rig import (
     Rig,
 )
 
-VOLTAGE, REMOTE, LIMIT, FOLLOWS = 1 << 4, 1 << 9, 1 << 11, 1 << 12
+VOLTAGE, REMOTE, TARGET_REACHED, LIMIT, FOLLOWS = 1 << 4, 1 << 9, 1 << 10, 1 << 11, 1 << 12
 SPEED_RAD_S = 6.0
 STEP = round(SPEED_RAD_S * 1e-3 * COUNTS_PER_RAD)  # counts in a cycle
 
@@ -133,6 +133,49 @@ def test_operation_is_enabled_only_when_the_brake_has_opened() -> None:
     for _ in range(400):
         rig.cycle(ENABLE, 100_000)
     assert rig.axis.position_counts == pytest.approx(100_000, abs=2000)
+
+
+def test_enabling_is_taken_back_while_the_brake_opens(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Power is switched on once, however often the word comes; with disable operation it goes, and the brake stays."""
+    rig = Rig(faults="brake=0.15")
+    switched: list[bool] = []
+    energise = rig.axis.energise
+    monkeypatch.setattr(rig.axis, "energise", lambda on: (switched.append(on), energise(on)))
+    for word, then in (
+        (SHUTDOWN, READY),
+        (SWITCH_ON, SWITCHED_ON),
+        (ENABLE, SWITCHED_ON),
+        (ENABLE, SWITCHED_ON),
+    ):
+        assert rig.control(word) == then
+        rig.sync()
+    assert switched == [True]
+    assert rig.control(SWITCH_ON) == SWITCHED_ON
+    assert switched == [True, False]
+    rig.sync(300)
+    assert rig.state == SWITCHED_ON
+
+
+def test_no_move_is_left_over_when_the_brake_opens_again() -> None:
+    rig = Rig(faults="brake=0.05")
+    rig.write(0x6060, 0, 1, 1)
+    for word in (SHUTDOWN, SWITCH_ON, ENABLE):
+        rig.control(word)
+    rig.sync(60)
+    rig.write(0x607A, 0, 2**20, 4)
+    rig.control(ENABLE | 0x10)
+    rig.sync(50)
+    assert not rig.status & TARGET_REACHED
+    rig.servo.fault(0x4310)
+    rig.sync(1000)
+    for word in (RESET, SHUTDOWN, SWITCH_ON, ENABLE):
+        rig.control(word)
+    rig.sync(60)
+    assert rig.state == ENABLED
+    assert rig.status & TARGET_REACHED
+    held = rig.axis.position_rad
+    rig.sync(300)
+    assert rig.axis.position_rad == pytest.approx(held, abs=0.02)
 
 
 def test_brake_opens_without_sync() -> None:

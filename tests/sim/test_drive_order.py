@@ -88,6 +88,7 @@ def test_late_controlwords_all_act_in_their_order() -> None:
 def test_task_sees_only_the_last_controlword() -> None:
     """A quick stop that is taken back within one run of the task never was; one that stays is seen at its next run."""
     rig, target = moving("controlword-task=0.01")
+    rig.write(0x605A, 0, 2, 2)  # no way back out of Quick stop active
     target = until(rig, target, 0.4)
     for word in (QUICK, QUICK, ENABLE):
         target += STEP
@@ -107,7 +108,8 @@ def test_late_controlword_by_sdo_needs_no_sync_and_dies_with_a_reset() -> None:
     assert rig.control(SHUTDOWN) == SWITCH_ON_DISABLED  # accepted, and not yet taken
     rig.wait(0.1)
     assert rig.state == READY
-    rig.control(0x07)
+    rig.nmt(0x81)
+    rig.control(SHUTDOWN)
     rig.nmt(0x81)
     rig.wait(0.1)
     assert rig.state == SWITCH_ON_DISABLED
@@ -132,6 +134,21 @@ def test_late_setpoint_comes_so_much_later_and_the_controlword_does_not() -> Non
             abs(rig.axis.demand_rad - held) < 0.01
         )  # neither the old target nor those under way act any more
     assert paths["late-setpoint=0.002"][2:] == pytest.approx(paths[""][:-2], abs=1e-9)
+
+
+def test_late_torque_offset_is_late_once() -> None:
+    """100 ‰ of 70 N·m, two cycles later; also where adding and playing torque are one object, as in this profile."""
+    torques: dict[str, list[float]] = {}
+    for faults in ("", "late-setpoint=0.002"):
+        rig = Rig(faults=faults)
+        rig.run(cycles=0)
+        rig.cycle(ENABLE, 0, 100)
+        torques[faults] = []
+        for _ in range(8):
+            torques[faults].append(rig.axis.torque_demand_nm)
+            rig.sync()
+    assert torques[""][1] > 3.0
+    assert torques["late-setpoint=0.002"][2:] == pytest.approx(torques[""][:-2], abs=1e-9)
 
 
 # -- More or fewer RPDOs than SYNCs --

@@ -132,9 +132,9 @@ class Operation:
 
     @property
     def setpoints(self) -> list[int]:
-        """The objects that set-points come in: the demanded position first, then torques."""
+        """The objects that set-points come in: the demanded position first, then torques, which may share one."""
         torques = (self._roles.torque_added, self._roles.host_played)
-        return [self._roles.demand, *(q.object for q in torques if q is not None)]
+        return list(dict.fromkeys([self._roles.demand, *(q.object for q in torques if q is not None)]))
 
     @property
     def follows_cycles(self) -> bool:
