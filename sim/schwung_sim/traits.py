@@ -114,7 +114,7 @@ class Traits:
 
     def _delay_words(self, delay_s: float, task: bool) -> None:
         late = self._delay(key(0x6040), delay_s, task)
-        self._servo.power.awaited = lambda: late.waiting
+        self._servo.power.awaited.append(lambda: late.waiting)
 
     def _delay_setpoints(self, delay_s: float) -> None:
         for k in self._servo.operation.setpoints:

@@ -75,7 +75,7 @@ class Operation:
         self._pp, self._csp = roles.modes.get("pp"), roles.modes.get("csp")
         self.scales = Scales(dictionary, axis, roles)
         self.limits_from_zero = False  # 607D is not corrected by 607C
-        self._own_limit = False  # the drive's own reason not to follow is a limit
+        self._at_limit = False  # a limit switch is active, or the drive's own reason not to follow is a limit
         self._switches = 0
         self._word = 0
         self._injected_nm = self._played_nm = 0.0
@@ -215,7 +215,7 @@ class Operation:
             self._start(self._active)
 
     def _write_target(self, value: int) -> None:
-        if self.follows_cycles:
+        if self.mode == self._csp and self._power.enabled:
             self._follow(value)
 
     def _follow(self, value: int) -> None:
@@ -292,17 +292,18 @@ class Operation:
     def hold(self, reason: str, limit: bool = False) -> None:
         """Follow no more, though operation stays enabled: bit 12 goes, and with a `limit` bit 11 comes."""
         self._power.hold(reason)
-        self._own_limit = limit
+        self._at_limit = limit
 
     def release(self, reason: str) -> None:
         """Follow again, where this was the only reason not to."""
         self._power.release(reason)
-        self._own_limit = False
+        self._at_limit = bool(self._switches & _LIMITS)
         self._go_on()
 
     def press(self, switches: int) -> None:
         """Limit and home switches, as 60FD has them: into an active limit switch the axis goes no further."""
         pressed, self._switches = switches & ~self._switches, switches
+        self._at_limit = bool(switches & _LIMITS)
         speed = self._axis.demand_speed_rad_s / self._unit_rad
         ahead = POSITIVE_SWITCH if speed > 0 else NEGATIVE_SWITCH
         if pressed & ahead and speed and self._power.enabled:
@@ -364,7 +365,7 @@ class Operation:
         """The statusword (6041)."""
         power = self._power
         status = power.status
-        if self._limited or self._axis.torque_limit_active or self._own_limit or self._switches & _LIMITS:
+        if self._limited or self._axis.torque_limit_active or self._at_limit:
             status |= _LIMIT_ACTIVE
         if self.mode == self._csp:
             if power.enabled and not self._barred:

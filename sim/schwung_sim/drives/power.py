@@ -29,8 +29,10 @@ class Power(Enum):
     FAULT = 0x08
 
 
+_ENERGISED = (Power.OPERATION_ENABLED, Power.QUICK_STOP_ACTIVE, Power.FAULT_REACTION_ACTIVE)
 VOLTAGE_ENABLED, REMOTE = 1 << 4, 1 << 9
 HALT = 1 << 8
+_HALT = "halt"
 
 
 class Motor(BrakedMotor, Protocol):
@@ -63,13 +65,10 @@ class PowerStage:
     ) -> None:
         self._dictionary, self._motor, self._ramp, self._clear_faults = dictionary, motor, ramp, clear_faults
         self.state = Power.SWITCH_ON_DISABLED
-        self.halted = False
         self.local = False  # the controlword is not processed
-        self.awaited: Callable[[], bool] | None = (
-            None  # whether a controlword has still to act: drives/latency.py
-        )
+        self.awaited: list[Callable[[], bool]] = []  # what needs time to go on: a late controlword, a brake
         self.at_power_off: list[Callable[[], None]] = []
-        self._held: set[str] = set()
+        self._held: set[str] = set()  # why set-points are not followed: halt, or reasons of the drive's own
         self._sto: Power | None = None  # where open STO leads
         self._brake: HoldingBrake | None = None
         self._releasing = False
@@ -81,30 +80,26 @@ class PowerStage:
     @property
     def coming_to_rest(self) -> bool:
         """Something is under way that needs no SYNC to go on: a stop, coasting, a brake, a late controlword."""
-        return (
-            self._after_stop is not None
-            or self._coasting
-            or (self.awaited is not None and self.awaited())
-            or (self._brake is not None and self._brake.moving)
-        )
+        if self._after_stop is not None or self._coasting:
+            return True
+        if not self.awaited:
+            return False
+        return any(under_way() for under_way in self.awaited)
 
     @property
     def enabled(self) -> bool:
         """Setpoints are followed: operation enabled, no stop or halt under way, nothing that holds the axis."""
-        return (
-            self.state is Power.OPERATION_ENABLED
-            and self._after_stop is None
-            and not self.halted
-            and not self._held
-        )
+        return self.state is Power.OPERATION_ENABLED and self._after_stop is None and not self._held
+
+    @property
+    def halted(self) -> bool:
+        """Bit 8 of the controlword holds the axis."""
+        return _HALT in self._held
 
     @property
     def energised(self) -> bool:
-        return self._releasing or self.state in (
-            Power.OPERATION_ENABLED,
-            Power.QUICK_STOP_ACTIVE,
-            Power.FAULT_REACTION_ACTIVE,
-        )
+        """The motor has power."""
+        return self._releasing or self.state in _ENERGISED
 
     @property
     def status(self) -> int:
@@ -180,7 +175,8 @@ class PowerStage:
             self._enable()  # transition 16
 
     def _enable(self) -> None:
-        self._after_stop, self.halted, self._coasting = None, False, False
+        self._after_stop, self._coasting = None, False
+        self._held.discard(_HALT)
         self._motor.energise(True)
         if self._brake is None or self._brake.is_open:
             self.state = Power.OPERATION_ENABLED
@@ -202,7 +198,9 @@ class PowerStage:
         halted = bool(word & HALT) and self.state is Power.OPERATION_ENABLED
         if halted and not self.halted:
             self._motor.quick_stop(self._ramp(0x6085 if self._dictionary.number(0x605D) == 2 else 0x6084))
-        self.halted = halted
+            self._held.add(_HALT)
+        elif not halted:
+            self._held.discard(_HALT)
 
     # -- Faults and stops -------------------------------------------------------------------------
 
@@ -267,7 +265,8 @@ class PowerStage:
             self._coasting = True
             if self._brake is not None:
                 self._brake.tell(closed=True)
-        self._after_stop, self.halted, self._releasing = None, False, False
+        self._after_stop, self._releasing = None, False
+        self._held.discard(_HALT)
         self.state = target
 
     # -- What keeps it from operation -------------------------------------------------------------
@@ -287,7 +286,8 @@ class PowerStage:
 
     def fit_brake(self, delay_s: float) -> None:
         """Give the motor a holding brake that takes so long to open, and to close."""
-        self._brake = HoldingBrake(self._motor, delay_s, closed=not self.energised)
+        self._brake = brake = HoldingBrake(self._motor, delay_s, closed=not self.energised)
+        self.awaited.append(lambda: brake.moving)
 
     def hold(self, reason: str) -> None:
         """From now on the axis does not follow: it comes to rest on the quick-stop ramp and is held there."""
