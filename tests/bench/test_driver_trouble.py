@@ -35,6 +35,7 @@ LONG = stroke(20_000, distance_rad=3.0)
         ("heartbeat-stop@on+0.3", NodeLostError, "no heartbeat"),
         ("bus-off@on+0.3", NodeLostError, "did not answer|no heartbeat"),
         ("second-master=0x0006@on+0.3", StateError, "another master"),
+        ("not-following@on+0.3", StateError, "no longer follows its setpoints"),
     ],
 )
 def test_trouble_in_motion_is_named_and_the_drive_stops(
@@ -218,3 +219,13 @@ def test_closing_in_mid_motion_stops_the_drive_and_does_not_hang() -> None:
             drive.play(stroke(2000, 200.0))
         assert drive.clock.now() < 8.0
         assert not bench.servo.power.energised
+
+
+def test_a_drive_under_local_control_is_told_to_be_energised_still() -> None:
+    """It ignores controlwords: nothing of ours stops it, which has to be said."""
+    with enabled(faults="local@on+0.3") as (bench, drive):
+        with pytest.raises(StateError, match="no longer takes commands"):
+            drive.play(LONG)
+        with pytest.raises(StateError, match="may still be energised"):
+            drive.disable()
+        assert bench.axis.energised

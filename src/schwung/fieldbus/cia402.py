@@ -44,7 +44,8 @@ VOLTAGE_ENABLED = 0x0010
 REMOTE = 0x0200
 TARGET_REACHED = 0x0400
 INTERNAL_LIMIT = 0x0800
-SET_POINT_ACKNOWLEDGE = 0x1000  # profile position; "drive follows command" in CSP
+SET_POINT_ACKNOWLEDGE = 0x1000  # profile position
+FOLLOWS_COMMAND = 0x1000  # cyclic position, the same bit
 FOLLOWING_ERROR = 0x2000
 
 _PATTERNS = (

@@ -15,6 +15,7 @@ from schwung.fieldbus.canopen.recorder import Recorder
 from schwung.fieldbus.drive import Progress
 
 SYNC_ID = 0x080
+_STATE_BITS, _OPERATION_ENABLED = 0x6F, 0x27
 COUNTER_OVERFLOW = 128  # of 1019: a ring of the kernel's holds as many cycles (CiA 301 allows up to 240)
 
 
@@ -70,7 +71,8 @@ class Exchange:
         self.link, self.layouts, self.node_id, self.counter = link, layouts, node_id, counter
         self.latest: list[bytes | bytearray | None] = [None] * len(layouts.tpdos)
         self.recorder: Recorder | None = None
-        self.guarded = False  # leaving Operation enabled is trouble
+        self.guarded = False  # leaving Operation enabled is trouble; see `guard`
+        self._guarded_bits = self._guarded_value = 0
         self.expecting_echo = (
             False  # the kernel's own frames come back: the kernel producer looks at them itself
         )
@@ -90,6 +92,16 @@ class Exchange:
         for can_id, callback in self._subscriptions:
             self.link.unsubscribe(can_id, callback)
         self._subscriptions = []
+
+    def guard(self, *, follows: bool) -> None:
+        """From now on it is trouble when the drive leaves Operation enabled, or no longer takes controlwords (remote,
+        bit 9), or, where it `follows` setpoints (cyclic position, bit 12), no longer does. A bit that is not set now is
+        not watched: not every drive has them."""
+        present = self.statusword or 0
+        may_be_lost = cia402.REMOTE | (cia402.FOLLOWS_COMMAND if follows else 0)
+        self._guarded_bits = _STATE_BITS | (present & may_be_lost)
+        self._guarded_value = _OPERATION_ENABLED | (present & may_be_lost)
+        self.guarded = True
 
     def report(self, error: DriveError) -> None:
         """Note trouble; the first counts."""
@@ -133,8 +145,10 @@ class Exchange:
             recorder = self.recorder
             if recorder is not None:
                 recorder.frames[number].append((len(recorder.sync_times) - 1, message.timestamp, data))
-            if watched and self.guarded and data[offset] & 0x6F != 0x27:
-                self._left_operation(self._status_of(data))
+            if watched and self.guarded:
+                status = data[offset] | data[offset + 1] << 8
+                if status & self._guarded_bits != self._guarded_value:
+                    self._left_operation(status)
             if self.after_tpdo is not None:
                 self.after_tpdo(number)
 
@@ -148,6 +162,14 @@ class Exchange:
             self.report(
                 DriveFaultError(place, f"reported a fault ({shown})", "Remove its cause, then reset it.")
             )
+        elif state is cia402.State.OPERATION_ENABLED and not statusword & cia402.REMOTE:
+            self.report(StateError(
+                place, f"no longer takes commands from the bus (remote, bit 9: {shown}) during the motion",
+                "Who has switched it to local control?"))  # fmt: skip
+        elif state is cia402.State.OPERATION_ENABLED:
+            self.report(StateError(
+                place, f"no longer follows its setpoints (bit 12: {shown}) during the motion",
+                "Look at its limit switches, its limits and its homing."))  # fmt: skip
         else:
             self.report(StateError(
                 place, f'left "Operation enabled" for "{state.value}" ({shown}) during the motion',

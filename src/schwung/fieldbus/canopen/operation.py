@@ -279,7 +279,7 @@ class Operation:
         """Play with the guard up. Trouble, Ctrl-C and defects stop the drive while it is still being recorded."""
         exchange = cyclic.exchange
         exchange.recorder = recorder
-        exchange.guarded = True
+        exchange.guard(follows=cyclic.acquisition.mode == "csp")
         stopped: BaseException | None = None
         try:
             cyclic.producer.play(frames, after, recorder, progress)
