@@ -1,273 +1,254 @@
 """SYNC and setpoints from the kernel: SocketCAN's broadcast manager keeps the time, Python only feeds it.
 
-One task of the broadcast manager sends SYNC; another plays a ring of 256 RPDO frames, whose slots are rewritten ahead
-of where it plays, so that a motion may be longer than the ring. The kernel's own frames come back on the raw socket,
-in order with the answers, and tell where the ring is and which setpoint held at each SYNC. A task waits a period
-after each frame, so that it runs slow by its latency: that is measured before the power stage is on, and taken off.
+One operation of the broadcast manager sends RPDO and SYNC in turn, so that neither can slide against the other, from a
+ring whose slots are rewritten ahead of where it plays: a motion may be longer than the ring. ring.py says what is
+written and why nothing is repeated; here are the time, the threads and the bus. The kernel's own frames come back on
+the raw socket, in order with the answers, and tell where the ring is and which setpoint held at each SYNC. The
+operation waits half a period after each frame, so that it runs slow by its latency: that is measured before the power
+stage is on, and taken off.
 
-If this process dies, the kernel closes its sockets and both tasks end: the drive's heartbeat consumer stops it. If
-it is merely held up, the last slots before the ring would repeat hold quick stop and then disable voltage, after
-which no repeated slot can move the drive.
+If this process dies, the kernel closes its sockets and sending ends: the drive's heartbeat consumer stops it. If it is
+merely held up, the frames that were written ahead end in quick stop, then in silence.
 """
 
 from __future__ import annotations
 
-import contextlib
-import threading
-import time
-from collections.abc import Callable
+import math
 
 import can
 import numpy as np
-from can.broadcastmanager import ModifiableCyclicTaskABC
 
+from schwung.clock import Task
 from schwung.errors import BusError, InputError, StateError
-from schwung.fieldbus import cia402
+from schwung.fieldbus.canopen.bcm import Broadcast, KernelBroadcast, OpenBroadcast, pack
 from schwung.fieldbus.canopen.exchange import SYNC_ID, Exchange
-from schwung.fieldbus.canopen.link import Frame
 from schwung.fieldbus.canopen.output import StopFrame
 from schwung.fieldbus.canopen.recorder import Recorder
+from schwung.fieldbus.canopen.ring import CYCLES, REFILL, Ring, Write
 from schwung.fieldbus.canopen.sync import wait_while_playing
 from schwung.fieldbus.drive import Progress
 
-RING = 256  # frames that one task of the broadcast manager holds
-GUARD = 64  # slots before the wrap that stop the drive if they are ever reached
-REFILL = 64  # slots played between two refills
-_LEAD = 48  # slots between the decision to play and the first setpoint
+GUARD_S = 0.02  # quick stop goes out for so long before silence: one lost frame does not matter
+LEAD_S = 0.1  # what is held before a motion: Python may be late by so much when it begins
 _ECHO_TIMEOUT_S = 1.0
-_CALIBRATION_CYCLES = 200
+_RESTART_S = 0.02  # a stop that is not sent for so long is started anew
+_CALIBRATION_CYCLES, _STALL = 200, 1.25
 _MOST_EXCESS = 0.4  # of the period; a system that is later than that on average cannot keep it
 
 
 class KernelProducer:
-    """RPDO ring and SYNC as two cyclic tasks; see the module."""
+    """RPDO and SYNC from the kernel; see the module. `hold` and `latch` may be called from any thread."""
 
     name = "kernel"
 
-    def __init__(self, exchange: Exchange, period_s: float, stop_frame: StopFrame) -> None:
+    def __init__(
+        self,
+        exchange: Exchange,
+        period_s: float,
+        stop_frame: StopFrame,
+        open_broadcast: OpenBroadcast = KernelBroadcast,
+    ) -> None:
         if abs(period_s * 1e6 - round(period_s * 1e6)) > 1e-6:
             raise InputError(
                 "sample_rate_hz", f"{1 / period_s:g} Hz is no whole number of µs", "Take e.g. 1000."
             )
         self.period_s = period_s
-        self._exchange, self._stop_frame = exchange, stop_frame
-        self.last = b""
+        self._exchange, self._clock, self._open = exchange, exchange.link.clock, open_broadcast
+        self._stop_frame = stop_frame
         self._rpdo_id = exchange.layouts.rpdo.can_id
-        self._offset = exchange.layouts.rpdo.offset("6040:00")
-        self._task: ModifiableCyclicTaskABC | None = None
-        self._sync_task: can.CyclicSendTaskABC | None = None
-        self._write_lock = threading.RLock()
-        self._over = threading.Event()
+        syncs = exchange.sync_frames()
+        self._syncs = [pack(SYNC_ID, bytes(syncs[slot % len(syncs)].data)) for slot in range(CYCLES)]
+        self._interval_us = round(period_s * 1e6 / 2)
+        self._lock = self._clock.lock()  # of all that follows: caller, feeder and reader share it
+        self._ring = self._new_ring(b"")
+        self._broadcast: Broadcast | None = None
+        self._feeder: Task | None = None
+        self._over = self._clock.event()
         self._over.set()
-        self._held = b""
-        self._after = b""
-        self._frames: list[bytes] = []
-        self._first = 0  # count of the ring's first setpoint; counts go on growing, slot = count % RING
-        self._written = 0  # count that was playing when the ring was last written
-        self._played = -1  # count of the last echo
-        self._setpoint = -1
-        self._last_rpdo_s = self._last_sync_s = 0.0
-        self._stamps: tuple[list[float], list[float]] | None = (
-            None  # of RPDO and SYNC, while they are measured
-        )
+        self._rpdo_s = math.inf  # date of the last echo
+        self._stamps: list[float] | None = None  # of SYNC, while it is measured
+
+    @property
+    def last(self) -> bytes:
+        """The RPDO that went out last, as far as it was seen; empty before the first."""
+        return self._ring.last
 
     def start(self, frame: bytes) -> None:
+        """Begin the exchange, holding this frame. Raises BusError where the kernel does not play or falters."""
         exchange = self._exchange
-        self._held, self._frames = frame, []
         exchange.expecting_echo = True
+        with self._lock:
+            self._ring, self._rpdo_s = self._new_ring(frame), math.inf
+            self._interval_us = round(self.period_s * 1e6 / 2)
+            self._broadcast = self._open(str(getattr(exchange.link.bus, "channel", exchange.link.name)))
         exchange.link.subscribe(self._rpdo_id, self._on_rpdo)
         exchange.link.subscribe(SYNC_ID, self._on_sync)
-        self._start_tasks(frame, self.period_s, self.period_s)
-        excess = self._measure_excess()
-        self._stop_tasks()
-        time.sleep(4 * self.period_s)
-        self._start_tasks(frame, self.period_s - excess[0], self.period_s - excess[1])
+        self._send(self._ring.again())
+        excess_s = self._measure_excess()
+        with self._lock:
+            self._interval_us = round((self.period_s - excess_s) * 1e6 / 2)
+            if not self._ring.latched:  # by another thread meanwhile
+                self._send(self._ring.hold(frame, self._ring.played))
+        self._feeder = self._clock.every(REFILL / 2 * self.period_s, self._feed, "schwung setpoints")
 
     def hold(self, frame: bytes) -> None:
-        with self._write_lock:
-            self._held, self._frames, self._setpoint = frame, [], -1
-            self._write()
-        self._over.set()
+        """Hold this frame from now on; a playback under way is given up. From any thread.
+
+        Raises StateError for one that would energise while a stop is latched.
+        """
+        with self._lock:
+            if not self._ring.admits(frame):
+                raise self._is_latched()
+            self._write(self._ring.hold(frame, self._position()))
+            self._over.set()
 
     def latch(self, controlword: int) -> None:
-        self.hold(self._stop_frame.frame(self.last or self._held, controlword))
+        """Send the last frame that went out again and again, with this controlword and without injected torque.
 
-    def release(self) -> None: ...
+        From any thread, and until `release`: nothing that is held or played meanwhile energises.
+        """
+        with self._lock:
+            self._write(self._ring.latch(controlword, self._position()))
+            self._over.set()
+
+    def release(self) -> None:
+        """End `latch`: what is held stays until something else is."""
+        with self._lock:
+            self._ring.latched = False
 
     def pump(self, duration_s: float) -> bool:
+        """Let so much time pass; False when the drive does not answer."""
         count = self._exchange.answer_count
-        time.sleep(max(duration_s, 3 * self.period_s))
+        self._clock.sleep(max(duration_s, 3 * self.period_s))
         return self._exchange.answer_count > count
 
     def play(self, frames: list[bytes], after: bytes, recorder: Recorder, progress: Progress | None) -> None:
-        self._over.clear()
-        with self._write_lock:
-            self._frames, self._after = frames, after
-            self._setpoint = -1
-            self._first = self._played + _LEAD
-            self._write()
-        feeder = threading.Thread(target=self._feed, name="schwung setpoints", daemon=True)
-        feeder.start()
+        """Play one frame per SYNC, then hold `after`; returns when all is answered, given up, or in trouble.
+
+        Raises StateError where a stop is latched, or another motion has not been given up.
+        """
+        with self._lock:
+            if self._ring.latched:
+                raise self._is_latched()
+            if self._ring.playing:
+                raise StateError(self._place, "still plays another motion", "Stop it first.")
+            self._over.clear()
+            self._write(self._ring.play(frames, after))
         wait_while_playing(self._over.is_set, self._exchange, recorder, len(frames), progress)
-        time.sleep(4 * self.period_s)  # answers that come late
-        if self._setpoint == len(frames):
-            self.hold(after)
-        feeder.join(1.0)
+        if self._exchange.trouble is None:
+            self._clock.sleep(4 * self.period_s)  # answers that come late
+            self._feed()  # `after`, without end
 
     def stop(self) -> None:
-        self._over.set()
-        self._stop_tasks()
+        """End the exchange."""
+        with self._lock:
+            self._over.set()
+            broadcast, self._broadcast = self._broadcast, None
+            feeder, self._feeder = self._feeder, None
+            if broadcast is not None:
+                broadcast.close()
+        if feeder is not None:
+            feeder.close()
         self._exchange.link.unsubscribe(self._rpdo_id, self._on_rpdo)
         self._exchange.link.unsubscribe(SYNC_ID, self._on_sync)
         self._exchange.expecting_echo = False
 
-    def _start_tasks(self, frame: bytes, rpdo_period_s: float, sync_period_s: float) -> None:
-        """Ring of held frames, and SYNC half a period later."""
-        self._played = -1
-        task = self._start_task([Frame(self._rpdo_id, frame)] * RING, rpdo_period_s)
-        if not isinstance(task, ModifiableCyclicTaskABC):
-            raise BusError(self._exchange.link.name, "its cyclic tasks cannot be changed", "Use a thread.")
-        self._task = task
-        self._wait_echo(self._rpdo_stamp, "RPDO")
-        time.sleep(self.period_s / 2)
-        self._sync_task = self._start_task(self._exchange.sync_frames(), sync_period_s)
-        self._wait_echo(self._sync_stamp, "SYNC")
-
-    def _start_task(self, frames: list[Frame], period_s: float) -> can.CyclicSendTaskABC:
-        whole = round(period_s * 1e6) / 1e6 + 1e-9  # python-can cuts to whole microseconds
-        try:
-            return self._exchange.link.bus.send_periodic(list(frames), whole, store_task=False)
-        except (can.CanError, OSError) as error:
-            raise BusError(
-                self._exchange.link.name, f"no cyclic task ({error})", "Is can-bcm there?"
-            ) from error
-
-    def _stop_tasks(self) -> None:
-        for task in (self._task, self._sync_task):
-            if task is not None:
-                with contextlib.suppress(can.CanError, OSError):
-                    task.stop()
-        self._task = self._sync_task = None
-
-    def _measure_excess(self) -> tuple[float, float]:
-        """By how much the intervals of both tasks exceed the period (s), single stalls left out."""
-        rpdo: list[float] = []
-        sync: list[float] = []
-        self._stamps = (rpdo, sync)
-        deadline = time.monotonic() + 3 * _CALIBRATION_CYCLES * self.period_s + _ECHO_TIMEOUT_S
-        while len(sync) < _CALIBRATION_CYCLES:
-            if time.monotonic() > deadline:
-                raise BusError(
-                    self._exchange.link.name, "the kernel's SYNC falters", "Lower the sample rate."
-                )
-            time.sleep(10 * self.period_s)
-        self._stamps = None
-        return self._excess(rpdo), self._excess(sync)
-
-    def _excess(self, stamps: list[float]) -> float:
-        intervals = np.sort(np.diff(stamps))
-        usual = float(np.mean(intervals[: int(0.98 * intervals.size)]))
-        return min(max(usual - self.period_s, 0.0), _MOST_EXCESS * self.period_s)
-
-    def _rpdo_stamp(self) -> float:
-        return self._last_rpdo_s
-
-    def _sync_stamp(self) -> float:
-        return self._last_sync_s
-
-    def _wait_echo(self, stamp: Callable[[], float], what: str) -> None:
-        before, deadline = stamp(), time.monotonic() + _ECHO_TIMEOUT_S
-        while stamp() == before:
-            if time.monotonic() > deadline:
-                raise BusError(
-                    self._exchange.link.name,
-                    f"{what} frames of the kernel do not come back",
-                    "Leave local_loopback on; is the interface up, does anybody acknowledge frames?",
-                )
-            time.sleep(self.period_s / 10)
-
-    def _content(self, count: int) -> bytes:
-        """The frame that belongs at a count of the ring, were Python never late."""
-        if not self._frames or count < self._first:
-            return self._held
-        index = count - self._first
-        return self._frames[index] if index < len(self._frames) else self._after
-
-    def _write(self) -> None:
-        """Write the next RING slots; the lock is held. Slots that are about to play are rewritten as they were."""
-        task, begin = self._task, self._played + 1
-        if task is None:
-            return
-        slots: list[Frame] = [Frame(self._rpdo_id, b"")] * RING
-        moving_until = self._first + len(self._frames) if self._frames else begin
-        for ahead in range(RING):
-            count = begin + ahead
-            data = self._content(count)
-            if ahead >= RING - GUARD and self._first <= count < moving_until:
-                data = self._stopping(data, last=ahead == RING - 1)
-            slots[count % RING] = Frame(self._rpdo_id, data)
-        self._written = begin
-        try:
-            task.modify_data(list(slots))
-        except (can.CanError, OSError, ValueError) as error:
-            self._exchange.report(BusError(self._exchange.link.name, f"no refill ({error})", "Is it up?"))
-
-    def _stopping(self, data: bytes, *, last: bool) -> bytes:
-        word = cia402.DISABLE_VOLTAGE if last else cia402.QUICK_STOP
-        return data[: self._offset] + word.to_bytes(2, "little") + data[self._offset + 2 :]
+    # ── feeding ──────────────────────────────────────────────────────────────────────────────────────────────────
 
     def _feed(self) -> None:
-        while not self._over.wait(self.period_s * REFILL / 8):
-            if self._exchange.trouble is not None:
-                return
-            with self._write_lock:
-                if self._frames and self._played - self._written >= REFILL:
-                    self._write()
+        """Append setpoints; see that a stop is sent."""
+        with self._lock:
+            ring, position = self._ring, self._position()
+            if ring.playing:
+                if self._exchange.trouble is None:
+                    self._write(ring.refill(position))
+            elif ring.latched and position - ring.played > max(2, _RESTART_S / self.period_s):
+                self._write(ring.again())
+
+    def _write(self, write: Write | None) -> None:
+        """Hand it to the kernel, look how late it was, and report what fails; the lock is held."""
+        if write is None:
+            return
+        try:
+            self._send(write)
+            undone = self._ring.landed(self._position())
+            if undone is not None:
+                self._send(undone)
+        except BusError as error:
+            self._exchange.report(error)
+        if self._ring.held_up:
+            self._held_up()
+
+    def _held_up(self) -> None:
+        self._ring.held_up = False
+        late_s = (self._position() - self._ring.played + self._ring.unfed) * self.period_s
+        problem = f"was stopped: this program was held up for {late_s:.2f} s"
+        self._exchange.report(StateError(self._place, problem, "Free the processor of other work."))
+        self._over.set()
+
+    def _send(self, write: Write) -> None:
+        frames = b"".join(
+            part
+            for rpdo, sync in zip(write.slots, self._syncs, strict=True)
+            for part in (pack(self._rpdo_id, rpdo), sync)
+        )
+        if self._broadcast is not None:
+            self._broadcast.write(frames, self._interval_us, write.frames, start=write.start)
+
+    def _position(self) -> int:
+        """Cycle of the last RPDO that the kernel has sent, by when the last echo was stamped."""
+        late_s = self._clock.date() - self._rpdo_s
+        return self._ring.played + (int(late_s / self.period_s) if late_s > 0 else 0)
+
+    # ── what comes back ──────────────────────────────────────────────────────────────────────────────────────────
 
     def _on_rpdo(self, message: can.Message) -> None:
-        self._last_rpdo_s = message.timestamp
-        if self._stamps is not None:
-            self._stamps[0].append(message.timestamp)
-        self._played += 1
-        self.last = bytes(message.data)
-        frames = self._frames
-        if not frames:
-            return
-        if message.data != self._content(self._played):
-            self._unexpected(message)
-        index = self._played - self._first
-        if index >= 0:
-            self._setpoint = min(index, len(frames))
-
-    def _unexpected(self, message: can.Message) -> None:
-        """An echo was lost, the guard was reached, or somebody else speaks."""
-        for skipped in range(1, 9):
-            if message.data == self._content(self._played + skipped):
-                self._played += skipped
+        with self._lock:
+            ring, data = self._ring, bytes(message.data)
+            if not ring.sent(data):
+                if ring.playing:
+                    self._exchange.report_foreign(message)
                 return
-        exchange = self._exchange
-        word = int.from_bytes(message.data[self._offset : self._offset + 2], "little")
-        if self._played - self._written >= RING - GUARD - 8 and word in (
-            cia402.QUICK_STOP,
-            cia402.DISABLE_VOLTAGE,
-        ):
-            exchange.report(StateError(
-                f"node {exchange.node_id}",
-                f"was stopped: this program was held up for {(self._played - self._written) * self.period_s:.2f} s",
-                "Free the processor of other work."))  # fmt: skip
-        else:
-            self._played -= 1  # not one of ours
-            exchange.report_foreign(message)
+            self._rpdo_s = message.timestamp
+            if ring.met_guard:
+                self._write(ring.give_up(self._position()))
 
     def _on_sync(self, message: can.Message) -> None:
-        self._last_sync_s = message.timestamp
-        if self._stamps is not None:
-            self._stamps[1].append(message.timestamp)
-        exchange = self._exchange
-        exchange.sync_count += 1
-        frames, setpoint = self._frames, self._setpoint
-        recorder = exchange.recorder
-        if recorder is not None:
-            recorder.sync(message.timestamp, exchange.sync_count, setpoint if setpoint < len(frames) else -1)
-        if frames and setpoint == len(frames):
-            self._over.set()
+        with self._lock:
+            exchange, ring = self._exchange, self._ring
+            exchange.sync_count += 1
+            if self._stamps is not None:
+                self._stamps.append(message.timestamp)
+            if exchange.recorder is not None:
+                exchange.recorder.sync(message.timestamp, exchange.sync_count, ring.setpoint)
+            if ring.over:
+                self._over.set()
+
+    def _measure_excess(self) -> float:
+        """By how much SYNC's intervals exceed the period (s), stalls of a busy computer left out. Raises BusError."""
+        stamps: list[float] = []
+        self._stamps = stamps
+        name = self._exchange.link.name
+        if not self._clock.wait(lambda: bool(stamps), _ECHO_TIMEOUT_S):
+            remedy = "Leave local_loopback on; is the interface up, does anybody acknowledge frames?"
+            raise BusError(name, "the kernel's frames do not come back", remedy)
+        patience_s = 3 * _CALIBRATION_CYCLES * self.period_s
+        if not self._clock.wait(lambda: len(stamps) > _CALIBRATION_CYCLES, patience_s):
+            raise BusError(name, "the kernel's SYNC falters", "Lower the sample rate.")
+        self._stamps = None
+        intervals = np.diff(stamps)
+        usual = intervals[intervals < _STALL * np.median(intervals)]
+        return min(max(float(np.mean(usual)) - self.period_s, 0.0), _MOST_EXCESS * self.period_s)
+
+    # ── within ───────────────────────────────────────────────────────────────────────────────────────────────────
+
+    @property
+    def _place(self) -> str:
+        return f"node {self._exchange.node_id}"
+
+    def _is_latched(self) -> StateError:
+        return StateError(self._place, "was stopped on request (halt)", "Start it anew.")
+
+    def _new_ring(self, held: bytes) -> Ring:
+        guard, lead = (max(4, math.ceil(duration_s / self.period_s)) for duration_s in (GUARD_S, LEAD_S))
+        return Ring(self._stop_frame, held, min(guard, CYCLES // 4), lead)
