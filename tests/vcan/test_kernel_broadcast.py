@@ -6,8 +6,6 @@ docs/decisions/0002-setpoints-in-a-kernel-ring.md draws its conclusions from the
 from __future__ import annotations
 
 import signal
-import socket
-import struct
 import subprocess
 import sys
 import time
@@ -19,12 +17,15 @@ import numpy as np
 import pytest
 from can.broadcastmanager import ModifiableCyclicTaskABC
 
+from schwung.fieldbus.canopen.bcm import KernelBroadcast, pack
+
 pytestmark = pytest.mark.vcan
 
 OpenBus = Callable[[], can.BusABC]
 Measured = Callable[[str, str], None]
 
 PERIOD_S = 0.001
+PERIOD_US, SLOW_US = 1000, 20_000
 RING = 256  # MAX_NFRAMES of the kernel
 RPDO, SYNC = 0x201, 0x80
 
@@ -76,31 +77,18 @@ def spread(intervals: np.ndarray) -> str:
     )
 
 
-class Broadcast:
+@contextmanager
+def broadcast(channel: str) -> Iterator[KernelBroadcast]:
     """One operation of the BCM, for what python-can lacks: mixed identifiers, a count that is renewed."""
+    operation = KernelBroadcast(channel)
+    try:
+        yield operation
+    finally:
+        operation.close()
 
-    SETUP, SET_TIMER, START_TIMER = 1, 0x1, 0x2
 
-    def __init__(self, channel: str) -> None:
-        self.socket = socket.socket(socket.AF_CAN, socket.SOCK_DGRAM, socket.CAN_BCM)
-        self.socket.connect((channel,))
-
-    def setup(
-        self, frames: Sequence[can.Message], period_s: float, count: int = 0, start: bool = True
-    ) -> None:
-        """Play `frames` round; with a count, so many frames and then no more."""
-        period = (0, round(period_s * 1e6))
-        first, then = (period, (0, 0)) if count else ((0, 0), period)
-        flags = self.SET_TIMER | (self.START_TIMER if start else 0)
-        head = struct.pack("@IIIllllII0q", self.SETUP, flags, count, *first, *then, RPDO, len(frames))
-        body = b"".join(struct.pack("=IB3x8s", m.arbitration_id, m.dlc, bytes(m.data)) for m in frames)
-        self.socket.send(head + body)
-
-    def __enter__(self) -> Broadcast:
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        self.socket.close()
+def packed(frames: Sequence[can.Message]) -> bytes:
+    return b"".join(pack(m.arbitration_id, bytes(m.data)) for m in frames)
 
 
 def test_ring_of_256_plays_in_order_and_wraps(open_bus: OpenBus, measured: Measured) -> None:
@@ -192,13 +180,69 @@ def test_ring_goes_on_when_its_process_only_hangs(open_bus: OpenBus, vcan_channe
 
 def test_a_count_ends_the_ring_unless_it_is_renewed(open_bus: OpenBus, vcan_channel: str) -> None:
     listener = open_bus()
-    with Broadcast(vcan_channel) as broadcast:
-        broadcast.setup(ring(), PERIOD_S, count=200)
+    with broadcast(vcan_channel) as operation:
+        operation.write(packed(ring()), PERIOD_US, 200, start=True)
         first = receive(listener, 50)
-        broadcast.setup(ring(), PERIOD_S, count=300, start=False)
+        operation.write(packed(ring()), PERIOD_US, 300)
         played = values([*first, *until_silent(listener)])
     np.testing.assert_array_equal(played, np.arange(played.size) % RING)  # no gap, index kept
     assert 350 <= played.size <= 500  # 300 from the renewal on, which came after frame 50 and before 200
+
+
+def test_a_count_counts_from_when_it_is_written(open_bus: OpenBus, vcan_channel: str) -> None:
+    """A write that comes late ends the ring so much later: slots behind its end have to stop the drive, too."""
+    listener = open_bus()
+    with broadcast(vcan_channel) as operation:
+        operation.write(packed(ring()), PERIOD_US, 200, start=True)
+        first = receive(listener, 40)
+        begun = time.time()
+        operation.write(packed(ring()), PERIOD_US, 50)
+        written = time.time()
+        messages = [*first, *until_silent(listener)]
+    np.testing.assert_array_equal(values(messages), np.arange(len(messages)))
+    stamps = np.array([message.timestamp for message in messages])
+    assert np.count_nonzero(stamps > written) <= 50 <= np.count_nonzero(stamps > begun)
+
+
+def test_a_write_after_the_count_was_used_up_sends_nothing(open_bus: OpenBus, vcan_channel: str) -> None:
+    """So a feeder that hung replays nothing, whatever it writes; and a stop starts the ring where it ended."""
+    listener = open_bus()
+    with broadcast(vcan_channel) as operation:
+        operation.write(packed(ring()), PERIOD_US, 20, start=True)
+        assert len(until_silent(listener)) == 20
+        operation.write(packed(ring(offset=1000)), PERIOD_US, 30)
+        operation.write(packed(ring(offset=2000)), PERIOD_US, None)
+        assert until_silent(listener) == []
+        operation.write(packed(ring(offset=3000)), PERIOD_US, 10, start=True)
+        np.testing.assert_array_equal(values(until_silent(listener)), 3020 + np.arange(10))
+
+
+def test_a_running_ring_is_limited_and_unlimited_without_a_gap(open_bus: OpenBus, vcan_channel: str) -> None:
+    listener = open_bus()
+    messages: list[can.Message] = []
+    with broadcast(vcan_channel) as operation:
+        operation.write(packed(ring()), PERIOD_US, None, start=True)
+        for turn in range(40):
+            messages += receive(listener, 17)
+            operation.write(packed(ring()), PERIOD_US, None if turn % 2 else 200)
+        messages += receive(listener, 50)
+    np.testing.assert_array_equal(values(messages), np.arange(len(messages)) % RING)
+    assert intervals_ms(messages).min() > 0.5
+
+
+def test_start_sends_at_once_and_keeps_the_place(open_bus: OpenBus, vcan_channel: str) -> None:
+    """What a stop does where it cannot know whether the ring still runs: one interval is short, no more."""
+    listener = open_bus()
+    with broadcast(vcan_channel) as operation:
+        operation.write(packed(ring()), SLOW_US, None, start=True)
+        messages = receive(listener, 20)
+        began = time.monotonic()
+        operation.write(packed(ring()), SLOW_US, None, start=True)
+        messages += receive(listener, 1)
+        assert time.monotonic() - began < SLOW_US * 1e-6
+        messages += receive(listener, 20)
+    np.testing.assert_array_equal(values(messages), np.arange(41))
+    assert np.count_nonzero(intervals_ms(messages) < 0.9 * SLOW_US * 1e-3) == 1
 
 
 def test_setpoints_and_sync_in_one_ring_stay_in_step(
@@ -206,8 +250,8 @@ def test_setpoints_and_sync_in_one_ring_stay_in_step(
 ) -> None:
     listener = open_bus()
     pairs = [frame(i // 2, SYNC if i % 2 else RPDO) for i in range(RING)]
-    with Broadcast(vcan_channel) as broadcast:
-        broadcast.setup(pairs, PERIOD_S / 2)
+    with broadcast(vcan_channel) as operation:
+        operation.write(packed(pairs), PERIOD_US // 2, None, start=True)
         messages = receive(listener, 6 * RING)
     assert [message.arbitration_id for message in messages[0::2]] == [RPDO] * (3 * RING)
     assert [message.arbitration_id for message in messages[1::2]] == [SYNC] * (3 * RING)
@@ -239,10 +283,10 @@ def test_two_rings_of_one_period_keep_their_own_time(open_bus: OpenBus, measured
 
 def test_the_period_can_be_trimmed_while_it_plays(open_bus: OpenBus, vcan_channel: str) -> None:
     listener = open_bus()
-    with Broadcast(vcan_channel) as broadcast:
-        broadcast.setup(ring(), 4 * PERIOD_S)
+    with broadcast(vcan_channel) as operation:
+        operation.write(packed(ring()), 4 * PERIOD_US, None, start=True)
         slow = receive(listener, 40)
-        broadcast.setup(ring(), 2 * PERIOD_S, start=False)
+        operation.write(packed(ring()), 2 * PERIOD_US, None)
         receive(listener, 20)
         fast = receive(listener, 40)
     assert np.median(intervals_ms(slow)) == pytest.approx(4, abs=0.5)

@@ -2,19 +2,29 @@
 
 from __future__ import annotations
 
+import contextlib
+import multiprocessing
+import os
+import signal
+import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 
+import can
 import numpy as np
 import pytest
 
+from schwung.errors import DriveError
+from schwung.fieldbus import cia402
 from schwung.fieldbus.canopen import BusOptions, CanopenDrive, open_bus
-from schwung.fieldbus.drive import Acquisition, Recording, Setpoints, Sine
+from schwung.fieldbus.canopen.exchange import SYNC_ID
+from schwung.fieldbus.drive import Acquisition, ParameterValue, Recording, Setpoints, Sine
 from schwung.fieldbus.profile import load_profile
 
 pytestmark = pytest.mark.vcan
 
 RATE_HZ = 200.0
+RPDO = 0x205
 Measured = Callable[[str, str], None]
 
 #: By the bench's clock; one bench for all tests of the same.
@@ -55,12 +65,7 @@ def figures(recording: Recording) -> str:
     return f"{t.producer}: {count} samples, {lost} lost, period {t.period_s * 1e3:.4f} ms, {jitter}; {recording.notes}"
 
 
-@pytest.mark.parametrize(
-    ("bench_channel", "sync"), [("wall", "auto"), ("sync", "kernel")], indirect=["bench_channel"]
-)
-def test_a_motion_longer_than_the_ring_is_played_by_the_kernel(
-    bench_channel: str, sync: str, measured: Measured
-) -> None:
+def _plays_more_than_the_ring_holds(bench_channel: str, sync: str, measured: Measured) -> None:
     with enabled(bench_channel, RATE_HZ, sync) as drive:
         setpoints = stroke(600, RATE_HZ)
         recording = drive.play(setpoints)
@@ -74,14 +79,11 @@ def test_a_motion_longer_than_the_ring_is_played_by_the_kernel(
     assert np.max(np.abs((recording.position_rad - recording.position_demand_rad)[good])) < 0.02
 
 
-@BY_SYNC
-def test_lockstep_over_the_kernels_bus_loses_nothing(bench_channel: str, measured: Measured) -> None:
-    with enabled(bench_channel, 1000.0, "auto") as drive:
-        recording = drive.play(stroke(1000, 1000.0))
-    measured("motion at 1 kHz, lockstep", figures(recording))
-    assert recording.timing.producer == "lockstep"
-    assert recording.lost.size == 0
-    assert np.max(np.abs(recording.position_rad - recording.position_demand_rad)) < 0.02
+@ON_THE_WALL
+def test_a_motion_longer_than_the_ring_is_played_by_the_kernel(
+    bench_channel: str, measured: Measured
+) -> None:
+    _plays_more_than_the_ring_holds(bench_channel, "auto", measured)
 
 
 @pytest.mark.timeout(240)
@@ -118,3 +120,107 @@ def test_the_drives_trace_starts_with_the_motion_that_the_kernel_plays(
         np.max(np.abs(off[first])) < 2e-3 + 0.5 * worst
     )  # at up to 0.5 rad/s: a setpoint's time off would be more
     assert np.ptp(recording.torque_added_nm) == pytest.approx(40.0, rel=0.05)
+
+
+FAST_HZ = 500.0
+STAY_IN_QUICK_STOP = 6  # of 605A: an enabling controlword would lead straight back to Operation enabled
+
+
+def _play_for_long(channel: str) -> None:
+    """The tool, in a process of its own, which will be stopped while it plays."""
+    acquisition = Acquisition("csp", FAST_HZ, heartbeat_s=1.0)  # the drive waits for three
+    with contextlib.suppress(DriveError), enabled(channel, FAST_HZ, "auto", acquisition) as drive:
+        drive.play(stroke(1500, FAST_HZ))
+    os._exit(0)
+
+
+def _set_option(channel: str, value: int) -> float:
+    """605A; returns the position's resolution (rad)."""
+    bus = open_bus(BusOptions("socketcan", channel))
+    with contextlib.closing(CanopenDrive(bus, 5, load_profile("schwung-bench"), sdo_timeout_s=2.0)) as drive:
+        drive.write([ParameterValue(drive.parameter(0x605A), value)])
+        resolution_rad = drive.resolution().position_rad
+    bus.shutdown()
+    return resolution_rad
+
+
+@ON_THE_WALL
+def test_a_program_that_hangs_for_a_second_leaves_a_drive_that_stays_stopped(
+    bench_channel: str, measured: Measured
+) -> None:
+    """Two operations that slid, and a ring that went round: that one enabled the drive anew, half a turn back."""
+    resolution_rad = _set_option(bench_channel, STAY_IN_QUICK_STOP)
+    high = round(0.01 / resolution_rad)
+    with can.Bus(interface="socketcan", channel=bench_channel) as listener:
+        tool = multiprocessing.get_context("fork").Process(target=_play_for_long, args=(bench_channel,))
+        tool.start()
+        assert tool.pid is not None
+        frames: list[can.Message] = []
+
+        def listen(until: Callable[[can.Message], bool], for_s: float) -> bool:
+            end = time.monotonic() + for_s
+            while time.monotonic() < end:
+                message = listener.recv(0.05)
+                if message is not None:
+                    frames.append(message)
+                    if until(message):
+                        return True
+            return False
+
+        try:
+            assert listen(lambda m: m.arbitration_id == RPDO and _target(m) > high, 60), "nothing moves"
+            os.kill(tool.pid, signal.SIGSTOP)
+            hung_s = time.time()
+            listen(lambda _m: False, 1.0)
+            back_s = time.time()
+            os.kill(tool.pid, signal.SIGCONT)
+            switched_off = listen(lambda m: m.arbitration_id == RPDO and _word(m) == 0, 20)
+            tool.join(20)
+        finally:
+            tool.kill()
+            tool.join()
+    _set_option(bench_channel, 2)
+    sent = [m for m in frames if m.arbitration_id == RPDO]
+    stop = next(i for i, m in enumerate(sent) if _word(m) == cia402.QUICK_STOP and m.timestamp > hung_s)
+    assert [m for m in sent[stop:] if _word(m) & 0x0F == 0x0F] == [], "a stop was undone"
+    targets = np.array([_target(m) for m in sent[: stop + 1]])
+    steps = np.diff(targets[np.argmax(targets > high // 10) :])  # on the way there
+    assert np.all(steps >= 0), "a stretch was repeated"
+    assert np.max(steps) <= 1.01 * np.max(np.diff(stroke(1500, FAST_HZ).position_rad)) / resolution_rad
+    assert _target(sent[stop]) == _target(sent[stop - 1])
+    silent = [m for m in frames if sent[stop].timestamp + 0.05 < m.timestamp < back_s]
+    assert [m for m in silent if m.arbitration_id in (RPDO, SYNC_ID)] == []
+    states = [
+        cia402.decode(int.from_bytes(m.data[:2], "little"))
+        for m in frames
+        if m.arbitration_id == 0x185 and m.timestamp > sent[stop].timestamp + 0.01
+    ]
+    assert cia402.State.QUICK_STOP_ACTIVE in states
+    assert cia402.State.OPERATION_ENABLED not in states
+    assert switched_off, "once it was back, it did not switch the drive off"
+    measured("a program that hung", f"quick stop {sent[stop].timestamp - hung_s:.3f} s later, then silence")
+
+
+def _word(message: can.Message) -> int:
+    return int.from_bytes(message.data[:2], "little")
+
+
+def _target(message: can.Message) -> int:
+    return int.from_bytes(message.data[2:6], "little", signed=True)
+
+
+@BY_SYNC
+def test_a_drive_whose_time_is_sync_is_played_to_by_the_kernel_just_as_well(
+    bench_channel: str, measured: Measured
+) -> None:
+    _plays_more_than_the_ring_holds(bench_channel, "kernel", measured)
+
+
+@BY_SYNC
+def test_lockstep_over_the_kernels_bus_loses_nothing(bench_channel: str, measured: Measured) -> None:
+    with enabled(bench_channel, 1000.0, "auto") as drive:
+        recording = drive.play(stroke(1000, 1000.0))
+    measured("motion at 1 kHz, lockstep", figures(recording))
+    assert recording.timing.producer == "lockstep"
+    assert recording.lost.size == 0
+    assert np.max(np.abs(recording.position_rad - recording.position_demand_rad)) < 0.02
