@@ -71,7 +71,7 @@ def test_halt_from_elsewhere_ends_the_motion() -> None:
         with pytest.raises(StateError, match="halt") as raised:
             drive.play(LONG)
         assert partial_recording(raised.value) is not None
-        assert bench.servo.power.state is Power.QUICK_STOP_ACTIVE
+        assert bench.servo.power.state is Power.SWITCH_ON_DISABLED  # by itself, when it stands (605A = 2)
         assert abs(bench.axis.speed_rad_s) < 0.05
 
 
@@ -131,7 +131,7 @@ def test_an_observer_that_fails_stops_the_drive_and_keeps_the_recording() -> Non
         recording = partial_recording(raised.value)
         assert recording is not None
         assert recording.position_rad.size > 300
-        assert bench.servo.power.state is Power.QUICK_STOP_ACTIVE
+        assert bench.servo.power.state is Power.SWITCH_ON_DISABLED  # by itself, when it stands (605A = 2)
 
 
 def test_an_interrupt_stops_the_drive_and_keeps_the_recording() -> None:
@@ -145,7 +145,7 @@ def test_an_interrupt_stops_the_drive_and_keeps_the_recording() -> None:
         recording = partial_recording(raised.value)
         assert recording is not None
         assert recording.position_rad.size > 300
-        assert bench.servo.power.state is Power.QUICK_STOP_ACTIVE
+        assert bench.servo.power.state is Power.SWITCH_ON_DISABLED  # by itself, when it stands (605A = 2)
         drive.disable()
         assert not bench.servo.power.energised
 

@@ -99,7 +99,7 @@ def test_a_type_that_is_not_the_standards_is_a_warning(folder: Path) -> None:
     ("old", "new", "place", "told"),
     [
         ("number = 2", "number = 9", "pdo[3] (tpdo 9)", "the drive has 4 tpdos"),
-        ('object = "605A:00", value = 6', 'object = "605A:00", value = 99999', "stop.quick_stop_option", "is outside"),
+        ('object = "605A:00", value = 2', 'object = "605A:00", value = 99999', "stop.quick_stop_option", "is outside"),
         ("product_code = 0x00000402", "product_code = 3", "identity.product_code", "the EDS is of 0x00000402"),
         ('[export.host_played]                    # or the host plays the table at SYNC rate\nobject = "60B2:00"',
          '[export.host_played]\nobject = "60B1:00"', "export.host_played.object", "no rpdo carries 60B1:00"),

@@ -169,7 +169,9 @@ class GoldenDrive:
         if rpdo in self.pdos:
             return self.pdos[rpdo]
         first, *rest = next(iter(self.pdos.values()))
-        return [self.answers[sdo("40 41 60 00")][4:6] + first[2:], *rest]
+        told = self.answers[sdo("40 41 60 00")][4:6]
+        in_operation = told[0] & 0x6F == first[0] & 0x6F  # then with the sample's further bits: it follows (bit 12)
+        return [first if in_operation else told + first[2:], *rest]
 
 
 def _frame(can_id: int, data: bytes) -> can.Message:

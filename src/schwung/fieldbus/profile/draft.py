@@ -35,7 +35,7 @@ _NOT_STANDARD = {
     "control gains": "controller gains with a unit",
 }
 _STOPS = (
-    ("quick_stop_option", 0x605A, 6, "on the quick-stop ramp, stay in quick stop active"),
+    ("quick_stop_option", 0x605A, 2, "on the quick-stop ramp, then off: when we die nothing stays energised"),
     ("connection_lost", 0x6007, 3, "quick stop"),
     ("fault_reaction", 0x605E, 2, "on the quick-stop ramp"),
 )
