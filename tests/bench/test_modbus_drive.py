@@ -120,7 +120,9 @@ def test_what_playing_changes_is_as_before_and_was_announced() -> None:
 
 
 def test_setup_tightens_what_the_drive_keeps() -> None:
-    guard = Guard(-1.0, 2.0, torque_max_nm=50.0, following_error_rad=0.2)
+    guard = Guard(
+        -1.0, 2.0, torque_max_nm=50.0, following_error_rad=0.2, following_error_time_s=0.004, speed_max_rad_s=12.0
+    )  # fmt: skip
     with modbus_desk() as room:
         wanted = replace(room.acquisition(), guard=guard)
         room.drive.write(room.drive.setup(wanted))
@@ -129,6 +131,8 @@ def test_setup_tightens_what_the_drive_keeps() -> None:
         assert limits.position_max_rad == pytest.approx(2.0, abs=1e-5)
         assert limits.torque_max_nm == pytest.approx(50.0)
         assert limits.following_error_rad == pytest.approx(0.2, abs=1e-5)
+        assert limits.following_error_time_s == pytest.approx(0.004)
+        assert limits.speed_max_rad_s == pytest.approx(12.0, abs=1e-3)
         assert room.drive.setup(wanted) == []
         room.drive.start(wanted)
         room.drive.enable()

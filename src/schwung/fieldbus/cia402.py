@@ -73,6 +73,9 @@ ENERGISED = (State.OPERATION_ENABLED, State.QUICK_STOP_ACTIVE, State.FAULT_REACT
 #: The power stage is off, and stays so whatever a single controlword that enables operation says.
 OFF = (State.SWITCH_ON_DISABLED, State.NOT_READY, State.FAULT)
 
+#: The power stage is off, and could be switched on.
+WAITING = (State.SWITCH_ON_DISABLED, State.READY)
+
 _ABOVE_READY = (State.SWITCHED_ON, State.OPERATION_ENABLED)
 
 
@@ -137,7 +140,7 @@ def why_stuck(
         return Reason("does not show its statusword (6041)", "Is this the profile of this drive?")
     state = decode(statusword)
     faulty = state in (State.FAULT, State.FAULT_REACTION)
-    waiting = state in (State.SWITCH_ON_DISABLED, State.READY)
+    waiting = state in WAITING
     told = f" ({error})" if error else ""
     preconditions = (
         (not faulty, f"a fault is present{told}", "Remove its cause, then reset the fault."),

@@ -13,6 +13,7 @@ from typing import Any, Literal, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from schwung.clock import Clock
 from schwung.motion import Array
 
 OperatingMode = Literal["csp", "pp"]
@@ -36,15 +37,25 @@ class DriveIdentity:
 
 @dataclass(frozen=True)
 class DriveLimits:
-    """What the drive enforces by itself; None where it cannot say. SI, motor side."""
+    """What the drive enforces by itself, and what changes the meaning of that; None where it cannot say. SI, motor
+    side."""
 
-    position_min_rad: float | None  # 607D:01
+    position_min_rad: float | None  # 607D:01, in the frame of the position, see `home_offset_rad`
     position_max_rad: float | None  # 607D:02
     speed_max_rad_s: float | None  # 6080
     torque_max_nm: float | None  # 6072
     rated_torque_nm: float | None  # 6076
     following_error_rad: float | None  # 6065
     following_error_time_s: float | None  # 6066
+    stop_deceleration_rad_s2: float | None = None  # 6085 or 6084, whichever a quick stop takes by 605A
+    quick_stop_option: int | None = None  # 605A as it will be, the profile's value where that sets it
+    home_offset_rad: float = 0.0  # 607C
+    range_rad: tuple[float, float] | None = None  # 607B: where positions wrap
+    polarity: int = 0  # 607E: bit 7 turns position, bit 6 speed
+    brake_closed: bool = False  # 60FE: an output that the bus rules holds the brake closed
+    lacking: tuple[
+        str, ...
+    ] = ()  # objects by which a drive could be guarded, and that this one does not have
 
 
 @dataclass(frozen=True)
@@ -69,6 +80,10 @@ class DriveState:
     cia402: str  # "Switch on disabled", "Operation enabled", "Fault", …
     position_rad: float
     error: str = ""  # decoded error code where the drive reports one
+    others: str = ""  # what another master of its bus sends, in words
+    voltage: bool | None = None  # the power stage is supplied: no STO, no missing mains (6041 bit 4)
+    remote: bool | None = None  # it takes controlwords (6041 bit 9)
+    inputs: int | None = None  # 60FD: bit 0 negative, bit 1 positive limit switch, bit 3 interlock
 
 
 @dataclass(frozen=True)
@@ -117,12 +132,16 @@ class BusLoad:
 
 @dataclass(frozen=True)
 class Guard:
-    """Limits that the drive shall keep by itself; SI, motor side."""
+    """Limits that the drive shall keep by itself; SI, motor side. None: as the drive has it."""
 
     position_min_rad: float
     position_max_rad: float
     torque_max_nm: float
     following_error_rad: float
+    following_error_time_s: float | None = None
+    speed_max_rad_s: float | None = None
+    stop_deceleration_rad_s2: float | None = None  # of a quick stop, at the least
+    travel_rad: tuple[float, float] | None = None  # where the axis has to be let, within the window
 
 
 #: Who sends SYNC on CANopen: see canopen/cyclic.py.
@@ -244,6 +263,8 @@ class Drive(Protocol):
     → start → enable → play … → disable → stop → write back → close. `halt` may be called at any time, from any
     thread, more than once, and never raises.
     """
+
+    clock: Clock  # by which it waits, and whose date its records get
 
     @property
     def identity(self) -> DriveIdentity: ...

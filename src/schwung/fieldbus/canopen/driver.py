@@ -14,6 +14,7 @@ from schwung.fieldbus import cia402, eds
 from schwung.fieldbus.canopen import capabilities, guard, pdo, playback, setup
 from schwung.fieldbus.canopen.bus import ASSUMED_BIT_RATE, BusOptions, bus_load
 from schwung.fieldbus.canopen.emcy import describe_code
+from schwung.fieldbus.canopen.foreign import ForeignMasters
 from schwung.fieldbus.canopen.link import Link
 from schwung.fieldbus.canopen.nmt import BEATS_PER_LIMIT, HeartbeatProducer, NodeMonitor, OtherMasters
 from schwung.fieldbus.canopen.operation import Operation
@@ -82,6 +83,7 @@ class CanopenDrive:
                 self._link, self._sdo, self._monitor, profile, self._layouts, sync, self._lookup,
                 counter=setup.has_counter(profile, self._lookup),
             )  # fmt: skip
+            self._foreign = ForeignMasters(self._link, lambda: self._operation.running)
         except BaseException:
             self._link.close()
             raise
@@ -97,17 +99,30 @@ class CanopenDrive:
         """NMT state by heartbeat ("UNKNOWN" where it sends none), CiA 402 state and error by SDO."""
         status = self._integer(0x6041, 0)
         code = self._integer(0x603F, 0) or 0
+        voltage = None  # elsewhere bit 4 says nothing beside the state
+        if (
+            status is not None
+            and cia402.decode(status) in cia402.WAITING
+            and self.profile.voltage_bit == "supply"
+        ):
+            voltage = bool(status & cia402.VOLTAGE_ENABLED)
         return DriveState(
             nmt=self._monitor.nmt,
             cia402="unknown" if status is None else cia402.decode(status).value,
             position_rad=self._position_rad(),
             error=describe_code(code) if code else "",
+            others=self._foreign.words,
+            voltage=voltage,
+            remote=None if status is None else bool(status & cia402.REMOTE),
+            inputs=self._integer(0x60FD, 0),
         )
 
     def limits(self) -> DriveLimits:
-        """607D, 6080 (rpm), 6072, 6076, 6065 and 6066; a disabled limit is None."""
+        """607D, 6080 (rpm), 6072, 6076, 6065 and 6066; a disabled limit is None. And what changes their meaning."""
         scales = self.scales
-        ends = guard.window_rad(self._integer(0x607D, 1), self._integer(0x607D, 2), scales)
+        meaning = guard.meaning(scales, self._lookup, self._read_integer, self._quick_stop_option)
+        offset = round(meaning["home_offset_rad"] / scales.position_rad)
+        ends = guard.window_rad(self._integer(0x607D, 1), self._integer(0x607D, 2), scales, offset)
         peak = self._integer(0x6072, 0)
         window, patience = guard.limit(self._integer(0x6065, 0)), self._integer(0x6066, 0)
         rated = scales.rated_torque_nm
@@ -119,6 +134,15 @@ class CanopenDrive:
             rated_torque_nm=rated,
             following_error_rad=None if window is None else abs(window * scales.position_rad),
             following_error_time_s=None if patience is None else patience / 1000,
+            **meaning,
+        )
+
+    @property
+    def _quick_stop_option(self) -> int | None:
+        """What the profile puts into 605A."""
+        setting = self.profile.stop.quick_stop_option
+        return (
+            setting.value if setting is not None and setting.object.index == guard.QUICK_STOP_OPTION else None
         )
 
     @property
@@ -200,7 +224,11 @@ class CanopenDrive:
         strokes = playback.dynamics(acquisition.moves, self.scales, self._lookup)
         wanted += [value for value in strokes if self._read_integer(value.parameter) != value.raw]
         if acquisition.guard is not None:
-            wanted += guard.tightened(acquisition.guard, self.scales, self._lookup, self._read_integer)
+            option = self._quick_stop_option
+            held = self._integer(guard.QUICK_STOP_OPTION, 0) if option is None else option
+            limits = guard.tightened(acquisition.guard, self.scales, self._lookup, self._read_integer, held)
+            shaped = {value.parameter.index for value in strokes}  # 6084 is the stroke's in PP
+            wanted += [value for value in limits if value.parameter.index not in shaped]
         own = self._operation.own_means
         self._played = own.parameters(acquisition)
         return wanted + [v for v in own.settings(acquisition) if self.read(v.parameter).raw != v.raw]
@@ -273,6 +301,7 @@ class CanopenDrive:
             self._heartbeat = None
         self._monitor.close()
         self._masters.close()
+        self._foreign.close()
         self._sdo.close()
         self._link.close()
 

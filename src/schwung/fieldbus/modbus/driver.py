@@ -106,6 +106,17 @@ class ModbusDrive:
             rated_torque_nm=si(limits.rated_torque) or None,
             following_error_rad=abs(following * scale) if following else None,
             following_error_time_s=si(limits.following_error_time),
+            lacking=tuple(
+                name
+                for name, part in (
+                    ("position limits", limits.position_max),
+                    ("following error", limits.following_error),
+                    ("following error time", limits.following_error_time),
+                    ("torque limit", limits.torque_max),
+                    ("speed limit", limits.speed_max),
+                )
+                if part is None
+            ),
         )
 
     @property

@@ -86,6 +86,16 @@ def _guarded(
         present = registers.integer(limits.torque_max.object)
         if not 0 < present <= most:
             yield limits.torque_max.object, most
+    speed = guard.speed_max_rad_s
+    if limits.speed_max is not None and speed is not None:
+        fastest = max(int(speed / limits.speed_max.scale + 1 - 1e-6), 1)
+        if not 0 < registers.integer(limits.speed_max.object) <= fastest:
+            yield limits.speed_max.object, fastest
+    patience = guard.following_error_time_s
+    if limits.following_error_time is not None and patience is not None:
+        longest = max(round(patience / limits.following_error_time.scale), 1)
+        if registers.integer(limits.following_error_time.object) > longest:
+            yield limits.following_error_time.object, longest
     if limits.following_error is not None:
         widest = round(guard.following_error_rad / abs(scales.position_rad))
         if not 0 < registers.integer(limits.following_error) <= widest:

@@ -199,6 +199,8 @@ class CanopenProfile(DeviceProfile):
     """The cyclic exchange: one RPDO, so that one identifier carries a whole motion, and TPDOs."""
     sync: Sync = Sync()
     """Abilities around SYNC."""
+    voltage_bit: Literal["supply", "power_stage"] = "supply"
+    """What statusword bit 4 says: the power stage is supplied, as CiA 402 has it, or it is on."""
 
     @property
     def eds_path(self) -> Path:
