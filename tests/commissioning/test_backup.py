@@ -11,6 +11,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from schwung.clock import SteppedClock
 from schwung.commissioning.backup import plan_restore, read_snapshot, write_plan
 from schwung.commissioning.compare import Configuration, compare
 from schwung.commissioning.configuration_files import (
@@ -30,6 +31,7 @@ from schwung.fieldbus.si import SiScales, si_scales
 NODE = 5
 PROFILE = load_canopen_profile("schwung-bench")
 EDS = read_eds(PROFILE.eds_path, NODE)
+CLOCK = SteppedClock()
 IDENTITY = DriveIdentity(NODE, 0x53574E47, 0x402, 0x10000, 7, "paper drive")
 
 
@@ -49,7 +51,7 @@ class PaperDrive:
     """A dictionary with rules: what it refuses now, what it takes only beside something else, what it forgets."""
 
     def __init__(self) -> None:
-        self.identity = IDENTITY
+        self.identity, self.clock = IDENTITY, CLOCK
         self.held: dict[tuple[int, int], RawValue] = {
             (v.index, v.subindex): v.default.raw for v in EDS.description.variables() if v.default is not None
         }
@@ -163,7 +165,7 @@ def test_what_is_kept_in_a_file_is_read_from_it(
 ) -> None:
     values = _everything(drive)
     record = {"identity": vars(IDENTITY), "bus": {"bit_rate": 500000, "bit_rate_known": True}}
-    assert save_configuration(tmp_path / name, form, EDS, values, IDENTITY, record) == ()  # type: ignore[arg-type]
+    assert save_configuration(tmp_path / name, form, EDS, values, IDENTITY, record, CLOCK) == ()  # type: ignore[arg-type]
     loaded = load_configuration(tmp_path / name, None, EDS)
     assert loaded.kind == form
     held = {(v.parameter.index, v.parameter.subindex): (v.raw, v.parameter.type) for v in loaded.values}
@@ -179,7 +181,9 @@ def test_what_is_kept_in_a_file_is_read_from_it(
 
 def test_a_backup_file_without_changes_can_be_put_back(drive: PaperDrive, tmp_path: Path) -> None:
     path = tmp_path / "a.backup.json"
-    save_configuration(path, "backup", EDS, [_value(0x6065, 0, 5)], IDENTITY, {"identity": vars(IDENTITY)})
+    save_configuration(
+        path, "backup", EDS, [_value(0x6065, 0, 5)], IDENTITY, {"identity": vars(IDENTITY)}, CLOCK
+    )
     backup = read_backup(path)
     assert [(c.old, c.new) for c in backup.changes] == [(5, 5)]
     assert backup.restored is None
@@ -187,7 +191,7 @@ def test_a_backup_file_without_changes_can_be_put_back(drive: PaperDrive, tmp_pa
 
 def test_an_eds_beside_a_dcf_is_read_for_its_node(tmp_path: Path, drive: PaperDrive) -> None:
     path = tmp_path / "a.dcf"
-    save_configuration(path, "dcf", EDS, _everything(drive), IDENTITY, {})
+    save_configuration(path, "dcf", EDS, _everything(drive), IDENTITY, {}, CLOCK)
     dcf, eds = load_both([path, PROFILE.eds_path], None)
     assert compare(dcf, eds, SiScales({})).differences == ()
     other = load_configuration(PROFILE.eds_path, 9)

@@ -222,7 +222,8 @@ def test_an_export_that_cannot_be_undone_says_what_does(drive: DeskDrive, tmp_pa
     assert any(f"schwung restore {path}" in note for note in caught.value.__notes__)
     drive.unwritable.clear()
     restore_backup(drive, path)
-    assert set(drive.objects.values()) <= {0, 1, 0x7F012C}
+    held = {key: raw for key, raw in drive.objects.items() if key != (0x6041, 0)}  # which nobody writes
+    assert set(held.values()) <= {0, 1, 0x7F012C}
 
 
 @pytest.mark.parametrize("store", [True, False])

@@ -71,7 +71,9 @@ def test_a_configuration_is_kept_and_put_back(
     held = read_snapshot(room.drive.read, select(file, room.profile)).values
     assert held
     path = tmp_path / {"dcf": "a.dcf", "concise": "a.bin", "backup": "a.backup.json"}[form]
-    left_out = save_configuration(path, form, file, held, room.drive.identity, room.drive.describe())
+    left_out = save_configuration(
+        path, form, file, held, room.drive.identity, room.drive.describe(), room.drive.clock
+    )
     assert left_out == ()
     if form == "dcf":
         monkeypatch.setattr(sys, "argv", ["dcfchk", "-n", str(NODE), str(path)])

@@ -69,27 +69,26 @@ def backup(
     if file is not None:
         _require_free(file, force)
     with open_drive(bus_options(interface, channel, bitrate, bus), node, profile) as opened:
-        family = canopen_profile(opened.profile, "backup")
-        dictionary = dictionary_of(eds, family, opened.drive.identity, node)
+        family, drive = canopen_profile(opened.profile, "backup"), opened.drive
+        dictionary = dictionary_of(eds, family, drive.identity, node)
         selection = select(dictionary, family)
         target = file or _default_name(family.family, node, concise)
         _require_free(target, force)
         with observing(terminal) as observer:
             observer.phase(f"Reading {len(selection.wanted)} parameters of node {node}")
-            snapshot = read_snapshot(opened.drive.read, selection, observer.progress)
+            began_s = drive.clock.now()
+            snapshot = read_snapshot(drive.read, selection, observer.progress)
+            took_s = drive.clock.now() - began_s
         form = _format(target, concise)
-        drive = opened.drive
         left_out = save_configuration(
-            target, form, dictionary, snapshot.values, drive.identity, drive.describe()
+            target, form, dictionary, snapshot.values, drive.identity, drive.describe(), drive.clock
         )
     skipped = [
         *snapshot.skipped,
         *(Skipped(v.parameter, "the format cannot hold its text") for v in left_out),
     ]
     kept = len(snapshot.values) - len(left_out)
-    terminal.say(
-        f"{kept} parameters read in {snapshot.duration_s:.1f} s, kept in [bold]{escape(str(target))}[/]"
-    )
+    terminal.say(f"{kept} parameters read in {took_s:.1f} s, kept in [bold]{escape(str(target))}[/]")
     if verbose:
         terminal.table("Left out", ("object", "because"), ((s.parameter.label, s.reason) for s in skipped))
         terminal.table(f"Odd in {dictionary.path}", ("",), ((str(w),) for w in dictionary.warnings))
@@ -97,7 +96,7 @@ def backup(
         terminal.table(f"{len(skipped)} left out", ("because", "", "objects"), reasons(skipped))
     terminal.say(f"{selection.read_only} others are only read, {selection.write_only} only written.")
     terminal.result({
-        "file": str(target), "format": form, "parameters": kept, "duration_s": snapshot.duration_s,
+        "file": str(target), "format": form, "parameters": kept, "duration_s": took_s,
         "left_out": [{"object": s.parameter.label, "because": s.reason} for s in skipped],
         "read_only": selection.read_only, "write_only": selection.write_only, "eds": str(dictionary.path),
         "eds_warnings": [vars(w) for w in dictionary.warnings],

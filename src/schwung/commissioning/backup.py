@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import time
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field
 
@@ -22,7 +21,6 @@ class Snapshot:
 
     values: tuple[ParameterValue, ...]
     skipped: tuple[Skipped, ...]
-    duration_s: float = 0.0
 
 
 @dataclass(frozen=True)
@@ -58,7 +56,6 @@ def read_snapshot(
 
     What the drive refuses to show is left out with its reason. Raises DriveError where it does not answer any more.
     """
-    began = time.monotonic()
     settings = [p for p in selection.wanted if pdo.is_pdo_object(p)]
     others = [p for p in selection.wanted if not pdo.is_pdo_object(p)]
     values: list[ParameterValue] = []
@@ -76,7 +73,7 @@ def read_snapshot(
         else:
             _read_one(read, parameter, values, skipped)
     _tell(progress, total, total)
-    return Snapshot(_by_index(values), tuple(skipped), time.monotonic() - began)
+    return Snapshot(_by_index(values), tuple(skipped))
 
 
 def _read_one(

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Literal
 
+from schwung.clock import Clock
 from schwung.commissioning.compare import Configuration, key_of, retyped
 from schwung.commissioning.journal import first_values, read_backup, write_backup
 from schwung.errors import InputError, RefusedError
@@ -32,13 +33,14 @@ def save_configuration(
     values: Sequence[ParameterValue],
     identity: DriveIdentity,
     drive_record: Mapping[str, Any],
+    clock: Clock,
 ) -> tuple[ParameterValue, ...]:
     """Write values of a drive to a file; returns those that the format cannot hold.
 
     Raises InputError where the file cannot be written.
     """
     if form == "backup":
-        write_backup(path, drive_record, values)
+        write_backup(path, drive_record, values, clock)
         return ()
     if form == "concise":
         replace_file(path, write_concise(values, dictionary.find))

@@ -13,6 +13,7 @@ from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any, Protocol
 
+from schwung.clock import Clock
 from schwung.errors import DriveError, InputError, ParameterError, RefusedError
 from schwung.fieldbus.drive import DriveIdentity, Parameter, ParameterValue, RawValue
 from schwung.files import replace_file
@@ -22,6 +23,8 @@ FORMAT, VERSION = "schwung-backup", 1
 
 class ParameterAccess(Protocol):
     """The part of a drive that the journal needs."""
+
+    clock: Clock
 
     @property
     def identity(self) -> DriveIdentity: ...
@@ -62,8 +65,8 @@ class Backup:
     stored: bool = False  # the new values are in the drive's memory, too (1010)
 
 
-def _now() -> str:
-    return datetime.now(UTC).isoformat(timespec="milliseconds")
+def _date(clock: Clock) -> str:
+    return datetime.fromtimestamp(clock.date(), UTC).isoformat(timespec="milliseconds")
 
 
 def _raw_to_json(raw: RawValue) -> Any:
@@ -140,11 +143,11 @@ class ParameterJournal:
         for value in values:
             old = self._drive.read(value.parameter).raw
             if old != value.raw:
-                planned.append(Change(value.parameter, old, value.raw, _now()))
+                planned.append(Change(value.parameter, old, value.raw, _date(self._drive.clock)))
         writing = [ParameterValue(change.parameter, change.new) for change in planned]
         for parameter in self._drive.passed_through(writing):
             old = self._drive.read(parameter).raw
-            planned.append(Change(parameter, old, old, _now()))
+            planned.append(Change(parameter, old, old, _date(self._drive.clock)))
         if planned:
             self._changes += planned
             self._save()
@@ -154,7 +157,7 @@ class ParameterJournal:
         """Put back what was there before the first change of each parameter; the file then says so."""
         if self._changes and self._restored is None:
             self._drive.write(first_values(self._changes))
-            self._restored = _now()
+            self._restored = _date(self._drive.clock)
             self._save()
 
     def keep(self, *, stored: bool) -> None:
@@ -169,9 +172,11 @@ class ParameterJournal:
         _save(self.path, self._record, self._changes, self._restored, self._stored)
 
 
-def write_backup(path: Path, drive_record: Mapping[str, Any], values: Iterable[ParameterValue]) -> None:
+def write_backup(
+    path: Path, drive_record: Mapping[str, Any], values: Iterable[ParameterValue], clock: Clock
+) -> None:
     """Keep values of a drive that nobody is about to change, in the same file: what `schwung restore` puts back."""
-    now = _now()
+    now = _date(clock)
     _save(path, drive_record, [Change(v.parameter, v.raw, v.raw, now) for v in values], None, False)
 
 
@@ -258,7 +263,7 @@ def restore_backup(drive: ParameterAccess, path: Path, force: bool = False) -> t
     if backup.stored:
         drive.store()
     document = json.loads(path.read_text(encoding="utf-8"))
-    document["restored"] = _now()
+    document["restored"] = _date(drive.clock)
     replace_file(path, json.dumps(document, indent=2))
     return tuple(values)
 
