@@ -2,7 +2,7 @@
 
     SchwungError                 one sentence: place, problem, remedy; `exit_code` for the command line
      ├── InputError        (2)   a file, an option, a profile or an EDS is wrong          nothing has been touched
-     ├── RefusedError      (3)   preflight found a danger or something missing            the drive was not enabled
+     ├── RefusedError      (3)   preflight or creep found a danger, or something missing  no stroke was begun
      ├── DriveError        (4)   the drive or the bus let us down                         the drive has been stopped
      │    ├── BusError           the adapter or the bus: bus-off, send buffer full, interface down
      │    ├── NodeLostError      no heartbeat, or the node restarted on its own
@@ -44,7 +44,7 @@ class InputError(SchwungError):
 
 
 class RefusedError(SchwungError):
-    """Preflight refused; the drive was not enabled."""
+    """Preflight refused, or the creep did: the drive was not enabled, or is off again; no stroke was begun."""
 
     exit_code = 3
 

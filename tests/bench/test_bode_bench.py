@@ -104,7 +104,7 @@ def test_an_angle_outside_the_window_is_refused_before_the_drive_is_touched(tmp_
 
 
 def test_a_fault_while_it_injects_leaves_a_stopped_drive_and_what_was_recorded(tmp_path: Path) -> None:
-    with desk("two-mass", seed=9, faults="emcy=0x4310@on+1.5") as room:
+    with desk("two-mass", seed=9, faults="emcy=0x4310@on+4.4") as room:
         with pytest.raises(DriveError, match="4310"):
             _measure(room, tmp_path / "out", angles_rad=(0.2,))
         room.drive.close()

@@ -61,7 +61,9 @@ def test_the_inertia_comes_out_and_the_drive_is_as_before(
         excited = next(run for run in done.session.runs if run.excitation is not None)
         assert excited.excitation is not None
         assert excited.excitation.hold_s is None  # the drive's own sine is no staircase
-        assert bench.servo.moves == 4  # there and back, without and with the sine
+        assert (
+            bench.servo.moves == 8
+        )  # there and back, without and with the sine; and before, two steps of the creep
         assert bench.axis.position_rad == pytest.approx(0.0, abs=0.01)
         assert not bench.axis.energised
         assert read_backup(tmp_path / "setup.backup.json").restored

@@ -145,12 +145,14 @@ def test_supply_remote_and_inputs_are_told(bench: Bench, ask: Ask) -> None:
     od.readers[0x6041 << 8] = lambda: 0x0040  # switch on disabled, no voltage, not remote
     od.readers[0x60FD << 8] = lambda: 0b1001
     code, found = ask()
-    assert code == 0
+    assert code == 3
     assert "STO" in found["supply"]["remedy"]
+    assert found["supply"]["severity"] == "stop"
     assert "bit 9" in found["remote"]["text"]
+    assert found["remote"]["severity"] == "warning"  # some drives set it in the NMT state operational only
     if 0x60FD << 8 in od.entries:
         assert "negative limit switch" in found["limit switches"]["text"]
-        assert found["interlock"]["severity"] == "warning"
+        assert found["interlock"]["severity"] == "stop"
 
 
 def test_an_object_that_the_drive_will_not_show_is_told(channel: str, ask: Ask) -> None:

@@ -9,9 +9,11 @@ import pytest
 from commissioning_drive import DeskDrive, believed_machine
 
 from schwung.commissioning import LimitWishes, Plan, Preflight, Survey
+from schwung.commissioning.checks import worst
 from schwung.commissioning.limits import limits_of
 from schwung.commissioning.plan import make_plan
-from schwung.commissioning.preflight import drive_checks, preflight, survey, with_control, worst
+from schwung.commissioning.preflight import preflight, with_control
+from schwung.commissioning.survey import drive_checks, survey
 from schwung.drivetrain import FeedForward
 from schwung.errors import InputError, RefusedError
 from schwung.fieldbus.drive import BusLoad, Capability, DriveState, Resolution

@@ -6,14 +6,15 @@ from pathlib import Path
 import h5py
 import numpy as np
 import pytest
-from commissioning_drive import DeskDrive, Silence, believed_machine
+from commissioning_drive import CREEP_PLAYS, DeskDrive, Silence, believed_machine
 
 from schwung.commissioning import ParameterJournal, Plan, read_backup
 from schwung.commissioning.limits import LimitWishes, limits_of
 from schwung.commissioning.plan import make_plan
-from schwung.commissioning.preflight import Preflight, preflight, survey
+from schwung.commissioning.preflight import Preflight, preflight
 from schwung.commissioning.procedure import Recorded, record
 from schwung.commissioning.runs import following_error_rms
+from schwung.commissioning.survey import survey
 from schwung.drivetrain import FeedForward
 from schwung.errors import (
     DriveError,
@@ -107,8 +108,8 @@ def test_ctrl_c_halts_and_says_what_is_on_disk(drive: DeskDrive, tmp_path: Path)
     assert read_backup(tmp_path / "setup.backup.json").restored is not None
 
 
-CALLS = ["write 6060=8", "write 1016=8323372", "write 1017=100", "start", "enable", "play", "play", "disable",
-         "stop", "write 1017=0", "write 1016=0", "write 6060=1"]  # fmt: skip
+CALLS = ["write 6060=8", "write 1016=8323372", "write 1017=100", "start", "enable", *["play"] * (CREEP_PLAYS + 2),
+         "disable", "stop", "write 1017=0", "write 1016=0", "write 6060=1"]  # fmt: skip
 
 
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
@@ -182,7 +183,7 @@ def test_a_one_way_motion_is_undone_before_the_next_and_at_the_end(drive: DeskDr
     drive.play = watch  # type: ignore[method-assign]  # a spy
     recorded = _record(drive, tmp_path, plan=plan)
     assert len(recorded.runs) == 4
-    assert stands == pytest.approx([0.3, *[1.3, 0.3] * 5])
+    assert stands == pytest.approx([0.3, *[0.3] * CREEP_PLAYS, *[1.3, 0.3] * 5])
     assert all(run.position_rad[-1] == pytest.approx(1.3, abs=0.02) for run in recorded.runs)
 
 

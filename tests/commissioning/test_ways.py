@@ -6,9 +6,9 @@ from typing import Any
 
 import pytest
 
-from schwung.commissioning.ways import Way, choose_way, require_phases
+from schwung.commissioning.ways import Way, choose_way, comes_unevenly, require_phases
 from schwung.errors import InputError
-from schwung.fieldbus.drive import Capability
+from schwung.fieldbus.drive import Capability, SyncTiming
 from schwung.fieldbus.profile import DeviceProfile, load_profile
 
 BENCH = load_profile("schwung-bench")
@@ -92,3 +92,30 @@ def test_a_trace_without_torque_or_of_its_own_time_is_no_way_to_sample() -> None
     for useless in (blind, early):
         assert _choose(useless, "sampling by SYNC").sampling == "sync"  # which preflight then refuses
         assert _parts(_choose(useless, bus_is_full=True))[:2] == ("csp", "sync")
+
+
+def _timing(p99_s: float, producer: str = "thread") -> SyncTiming:
+    return SyncTiming(producer, 1e-3, p99_s / 2, p99_s, 3 * p99_s)
+
+
+def test_an_adapter_that_sends_sync_unevenly_leaves_the_fast_part_to_the_drive() -> None:
+    way = _choose(BENCH, timing=_timing(0.4e-3))
+    assert _parts(way) == ("pp", "trace", "generator", 100.0)
+    assert "0.4 ms of a 1 ms period" in way.reasons[0]
+    assert _parts(_choose(BENCH, timing=_timing(0.05e-3))) == ("csp", "sync", "setpoints", 1000.0)
+    assert _parts(_choose(BENCH, timing=_timing(0.4e-3), max_jitter_share=0.5))[0] == "csp"
+    assert _parts(_choose(BENCH, timing=_timing(0.4e-3, "lockstep")))[0] == "csp"
+    assert _parts(_choose(BENCH, timing=_timing(0.4e-3, "kernel")))[0] == "pp"
+
+
+def test_a_drive_that_can_but_move_by_itself_does_and_who_insists_gets_setpoints() -> None:
+    way = _choose(PLAIN, timing=_timing(0.4e-3))
+    assert _parts(way) == ("pp", "sync", "setpoints", 1000.0)
+    assert "period on this adapter" in way.reasons[0]
+    assert _parts(_choose(BENCH, timing=_timing(0.4e-3), mode="csp"))[0] == "csp"
+    assert _parts(_choose(PLAIN, "profile position", timing=_timing(0.4e-3)))[0] == "csp"
+
+
+@pytest.mark.parametrize(("share", "uneven"), [(0.09, False), (0.11, True)])
+def test_a_tenth_of_the_period_is_even_enough(share: float, uneven: bool) -> None:
+    assert comes_unevenly(_timing(share * 1e-3)) is uneven

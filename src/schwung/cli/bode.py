@@ -110,7 +110,7 @@ def bode(
     from schwung.cli.folders import planned_folder
     from schwung.commissioning import LimitWishes
     from schwung.commissioning.bode_excitation import BodeWishes
-    from schwung.commissioning.procedure import MAX_JITTER_SHARE
+    from schwung.commissioning.ways import MAX_JITTER_SHARE
     from schwung.drivetrain import load_machine
     from schwung.errors import InputError
 

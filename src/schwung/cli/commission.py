@@ -162,8 +162,7 @@ def commission(
     from schwung.cli.sessions import standard_of
     from schwung.commissioning import LimitWishes, Wishes
     from schwung.commissioning.bode_result import read_bode
-    from schwung.commissioning.procedure import MAX_JITTER_SHARE
-    from schwung.commissioning.ways import InjectionChoice, ModeChoice, SamplingChoice
+    from schwung.commissioning.ways import MAX_JITTER_SHARE, InjectionChoice, ModeChoice, SamplingChoice
     from schwung.drivetrain import load_machine
 
     terminal = Terminal(json_output)

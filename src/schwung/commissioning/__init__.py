@@ -1,5 +1,6 @@
 """The procedure: plan, preflight, move and record, export, restore. The only room that moves a machine."""
 
+from schwung.commissioning.checks import Check
 from schwung.commissioning.commission import (
     Commissioned,
     Prepared,
@@ -21,9 +22,10 @@ from schwung.commissioning.journal import (
 )
 from schwung.commissioning.limits import Limits, LimitWishes
 from schwung.commissioning.plan import Plan
-from schwung.commissioning.preflight import Check, Preflight, Survey
+from schwung.commissioning.preflight import Preflight
 from schwung.commissioning.procedure import Observer, Recorded
 from schwung.commissioning.runs import following_error, following_error_rms
+from schwung.commissioning.survey import Survey
 
 __all__ = [
     "Backup",

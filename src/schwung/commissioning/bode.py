@@ -19,22 +19,17 @@ from schwung.commissioning.bode_excitation import (
     excitations_of,
     grid_of,
 )
+from schwung.commissioning.checks import Check, share_check
 from schwung.commissioning.commission import control_of, read_gains, settings_of
+from schwung.commissioning.creep import creep_of
+from schwung.commissioning.guarding import guard_checks, guard_of, hardest_stop, travel_of
 from schwung.commissioning.journal import Change, ParameterJournal
 from schwung.commissioning.limits import Limits, limits_of
 from schwung.commissioning.plan import AMPLITUDE_SHARE, Plan, PlannedRun, believed_inertia_range
-from schwung.commissioning.preflight import (
-    Check,
-    Preflight,
-    Survey,
-    bus_checks,
-    drive_checks,
-    share_check,
-    simulated_run,
-    survey,
-    with_control,
-)
-from schwung.commissioning.procedure import MAX_JITTER_SHARE, Observer, Recorded, record
+from schwung.commissioning.preflight import Preflight, simulated_run, with_control
+from schwung.commissioning.procedure import Observer, Recorded, record
+from schwung.commissioning.survey import Survey, bus_checks, drive_checks, survey
+from schwung.commissioning.ways import MAX_JITTER_SHARE
 from schwung.drivetrain import FeedForward, Machine, Simulated, anti_resonance_hz, resonance_hz
 from schwung.errors import InputError
 from schwung.estimation.bode import fit_bode
@@ -99,27 +94,36 @@ def prepare_bode(drive: Drive, profile: DeviceProfile, machine: Machine, wishes:
     start = drive.state().position_rad
     runs = tuple(_runs(machine, limits, wishes.angles_rad, excitations, start))
     first = next(run for run in runs if run.excitation is not None)
+    travel = travel_of(
+        [(start if run.start_position_rad is None else run.start_position_rad, run.motion) for run in runs]
+    )
+    _, largest = believed_inertia_range(machine)
+    guard = guard_of(machine, limits, [run.motion for run in runs], excitations, travel, largest)
     plan = Plan(
         motion=first.motion,
         excitation=excitations[0],
         repeats=wishes.repeats,
-        acquisition=Acquisition(mode="csp", sample_rate_hz=wishes.sample_rate_hz),
+        acquisition=Acquisition(mode="csp", sample_rate_hz=wishes.sample_rate_hz, guard=guard),
         limits=limits,
         start_position_rad=start,
         reasons=tuple(_reasons(machine, wishes, excitations, lines)),
     )
     forward = FeedForward(speed_share=gains.get("speed_feed_forward", 0.0))
     seen = survey(drive, plan)
-    simulated = [simulated_run(run, plan, machine, forward) for run in runs]
+    creep = creep_of(plan, machine, seen.resolution)
+    small = [] if creep is None else list(creep.motions(plan))
+    simulated = [simulated_run(run, plan, machine, forward) for run in (*runs, *small)]
     checks = (
         *drive_checks(seen),
         *bus_checks(seen.bus_load),
+        *guard_checks(guard, seen.limits, machine, hardest_stop(machine, limits, largest)),
         *_motion_checks(plan, simulated),
         *_band(machine, wishes.sample_rate_hz, lines),
+        *([Check("creep", "ok", creep.text)] if creep is not None else []),
     )
     by_position = held or wishes.sample_rate_hz * seen.resolution.position_rad < seen.resolution.speed_rad_s
     source: Literal["position", "drive"] = "position" if by_position else "drive"
-    ready = Preflight(checks, source, simulated[0], simulated[runs.index(first)], None)
+    ready = Preflight(checks, source, simulated[0], simulated[runs.index(first)], None, creep)
     return PreparedBode(plan, runs, machine, seen, ready)
 
 

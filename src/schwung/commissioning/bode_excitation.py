@@ -11,7 +11,7 @@ import numpy as np
 from schwung.commissioning.limits import Limits, LimitWishes
 from schwung.commissioning.plan import AMPLITUDE_SHARE, believed_inertia_range
 from schwung.commissioning.preflight import HEAVIER
-from schwung.commissioning.procedure import MAX_JITTER_SHARE
+from schwung.commissioning.ways import MAX_JITTER_SHARE
 from schwung.drivetrain import Machine, anti_resonance_hz
 from schwung.drivetrain.response import injection_to_speed, injection_to_torque
 from schwung.errors import InputError

@@ -11,9 +11,11 @@ from schwung.commissioning.host_played import HostPlayed
 from schwung.commissioning.journal import Change, ParameterJournal
 from schwung.commissioning.limits import LimitWishes, limits_of
 from schwung.commissioning.plan import Plan, PlannedRun, make_plan
-from schwung.commissioning.preflight import MAX_BUS_LOAD, Preflight, Survey, preflight, survey, with_control
-from schwung.commissioning.procedure import MAX_JITTER_SHARE, Observer, Recorded, record
+from schwung.commissioning.preflight import Preflight, preflight, with_control
+from schwung.commissioning.procedure import Observer, Recorded, record
+from schwung.commissioning.survey import MAX_BUS_LOAD, Survey, survey
 from schwung.commissioning.ways import (
+    MAX_JITTER_SHARE,
     ONE_WAY,
     InjectionChoice,
     ModeChoice,
@@ -26,7 +28,7 @@ from schwung.drivetrain import FeedForward, Machine
 from schwung.errors import InputError, SchwungError
 from schwung.estimation import Estimate, estimate
 from schwung.estimation.reach import Reach, reach_of
-from schwung.fieldbus.drive import Acquisition, Drive
+from schwung.fieldbus.drive import Acquisition, Drive, SyncTiming
 from schwung.fieldbus.profile import DeviceProfile, ScaledObject
 from schwung.session import Run, Session, read_session
 
@@ -92,8 +94,14 @@ def read_gains(drive: Drive, profile: DeviceProfile) -> dict[str, float]:
     return gains
 
 
-def prepare(drive: Drive, profile: DeviceProfile, machine: Machine, wishes: Wishes) -> Prepared:
-    """Plan and check; reads the drive, changes nothing, moves nothing.
+def prepare(
+    drive: Drive,
+    profile: DeviceProfile,
+    machine: Machine,
+    wishes: Wishes,
+    timing: SyncTiming | None = None,
+) -> Prepared:
+    """Plan and check; reads the drive, changes nothing, moves nothing. `timing`: see `choose_way`.
 
     Raises InputError where limits or beliefs are missing; what preflight finds is in the result.
     """
@@ -101,7 +109,7 @@ def prepare(drive: Drive, profile: DeviceProfile, machine: Machine, wishes: Wish
     machine = with_control(machine, gains)
     limits = limits_of(wishes.limits, drive.limits(), machine)
     injected = profile.quantities.torque_added
-    way = way_of(drive, profile, wishes)
+    way = way_of(drive, profile, wishes, timing)
     require_phases(profile, way, wishes.phases)
     plan = make_plan(
         machine,
@@ -145,8 +153,11 @@ def _standing(drive: Drive, profile: DeviceProfile) -> float:
     return position
 
 
-def way_of(drive: Drive, profile: DeviceProfile, wishes: Wishes) -> Way:
-    """How this drive on this bus shall be commissioned. Raises InputError for a trace that the profile lacks."""
+def way_of(drive: Drive, profile: DeviceProfile, wishes: Wishes, timing: SyncTiming | None = None) -> Way:
+    """How this drive on this bus shall be commissioned; `timing` as in `choose_way`.
+
+    Raises InputError for a trace that the profile lacks.
+    """
     fast = drive.bus_load(Acquisition(mode="csp", sample_rate_hz=wishes.sample_rate_hz))
     way = choose_way(
         profile,
@@ -157,6 +168,8 @@ def way_of(drive: Drive, profile: DeviceProfile, wishes: Wishes) -> Way:
         sync_rate_hz=wishes.sample_rate_hz,
         bus_is_full=fast.share > MAX_BUS_LOAD,
         phases=wishes.phases,
+        timing=timing,
+        max_jitter_share=wishes.max_jitter_share,
     )
     for wanted, part, name in (
         (way.sampling == "trace", profile.trace, "trace buffer"),
@@ -263,10 +276,11 @@ def repeat_reference(
     journal = ParameterJournal(drive, out / f"{name}.backup.json", drive.describe())
     plan = replace(prepared.plan, repeats=1)
     only = (PlannedRun("reference", 0, plan.motion, None, played=played),)
+    ready = prepared.preflight if played is None else _preflight_played(prepared, plan, played)
     recorded = record(
         drive,
         plan,
-        prepared.preflight if played is None else _preflight_played(prepared, plan, played),
+        replace(ready, creep=None),  # signs and units were proven when it was measured
         session_path=out / f"{name}.h5",
         journal=journal,
         observer=observer,

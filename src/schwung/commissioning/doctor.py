@@ -12,8 +12,10 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TypeVar
 
+from schwung.commissioning.checks import COMFORT, Check, Severity, meaning_checks, ready_checks
+from schwung.commissioning.guarding import lacking_checks
 from schwung.commissioning.journal import read_backup
-from schwung.commissioning.preflight import COMFORT, MAX_BUS_LOAD, Check, Severity
+from schwung.commissioning.survey import MAX_BUS_LOAD
 from schwung.commissioning.ways import INJECTED, MOVING, SAMPLED, Way, choose_way
 from schwung.errors import DriveError, InputError, ParameterError, SchwungError
 from schwung.fieldbus.canopen import BusOptions
@@ -99,7 +101,14 @@ def examine_drive(drive: Drive, profile: DeviceProfile, phase: Phase) -> Diagnos
     if all(
         check.severity == "ok" for check in units
     ):  # without units there is neither a state nor a limit in rad
-        checks += [*_told(drive.state, "state", state_checks), *_told(drive.limits, "limits", limit_checks)]
+        checks += [
+            *_told(drive.state, "state", lambda state: [*state_checks(state), *ready_checks(state)]),
+            *_told(
+                drive.limits,
+                "limits",
+                lambda limits: [*limit_checks(limits), *meaning_checks(limits), *lacking_checks(limits)],
+            ),
+        ]
     checks += units
     phase("Asking what it can")
     capabilities = drive.capabilities()

@@ -9,6 +9,7 @@ from pathlib import Path
 import can
 
 from schwung.commissioning.backup import was_refused
+from schwung.commissioning.checks import Check
 from schwung.commissioning.doctor import (
     Diagnosis,
     Phase,
@@ -18,7 +19,6 @@ from schwung.commissioning.doctor import (
     state_checks,
     with_checks,
 )
-from schwung.commissioning.preflight import Check
 from schwung.errors import BusError, DriveError, InputError, ParameterError, SdoError
 from schwung.fieldbus import cia402
 from schwung.fieldbus.canopen import BusOptions, CanopenDrive, bit_rate, match_profile, open_bus, scan_bus
@@ -197,26 +197,11 @@ def state_without_units(drive: CanopenDrive, dictionary: EdsFile) -> Iterator[Ch
 
 
 def _supply(read: _Reader) -> Iterator[Check]:
-    status = read.integer(0x6041)
-    if status is not None:
-        waiting = cia402.decode(status) in (cia402.State.SWITCH_ON_DISABLED, cia402.State.READY)
-        if waiting and not status & cia402.VOLTAGE_ENABLED:
-            yield Check(
-                "supply", "warning", "the power stage has no voltage (statusword bit 4 is 0)",
-                "Switch the power supply on, and release STO and the enable input, before commissioning.",
-            )  # fmt: skip
-        if not status & cia402.REMOTE:
-            yield Check(
-                "remote", "warning", "the drive does not take controlwords now (statusword bit 9 is 0)",
-                "Release local control at the drive or in the vendor's tool.",
-            )  # fmt: skip
-        if status & 0x80:
-            yield Check(
-                "warning bit",
-                "note",
-                "the drive warns (statusword bit 7)",
-                "The vendor's manual says of what.",
-            )
+    status = read.integer(0x6041) or 0
+    if status & 0x80:
+        yield Check(
+            "warning bit", "note", "the drive warns (statusword bit 7)", "The vendor's manual says of what."
+        )
     volts = read.integer(0x6079)
     if volts is not None:
         yield (
@@ -224,21 +209,6 @@ def _supply(read: _Reader) -> Iterator[Check]:
             if volts
             else Check("DC link", "note", "0 V, or it does not tell (6079)", "Is the power supply on?")
         )
-    inputs = read.integer(0x60FD)
-    if inputs is not None:
-        pressed = [name for bit, name in ((0, "negative"), (1, "positive")) if inputs >> bit & 1]
-        if pressed:
-            yield Check(
-                "limit switches", "warning", f"the {' and the '.join(pressed)} limit switch is active (60FD)",
-                "Move the axis away, or mend the wiring.",
-            )  # fmt: skip
-        if inputs >> 3 & 1:
-            yield Check(
-                "interlock",
-                "warning",
-                "the interlock input is active (60FD bit 3)",
-                "Release STO or the enable input.",
-            )
 
 
 def _heartbeat(read: _Reader, drive: CanopenDrive, heard: Heard) -> Iterator[Check]:

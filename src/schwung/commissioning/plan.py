@@ -9,6 +9,7 @@ from typing import get_args
 
 import numpy as np
 
+from schwung.commissioning.guarding import guard_of, travel_of
 from schwung.commissioning.host_played import HostPlayed
 from schwung.commissioning.limits import Limits
 from schwung.drivetrain import InertiaTable, Machine, anti_resonance_hz
@@ -16,7 +17,6 @@ from schwung.errors import InputError
 from schwung.estimation import MIN_PHASES
 from schwung.fieldbus.drive import (
     Acquisition,
-    Guard,
     Injecting,
     Move,
     OperatingMode,
@@ -277,11 +277,13 @@ def make_plan(
             sample_rate_hz=sample_rate_hz,
             heartbeat_s=heartbeat_s,
             moves=moves_of(motion, start_position_rad, sample_rate_hz) if mode == "pp" else (),
-            guard=Guard(
-                limits.position_min_rad,
-                limits.position_max_rad,
-                limits.torque_max_nm,
-                limits.following_error_rad,
+            guard=guard_of(
+                machine,
+                limits,
+                (motion, *slower),
+                (excitation,),
+                travel_of([(start_position_rad, motion)]),
+                believed_inertia_range(machine)[1],
             ),
             sampling=sampling,
             injecting=injecting,

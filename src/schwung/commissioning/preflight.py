@@ -11,31 +11,20 @@ from typing import Literal
 
 import numpy as np
 
-from schwung.commissioning.plan import Plan, PlannedRun
+from schwung.commissioning.checks import COMFORT, Check, share_check
+from schwung.commissioning.creep import Creep, creep_of
+from schwung.commissioning.guarding import guard_checks, hardest_stop
+from schwung.commissioning.plan import Plan, PlannedRun, believed_inertia_range
 from schwung.commissioning.runs import on_trace_clock
-from schwung.commissioning.ways import INJECTED, MOVING, SAMPLED
+from schwung.commissioning.survey import Survey, bus_checks, drive_checks
 from schwung.drivetrain import Control, FeedForward, Machine, Simulated, simulate
 from schwung.errors import InputError, RefusedError, SchwungError
 from schwung.estimation import Estimate, estimate
-from schwung.fieldbus.drive import (
-    ENERGISED,
-    Acquisition,
-    BusLoad,
-    Capability,
-    Drive,
-    DriveIdentity,
-    DriveLimits,
-    DriveState,
-    Resolution,
-)
+from schwung.fieldbus.drive import Resolution
 from schwung.session import Run, Session
 
-Severity = Literal["ok", "note", "warning", "stop"]
 SpeedSource = Literal["drive", "position"]
 
-MAX_BUS_LOAD = 0.9
-#: Part of each limit that the simulated motion may use before a warning is due.
-COMFORT = 0.8
 #: The belief may be off: the motion is also simulated with this much more load inertia.
 HEAVIER = 1.5
 #: Counts per ripple amplitude below which a reported quantity is too coarse for the estimate.
@@ -44,33 +33,6 @@ MIN_RIPPLE_COUNTS = 20.0
 MAX_DEVIATION_SHARE = 0.05
 #: Simulated instants per sample: torque clips and positions overshoot between samples, too.
 FINER = 8
-
-
-#: Ways that some drives offer: that others do not is no news where they are not taken.
-_OTHER_WAYS = {*SAMPLED.values(), *INJECTED.values(), "disturbance buffer", "harmonic feed-forward",
-               "host-played feed-forward"}  # fmt: skip
-
-
-@dataclass(frozen=True)
-class Check:
-    """One thing looked at: what was found and, where it is not well, what to do."""
-
-    name: str
-    severity: Severity
-    text: str
-    remedy: str = ""
-
-
-@dataclass(frozen=True)
-class Survey:
-    """What the drive said about itself, read without changing it."""
-
-    identity: DriveIdentity
-    state: DriveState
-    limits: DriveLimits
-    resolution: Resolution
-    capabilities: tuple[Capability, ...]
-    bus_load: BusLoad
 
 
 @dataclass(frozen=True, eq=False)
@@ -82,6 +44,7 @@ class Preflight:
     reference: Simulated
     excited: Simulated
     predicted: Estimate | None
+    creep: Creep | None = None  # the small motions before the first stroke
 
     @property
     def stops(self) -> tuple[Check, ...]:
@@ -96,18 +59,6 @@ class Preflight:
             raise RefusedError(f"preflight, {first.name}", first.text + also, first.remedy)
 
 
-def survey(drive: Drive, plan: Plan) -> Survey:
-    """Read everything that preflight looks at; changes nothing in the drive."""
-    return Survey(
-        identity=drive.identity,
-        state=drive.state(),
-        limits=drive.limits(),
-        resolution=drive.resolution(),
-        capabilities=drive.capabilities(),
-        bus_load=drive.bus_load(plan.acquisition),
-    )
-
-
 def preflight(
     plan: Plan, machine: Machine, seen: Survey, feed_forward: FeedForward | None = None
 ) -> Preflight:
@@ -118,19 +69,23 @@ def preflight(
     excited = max(phases, key=lambda simulated: simulated.peak_torque_nm)
     back = plan.way_back(next(plan.runs()))
     others = [*(run for run in every if run.motion != plan.motion), *([back] if back else [])]
+    creep = creep_of(plan, machine, seen.resolution)
+    others += creep.motions(plan) if creep is not None else ()
     motions = (reference, *phases, *(simulated_run(run, plan, machine, feed_forward) for run in others))
     predicted = _predicted(plan, zip(first, (reference, *phases), strict=True), machine)
     source, resolution_checks = _resolution(plan, seen.resolution, reference, excited)
     checks = [
         *drive_checks(seen, plan.acquisition),
         *bus_checks(seen.bus_load),
+        *_guarded(plan, machine, seen),
         *resolution_checks,
         *_room(plan, motions),
         *_torque_and_speed(plan, machine, motions, feed_forward),
         *_following(plan, motions),
         *_trust(plan, reference, excited, predicted),
+        *([Check("creep", "ok", creep.text)] if creep is not None else []),
     ]
-    return Preflight(tuple(checks), source, reference, excited, predicted)
+    return Preflight(tuple(checks), source, reference, excited, predicted, creep)
 
 
 def simulated_run(
@@ -203,54 +158,6 @@ def _sampled(planned: PlannedRun, plan: Plan, simulated: Simulated) -> Run:
     return on_trace_clock(run, planned, plan) if plan.acquisition.sampling == "trace" else run
 
 
-def drive_checks(seen: Survey, way: Acquisition | None = None) -> Iterable[Check]:
-    """Identity, state, and what the drive cannot do; what the way needs of that stops (None: setpoints and SYNC)."""
-    mode, sampling, injecting = (
-        (way.mode, way.sampling, way.injecting) if way else ("csp", "sync", "setpoints")
-    )
-    needs = ("torque", MOVING[mode], SAMPLED[sampling], INJECTED[injecting])
-    identity = seen.identity
-    yield Check(
-        "identity", "ok", f"node {identity.node_id}: {identity.name or 'unnamed'}, serial {identity.serial}"
-    )
-    if "fault" in seen.state.cia402.lower():
-        yield Check(
-            "drive state",
-            "stop",
-            f"the drive is in {seen.state.cia402}{f' ({seen.state.error})' if seen.state.error else ''}",
-            "Mend the cause and reset the fault; Schwung does not do it for you.",
-        )
-    elif seen.state.cia402.lower() in ENERGISED:
-        yield Check(
-            "drive state",
-            "stop",
-            f"the drive is energised already ({seen.state.cia402})",
-            "Switch it off in whatever holds it; after a crash of ours, `schwung restore` does.",
-        )
-    else:
-        # the NMT state is told by heartbeats, which a drive need not send yet
-        told = [word.lower() for word in (seen.state.nmt, seen.state.cia402)]
-        yield Check("drive state", "ok", ", ".join(word for word in told if word != "unknown"))
-    for capability in seen.capabilities:
-        needed = capability.name in needs
-        if not capability.available and (needed or capability.name not in _OTHER_WAYS):
-            yield Check(
-                capability.name,
-                "stop" if needed else "note",
-                f"not available: {capability.reason}",
-                "Use a drive or a profile that offers it." if needed else "",
-            )
-
-
-def bus_checks(load: BusLoad) -> Iterable[Check]:
-    """Is there room on the bus for the cyclic frames?"""
-    text = f"{load.share:.0%} of the bus time for the cyclic frames ({load.basis})"
-    if load.share > MAX_BUS_LOAD:
-        yield Check("bus load", "stop", text, "Raise the bit rate or lower --rate.")
-    else:
-        yield Check("bus load", "warning" if load.share > COMFORT else "ok", text)
-
-
 def _resolution(
     plan: Plan, resolution: Resolution, reference: Simulated, excited: Simulated
 ) -> tuple[SpeedSource, list[Check]]:
@@ -290,12 +197,11 @@ def _torque_resolution(plan: Plan, resolution: Resolution) -> Check:
     return Check("torque resolution", "ok", f"the injected amplitude is {counts:.0f} counts high")
 
 
-def share_check(name: str, value: float, limit: float, text: str, remedy: str) -> Check:
-    if value > limit:
-        return Check(name, "stop", text, remedy)
-    return Check(
-        name, "warning" if value > COMFORT * limit else "ok", text, remedy if value > COMFORT * limit else ""
-    )
+def _guarded(plan: Plan, machine: Machine, seen: Survey) -> Iterable[Check]:
+    if plan.acquisition.guard is None:
+        return ()
+    hardest = hardest_stop(machine, plan.limits, believed_inertia_range(machine)[1])
+    return guard_checks(plan.acquisition.guard, seen.limits, machine, hardest)
 
 
 def _room(plan: Plan, motions: Sequence[Simulated]) -> Iterable[Check]:
@@ -385,12 +291,6 @@ def _trust(
         f"{trust.verdict}: MIV {trust.miv_kgm2:.3g} kg·m²{dpr}, deviation {deviation:.2g} rad",
         "" if trust.verdict == "good" else "; ".join(trust.reasons),
     )
-
-
-def worst(checks: Sequence[Check]) -> Severity:
-    """The gravest severity among the checks."""
-    order: tuple[Severity, ...] = ("ok", "note", "warning", "stop")
-    return max((check.severity for check in checks), key=order.index, default="ok")
 
 
 def with_control(machine: Machine, gains: dict[str, float]) -> Machine:

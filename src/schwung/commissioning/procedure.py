@@ -9,23 +9,24 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
+from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any, Protocol
 
+from schwung.commissioning.checks import ready_checks
+from schwung.commissioning.creep import Creep, prove
 from schwung.commissioning.interrupts import OneInterrupt
 from schwung.commissioning.journal import ParameterJournal
 from schwung.commissioning.plan import Plan, PlannedRun, setpoints_of
 from schwung.commissioning.preflight import Preflight, SpeedSource
 from schwung.commissioning.runs import run_of
-from schwung.errors import DriveError, InterruptedByUser, SampleLossError
+from schwung.commissioning.ways import MAX_JITTER_SHARE, comes_unevenly
+from schwung.errors import DriveError, InterruptedByUser, RefusedError, SampleLossError
 from schwung.fieldbus.drive import Drive, Recording, SyncTiming, partial_recording
 from schwung.session import Run, SessionWriter
 
 #: A motion whose recording has gaps is made again so often, then the bus is called unfit.
 MAX_RETRIES = 2
-#: SYNC that comes less evenly than this (99th percentile, share of the period) decides setpoints by chance.
-MAX_JITTER_SHARE = 0.1
-
 #: Strokes that start more unevenly than this are not one motion.
 UNEVEN_START_S = 2e-4
 
@@ -61,6 +62,7 @@ def powered(drive: Drive, plan: Plan, journal: ParameterJournal, interrupt: OneI
     try:
         journal.change(drive.setup(plan.acquisition))
         drive.start(plan.acquisition)
+        _require_ready(drive)
         drive.enable()
         yield
     except BaseException as error:
@@ -74,6 +76,13 @@ def powered(drive: Drive, plan: Plan, journal: ParameterJournal, interrupt: OneI
     if troubles:
         raise DriveError("leaving the drive", "; ".join(troubles))
     interrupt.let_through()
+
+
+def _require_ready(drive: Drive) -> None:
+    """Look again, now that the node is operational; raises RefusedError while the power stage is still off."""
+    for check in ready_checks(drive.state()):
+        if check.severity == "stop":
+            raise RefusedError(check.name, check.text, check.remedy)
 
 
 def _leave(drive: Drive, journal: ParameterJournal) -> list[str]:
@@ -105,10 +114,11 @@ def record(
     runs: tuple[PlannedRun, ...] | None = None,
     source: str = "schwung commission",
 ) -> Recorded:
-    """Carry out a plan; each run is on disk before the next one starts.
+    """Carry out a plan, where preflight has one after its creep; each run is on disk before the next one starts.
 
-    Raises RefusedError before anything moves where preflight says stop; DriveError and InterruptedByUser after the
-    drive has been stopped, with complete runs and the part of the last one in the session file.
+    Raises RefusedError before anything moves where preflight says stop, and after the creep where that did not prove
+    signs and units; DriveError and InterruptedByUser after the drive has been stopped, with complete runs and the part
+    of the last one in the session file.
     """
     ready.require()
     planned_runs = tuple(plan.runs()) if runs is None else runs
@@ -116,11 +126,18 @@ def record(
     recorded: list[Run] = []
     timing: list[SyncTiming] = []
     retries = 0
-    with OneInterrupt() as interrupt, SessionWriter(session_path, source=source, drive=described) as writer:
+    created = datetime.fromtimestamp(drive.clock.date(), UTC).isoformat(timespec="seconds")
+    with (
+        OneInterrupt() as interrupt,
+        SessionWriter(session_path, source=source, drive=described, created=created) as writer,
+    ):
         try:
             observer.phase("Setting up and enabling the drive")
             with powered(drive, plan, journal, interrupt):
                 player = _Player(drive, plan, writer, ready.speed_source, observer, max_jitter_share)
+                if ready.creep is not None:
+                    observer.phase("Creep: signs and units")
+                    player.creep(ready.creep)
                 for number, planned in enumerate(planned_runs):
                     observer.phase(f"Motion {number + 1} of {len(planned_runs)}: {planned.role}")
                     after = planned_runs[number + 1 : number + 2]
@@ -162,22 +179,9 @@ class _Player:
         A one-way run is undone where it, or what follows, starts where it began.
         """
         start, back = self.plan.start_of(planned), self.plan.way_back(planned)
-        for attempt in range(MAX_RETRIES + 1):
-            recording = self._play(planned)
-            for note in recording.notes:
-                self.observer.note(note)
-            if not recording.lost.size:
-                break
-            self._keep_partial(recording, planned, _losses(recording))
-            if attempt == MAX_RETRIES:
-                raise SampleLossError(
-                    "recording",
-                    f"{_losses(recording)}, in {attempt + 1} motions in a row",
-                    "Check cabling, termination and bus load, or lower --rate.",
-                )
-            self.retries += 1
-            self.observer.note(f"{_losses(recording)}: the motion is made again")
-            self._go(back)
+        recording = self._play_whole(planned)
+        for note in recording.notes:
+            self.observer.note(note)
         try:
             if self.plan.by_itself:
                 self._warn_of_way_back(recording.timing)
@@ -191,6 +195,37 @@ class _Player:
         if next_start_rad == start:
             self._go(back)
         return run, recording.timing
+
+    def creep(self, creep: Creep) -> None:
+        """Prove signs and units; raises RefusedError where they are not what is believed."""
+        notes = prove(
+            self.drive,
+            self.plan,
+            creep,
+            self._play_whole,
+            lambda planned: self._go(self.plan.way_back(planned)),
+            self.writer.append_creep,
+        )
+        for note in notes:
+            self.observer.note(note)
+
+    def _play_whole(self, planned: PlannedRun) -> Recording:
+        """Play one run, again where samples were lost; raises SampleLossError when that does not help."""
+        for attempt in range(MAX_RETRIES + 1):
+            recording = self._play(planned)
+            if not recording.lost.size:
+                break
+            self._keep_partial(recording, planned, _losses(recording))
+            if attempt == MAX_RETRIES:
+                raise SampleLossError(
+                    "recording",
+                    f"{_losses(recording)}, in {attempt + 1} motions in a row",
+                    "Check cabling, termination and bus load, or lower --rate.",
+                )
+            self.retries += 1
+            self.observer.note(f"{_losses(recording)}: the motion is made again")
+            self._go(self.plan.way_back(planned))
+        return recording
 
     def _warn_of_way_back(self, timing: SyncTiming) -> None:
         """A drive that does all by itself is told by a frame when to move back: that start is as uneven as SYNC."""
@@ -241,7 +276,7 @@ def _gapless(recording: Recording) -> Recording:
 
 def _judge_timing(timing: SyncTiming, max_share: float) -> None:
     """Raise DriveError where SYNC came unevenly. A drive clocked by SYNC (lockstep) has no jitter by construction."""
-    if timing.producer != "lockstep" and timing.p99_s > max_share * timing.period_s:
+    if comes_unevenly(timing, max_share):
         raise DriveError(
             "SYNC",
             f"came unevenly: 99 % within {timing.p99_s * 1e3:.2f} ms, worst {timing.max_s * 1e3:.2f} ms "

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 from typing import Literal
 
 from schwung.errors import InputError
-from schwung.fieldbus.drive import Capability, Injecting, OperatingMode, Sampling
+from schwung.fieldbus.drive import Capability, Injecting, OperatingMode, Sampling, SyncTiming
 from schwung.fieldbus.profile import DeviceProfile
 
 ModeChoice = Literal["auto", "csp", "pp"]
@@ -25,6 +25,8 @@ SAMPLED: dict[Sampling, str] = {"sync": "sampling by SYNC", "trace": "trace buff
 INJECTED: dict[Injecting, str] = {"setpoints": "torque injection", "generator": "generator"}
 #: SYNC of a drive that moves, injects and samples by itself: often enough to see a fault, and no load for any bus.
 SLOW_SYNC_HZ = 100.0
+#: SYNC that comes less evenly than this (99th percentile, share of the period) decides setpoints by chance.
+MAX_JITTER_SHARE = 0.1
 
 
 @dataclass(frozen=True)
@@ -39,6 +41,11 @@ class Way:
     returns: bool = True  # strokes there and back can be one motion
 
 
+def comes_unevenly(timing: SyncTiming, max_share: float = MAX_JITTER_SHARE) -> bool:
+    """Whether SYNC misses its grid by more than that share of a period. A drive clocked by SYNC (lockstep) has none."""
+    return timing.producer != "lockstep" and timing.p99_s > max_share * timing.period_s
+
+
 def choose_way(
     profile: DeviceProfile,
     capabilities: Sequence[Capability],
@@ -49,9 +56,13 @@ def choose_way(
     sync_rate_hz: float = 1000.0,
     bus_is_full: bool = False,
     phases: int = 1,
+    timing: SyncTiming | None = None,
+    max_jitter_share: float = MAX_JITTER_SHARE,
 ) -> Way:
-    """Fill in what is left to us. `bus_is_full`: SYNC at that rate would take more of the bus than there is.
+    """Fill in what is left to us. `bus_is_full`: SYNC at that rate would take more of the bus than there is. `timing`:
+    how evenly it comes, measured with the power stage off; None: not measured.
 
+    Where SYNC comes too unevenly, the drive makes the motion itself; and injects and samples itself, where it can.
     Never raises for what the drive lacks: preflight says that, of whichever way is taken.
     """
     told = {capability.name: capability for capability in capabilities}
@@ -72,13 +83,17 @@ def choose_way(
     reasons = []
     own = ("profile position", "trace buffer", "generator")
     asked = mode == "csp" or sampling == "sync" or injecting == "setpoints"
-    if bus_is_full and not asked and not any(lacks(name) for name in own):
-        full = f"SYNC at {sync_rate_hz:g} Hz would overload this bus"
+    uneven = None
+    if timing is not None and comes_unevenly(timing, max_jitter_share):
+        off_ms, period_ms = timing.p99_s * 1e3, timing.period_s * 1e3
+        uneven = f"SYNC is off by {off_ms:.2g} ms of a {period_ms:.3g} ms period on this adapter"
+    if (bus_is_full or uneven) and not asked and not any(lacks(name) for name in own):
+        why = f"SYNC at {sync_rate_hz:g} Hz would overload this bus" if bus_is_full else uneven
         rate = min(SLOW_SYNC_HZ, sync_rate_hz)
-        reasons.append(f"the drive moves, injects and samples by itself, SYNC comes at {rate:g} Hz: {full}")
+        reasons.append(f"the drive moves, injects and samples by itself, SYNC comes at {rate:g} Hz: {why}")
         return Way("pp", "trace", "generator", rate, tuple(reasons))
     if mode == "auto":
-        why = lacks(MOVING["csp"])
+        why = lacks(MOVING["csp"]) or uneven
         mode = "csp" if why is None or lacks(MOVING["pp"]) else "pp"
         if mode == "pp":
             reasons.append(f"the drive makes its own profile (PP): no setpoints over the bus ({why})")

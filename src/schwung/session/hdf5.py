@@ -326,9 +326,16 @@ class SessionWriter:
 
     def append_partial(self, run: PartialRun | Run, reason: str) -> None:
         """Add a recording that was cut short as /partial/NNNN, with why; it is not a run of the session."""
-        with self._new_group(self._image.require_group("partial")) as group:
+        self._append_aside("partial", run, reason=reason)
+
+    def append_creep(self, run: Run, told: str) -> None:
+        """Add a small motion made before the first run as /creep/NNNN, with what it told; it is none of the runs."""
+        self._append_aside("creep", run, told=told)
+
+    def _append_aside(self, where: str, run: PartialRun | Run, **attributes: str) -> None:
+        with self._new_group(self._image.require_group(where)) as group:
             self._write(group, run)
-            group.attrs["reason"] = reason
+            group.attrs.update(attributes)
 
     @contextmanager
     def _new_group(self, parent: h5py.Group) -> Iterator[h5py.Group]:
