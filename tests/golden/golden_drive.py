@@ -170,7 +170,9 @@ class GoldenDrive:
             return self.pdos[rpdo]
         first, *rest = next(iter(self.pdos.values()))
         told = self.answers[sdo("40 41 60 00")][4:6]
-        in_operation = told[0] & 0x6F == first[0] & 0x6F  # then with the sample's further bits: it follows (bit 12)
+        in_operation = (
+            told[0] & 0x6F == first[0] & 0x6F
+        )  # then with the sample's further bits: it follows (bit 12)
         return [first if in_operation else told + first[2:], *rest]
 
 
