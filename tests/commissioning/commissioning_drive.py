@@ -50,6 +50,7 @@ class DeskDrive:
     told the number of the run, from 0: what is played before is the creep."""
 
     def __init__(self, machine: Machine) -> None:
+        self.sync_timing: SyncTiming | None = None  # of a thread that would send it
         self.machine = machine
         self.clock = SteppedClock()
         self.identity = DriveIdentity(3, 0x53574E47, 0x402, 0x10000, 7, "desk drive")
@@ -86,6 +87,9 @@ class DeskDrive:
 
     def bus_load(self, acquisition: Acquisition) -> BusLoad:
         return BusLoad(0.43 * acquisition.sample_rate_hz / 1000, "1000 kbit/s")
+
+    def measure_sync(self, sample_rate_hz: float) -> SyncTiming | None:
+        return self.sync_timing
 
     def parameter(self, index: int, subindex: int = 0) -> Parameter:
         if (index, subindex) not in self.objects:

@@ -2,10 +2,14 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any
 
 import pytest
+from commissioning_drive import DeskDrive, believed_machine
 
+from schwung.commissioning import Wishes
+from schwung.commissioning.commission import way_of
 from schwung.commissioning.ways import Way, choose_way, comes_unevenly, require_phases
 from schwung.errors import InputError
 from schwung.fieldbus.drive import Capability, SyncTiming
@@ -119,3 +123,13 @@ def test_a_drive_that_can_but_move_by_itself_does_and_who_insists_gets_setpoints
 @pytest.mark.parametrize(("share", "uneven"), [(0.09, False), (0.11, True)])
 def test_a_tenth_of_the_period_is_even_enough(share: float, uneven: bool) -> None:
     assert comes_unevenly(_timing(share * 1e-3)) is uneven
+
+
+@pytest.mark.parametrize(("p99_s", "mode"), [(20e-6, "csp"), (0.4e-3, "pp")])
+def test_what_is_measured_on_the_bus_decides_before_anything_moves(p99_s: float, mode: str) -> None:
+    drive = DeskDrive(believed_machine())
+    drive.sync_timing = SyncTiming("thread", 1e-3, p99_s / 2, p99_s, 2 * p99_s)
+    wishes = Wishes(distance_rad=1.0, duration_s=0.25)
+    assert way_of(drive, load_profile("schwung-bench"), wishes).mode == mode
+    fixed = replace(wishes, mode="csp")
+    assert way_of(drive, load_profile("schwung-bench"), fixed).mode == "csp"  # who says so gets it

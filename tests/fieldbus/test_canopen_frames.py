@@ -16,6 +16,7 @@ from schwung.fieldbus.canopen.emcy import Emergency, describe_code
 from schwung.fieldbus.canopen.link import Frame, Link
 from schwung.fieldbus.canopen.nmt import HeartbeatProducer, NodeMonitor, OtherMasters
 from schwung.fieldbus.canopen.sdo import SdoChannel
+from schwung.fieldbus.canopen.sync import measure_evenness
 from schwung.fieldbus.drive import Acquisition, Parameter, ParameterValue
 from schwung.fieldbus.profile import ObjectRef, load_profile
 
@@ -259,3 +260,15 @@ def test_who_begins_to_beat_as_we_do_is_trouble(ends: tuple[Link, can.BusABC]) -
     producer.close()
     assert len(troubles) == 1
     assert "another master" in str(troubles[0])
+
+
+def test_how_evenly_frames_go_out_is_measured_without_a_word_to_anybody(
+    ends: tuple[Link, can.BusABC],
+) -> None:
+    link, other = ends
+    timing = measure_evenness(link, 0.001)
+    assert timing.period_s == pytest.approx(0.001, rel=1e-3)
+    assert timing.max_s < 1e-6  # this clock keeps every deadline
+    heard = list(iter(lambda: other.recv(0), None))
+    assert len(heard) >= 500  # of half a second; the last may still be on its way
+    assert {(m.arbitration_id, bytes(m.data)) for m in heard} == {(0x6FF, b"")}

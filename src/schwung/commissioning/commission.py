@@ -101,7 +101,8 @@ def prepare(
     wishes: Wishes,
     timing: SyncTiming | None = None,
 ) -> Prepared:
-    """Plan and check; reads the drive, changes nothing, moves nothing. `timing`: see `choose_way`.
+    """Plan and check; reads the drive, changes nothing, moves nothing. `timing`: see `choose_way`; None: it is measured
+    where it matters.
 
     Raises InputError where limits or beliefs are missing; what preflight finds is in the result.
     """
@@ -158,6 +159,8 @@ def way_of(drive: Drive, profile: DeviceProfile, wishes: Wishes, timing: SyncTim
 
     Raises InputError for a trace that the profile lacks.
     """
+    if timing is None and wishes.mode == "auto":
+        timing = drive.measure_sync(wishes.sample_rate_hz)
     fast = drive.bus_load(Acquisition(mode="csp", sample_rate_hz=wishes.sample_rate_hz))
     way = choose_way(
         profile,

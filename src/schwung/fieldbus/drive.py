@@ -281,6 +281,11 @@ class Drive(Protocol):
         """Share of the bus time taken by the cyclic frames."""
         ...
 
+    def measure_sync(self, sample_rate_hz: float) -> SyncTiming | None:
+        """How evenly SYNC would come where this program itself has to send it: by what is measured now, while nothing
+        moves. None where somebody keeps the time (a kernel, the drive, a simulated clock) or where there is no SYNC."""
+        ...
+
     def parameter(self, index: int, subindex: int = 0) -> Parameter:
         """Look up a parameter. Raises InputError when the dictionary does not have it."""
         ...

@@ -32,13 +32,13 @@ class Cyclic:
     ) -> None:
         self.acquisition, self.answering = acquisition, False
         self.started_s = link.clock.date()
-        chosen = _chosen(sync, link, profile, sdo)
+        producer = chosen(sync, link, profile, sdo)
         self.exchange = Exchange(link, layouts, sdo.node_id, counter)
         self._layouts, self._profile = layouts, profile
         self._place = f"node {sdo.node_id}"
         carriers = (i for i, t in enumerate(layouts.tpdos) if t.carries(profile.quantities.position.object))
         self._position_tpdo = next(carriers, None)  # none: a drive that can only be looked at
-        self.producer = self._producer(chosen)
+        self.producer = self._producer(producer)
 
     def _producer(self, choice: SyncChoice) -> Producer:
         exchange, period_s = self.exchange, 1.0 / self.acquisition.sample_rate_hz
@@ -114,7 +114,7 @@ class Cyclic:
         return int(layout.unpack([frame])[str(self._profile.quantities.position.object)][0])
 
 
-def _chosen(sync: SyncChoice, link: Link, profile: CanopenProfile, sdo: SdoChannel) -> SyncChoice:
+def chosen(sync: SyncChoice, link: Link, profile: CanopenProfile, sdo: SdoChannel) -> SyncChoice:
     """What "auto" means for a bus and a drive. Raises StateError for lockstep with a drive that has its own time."""
     clock = profile.sync.clocked_by_sync
     clocked = clock is not None and sdo.read_integer(clock.index, clock.subindex, "UNSIGNED8") == 1

@@ -34,6 +34,7 @@ from schwung.fieldbus.drive import (
     Resolution,
     Setpoints,
     SyncChoice,
+    SyncTiming,
 )
 from schwung.fieldbus.profile import CanopenProfile
 from schwung.fieldbus.units import Scales, read_scales
@@ -168,6 +169,10 @@ class CanopenDrive:
         bits = self._bit_rate or ASSUMED_BIT_RATE
         basis = f"{bits / 1000:g} kbit/s{'' if self._bit_rate else ' assumed'}, worst-case stuffing"
         return BusLoad(bus_load([*((size, rate) for size in sizes), (1, beats)], bits), basis)
+
+    def measure_sync(self, sample_rate_hz: float) -> SyncTiming | None:
+        """How evenly a thread of ours gets frames onto this bus; None where none would send SYNC. Raises BusError."""
+        return self._operation.measure_sync(sample_rate_hz)
 
     def describe(self) -> dict[str, Any]:
         """JSON-ready: identity, profile, units and bus, as stored with a session."""

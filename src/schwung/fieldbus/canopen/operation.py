@@ -11,7 +11,7 @@ import numpy as np
 from schwung.errors import BusError, DriveError, NodeLostError, StateError
 from schwung.fieldbus import cia402
 from schwung.fieldbus.canopen import diagnosis, nmt, playback
-from schwung.fieldbus.canopen.cyclic import Cyclic
+from schwung.fieldbus.canopen.cyclic import Cyclic, chosen
 from schwung.fieldbus.canopen.dialogue import CONTROLWORD, Dialogue
 from schwung.fieldbus.canopen.emcy import describe_code
 from schwung.fieldbus.canopen.link import Link
@@ -20,8 +20,17 @@ from schwung.fieldbus.canopen.pdo import Layouts
 from schwung.fieldbus.canopen.recorder import Recorder
 from schwung.fieldbus.canopen.sdo import Outcome, SdoChannel
 from schwung.fieldbus.canopen.setup import temporarily
+from schwung.fieldbus.canopen.sync import measure_evenness
 from schwung.fieldbus.cia402 import State
-from schwung.fieldbus.drive import Acquisition, Progress, Recording, Setpoints, SyncChoice, attach_recording
+from schwung.fieldbus.drive import (
+    Acquisition,
+    Progress,
+    Recording,
+    Setpoints,
+    SyncChoice,
+    SyncTiming,
+    attach_recording,
+)
 from schwung.fieldbus.profile import CanopenProfile
 from schwung.fieldbus.units import Scales
 from schwung.fieldbus.walker import PATIENCE_S
@@ -76,6 +85,12 @@ class Operation:
         """Who produces SYNC: "lockstep", "kernel" or "thread"; as chosen where it does not run yet."""
         cyclic = self._dialogue.cyclic
         return self._sync if cyclic is None else cyclic.producer.name
+
+    def measure_sync(self, sample_rate_hz: float) -> SyncTiming | None:
+        """See Drive.measure_sync."""
+        if self._clock.simulated or chosen(self._sync, self._link, self._profile, self._sdo) != "thread":
+            return None
+        return measure_evenness(self._link, 1.0 / sample_rate_hz)
 
     @contextlib.contextmanager
     def pre_operational(self) -> Iterator[None]:

@@ -8,17 +8,22 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
+import numpy as np
+
 from schwung.clock import Task
 from schwung.errors import BusError, NodeLostError
 from schwung.fieldbus.canopen.exchange import Exchange
+from schwung.fieldbus.canopen.link import Link
 from schwung.fieldbus.canopen.output import Output
-from schwung.fieldbus.canopen.recorder import Recorder
-from schwung.fieldbus.drive import Progress
+from schwung.fieldbus.canopen.recorder import Recorder, measure_timing
+from schwung.fieldbus.drive import Progress, SyncTiming
 
 _PROGRESS_S = 0.05
 LOST_AFTER_S = 0.1  # lockstep: an answer that takes longer is lost, unless it turns up after all
 STRAGGLERS_S = 0.25  # lockstep: so long the last answers are waited for where some were missed
 SILENT_S = 0.5  # otherwise: no answer for so long, and the node is lost
+_PROBE_ID = 0x6FF  # restricted (CiA 301, table of CAN-IDs): no communication object uses it
+_PROBE_S = 0.5
 SILENT_CYCLES = 20  # lockstep: so many in a row without any answer, and the node is lost
 
 
@@ -165,6 +170,29 @@ class PeriodicProducer(_PythonProducer):
                 self._send_sync(setpoint)
         except BusError as error:
             self._exchange.report(error)
+
+
+def measure_evenness(link: Link, period_s: float) -> SyncTiming:
+    """How evenly a thread of ours gets frames onto this bus: what SYNC would be by `PeriodicProducer`.
+
+    Measured with empty frames of an identifier that no object may use, so that nobody acts on them. Raises BusError.
+    """
+    stamps: list[float] = []
+    failures: list[BusError] = []
+
+    def probe() -> None:
+        try:
+            link.send(_PROBE_ID, b"")
+        except BusError as error:
+            failures.append(error)
+        stamps.append(link.clock.date())
+
+    task = link.clock.every(period_s, probe, "schwung probe")
+    link.clock.wait(lambda: bool(failures), _PROBE_S)
+    task.close()
+    if failures:
+        raise failures[0]
+    return measure_timing(PeriodicProducer.name, period_s, np.array(stamps))
 
 
 def wait_while_playing(

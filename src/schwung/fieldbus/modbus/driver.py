@@ -138,6 +138,9 @@ class ModbusDrive:
         """Nothing is exchanged cyclically."""
         return BusLoad(0.0, "Modbus: the drive moves and records by itself")
 
+    def measure_sync(self, sample_rate_hz: float) -> None:
+        """There is no SYNC."""
+
     def describe(self) -> dict[str, Any]:
         """JSON-ready: identity, profile, units and bus, as stored with a session."""
         return {
