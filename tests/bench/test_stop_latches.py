@@ -126,6 +126,7 @@ def test_a_statusword_that_is_refused_is_not_off(fault: str) -> None:
 @pytest.mark.parametrize("word", [0x0001, 0x0003, 0x0013])
 def test_a_statusword_that_the_standard_does_not_know_is_not_off(word: int) -> None:
     with connected() as (bench, drive):
+        drive.write(drive.setup(CSP))
         with Master(interface="stepped", channel=bench.channel) as other:
             for command in (0x06, 0x07, 0x0F):
                 other.write(0x6040, 0, command, 2)
@@ -133,9 +134,10 @@ def test_a_statusword_that_the_standard_does_not_know_is_not_off(word: int) -> N
         with pytest.raises(StateError, match=f"may still be energised .*0x{word:04X}"):
             drive.disable()
         assert not bench.servo.power.energised
-        drive.write(drive.setup(CSP))
         with pytest.raises(StateError, match="no state that CiA 402 knows"):
             drive.start(CSP)
+        with pytest.raises(StateError, match="Disable it before changing PDOs"):
+            drive.write([ParameterValue(drive.parameter(0x1400, 1), 0x80000000 | RPDO)])
 
 
 def test_a_position_that_is_refused_is_no_place_to_hold() -> None:

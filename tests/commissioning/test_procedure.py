@@ -23,6 +23,7 @@ from schwung.errors import (
     RefusedError,
     SampleLossError,
     SdoError,
+    StateError,
 )
 from schwung.fieldbus.drive import Progress, Recording, Setpoints
 from schwung.session import read_session
@@ -147,10 +148,30 @@ def test_a_defect_on_the_way_out_does_not_keep_the_parameters_from_being_put_bac
     def fail() -> None:
         raise RuntimeError("a defect of ours")
 
-    drive.disable = fail  # type: ignore[method-assign]  # a defect
-    with pytest.raises(DriveError, match=r"power stage may still be on.*defect"):
+    drive.stop = fail  # type: ignore[method-assign]  # a defect
+    with pytest.raises(DriveError, match=r"PDO exchange may still be on.*defect"):
         _record(drive, tmp_path)
     assert drive.objects == before
+
+
+@pytest.mark.parametrize("failures", [1, 9])
+def test_parameters_go_back_into_a_drive_that_is_off_alone(
+    drive: DeskDrive, tmp_path: Path, failures: int
+) -> None:
+    """With them it would lose its watch over us, and how it stops when we are gone."""
+    before, disable, failed = dict(drive.objects), drive.disable, []
+
+    def fail() -> None:
+        if len(failed) < failures:
+            failed.append(True)
+            raise StateError("node 1", "may still be energised")
+        disable()
+
+    drive.disable = fail  # type: ignore[method-assign]  # it is not off
+    with pytest.raises(DriveError, match=r"power stage may still be on") as raised:
+        _record(drive, tmp_path)
+    assert (drive.objects == before) == (failures == 1)
+    assert ("run `schwung restore" in str(raised.value)) == (failures == 9)
 
 
 def test_an_observer_that_fails_stops_the_drive(drive: DeskDrive, tmp_path: Path) -> None:

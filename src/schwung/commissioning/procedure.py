@@ -86,12 +86,22 @@ def _require_ready(drive: Drive) -> None:
 
 
 def _leave(drive: Drive, journal: ParameterJournal) -> list[str]:
-    """Power off, PDO exchange off, parameters back: each tried whatever became of the one before."""
-    troubles = []
+    """Power off, PDO exchange off, parameters back: each tried whatever became of the one before.
+
+    But for parameters of a drive that may still be on: it would lose its watch over us, and how it stops when we are
+    gone. It is tried once more to switch that off, without PDOs.
+    """
+    troubles: list[str] = []
+
+    def restore() -> None:
+        if troubles:
+            drive.disable()
+        journal.restore()
+
     steps: list[tuple[str, Callable[[], None]]] = [
         ("the power stage may still be on", drive.disable),
         ("the PDO exchange may still be on", drive.stop),
-        (f"parameters are not put back: run `schwung restore {journal.path}`", journal.restore),
+        (f"parameters are not put back: run `schwung restore {journal.path}`", restore),
     ]
     for consequence, step in steps:
         try:

@@ -320,7 +320,8 @@ class Drive(Protocol):
         ...
 
     def halt(self) -> None:
-        """Quick stop, now. Never raises."""
+        """Quick stop, now. Never raises. Whatever was under way, nothing is energised or started any more before
+        it has been switched off (`disable`) and is started anew, or `reset_fault`."""
         ...
 
     def reset_fault(self) -> None:

@@ -16,6 +16,8 @@ from schwung.fieldbus.cia402 import State
 
 #: A state that lasts longer than this is stuck (s); a brake that is released takes up to half a second.
 PATIENCE_S = 2.0
+#: So many times that, and a drive that keeps changing its state is given up: somebody switches it on again.
+RESTLESS = 5
 #: A drive that has not answered so often, each time for as long as the bus allows, is not waited for any longer.
 SILENCES = 2
 #: Steps down that a drive may do on a ramp of its own, before the voltage goes (605B, 605C).
@@ -46,11 +48,12 @@ class Walker:
         return cia402.decode(self._access.statusword())
 
     def climb(self, wanted: State, check: Callable[[], None]) -> None:
-        """Step by step up to a state, each controlword once. `check` raises what has come between.
+        """Step by step up to a state, each controlword once: a drive that falls back is not sent up again.
 
-        Raises StateError or DriveFaultError naming what is missing.
+        `check` raises what has come between. Raises StateError or DriveFaultError naming what is missing.
         """
         access, previous, since, sent = self._access, None, self._clock.now(), -1
+        former: set[int] = set()
         while True:
             word = access.statusword()
             state = cia402.decode(word)
@@ -60,45 +63,50 @@ class Walker:
             if state is not previous:
                 previous, since = state, self._clock.now()
             step = cia402.next_controlword(state, wanted)
-            hopeless = (
-                step is None and state is not State.UNKNOWN
-            )  # which may be a state on its way to the next
+            # an unknown state may be one on its way to the next
+            hopeless = step in former or (step is None and state is not State.UNKNOWN)
             if hopeless or self._clock.now() - since > self._patience_s:
                 raise access.stuck(word, max(sent, 0), wanted)
             if step is None or step == sent:
                 access.pause()
             else:
+                former.add(sent)
                 access.command(step)
                 sent = step
 
     def off(self) -> None:
-        """Switch off, and see that it is: Switch on disabled, or a fault that has been reacted to. A fault stays.
+        """Switch off, and see twice that it is: Switch on disabled, or a fault that has been reacted to. A fault stays.
+        One look could be at an old frame that came late.
 
         Call it when the axis stands: the voltage goes. Raises StateError where the power stage may still be on, or what
         kept the drive from answering; Disable Voltage has been sent then.
         """
-        access, since, word = self._access, self._clock.now(), None
+        access, word = self._access, None
+        began = since = self._clock.now()
         previous: State | None = None
         silences = 0
         while True:
-            overdue = self._clock.now() - since > self._patience_s or silences >= SILENCES
+            restless = self._clock.now() - began > RESTLESS * self._patience_s
+            overdue = restless or self._clock.now() - since > self._patience_s
             try:
                 word = access.statusword()
                 state = cia402.decode(word)
-                if state in cia402.OFF:
+                if state in cia402.OFF and state is previous:
                     return
-                if state is not previous:
+                if state is not previous and not restless:
                     previous, since = state, self._clock.now()
                 elif overdue:
                     break
-                if state is State.FAULT_REACTION:  # it ends by itself, in Fault
+                if (
+                    state is State.FAULT_REACTION or state in cia402.OFF
+                ):  # the reaction ends by itself, in Fault
                     access.pause()
                 else:
                     access.command(_STEPS_DOWN.get(state, cia402.DISABLE_VOLTAGE))
             except DriveError:
                 silences += 1
                 self._insist()
-                if overdue:
+                if overdue or silences >= SILENCES:
                     raise
         self._insist()
         shown = "no statusword" if word is None else f'statusword 0x{word:04X}, "{cia402.decode(word).value}"'

@@ -14,7 +14,7 @@ from schwung.fieldbus.walker import Access, Walker
 
 CONTROLWORD = Parameter(0x6040, 0, "UNSIGNED16", "Controlword")
 _STEP_S = 0.005
-_STANDSTILL_S = 2.0
+STANDSTILL_S = 2.0
 _STILL_RAD = 2e-4  # in a step: slower than 0.04 rad/s for three steps is standstill
 
 
@@ -51,11 +51,15 @@ class Dialogue:
         """Send a controlword, by SDO where PDOs are not answered, and give the drive time for it.
 
         The target stays what it was; a drive without power gets the place where it is, and holds that when enabled.
+        One that enables goes by PDO alone, where a stop is latched: an SDO could be overtaken by it. Raises StateError
+        where there are none.
         """
-        cyclic = self.cyclic
+        cyclic, enables = self.cyclic, cia402.enables_operation(controlword)
         if cyclic is not None:
             cyclic.producer.hold(cyclic.frame(controlword, self._target(cyclic)))
-        if cyclic is None or not cyclic.answering:
+        elif enables:
+            raise StateError(self.place, "does not exchange PDOs", "Start it before it is enabled.")
+        if not enables and (cyclic is None or not cyclic.answering):
             self._sdo.write(ParameterValue(CONTROLWORD, controlword))
         self._pause(_STEP_S)
 
@@ -68,23 +72,30 @@ class Dialogue:
         mode = self.cyclic.mode if self.cyclic is not None else None
         return diagnosis.why_stuck(self._sdo, self._monitor, status, word, wanted, mode)
 
-    def await_standstill(self, count_rad: float | None) -> bool:
-        """Let time pass until the position hardly changes; False after two seconds of it, or in silence.
+    def await_standstill(self, count_rad: float | None, patience_s: float = STANDSTILL_S) -> bool:
+        """Let time pass until the position, by PDO or SDO, hardly changes; False after so much of the drive's time.
 
-        `count_rad`: what one count of the position is worth; None where nobody knows.
+        `count_rad`: what one count of the position is worth; None where nobody knows. Raises DriveError where the drive
+        does not show it.
         """
-        if self.cyclic is None or not self.cyclic.pump(0.0):
-            return False
-        tolerance = 0.0 if count_rad is None else _STILL_RAD / abs(count_rad)
+        tolerance, clock = 1.0 if count_rad is None else _STILL_RAD / abs(count_rad), self._monitor.clock
+        self._pause(0.0)
         elapsed, still, last = 0.0, 0, self.position()
-        while elapsed < _STANDSTILL_S and still < 3:
-            if not self.cyclic.pump(_STEP_S):
-                return False
-            elapsed += _STEP_S
+        while elapsed < patience_s and still < 3:
+            began = clock.now()
+            self._pause(_STEP_S)
+            by_pdo = self.cyclic is not None and self.cyclic.answering
+            elapsed += _STEP_S if by_pdo else clock.now() - began
             now = self.position()
             still = still + 1 if abs(now - last) <= tolerance else 0
             last = now
         return still >= 3
+
+    def wait(self, duration_s: float) -> None:
+        """Let time pass, also for a drive whose time is SYNC."""
+        end = self._monitor.clock.now() + duration_s
+        while self._monitor.clock.now() < end:
+            self._pause(_STEP_S)
 
     def _pause(self, duration_s: float) -> None:
         if self.cyclic is not None:

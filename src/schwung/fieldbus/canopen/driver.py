@@ -366,10 +366,9 @@ class CanopenDrive:
         if self._operation.running:
             raise StateError(place, "exchanges PDOs, which cannot be changed meanwhile", "Stop it first.")
         status = self._integer(0x6041, 0)
-        if cia402.decode(status) in cia402.ENERGISED:
-            raise StateError(
-                place, f'is in "{cia402.decode(status).value}"', "Disable it before changing PDOs."
-            )
+        state = cia402.decode(status)
+        if state in cia402.ENERGISED or state is cia402.State.UNKNOWN:
+            raise StateError(place, f'is in "{state.value}"', "Disable it before changing PDOs.")
 
     def _check_identity(self) -> DriveIdentity:
         place = f"node {self.node_id}"

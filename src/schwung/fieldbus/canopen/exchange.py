@@ -78,13 +78,15 @@ class Exchange:
         )
         self.after_tpdo: Callable[[int], None] | None = None
         self.trouble: DriveError | None = None
-        self.sync_count = self.answer_count = 0  # SYNCs sent, and TPDOs that came
+        self.sync_count = 0  # SYNCs sent
+        self.answer_counts = [0] * len(layouts.tpdos)  # TPDOs that came, of each
         self._status_tpdo = next(i for i, t in enumerate(layouts.tpdos) if t.carries("6041:00"))
         self._status_offset = layouts.tpdos[self._status_tpdo].offset("6041:00")
         self._subscriptions: list[tuple[int, FrameCallback]] = []
         for number, layout in enumerate(layouts.tpdos):
             self._subscribe(layout.can_id, self._tpdo_callback(number))
-        for can_id in (layouts.rpdo.can_id, SYNC_ID, 0x000, 0x600 + node_id):
+        rpdos = range(0x200 + node_id, 0x600, 0x100)  # the drive may have the controlword in any of the four
+        for can_id in (*rpdos, SYNC_ID, 0x000, 0x600 + node_id):
             self._subscribe(can_id, self._on_foreign)
 
     def close(self) -> None:
@@ -118,6 +120,11 @@ class Exchange:
         frame = self.latest[self._status_tpdo]
         return None if frame is None else self._status_of(frame)
 
+    @property
+    def answer_count(self) -> int:
+        """TPDOs that came, of all together."""
+        return sum(self.answer_counts)
+
     def sync_frames(self) -> list[Frame]:
         """SYNC frames to be sent in turn: one without counter, else one per counter value from 1."""
         if not self.counter:
@@ -141,7 +148,7 @@ class Exchange:
         def on_tpdo(message: can.Message) -> None:
             data = message.data
             latest[number] = data
-            self.answer_count += 1
+            self.answer_counts[number] += 1
             recorder = self.recorder
             if recorder is not None:
                 recorder.frames[number].append((len(recorder.sync_times) - 1, message.timestamp, data))

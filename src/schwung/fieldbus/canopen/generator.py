@@ -56,8 +56,8 @@ class SineGenerator:
         return [ParameterValue(self._parameter(ref), round(counts)) for ref, counts in wanted]
 
     @contextmanager
-    def running(self, sine: Sine) -> Iterator[None]:
-        """On within, or armed for the motion; off afterwards.
+    def running(self, sine: Sine, check: Callable[[], None]) -> Iterator[None]:
+        """On within, or armed for the motion; off afterwards. `check` raises what forbids to switch it on.
 
         Raises SdoError where it cannot be switched on, or, when nothing else was wrong before, off.
         """
@@ -67,6 +67,7 @@ class SineGenerator:
             raise StateError(self._place, "cannot start with the motion", "Use --phases 1.")
         self._may_run, self._killed = True, False
         try:
+            check()
             self._sdo.write(ParameterValue(self._control, start))
             yield
         except BaseException:

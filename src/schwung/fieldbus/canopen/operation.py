@@ -12,10 +12,10 @@ from schwung.errors import BusError, DriveError, NodeLostError, StateError
 from schwung.fieldbus import cia402
 from schwung.fieldbus.canopen import diagnosis, nmt, playback
 from schwung.fieldbus.canopen.cyclic import Cyclic, chosen
-from schwung.fieldbus.canopen.dialogue import CONTROLWORD, Dialogue
+from schwung.fieldbus.canopen.dialogue import CONTROLWORD, STANDSTILL_S, Dialogue
 from schwung.fieldbus.canopen.emcy import describe_code
 from schwung.fieldbus.canopen.link import Link
-from schwung.fieldbus.canopen.own_means import Lookup, OwnMeans
+from schwung.fieldbus.canopen.own_means import Around, Lookup, OwnMeans
 from schwung.fieldbus.canopen.pdo import Layouts
 from schwung.fieldbus.canopen.recorder import Recorder
 from schwung.fieldbus.canopen.sdo import Outcome, SdoChannel
@@ -42,6 +42,7 @@ APPROACH_S = (
 _NMT_S = 1.0
 _HALT_S = 1.0  # another thread that is at it already is waited for so long
 _HALT_TRIES = 3
+_SETTLED_S = 0.2  # what is in operation and does not stand within that is stopped before it is switched off
 
 
 class Operation:
@@ -73,6 +74,9 @@ class Operation:
         self._scales: Scales | None = None
         self._window_rad = START_WINDOW_RAD
         self._halting = False
+        self._halts = self._halts_answered = 0  # asked for, and followed by `disable`
+        self._moved = False  # something has been played since `start`
+        self._stopped_s: float | None = None  # when the first quick stop since `start` was sent
         self._lock = self._clock.lock()
 
     @property
@@ -105,6 +109,7 @@ class Operation:
         """Node operational, PDOs running, power stage off. Raises StateError, NodeLostError."""
         if self.running:
             raise StateError(self._place, "already exchanges PDOs", "Stop it first.")
+        self._require_not_halted()
         state = self._dialogue.state()
         if state in cia402.ENERGISED:
             raise StateError(
@@ -116,7 +121,7 @@ class Operation:
             raise StateError(
                 self._place, "shows no state that CiA 402 knows", "Is this the profile of this drive?"
             )
-        self._scales = scales
+        self._scales, self._stopped_s, self._moved = scales, None, False
         self._window_rad = min(START_WINDOW_RAD, (following_window_rad or math.inf) / 2)
         cyclic = Cyclic(
             self._link,
@@ -138,6 +143,7 @@ class Operation:
             here = self._dialogue.position()
             self._dialogue.cyclic = cyclic
             cyclic.start(cyclic.frame(cia402.DISABLE_VOLTAGE, here))
+            self._require_not_halted()
         except BaseException:
             self._dialogue.cyclic = cyclic
             self.stop()
@@ -147,42 +153,49 @@ class Operation:
         """Walk to Operation enabled, holding the present position. Raises StateError, DriveFaultError."""
         cyclic, _ = self._running()
 
-        def check() -> None:
-            if cyclic.exchange.trouble is not None:
-                self.halt()
-                raise self._explained(cyclic, cyclic.exchange.trouble)
-
-        self._dialogue.walker.climb(State.SWITCHED_ON, check)
+        self._dialogue.walker.climb(State.SWITCHED_ON, self._require_untroubled)
         self._require_mode(cyclic)
-        self._dialogue.walker.climb(State.OPERATION_ENABLED, check)
+        self._dialogue.walker.climb(State.OPERATION_ENABLED, self._require_untroubled)
 
     def play(self, setpoints: Setpoints, progress: Progress | None) -> Recording:
         """Play and record; see CanopenDrive.play."""
         cyclic, scales = self._running()
-        acquisition, exchange = cyclic.acquisition, cyclic.exchange
-        if exchange.trouble is not None:
-            self.halt()
-            raise self._explained(cyclic, exchange.trouble)
+        acquisition = cyclic.acquisition
+        self._require_untroubled()
         playable = playback.pack(
             setpoints, acquisition.mode, self._profile, self._layouts.rpdo, scales, self._target(cyclic)
         )
         self._dialogue.await_standstill(scales.position_rad)
         self._check_start(setpoints, acquisition, scales)
         pp = acquisition.mode == "pp"
-        if not pp:
-            self._approach(cyclic, int(playable.position_counts[0]), armed=acquisition.sampling == "trace")
-        recorder = Recorder(len(self._layouts.tpdos))
         strokes = playback.dynamics(setpoints.moves, scales, self._lookup) if pp else []
         own = self.own_means.around(setpoints, acquisition, playable, scales)
-        with temporarily(self._sdo, strokes + own.settings), own.acting():
+        if not pp:
+            self._approach(cyclic, int(playable.position_counts[0]), armed=acquisition.sampling == "trace")
+        with temporarily(self._sdo, strokes + own.settings):
+            try:
+                return self._motion(cyclic, setpoints, playable, own, progress)
+            except BaseException:
+                if self._stopped_s is None:
+                    self._quick_stop()
+                raise
+
+    def _motion(
+        self, cyclic: Cyclic, setpoints: Setpoints, playable: playback.Playable, own: Around,
+        progress: Progress | None,
+    ) -> Recording:  # fmt: skip
+        """Trouble of whatever kind leaves it to the caller to stop the drive, where that has not been done."""
+        acquisition, pp = cyclic.acquisition, cyclic.acquisition.mode == "pp"
+        recorder = Recorder(len(self._layouts.tpdos))
+        with own.acting(self._require_untroubled):
             error = self._run(cyclic, playable.frames, playable.after, recorder, progress)
         recording = playback.build(
-            recorder, playable, self._profile, self._layouts, scales, cyclic.producer.name, acquisition.sample_rate_hz,
-            setpoints.position_rad if pp else None,
+            recorder, playable, self._profile, self._layouts, own.scales, cyclic.producer.name,
+            acquisition.sample_rate_hz, setpoints.position_rad if pp else None,
         )  # fmt: skip
         refused = playback.unacknowledged(recording, setpoints.moves) if pp and error is None else None
         if refused is not None:
-            self.halt()
+            self._quick_stop()
             error = StateError(
                 self._place,
                 f"did not take the move at sample {refused.at_index}",
@@ -199,9 +212,14 @@ class Operation:
     def halt(self) -> None:
         """Quick stop by RPDO and SDO, until the drive shows that it has left operation. Never raises.
 
-        What goes out is latched: whoever else speaks to the drive meanwhile, nothing enables it again before `stop`
-        and `start`, or `reset_fault`.
+        What goes out is latched: whoever else speaks to the drive meanwhile, nothing enables it again before it has
+        been switched off (`disable`) and is started anew, or `reset_fault`.
         """
+        with self._lock:
+            self._halts += 1
+        self._quick_stop()
+
+    def _quick_stop(self) -> None:
         with self._lock:
             first, self._halting = not self._halting, True
         if not first:
@@ -220,31 +238,43 @@ class Operation:
             with contextlib.suppress(Exception):
                 cyclic.producer.latch(cia402.QUICK_STOP)
         heard = False
+        if self._stopped_s is None:
+            self._stopped_s = self._clock.now()
         for _ in range(_HALT_TRIES):
+            if self._monitor.nmt == "STOPPED":  # where neither PDO nor SDO reaches it
+                with contextlib.suppress(BusError):
+                    nmt.send_command(self._link, nmt.PRE_OPERATIONAL, self._sdo.node_id)
             outcome = self._sdo.write_once(CONTROLWORD, cia402.QUICK_STOP, 0.2)
             heard = heard or outcome is not Outcome.NOT_ANSWERED
             self.own_means.kill()
             if cyclic is None:
-                break
+                if heard:
+                    break
+                continue
             with contextlib.suppress(Exception):
                 cyclic.pump(0.01)
                 if cyclic.answering and self._dialogue.state() is not State.OPERATION_ENABLED:
                     break
         if cyclic is not None:
-            with contextlib.suppress(Exception):
-                stands = self._stands()
-                if not stands and not heard and not cyclic.answering:
-                    self._sdo.assume_silent()
+            if not heard and not cyclic.answering:
+                self._sdo.assume_silent()
+            else:
+                with contextlib.suppress(Exception):
+                    self._stands()
 
     def reset_fault(self) -> None:
-        """Fault reset, then Switch on disabled and nothing more."""
-        cyclic = self._dialogue.cyclic
+        """Fault reset, then Switch on disabled and nothing more. What is energised comes to rest first.
+
+        A halt that comes meanwhile is not forgotten.
+        """
+        cyclic, halts = self._dialogue.cyclic, self._halts
+        self.disable()
         for word in (cia402.DISABLE_VOLTAGE, cia402.FAULT_RESET, cia402.DISABLE_VOLTAGE):
             self._dialogue.command(word)
-        if cyclic is not None:
-            cyclic.exchange.clear()
         end = self._clock.now() + PATIENCE_S
         while self._dialogue.state() in (State.FAULT, State.FAULT_REACTION):
+            if self._halts > halts:
+                break
             if self._clock.now() > end:
                 code = self._sdo.read_integer(0x603F, 0, "UNSIGNED16") or 0
                 raise StateError(
@@ -252,20 +282,35 @@ class Operation:
                     "Remove the cause.",
                 )  # fmt: skip
             self._dialogue.command(cia402.DISABLE_VOLTAGE)
-        if cyclic is not None:
-            cyclic.producer.release()
+        with self._lock:
+            if self._halts == halts:
+                self._stopped_s = None
+                if cyclic is not None:
+                    cyclic.producer.release()
+                if cyclic is not None and cyclic.exchange.recorder is None:  # a motion has yet to hear of it
+                    cyclic.exchange.clear()
+        self._require_not_halted()
 
     def disable(self) -> None:
         """Standstill, then power stage off, as the drive shows it. Raises StateError where that is not sure."""
-        cyclic = self._dialogue.cyclic
-        with contextlib.suppress(DriveError):  # a drive that cannot be looked at is switched off all the same
+        cyclic, halts = self._dialogue.cyclic, self._halts
+        try:
             if cyclic is not None:
                 cyclic.pump(0.0)
-            if self._dialogue.state() in (State.OPERATION_ENABLED, State.QUICK_STOP_ACTIVE):
-                stands = self._stands()
-                if cyclic is not None and not stands:
-                    self.halt()
+            state = self._dialogue.state()
+            in_operation = state in (State.OPERATION_ENABLED, State.UNKNOWN)
+            if (in_operation and not self._stands(_SETTLED_S)) or (
+                state is State.QUICK_STOP_ACTIVE and not self._stands()
+            ):
+                self._quick_stop()
+                self._stands()
+        except DriveError:  # unseen it gets as long to come to rest, and is switched off all the same
+            if self._stopped_s is None:
+                self._quick_stop()
+            if self._moved and self._stopped_s is not None:
+                self._dialogue.wait(self._stopped_s + STANDSTILL_S - self._clock.now())
         self._dialogue.walker.off()
+        self._halts_answered = halts
 
     def stop(self) -> None:
         """End SYNC and PDOs, node pre-operational."""
@@ -279,9 +324,9 @@ class Operation:
     def close(self) -> None:
         """Stop whatever still runs; never raises."""
         if self.running:
-            with contextlib.suppress(Exception):
+            with contextlib.suppress(Exception):  # what cannot be looked at is stopped by `disable`
                 if self._dialogue.state() in (State.OPERATION_ENABLED, State.UNKNOWN):
-                    self.halt()
+                    self._quick_stop()
             for step in (self.disable, self.stop):
                 with contextlib.suppress(Exception):
                     step()
@@ -295,6 +340,7 @@ class Operation:
         exchange = cyclic.exchange
         exchange.recorder = recorder
         exchange.guard(follows=cyclic.acquisition.mode == "csp")
+        self._moved = True
         stopped: BaseException | None = None
         try:
             cyclic.producer.play(frames, after, recorder, progress)
@@ -303,7 +349,7 @@ class Operation:
         exchange.guarded = False
         stopped = stopped or exchange.trouble
         if stopped is not None:
-            self.halt()
+            self._quick_stop()
         exchange.recorder = None
         return stopped
 
@@ -312,6 +358,18 @@ class Operation:
         if cyclic is None or scales is None:
             raise StateError(self._place, "does not exchange PDOs", "Call start first.")
         return cyclic, scales
+
+    def _require_untroubled(self) -> None:
+        """Stop, and raise what has come up since `start`, a halt among it."""
+        cyclic, _ = self._running()
+        if cyclic.exchange.trouble is not None:
+            self._quick_stop()
+            raise self._explained(cyclic, cyclic.exchange.trouble)
+
+    def _require_not_halted(self) -> None:
+        """Raise StateError where nothing has been switched off since a halt: whoever goes on has not heard of it."""
+        if self._halts > self._halts_answered:
+            raise StateError(self._place, "was stopped on request (halt)", "Disable it, then start it anew.")
 
     def _explained(self, cyclic: Cyclic, trouble: DriveError) -> DriveError:
         return diagnosis.explain(self._sdo, self._monitor, cyclic.started_s, trouble)
@@ -327,7 +385,7 @@ class Operation:
             return shown in (None, cyclic.mode)
 
         if not self._clock.wait(agrees, PATIENCE_S):
-            self.halt()
+            self._quick_stop()
             raise StateError(
                 self._place,
                 f"mode {cyclic.mode} was asked for, the drive shows {shown} (6061)",
@@ -353,8 +411,9 @@ class Operation:
                 "Start the motion where the axis stands.",
             )
 
-    def _stands(self) -> bool:
-        return self._dialogue.await_standstill(None if self._scales is None else self._scales.position_rad)
+    def _stands(self, patience_s: float = STANDSTILL_S) -> bool:
+        scale = None if self._scales is None else self._scales.position_rad
+        return self._dialogue.await_standstill(scale, patience_s)
 
     def _target(self, cyclic: Cyclic) -> int:
         return self._dialogue.position() if cyclic.target is None else cyclic.target

@@ -79,11 +79,18 @@ class Output:
             self._require_free(after)
             self._frames, self._after, self._position = frames, after, 0
 
-    def latch(self, controlword: int) -> None:
-        """The frame that went out last, with this controlword and no injected torque, from now on."""
+    def latch(self, controlword: int) -> bytes:
+        """The frame that went out last, with this controlword and no injected torque, from now on; returns it, and
+        nothing where none has been given yet."""
         with self._lock:
-            self._held = self._stop_frame.frame(self.last or self._held, controlword)
+            last = self.last or self._held
+            self._held = self._stop_frame.frame(last, controlword) if last else b""
             self._frames, self._latched = [], True
+            return self._held
+
+    def overtakes(self, frame: bytes) -> bool:
+        """Whether a stop has come since this frame was taken, which enables operation."""
+        return self._latched and self._stop_frame.enables(frame)
 
     def release(self) -> None:
         """What is asked for goes out again."""

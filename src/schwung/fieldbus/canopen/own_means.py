@@ -143,13 +143,16 @@ class Around:
     trace: _Traced | None
 
     @contextmanager
-    def acting(self) -> Iterator[None]:
-        """Generator on and trace armed within; the generator is off afterwards."""
+    def acting(self, check: Callable[[], None]) -> Iterator[None]:
+        """Generator on and trace armed within; the generator is off afterwards.
+
+        `check` is called right before it is switched on, and raises what has come between.
+        """
         if self.generator is None or self.setpoints.generator is None:
             self._arm()
             yield
             return
-        with self.generator.running(self.setpoints.generator):
+        with self.generator.running(self.setpoints.generator, check):
             self._arm()
             yield
 

@@ -6,6 +6,7 @@ Lockstep is for drives whose time is SYNC itself. By the wall's clock a thread's
 
 from __future__ import annotations
 
+import contextlib
 from collections.abc import Callable
 
 import numpy as np
@@ -34,6 +35,7 @@ class _PythonProducer:
         self.period_s = period_s
         self._exchange, self._output, self._clock = exchange, output, exchange.link.clock
         self._syncs = exchange.sync_frames()
+        self._sending = self._clock.lock()  # what was taken from the output is sent before a stop is
 
     @property
     def last(self) -> bytes:
@@ -43,10 +45,24 @@ class _PythonProducer:
         self._output.hold(frame)
 
     def latch(self, controlword: int) -> None:
-        self._output.latch(controlword)
+        """As Producer. Sent at once, too: an RPDO that waits for its SYNC in the drive would act after the stop."""
+        with self._sending, contextlib.suppress(BusError):
+            frame = self._output.latch(controlword)
+            if frame:
+                self._exchange.send_rpdo(frame)
 
     def release(self) -> None:
         self._output.release()
+
+    def _send_rpdo(self) -> int:
+        """Send the frame whose turn it is; the setpoint in it. A stop that came in between is not overwritten."""
+        with self._sending:
+            outgoing = self._output.next()
+            self._exchange.send_rpdo(outgoing.frame)
+            while self._output.overtakes(outgoing.frame):
+                outgoing = self._output.next()
+                self._exchange.send_rpdo(outgoing.frame)
+            return outgoing.setpoint
 
     def _send_sync(self, setpoint: int) -> None:
         exchange = self._exchange
@@ -111,12 +127,10 @@ class LockstepProducer(_PythonProducer):
     def _cycle(self) -> bool:
         """RPDO and SYNC, and the answers; False where not all came in time."""
         with self._turn:
-            outgoing = self._output.next()
             self._answered.clear()
             self._pending = self._all
             try:
-                self._exchange.send_rpdo(outgoing.frame)
-                self._send_sync(outgoing.setpoint)
+                self._send_sync(self._send_rpdo())
             except BusError as error:
                 self._exchange.report(error)
                 return False
@@ -146,9 +160,10 @@ class PeriodicProducer(_PythonProducer):
         self._task = self._clock.every(self.period_s / 2, self._half_cycle, "schwung SYNC")
 
     def pump(self, duration_s: float) -> bool:
-        count = self._exchange.answer_count
+        counts = list(self._exchange.answer_counts)
         self._clock.sleep(max(duration_s, 2 * self.period_s))
-        return self._exchange.answer_count > count
+        now = self._exchange.answer_counts
+        return all(after > before for before, after in zip(counts, now, strict=True))
 
     def play(self, frames: list[bytes], after: bytes, recorder: Recorder, progress: Progress | None) -> None:
         self._output.play(frames, after)
@@ -163,9 +178,7 @@ class PeriodicProducer(_PythonProducer):
         setpoint, self._setpoint = self._setpoint, None
         try:
             if setpoint is None:
-                outgoing = self._output.next()
-                self._exchange.send_rpdo(outgoing.frame)
-                self._setpoint = outgoing.setpoint
+                self._setpoint = self._send_rpdo()
             else:
                 self._send_sync(setpoint)
         except BusError as error:
@@ -200,13 +213,16 @@ def wait_while_playing(
 ) -> None:
     """Wait until a playback is over or in trouble, telling progress. A drive that falls silent is trouble."""
     clock = exchange.link.clock
-    answered, since = exchange.answer_count, clock.now()
+    counts, since = list(exchange.answer_counts), [clock.now()] * len(exchange.answer_counts)
     while not clock.wait(lambda: over() or exchange.trouble is not None, _PROGRESS_S):
         now = clock.now()
-        if exchange.answer_count != answered:
-            answered, since = exchange.answer_count, now
-        elif now - since > SILENT_S:
-            silence = f"did not answer SYNC for {now - since:.1f} s"
+        for number, count in enumerate(exchange.answer_counts):
+            if count != counts[number]:
+                counts[number], since[number] = count, now
+        if (
+            now - min(since) > SILENT_S
+        ):  # also where but one TPDO is missing: it may be the one that shows a fault
+            silence = f"did not answer SYNC for {now - min(since):.1f} s"
             exchange.report(NodeLostError(f"node {exchange.node_id}", silence, "Check its power and cable."))
         if progress is not None:
             progress(min(len(recorder.sync_times), total), total)

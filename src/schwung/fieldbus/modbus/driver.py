@@ -249,7 +249,7 @@ class ModbusDrive:
         return self._means.play(setpoints, self._acquisition, self.scales, progress)
 
     def halt(self) -> None:
-        """Quick stop and generator off, until the drive shows it; nothing is started any more until `enable`.
+        """Quick stop and generator off, until the drive shows it; nothing is started any more until `disable`.
 
         Never raises; from any thread.
         """

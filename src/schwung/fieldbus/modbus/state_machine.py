@@ -48,6 +48,7 @@ class StateMachine:
         self._may_move = False
         self._losses_seen = 0
         self._halted = self._clock.event()
+        self._halts = 0
         registers.link.on_reconnect = self._after_loss
 
     # ── looking ──────────────────────────────────────────────────────────────────────────────────────────────────
@@ -132,15 +133,16 @@ class StateMachine:
     def _require_free(self) -> None:
         self.require_undisturbed()
         if self._halted.is_set():
-            raise StateError(self._place, "was halted", "Enable it again.")
+            raise StateError(self._place, "was halted", "Disable it, then enable it anew.")
 
     def enable(self, mode: int | None = None) -> None:
-        """Operation enabled, in a mode that the drive shows before it is energised. A halt is over with this.
+        """Operation enabled, in a mode that the drive shows before it is energised.
 
-        Raises StateError naming what is missing, DriveFaultError.
+        Raises StateError naming what is missing, or after a halt that neither `disable` nor `reset_fault` has
+        followed, DriveFaultError.
         """
         self._losses_seen = self._registers.link.losses
-        self._halted.clear()
+        self._require_free()
         if mode is not None:
             self._require_mode(mode)
 
@@ -185,7 +187,8 @@ class StateMachine:
 
     def halt(self) -> None:
         """Quick stop, and everything off that moves it, until the drive shows it; from then on nothing is started until
-        `enable`. Never raises; from any thread, and from callbacks of the clock."""
+        `disable`. Never raises; from any thread, and from callbacks of the clock."""
+        self._halts += 1
         self._halted.set()
         with contextlib.suppress(Exception):
             self._registers.link.when_free(self._stop_moving)
@@ -216,6 +219,12 @@ class StateMachine:
         Where nothing is on by our doing, a drive that shows so is left alone. Raises StateError where the power stage
         may still be on, or what kept the drive from telling; Disable Voltage has been sent then.
         """
+        halts = self._halts
+        self._switch_off()
+        if self._halts == halts:  # one that came meanwhile is not over
+            self._halted.clear()
+
+    def _switch_off(self) -> None:
         state: State | None = None
         with contextlib.suppress(DriveError):
             state = self.state()
@@ -247,15 +256,20 @@ class StateMachine:
             clock.sleep(POLL_S)
 
     def reset_fault(self) -> None:
-        """Acknowledge a fault, once it has been reacted to. Ends in Switch on disabled.
+        """Acknowledge a fault, once it has been reacted to. Ends in Switch on disabled; what moves comes to rest first.
 
-        Raises StateError where it stays.
+        A halt before it is over with this, one that comes meanwhile is not. Raises StateError where the fault stays.
         """
+        halts = self._halts
+        if self.state() is not State.FAULT:
+            self.disable()
         self._await(lambda state: state is not State.FAULT_REACTION, cia402.DISABLE_VOLTAGE)
         self.command(cia402.DISABLE_VOLTAGE)
         self.command(cia402.FAULT_RESET)
         self.command(cia402.DISABLE_VOLTAGE)
         self._await(lambda state: state is State.SWITCH_ON_DISABLED, cia402.FAULT_RESET)
+        if self._halts == halts:
+            self._halted.clear()
 
     def _await(self, reached: Callable[[State], bool], sent: int) -> None:
         end_s = self._clock.now() + _FAULT_S
