@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import math
-from collections.abc import Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from typing import Any
 
 import can
@@ -233,7 +233,7 @@ class CanopenDrive:
             held = self._integer(guard.QUICK_STOP_OPTION, 0) if option is None else option
             limits = guard.tightened(acquisition.guard, self.scales, self._lookup, self._read_integer, held)
             shaped = {value.parameter.index for value in strokes}  # 6084 is the stroke's in PP
-            wanted += [value for value in limits if value.parameter.index not in shaped]
+            wanted += self._taken(value for value in limits if value.parameter.index not in shaped)
         own = self._operation.own_means
         self._played = own.parameters(acquisition)
         return wanted + [v for v in own.settings(acquisition) if self.read(v.parameter).raw != v.raw]
@@ -317,6 +317,17 @@ class CanopenDrive:
         self.close()
 
     # ── within ───────────────────────────────────────────────────────────────────────────────────────────────────
+
+    def _taken(self, values: Iterable[ParameterValue]) -> Iterator[ParameterValue]:
+        """Limits as far as the drive takes them: left out is what it only shows, cut what it has no range for."""
+        for value in values:
+            variable = self._eds.variable(value.parameter.index, value.parameter.subindex)
+            if variable is None or not variable.writable or not isinstance(value.raw, int):
+                continue
+            raw = value.raw if variable.high is None else min(value.raw, variable.high)
+            raw = raw if variable.low is None else max(raw, variable.low)
+            if raw == value.raw or raw != self._read_integer(value.parameter):
+                yield ParameterValue(value.parameter, raw)
 
     def _lookup(self, index: int, subindex: int) -> Parameter | None:
         return self._eds.find(index, subindex)
