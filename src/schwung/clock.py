@@ -473,9 +473,12 @@ _named: dict[str, Wire] = {}
 
 
 def clock_of(bus: can.BusABC) -> Clock:
-    """The clock by which a bus runs: its own where it is stepped, else the wall's."""
+    """The clock by which a bus runs: its own where it is stepped, or wraps one that is; else the wall's."""
     inner = getattr(bus, "stepped", None)
-    return inner.clock if isinstance(inner, SteppedBus) else WallClock()
+    if not isinstance(inner, SteppedBus):
+        return WallClock()
+    clock: Clock = getattr(bus, "clock", inner.clock)
+    return clock
 
 
 def _copy(message: can.Message) -> can.Message:

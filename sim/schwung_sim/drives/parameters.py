@@ -41,6 +41,7 @@ class ParameterStore:
         self._dictionary, self._path, self._ready = dictionary, path, ready
         self._volatile = _VOLATILE | volatile
         self._cut: tuple[Cut, Callable[[], None]] | None = None
+        self.was_cut = False  # the bench's own: the supply has failed while it stored
         self._stored: dict[int, Value] = self._read(path) if path is not None and path.exists() else {}
         for group in _GROUPS:
             dictionary.writers[key(0x1010, group)] = partial(self._save, group)
@@ -83,7 +84,7 @@ class ParameterStore:
             self._stored = before if cut[0] == "before" else {}
         self._write()
         if cut is not None:
-            self._cut = None
+            self._cut, self.was_cut = None, True
             cut[1]()
             raise NoAnswer
 

@@ -86,6 +86,8 @@ class CanopenServo:
         self.booted = threading.Event()
         self._stop = threading.Event()
         self._bus_off = False
+        self.stalled = False  # the bench's own: see `stall`
+        self._mailboxes: dict[int, can.Message] = {}
         self._debt_s = 0.0  # time owed to the axis: less than a communication period
         self._last_tick_s = self._last_sync_s = monotonic()
         self._due_s = monotonic()
@@ -194,6 +196,8 @@ class CanopenServo:
 
     def _advance(self, duration_s: float) -> None:
         self.axis.advance(duration_s)
+        if self.stalled:
+            return
         self.operation.poll()
         if self.on_advance is not None:
             self.on_advance()
@@ -241,6 +245,10 @@ class CanopenServo:
         if now - self._due_s > STALL_S:
             self._behind_until = time.time()  # what came meanwhile is still to be read, heartbeats among it
         self._due_s = now + TICK_S
+        if self.stalled:
+            if self._wall:
+                self._follow_wall(now)
+            return
         self.heartbeats.tick(now, judge=not self._behind_until)
         self._behind_until = 0.0 if up_to_date else self._behind_until
         self.sdo.tick(now)
@@ -277,9 +285,21 @@ class CanopenServo:
 
     def receive(self, message: can.Message) -> None:
         """Take one frame from the bus, which works where it brings one."""
+        if self.stalled:
+            self._mailboxes[message.arbitration_id] = message
+            return
         if self._bus_off:
             self._bus_back()
         self.service(message)
+
+    def stall(self, on: bool) -> None:
+        """The bench's own: its processor does nothing while its motor goes on. Of what comes meanwhile it finds the
+        last frame of each identifier, as in the mailboxes of a CAN controller."""
+        self.stalled = on
+        if not on:
+            waiting, self._mailboxes = self._mailboxes, {}
+            for message in waiting.values():
+                self.receive(message)
 
     def stop(self) -> None:
         """End `run`; from any thread."""

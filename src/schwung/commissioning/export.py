@@ -13,7 +13,7 @@ import numpy as np
 from schwung.commissioning.interrupts import OneInterrupt
 from schwung.commissioning.journal import Change, ParameterJournal
 from schwung.drivetrain import InertiaTable
-from schwung.errors import DriveError, InputError, RefusedError, SchwungError
+from schwung.errors import DriveError, InputError, NodeLostError, RefusedError, SchwungError
 from schwung.fieldbus.drive import ENERGISED, Drive, Parameter, ParameterValue
 from schwung.fieldbus.profile import (
     CapabilityName,
@@ -288,9 +288,9 @@ def _store(drive: Drive, backup_path: Path) -> None:
     try:
         drive.store()
     except DriveError as error:
-        error.add_note(
-            f"the values are written but last until power-off only; `schwung restore {backup_path}` undoes them"
-        )
+        lost = isinstance(error, NodeLostError)
+        last = "nobody knows whether they last" if lost else "they last until power-off only"
+        error.add_note(f"the values are written, but {last}; `schwung restore {backup_path}` undoes them")
         raise
 
 

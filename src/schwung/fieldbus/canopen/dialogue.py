@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 from schwung.errors import DriveError, StateError
 from schwung.fieldbus import cia402
 from schwung.fieldbus.canopen import diagnosis, nmt
@@ -72,8 +74,14 @@ class Dialogue:
         mode = self.cyclic.mode if self.cyclic is not None else None
         return diagnosis.why_stuck(self._sdo, self._monitor, status, word, wanted, mode)
 
-    def await_standstill(self, count_rad: float | None, patience_s: float = STANDSTILL_S) -> bool:
-        """Let time pass until the position, by PDO or SDO, hardly changes; False after so much of the drive's time.
+    def await_standstill(
+        self,
+        count_rad: float | None,
+        patience_s: float = STANDSTILL_S,
+        until: Callable[[], bool] | None = None,
+    ) -> bool:
+        """Let time pass until the position, by PDO or SDO, hardly changes; False after so much of the drive's time, or
+        `until` then.
 
         `count_rad`: what one count of the position is worth; None where nobody knows. Raises DriveError where the drive
         does not show it.
@@ -84,6 +92,8 @@ class Dialogue:
         while elapsed < patience_s and still < 3:
             began = clock.now()
             self._pause(_STEP_S)
+            if until is not None and until():
+                return False
             by_pdo = self.cyclic is not None and self.cyclic.answering
             elapsed += _STEP_S if by_pdo else clock.now() - began
             now = self.position()

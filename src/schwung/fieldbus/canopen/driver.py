@@ -9,7 +9,7 @@ from typing import Any
 
 import can
 
-from schwung.errors import InputError, SdoError, StateError
+from schwung.errors import InputError, NodeLostError, SdoError, StateError
 from schwung.fieldbus import cia402, eds
 from schwung.fieldbus.canopen import capabilities, guard, pdo, playback, setup
 from schwung.fieldbus.canopen.bus import ASSUMED_BIT_RATE, BusOptions, bus_load
@@ -246,10 +246,18 @@ class CanopenDrive:
         return found + [p for p in self._played if p not in given and p not in found]
 
     def store(self) -> None:
-        """Save all parameters in the drive (1010:01). Raises SdoError where it refuses."""
+        """Save all parameters in the drive (1010:01). Raises SdoError where it refuses, NodeLostError where it restarts
+        meanwhile: what is confirmed then, after the transfer was repeated, are not the parameters that were meant."""
+        boot_ups = self._monitor.boot_ups
         self._sdo.write(
             ParameterValue(Parameter(0x1010, 1, "UNSIGNED32", "Save all"), _SAVE), _STORE_TIMEOUT_S
         )
+        if self._monitor.boot_ups != boot_ups:
+            raise NodeLostError(
+                f"node {self.node_id}",
+                "restarted while it stored its parameters (1010): nobody knows which it holds",
+                "Check its supply, compare them with what they shall be, and store again.",
+            )
 
     # ── moving ───────────────────────────────────────────────────────────────────────────────────────────────────
 

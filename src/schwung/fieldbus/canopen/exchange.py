@@ -131,9 +131,9 @@ class Exchange:
             return [Frame(SYNC_ID, b"")]
         return [Frame(SYNC_ID, bytes([count])) for count in range(1, COUNTER_OVERFLOW + 1)]
 
-    def send_rpdo(self, frame: bytes) -> None:
-        """Send one RPDO frame. Raises BusError."""
-        self.link.send(self.layouts.rpdo.can_id, frame)
+    def send_rpdo(self, frame: bytes, wanted: Callable[[], bool] | None = None) -> bool:
+        """Send one RPDO frame; False where it was no longer `wanted` when the send buffer had room. Raises BusError."""
+        return self.link.send_frame(Frame(self.layouts.rpdo.can_id, frame), wanted)
 
     def _subscribe(self, can_id: int, callback: FrameCallback) -> None:
         self.link.subscribe(can_id, callback)

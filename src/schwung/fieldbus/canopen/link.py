@@ -69,22 +69,24 @@ class Link:
         """Send one frame; a full send buffer (ENOBUFS) is tried again for 64 ms. Raises BusError."""
         self.send_frame(Frame(can_id, data))
 
-    def send_frame(self, frame: can.Message) -> None:
-        """Send one frame; see `send`."""
+    def send_frame(self, frame: can.Message, wanted: Callable[[], bool] | None = None) -> bool:
+        """Send one frame; see `send`. `wanted`: asked before every further attempt; False where it no longer is."""
         try:
             with self._send_lock:
                 self.bus.send(frame)
-            return
+            return True
         except (can.CanError, OSError) as error:
             first = error
         for pause in _SEND_PAUSES_S:
             if not _buffer_full(first):
                 break
             self.clock.sleep(pause)
+            if wanted is not None and not wanted():
+                return False
             try:
                 with self._send_lock:
                     self.bus.send(frame)
-                return
+                return True
             except (can.CanError, OSError) as error:
                 first = error
         if _buffer_full(first):

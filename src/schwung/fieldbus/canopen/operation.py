@@ -165,7 +165,10 @@ class Operation:
         playable = playback.pack(
             setpoints, acquisition.mode, self._profile, self._layouts.rpdo, scales, self._target(cyclic)
         )
-        self._dialogue.await_standstill(scales.position_rad)
+        self._dialogue.await_standstill(
+            scales.position_rad, until=lambda: cyclic.exchange.trouble is not None
+        )
+        self._require_untroubled()
         self._check_start(setpoints, acquisition, scales)
         pp = acquisition.mode == "pp"
         strokes = playback.dynamics(setpoints.moves, scales, self._lookup) if pp else []

@@ -53,7 +53,7 @@ class Output:
     """
 
     def __init__(self, clock: Clock, stop_frame: StopFrame, place: str) -> None:
-        self.last = b""  # what went out last
+        self.last = b""  # what went out last, as the producer says by `sent`
         self._stop_frame, self._place = stop_frame, place
         self._lock = clock.lock()
         self._held = b""
@@ -103,9 +103,13 @@ class Output:
             if self._frames and self._position >= len(self._frames):
                 self._held, self._frames = self._after, []
             setpoint = self._position if self._frames else -1
-            self.last = self._frames[setpoint] if self._frames else self._held
             self._position += 1
-            return Outgoing(self.last, setpoint)
+            return Outgoing(self._frames[setpoint] if self._frames else self._held, setpoint)
+
+    def sent(self, outgoing: Outgoing) -> None:
+        """It went out: a stop begins from here."""
+        with self._lock:
+            self.last = outgoing.frame
 
     def _require_free(self, frame: bytes) -> None:
         if self._latched and self._stop_frame.enables(frame):

@@ -13,9 +13,10 @@ import numpy as np
 
 from schwung.clock import Task
 from schwung.errors import BusError, NodeLostError
+from schwung.fieldbus import cia402
 from schwung.fieldbus.canopen.exchange import Exchange
 from schwung.fieldbus.canopen.link import Link
-from schwung.fieldbus.canopen.output import Output
+from schwung.fieldbus.canopen.output import Outgoing, Output
 from schwung.fieldbus.canopen.recorder import Recorder, measure_timing
 from schwung.fieldbus.drive import Progress, SyncTiming
 
@@ -46,8 +47,8 @@ class _PythonProducer:
 
     def latch(self, controlword: int) -> None:
         """As Producer. Sent at once, too: an RPDO that waits for its SYNC in the drive would act after the stop."""
+        frame = self._output.latch(controlword)  # first: what waits for the send buffer is no longer wanted
         with self._sending, contextlib.suppress(BusError):
-            frame = self._output.latch(controlword)
             if frame:
                 self._exchange.send_rpdo(frame)
 
@@ -57,12 +58,22 @@ class _PythonProducer:
     def _send_rpdo(self) -> int:
         """Send the frame whose turn it is; the setpoint in it. A stop that came in between is not overwritten."""
         with self._sending:
-            outgoing = self._output.next()
-            self._exchange.send_rpdo(outgoing.frame)
+            outgoing = self._send_next()
             while self._output.overtakes(outgoing.frame):
-                outgoing = self._output.next()
-                self._exchange.send_rpdo(outgoing.frame)
+                outgoing = self._send_next()
             return outgoing.setpoint
+
+    def _send_next(self) -> Outgoing:
+        """The frame whose turn it is, sent unless a stop comes while it waits for the send buffer."""
+        outgoing = self._output.next()
+        if self._exchange.send_rpdo(outgoing.frame, lambda: not self._output.overtakes(outgoing.frame)):
+            self._output.sent(outgoing)
+        return outgoing
+
+    def _give_up(self, error: BusError) -> None:
+        """A frame could not be sent: the one after it would be a step."""
+        self._exchange.report(error)
+        self._output.latch(cia402.QUICK_STOP)
 
     def _send_sync(self, setpoint: int) -> None:
         exchange = self._exchange
@@ -132,7 +143,7 @@ class LockstepProducer(_PythonProducer):
             try:
                 self._send_sync(self._send_rpdo())
             except BusError as error:
-                self._exchange.report(error)
+                self._give_up(error)
                 return False
             return self._answered.wait(LOST_AFTER_S)
 
@@ -182,7 +193,7 @@ class PeriodicProducer(_PythonProducer):
             else:
                 self._send_sync(setpoint)
         except BusError as error:
-            self._exchange.report(error)
+            self._give_up(error)
 
 
 def measure_evenness(link: Link, period_s: float) -> SyncTiming:

@@ -1,0 +1,99 @@
+"""What befalls a session: drawn from a seed, one to three incidents."""
+
+from __future__ import annotations
+
+import random
+from dataclasses import dataclass
+
+#: In which part of a session, and how often: most of what may go wrong does so where the machine has power, is given it
+#: or loses it.
+STAGES = {
+    "connect": 0.3, "prepare": 0.3, "set-up": 1.0, "start": 1.0, "enable": 2.5, "motion": 4.0, "off": 3.0,
+    "put-back": 1.0, "export": 0.5,
+}  # fmt: skip
+
+#: What a point in a stage is counted by: its frames, its time, or how often the tool begins to wait for something,
+#: since much of what it decides takes few frames and little time.
+POINTS = ("frames", "time", "waits")
+
+#: Frames that weather is for: by who sends them, and by what they are.
+TARGETS = (
+    "all", "to drive", "to tool", "SYNC", "RPDO", "TPDO", "SDO request", "SDO answer", "our heartbeat",
+    "its heartbeat", "EMCY", "NMT",
+)  # fmt: skip
+
+#: What may go wrong, by where it does: each class is as likely as any other, and each kind within it.
+CLASSES = {
+    "wire": ("lose", "delay", "double", "reorder"),
+    "answers": ("sdo-abort", "sdo-silence", "statusword", "unseen"),
+    "drive": ("reset", "fault", "sto", "weak", "store-power-cut"),
+    "drive's processor": ("heartbeat-stop", "drive-bus-off", "stall-drive", "lost-rpdo", "late-rpdo"),
+    "drive's will": ("mode", "not-following", "local", "limit-switch"),
+    "tool": ("kill", "interrupt", "halt", "stall-tool"),
+    "adapter": ("tool-bus-off", "buffer-full"),
+    "others": ("foreign-beat", "foreign-command", "moved"),
+}
+
+#: What kind of drive it is (traits.py), with the value of it; most are as the bench's own.
+TRAITS = (
+    ("", 0.0), ("", 0.0), ("", 0.0), ("brake", 0.15), ("brake", 0.15), ("brake", 0.15), ("late-controlword", 0.002),
+    ("late-setpoint", 0.002), ("controlword-task", 0.004), ("first-rpdo", 0.0), ("rpdo-timeout", 0.03),
+)  # fmt: skip
+
+
+@dataclass(frozen=True)
+class Incident:
+    """One thing that goes wrong, when, and how badly."""
+
+    kind: str
+    stage: str
+    share: float  # how far into that stage
+    by: str  # counted by what: see POINTS
+    after_s: float | None  # so long after the incident before it instead; None: at its own point
+    duration_s: float
+    size: float  # 0 hardly … 1 grossly
+    pick: int  # which of several, for whatever there is to choose
+
+    def __str__(self) -> str:
+        when = (
+            f"{self.share:.0%} of {self.stage} by {self.by}"
+            if self.after_s is None
+            else f"{self.after_s:.4f} s later"
+        )
+        return f"{self.kind} {when}, {self.duration_s:.4f} s, size {self.size:.2f}, pick {self.pick % 1000}"
+
+
+@dataclass(frozen=True)
+class Scenario:
+    """A seed: which session, and what befalls it."""
+
+    seed: int
+    way: int  # which of the sessions there are
+    start_rad: float
+    incidents: tuple[Incident, ...]
+    exports: bool = False  # and stores, at the end
+    trait: tuple[str, float] = ("", 0.0)  # of TRAITS
+
+
+def draw(seed: int, ways: int, weights: tuple[float, ...]) -> Scenario:
+    """The scenario of a seed. `weights`: how often each of so many ways of commissioning is taken."""
+    chance = random.Random(f"campaign {seed}")
+    way = chance.choices(range(ways), weights)[0]
+    start = chance.choice((0.0, 0.7, -1.3, 2.0))
+    count = chance.choice((1, 2, 2, 3, 3))
+    incidents: list[Incident] = []
+    for number in range(count):
+        follows = number > 0 and chance.random() < 0.6
+        incidents.append(
+            Incident(
+                kind=chance.choice(CLASSES[chance.choice(list(CLASSES))]),
+                stage=chance.choices(list(STAGES), list(STAGES.values()))[0],
+                share=chance.random(),
+                by=chance.choice(POINTS),
+                after_s=10 ** chance.uniform(-4, 0) if follows else None,
+                duration_s=10 ** chance.uniform(-2.5, 0.5),
+                size=chance.random(),
+                pick=chance.randrange(1 << 30),
+            )
+        )
+    return Scenario(seed, way, start, tuple(incidents), chance.random() < 0.25, chance.choice(TRAITS))

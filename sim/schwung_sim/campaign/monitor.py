@@ -1,0 +1,373 @@
+"""Who watches a session: written from CiA 402-2 and the plan alone, with literals of its own.
+
+It sees every frame with its sender, and the machine itself; nothing of the tool. What it must never see is a rule, each
+with the clause or the reason that it comes from.
+
+    window, speed, torque   the plan's limits hold while the motor has torque
+    re-enabled              CiA 402-2, 6.3: out of Operation enabled leads one way only, off, until somebody asks anew;
+                            the words Shutdown, Switch on, Enable operation come before, once
+    enable after stop       after Quick stop or Disable voltage nobody sends Enable operation
+    step                    607A moves from RPDO to RPDO no further than the plan's own motion does, stops included
+    torque added            60B2 is no more than is injected, and 0 in every frame that does not enable
+    controlword             the words of table 27 alone, for this mode; no halt, no fault reset
+    mode                    what enters Operation enabled does so in the plan's mode (6061)
+    dead man's motion       without our heartbeat: consumer time (1016) plus the quick stop, then it stands
+    two that beat           CiA 301, 7.2.8.2.2: a consumer hears the node, not who it is: two of one id
+    written while on        with the motor energised the tool writes nothing but what the plan needs then
+    left energised          whoever ends leaves the power stage off, or says that it may be on
+"""
+
+from __future__ import annotations
+
+import struct
+import zlib
+from collections import deque
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from typing import Any, Protocol
+
+import can
+
+LOOK_S = 0.001
+#: What a controller may overshoot by, and what a look of 1 ms may be late for.
+OVERSHOOT_RAD, TORQUE_SLACK, SPEED_SLACK = 0.02, 1.001, 1.1
+#: How far from the axis the first target may be: what it was moved by since it was looked at is in the other rule.
+STANDS_AT_RAD = 0.01
+#: A drive whose processor stood finds the targets of now, far from those of then; its own limits see to the way there.
+CATCHING_UP_S = 0.3
+#: How long another master's word may be fought over until the tool has noticed.
+FOREIGN_S = 0.1
+#: Another's heartbeat is there as long as it comes this often.
+SHARED_FOR_S = 1.0
+#: From the end of the consumer time until the drive has looked at its timers, and its loop has settled after braking.
+REACTION_S = 0.25
+
+#: A mode that has been wrong for so many looks before the drive is enabled can have been seen.
+_LOOKS_AT_MODE = 50
+_WORDS = {0x00, 0x02, 0x06, 0x07, 0x0F}
+_PP_WORDS = _WORDS | {0x1F, 0x3F}
+
+
+class Machine(Protocol):
+    """The truth: what stands in the hall."""
+
+    @property
+    def position_rad(self) -> float: ...
+
+    @property
+    def speed_rad_s(self) -> float: ...
+
+    @property
+    def torque_nm(self) -> float: ...
+
+    @property
+    def energised(self) -> bool: ...
+
+    @property
+    def operating(self) -> bool:
+        """In Operation enabled."""
+        ...
+
+    @property
+    def stepped_down(self) -> bool:
+        """In Ready to switch on or Switched on, where only a command leads from operation (transitions 5 and 8)."""
+        ...
+
+    @property
+    def mode(self) -> int: ...
+
+    @property
+    def deaf_until_s(self) -> float:
+        """When its processor, if it stood, heard what had come meanwhile."""
+        ...
+
+    @property
+    def excused(self) -> bool:
+        """It can neither brake nor react: its processor stands, or its motor gives no torque."""
+        ...
+
+
+@dataclass(frozen=True)
+class Expected:
+    """The plan in plain numbers; counts and per mille as they are on the wire."""
+
+    node_id: int
+    low_rad: float
+    high_rad: float
+    speed_rad_s: float
+    torque_nm: float
+    silence_s: float  # 1016
+    deceleration_rad_s2: float  # 6085
+    standing_rad_s: (
+        float  # slower than this the axis stands: by how much its loop rings, or its generator shakes it
+    )
+    step_counts: int  # of 607A between two RPDOs
+    added_counts: int  # of 60B2
+    count_rad: float  # of 607A
+    mode: int
+    writable: frozenset[int] = frozenset({0x6040})  # objects, while energised
+
+
+@dataclass(frozen=True)
+class Violation:
+    """What must not be seen, and was."""
+
+    time_s: float
+    rule: str
+    saw: str
+
+    def __str__(self) -> str:
+        return f"{self.time_s:.6f} s, {self.rule}: {self.saw}"
+
+
+@dataclass
+class Heard:
+    """One frame on the wire."""
+
+    time_s: float
+    sender: str
+    can_id: int
+    data: bytes
+
+    def __str__(self) -> str:
+        return f"{self.time_s:10.6f}  {self.sender:6}  {self.can_id:03X}  {self.data.hex(' ')}"
+
+
+@dataclass
+class Monitor:
+    """Watches; `heard` for every frame, `look` every millisecond."""
+
+    expected: Expected
+    machine: Machine
+    now: Callable[[], float]
+    violations: list[Violation] = field(default_factory=list)
+    frames: deque[Heard] = field(default_factory=lambda: deque(maxlen=64))
+    digest: int = 0
+    count: int = 0
+
+    def __post_init__(self) -> None:
+        self._asked = False  # somebody has asked for one time in operation
+        self._operated = self._stopped = False
+        self._climbed: set[int] = set()  # controlwords since the power stage was last off
+        self._said: set[int] = set()  # controlwords since it was last enabled
+        self._last_target: int | None = None
+        self._beat_s: float | None = None  # the tool's last heartbeat
+        self._died_s: float | None = None
+        self._foreign_s = float("-inf")
+        self._others_beat_s = self._others_first_beat_s = float("-inf")
+        self._wrong_mode_looks = 0
+        self._was_operating = False
+        self._rpdo, self._sdo = 0x200 + self.expected.node_id, 0x600 + self.expected.node_id
+        self._seen: set[str] = set()
+
+    # What happens ----------------------------------------------------------------------------------------
+
+    def asked(self) -> None:
+        """Somebody asks for one time in operation, on purpose."""
+        self._asked, self._operated, self._stopped, self._climbed = True, False, False, set()
+
+    def died(self) -> None:
+        """The tool is no more."""
+        self._died_s = self.now()
+
+    def ended(self, told: str) -> None:
+        """The tool has ended by itself; `told` is all that it said."""
+        if self.machine.energised and "energised" not in told and "power stage" not in told:
+            self._report("left energised", f"the motor is energised, and the tool said {told or 'nothing'!r}")
+
+    def heard(self, sender: str, message: can.Message) -> None:
+        """Somebody sends a frame."""
+        data, can_id = bytes(message.data), message.arbitration_id
+        time_s = self.now()
+        self.count += 1
+        self.digest = zlib.crc32(
+            data, zlib.crc32(struct.pack("<dHB", time_s, can_id, len(sender)), self.digest)
+        )
+        self.frames.append(Heard(time_s, sender, can_id, data))
+        if sender != "tool":
+            if sender == "other":
+                self._foreign(can_id)
+            return
+        if can_id == self._rpdo and len(data) == 8:
+            self._command(*struct.unpack("<Hih", data))
+        elif can_id == self._sdo and len(data) == 8:
+            self._request(data)
+        elif can_id == 0x77F:
+            self._beat_s = self.now()
+        elif can_id == 0 and len(data) == 2:
+            self._nmt(data[0])
+
+    def look(self) -> None:
+        """A millisecond has passed."""
+        machine, plan = self.machine, self.expected
+        operating = machine.operating
+        if not operating:
+            self._wrong_mode_looks = self._wrong_mode_looks + 1 if machine.mode != plan.mode else 0
+        if operating is not self._was_operating:
+            self._operation(operating)
+        if not machine.energised:
+            self._last_target = None
+            return
+        angle, speed, torque = machine.position_rad, machine.speed_rad_s, machine.torque_nm
+        if machine.excused:
+            return
+        if not plan.low_rad - OVERSHOOT_RAD <= angle <= plan.high_rad + OVERSHOOT_RAD:
+            self._report("window", f"{angle:.4f} rad of {plan.low_rad:.4f} … {plan.high_rad:.4f} rad")
+        if abs(speed) > SPEED_SLACK * plan.speed_rad_s:
+            self._report("speed", f"{speed:.2f} rad/s of {plan.speed_rad_s:.2f} rad/s")
+        if abs(torque) > TORQUE_SLACK * plan.torque_nm:
+            self._report("torque", f"{torque:.1f} N·m of {plan.torque_nm:.1f} N·m")
+        self._judge_silence(operating, speed)
+
+    # Rules -----------------------------------------------------------------------------------------------
+
+    def _operation(self, operating: bool) -> None:
+        """Operation enabled was entered, or left."""
+        self._was_operating = operating
+        if not operating:
+            if not self.machine.stepped_down or self._said & {0x00, 0x02, 0x06, 0x07}:
+                self._operated, self._climbed = True, set()
+            return  # else by a word of the way up that came late
+        self._said = set()
+        if self._operated and self.now() - self._foreign_s > FOREIGN_S:
+            self._report("re-enabled", "Operation enabled again, after a stop and without being asked")
+        if not self._asked and not self._operated:
+            self._report("re-enabled", "Operation enabled, and nobody had asked for it")
+        if self._wrong_mode_looks > _LOOKS_AT_MODE:
+            self._report(
+                "mode", f"Operation enabled in mode {self.machine.mode}, planned is {self.expected.mode}"
+            )
+
+    def _command(self, word: int, target: int, added: int) -> None:
+        """An RPDO: controlword, target position, torque offset."""
+        plan = self.expected
+        enables = self._word(word)
+        self._judge_sharing(enables)
+        if abs(added) > plan.added_counts or (added and not enables):
+            self._report("torque added", f"{added} ‰ beside controlword 0x{word:04X}")
+        if not self.machine.energised:
+            self._last_target = None
+            return
+        last, self._last_target = self._last_target, target
+        if last is None and plan.mode != 1:
+            off = target * plan.count_rad - self.machine.position_rad
+            if abs(off) > STANDS_AT_RAD:
+                self._report("step", f"the first target is {off:+.4f} rad from where the axis stands")
+        if last is not None and abs(target - last) > plan.step_counts + 1:
+            self._report(
+                "step",
+                f"{target - last:+d} counts in one RPDO with 0x{word:04X}, {plan.step_counts} is the plan's largest",
+            )
+
+    def _word(self, word: int) -> bool:
+        """A controlword, by whichever way; True where it enables operation."""
+        if word not in (_PP_WORDS if self.expected.mode == 1 else _WORDS):
+            self._report("controlword", f"0x{word:04X}")
+        enables = word & 0x0F == 0x0F
+        if enables and self._stopped:
+            self._report("enable after stop", f"0x{word:04X} after Quick stop or Disable voltage")
+        if enables and not self._operated and not {0x06, 0x07} <= self._climbed:
+            self._report("re-enabled", f"0x{word:04X} without Shutdown and Switch on before it")
+        if word in (0x00, 0x02) and 0x0F in self._climbed:
+            self._stopped = True
+        self._climbed.add(word & 0x0F)
+        self._said.add(word & 0x0F)
+        return enables
+
+    def _request(self, data: bytes) -> None:
+        """An SDO request of the tool's; downloads change something (CiA 301, 7.2.4.3)."""
+        specifier, index = data[0] >> 5, data[1] | data[2] << 8
+        if specifier not in (1, 6) or (specifier == 6 and data[0] & 1):
+            return
+        if index == 0x6040 and data[0] & 0x0F == 0x0B:
+            self._word(data[4] | data[5] << 8)
+        elif self.machine.energised and index not in self.expected.writable:
+            self._report("written while on", f"0x{index:04X}:{data[3]:02X} while the motor is energised")
+
+    def _nmt(self, command: int) -> None:
+        if command != 1 and self.machine.energised:
+            self._report("written while on", f"NMT command 0x{command:02X} while the motor is energised")
+
+    def _foreign(self, can_id: int) -> None:
+        """Another master has said something."""
+        now = self._foreign_s = self.now()
+        if can_id == 0x77F:
+            if now - self._others_beat_s > SHARED_FOR_S:
+                self._others_first_beat_s = now
+            self._others_beat_s = now
+
+    def _judge_sharing(self, enables: bool) -> None:
+        """We go on though somebody else beats as our node, and has done so for long enough to be noticed."""
+        now = self.now()
+        if (
+            enables
+            and now - self._others_beat_s < SHARED_FOR_S
+            and now - self._others_first_beat_s > FOREIGN_S
+        ):
+            self._report("two that beat", "Enable operation, while another master beats as node 127, too")
+
+    def _judge_silence(self, operating: bool, speed: float) -> None:
+        plan = self.expected
+        since = max(self._beat_s or 0.0, self._others_beat_s, self.machine.deaf_until_s)
+        if self._beat_s is None or self.machine.excused:
+            return
+        allowed = plan.silence_s + plan.speed_rad_s / plan.deceleration_rad_s2 + REACTION_S
+        silent = self.now() - since
+        if silent > allowed and (operating or abs(speed) > plan.standing_rad_s):
+            state = "in Operation enabled" if operating else "energised"
+            saw = f"{silent:.3f} s after our last heartbeat {state} at {speed:.2f} rad/s"
+            self._report("dead man's motion", saw)
+
+    def _report(self, rule: str, saw: str) -> None:
+        """Once a rule: what follows from the first is no news."""
+        if rule not in self._seen:
+            self._seen.add(rule)
+            self.violations.append(Violation(self.now(), rule, saw))
+
+
+class BenchMachine:
+    """The bench's drive, axis and plant as the monitor sees them."""
+
+    def __init__(self, bench: Any) -> None:
+        self._servo, self._axis, self._plant = bench.servo, bench.axis, bench.plant
+        self._state = bench.plant.state
+        self.weak = False
+        self.held: set[str] = set()  # why it holds the axis, whatever it is told
+        self.deaf_until_s = self._caught_up_s = float("-inf")
+
+    @property
+    def position_rad(self) -> float:
+        return float(self._state["motor_rad"][0])
+
+    @property
+    def speed_rad_s(self) -> float:
+        return float(self._state["motor_rad_s"][0])
+
+    @property
+    def torque_nm(self) -> float:
+        return float(self._axis.torque_demand_nm)
+
+    @property
+    def energised(self) -> bool:
+        return bool(self._axis.energised)
+
+    @property
+    def operating(self) -> bool:
+        return bool(self._servo.power.state.value == 0x27)
+
+    @property
+    def stepped_down(self) -> bool:
+        return self._servo.power.state.value in (0x21, 0x23)
+
+    @property
+    def mode(self) -> int:
+        return int(self._servo.operation.mode)
+
+    @property
+    def excused(self) -> bool:
+        now = float(self._axis.time_s)
+        if self._servo.stalled:
+            self.deaf_until_s = now + LOOK_S
+        if self._servo.stalled or self.held:
+            self._caught_up_s = now + CATCHING_UP_S
+        return self.weak or now < self._caught_up_s

@@ -1,0 +1,161 @@
+"""Ways in which a stop was undone, or was a step, that the fault campaign has found; each by itself.
+
+The campaign (benchmarks/campaign.py) draws them; here they are as small as they can be.
+"""
+
+from __future__ import annotations
+
+import struct
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from itertools import count
+
+import can
+import numpy as np
+import pytest
+from driver_desk import NODE, stroke
+
+from schwung.errors import BusError, DriveError, NodeLostError, StateError
+from schwung.fieldbus.canopen import CanopenDrive
+from schwung.fieldbus.drive import Acquisition, ParameterValue
+from schwung.fieldbus.profile import load_profile
+from schwung_sim.bench import Bench
+from schwung_sim.campaign.side import Side, SideBus
+from schwung_sim.drives.dictionary import key
+from schwung_sim.drives.power import Power
+
+RATE_HZ = 500.0
+CSP = Acquisition("csp", RATE_HZ)
+STAYS = 6  # of 605A: quick stop active is kept, and one frame that enables leads back into operation
+_channels = count()
+
+
+@dataclass
+class Room:
+    """A drive on a stepped bus, our end of it, and all that we sent by RPDO: controlword and target."""
+
+    bench: Bench
+    side: Side
+    bus: SideBus
+    drive: CanopenDrive
+    sent: list[tuple[int, int]] = field(default_factory=list)
+    states: list[Power] = field(default_factory=list)
+
+    def watch(self) -> None:
+        """Note every state of the drive's, and every RPDO as it goes out."""
+        send = self.bus.stepped.send
+
+        def sending(message: can.Message, timeout: float | None = None) -> None:
+            if message.arbitration_id == 0x200 + NODE:
+                self.sent.append(struct.unpack_from("<Hi", message.data))
+            send(message, timeout)
+
+        self.bus.stepped.send = sending
+        self.bench.bus.clock.every(0.0005, self._note)
+
+    def _note(self) -> None:
+        state = self.bench.servo.power.state
+        if not self.states or self.states[-1] is not state:
+            self.states.append(state)
+
+    def after(self, delay_s: float, call: Callable[[], None]) -> None:
+        self.bench.bus.clock.later(delay_s, call)
+
+
+@contextmanager
+def enabled(quick_stop_option: int = 2) -> Iterator[Room]:
+    channel = f"found-{next(_channels)}"
+    with Bench("two-mass", channel=channel, node_id=NODE) as bench:
+        side = Side(bench.bus.clock)
+        with SideBus(can.Bus(interface="stepped", channel=channel), side) as bus:
+            drive = CanopenDrive(bus, NODE, load_profile("schwung-bench"), bit_rate=1_000_000)
+            drive.write(drive.setup(CSP))
+            drive.start(CSP)
+            drive.enable()
+            bench.servo.dictionary.writer(key(0x605A))(quick_stop_option)
+            room = Room(bench, side, bus, drive)
+            room.watch()
+            yield room
+            drive.close()
+
+
+@pytest.mark.parametrize("share", [0.05, 0.3, 0.6, 0.95])
+def test_a_frame_that_waits_for_its_sync_does_not_undo_the_quick_stop(share: float) -> None:
+    """The drive holds an RPDO until SYNC: a quick stop by SDO in between was undone by it, 2 ms later."""
+    with enabled(STAYS) as room:
+        room.after(0.1 + share / RATE_HZ, lambda: room.side.at(0.0, room.drive.halt))
+        with pytest.raises(DriveError, match="halt"):
+            room.drive.play(stroke(500, RATE_HZ))
+        room.drive.disable()
+    assert room.states == [Power.OPERATION_ENABLED, Power.QUICK_STOP_ACTIVE, Power.SWITCH_ON_DISABLED]
+
+
+@pytest.mark.parametrize("off_s", [0.003, 0.0104, 0.04])
+def test_a_stop_begins_from_what_was_sent_not_from_what_could_not_be(off_s: float) -> None:
+    """The adapter is bus-off for some cycles: what follows has the target of the last frame that went out."""
+    with enabled() as room:
+        room.after(0.25, lambda: setattr(room.bus, "bus_off", True))
+        room.after(0.25 + off_s, lambda: setattr(room.bus, "bus_off", False))
+        with pytest.raises(BusError):
+            room.drive.play(stroke(500, RATE_HZ))
+        targets = np.array([target for _, target in room.sent])
+        word = np.array([word for word, _ in room.sent])
+    largest = (
+        np.pi * 0.5 / 2 / (499 / RATE_HZ) / RATE_HZ * 2 / (2 * np.pi / 2**20)
+    )  # of the cosine, in counts
+    assert np.max(np.abs(np.diff(targets))) <= largest + 1
+    stopped = int(np.argmax(word == 0x02))
+    assert stopped > 0
+    assert not np.any(word[stopped:] == 0x0F)
+
+
+@pytest.mark.parametrize("full_s", [0.012, 0.02, 0.03, 0.05])
+@pytest.mark.parametrize("halted_s", [0.003, 0.01])
+def test_a_frame_that_waits_for_the_send_buffer_is_not_sent_after_a_stop(
+    full_s: float, halted_s: float
+) -> None:
+    with enabled() as room:
+        before: list[int] = []
+
+        def halt() -> None:
+            before.append(len(room.sent))
+            room.drive.halt()
+
+        room.after(0.25, lambda: setattr(room.bus, "buffer_full", True))
+        room.after(0.25 + halted_s, lambda: room.side.at(0.0, halt))
+        room.after(0.25 + full_s, lambda: setattr(room.bus, "buffer_full", False))
+        with pytest.raises(StateError, match="halt"):
+            room.drive.play(stroke(500, RATE_HZ))
+        room.drive.disable()
+    assert before[0] > 100
+    assert 0x0F not in [word for word, _ in room.sent[before[0] :]]
+
+
+def test_trouble_while_an_axis_comes_to_rest_is_not_waited_with() -> None:
+    """Before a motion up to two seconds are given for it; another master that beats as we do was left to go on."""
+    with enabled() as room:
+        room.bench.plant.state["motor_rad_s"] += 20.0
+        beat = can.Message(arbitration_id=0x77F, data=b"\x05", is_extended_id=False)
+        room.after(0.001, lambda: room.bench.bus.send(beat))
+        began = room.side.now()
+        with pytest.raises(StateError, match="127"):
+            room.drive.play(stroke(500, RATE_HZ))
+        words = [word for word, _ in room.sent]
+        assert words.index(0x02) <= 0.03 * RATE_HZ
+        assert room.side.now() - began < 2.5
+
+
+@pytest.mark.parametrize("kept", [0, 1], ids=["as before", "defaults"])
+def test_a_drive_that_restarts_while_it_stores_has_not_stored(kept: int) -> None:
+    """Asked again it confirms, but what it stores then are not the values that were meant."""
+    channel = f"found-{next(_channels)}"
+    with (
+        Bench("two-mass", channel=channel, node_id=NODE, faults=f"store-power-cut={kept}") as bench,
+        can.Bus(interface="stepped", channel=channel) as bus,
+        CanopenDrive(bus, NODE, load_profile("schwung-bench"), bit_rate=1_000_000) as drive,
+    ):
+        drive.write([ParameterValue(drive.parameter(0x6065), 12_345)])
+        with pytest.raises(NodeLostError, match="restarted while it stored"):
+            drive.store()
+        assert bench.servo.dictionary.number(0x6065) != 12_345

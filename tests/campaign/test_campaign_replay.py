@@ -1,0 +1,43 @@
+"""A seed is a seed: the same frames at the same instants, here and in any other process."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+from campaign_session import run, scenario_of
+
+from schwung_sim.campaign.draw import CLASSES
+
+_ROOT = Path(__file__).parents[2]
+_PROGRAM = "import sys; from campaign_session import run, scenario_of; print(run(scenario_of(int(sys.argv[1]))).digest)"
+
+
+@pytest.mark.parametrize("seed", [1, 29, 98, 261])
+def test_the_same_seed_gives_the_same_frames(seed: int) -> None:
+    first, again = run(scenario_of(seed)), run(scenario_of(seed))
+    assert first.digest == again.digest
+    assert first.frames == again.frames > 100
+    assert first.happened == again.happened
+    assert run(scenario_of(seed + 1)).digest != first.digest
+
+
+def test_another_process_gives_them_too() -> None:
+    paths = (_ROOT / "src", _ROOT / "sim", _ROOT / "benchmarks")
+    environment = {**os.environ, "PYTHONPATH": os.pathsep.join(map(str, paths)), "PYTHONHASHSEED": "7"}
+    told = subprocess.run(
+        [sys.executable, "-c", _PROGRAM, "29"], env=environment, capture_output=True, text=True, check=True
+    )
+    assert int(told.stdout) == run(scenario_of(29)).digest
+
+
+def test_every_kind_of_incident_is_drawn_and_befalls() -> None:
+    """Of those that seeds draw, most are in sessions that get that far."""
+    kinds = {incident.kind for seed in range(400) for incident in scenario_of(seed).incidents}
+    assert kinds == {kind for members in CLASSES.values() for kind in members}
+    drawn = [scenario_of(seed) for seed in range(20)]
+    befell = sum(len(run(scenario).happened) for scenario in drawn)
+    assert befell > 0.6 * sum(len(scenario.incidents) for scenario in drawn)

@@ -1,0 +1,11 @@
+"""Part of the campaign: 80 to 159 of its seeds."""
+
+from __future__ import annotations
+
+import pytest
+from campaign_chunk import problems
+
+
+@pytest.mark.parametrize("first", range(80, 160, 10))
+def test_nothing_dangerous_follows(first: int) -> None:
+    assert problems(range(first, first + 10)) == []
