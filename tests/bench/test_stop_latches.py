@@ -182,6 +182,17 @@ def test_another_master_that_beats_as_we_do_keeps_us_from_moving() -> None:
         assert not bench.servo.power.energised
 
 
+def test_another_master_that_was_heard_before_the_start_keeps_us_from_moving() -> None:
+    with connected() as (bench, drive), can.Bus(interface="stepped", channel=bench.channel) as other:
+        drive.write(drive.setup(CSP))  # we beat already
+        other.send(can.Message(arbitration_id=0x77F, data=b"\x05", is_extended_id=False))
+        drive.clock.sleep(0.01)
+        drive.start(CSP)
+        with pytest.raises(StateError, match="another master sends heartbeats as node 127"):
+            drive.enable()
+        assert not bench.servo.power.energised
+
+
 def test_another_master_that_begins_to_beat_as_we_do_stops_the_motion() -> None:
     with enabled() as (bench, drive), can.Bus(interface="stepped", channel=bench.channel) as other:
         beat = can.Message(arbitration_id=0x77F, data=b"\x05", is_extended_id=False)

@@ -280,6 +280,7 @@ class CanopenDrive:
 
     def enable(self) -> None:
         """Operation enabled, holding the position. Raises StateError naming what is missing, DriveFaultError."""
+        self._masters.require_none()  # also one that was heard before anybody asked for trouble
         self._operation.enable()
 
     def play(self, setpoints: Setpoints, progress: Progress | None = None) -> Recording:
