@@ -1,5 +1,6 @@
 """The procedure on a drive without a bus: what is recorded, and every way out."""
 
+import contextlib
 import signal
 from pathlib import Path
 
@@ -129,6 +130,21 @@ def test_signals_at_any_time_and_again_and_again_end_with_a_drive_that_is_off_an
     assert drive.calls[: first + 1] == CALLS[: first + 1]
     assert read_backup(tmp_path / "setup.backup.json").restored is not None
     assert [signal.getsignal(n) for n in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)] == handlers
+
+
+def test_a_ctrl_c_that_python_dropped_stops_the_motion(drive: DeskDrive, tmp_path: Path) -> None:
+    """What is raised in a finaliser, or when a weak reference goes, is printed, and forgotten."""
+
+    def interrupt(number: int) -> None:
+        if number == 0:
+            with contextlib.suppress(KeyboardInterrupt):
+                signal.raise_signal(signal.SIGINT)
+
+    drive.before_play = interrupt
+    with pytest.raises(InterruptedByUser):
+        _record(drive, tmp_path)
+    assert drive.calls.count("play") == CREEP_PLAYS + 1
+    assert "halt" in drive.calls
 
 
 def test_a_hang_up_that_is_ignored_stays_ignored(drive: DeskDrive, tmp_path: Path) -> None:

@@ -15,7 +15,8 @@ class OneInterrupt:
 
     A drive that is being stopped, switched off and put back takes a second or two, in which people press Ctrl-C
     again. A signal that came while it was held off raises KeyboardInterrupt at the end of a block that ends well, so
-    that nothing is begun afterwards. Signals that are ignored (nohup) stay so; off the main thread nothing happens.
+    that nothing is begun afterwards. So does one that Python drops, as it does in a finaliser: what goes on calls
+    `let_through` now and then. Signals that are ignored (nohup) stay so; off the main thread nothing happens.
     """
 
     def __init__(self) -> None:
@@ -28,7 +29,7 @@ class OneInterrupt:
         self._armed = False
 
     def let_through(self) -> None:
-        """Raise KeyboardInterrupt where a signal has waited."""
+        """Raise KeyboardInterrupt where a signal has waited, or has been raised and we are still here."""
         if self._pending:
             self._pending = False
             raise KeyboardInterrupt
@@ -51,7 +52,7 @@ class OneInterrupt:
             self.let_through()
 
     def _on_signal(self, number: int, frame: FrameType | None) -> None:
+        self._pending = True
         if self._armed:
             self._armed = False
             raise KeyboardInterrupt
-        self._pending = True

@@ -65,13 +65,13 @@ def powered(drive: Drive, plan: Plan, journal: ParameterJournal, interrupt: OneI
         _require_ready(drive)
         drive.enable()
         yield
+        interrupt.hold_off()  # within: an interrupt that comes first takes the way out below
     except BaseException as error:
         interrupt.hold_off()
         drive.halt()
         for trouble in _leave(drive, journal):
             error.add_note(trouble)
         raise
-    interrupt.hold_off()
     troubles = _leave(drive, journal)
     if troubles:
         raise DriveError("leaving the drive", "; ".join(troubles))
@@ -144,7 +144,9 @@ def record(
         try:
             observer.phase("Setting up and enabling the drive")
             with powered(drive, plan, journal, interrupt):
-                player = _Player(drive, plan, writer, ready.speed_source, observer, max_jitter_share)
+                player = _Player(
+                    drive, plan, writer, ready.speed_source, observer, interrupt, max_jitter_share
+                )
                 if ready.creep is not None:
                     observer.phase("Creep: signs and units")
                     player.creep(ready.creep)
@@ -180,6 +182,7 @@ class _Player:
     writer: SessionWriter
     source: SpeedSource
     observer: Observer
+    interrupt: OneInterrupt
     max_jitter_share: float
     retries: int = 0
 
@@ -245,10 +248,15 @@ class _Player:
                 "--one-way is surer on this adapter"
             )
 
+    def _progress(self, done: int, total: int) -> None:
+        self.interrupt.let_through()
+        self.observer.progress(done, total)
+
     def _play(self, planned: PlannedRun) -> Recording:
         """Play one run; where it breaks off, keep what came until then as a partial recording."""
+        self.interrupt.let_through()
         try:
-            return self.drive.play(setpoints_of(planned, self.plan), self.observer.progress)
+            return self.drive.play(setpoints_of(planned, self.plan), self._progress)
         except BaseException as error:
             partial = partial_recording(error)
             if partial is not None:
@@ -258,7 +266,9 @@ class _Player:
     def _go(self, way: PlannedRun | None) -> None:
         """Move without recording, for the axis to be where the next motion starts."""
         if way is not None:
-            self.drive.play(replace(setpoints_of(way, self.plan), recorded=False))
+            setpoints = replace(setpoints_of(way, self.plan), recorded=False)
+            self.interrupt.let_through()
+            self.drive.play(setpoints, lambda done, total: self.interrupt.let_through())
 
     def _keep_partial(self, recording: Recording, planned: PlannedRun, why: str) -> None:
         """What came before the first gap, where that is anything at all."""
