@@ -99,11 +99,11 @@ def test_a_stop_begins_from_what_was_sent_not_from_what_could_not_be(off_s: floa
         room.after(0.25 + off_s, lambda: setattr(room.bus, "bus_off", False))
         with pytest.raises(BusError):
             room.drive.play(stroke(500, RATE_HZ))
+        room.side.sleep(0.05)
         targets = np.array([target for _, target in room.sent])
         word = np.array([word for word, _ in room.sent])
-    largest = (
-        np.pi * 0.5 / 2 / (499 / RATE_HZ) / RATE_HZ * 2 / (2 * np.pi / 2**20)
-    )  # of the cosine, in counts
+    # of the stroke's cosine, half a radian there and back in 499 periods, in counts
+    largest = np.pi * 0.5 / 499 / (2 * np.pi / 2**20)
     assert np.max(np.abs(np.diff(targets))) <= largest + 1
     stopped = int(np.argmax(word == 0x02))
     assert stopped > 0

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 #: In which part of a session, and how often: most of what may go wrong does so where the machine has power, is given it
 #: or loses it.
 STAGES = {
-    "connect": 0.3, "prepare": 0.3, "set-up": 1.0, "start": 1.0, "enable": 2.5, "motion": 4.0, "off": 3.0,
+    "connect": 0.3, "prepare": 0.3, "set-up": 1.0, "start": 1.0, "enable": 4.0, "motion": 4.0, "off": 3.0,
     "put-back": 1.0, "export": 0.5,
 }  # fmt: skip
 
@@ -25,7 +25,8 @@ TARGETS = (
 #: What may go wrong, by where it does: each class is as likely as any other, and each kind within it.
 CLASSES = {
     "wire": ("lose", "delay", "double", "reorder"),
-    "answers": ("sdo-abort", "sdo-silence", "statusword", "unseen"),
+    "answers": ("sdo-abort", "sdo-silence"),
+    "what it shows": ("statusword", "unseen-state", "unseen-place"),
     "drive": ("reset", "fault", "sto", "weak", "store-power-cut"),
     "drive's processor": ("heartbeat-stop", "drive-bus-off", "stall-drive", "lost-rpdo", "late-rpdo"),
     "drive's will": ("mode", "not-following", "local", "limit-switch"),

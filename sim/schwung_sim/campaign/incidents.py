@@ -126,12 +126,19 @@ class Scene:
 
         return over
 
-    def _unseen(self, incident: Incident, chance: random.Random) -> Callable[[], None]:
-        """State and place are not to be had: PDOs do not come, and SDO answers are refused or missing."""
+    def _unseen_state(self, incident: Incident, chance: random.Random) -> Callable[[], None]:
+        return self._unseen((0x6041,), incident, chance)
+
+    def _unseen_place(self, incident: Incident, chance: random.Random) -> Callable[[], None]:
+        return self._unseen((0x6064,), incident, chance)
+
+    def _unseen(
+        self, objects: tuple[int, ...], incident: Incident, chance: random.Random
+    ) -> Callable[[], None]:
+        """PDOs do not come, and SDO answers for these are refused or missing."""
         squall = Squall("lose", "TPDO", 1.0, 0.0, chance)
         self.weather.squalls.append(squall)
         sdo = self.bench.servo.sdo
-        objects = ((0x6041,), (0x6064,), (0x6041, 0x6064))[incident.pick % 3]
         refused = chance.random() < 0.8
         for index in objects:
             if refused:

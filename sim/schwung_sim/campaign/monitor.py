@@ -31,8 +31,8 @@ import can
 LOOK_S = 0.001
 #: What a controller may overshoot by, and what a look of 1 ms may be late for.
 OVERSHOOT_RAD, TORQUE_SLACK, SPEED_SLACK = 0.02, 1.001, 1.1
-#: How far from the axis the first target may be: what it was moved by since it was looked at is in the other rule.
-STANDS_AT_RAD = 0.01
+#: How far from the axis the first target may be: what somebody turned it by while it was enabled.
+STANDS_AT_RAD = 0.06
 #: A drive whose processor stood finds the targets of now, far from those of then; its own limits see to the way there.
 CATCHING_UP_S = 0.3
 #: How long another master's word may be fought over until the tool has noticed.

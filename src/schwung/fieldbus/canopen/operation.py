@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import math
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 
 import numpy as np
 
@@ -165,9 +165,7 @@ class Operation:
         playable = playback.pack(
             setpoints, acquisition.mode, self._profile, self._layouts.rpdo, scales, self._target(cyclic)
         )
-        self._dialogue.await_standstill(
-            scales.position_rad, until=lambda: cyclic.exchange.trouble is not None
-        )
+        self._stands(until=self._troubled)
         self._require_untroubled()
         self._check_start(setpoints, acquisition, scales)
         pp = acquisition.mode == "pp"
@@ -302,7 +300,7 @@ class Operation:
                 cyclic.pump(0.0)
             state = self._dialogue.state()
             in_operation = state in (State.OPERATION_ENABLED, State.UNKNOWN)
-            if (in_operation and not self._stands(_SETTLED_S)) or (
+            if (in_operation and not self._stands(_SETTLED_S, self._troubled)) or (
                 state is State.QUICK_STOP_ACTIVE and not self._stands()
             ):
                 self._quick_stop()
@@ -414,9 +412,13 @@ class Operation:
                 "Start the motion where the axis stands.",
             )
 
-    def _stands(self, patience_s: float = STANDSTILL_S) -> bool:
+    def _stands(self, patience_s: float = STANDSTILL_S, until: Callable[[], bool] | None = None) -> bool:
         scale = None if self._scales is None else self._scales.position_rad
-        return self._dialogue.await_standstill(scale, patience_s)
+        return self._dialogue.await_standstill(scale, patience_s, until)
+
+    def _troubled(self) -> bool:
+        cyclic = self._dialogue.cyclic
+        return cyclic is not None and cyclic.exchange.trouble is not None
 
     def _target(self, cyclic: Cyclic) -> int:
         return self._dialogue.position() if cyclic.target is None else cyclic.target
