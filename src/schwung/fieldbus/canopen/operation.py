@@ -1,10 +1,10 @@
-"""Moving one drive: start, enable, play, disable, stop; and halt, from any thread, which nothing undoes."""
+"""Moving one drive: start, enable, play, stop. How it comes to rest is in stopping.py."""
 
 from __future__ import annotations
 
 import contextlib
 import math
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 
 import numpy as np
 
@@ -12,14 +12,14 @@ from schwung.errors import BusError, DriveError, NodeLostError, StateError
 from schwung.fieldbus import cia402
 from schwung.fieldbus.canopen import diagnosis, nmt, playback
 from schwung.fieldbus.canopen.cyclic import Cyclic, chosen
-from schwung.fieldbus.canopen.dialogue import CONTROLWORD, STANDSTILL_S, Dialogue
-from schwung.fieldbus.canopen.emcy import describe_code
+from schwung.fieldbus.canopen.dialogue import Dialogue
 from schwung.fieldbus.canopen.link import Link
 from schwung.fieldbus.canopen.own_means import Around, Lookup, OwnMeans
 from schwung.fieldbus.canopen.pdo import Layouts
 from schwung.fieldbus.canopen.recorder import Recorder
-from schwung.fieldbus.canopen.sdo import Outcome, SdoChannel
+from schwung.fieldbus.canopen.sdo import SdoChannel
 from schwung.fieldbus.canopen.setup import temporarily
+from schwung.fieldbus.canopen.stopping import Stopping
 from schwung.fieldbus.canopen.sync import measure_evenness
 from schwung.fieldbus.cia402 import State
 from schwung.fieldbus.drive import (
@@ -37,12 +37,9 @@ from schwung.fieldbus.walker import PATIENCE_S
 
 START_WINDOW_RAD = 0.02  # how far the first setpoint may be from where the axis stands
 APPROACH_S = (
-    0.2  # over which the rest of that way is gone; longer than a drive takes for the rest before a new motion
+    0.2  # over which the rest of that way is gone: longer than the rest that a drive wants between motions
 )
 _NMT_S = 1.0
-_HALT_S = 1.0  # another thread that is at it already is waited for so long
-_HALT_TRIES = 3
-_SETTLED_S = 0.2  # what is in operation and does not stand within that is stopped before it is switched off
 
 
 class Operation:
@@ -61,23 +58,14 @@ class Operation:
         counter: bool,
     ) -> None:
         self.own_means = OwnMeans(sdo, profile, lookup)  # the drive's generator and trace
-        self._link, self._clock, self._sdo, self._monitor, self._profile = (
-            link,
-            link.clock,
-            sdo,
-            monitor,
-            profile,
-        )
+        self._link, self._clock, self._sdo = link, link.clock, sdo
+        self._monitor, self._profile = monitor, profile
         self._layouts, self._sync, self._counter, self._lookup = layouts, sync, counter, lookup
         self._dialogue = Dialogue(sdo, monitor, profile)
         self._place = self._dialogue.place
         self._scales: Scales | None = None
         self._window_rad = START_WINDOW_RAD
-        self._halting = False
-        self._halts = self._halts_answered = 0  # asked for, and followed by `disable`
-        self._moved = False  # something has been played since `start`
-        self._stopped_s: float | None = None  # when the first quick stop since `start` was sent
-        self._lock = self._clock.lock()
+        self._stopping = Stopping(link, sdo, monitor, self._dialogue, self.own_means)
 
     @property
     def running(self) -> bool:
@@ -109,7 +97,7 @@ class Operation:
         """Node operational, PDOs running, power stage off. Raises StateError, NodeLostError."""
         if self.running:
             raise StateError(self._place, "already exchanges PDOs", "Stop it first.")
-        self._require_not_halted()
+        self._stopping.require_not_halted()
         state = self._dialogue.state()
         if state in cia402.ENERGISED:
             raise StateError(
@@ -121,7 +109,8 @@ class Operation:
             raise StateError(
                 self._place, "shows no state that CiA 402 knows", "Is this the profile of this drive?"
             )
-        self._scales, self._stopped_s, self._moved = scales, None, False
+        self._scales = scales
+        self._stopping.begin(scales.position_rad)
         self._window_rad = min(START_WINDOW_RAD, (following_window_rad or math.inf) / 2)
         cyclic = Cyclic(
             self._link,
@@ -143,7 +132,7 @@ class Operation:
             here = self._dialogue.position()
             self._dialogue.cyclic = cyclic
             cyclic.start(cyclic.frame(cia402.DISABLE_VOLTAGE, here))
-            self._require_not_halted()
+            self._stopping.require_not_halted()
         except BaseException:
             self._dialogue.cyclic = cyclic
             self.stop()
@@ -165,7 +154,7 @@ class Operation:
         playable = playback.pack(
             setpoints, acquisition.mode, self._profile, self._layouts.rpdo, scales, self._target(cyclic)
         )
-        self._stands(until=self._troubled)
+        self._stopping.stands(until=self._stopping.troubled)
         self._require_untroubled()
         self._check_start(setpoints, acquisition, scales)
         pp = acquisition.mode == "pp"
@@ -177,8 +166,8 @@ class Operation:
             try:
                 return self._motion(cyclic, setpoints, playable, own, progress)
             except BaseException:
-                if self._stopped_s is None:
-                    self._quick_stop()
+                if not self._stopping.stopped:
+                    self._stopping.quick_stop()
                 raise
 
     def _motion(
@@ -196,7 +185,7 @@ class Operation:
         )  # fmt: skip
         refused = playback.unacknowledged(recording, setpoints.moves) if pp and error is None else None
         if refused is not None:
-            self._quick_stop()
+            self._stopping.quick_stop()
             error = StateError(
                 self._place,
                 f"did not take the move at sample {refused.at_index}",
@@ -211,107 +200,16 @@ class Operation:
         raise error
 
     def halt(self) -> None:
-        """Quick stop by RPDO and SDO, until the drive shows that it has left operation. Never raises.
-
-        What goes out is latched: whoever else speaks to the drive meanwhile, nothing enables it again before it has
-        been switched off (`disable`) and is started anew, or `reset_fault`.
-        """
-        with self._lock:
-            self._halts += 1
-        self._quick_stop()
-
-    def _quick_stop(self) -> None:
-        with self._lock:
-            first, self._halting = not self._halting, True
-        if not first:
-            self._clock.wait(lambda: not self._halting, _HALT_S)
-            return
-        try:
-            self._halt()
-        finally:
-            self._halting = False
-
-    def _halt(self) -> None:
-        cyclic = self._dialogue.cyclic
-        if cyclic is not None:  # also while it is being enabled: nothing goes on from here but off
-            cyclic.exchange.guarded = False
-            cyclic.exchange.report(StateError(self._place, "was stopped on request (halt)", "Start it anew."))
-            with contextlib.suppress(Exception):
-                cyclic.producer.latch(cia402.QUICK_STOP)
-        heard = False
-        if self._stopped_s is None:
-            self._stopped_s = self._clock.now()
-        for _ in range(_HALT_TRIES):
-            if self._monitor.nmt == "STOPPED":  # where neither PDO nor SDO reaches it
-                with contextlib.suppress(BusError):
-                    nmt.send_command(self._link, nmt.PRE_OPERATIONAL, self._sdo.node_id)
-            outcome = self._sdo.write_once(CONTROLWORD, cia402.QUICK_STOP, 0.2)
-            heard = heard or outcome is not Outcome.NOT_ANSWERED
-            self.own_means.kill()
-            if cyclic is None:
-                if heard:
-                    break
-                continue
-            with contextlib.suppress(Exception):
-                cyclic.pump(0.01)
-                if cyclic.answering and self._dialogue.state() is not State.OPERATION_ENABLED:
-                    break
-        if cyclic is not None:
-            if not heard and not cyclic.answering:
-                self._sdo.assume_silent()
-            else:
-                with contextlib.suppress(Exception):
-                    self._stands()
+        """See Stopping.halt."""
+        self._stopping.halt()
 
     def reset_fault(self) -> None:
-        """Fault reset, then Switch on disabled and nothing more. What is energised comes to rest first.
-
-        A halt that comes meanwhile is not forgotten.
-        """
-        cyclic, halts = self._dialogue.cyclic, self._halts
-        self.disable()
-        for word in (cia402.DISABLE_VOLTAGE, cia402.FAULT_RESET, cia402.DISABLE_VOLTAGE):
-            self._dialogue.command(word)
-        end = self._clock.now() + PATIENCE_S
-        while self._dialogue.state() in (State.FAULT, State.FAULT_REACTION):
-            if self._halts > halts:
-                break
-            if self._clock.now() > end:
-                code = self._sdo.read_integer(0x603F, 0, "UNSIGNED16") or 0
-                raise StateError(
-                    self._place, f"the fault cannot be reset, its cause is still there ({describe_code(code)})",
-                    "Remove the cause.",
-                )  # fmt: skip
-            self._dialogue.command(cia402.DISABLE_VOLTAGE)
-        with self._lock:
-            if self._halts == halts:
-                self._stopped_s = None
-                if cyclic is not None:
-                    cyclic.producer.release()
-                if cyclic is not None and cyclic.exchange.recorder is None:  # a motion has yet to hear of it
-                    cyclic.exchange.clear()
-        self._require_not_halted()
+        """See Stopping.reset_fault."""
+        self._stopping.reset_fault()
 
     def disable(self) -> None:
-        """Standstill, then power stage off, as the drive shows it. Raises StateError where that is not sure."""
-        cyclic, halts = self._dialogue.cyclic, self._halts
-        try:
-            if cyclic is not None:
-                cyclic.pump(0.0)
-            state = self._dialogue.state()
-            in_operation = state in (State.OPERATION_ENABLED, State.UNKNOWN)
-            if (in_operation and not self._stands(_SETTLED_S, self._troubled)) or (
-                state is State.QUICK_STOP_ACTIVE and not self._stands()
-            ):
-                self._quick_stop()
-                self._stands()
-        except DriveError:  # unseen it gets as long to come to rest, and is switched off all the same
-            if self._stopped_s is None:
-                self._quick_stop()
-            if self._moved and self._stopped_s is not None:
-                self._dialogue.wait(self._stopped_s + STANDSTILL_S - self._clock.now())
-        self._dialogue.walker.off()
-        self._halts_answered = halts
+        """See Stopping.disable."""
+        self._stopping.disable()
 
     def stop(self) -> None:
         """End SYNC and PDOs, node pre-operational."""
@@ -327,7 +225,7 @@ class Operation:
         if self.running:
             with contextlib.suppress(Exception):  # what cannot be looked at is stopped by `disable`
                 if self._dialogue.state() in (State.OPERATION_ENABLED, State.UNKNOWN):
-                    self._quick_stop()
+                    self._stopping.quick_stop()
             for step in (self.disable, self.stop):
                 with contextlib.suppress(Exception):
                     step()
@@ -341,7 +239,7 @@ class Operation:
         exchange = cyclic.exchange
         exchange.recorder = recorder
         exchange.guard(follows=cyclic.acquisition.mode == "csp")
-        self._moved = True
+        self._stopping.moved = True
         stopped: BaseException | None = None
         try:
             cyclic.producer.play(frames, after, recorder, progress)
@@ -350,7 +248,7 @@ class Operation:
         exchange.guarded = False
         stopped = stopped or exchange.trouble
         if stopped is not None:
-            self._quick_stop()
+            self._stopping.quick_stop()
         exchange.recorder = None
         return stopped
 
@@ -364,13 +262,8 @@ class Operation:
         """Stop, and raise what has come up since `start`, a halt among it."""
         cyclic, _ = self._running()
         if cyclic.exchange.trouble is not None:
-            self._quick_stop()
+            self._stopping.quick_stop()
             raise self._explained(cyclic, cyclic.exchange.trouble)
-
-    def _require_not_halted(self) -> None:
-        """Raise StateError where nothing has been switched off since a halt: whoever goes on has not heard of it."""
-        if self._halts > self._halts_answered:
-            raise StateError(self._place, "was stopped on request (halt)", "Disable it, then start it anew.")
 
     def _explained(self, cyclic: Cyclic, trouble: DriveError) -> DriveError:
         return diagnosis.explain(self._sdo, self._monitor, cyclic.started_s, trouble)
@@ -386,7 +279,7 @@ class Operation:
             return shown in (None, cyclic.mode)
 
         if not self._clock.wait(agrees, PATIENCE_S):
-            self._quick_stop()
+            self._stopping.quick_stop()
             raise StateError(
                 self._place,
                 f"mode {cyclic.mode} was asked for, the drive shows {shown} (6061)",
@@ -411,14 +304,6 @@ class Operation:
                 f"stands at {stands:.4f} rad, the first setpoint is {off:+.4f} rad away (of {self._window_rad:.4f})",
                 "Start the motion where the axis stands.",
             )
-
-    def _stands(self, patience_s: float = STANDSTILL_S, until: Callable[[], bool] | None = None) -> bool:
-        scale = None if self._scales is None else self._scales.position_rad
-        return self._dialogue.await_standstill(scale, patience_s, until)
-
-    def _troubled(self) -> bool:
-        cyclic = self._dialogue.cyclic
-        return cyclic is not None and cyclic.exchange.trouble is not None
 
     def _target(self, cyclic: Cyclic) -> int:
         return self._dialogue.position() if cyclic.target is None else cyclic.target

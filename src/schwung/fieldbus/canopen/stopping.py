@@ -1,0 +1,168 @@
+"""Stopping one drive: quick stop from any thread, fault reset, switching off; and what may follow on it.
+
+A halt that was asked for is answered by `disable`: until then nothing is started again, whoever goes on without having
+heard of it.
+"""
+
+from __future__ import annotations
+
+import contextlib
+from collections.abc import Callable
+
+from schwung.errors import BusError, DriveError, StateError
+from schwung.fieldbus import cia402
+from schwung.fieldbus.canopen import nmt
+from schwung.fieldbus.canopen.dialogue import CONTROLWORD, STANDSTILL_S, Dialogue
+from schwung.fieldbus.canopen.emcy import describe_code
+from schwung.fieldbus.canopen.link import Link
+from schwung.fieldbus.canopen.own_means import OwnMeans
+from schwung.fieldbus.canopen.sdo import Outcome, SdoChannel
+from schwung.fieldbus.cia402 import State
+from schwung.fieldbus.walker import PATIENCE_S
+
+_HALT_S = 1.0  # another thread that is at it already is waited for so long
+_HALT_TRIES = 3
+_SETTLED_S = 0.2  # what is in operation and does not stand within that is stopped before it is switched off
+
+
+class Stopping:
+    """The ways of one drive to rest, and off."""
+
+    def __init__(
+        self, link: Link, sdo: SdoChannel, monitor: nmt.NodeMonitor, dialogue: Dialogue, own_means: OwnMeans
+    ) -> None:
+        self.moved = False  # something has been played since `begin`
+        self._link, self._clock, self._sdo, self._monitor = link, link.clock, sdo, monitor
+        self._dialogue, self._own_means, self._place = dialogue, own_means, dialogue.place
+        self._lock = self._clock.lock()
+        self._halting = False
+        self._halts = self._halts_answered = 0  # asked for, and followed by `disable`
+        self._stopped_s: float | None = None  # when the first quick stop since `begin` was sent
+        self._count_rad: float | None = None
+
+    @property
+    def stopped(self) -> bool:
+        """A quick stop has been sent since `begin`."""
+        return self._stopped_s is not None
+
+    def begin(self, count_rad: float) -> None:
+        """The exchange starts: nothing has moved, nothing has been stopped. `count_rad`: worth of a position count."""
+        self._count_rad, self._stopped_s, self.moved = count_rad, None, False
+
+    def require_not_halted(self) -> None:
+        """Raise StateError where nothing has been switched off since a halt: whoever goes on has not heard of it."""
+        if self._halts > self._halts_answered:
+            raise StateError(self._place, "was stopped on request (halt)", "Disable it, then start it anew.")
+
+    def halt(self) -> None:
+        """Quick stop by RPDO and SDO, until the drive shows that it has left operation. Never raises.
+
+        What goes out is latched: whoever else speaks to the drive meanwhile, nothing enables it again before it has
+        been switched off (`disable`) and is started anew, or `reset_fault`.
+        """
+        with self._lock:
+            self._halts += 1
+        self.quick_stop()
+
+    def quick_stop(self) -> None:
+        """As `halt`, on our own account: no one has asked for it who would have to be answered. Never raises."""
+        with self._lock:
+            first, self._halting = not self._halting, True
+        if not first:
+            self._clock.wait(lambda: not self._halting, _HALT_S)
+            return
+        try:
+            self._halt()
+        finally:
+            self._halting = False
+
+    def _halt(self) -> None:
+        cyclic = self._dialogue.cyclic
+        if cyclic is not None:  # also while it is being enabled: nothing goes on from here but off
+            cyclic.exchange.guarded = False
+            cyclic.exchange.report(StateError(self._place, "was stopped on request (halt)", "Start it anew."))
+            with contextlib.suppress(Exception):
+                cyclic.producer.latch(cia402.QUICK_STOP)
+        heard = False
+        if self._stopped_s is None:
+            self._stopped_s = self._clock.now()
+        for _ in range(_HALT_TRIES):
+            if self._monitor.nmt == "STOPPED":  # where neither PDO nor SDO reaches it
+                with contextlib.suppress(BusError):
+                    nmt.send_command(self._link, nmt.PRE_OPERATIONAL, self._sdo.node_id)
+            outcome = self._sdo.write_once(CONTROLWORD, cia402.QUICK_STOP, 0.2)
+            heard = heard or outcome is not Outcome.NOT_ANSWERED
+            self._own_means.kill()
+            if cyclic is None:
+                if heard:
+                    break
+                continue
+            with contextlib.suppress(Exception):
+                cyclic.pump(0.01)
+                if cyclic.answering and self._dialogue.state() is not State.OPERATION_ENABLED:
+                    break
+        if cyclic is not None:
+            if not heard and not cyclic.answering:
+                self._sdo.assume_silent()
+            else:
+                with contextlib.suppress(Exception):
+                    self.stands()
+
+    def reset_fault(self) -> None:
+        """Fault reset, then Switch on disabled and nothing more. What is energised comes to rest first.
+
+        A halt that comes meanwhile is not forgotten.
+        """
+        cyclic, halts = self._dialogue.cyclic, self._halts
+        self.disable()
+        for word in (cia402.DISABLE_VOLTAGE, cia402.FAULT_RESET, cia402.DISABLE_VOLTAGE):
+            self._dialogue.command(word)
+        end = self._clock.now() + PATIENCE_S
+        while self._dialogue.state() in (State.FAULT, State.FAULT_REACTION):
+            if self._halts > halts:
+                break
+            if self._clock.now() > end:
+                code = self._sdo.read_integer(0x603F, 0, "UNSIGNED16") or 0
+                raise StateError(
+                    self._place, f"the fault cannot be reset, its cause is still there ({describe_code(code)})",
+                    "Remove the cause.",
+                )  # fmt: skip
+            self._dialogue.command(cia402.DISABLE_VOLTAGE)
+        with self._lock:
+            if self._halts == halts:
+                self._stopped_s = None
+                if cyclic is not None:
+                    cyclic.producer.release()
+                if cyclic is not None and cyclic.exchange.recorder is None:  # a motion has yet to hear of it
+                    cyclic.exchange.clear()
+        self.require_not_halted()
+
+    def disable(self) -> None:
+        """Standstill, then power stage off, as the drive shows it. Raises StateError where that is not sure."""
+        cyclic, halts = self._dialogue.cyclic, self._halts
+        try:
+            if cyclic is not None:
+                cyclic.pump(0.0)
+            state = self._dialogue.state()
+            in_operation = state in (State.OPERATION_ENABLED, State.UNKNOWN)
+            if (in_operation and not self.stands(_SETTLED_S, self.troubled)) or (
+                state is State.QUICK_STOP_ACTIVE and not self.stands()
+            ):
+                self.quick_stop()
+                self.stands()
+        except DriveError:  # unseen it gets as long to come to rest, and is switched off all the same
+            if self._stopped_s is None:
+                self.quick_stop()
+            if self.moved and self._stopped_s is not None:
+                self._dialogue.wait(self._stopped_s + STANDSTILL_S - self._clock.now())
+        self._dialogue.walker.off()
+        self._halts_answered = halts
+
+    def stands(self, patience_s: float = STANDSTILL_S, until: Callable[[], bool] | None = None) -> bool:
+        """See Dialogue.await_standstill."""
+        return self._dialogue.await_standstill(self._count_rad, patience_s, until)
+
+    def troubled(self) -> bool:
+        """Something has come up since the exchange was started, a halt among it."""
+        cyclic = self._dialogue.cyclic
+        return cyclic is not None and cyclic.exchange.trouble is not None
