@@ -272,3 +272,15 @@ def test_how_evenly_frames_go_out_is_measured_without_a_word_to_anybody(
     heard = list(iter(lambda: other.recv(0), None))
     assert len(heard) >= 500  # of half a second; the last may still be on its way
     assert {(m.arbitration_id, bytes(m.data)) for m in heard} == {(0x6FF, b"")}
+
+
+@pytest.mark.parametrize(("misses", "silence_ms"), [(3, 300), (15, 1500)])
+def test_how_many_heartbeats_may_be_missing_is_a_setting(misses: int, silence_ms: int) -> None:
+    acquisition = Acquisition("csp", 1000.0, misses_allowed=misses)
+    held = {(0x1016, 0): 4}  # four consumers, all free
+    values = setup.wanted_values(
+        PROFILE, LAYOUTS, acquisition, lookup, lambda p: held.get((p.index, p.subindex), 0)
+    )
+    consumer = next(v.raw for v in values if v.parameter.index == 0x1016)
+    assert consumer == 0x7F << 16 | silence_ms
+    assert acquisition.silence_allowed_s == pytest.approx(silence_ms / 1000)

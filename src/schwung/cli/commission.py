@@ -23,6 +23,7 @@ from schwung.cli.options import (
     MaxSpeed,
     MaxTorque,
     MinPosition,
+    Misses,
     Node,
     Out,
     Profile,
@@ -115,6 +116,7 @@ def commission(
         quantity("frequency", "HZ", "Rate of the trace; default: as fast as it holds the motion.", INJECTION),
     ] = None,
     max_jitter: MaxJitter = None,
+    misses: Misses = 3,
     export: Annotated[
         str | None,
         typer.Option(
@@ -185,6 +187,7 @@ def commission(
         phases=phases,
         also_s=tuple(also or ()),
         max_jitter_share=MAX_JITTER_SHARE if max_jitter is None else max_jitter * rate,
+        misses_allowed=misses,
     )
     if bode is not None:
         measured = read_bode(bode)

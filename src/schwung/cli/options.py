@@ -130,6 +130,15 @@ FollowingError = Annotated[float | None, quantity("angle", "RAD", "Tolerated fol
 INJECTION = "Injection and recording"
 Amplitude = Annotated[float | None, quantity("torque", "NM", "Peak of the injected torque.", INJECTION)]
 Rate = Annotated[float, quantity("frequency", "HZ", "SYNC rate.", INJECTION)]
+Misses = Annotated[
+    int,
+    typer.Option(
+        "--misses",
+        min=1,
+        help="Heartbeats (10 a second) that may be missing before drive and program give each other up.",
+        rich_help_panel=INJECTION,
+    ),
+]
 MaxJitter = Annotated[
     float | None,
     quantity("time", "S", "Tolerated SYNC jitter (p99); default: a tenth of the period.", INJECTION),

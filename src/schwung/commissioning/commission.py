@@ -28,7 +28,7 @@ from schwung.drivetrain import FeedForward, Machine
 from schwung.errors import InputError, SchwungError
 from schwung.estimation import Estimate, estimate
 from schwung.estimation.reach import Reach, reach_of
-from schwung.fieldbus.drive import Acquisition, Drive, SyncTiming
+from schwung.fieldbus.drive import MISSES_ALLOWED, Acquisition, Drive, SyncTiming
 from schwung.fieldbus.profile import DeviceProfile, ScaledObject
 from schwung.session import Run, Session, read_session
 
@@ -53,6 +53,7 @@ class Wishes:
     phases: int = 1
     also_s: tuple[float, ...] = ()  # further, longer times of the stroke
     max_jitter_share: float = MAX_JITTER_SHARE
+    misses_allowed: int = MISSES_ALLOWED  # heartbeats, on both sides
     because: tuple[str, ...] = ()  # where wishes come from that nobody typed
 
 
@@ -133,6 +134,7 @@ def prepare(
         trace=profile.trace,
         trace_rate_hz=wishes.trace_rate_hz,
         generator=profile.generator,
+        misses_allowed=wishes.misses_allowed,
     )
     one_way = (ONE_WAY,) if wishes.returns and not way.returns else ()
     plan = replace(plan, reasons=(*way.reasons, *one_way, *wishes.because, *plan.reasons))

@@ -16,6 +16,7 @@ from schwung.drivetrain import InertiaTable, Machine, anti_resonance_hz
 from schwung.errors import InputError
 from schwung.estimation import MIN_PHASES
 from schwung.fieldbus.drive import (
+    MISSES_ALLOWED,
     Acquisition,
     Injecting,
     Move,
@@ -194,6 +195,7 @@ def make_plan(
     also_s: Sequence[float] = (),
     torque_held: bool = True,
     heartbeat_s: float = 0.1,
+    misses_allowed: int = MISSES_ALLOWED,
     sampling: Sampling = "sync",
     injecting: Injecting = "setpoints",
     trace: Trace | None = None,
@@ -276,6 +278,7 @@ def make_plan(
             mode=mode,
             sample_rate_hz=sample_rate_hz,
             heartbeat_s=heartbeat_s,
+            misses_allowed=misses_allowed,
             moves=moves_of(motion, start_position_rad, sample_rate_hz) if mode == "pp" else (),
             guard=guard_of(
                 machine,

@@ -144,6 +144,8 @@ class Guard:
     travel_rad: tuple[float, float] | None = None  # where the axis has to be let, within the window
 
 
+#: Heartbeats that may be missing before a node counts as dead, where nobody says otherwise.
+MISSES_ALLOWED = 3
 #: Who sends SYNC on CANopen: see canopen/cyclic.py.
 SyncChoice = Literal["auto", "lockstep", "kernel", "thread"]
 
@@ -155,7 +157,9 @@ class Acquisition:
     mode: OperatingMode
     sample_rate_hz: float
     heartbeat_s: float = 0.1
-    misses_allowed: int = 3  # heartbeats: after so many the drive stops by itself, and we give it up
+    misses_allowed: int = (
+        MISSES_ALLOWED  # heartbeats: after so many the drive stops by itself, and we give it up
+    )
     moves: tuple[Move, ...] = ()  # PP: the strokes that will be played, so that `setup` covers their dynamics
     guard: Guard | None = None  # where the drive's own limits are wider, `setup` tightens them
     sampling: Sampling = "sync"
