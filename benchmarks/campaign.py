@@ -23,7 +23,8 @@ from collections.abc import Iterable, Iterator
 from concurrent.futures import ProcessPoolExecutor
 
 from campaign_defects import DEFECTS
-from campaign_session import Outcome, kind_of, run, scenario_of
+from campaign_plan import kind_of, scenario_of
+from campaign_session import Outcome, run
 
 _SHOWN = 30  # frames before the end of a log
 

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from campaign_session import run, scenario_of
+from campaign_plan import scenario_of
+from campaign_session import run
 
 
 def problems(seeds: range) -> list[str]:

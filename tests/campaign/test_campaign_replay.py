@@ -8,12 +8,18 @@ import sys
 from pathlib import Path
 
 import pytest
-from campaign_session import run, scenario_of
+from campaign_plan import scenario_of
+from campaign_session import run
 
 from schwung_sim.campaign.draw import CLASSES
 
 _ROOT = Path(__file__).parents[2]
-_PROGRAM = "import sys; from campaign_session import run, scenario_of; print(run(scenario_of(int(sys.argv[1]))).digest)"
+_PROGRAM = """\
+import sys
+from campaign_plan import scenario_of
+from campaign_session import run
+print(run(scenario_of(int(sys.argv[1]))).digest)
+"""
 
 
 @pytest.mark.parametrize("seed", [1, 29, 98, 261])

@@ -13,7 +13,8 @@ with the clause or the reason that it comes from.
     mode                    what enters Operation enabled does so in the plan's mode (6061)
     dead man's motion       without our heartbeat: consumer time (1016) plus the quick stop, then it stands
     two that beat           CiA 301, 7.2.8.2.2: a consumer hears the node, not who it is: two of one id
-    written while on        with the motor energised the tool writes nothing but what the plan needs then
+    written while on        with the motor energised the tool writes nothing but what the plan needs then, and does not
+                            stop the node before it has told it Disable voltage
     left energised          whoever ends leaves the power stage off, or says that it may be on
 """
 
@@ -285,7 +286,9 @@ class Monitor:
             self._report("written while on", f"0x{index:04X}:{data[3]:02X} while the motor is energised")
 
     def _nmt(self, command: int) -> None:
-        if command != 1 and self.machine.energised:
+        if (
+            command != 1 and self.machine.energised and 0x00 not in self._said
+        ):  # else it is not ours to switch off
             self._report("written while on", f"NMT command 0x{command:02X} while the motor is energised")
 
     def _foreign(self, can_id: int) -> None:
