@@ -208,8 +208,8 @@ def show_estimate(terminal: Terminal, done: Commissioned, ending: Ending) -> Non
         former = deviation(done.contrast.table, ending.reference) if done.contrast else None
         against = f", former method {former.rmse_kgm2:.4f}" if former else ""
         terminal.say(
-            f"Against the {ending.reference_label}: RMSE [bold]{off.rmse_kgm2:.4f}[/] kg·m², "
-            f"largest {off.max_kgm2:.4f}{against}"
+            f"Against the {ending.reference_label}: RMSE [bold]{off.rmse_kgm2:.2g}[/] kg·m², "
+            f"largest {off.max_kgm2:.2g}{against}"
         )
     if done.reach is not None:
         terminal.say(done.reach.text)
