@@ -77,7 +77,9 @@ def scenario_of(seed: int) -> Scenario:
 
 def expected(way: Way, start_rad: float) -> Expected:
     """The plan, computed from the wishes: peak speed of the trapezoid with equal thirds is 1.5 times the mean."""
-    step = 1.5 * DISTANCE_RAD / DURATION_S / way.wishes["sample_rate_hz"]
+    period_s = 1.0 / way.wishes["sample_rate_hz"]
+    step = 1.5 * DISTANCE_RAD / DURATION_S * period_s
+    bend = 4.5 * DISTANCE_RAD / DURATION_S**2 * period_s**2  # that speed is reached in a third of the time
     return Expected(
         node_id=NODE,
         low_rad=start_rad - ROOM_RAD,
@@ -88,6 +90,7 @@ def expected(way: Way, start_rad: float) -> Expected:
         deceleration_rad_s2=DECELERATION_RAD_S2,
         standing_rad_s=0.6 if way.writable & _OWN else 0.3,
         step_counts=math.ceil((DISTANCE_RAD + MOVED_RAD if way.mode == 1 else step) / COUNT_RAD),
+        bend_counts=None if way.mode == 1 else math.ceil(bend / COUNT_RAD),
         added_counts=math.ceil(0.2 * TORQUE_NM / RATED_TORQUE_NM * 1000),
         count_rad=COUNT_RAD,
         mode=way.mode,

@@ -13,7 +13,7 @@ from schwung_sim.campaign.monitor import Expected, Monitor
 
 PLAN = Expected(
     node_id=3, low_rad=-0.2, high_rad=0.8, speed_rad_s=10.0, torque_nm=50.0, silence_s=0.3, deceleration_rad_s2=1000.0,
-    standing_rad_s=0.3, step_counts=100, added_counts=50, count_rad=1e-5, mode=8,
+    standing_rad_s=0.3, step_counts=100, bend_counts=60, added_counts=50, count_rad=1e-5, mode=8,
 )  # fmt: skip
 
 
@@ -91,13 +91,18 @@ def _enabled_after_a_stop(stage: Stage) -> None:
 
 
 def _step(stage: Stage) -> None:
-    stage.rpdo(0x0F, 40)
-    stage.rpdo(0x0F, 142)
+    for target in (50, 100, 202):
+        stage.rpdo(0x0F, target)
 
 
 def _step_in_the_quick_stop(stage: Stage) -> None:
     stage.rpdo(0x0F, 0)
     stage.rpdo(0x02, -102)
+
+
+def _bend(stage: Stage) -> None:
+    for target in (50, 100, 163, 163):
+        stage.rpdo(0x0F, target)
 
 
 def _torque_while_stopping(stage: Stage) -> None:
@@ -145,6 +150,7 @@ def _silence(stage: Stage) -> None:
         (_enabled_after_a_stop, "enable after stop"),
         (_step, "step"),
         (_step_in_the_quick_stop, "step"),
+        (_bend, "bend"),
         (_torque_while_stopping, "torque added"),
         (_too_much_injected, "torque added"),
         (_halt_bit, "controlword"),

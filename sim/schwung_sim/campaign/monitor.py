@@ -8,6 +8,7 @@ with the clause or the reason that it comes from.
                             the words Shutdown, Switch on, Enable operation come before, once
     enable after stop       after Quick stop or Disable voltage nobody sends Enable operation
     step                    607A moves from RPDO to RPDO no further than the plan's own motion does, stops included
+    bend                    and while it enables, its steps change no more than that motion's acceleration makes them
     torque added            60B2 is no more than is injected, and 0 in every frame that does not enable
     controlword             the words of table 27 alone, for this mode; no halt, no fault reset
     mode                    what enters Operation enabled does so in the plan's mode (6061)
@@ -103,6 +104,7 @@ class Expected:
         float  # slower than this the axis stands: by how much its loop rings, or its generator shakes it
     )
     step_counts: int  # of 607A between two RPDOs
+    bend_counts: int | None  # by how much that changes from one to the next; None: the drive makes the path
     added_counts: int  # of 60B2
     count_rad: float  # of 607A
     mode: int
@@ -152,6 +154,7 @@ class Monitor:
         self._climbed: set[int] = set()  # controlwords since the power stage was last off
         self._said: set[int] = set()  # controlwords since it was last enabled
         self._last_target: int | None = None
+        self._last_step: int | None = None  # while it enabled
         self._beat_s: float | None = None  # the tool's last heartbeat
         self._died_s: float | None = None
         self._foreign_s = float("-inf")
@@ -250,6 +253,7 @@ class Monitor:
             self._last_target = None
             return
         last, self._last_target = self._last_target, target
+        self._judge_bend(None if last is None or not enables else target - last)
         if last is None and plan.mode != 1:
             off = target * plan.count_rad - self.machine.position_rad
             if abs(off) > STANDS_AT_RAD:
@@ -258,6 +262,15 @@ class Monitor:
             self._report(
                 "step",
                 f"{target - last:+d} counts in one RPDO with 0x{word:04X}, {plan.step_counts} is the plan's largest",
+            )
+
+    def _judge_bend(self, step: int | None) -> None:
+        """The step to this target; None where there is none, or it stops."""
+        last, self._last_step = self._last_step, step
+        most = self.expected.bend_counts
+        if step is not None and last is not None and most is not None and abs(step - last) > most + 2:
+            self._report(
+                "bend", f"a step of {step:+d} counts after one of {last:+d}, {most} is the plan's most"
             )
 
     def _word(self, word: int) -> bool:
