@@ -22,11 +22,16 @@ TARGETS = (
     "its heartbeat", "EMCY", "NMT",
 )  # fmt: skip
 
+#: What the drive shows of itself goes wrong where the tool judges by it: where it gives power, moves and takes it away,
+#: while it waits, and for at least as long as it takes to look.
+SHOWN = "what it shows"
+JUDGING = ("enable", "motion", "off", "off")
+
 #: What may go wrong, by where it does: each class is as likely as any other, and each kind within it.
 CLASSES = {
     "wire": ("lose", "delay", "double", "reorder"),
     "answers": ("sdo-abort", "sdo-silence"),
-    "what it shows": ("statusword", "unseen-state", "unseen-place"),
+    SHOWN: ("statusword", "statusword", "unseen-state", "unseen-place"),
     "drive": ("reset", "fault", "sto", "weak", "store-power-cut"),
     "drive's processor": ("heartbeat-stop", "drive-bus-off", "stall-drive", "lost-rpdo", "late-rpdo"),
     "drive's will": ("mode", "not-following", "local", "limit-switch"),
@@ -82,19 +87,20 @@ def draw(seed: int, ways: int, weights: tuple[float, ...]) -> Scenario:
     way = chance.choices(range(ways), weights)[0]
     start = chance.choice((0.0, 0.7, -1.3, 2.0))
     count = chance.choice((1, 2, 2, 3, 3))
-    incidents: list[Incident] = []
-    for number in range(count):
-        follows = number > 0 and chance.random() < 0.6
-        incidents.append(
-            Incident(
-                kind=chance.choice(CLASSES[chance.choice(list(CLASSES))]),
-                stage=chance.choices(list(STAGES), list(STAGES.values()))[0],
-                share=chance.random(),
-                by=chance.choice(POINTS),
-                after_s=10 ** chance.uniform(-4, 0) if follows else None,
-                duration_s=10 ** chance.uniform(-2.5, 0.5),
-                size=chance.random(),
-                pick=chance.randrange(1 << 30),
-            )
-        )
-    return Scenario(seed, way, start, tuple(incidents), chance.random() < 0.25, chance.choice(TRAITS))
+    incidents = tuple(_incident(chance, number > 0 and chance.random() < 0.6) for number in range(count))
+    return Scenario(seed, way, start, incidents, chance.random() < 0.25, chance.choice(TRAITS))
+
+
+def _incident(chance: random.Random, follows: bool) -> Incident:
+    place = chance.choice(list(CLASSES))
+    shown = place == SHOWN
+    return Incident(
+        kind=chance.choice(CLASSES[place]),
+        stage=chance.choice(JUDGING) if shown else chance.choices(list(STAGES), list(STAGES.values()))[0],
+        share=chance.random(),
+        by="waits" if shown else chance.choice(POINTS),
+        after_s=10 ** chance.uniform(-4, 0) if follows else None,
+        duration_s=10 ** chance.uniform(-1.5 if shown else -2.5, 0.5),
+        size=chance.random(),
+        pick=chance.randrange(1 << 30),
+    )
