@@ -130,6 +130,7 @@ def _play_for_long(channel: str) -> None:
     """The tool, in a process of its own, which will be stopped while it plays."""
     acquisition = Acquisition("csp", FAST_HZ, heartbeat_s=1.0)  # the drive waits for three
     with contextlib.suppress(DriveError), enabled(channel, FAST_HZ, "auto", acquisition) as drive:
+        drive.write([ParameterValue(drive.parameter(0x605A), STAY_IN_QUICK_STOP)])  # setting up makes it 2
         drive.play(stroke(1500, FAST_HZ))
     os._exit(0)
 
