@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import can
 import pytest
 
-from schwung.clock import BIT_RATE, EPOCH_S, Clock, SteppedBus, SteppedClock, WallClock, clock_of
+from schwung.clock import BIT_RATE, EPOCH_S, Clock, SteppedBus, SteppedClock, WallClock, Wire, clock_of
 
 
 @dataclass
@@ -30,7 +30,8 @@ def room(request: pytest.FixtureRequest) -> Iterator[Room]:
         ends: list[can.BusABC] = [can.Bus(interface="virtual", channel="test-clock") for _ in range(2)]
     else:
         clock = stepped = SteppedClock()
-        ends = [stepped.bus() for _ in range(2)]
+        wire = Wire(stepped)
+        ends = [wire.bus(), wire.bus()]
     yield Room(clock, *ends)
     for end in ends:
         end.shutdown()
@@ -151,7 +152,8 @@ def test_what_is_due_at_one_instant_happens_as_it_was_asked_for() -> None:
 
 def test_a_frame_takes_its_bits_and_frames_take_turns() -> None:
     clock = SteppedClock()
-    one, other = clock.bus(), clock.bus()
+    wire = Wire(clock)
+    one, other = wire.bus(), wire.bus()
     came: list[float] = []
     clock.read(other, lambda _: came.append(clock.now()), _unexpected)
     one.send(frame(0x200, bytes(8)))
@@ -164,7 +166,8 @@ def test_a_frame_takes_its_bits_and_frames_take_turns() -> None:
 def test_a_frame_that_comes_while_one_is_received_has_to_wait() -> None:
     """A callback that lets time pass is not entered by the next frame: a drive's processor does one thing at a time."""
     clock = SteppedClock()
-    one, other = clock.bus(), clock.bus()
+    wire = Wire(clock)
+    one, other = wire.bus(), wire.bus()
     log: list[str] = []
 
     def receive(message: can.Message) -> None:
@@ -195,7 +198,8 @@ def test_a_timer_that_waits_is_not_entered_by_itself() -> None:
 
 def test_recv_lets_time_pass() -> None:
     clock = SteppedClock()
-    one, other = clock.bus(), clock.bus()
+    wire = Wire(clock)
+    one, other = wire.bus(), wire.bus()
     clock.later(0.5, lambda: one.send(frame(0x321)))
     message = other.recv(1.0)
     assert message is not None
@@ -226,7 +230,8 @@ def test_an_interrupted_timer_goes_on() -> None:
 )
 def test_weather_loses_doubles_and_delays(delays: tuple[float, ...], expected: int) -> None:
     clock = SteppedClock()
-    one, other = clock.bus(), clock.bus()
+    wire = Wire(clock)
+    one, other = wire.bus(), wire.bus()
     one.wire.weather = lambda sender, receiver, message: delays
     one.send(frame(1))
     came = list[float]()
@@ -239,7 +244,8 @@ def test_weather_loses_doubles_and_delays(delays: tuple[float, ...], expected: i
 
 def test_a_bus_that_has_left_neither_hears_nor_speaks() -> None:
     clock = SteppedClock()
-    ends: list[SteppedBus] = [clock.bus() for _ in range(3)]
+    wire = Wire(clock)
+    ends: list[SteppedBus] = [wire.bus() for _ in range(3)]
     ends[0].shutdown()
     ends[0].send(frame(1))
     ends[1].send(frame(2))
@@ -251,8 +257,7 @@ def test_a_bus_that_has_left_neither_hears_nor_speaks() -> None:
 
 
 def test_own_messages_come_back_where_wished() -> None:
-    clock = SteppedClock()
-    talker = clock.bus(receive_own_messages=True)
+    talker = Wire(SteppedClock()).bus(receive_own_messages=True)
     talker.send(frame(7))
     assert talker.recv(0.1) is not None
     talker.shutdown()

@@ -5,7 +5,7 @@ from __future__ import annotations
 import can
 import pytest
 
-from schwung.clock import SteppedClock, clock_of
+from schwung.clock import SteppedClock, Wire, clock_of
 from schwung_sim.campaign.side import Killed, Overdue, Side, SideBus
 
 
@@ -16,14 +16,15 @@ def frame(number: int) -> can.Message:
 def test_a_side_is_the_clock_of_its_bus() -> None:
     clock = SteppedClock()
     side = Side(clock)
-    with SideBus(clock.bus(), side) as bus:
+    with SideBus(Wire(clock).bus(), side) as bus:
         assert clock_of(bus) is side
 
 
 def test_what_a_side_asked_for_is_put_off_in_order_while_it_stalls_and_others_go_on() -> None:
     clock = SteppedClock()
     side, others, own = Side(clock), list[float](), list[str]()
-    with SideBus(clock.bus(), side) as bus, clock.bus() as other:
+    wire = Wire(clock)
+    with SideBus(wire.bus(), side) as bus, wire.bus() as other:
         side.read(
             bus, lambda m: own.append(f"frame {m.arbitration_id - 0x100} {clock.now():.3f}"), pytest.fail
         )
@@ -50,7 +51,7 @@ def test_a_beat_that_stalled_is_caught_up_with_by_half_a_period_each_time() -> N
 def test_sending_takes_as_long_as_the_stall_that_comes_with_it() -> None:
     clock = SteppedClock()
     side = Side(clock)
-    with SideBus(clock.bus(), side) as bus:
+    with SideBus(Wire(clock).bus(), side) as bus:
         side.stall(0.2)
         bus.send(frame(0))
     assert clock.now() == pytest.approx(0.2)
@@ -75,7 +76,7 @@ def test_an_interrupt_reaches_the_main_flow_and_nothing_that_is_called_back() ->
 def test_nothing_of_a_killed_side_runs_and_no_cleaning_up_helps() -> None:
     clock = SteppedClock()
     side, own = Side(clock), list[float]()
-    with SideBus(clock.bus(), side) as bus:
+    with SideBus(Wire(clock).bus(), side) as bus:
         side.every(0.01, lambda: own.append(clock.now()))
         clock.later(0.025, side.kill)
         with pytest.raises(Killed):
@@ -95,7 +96,8 @@ def test_a_side_that_waits_for_ever_is_found_out() -> None:
 
 def test_an_adapter_that_is_bus_off_or_full() -> None:
     clock = SteppedClock()
-    with SideBus(clock.bus(), Side(clock)) as bus, clock.bus() as other:
+    wire = Wire(clock)
+    with SideBus(wire.bus(), Side(clock)) as bus, wire.bus() as other:
         bus.buffer_full = True
         with pytest.raises(can.CanOperationError, match="buffer"):
             bus.send(frame(0))

@@ -9,7 +9,7 @@ from typing import TypeVar, cast
 import can
 import canopen
 
-from schwung.clock import SteppedBus, SteppedClock
+from schwung.clock import SteppedBus, SteppedClock, Wire
 from schwung.fieldbus.canopen.link import Link
 from schwung.fieldbus.canopen.sdo import SdoChannel
 from schwung.fieldbus.canopen.turns import Talk
@@ -187,10 +187,11 @@ class Desk:
         self.to_server: Way = unharmed
         self.to_client: Way = unharmed
         self.garble: Callable[[int, bytes], bytes] = lambda number, frame: frame  # on the way to the client
-        ours, self._theirs = self.clock.bus(), self.clock.bus()
+        wire = Wire(self.clock)
+        ours, self._theirs = wire.bus(), wire.bus()
         for bus in (ours, self._theirs):
             bus._is_shutdown = True  # nothing to close: spares a warning for every wire that is dropped
-        ours.wire.weather = self._weather
+        wire.weather = self._weather
         self._server = make(self.objects, self.answer)
         self.clock.read(self._theirs, self._serve, unexpected)
         self.link = Link(ours)

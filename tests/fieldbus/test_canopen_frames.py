@@ -8,7 +8,7 @@ import can
 import numpy as np
 import pytest
 
-from schwung.clock import SteppedClock, clock_of
+from schwung.clock import SteppedClock, Wire, clock_of
 from schwung.errors import DriveError, InputError, NodeLostError, SdoError, StateError
 from schwung.fieldbus import eds
 from schwung.fieldbus.canopen import pdo, setup
@@ -153,7 +153,8 @@ def test_an_emergency_is_decoded() -> None:
 @pytest.fixture
 def ends() -> Iterator[tuple[Link, can.BusABC]]:
     clock = SteppedClock()
-    one, other = (clock.bus() for _ in range(2))
+    wire = Wire(clock)
+    one, other = wire.bus(), wire.bus()
     link = Link(one)
     yield link, other
     link.close()

@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 from stepped_broadcast import Seen, StallingClock, SteppedBroadcast
 
-from schwung.clock import SteppedBus
+from schwung.clock import SteppedBus, Wire
 from schwung.errors import BusError, InputError, NodeLostError, StateError
 from schwung.fieldbus import cia402, eds
 from schwung.fieldbus.canopen import pdo
@@ -51,6 +51,7 @@ class Setting:
         lookup = eds.read_eds(profile.eds_path, NODE).find
         layouts = pdo.layouts(profile, lookup, NODE)
         self.clock = StallingClock()
+        self.wire = Wire(self.clock)
         self.broadcast = SteppedBroadcast(self.clock, self._end(), LATENCY_S)
         answers = {t.can_id: struct.pack("<H", 0x0027).ljust(t.size, b"\0") for t in layouts.tpdos}
         self.drive = Seen(self.clock, self._end(), layouts.rpdo.can_id, answers)
@@ -61,7 +62,7 @@ class Setting:
         self.stranger = self._end()
 
     def _end(self) -> SteppedBus:
-        ENDS.append(self.clock.bus())
+        ENDS.append(self.wire.bus())
         return ENDS[-1]
 
     def start(self) -> Setting:

@@ -12,7 +12,7 @@ from dataclasses import dataclass, field
 
 import can
 
-from schwung.clock import SteppedClock
+from schwung.clock import SteppedClock, Wire
 from schwung.fieldbus.canopen import CanopenDrive
 from schwung.fieldbus.profile import CanopenProfile
 
@@ -120,9 +120,9 @@ class GoldenDrive:
         self._words = {command: words[name] for command, name in _LEADS_TO.items() if name in words}
         self._nmt = 0x7F
 
-    def attach(self, clock: SteppedClock) -> None:
-        """Put it on a wire of its own end."""
-        bus = clock.bus()
+    def attach(self, wire: Wire) -> None:
+        """Give it an end of its own."""
+        bus, clock = wire.bus(), wire.clock
 
         def receive(message: can.Message) -> None:
             for answer in self._take(message.arbitration_id, bytes(message.data)):
@@ -187,7 +187,7 @@ def _fail(error: Exception) -> None:
 @contextmanager
 def connected(drive: GoldenDrive, profile: CanopenProfile) -> Iterator[CanopenDrive]:
     """The tool's own driver, connected to it; no time passes but theirs."""
-    clock = SteppedClock()
-    drive.attach(clock)
-    with CanopenDrive(clock.bus(), NODE, profile) as driver:
+    wire = Wire(SteppedClock())
+    drive.attach(wire)
+    with CanopenDrive(wire.bus(), NODE, profile) as driver:
         yield driver

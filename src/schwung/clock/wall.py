@@ -1,0 +1,102 @@
+"""The wall's time, for real buses: `every` and `read` are threads; what waits, waits in the kernel."""
+
+from __future__ import annotations
+
+import contextlib
+import threading
+import time
+from collections.abc import Callable
+from typing import Any
+
+import can
+
+from schwung.clock.protocol import Event, Failed, Receive, Task
+
+_POLL_S = 0.001  # how often `wait` looks
+_READ_TIMEOUT_S = 0.02  # on a silent bus, `close` waits for the reader so long
+_FAILURE_PAUSE_S = 0.1
+_ENDED_WITHIN_S = 1.0
+
+
+class WallClock:
+    """The computer's own time. It has no state: two of them are as good as one."""
+
+    simulated = False
+
+    now = staticmethod(time.monotonic)
+    date = staticmethod(time.time)
+    sleep = staticmethod(time.sleep)
+
+    def wait(self, ready: Callable[[], bool], timeout_s: float) -> bool:
+        """See Clock."""
+        end = time.monotonic() + timeout_s
+        while not ready():
+            if time.monotonic() >= end:
+                return ready()
+            time.sleep(_POLL_S)
+        return True
+
+    def event(self) -> Event:
+        """See Clock."""
+        return threading.Event()
+
+    def lock(self) -> contextlib.AbstractContextManager[Any]:
+        """See Clock."""
+        return threading.RLock()
+
+    def every(self, period_s: float, call: Callable[[], None], name: str = "") -> Task:
+        """See Clock."""
+
+        def run(ending: threading.Event) -> None:
+            due = time.monotonic()
+            while not ending.is_set():
+                began = time.monotonic()
+                call()
+                due = max(due + period_s, began + period_s / 2)
+                left = due - time.monotonic()
+                if left > 0:
+                    ending.wait(left)
+
+        return _Thread(run, name or "schwung timer")
+
+    def later(self, delay_s: float, call: Callable[[], None]) -> Task:
+        """See Clock."""
+
+        def run(ending: threading.Event) -> None:
+            if not ending.wait(delay_s):
+                call()
+
+        return _Thread(run, "schwung timer")
+
+    def read(self, bus: can.BusABC, receive: Receive, failed: Failed) -> Task:
+        """See Clock."""
+
+        def run(ending: threading.Event) -> None:
+            while not ending.is_set():
+                try:
+                    message = bus.recv(_READ_TIMEOUT_S)
+                except (
+                    can.CanError,
+                    OSError,
+                    ValueError,
+                ) as error:  # ValueError: the socket was closed under us
+                    if not ending.is_set():
+                        failed(error)
+                        ending.wait(_FAILURE_PAUSE_S)
+                    continue
+                if message is not None:
+                    receive(message)
+
+        return _Thread(run, "schwung bus reader")
+
+
+class _Thread:
+    def __init__(self, run: Callable[[threading.Event], None], name: str) -> None:
+        self._ending = threading.Event()
+        self._thread = threading.Thread(target=run, args=(self._ending,), name=name, daemon=True)
+        self._thread.start()
+
+    def close(self) -> None:
+        self._ending.set()
+        if threading.current_thread() is not self._thread:
+            self._thread.join(_ENDED_WITHIN_S)
