@@ -53,7 +53,7 @@ def test_settings_and_drive_say_nothing_twice() -> None:
         "settings": {"limits": {"torque_max_nm": 12.5}, "reasons": ["because of the paper"]},
     }
     page = render(replace(bare(), session=replace(session(), drive=drive)))
-    assert page.count("4711") == 1
+    assert page.count(">4711<") == 1
     assert page.count("limits torque max, N·m") == 1
     assert page.index("<h2>Settings") < page.index("limits torque max") < page.index("<h2>Drive")
     assert "because of the paper" not in page  # it is among the plan's notes

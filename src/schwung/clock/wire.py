@@ -76,14 +76,14 @@ class Wire:
         return SteppedBus(channel, wire=self, receive_own_messages=receive_own_messages)
 
     def carry(self, sender: SteppedBus, message: can.Message) -> None:
-        """Deliver a frame to all other ends when it has passed the wire."""
+        """Deliver a frame to all other ends when it has passed the wire; each gets a copy of its own."""
         clock = self.clock
         self._free_s = max(self._free_s, clock.now()) + _frame_bits(message) / self.bit_rate
         for end in self.ends:
             if end is sender and not end.receive_own_messages:
                 continue
             for delay in (0.0,) if self.weather is None else self.weather(sender, end, message):
-                clock.put(self._free_s + delay, _Arrival(end, message))
+                clock.put(self._free_s + delay, _Arrival(end, _copy(message)))
 
 
 def _frame_bits(message: can.Message) -> int:
@@ -139,13 +139,12 @@ class SteppedBus(can.BusABC):
     def send(self, msg: can.Message, timeout: float | None = None) -> None:
         """See can.BusABC; never fails, and the frame may be changed afterwards."""
         if self in self.wire.ends:
-            self.wire.carry(self, _copy(msg))
+            self.wire.carry(self, msg)
 
     def arrived(self, message: can.Message, stamp_s: float) -> None:
         """A frame has come; given to the reader where there is one, else kept for `recv`."""
         if self not in self.wire.ends:
             return
-        message = _copy(message)
         message.timestamp, message.channel = stamp_s, self.channel
         self.waiting.append(message)
         if self.reader is not None:

@@ -164,41 +164,58 @@ def load_side(ripple: Ripple, machine: Machine) -> LoadSide:
     )
 
 
-def equations(load: LoadSide, ripple: Ripple, basis: Basis, curve: Array | None = None) -> Equations:
-    """The balance at every frequency of the band, weighted by the noise.
+@dataclass(frozen=True, eq=False)
+class Balance:
+    """The balance of one ripple at every frequency of the band: all of it that no curve changes."""
 
-    `curve`: the spline's coefficients as known so far, (basis.size,). What spoils the motor's torque also spoils the
-    load speed that follows from it, by as much as the load is heavy; without a curve that part is left out.
-    """
-    kept = slice(None, None, load.step)
-    rate = ripple.sample_rate_hz / load.step
-    kernel = np.exp(-2j * np.pi * np.outer(load.frequencies, ripple.time_s[kept]))
-    s = 2j * np.pi * load.frequencies[:, None]
-    fade = load.fade[kept, None]
-    faded, fading = kernel * fade.T, kernel * np.gradient(load.fade[kept], 1 / rate)
+    load: LoadSide
+    kept: slice  # of the samples
+    inertia: Array  # (samples, basis.size): the splines at them
+    turning: Array  # the same: what each spline makes of a ripple of the angle, N·m/rad
+    over_s: ComplexArray  # (frequencies, samples): Fourier's kernel with the fade, over jω
+    by_parts: ComplexArray  # the same of a derivative, which falls on fade and kernel
+    columns: Array  # (rows, basis.size), weighted
+    driving: Array  # (rows,)
 
-    def coefficients(values: ComplexArray) -> ComplexArray:
-        return np.asarray((faded @ values) / s)
+    @classmethod
+    def of(cls, load: LoadSide, ripple: Ripple, basis: Basis) -> Balance:
+        """With the splines of `basis`."""
+        kept = slice(None, None, load.step)
+        s = 2j * np.pi * load.frequencies[:, None]
+        kernel = np.exp(-s * ripple.time_s[kept])
+        fade = load.fade[kept]
+        over_s = kernel * fade / s
+        by_parts = kernel * (fade - np.gradient(fade, load.step / ripple.sample_rate_hz) / s)
+        inertia, slope, bend = (basis.at(load.angle_rad[kept], order) for order in range(3))
+        turning = (
+            bend * (load.speed_rad_s[kept] ** 2 / 2)[:, None] + slope * load.acceleration_rad_s2[kept, None]
+        )
+        columns = by_parts @ (inertia * load.ripple_speed_rad_s[kept, None])
+        columns = columns + over_s @ (turning * load.ripple_angle_rad[kept, None])
+        driving = over_s @ load.driving_torque_nm[kept, None]
+        return cls(
+            load, kept, inertia, turning, over_s, by_parts, _real(columns, load), _real(driving, load)[:, 0]
+        )
 
-    def rate_of(momentum: ComplexArray) -> ComplexArray:
-        """Of χ d(momentum)/dt, by parts: the derivative falls on fade and kernel."""
-        return np.asarray(faded @ momentum - (fading @ momentum) / s)
+    def equations(self, curve: Array | None = None) -> Equations:
+        """Weighted by the noise.
 
-    inertia, slope, bend = (basis.at(load.angle_rad[kept], order) for order in range(3))
-    turning = bend * (load.speed_rad_s[kept] ** 2 / 2)[:, None] + slope * load.acceleration_rad_s2[kept, None]
-    columns = rate_of(inertia * load.ripple_speed_rad_s[kept, None])
-    columns = columns + coefficients(turning * load.ripple_angle_rad[kept, None])
-    spoilers = coefficients(load.spoilers[kept])
-    if curve is not None:
-        spoilers = spoilers + rate_of((inertia @ curve)[:, None] * load.spoilers_wind_up_rate[kept])
-        spoilers = spoilers + coefficients((turning @ curve)[:, None] * load.spoilers_wind_up[kept])
-    driving = coefficients(load.driving_torque_nm[kept, None])
+        `curve`: the spline's coefficients as known so far, (basis.size,). What spoils the motor's torque also spoils
+        the load speed that follows from it, by as much as the load is heavy; without a curve that part is left out.
+        """
+        load, kept = self.load, self.kept
+        spoilers = self.over_s @ load.spoilers[kept]
+        if curve is not None:
+            momentum = (self.inertia @ curve)[:, None] * load.spoilers_wind_up_rate[kept]
+            turned = (self.turning @ curve)[:, None] * load.spoilers_wind_up[kept]
+            spoilers = spoilers + self.by_parts @ momentum + self.over_s @ turned
+        return Equations(self.columns, _real(spoilers, load), self.driving)
 
-    def real(values: ComplexArray) -> Array:
-        weighted = values / load.noise[:, None]
-        return np.vstack([weighted.real, weighted.imag])
 
-    return Equations(real(columns), real(spoilers), real(driving)[:, 0])
+def _real(values: ComplexArray, load: LoadSide) -> Array:
+    """Complex rows over their noise, as real ones: real parts, then imaginary ones."""
+    weighted = values / load.noise[:, None]
+    return np.vstack([weighted.real, weighted.imag])
 
 
 def _compliance(machine: Machine, s: ComplexArray) -> ComplexArray:

@@ -17,7 +17,7 @@ from schwung.drivetrain.physics import effects_of
 from schwung.errors import InputError
 from schwung.estimation.sampling import is_held
 from schwung.estimation.table import DEFAULT_POINTS
-from schwung.estimation.trajectory_fit import band_of, likely_noise, passed_over, resmoothed
+from schwung.estimation.trajectory_fit import band_of, likely_noise, passed_over, resmoothed, systems_of
 from schwung.estimation.trajectory_model import STICKING, Basis, Layout, Model, Noise
 from schwung.estimation.trajectory_prior import posterior, prior_for
 from schwung.estimation.trajectory_signals import load_angle_range, signals_of
@@ -89,8 +89,12 @@ def cramer_rao(
     given = replace(prior, precision=precision, mean=mean)
     for _ in range(_ROUNDS):  # what the session says of all else, so that its trajectories are met
         runs = resmoothed(model, runs, parameters, found)
-        found = noise or likely_noise(model, runs, parameters, found, 1.0)
-        each = [passed_over(model, [run], parameters, found) for run in runs]
+        about = systems_of(model, runs, parameters)
+        found = noise or likely_noise(model, about, runs, found, 1.0)
+        each = [
+            passed_over(model, [system], [run], parameters, found)
+            for system, run in zip(about, runs, strict=True)
+        ]
         told = sum((n * one.information for n, one in zip(counts, each, strict=True)), np.zeros(()))
         slope = sum((n * one.slope for n, one in zip(counts, each, strict=True)), np.zeros(()))
         parameters = posterior(given, told, slope, parameters, _ROUGH).parameters
@@ -126,10 +130,8 @@ def _kinds(runs: Sequence[Run]) -> dict[Run, int]:
 def _truth(model: Model) -> Array:
     """The parameters that the machine stands for; its own load torque and frictions are in the equations already."""
     at, machine = model.layout, model.machine
-    grid = np.linspace(at.basis.low_rad, at.basis.high_rad, 8 * at.basis.size)
     parameters = np.zeros(at.size)
-    rows, _ = at.basis.rows(grid)
-    parameters[at.inertia] = np.linalg.lstsq(rows, np.log(machine.load_inertia_at(grid)), rcond=None)[0]
+    parameters[at.inertia] = at.basis.coefficients_of(lambda angle: np.log(machine.load_inertia_at(angle)))
     learned = effects_of(machine.physics)
     parameters[at.coulomb] = (learned.coulomb_positive_nm + learned.coulomb_negative_nm) / 2
     parameters[at.viscous] = learned.viscous_nms

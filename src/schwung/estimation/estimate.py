@@ -99,7 +99,7 @@ def _narrower_of(found: Estimate, how: Method, task: Task) -> tuple[Estimate, tu
     band is narrower. What the former saw of the ripple stays beside it.
     """
     try:
-        other = _by(how, task)
+        other = _by(how, replace(task, start=found.table))
     except InputError:
         return found, ()
     mine, others = (_relative_band(one.table) for one in (found, other))

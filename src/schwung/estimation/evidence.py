@@ -34,13 +34,13 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
-from scipy.signal import butter, sosfiltfilt
 
 from schwung.drivetrain.inertia import InertiaTable
 from schwung.drivetrain.machine import Machine
 from schwung.errors import InputError
 from schwung.estimation.denoise import denoise
 from schwung.estimation.fit import CurveFit, Nuisance, fit_curve
+from schwung.estimation.low_pass import low_passed
 from schwung.estimation.methods import Outcome, Task
 from schwung.estimation.ripple import phase_groups, ripple_of_pair, ripple_of_phases
 from schwung.motion import Array
@@ -235,9 +235,7 @@ def _rests(speed: Array, slowest: float, shortest: int) -> list[Array]:
 
 
 def _low_pass(edge_hz: float, rate_hz: float) -> Callable[[Array], Array]:
-    """Butterworth, there and back: no lag."""
-    sections = butter(2, 2 * edge_hz / rate_hz, output="sos")
-    return lambda values: np.asarray(sosfiltfilt(sections, values))
+    return lambda values: low_passed(values, 2 * edge_hz / rate_hz, 2)
 
 
 def _first_of(design: Array, y: Array, independent: float) -> Nuisance | None:

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from schwung.drivetrain.machine import Machine
 from schwung.errors import InputError
-from schwung.estimation.balance import Basis, Equations, LoadSide, equations, load_side
+from schwung.estimation.balance import Balance, Basis, Equations, LoadSide, load_side
 from schwung.estimation.ripple import Ripple
 from schwung.estimation.sdft import ComplexArray
 from schwung.estimation.solve import Solution, solve
@@ -142,13 +142,13 @@ def fit_curve(ripples: Sequence[Ripple], machine: Machine) -> CurveFit:
     loss = max(*(ripple.loss_std_s2 for ripple in ripples), NO_LOSS / slowest**2)
     late = max(ripple.controller_std_s for ripple in ripples)
     prior = np.array([peak / max(top_speed, 1e-9), peak, 1 / slowest])
+    balances = [Balance.of(load, ripple, basis) for load, ripple in zip(loads, ripples, strict=True)]
     weights = [np.ones(2 * load.frequencies.size) for load in loads]
     solution: Solution | None = None
     for _ in range(ROUNDS):
         curve = None if solution is None else solution.coefficients
         parts = [
-            equations(load, ripple, basis, curve).scaled(weight)
-            for load, ripple, weight in zip(loads, ripples, weights, strict=True)
+            balance.equations(curve).scaled(weight) for balance, weight in zip(balances, weights, strict=True)
         ]
         solution = _solve(parts, prior, np.array([loss, late]))
         ends = np.cumsum([part.y.size for part in parts])[:-1]

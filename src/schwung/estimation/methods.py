@@ -45,6 +45,7 @@ class Task:
     inversion: Inversion
     recorded: Session | None = None  # as recorded, before `sampling.prepared`; None: the same
     points: int | None = None  # of a table that the method makes itself; None: its default
+    start: InertiaTable | None = None  # a curve that is near already: where a search may begin
 
 
 @dataclass(frozen=True)

@@ -50,7 +50,7 @@ class TrajectoryMethod:
     def traces(self, task: Task) -> Outcome:
         """Fit, and tabulate with the posterior's standard deviation."""
         session = amplitudes_restored(task.recorded or task.session, task.session)
-        found = fit(session.runs, task.machine, rotary=session.axis == "rotary")
+        found = fit(session.runs, task.machine, rotary=session.axis == "rotary", start=task.start)
         _check_explained(found)
         hidden = max((unknown_answer(run, task.machine) for run in session.runs if run.is_held), default=0.0)
         table, notes = _table(found, task.points or DEFAULT_POINTS, hidden)

@@ -9,10 +9,12 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import TypeVar
 
 import numpy as np
 from scipy.optimize import minimize, minimize_scalar
 
+from schwung.drivetrain.inertia import InertiaTable
 from schwung.drivetrain.machine import Machine
 from schwung.errors import InputError
 from schwung.estimation import trajectory_kernel as kernel
@@ -29,6 +31,8 @@ from schwung.estimation.trajectory_prior import Posterior, posterior, prior_for
 from schwung.estimation.trajectory_signals import FINEST, Signals, load_angle_range, signals_of
 from schwung.motion import Array
 from schwung.session.model import Run
+
+T = TypeVar("T")
 
 #: Spline pieces over the visited range: at the least, at the most, and per rad on a rotary axis.
 PIECES, MOST_PIECES, PIECES_PER_RAD = 40, 160, 12.0
@@ -100,36 +104,40 @@ class Passed:
     runs: tuple[Signals, ...]  # with new states
 
 
-def fit(recorded: Sequence[Run], machine: Machine, *, rotary: bool = True) -> Fit:
+def fit(
+    recorded: Sequence[Run], machine: Machine, *, rotary: bool = True, start: InertiaTable | None = None
+) -> Fit:
     """Fit the model to all runs at once.
 
-    The coupling is held as believed until the rest has settled: stiffness and inertia, both far off, can make up for
-    each other. Then pieces are halved until the curve's bends are resolved.
+    `start`: a curve that is near already. Else it begins at the constant inertia that explains the runs best, and the
+    coupling is held as believed until the rest has settled: stiffness and inertia, both far off, can make up for each
+    other. Then pieces are halved until the curve's bends are resolved.
 
     Raises InputError where there is no torque or no motion at all, or nothing that these equations could fit.
     """
     _check_alive(recorded)
-    band = band_of(recorded)
-    whole = tuple(signals_of(run, machine, band) for run in recorded)
-    low, high = load_angle_range(whole, machine)
-    pieces = int(np.clip((high - low) * PIECES_PER_RAD if rotary else PIECES, PIECES, MOST_PIECES))
-    basis = Basis(low, high, pieces)
-    peak_speed = max(float(np.max(np.abs(run.states[:, 1]))) for run in whole)
-    passing = peak_speed * pieces / max(high - low, 1e-12)
-    runs = tuple(signals_of(run, machine, band, passing) for run in recorded)
-    model = Model(machine, Layout(basis, basis), STICKING * peak_speed)
+    model, runs = _model_of(recorded, machine, rotary)
     noise = _first_noise(runs)
-    inertia = _constant_inertia(model, _few(runs), noise)
+    if start is None:
+        logs = np.full(model.layout.basis.size, np.log(_constant_inertia(model, _few(runs), noise)))
+    else:
+        logs = model.layout.basis.coefficients_of(lambda angle: np.log(start.at(angle)))
+    inertia = float(np.exp(np.mean(logs)))
     held = any(is_held(run) for run in recorded)
-    prior = prior_for(model.layout, machine, inertia, held=held, coupling=False)
-    parameters, smoothness = prior.mean, (np.log(0.01), np.log(0.01))
-    restless, released, settled, iteration = True, machine.coupling is None, False, 0
+    released = machine.coupling is None or start is not None
+    prior = prior_for(model.layout, machine, inertia, held=held, coupling=released)
+    parameters, smoothness = prior.mean.copy(), (np.log(0.01), np.log(0.01))
+    parameters[model.layout.inertia] = logs
+    restless, settled, iteration, reach = True, False, 0, 1.0
     while not settled and iteration < MOST_ITERATIONS:
         iteration += 1
+        about = systems_of(model, runs, parameters)
         if restless:
-            likely = likely_noise(model, _few(runs), parameters, noise, 1.0 if iteration == 1 else 0.3)
-            restless, noise = likely.differs_from(noise, 0.03 if iteration < PATIENT else 0.3), likely
-        passed = passed_over(model, runs, parameters, noise)
+            likely = likely_noise(model, _few(about), _few(runs), noise, reach)
+            moved = likely.moved_from(noise)
+            restless, noise = moved > (0.03 if iteration < PATIENT else 0.3), likely
+            reach = float(np.clip(moved, 0.05, 0.3))
+        passed = passed_over(model, about, runs, parameters, noise)
         found = posterior(prior, passed.information, passed.slope, parameters, smoothness)
         smoothness = found.log_deviations
         step = found.parameters - parameters
@@ -137,7 +145,7 @@ def fit(recorded: Sequence[Run], machine: Machine, *, rotary: bool = True) -> Fi
         moved = float(np.max(np.abs(step) / np.sqrt(np.diag(found.covariance))))
         step *= min(1.0, LARGEST_STEP / max(largest, 1e-12))
         if moved > FAR:
-            step = _likelier(model, _few(runs), parameters, step, noise)
+            step = _likelier(model, _few(about), _few(runs), parameters, step, noise)
         parameters = parameters + step
         runs = resmoothed(model, passed.runs, parameters, noise)
         if moved < NEARLY and not released:
@@ -150,21 +158,37 @@ def fit(recorded: Sequence[Run], machine: Machine, *, rotary: bool = True) -> Fi
         else:
             settled = moved < SETTLED and not restless
             restless = restless or moved > NEARLY
-    loss = max(run.loss_std_s2 for run in runs)
-    considered = loss * found.covariance @ passed.information[:, model.layout.loss]
     every = recorded[0].sample_rate_hz * runs[0].step_s
     return Fit(
         model=model,
         parameters=parameters,
         covariance=found.covariance,
         scores=passed.scores,
-        considered=considered,
+        considered=_considered(model, runs, found.covariance @ passed.information),
         noise=noise.times(np.sqrt(every)),
         every=every,
         runs=runs,
         iterations=iteration,
         converged=settled,
     )
+
+
+def _model_of(recorded: Sequence[Run], machine: Machine, rotary: bool) -> tuple[Model, tuple[Signals, ...]]:
+    """The model over the angles that the load visits, and the runs with as many samples as its pieces need."""
+    band = band_of(recorded)
+    whole = tuple(signals_of(run, machine, band) for run in recorded)
+    low, high = load_angle_range(whole, machine)
+    pieces = int(np.clip((high - low) * PIECES_PER_RAD if rotary else PIECES, PIECES, MOST_PIECES))
+    basis = Basis(low, high, pieces)
+    peak_speed = max(float(np.max(np.abs(run.states[:, 1]))) for run in whole)
+    passing = peak_speed * pieces / max(high - low, 1e-12)
+    runs = tuple(signals_of(run, machine, band, passing) for run in recorded)
+    return Model(machine, Layout(basis, basis), STICKING * peak_speed), runs
+
+
+def _considered(model: Model, runs: Sequence[Signals], moves: Array) -> Array:
+    """What one standard deviation of the filters' loss moves the parameters by, (P,); `moves`: by a unit of each."""
+    return np.asarray(max(run.loss_std_s2 for run in runs) * moves[:, model.layout.loss])
 
 
 def band_of(recorded: Sequence[Run]) -> float:
@@ -184,15 +208,18 @@ def _check_alive(recorded: Sequence[Run]) -> None:
             )
 
 
-def _likelier(model: Model, runs: Sequence[Signals], parameters: Array, step: Array, noise: Noise) -> Array:
+def _likelier(
+    model: Model,
+    about: Sequence[Equations],
+    runs: Sequence[Signals],
+    parameters: Array,
+    step: Array,
+    noise: Noise,
+) -> Array:
     """The step, halved until the runs are likelier after it: far from the truth, a linear model promises too much."""
-
-    def deviance(where: Array) -> float:
-        return _deviance(_systems(model, runs, where), runs, noise, scaled=True)
-
-    before = deviance(parameters)
+    before = _deviance(about, runs, noise, scaled=True)
     for _ in range(HALVINGS):
-        if deviance(parameters + step) < before:
+        if _deviance(systems_of(model, runs, parameters + step), runs, noise, scaled=True) < before:
             break
         step = step / 2
     return step
@@ -213,17 +240,23 @@ def _refined(model: Model, parameters: Array) -> tuple[Model, Array]:
     return replace(model, layout=replace(at, basis=at.basis.finer())), finer
 
 
-def _few(runs: Sequence[Signals]) -> Sequence[Signals]:
-    """Some runs, evenly chosen: enough for what needs no more."""
-    return runs if len(runs) <= FEW else [runs[round(i)] for i in np.linspace(0, len(runs) - 1, FEW)]
+def _few(each: Sequence[T]) -> Sequence[T]:
+    """Some runs, or what belongs to them, evenly chosen: enough for what needs no more."""
+    return each if len(each) <= FEW else [each[round(i)] for i in np.linspace(0, len(each) - 1, FEW)]
 
 
-def passed_over(model: Model, runs: Sequence[Signals], parameters: Array, noise: Noise) -> Passed:
+def systems_of(model: Model, runs: Sequence[Signals], parameters: Array) -> list[Equations]:
+    """The equations of every run about its states and these parameters."""
+    return [model.equations(run, parameters) for run in runs]
+
+
+def passed_over(
+    model: Model, about: Sequence[Equations], runs: Sequence[Signals], parameters: Array, noise: Noise
+) -> Passed:
     """Filter and smooth every run: information and slope of the data about `parameters`, and new states."""
     size = model.layout.size
     information, scores, smoothed = np.zeros((size, size)), [], []
-    for run in runs:
-        system = model.equations(run, parameters)
+    for system, run in zip(about, runs, strict=True):
         result = kernel.filtered(_system(system, noise, run))
         columns = model.columns(run, parameters, system)
         rows = kernel.whitened(system.transition, result, *columns)
@@ -238,7 +271,7 @@ def passed_over(model: Model, runs: Sequence[Signals], parameters: Array, noise:
 
 def resmoothed(model: Model, runs: Sequence[Signals], parameters: Array, noise: Noise) -> tuple[Signals, ...]:
     """The runs with the states that these parameters make likely."""
-    systems = _systems(model, runs, parameters)
+    systems = systems_of(model, runs, parameters)
     results = [kernel.filtered(_system(s, noise, r)) for s, r in zip(systems, runs, strict=True)]
     return tuple(
         replace(run, states=kernel.smoothed(system.transition, result)[:, :-1])
@@ -282,7 +315,7 @@ def _constant_inertia(model: Model, runs: Sequence[Signals], noise: Noise) -> fl
     def deviance(log_inertia: float) -> float:
         parameters = np.zeros(model.layout.size)
         parameters[model.layout.inertia] = log_inertia
-        return _deviance(_systems(model, runs, parameters), runs, noise, scaled=True)
+        return _deviance(systems_of(model, runs, parameters), runs, noise, scaled=True)
 
     logs = np.log(_TRIED * model.machine.motor.inertia_kgm2)
     best = int(np.argmin([deviance(value) for value in logs]))
@@ -290,10 +323,6 @@ def _constant_inertia(model: Model, runs: Sequence[Signals], noise: Noise) -> fl
     return float(
         np.exp(minimize_scalar(deviance, bounds=around, method="bounded", options={"xatol": 0.01}).x)
     )
-
-
-def _systems(model: Model, runs: Sequence[Signals], parameters: Array) -> list[Equations]:
-    return [model.equations(run, parameters) for run in runs]
 
 
 def _deviance(systems: Sequence[Equations], runs: Sequence[Signals], noise: Noise, *, scaled: bool) -> float:
@@ -309,10 +338,9 @@ def _deviance(systems: Sequence[Equations], runs: Sequence[Signals], noise: Nois
 
 
 def likely_noise(
-    model: Model, runs: Sequence[Signals], parameters: Array, start: Noise, reach: float
+    model: Model, systems: Sequence[Equations], runs: Sequence[Signals], start: Noise, reach: float
 ) -> Noise:
     """The sizes of noise that make the innovations most likely; `reach`: how far off they may be (log)."""
-    systems = _systems(model, runs, parameters)
     span = model.layout.basis.high_rad - model.layout.basis.low_rad
     finest = max(FINEST * span, 0.5 * max(run.count_rad for run in runs) / np.sqrt(12))
 

@@ -53,6 +53,17 @@ class Filtered(NamedTuple):
 
 
 @njit(cache=True, error_model="numpy")
+def _product(left: Array, right: Array) -> Array:
+    """left·right; small matrices are faster without BLAS."""
+    result = np.zeros((left.shape[0], right.shape[1]))
+    for i in range(left.shape[0]):
+        for j in range(right.shape[0]):
+            for c in range(right.shape[1]):
+                result[i, c] += left[i, j] * right[j, c]
+    return result
+
+
+@njit(cache=True, error_model="numpy")
 def _exponentials(shaft: Shaft, inertia: float, duration: float) -> tuple[Array, Array, Array, Array]:
     """e^{Ah} and ∫e^{A(h−t)}B tⁱ dt, i = 0, 1, 2, over one interval h; B: torque on motor, on load."""
     size = 2 if shaft.rigid else 4
@@ -80,15 +91,15 @@ def _exponentials(shaft: Shaft, inertia: float, duration: float) -> tuple[Array,
         first += term * (h / (i + 1))
         second += term * (h * h / ((i + 1) * (i + 2)))
         third += term * (2.0 * h * h * h / ((i + 1) * (i + 2) * (i + 3)))
-        term = term @ rates * (h / (i + 1))
+        term = _product(term, rates) * (h / (i + 1))
         moved += term
     for _ in range(doublings):
-        third = moved @ third + third + 2.0 * h * second + h * h * first
-        second = moved @ second + second + h * first
-        first = moved @ first + first
-        moved = moved @ moved
+        third = _product(moved, third) + third + 2.0 * h * second + h * h * first
+        second = _product(moved, second) + second + h * first
+        first = _product(moved, first) + first
+        moved = _product(moved, moved)
         h *= 2.0
-    return moved, first @ inputs, second @ inputs, third @ inputs
+    return moved, _product(first, inputs), _product(second, inputs), _product(third, inputs)
 
 
 @njit(cache=True, error_model="numpy")

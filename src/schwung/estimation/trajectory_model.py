@@ -10,10 +10,10 @@ the latest smoothed one, so that each step of the filter is linear; it changes b
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import astuple, dataclass
 
 import numpy as np
-from scipy.interpolate import CubicSpline
 
 from schwung.drivetrain.machine import Machine
 from schwung.estimation import trajectory_kernel as kernel
@@ -47,6 +47,11 @@ class Basis:
         result = np.empty(between.size + at.size)
         result[::2], result[1::2] = between, at
         return result
+
+    def coefficients_of(self, curve: Callable[[Array], Array]) -> Array:
+        """Those that come nearest to a curve over angles (rad), (size,)."""
+        grid = np.linspace(self.low_rad, self.high_rad, 8 * self.size)
+        return np.asarray(np.linalg.lstsq(self.rows(grid)[0], curve(grid), rcond=None)[0])
 
     def rows(self, angle_rad: Array) -> tuple[Array, Array]:
         """All splines and their derivatives at angles (n,): (n, size) each."""
@@ -132,10 +137,10 @@ class Noise:
         """All three so many times as large."""
         return Noise(factor * self.torque_nm, factor * self.speed_rad_s, factor * self.position_rad)
 
-    def differs_from(self, other: Noise, share: float = 0.03) -> bool:
-        """Whether any of the three differs by more than this share."""
+    def moved_from(self, other: Noise) -> float:
+        """By how much that one of the three differs which differs most, as a logarithm."""
         mine, others = np.array(astuple(self)), np.array(astuple(other))
-        return bool(np.any(np.abs(np.log(mine / others)) > share))
+        return float(np.max(np.abs(np.log(mine / others))))
 
 
 @dataclass(frozen=True, eq=False)
@@ -273,7 +278,7 @@ def _off_middle(inertia: Array, run: Signals) -> tuple[Array, Array, Array]:
     """Torque taken by what the inertia differs from that of the middle of each step, (J − J_m) dω_l/dt:
     at the start of each step, at its end, and its height over the straight line between them; (n − 1,) each.
     """
-    accelerated = CubicSpline(run.time_s, run.quiet(run.load_speed_rad_s))(run.time_s, 1)
+    accelerated = run.load_acceleration
     half = np.diff(inertia) / 2
     middle = (accelerated[1:] + accelerated[:-1]) / 2
     return (

@@ -4,15 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property, lru_cache
+from functools import cached_property
 
 import numpy as np
 from scipy.interpolate import CubicSpline
-from scipy.signal import butter, firwin, sosfiltfilt
 
 from schwung.drivetrain.machine import Machine
 from schwung.errors import InputError
 from schwung.estimation import trajectory_kernel as kernel
+from schwung.estimation.low_pass import low_passed
 from schwung.estimation.ripple import LOSS_STD
 from schwung.estimation.sampling import is_held
 from schwung.motion import Array
@@ -25,11 +25,11 @@ WIDEST = 0.8
 PER_BAND, PER_SWING, PER_PIECE = 11.0, 4.0, 2.0
 #: Smallest error of the angle that is believed, over the visited range.
 FINEST = 1e-9
-#: Half the length of the filter before samples are left out, in the remaining ones; and the window of its taps.
-_HALF, _TAPS = 6, ("kaiser", 6.0)
-_EDGE = 60  # samples of padding at either end
-#: Inertias at which a step is worked out; between them it is interpolated (relative error below 1e-9).
-_NODES = 96
+#: Half the length of the filter before samples are left out, in the remaining ones; β of its taps' Kaiser window.
+_HALF, _TAPS = 6, 6.0
+_EDGE = 60  # fewer samples than this are not worth a filter
+#: Inertias at which a step is worked out; between them it is interpolated (relative error below 1e-7).
+_NODES = 32
 _DIFFERENCE = 1e-4  # of log k and log b, for their sensitivities
 
 
@@ -93,10 +93,8 @@ class Signals:
 
     def quiet(self, values: Array) -> Array:
         """Signals (n, …) without what lies above the band, without lag."""
-        if 2 * self.band_hz * self.step_s >= WIDEST or values.shape[0] <= _EDGE:
-            return values
-        sections = _low_pass(2 * self.band_hz * self.step_s)
-        return np.asarray(sosfiltfilt(sections, values, axis=0, padlen=_EDGE))
+        edge = 2 * self.band_hz * self.step_s
+        return values if edge >= WIDEST or values.shape[0] <= _EDGE else low_passed(values, edge, 4)
 
     def speed_at(self, delay_s: float, derivative: int = 0) -> Array:
         """The believed motor speed `delay_s` before each sample, or its derivative, (n,)."""
@@ -104,15 +102,13 @@ class Signals:
         return np.asarray(self._speed(then, derivative))
 
     @cached_property
+    def load_acceleration(self) -> Array:
+        """Of the believed load within the band, (n,), rad/s²."""
+        return np.asarray(CubicSpline(self.time_s, self.quiet(self.load_speed_rad_s))(self.time_s, 1))
+
+    @cached_property
     def _speed(self) -> CubicSpline:
         return CubicSpline(self.time_s, self.states[:, 1])
-
-
-@lru_cache(maxsize=64)
-def _low_pass(edge: float) -> Array:
-    """Sections of the filter that `quiet` applies, hundreds of times in a fit; `edge` as a share of the highest
-    frequency."""
-    return np.asarray(butter(4, edge, output="sos"))
 
 
 def signals_of(recorded: Run, machine: Machine, band_hz: float, pieces_hz: float | None = None) -> Signals:
@@ -166,7 +162,8 @@ def thinned(run: Run, machine: Machine, band_hz: float, pieces_hz: float) -> Run
     half = _HALF * every
     if every < 2 or is_held(run) or len(run) < _EDGE * every + 2 * half:
         return run
-    taps = firwin(2 * half + 1, 1 / every, window=_TAPS)
+    taps = np.sinc(np.arange(-half, half + 1) / every) * np.kaiser(2 * half + 1, _TAPS)
+    taps /= taps.sum()
 
     def thin(values: Array) -> Array:
         return np.convolve(values, taps, "valid")[::every]

@@ -113,7 +113,7 @@ def _reach(axes: Axes, signals: Sequence[Array], least: float) -> None:
 @in_style
 def map_figure(runs: Sequence[Overlay], floor_nm: float, units: Units, *, named: bool = True) -> Figure:
     """Mean of what is left in each cell of position and speed: by the belief, and with the named physics."""
-    figure = Figure(figsize=(WIDTH_IN, 3.5), layout="constrained")
+    figure = Figure(figsize=(WIDTH_IN, 3.5))
     FigureCanvasAgg(figure)
     axes = figure.subplots(1, 2 if named else 1, sharex=True, sharey=True, squeeze=False)[0]
     position, speed = _joined(runs, "position_rad"), _joined(runs, "speed_rad_s")

@@ -20,6 +20,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
+from matplotlib.layout_engine import ConstrainedLayoutEngine
 
 from schwung.motion import Array
 
@@ -101,7 +102,7 @@ def in_style(draw: Callable[P, R]) -> Callable[P, R]:
 
 def new_figure(height_in: float, ratios: Sequence[float] = (1.0,)) -> Figure:
     """A figure of the report's width with one axes per ratio, one above the other, sharing their x-axis."""
-    figure = Figure(figsize=(WIDTH_IN, height_in), layout="constrained")
+    figure = Figure(figsize=(WIDTH_IN, height_in))
     FigureCanvasAgg(figure)
     figure.subplots(len(ratios), 1, sharex=True, gridspec_kw={"height_ratios": list(ratios)})
     return figure
@@ -173,6 +174,7 @@ def thin(x: Array, y: Array, most: int = MOST_POINTS) -> tuple[Array, Array]:
 @in_style
 def to_svg(figure: Figure, name: str, title: str) -> str:
     """The figure as an SVG element for inlining: ids made unique by `name`, colours as CSS variables."""
+    _lay_out(figure)
     buffer = io.StringIO()
     figure.savefig(buffer, format="svg", metadata={"Date": None, "Creator": None}, transparent=True)
     svg = buffer.getvalue()
@@ -188,9 +190,15 @@ def to_svg(figure: Figure, name: str, title: str) -> str:
 @in_style
 def to_png(figure: Figure, dpi: float = 150) -> bytes:
     """The figure as a PNG, in the light colours on white."""
+    _lay_out(figure)
     buffer = io.BytesIO()
     figure.savefig(buffer, format="png", dpi=dpi, metadata={"Software": None})
     return buffer.getvalue()
+
+
+def _lay_out(figure: Figure) -> None:
+    """Make room for all labels. savefig draws a figure that has an engine of its own twice, once for the layout."""
+    ConstrainedLayoutEngine().execute(figure)
 
 
 def css_variables() -> str:

@@ -5,11 +5,15 @@
 
 from __future__ import annotations
 
+import ast
+import inspect
 import sys
 import types
 from collections.abc import Iterator
+from itertools import pairwise
 from pathlib import Path
-from typing import Annotated, Any, Literal, Union, get_args, get_origin
+from textwrap import dedent
+from typing import Annotated, Any, Literal, Union, cast, get_args, get_origin
 
 from pydantic import BaseModel
 from pydantic.fields import FieldInfo
@@ -29,12 +33,13 @@ def fields_markdown() -> str:
     for title, model, own in _parts():
         lines += [f"### {title}", "", (model.__doc__ or "").strip().split("\n\n")[0].replace("\n", " "), ""]
         lines += ["| key | value | meaning |", "|---|---|---|"]
+        described = meanings(model)
         for name, info in own.items():
-            if not info.description:
+            if name not in described:
                 raise ValueError(
                     f"{model.__name__}.{name} has no description: write a docstring below the field"
                 )
-            meaning = " ".join(info.description.split()).replace("|", "\\|")
+            meaning = " ".join(described[name].split()).replace("|", "\\|")
             lines.append(f"| `{name}` | {_value(info)} | {meaning} |")
         lines.append("")
     return "\n".join(lines)
@@ -48,6 +53,23 @@ def write_page(page: Path) -> bool:
     new = f"{before}{BEGIN}\n\n{fields_markdown()}\n{END}{after}"
     page.write_text(new, encoding="utf-8")
     return new != text
+
+
+def meanings(model: type[BaseModel]) -> dict[str, str]:
+    """The docstrings below the fields of a model, its own and those that it inherits."""
+    found: dict[str, str] = {}
+    for owner in reversed(model.__mro__):
+        if not issubclass(owner, Part):
+            continue
+        body = cast(ast.ClassDef, ast.parse(dedent(inspect.getsource(owner))).body[0]).body
+        for field, below in pairwise(body):
+            match field, below:
+                case (
+                    ast.AnnAssign(target=ast.Name(id=name)),
+                    ast.Expr(value=ast.Constant(value=str(text))),
+                ):
+                    found[name] = text
+    return found
 
 
 def _parts() -> Iterator[tuple[str, type[BaseModel], dict[str, FieldInfo]]]:

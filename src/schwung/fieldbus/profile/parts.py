@@ -10,10 +10,10 @@ from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, model_valida
 class Part(BaseModel):
     """Frozen, and strict about keys: a misspelt key is an error, not a silent default.
 
-    The docstring below a field is its description; docs/profiles.md is made of them.
+    The docstring below a field is its description; docs/profiles.md is made of them (document.py).
     """
 
-    model_config = ConfigDict(frozen=True, extra="forbid", use_attribute_docstrings=True)
+    model_config = ConfigDict(frozen=True, extra="forbid")
 
 
 #: Integer and float types that a Modbus parameter can have.

@@ -40,7 +40,7 @@ class Reproduced:
 
 def panels(height_in: float, mosaic: Sequence[str], ratios: Sequence[float] = ()) -> Panels:
     """A figure of the report's width with axes named by letters, one row per word; a letter twice spans both."""
-    figure = Figure(figsize=(WIDTH_IN, height_in), layout="constrained")
+    figure = Figure(figsize=(WIDTH_IN, height_in))
     FigureCanvasAgg(figure)
     axes = figure.subplot_mosaic(
         [list(row) for row in mosaic], gridspec_kw={"height_ratios": list(ratios) or [1] * len(mosaic)}
