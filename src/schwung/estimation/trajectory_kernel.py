@@ -239,6 +239,15 @@ def whitened(transition: Array, result: Filtered, columns: Array, of_speed: Arra
 
 
 @njit(cache=True, error_model="numpy", fastmath=True)
+def add_outer(result: Array, left: Array, right: Array) -> None:
+    """Add to `result` (m, s, c) the outer product of each row of `left` (m, s) and of `right` (m, c)."""
+    for k in range(result.shape[0]):
+        for i in range(result.shape[1]):
+            for c in range(result.shape[2]):
+                result[k, i, c] += left[k, i] * right[k, c]
+
+
+@njit(cache=True, error_model="numpy", fastmath=True)
 def cholesky(matrix: Array) -> Array:
     """Lower factor of a positive definite matrix (P, P); NaN where it is none. One thread, no wait for others."""
     factor = matrix.copy()

@@ -250,22 +250,27 @@ class Model:
         motor = run.drive.between(parameters[at.torque_delay], parameters[at.controller_delay])
         steps = Steps.of(self.shaft(parameters), along.middle, run.step_s, slopes=True)
         size = steps.transition.shape[1]
-        stacked = np.concatenate([run.quiet(run.states)[:-1], run.quiet(equations.torques)], axis=1)
+        stacked = np.concatenate([run.quiet(run.states)[:-1], run.quiet(equations.torques)], axis=1)[
+            ..., None
+        ]
         made = np.zeros((stacked.shape[0], size + 1, at.size))
         part = made[:, :size]
         share = along.inertia[:, None] * along.rows / 2
         on_load = along.bend[:, None] * along.rows + along.inertia[:, None] * along.slopes
-        part[:, :, at.inertia] = np.einsum("ksi,ki->ks", steps.by_inertia, stacked)[:, :, None]
-        part[:, :, at.inertia] *= ((share[1:] + share[:-1]) / along.middle[:, None])[:, None, :]
-        part[:, :, at.inertia] += steps.added(-along.centrifugal[:, None] * on_load, 1)
-        part[:, :, at.load_torque] = steps.added(along.gentle, 1)
+        middle = (share[1:] + share[:-1]) / along.middle[:, None]
+        taken = -along.centrifugal[:, None] * on_load
+        start, end = steps.inputs[:, :, 1], steps.inputs[:, :, 3]  # on the load
+        kernel.add_outer(part[:, :, at.inertia], (steps.by_inertia @ stacked)[..., 0], middle)
+        for at_node, each in ((start, slice(None, -1)), (end, slice(1, None))):
+            kernel.add_outer(part[:, :, at.inertia], at_node, taken[each])
+            kernel.add_outer(part[:, :, at.load_torque], at_node, along.gentle[each])
         friction = np.stack([along.direction, along.speed], 1)
         part[:, :, [at.coulomb, at.viscous]] = steps.added(-friction, 0)
         both = steps.inputs[:, :, 0] + steps.inputs[:, :, 2]
         part[:, :, at.torque_delay] = both * motor.by_delay[:, None]
         part[:, :, at.controller_delay] = both * motor.by_controller_delay[:, None]
-        part[:, :, at.stiffness] = np.einsum("ksi,ki->ks", steps.by_stiffness, stacked)
-        part[:, :, at.damping] = np.einsum("ksi,ki->ks", steps.by_damping, stacked)
+        part[:, :, at.stiffness] = (steps.by_stiffness @ stacked)[..., 0]
+        part[:, :, at.damping] = (steps.by_damping @ stacked)[..., 0]
         bent = run.quiet(run.drive.smooth(run.time_s, 2))
         part[:, :, at.loss] = steps.added(-bent[:, None], 0)[:, :, 0]
         of_speed = np.zeros((along.speed.size, at.size))
