@@ -45,7 +45,7 @@ class WatchedDrive(CanopenDrive):
 
     def __init__(self, room: Room) -> None:
         self._room = room
-        super().__init__(room.tool_bus, NODE, profile(), bit_rate=1_000_000)
+        super().__init__(room.tool_bus, NODE, room.profile, bit_rate=1_000_000)
 
     def start(self, acquisition: Acquisition) -> None:
         self._room.enter("start")
@@ -73,7 +73,7 @@ class Room:
 
     def __init__(self, scenario: Scenario, folder: Path, typical: dict[str, Counts]) -> None:
         self.scenario, self.folder = scenario, folder
-        self.way = WAYS[scenario.way]
+        self.way, self.profile = WAYS[scenario.way], profile(scenario.stays)
         self.stack = contextlib.ExitStack()
         channel = f"campaign-{next(_channels)}"
         plant = TwoMassPlant(seed=scenario.seed)
@@ -83,6 +83,8 @@ class Room:
         dictionary = self.bench.servo.dictionary
         for k, value in _BEFORE.items():
             dictionary.writer(k)(value)
+        if scenario.stays:
+            dictionary.writer(key(0x605A))(6)
         dictionary.writer(key(0x1010, 1))(0x65766173)
         self.before = self.parameters()
         self.weather = Weather(NODE, self.clock.now)

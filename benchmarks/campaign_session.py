@@ -4,9 +4,8 @@ from __future__ import annotations
 
 import contextlib
 import tempfile
-from collections import deque
 from collections.abc import Iterator
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cache
 from pathlib import Path
 from unittest.mock import patch
@@ -25,7 +24,6 @@ from campaign_plan import (
     TORQUE_NM,
     WAYS,
     machine,
-    profile,
     read_eds,
 )  # fmt: skip
 from campaign_room import Counts, Room, WatchedDrive
@@ -79,7 +77,8 @@ def run(scenario: Scenario, show: bool = False) -> Outcome:
     with _shortened(), tempfile.TemporaryDirectory(dir=_memory(), prefix="campaign-") as name:
         folder = Path(name) / "out"
         folder.mkdir()
-        with Room(scenario, folder, typical(scenario.way) if scenario.incidents else {}) as room:
+        usual = typical(scenario.way, scenario.creeps) if scenario.incidents else {}
+        with Room(scenario, folder, usual) as room:
             return _played(room, show)
 
 
@@ -96,7 +95,7 @@ def _shortened() -> Iterator[None]:
 def _played(room: Room, show: bool) -> Outcome:
     outcome, monitor = Outcome(room.scenario), room.monitor
     if show:
-        monitor.frames = deque()
+        monitor.frames = []
     error = _commission(room)
     room.enter("over")
     outcome.ended, outcome.told = _ending(error)
@@ -106,8 +105,7 @@ def _played(room: Room, show: bool) -> Outcome:
         outcome.problems += _unclear(error)
     room.clock.sleep(AFTERMATH_S)
     outcome.problems += [str(violation) for violation in monitor.violations]
-    if show:
-        outcome.log = [str(frame) for frame in monitor.frames]
+    outcome.log = [str(frame) for frame in monitor.frames or ()]
     outcome.digest, outcome.frames, outcome.stages = monitor.digest, monitor.count, room.stages
     outcome.simulated_s = room.clock.now()
     room.scene.calm()
@@ -129,13 +127,14 @@ def _commission(room: Room) -> BaseException | None:
         drive = room.drive = WatchedDrive(room)
         try:
             room.enter("prepare")
-            prepared = prepare(drive, profile(), machine(), wishes)
+            prepared = prepare(drive, room.profile, machine(), wishes)
             room.enter("set-up")
             room.monitor.asked()
+            ready = prepared.preflight
             record(
                 drive,
                 prepared.plan,
-                prepared.preflight,
+                ready if room.scenario.creeps else replace(ready, creep=None),
                 session_path=out / "session.h5",
                 journal=ParameterJournal(drive, out / "setup.backup.json", drive.describe()),
                 observer=_Observer(),
@@ -146,7 +145,7 @@ def _commission(room: Room) -> BaseException | None:
                 angles = np.linspace(start, start + DISTANCE_RAD, 20)
                 table = InertiaTable(angles, np.full(20, 0.11) + 0.01 * np.cos(angles))
                 path = out / "export.backup.json"
-                export_table(drive, profile(), table, ExportChoice("table"), backup_path=path)
+                export_table(drive, room.profile, table, ExportChoice("table"), backup_path=path)
         finally:
             drive.close()
     except BaseException as error:
@@ -215,7 +214,7 @@ def _parameters(room: Room, kept: Path, told: str | None) -> list[str]:
     try:
         if servo.nmt == 4:  # somebody has stopped the node
             servo.reset_node()
-        drive = CanopenDrive(bus, NODE, profile(), bit_rate=1_000_000)
+        drive = CanopenDrive(bus, NODE, room.profile, bit_rate=1_000_000)
         try:
             for path in open_ones:
                 restore_backup(drive, path)
@@ -232,9 +231,9 @@ def _parameters(room: Room, kept: Path, told: str | None) -> list[str]:
 
 
 @cache
-def typical(way: int) -> dict[str, Counts]:
+def typical(way: int, creeps: bool) -> dict[str, Counts]:
     """Frames, seconds and waits of each stage where nothing goes wrong. Raises RuntimeError where something does."""
-    outcome = run(Scenario(way, way, 0.0, (), True))
+    outcome = run(Scenario(way, way, 0.0, (), True, creeps))
     if outcome.problems or outcome.ended != "well":
         raise RuntimeError(
             f"{WAYS[way].name}, without any incident: {outcome.ended} {outcome.told} {outcome.problems}"

@@ -47,6 +47,12 @@ TRAITS = (
 )  # fmt: skip
 
 
+#: How often a session begins with a creep: that takes longer than all else, and its small motions are motions, too.
+CREEPS = 0.2
+#: How often nobody tells the drive to switch off after a quick stop (605A).
+STAYS = 0.3
+
+
 @dataclass(frozen=True)
 class Incident:
     """One thing that goes wrong, when, and how badly."""
@@ -78,6 +84,10 @@ class Scenario:
     start_rad: float
     incidents: tuple[Incident, ...]
     exports: bool = False  # and stores, at the end
+    creeps: bool = True  # proves signs and units first; else they are known
+    stays: bool = (
+        False  # the drive stays in Quick stop active, energised, from where one word leads into operation
+    )
     trait: tuple[str, float] = ("", 0.0)  # of TRAITS
 
 
@@ -88,7 +98,9 @@ def draw(seed: int, ways: int, weights: tuple[float, ...]) -> Scenario:
     start = chance.choice((0.0, 0.7, -1.3, 2.0))
     count = chance.choice((1, 2, 2, 3, 3))
     incidents = tuple(_incident(chance, number > 0 and chance.random() < 0.6) for number in range(count))
-    return Scenario(seed, way, start, incidents, chance.random() < 0.25, chance.choice(TRAITS))
+    exports, trait = chance.random() < 0.25, chance.choice(TRAITS)
+    creeps, stays = chance.random() < CREEPS, chance.random() < STAYS
+    return Scenario(seed, way, start, incidents, exports, creeps, stays, trait)
 
 
 def _incident(chance: random.Random, follows: bool) -> Incident:

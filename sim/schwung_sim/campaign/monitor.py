@@ -23,7 +23,6 @@ from __future__ import annotations
 
 import struct
 import zlib
-from collections import deque
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import Any, Protocol
@@ -144,7 +143,7 @@ class Monitor:
     machine: Machine
     now: Callable[[], float]
     violations: list[Violation] = field(default_factory=list)
-    frames: deque[Heard] = field(default_factory=lambda: deque(maxlen=64))
+    frames: list[Heard] | None = None  # all of them, where a list is given
     digest: int = 0
     count: int = 0
 
@@ -190,7 +189,8 @@ class Monitor:
         self.digest = zlib.crc32(
             data, zlib.crc32(struct.pack("<dHB", time_s, can_id, len(sender)), self.digest)
         )
-        self.frames.append(Heard(time_s, sender, can_id, data))
+        if self.frames is not None:
+            self.frames.append(Heard(time_s, sender, can_id, data))
         if sender != "tool":
             if sender == "other":
                 self._foreign_s = time_s
