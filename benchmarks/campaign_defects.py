@@ -11,9 +11,11 @@ from collections.abc import Callable
 from typing import Any
 
 from schwung.commissioning import procedure
+from schwung.errors import DriveError
 from schwung.fieldbus import cia402, walker
 from schwung.fieldbus.canopen import nmt, setup, sync
 from schwung.fieldbus.canopen.dialogue import Dialogue
+from schwung.fieldbus.canopen.exchange import Exchange
 from schwung.fieldbus.canopen.operation import Operation
 from schwung.fieldbus.canopen.output import Output
 from schwung.fieldbus.cia402 import State
@@ -125,6 +127,16 @@ def _quick_stop_by_sdo_first() -> None:
     sync._PythonProducer.latch = lambda self, word: self._output.latch(word) and None  # type: ignore[method-assign]
 
 
+def _stops_when_somebody_looks() -> None:
+    """Trouble is noted, and what goes out goes on until the one who has to see to it does."""
+
+    def report(self: Any, error: DriveError) -> None:
+        if self.trouble is None:
+            self.trouble = error
+
+    Exchange.report = report  # type: ignore[method-assign]
+
+
 def _brought_up_again() -> None:
     """A drive that falls back on its way up is brought up again."""
 
@@ -176,6 +188,7 @@ DEFECTS: dict[str, Callable[[], None]] = {
     "no-consumer": _no_consumer,
     "not-put-back": _not_put_back,
     "quick-stop-by-sdo-first": _quick_stop_by_sdo_first,
+    "stops-when-somebody-looks": _stops_when_somebody_looks,
     "brought-up-again": _brought_up_again,
     "stops-from-what-was-not-sent": _stops_from_what_was_not_sent,
 }

@@ -209,6 +209,14 @@ def test_whoever_leaves_a_motor_energised_says_so(told: str, rules: list[str]) -
     assert stage.rules == rules
 
 
+def test_a_node_that_somebody_stopped_may_be_brought_back_to_hear_us() -> None:
+    stage = Stage()
+    stage.enable()
+    stage.say(0x703, b"\x04", "drive")
+    stage.say(0x000, bytes([0x80, 3]))
+    assert stage.rules == []
+
+
 def test_an_axis_that_stands_may_be_held_in_quick_stop() -> None:
     stage = Stage()
     stage.enable()

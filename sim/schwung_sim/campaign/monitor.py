@@ -164,6 +164,7 @@ class Monitor:
         self._wrong_mode_looks = 0
         self._was_operating = False
         self._rpdo, self._sdo = 0x200 + self.expected.node_id, 0x600 + self.expected.node_id
+        self._heartbeat, self._node_stopped = 0x700 + self.expected.node_id, False
         self._seen: set[str] = set()
 
     # What happens ----------------------------------------------------------------------------------------
@@ -192,6 +193,8 @@ class Monitor:
         if self.frames is not None:
             self.frames.append(Heard(time_s, sender, can_id, data))
         if sender != "tool":
+            if can_id == self._heartbeat and data:
+                self._node_stopped = data[0] & 0x7F == 0x04
             if sender == "other":
                 self._foreign_s = time_s
                 if can_id == 0x77F:
@@ -312,9 +315,9 @@ class Monitor:
             self._report("written while on", f"0x{index:04X}:{data[3]:02X} while the motor is energised")
 
     def _nmt(self, command: int) -> None:
-        if (
-            command != 1 and self.machine.energised and 0x00 not in self._said
-        ):  # else it is not ours to switch off
+        reaches = command == 0x80 and self._node_stopped  # neither PDO nor SDO do (CiA 301, 7.3.2.2.4)
+        told = 0x00 in self._said  # if it is on all the same, it is not ours to switch off
+        if command != 1 and self.machine.energised and not told and not reaches:
             self._report("written while on", f"NMT command 0x{command:02X} while the motor is energised")
 
     def _judge_sharing(self, enables: bool) -> None:
