@@ -20,6 +20,8 @@ from schwung.fieldbus.canopen.operation import Operation
 from schwung.fieldbus.canopen.output import Output
 from schwung.fieldbus.cia402 import State
 
+_LOOKED_S = 0.05
+
 
 def _not_latched() -> None:
     """The frame that stops is held, but what is played goes on, and what is held next overwrites it."""
@@ -164,7 +166,17 @@ def _brought_up_again() -> None:
 
 
 def _stops_from_what_was_not_sent() -> None:
-    """The frame that stops has the target of one that could not be sent."""
+    """The frame that stops has the target of one that could not be sent; as it was when trouble was looked for twenty
+    times a second, while one frame after another was not sent: today the first of them latches the stop."""
+    _stops_when_somebody_looks()
+    waiting = sync.wait_while_playing
+
+    def looking(over: Callable[[], bool], exchange: Any, *rest: Any) -> None:
+        while not exchange.link.clock.wait(over, _LOOKED_S) and exchange.trouble is None:
+            pass
+        waiting(over, exchange, *rest)
+
+    sync.wait_while_playing = looking
     following = Output.next
 
     def next_(self: Any) -> Any:

@@ -15,7 +15,6 @@ from schwung_sim.campaign.monitor import Expected
 
 NODE = 3
 OVERDUE_S = 90.0  # of simulated time: all patience of a tool whose drive answers nothing, thrice
-WAIT_S = 0.01  # an incident that comes with a wait does so within so long
 MOVED_RAD = 0.02  # by so much the axis may have been moved before it starts
 AFTERMATH_S = 0.7  # in which a drive that nobody looks after has to stop by itself
 DISTANCE_RAD, DURATION_S = 0.5, 0.15

@@ -17,7 +17,6 @@ from campaign_plan import (
     DISTANCE_RAD,
     DURATION_S,
     FOLLOWING_RAD,
-    NODE,
     OVERDUE_S,
     ROOM_RAD,
     SPEED_RAD_S,
@@ -26,7 +25,7 @@ from campaign_plan import (
     machine,
     read_eds,
 )  # fmt: skip
-from campaign_room import Counts, Room, WatchedDrive
+from campaign_room import Room
 
 from schwung.commissioning import (
     ExportChoice,
@@ -43,8 +42,9 @@ from schwung.commissioning.journal import ParameterJournal
 from schwung.commissioning.procedure import record
 from schwung.drivetrain import InertiaTable
 from schwung.errors import SchwungError
-from schwung.fieldbus.canopen import CanopenDrive, driver
+from schwung.fieldbus.canopen import driver
 from schwung_sim.campaign.draw import STAGES, Scenario
+from schwung_sim.campaign.points import Counts
 from schwung_sim.campaign.side import Killed, Overdue
 
 
@@ -106,9 +106,9 @@ def _played(room: Room, show: bool) -> Outcome:
     room.clock.sleep(AFTERMATH_S)
     outcome.problems += [str(violation) for violation in monitor.violations]
     outcome.log = [str(frame) for frame in monitor.frames or ()]
-    outcome.digest, outcome.frames, outcome.stages = monitor.digest, monitor.count, room.stages
+    outcome.digest, outcome.frames, outcome.stages = monitor.digest, monitor.count, room.points.stages
     outcome.simulated_s = room.clock.now()
-    room.scene.calm()
+    room.calm()
     kept = room.killed_with or room.folder
     outcome.problems += _unreadable(kept)
     outcome.problems += _parameters(room, kept, outcome.told if by_itself else None)
@@ -124,7 +124,7 @@ def _commission(room: Room) -> BaseException | None:
     )
     wishes = Wishes(distance_rad=DISTANCE_RAD, duration_s=DURATION_S, limits=limits, repeats=1, **way.wishes)
     try:
-        drive = room.drive = WatchedDrive(room)
+        drive = room.open()
         try:
             room.enter("prepare")
             prepared = prepare(drive, room.profile, machine(), wishes)
@@ -195,10 +195,7 @@ def _unreadable(folder: Path) -> list[str]:
 
 def _parameters(room: Room, kept: Path, told: str | None) -> list[str]:
     """Parameters that are neither back nor can be put back. `told` None: the tool could not say anything any more."""
-    servo = room.bench.servo
-    if room.machine.weak:
-        servo.reset_node()
-    if servo.store.was_cut:
+    if room.store_was_cut:
         return ["store: the supply failed while it stored, and nobody was told"] if told == "" else []
     exported = (kept / "export.backup.json").exists()
     changed = room.changed(room.before)
@@ -209,12 +206,8 @@ def _parameters(room: Room, kept: Path, told: str | None) -> list[str]:
     open_ones = [path for path in backups if path.exists() and read_backup(path).restored is None]
     if not changed:
         return []
-    _, bus = room.connect()
-    room.clock.sleep(0.1)
     try:
-        if servo.nmt == 4:  # somebody has stopped the node
-            servo.reset_node()
-        drive = CanopenDrive(bus, NODE, room.profile, bit_rate=1_000_000)
+        drive = room.open_again()
         try:
             for path in open_ones:
                 restore_backup(drive, path)
