@@ -187,6 +187,20 @@ def test_trouble_on_the_way_up_ends_it(beaten_s: float) -> None:
         assert set(room.words[came[0] :]) <= {0x00, 0x02}
 
 
+@pytest.mark.parametrize("deaf_s", [0.08, 0.2])
+def test_setpoints_do_not_run_away_from_a_drive_that_hears_none(deaf_s: float) -> None:
+    """They went on for half a second, and what the drive had missed was one step when it heard again."""
+    with enabled() as room:
+        deaf = [False]
+        room.bus.stepped.wire.weather = lambda sender, end, message: () if deaf[0] else (0.0,)
+        room.after(0.3, lambda: deaf.append(deaf.pop() or True))
+        room.after(0.3 + deaf_s, lambda: deaf.append(not deaf.pop()))
+        with pytest.raises(NodeLostError, match="did not answer SYNC"):
+            room.drive.play(stroke(500, RATE_HZ))
+        assert 0x02 in room.words[: int((0.3 + 0.07) * RATE_HZ)]
+        assert Power.FAULT_REACTION_ACTIVE not in room.states
+
+
 @pytest.mark.parametrize("kept", [0, 1], ids=["as before", "defaults"])
 def test_a_drive_that_restarts_while_it_stores_has_not_stored(kept: int) -> None:
     """Asked again it confirms, but what it stores then are not the values that were meant."""
