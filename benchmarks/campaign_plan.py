@@ -77,7 +77,7 @@ def machine() -> Machine:
 
 def scenario_of(seed: int) -> Scenario:
     """What a seed draws."""
-    return draw(seed, len(WAYS), tuple(way.weight for way in WAYS))
+    return draw(seed, tuple(way.weight for way in WAYS))
 
 
 def expected(way: Way, start_rad: float) -> Expected:

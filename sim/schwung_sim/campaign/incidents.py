@@ -28,7 +28,7 @@ _ABORTS = (0x08000000, 0x06020000, 0x08000022, 0x05030000, 0x05040000)
 #: Error codes of CiA 402-2 and 301: short circuit, temperature, following error, heartbeat.
 _ERRORS = (0x2320, 0x4310, 0x8611, 0x8130)
 #: Statuswords that mean no state, or not the one that is; none of them says that the drive is off.
-_STATUSWORDS = (0x0001, 0x0003, 0x0013, 0x0205, 0x0273, 0xFFFF, 0x0231, 0x0237, 0x0207, 0x020F)
+STATUSWORDS = (0x0001, 0x0003, 0x0013, 0x0205, 0x0273, 0xFFFF, 0x0231, 0x0237, 0x0207, 0x020F)
 #: What another master writes into 6040: all of it stops.
 _FOREIGN_WORDS = (0x00, 0x02, 0x06, 0x07)
 _FOREIGN_PERIOD_S = 0.01
@@ -104,7 +104,7 @@ class Scene:
 
     def _statusword(self, incident: Incident, chance: random.Random) -> Callable[[], None]:
         """What the tool receives of the statusword is wrong: in TPDO 1, in SDO answers, or in both."""
-        node, word = self.bench.servo.node_id, chance.choice(_STATUSWORDS)
+        node, word = self.bench.servo.node_id, chance.choice(STATUSWORDS)
         where = ((0x180 + node,), (0x580 + node,), (0x180 + node, 0x580 + node))[incident.pick % 3]
 
         def alter(message: can.Message) -> can.Message:
