@@ -80,6 +80,7 @@ class Room:
         self.monitor = Monitor(expected(self.way, scenario.start_rad), self.machine, self.clock.now)
         self.clock.every(0.001, self.monitor.look)
         other = self._end()
+        other.stepped.wire.ends.remove(other.stepped)  # it only talks
         self.weather.names[self.bench.bus.stepped] = "drive"
         self.weather.on_frame = self._on_frame
         self.bench.bus.stepped.wire.weather = self.weather

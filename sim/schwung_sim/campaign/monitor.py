@@ -29,6 +29,8 @@ from typing import Any, Protocol
 
 import can
 
+from schwung_sim.drives.power import Power
+
 LOOK_S = 0.001
 #: What a controller may overshoot by, and what a look of 1 ms may be late for.
 OVERSHOOT_RAD, TORQUE_SLACK, SPEED_SLACK = 0.02, 1.001, 1.1
@@ -47,6 +49,7 @@ REACTION_S = 0.25
 _LOOKS_AT_MODE = 50
 _WORDS = {0x00, 0x02, 0x06, 0x07, 0x0F}
 _PP_WORDS = _WORDS | {0x1F, 0x3F}
+_STAMP = struct.Struct("<dHB")
 
 
 class Machine(Protocol):
@@ -187,9 +190,7 @@ class Monitor:
         data, can_id = bytes(message.data), message.arbitration_id
         time_s = self.now()
         self.count += 1
-        self.digest = zlib.crc32(
-            data, zlib.crc32(struct.pack("<dHB", time_s, can_id, len(sender)), self.digest)
-        )
+        self.digest = zlib.crc32(_STAMP.pack(time_s, can_id, len(sender)) + data, self.digest)
         if self.frames is not None:
             self.frames.append(Heard(time_s, sender, can_id, data))
         if sender != "tool":
@@ -373,11 +374,11 @@ class BenchMachine:
 
     @property
     def operating(self) -> bool:
-        return bool(self._servo.power.state.value == 0x27)
+        return self._servo.power.state is Power.OPERATION_ENABLED
 
     @property
     def stepped_down(self) -> bool:
-        return self._servo.power.state.value in (0x21, 0x23)
+        return self._servo.power.state in (Power.READY_TO_SWITCH_ON, Power.SWITCHED_ON)
 
     @property
     def mode(self) -> int:
