@@ -11,12 +11,16 @@ from collections.abc import Callable
 from typing import Any
 
 from schwung.commissioning import procedure
+from schwung.errors import DriveError
 from schwung.fieldbus import cia402, walker
 from schwung.fieldbus.canopen import nmt, setup, sync
 from schwung.fieldbus.canopen.dialogue import Dialogue
+from schwung.fieldbus.canopen.exchange import Exchange
 from schwung.fieldbus.canopen.operation import Operation
 from schwung.fieldbus.canopen.output import Output
 from schwung.fieldbus.cia402 import State
+
+_LOOKED_S = 0.05
 
 
 def _not_latched() -> None:
@@ -58,13 +62,19 @@ def _unknown_is_off() -> None:
 
 
 def _refused_position_is_zero() -> None:
-    """6064 that is refused counts as 0."""
+    """6064 that is refused counts as 0, and is asked for by each command until the drive is in operation."""
 
     def position(self: Any) -> int:
         found = self.cyclic.position if self.cyclic is not None else None
         return found if found is not None else self._sdo.read_integer(0x6064, 0, "INTEGER32") or 0
 
+    def target(self: Any, cyclic: Any) -> int:
+        operating = self.state() is State.OPERATION_ENABLED
+        held: int | None = cyclic.target
+        return held if operating and held is not None else position(self)
+
     Dialogue.position = position  # type: ignore[method-assign]
+    Dialogue._target = target  # type: ignore[method-assign]
 
 
 def _reaction_is_off() -> None:
@@ -119,6 +129,16 @@ def _quick_stop_by_sdo_first() -> None:
     sync._PythonProducer.latch = lambda self, word: self._output.latch(word) and None  # type: ignore[method-assign]
 
 
+def _stops_when_somebody_looks() -> None:
+    """Trouble is noted, and what goes out goes on until the one who has to see to it does."""
+
+    def report(self: Any, error: DriveError) -> None:
+        if self.trouble is None:
+            self.trouble = error
+
+    Exchange.report = report  # type: ignore[method-assign]
+
+
 def _brought_up_again() -> None:
     """A drive that falls back on its way up is brought up again."""
 
@@ -146,7 +166,17 @@ def _brought_up_again() -> None:
 
 
 def _stops_from_what_was_not_sent() -> None:
-    """The frame that stops has the target of one that could not be sent."""
+    """The frame that stops has the target of one that could not be sent; as it was when trouble was looked for twenty
+    times a second, while one frame after another was not sent: today the first of them latches the stop."""
+    _stops_when_somebody_looks()
+    waiting = sync.wait_while_playing
+
+    def looking(over: Callable[[], bool], exchange: Any, *rest: Any) -> None:
+        while not exchange.link.clock.wait(over, _LOOKED_S) and exchange.trouble is None:
+            pass
+        waiting(over, exchange, *rest)
+
+    sync.wait_while_playing = looking
     following = Output.next
 
     def next_(self: Any) -> Any:
@@ -170,6 +200,7 @@ DEFECTS: dict[str, Callable[[], None]] = {
     "no-consumer": _no_consumer,
     "not-put-back": _not_put_back,
     "quick-stop-by-sdo-first": _quick_stop_by_sdo_first,
+    "stops-when-somebody-looks": _stops_when_somebody_looks,
     "brought-up-again": _brought_up_again,
     "stops-from-what-was-not-sent": _stops_from_what_was_not_sent,
 }

@@ -15,9 +15,8 @@ from schwung_sim.campaign.monitor import Expected
 
 NODE = 3
 OVERDUE_S = 90.0  # of simulated time: all patience of a tool whose drive answers nothing, thrice
-WAIT_S = 0.01  # an incident that comes with a wait does so within so long
 MOVED_RAD = 0.02  # by so much the axis may have been moved before it starts
-AFTERMATH_S = 1.0  # in which a drive that nobody looks after has to stop by itself
+AFTERMATH_S = 0.7  # in which a drive that nobody looks after has to stop by itself
 DISTANCE_RAD, DURATION_S = 0.5, 0.15
 ROOM_RAD = 0.15  # between the stroke and the ends of the window
 SPEED_RAD_S, TORQUE_NM, FOLLOWING_RAD = 12.05, 60.0, 0.1
@@ -52,8 +51,14 @@ WAYS = (
 
 
 @cache
-def profile() -> DeviceProfile:
-    return load_profile("schwung-bench")
+def profile(stays: bool = False) -> DeviceProfile:
+    """The bench's; `stays`: one that has no opinion on 605A, which then is as in the drive."""
+    whole = load_profile("schwung-bench")
+    return (
+        whole.model_copy(update={"stop": whole.stop.model_copy(update={"quick_stop_option": None})})
+        if stays
+        else whole
+    )
 
 
 #: The dictionary is read from its file once for all sessions; nobody changes it.
@@ -72,7 +77,7 @@ def machine() -> Machine:
 
 def scenario_of(seed: int) -> Scenario:
     """What a seed draws."""
-    return draw(seed, len(WAYS), tuple(way.weight for way in WAYS))
+    return draw(seed, tuple(way.weight for way in WAYS))
 
 
 def expected(way: Way, start_rad: float) -> Expected:
@@ -101,4 +106,5 @@ def expected(way: Way, start_rad: float) -> Expected:
 def kind_of(scenario: Scenario) -> str:
     """The drive and the way, in words."""
     drive = f", drive with {scenario.trait[0]}" if scenario.trait[0] else ""
-    return WAYS[scenario.way].name + drive + (", exported" if scenario.exports else "")
+    stays = ", stays in quick stop" if scenario.stays else ""
+    return WAYS[scenario.way].name + drive + stays + (", exported" if scenario.exports else "")

@@ -9,14 +9,14 @@ from pathlib import Path
 from typing import Any
 
 import can
-from campaign_plan import NODE, OVERDUE_S, WAIT_S, WAYS, expected, profile
+from campaign_plan import NODE, OVERDUE_S, WAYS, expected, profile
 
 from schwung.fieldbus.canopen import CanopenDrive
-from schwung.fieldbus.drive import Acquisition, Progress, Recording, Setpoints
 from schwung_sim.bench import Bench
-from schwung_sim.campaign.draw import Incident, Scenario
+from schwung_sim.campaign.draw import Scenario
 from schwung_sim.campaign.incidents import Scene
 from schwung_sim.campaign.monitor import BenchMachine, Monitor
+from schwung_sim.campaign.points import Counts, Points
 from schwung_sim.campaign.side import Side, SideBus
 from schwung_sim.campaign.weather import Weather
 from schwung_sim.drives.dictionary import key
@@ -34,38 +34,26 @@ _BEFORE = {
 #: Objects that command or follow what the drive does: not parameters.
 _LIVE = {0x6040, 0x607A, 0x60B2, 0x60B0, 0x60B1, 0x6071, 0x60FF, 0x1003, 0x1010, 0x1011}
 _LIVE_PARTS = {key(0x2100, 4), key(0x2200, 3)}
+#: What the procedure calls, and what begins with it.
+_STAGES = {"start": "start", "enable": "enable", "play": "motion", "disable": "off", "stop": "put-back"}
 _channels = count()
 
-#: Frames, seconds and waits of a stage.
-Counts = dict[str, float]
 
+def watched(drive: Any, points: Points) -> Any:
+    """A driver that tells how far the procedure is."""
 
-class WatchedDrive(CanopenDrive):
-    """The driver, which tells how far the procedure is."""
+    def telling(name: str, stage: str) -> None:
+        verb = getattr(drive, name)
 
-    def __init__(self, room: Room) -> None:
-        self._room = room
-        super().__init__(room.tool_bus, NODE, profile(), bit_rate=1_000_000)
+        def told(*given: Any) -> Any:
+            points.enter(stage)
+            return verb(*given)
 
-    def start(self, acquisition: Acquisition) -> None:
-        self._room.enter("start")
-        super().start(acquisition)
+        setattr(drive, name, told)
 
-    def enable(self) -> None:
-        self._room.enter("enable")
-        super().enable()
-
-    def play(self, setpoints: Setpoints, progress: Progress | None = None) -> Recording:
-        self._room.enter("motion")
-        return super().play(setpoints, progress)
-
-    def disable(self) -> None:
-        self._room.enter("off")
-        super().disable()
-
-    def stop(self) -> None:
-        self._room.enter("put-back")
-        super().stop()
+    for name, stage in _STAGES.items():
+        telling(name, stage)
+    return drive
 
 
 class Room:
@@ -73,7 +61,7 @@ class Room:
 
     def __init__(self, scenario: Scenario, folder: Path, typical: dict[str, Counts]) -> None:
         self.scenario, self.folder = scenario, folder
-        self.way = WAYS[scenario.way]
+        self.way, self.profile = WAYS[scenario.way], profile(scenario.stays)
         self.stack = contextlib.ExitStack()
         channel = f"campaign-{next(_channels)}"
         plant = TwoMassPlant(seed=scenario.seed)
@@ -83,6 +71,8 @@ class Room:
         dictionary = self.bench.servo.dictionary
         for k, value in _BEFORE.items():
             dictionary.writer(k)(value)
+        if scenario.stays:
+            dictionary.writer(key(0x605A))(6)
         dictionary.writer(key(0x1010, 1))(0x65766173)
         self.before = self.parameters()
         self.weather = Weather(NODE, self.clock.now)
@@ -90,11 +80,13 @@ class Room:
         self.monitor = Monitor(expected(self.way, scenario.start_rad), self.machine, self.clock.now)
         self.clock.every(0.001, self.monitor.look)
         other = self._end()
+        other.stepped.wire.ends.remove(other.stepped)  # it only talks
         self.weather.names[self.bench.bus.stepped] = "drive"
         self.weather.on_frame = self._on_frame
         self.bench.bus.stepped.wire.weather = self.weather
         self.side, self.tool_bus = self.connect()
-        self.drive: CanopenDrive | None = None
+        self.tool_bus.on_received = self.monitor.reached
+        self.drive: Any = None
         self.killed_with: Path | None = None
         traits = Traits(self.bench.servo)
         self.bench.servo.on_advance = traits.poll
@@ -104,11 +96,10 @@ class Room:
             self.clock, self.weather, self.bench, self.machine, self.side, self.tool_bus, other,
             self._halt, self._killed, traits,
         )  # fmt: skip
-        self.stages: dict[str, Counts] = {}
-        self._stage, self._counts, self._stage_s = "connect", {"frames": 0.0, "waits": 0.0}, 0.0
-        self.side.on_wait = lambda: self._count("waits")
-        self._pending = list(scenario.incidents)
-        self._typical = typical
+        self.points = Points(
+            self.clock, scenario.incidents, typical, lambda i: self.scene.befall(i, f"{scenario.seed}")
+        )
+        self.side.on_wait = lambda: self.points.count("waits")
 
     def _end(self) -> Any:
         return self.stack.enter_context(can.Bus(interface="stepped", channel=self.channel))
@@ -130,49 +121,29 @@ class Room:
 
     def enter(self, stage: str) -> None:
         """The tool begins with this."""
-        now = self.clock.now()
-        if stage == self._stage:
-            return
-        self.stages[self._stage] = {**self._counts, "time": now - self._stage_s}
-        self._stage, self._counts, self._stage_s = stage, {"frames": 0.0, "waits": 0.0}, now
-        for incident in [
-            i for i in self._pending if i.stage == stage and i.by == "time" and i.after_s is None
-        ]:
-            self._pending.remove(incident)
-            self._later(incident, self._point(incident))
+        self.points.enter(stage)
 
     def _on_frame(self, sender: str, message: can.Message) -> None:
         self.monitor.heard(sender, message)
-        self._count("frames")
+        self.points.count("frames")
 
-    def _count(self, what: str) -> None:
-        self._counts[what] += 1
-        if not self._pending:
-            return
-        for incident in [i for i in self._pending if self._is_due(i)]:
-            self._pending.remove(incident)
-            self._later(incident, 0.0 if what == "frames" else WAIT_S * incident.size)
+    # The tool --------------------------------------------------------------------------------------------
 
-    def _is_due(self, incident: Incident) -> bool:
-        if incident.stage != self._stage or incident.by == "time" or incident.after_s is not None:
-            return False
-        return self._counts[incident.by] > self._point(incident)
+    def open(self) -> Any:
+        """The tool connects."""
+        self.drive = watched(self._driver(self.tool_bus), self.points)
+        return self.drive
 
-    def _point(self, incident: Incident) -> float:
-        """At how many frames, seconds or waits of its stage it comes."""
-        return incident.share * self._typical.get(incident.stage, {}).get(incident.by, 0.0)
+    def open_again(self) -> Any:
+        """Another tool does, when all is over; a drive that is lost to the bus is switched off and on."""
+        _, bus = self.connect()
+        self.clock.sleep(0.1)
+        if self.bench.servo.nmt == 4:  # somebody has stopped the node
+            self.bench.servo.reset_node()
+        return self._driver(bus)
 
-    def _later(self, incident: Incident, delay_s: float) -> None:
-        """It befalls so much later; those that follow it come after it."""
-
-        def now() -> None:
-            self.scene.befall(incident, f"{self.scenario.seed}")
-            following = [i for i in self._pending if i.after_s is not None]
-            if following:
-                self._pending.remove(following[0])
-                self._later(following[0], following[0].after_s or 0.0)
-
-        self.clock.later(delay_s, now)
+    def _driver(self, bus: SideBus) -> CanopenDrive:
+        return CanopenDrive(bus, NODE, self.profile, bit_rate=1_000_000)
 
     def _halt(self) -> None:
         if self.drive is not None:
@@ -180,6 +151,8 @@ class Room:
 
     def _killed(self) -> None:
         self.monitor.died()
+        if self.killed_with is not None:
+            return
         self.killed_with = self.folder.with_name(self.folder.name + "-killed")
         shutil.copytree(self.folder, self.killed_with)
 
@@ -193,6 +166,17 @@ class Room:
             for k, entry in dictionary.entries.items()
             if entry.writable and k >> 8 not in _LIVE and k not in _LIVE_PARTS
         }
+
+    def calm(self) -> None:
+        """All that befell is over; a drive without torque is switched off and on."""
+        self.scene.calm()
+        if self.machine.weak:
+            self.bench.servo.reset_node()
+
+    @property
+    def store_was_cut(self) -> bool:
+        """It lost its supply while it stored: nobody can know what it holds."""
+        return bool(self.bench.servo.store.was_cut)
 
     def changed(self, since: dict[int, Any]) -> list[int]:
         """Objects that are not as they were; what somebody else has changed is left out."""

@@ -4,9 +4,8 @@ from __future__ import annotations
 
 import contextlib
 import tempfile
-from collections import deque
 from collections.abc import Iterator
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cache
 from pathlib import Path
 from unittest.mock import patch
@@ -18,17 +17,15 @@ from campaign_plan import (
     DISTANCE_RAD,
     DURATION_S,
     FOLLOWING_RAD,
-    NODE,
     OVERDUE_S,
     ROOM_RAD,
     SPEED_RAD_S,
     TORQUE_NM,
     WAYS,
     machine,
-    profile,
     read_eds,
 )  # fmt: skip
-from campaign_room import Counts, Room, WatchedDrive
+from campaign_room import Room
 
 from schwung.commissioning import (
     ExportChoice,
@@ -45,8 +42,9 @@ from schwung.commissioning.journal import ParameterJournal
 from schwung.commissioning.procedure import record
 from schwung.drivetrain import InertiaTable
 from schwung.errors import SchwungError
-from schwung.fieldbus.canopen import CanopenDrive, driver
+from schwung.fieldbus.canopen import driver
 from schwung_sim.campaign.draw import STAGES, Scenario
+from schwung_sim.campaign.points import Counts
 from schwung_sim.campaign.side import Killed, Overdue
 
 
@@ -79,7 +77,8 @@ def run(scenario: Scenario, show: bool = False) -> Outcome:
     with _shortened(), tempfile.TemporaryDirectory(dir=_memory(), prefix="campaign-") as name:
         folder = Path(name) / "out"
         folder.mkdir()
-        with Room(scenario, folder, typical(scenario.way) if scenario.incidents else {}) as room:
+        usual = typical(scenario.way, scenario.creeps) if scenario.incidents else {}
+        with Room(scenario, folder, usual) as room:
             return _played(room, show)
 
 
@@ -96,7 +95,7 @@ def _shortened() -> Iterator[None]:
 def _played(room: Room, show: bool) -> Outcome:
     outcome, monitor = Outcome(room.scenario), room.monitor
     if show:
-        monitor.frames = deque()
+        monitor.frames = []
     error = _commission(room)
     room.enter("over")
     outcome.ended, outcome.told = _ending(error)
@@ -106,11 +105,10 @@ def _played(room: Room, show: bool) -> Outcome:
         outcome.problems += _unclear(error)
     room.clock.sleep(AFTERMATH_S)
     outcome.problems += [str(violation) for violation in monitor.violations]
-    if show:
-        outcome.log = [str(frame) for frame in monitor.frames]
-    outcome.digest, outcome.frames, outcome.stages = monitor.digest, monitor.count, room.stages
+    outcome.log = [str(frame) for frame in monitor.frames or ()]
+    outcome.digest, outcome.frames, outcome.stages = monitor.digest, monitor.count, room.points.stages
     outcome.simulated_s = room.clock.now()
-    room.scene.calm()
+    room.calm()
     kept = room.killed_with or room.folder
     outcome.problems += _unreadable(kept)
     outcome.problems += _parameters(room, kept, outcome.told if by_itself else None)
@@ -126,16 +124,17 @@ def _commission(room: Room) -> BaseException | None:
     )
     wishes = Wishes(distance_rad=DISTANCE_RAD, duration_s=DURATION_S, limits=limits, repeats=1, **way.wishes)
     try:
-        drive = room.drive = WatchedDrive(room)
+        drive = room.open()
         try:
             room.enter("prepare")
-            prepared = prepare(drive, profile(), machine(), wishes)
+            prepared = prepare(drive, room.profile, machine(), wishes)
             room.enter("set-up")
             room.monitor.asked()
+            ready = prepared.preflight
             record(
                 drive,
                 prepared.plan,
-                prepared.preflight,
+                ready if room.scenario.creeps else replace(ready, creep=None),
                 session_path=out / "session.h5",
                 journal=ParameterJournal(drive, out / "setup.backup.json", drive.describe()),
                 observer=_Observer(),
@@ -146,7 +145,7 @@ def _commission(room: Room) -> BaseException | None:
                 angles = np.linspace(start, start + DISTANCE_RAD, 20)
                 table = InertiaTable(angles, np.full(20, 0.11) + 0.01 * np.cos(angles))
                 path = out / "export.backup.json"
-                export_table(drive, profile(), table, ExportChoice("table"), backup_path=path)
+                export_table(drive, room.profile, table, ExportChoice("table"), backup_path=path)
         finally:
             drive.close()
     except BaseException as error:
@@ -196,10 +195,7 @@ def _unreadable(folder: Path) -> list[str]:
 
 def _parameters(room: Room, kept: Path, told: str | None) -> list[str]:
     """Parameters that are neither back nor can be put back. `told` None: the tool could not say anything any more."""
-    servo = room.bench.servo
-    if room.machine.weak:
-        servo.reset_node()
-    if servo.store.was_cut:
+    if room.store_was_cut:
         return ["store: the supply failed while it stored, and nobody was told"] if told == "" else []
     exported = (kept / "export.backup.json").exists()
     changed = room.changed(room.before)
@@ -210,12 +206,8 @@ def _parameters(room: Room, kept: Path, told: str | None) -> list[str]:
     open_ones = [path for path in backups if path.exists() and read_backup(path).restored is None]
     if not changed:
         return []
-    _, bus = room.connect()
-    room.clock.sleep(0.1)
     try:
-        if servo.nmt == 4:  # somebody has stopped the node
-            servo.reset_node()
-        drive = CanopenDrive(bus, NODE, profile(), bit_rate=1_000_000)
+        drive = room.open_again()
         try:
             for path in open_ones:
                 restore_backup(drive, path)
@@ -232,9 +224,9 @@ def _parameters(room: Room, kept: Path, told: str | None) -> list[str]:
 
 
 @cache
-def typical(way: int) -> dict[str, Counts]:
+def typical(way: int, creeps: bool) -> dict[str, Counts]:
     """Frames, seconds and waits of each stage where nothing goes wrong. Raises RuntimeError where something does."""
-    outcome = run(Scenario(way, way, 0.0, (), True))
+    outcome = run(Scenario(way, way, 0.0, (), True, creeps))
     if outcome.problems or outcome.ended != "well":
         raise RuntimeError(
             f"{WAYS[way].name}, without any incident: {outcome.ended} {outcome.told} {outcome.problems}"

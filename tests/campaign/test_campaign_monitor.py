@@ -131,7 +131,9 @@ def _pre_operational_while_on(stage: Stage) -> None:
 
 def _two_that_beat(stage: Stage) -> None:
     for _ in range(8):
-        stage.say(0x77F, b"\x05", "other")
+        beat = can.Message(arbitration_id=0x77F, data=b"\x05", is_extended_id=False)
+        stage.monitor.heard("other", beat)
+        stage.monitor.reached(beat)
         stage.pass_time(0.02)
     stage.rpdo(0x0F)
 
@@ -205,6 +207,14 @@ def test_whoever_leaves_a_motor_energised_says_so(told: str, rules: list[str]) -
     stage.enable()
     stage.monitor.ended(told)
     assert stage.rules == rules
+
+
+def test_a_node_that_somebody_stopped_may_be_brought_back_to_hear_us() -> None:
+    stage = Stage()
+    stage.enable()
+    stage.say(0x703, b"\x04", "drive")
+    stage.say(0x000, bytes([0x80, 3]))
+    assert stage.rules == []
 
 
 def test_an_axis_that_stands_may_be_held_in_quick_stop() -> None:

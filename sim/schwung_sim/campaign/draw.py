@@ -40,11 +40,32 @@ CLASSES = {
     "others": ("foreign-beat", "foreign-command", "moved"),
 }
 
+#: Likewise on Modbus, where there is no wire but a line, and no master but us.
+LINE_CLASSES = {
+    "line": ("drop", "slow", "garble", "deaf", "mute"),
+    "busy": ("busy", "busy", "acknowledge"),
+    "answers": ("refused", "unanswered"),
+    SHOWN: ("statusword", "unseen-state", "unseen-place"),
+    "drive": ("fault", "weak"),
+    "tool": ("kill", "interrupt", "halt", "halt", "stall-tool"),
+}
+
 #: What kind of drive it is (traits.py), with the value of it; most are as the bench's own.
 TRAITS = (
     ("", 0.0), ("", 0.0), ("", 0.0), ("brake", 0.15), ("brake", 0.15), ("brake", 0.15), ("late-controlword", 0.002),
     ("late-setpoint", 0.002), ("controlword-task", 0.004), ("first-rpdo", 0.0), ("rpdo-timeout", 0.03),
 )  # fmt: skip
+
+
+#: How hard a Modbus drive brakes (rad/s²), which is not for us to set.
+LINE_TRAITS = (("", 0.0), ("brakes", 60.0), ("brakes", 200.0))
+#: By bus: what may go wrong, and what kinds of drives there are.
+BUSES = {"canopen": (CLASSES, TRAITS), "modbus": (LINE_CLASSES, LINE_TRAITS)}
+
+#: How often a session begins with a creep: that takes longer than all else, and its small motions are motions, too.
+CREEPS = 0.2
+#: How often nobody tells the drive to switch off after a quick stop (605A).
+STAYS = 0.3
 
 
 @dataclass(frozen=True)
@@ -78,24 +99,34 @@ class Scenario:
     start_rad: float
     incidents: tuple[Incident, ...]
     exports: bool = False  # and stores, at the end
+    creeps: bool = True  # proves signs and units first; else they are known
+    stays: bool = (
+        False  # the drive stays in Quick stop active, energised, from where one word leads into operation
+    )
     trait: tuple[str, float] = ("", 0.0)  # of TRAITS
+    bus: str = "canopen"
 
 
-def draw(seed: int, ways: int, weights: tuple[float, ...]) -> Scenario:
-    """The scenario of a seed. `weights`: how often each of so many ways of commissioning is taken."""
-    chance = random.Random(f"campaign {seed}")
-    way = chance.choices(range(ways), weights)[0]
+def draw(seed: int, weights: tuple[float, ...], bus: str = "canopen") -> Scenario:
+    """The scenario of a seed. `weights`: how often each of the ways of commissioning is taken."""
+    classes, traits = BUSES[bus]
+    chance = random.Random(f"campaign {seed}" if bus == "canopen" else f"campaign {bus} {seed}")
+    way = chance.choices(range(len(weights)), weights)[0]
     start = chance.choice((0.0, 0.7, -1.3, 2.0))
     count = chance.choice((1, 2, 2, 3, 3))
-    incidents = tuple(_incident(chance, number > 0 and chance.random() < 0.6) for number in range(count))
-    return Scenario(seed, way, start, incidents, chance.random() < 0.25, chance.choice(TRAITS))
+    incidents = tuple(
+        _incident(chance, classes, number > 0 and chance.random() < 0.6) for number in range(count)
+    )
+    exports, trait = chance.random() < 0.25, chance.choice(traits)
+    creeps, stays = chance.random() < CREEPS, chance.random() < STAYS
+    return Scenario(seed, way, start, incidents, exports, creeps, stays, trait, bus)
 
 
-def _incident(chance: random.Random, follows: bool) -> Incident:
-    place = chance.choice(list(CLASSES))
+def _incident(chance: random.Random, classes: dict[str, tuple[str, ...]], follows: bool) -> Incident:
+    place = chance.choice(list(classes))
     shown = place == SHOWN
     return Incident(
-        kind=chance.choice(CLASSES[place]),
+        kind=chance.choice(classes[place]),
         stage=chance.choice(JUDGING) if shown else chance.choices(list(STAGES), list(STAGES.values()))[0],
         share=chance.random(),
         by="waits" if shown else chance.choice(POINTS),

@@ -28,7 +28,7 @@ _ABORTS = (0x08000000, 0x06020000, 0x08000022, 0x05030000, 0x05040000)
 #: Error codes of CiA 402-2 and 301: short circuit, temperature, following error, heartbeat.
 _ERRORS = (0x2320, 0x4310, 0x8611, 0x8130)
 #: Statuswords that mean no state, or not the one that is; none of them says that the drive is off.
-_STATUSWORDS = (0x0001, 0x0003, 0x0013, 0x0205, 0x0273, 0xFFFF, 0x0231, 0x0237, 0x0207, 0x020F)
+STATUSWORDS = (0x0001, 0x0003, 0x0013, 0x0205, 0x0273, 0xFFFF, 0x0231, 0x0237, 0x0207, 0x020F)
 #: What another master writes into 6040: all of it stops.
 _FOREIGN_WORDS = (0x00, 0x02, 0x06, 0x07)
 _FOREIGN_PERIOD_S = 0.01
@@ -46,7 +46,7 @@ class Scene:
     machine: BenchMachine
     tool: Side
     tool_bus: SideBus
-    other: can.BusABC
+    other: Any  # an end of the wire that gets nothing
     halt: Callable[[], None]  # asks the tool to stop, from another thread
     killed: Callable[[], None]  # told when the tool is killed
     traits: Traits
@@ -104,7 +104,7 @@ class Scene:
 
     def _statusword(self, incident: Incident, chance: random.Random) -> Callable[[], None]:
         """What the tool receives of the statusword is wrong: in TPDO 1, in SDO answers, or in both."""
-        node, word = self.bench.servo.node_id, chance.choice(_STATUSWORDS)
+        node, word = self.bench.servo.node_id, chance.choice(STATUSWORDS)
         where = ((0x180 + node,), (0x580 + node,), (0x180 + node, 0x580 + node))[incident.pick % 3]
 
         def alter(message: can.Message) -> can.Message:
@@ -205,7 +205,7 @@ class Scene:
 
     def _drive_bus_off(self, incident: Incident, chance: random.Random) -> Callable[[], None]:
         """It neither sends nor receives, and reacts as to a lost connection."""
-        squalls = [Squall("lose", target, 1.0, 0.0, chance) for target in ("to drive", "to tool")]
+        squalls = [Squall("lose", target, 1.0, 0.0, chance) for target in ("to drive", "from drive")]
         self.weather.squalls[:0] = squalls
         self.bench.servo.bus_failed()
 
@@ -292,4 +292,5 @@ class Scene:
         return over
 
     def _say(self, can_id: int, data: bytes) -> None:
-        self.other.send(can.Message(arbitration_id=can_id, data=data, is_extended_id=False))
+        message = can.Message(arbitration_id=can_id, data=data, is_extended_id=False)
+        self.other.stepped.wire.carry(self.other.stepped, message)

@@ -23,12 +23,13 @@ from __future__ import annotations
 
 import struct
 import zlib
-from collections import deque
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import Any, Protocol
 
 import can
+
+from schwung_sim.drives.power import Power
 
 LOOK_S = 0.001
 #: What a controller may overshoot by, and what a look of 1 ms may be late for.
@@ -48,6 +49,7 @@ REACTION_S = 0.25
 _LOOKS_AT_MODE = 50
 _WORDS = {0x00, 0x02, 0x06, 0x07, 0x0F}
 _PP_WORDS = _WORDS | {0x1F, 0x3F}
+_STAMP = struct.Struct("<dHB")
 
 
 class Machine(Protocol):
@@ -144,7 +146,7 @@ class Monitor:
     machine: Machine
     now: Callable[[], float]
     violations: list[Violation] = field(default_factory=list)
-    frames: deque[Heard] = field(default_factory=lambda: deque(maxlen=64))
+    frames: list[Heard] | None = None  # all of them, where a list is given
     digest: int = 0
     count: int = 0
 
@@ -158,10 +160,14 @@ class Monitor:
         self._beat_s: float | None = None  # the tool's last heartbeat
         self._died_s: float | None = None
         self._foreign_s = float("-inf")
-        self._others_beat_s = self._others_first_beat_s = float("-inf")
+        self._others_beat_s = float(
+            "-inf"
+        )  # heard by the drive; and by the tool, the last and the first of them
+        self._noticeable_s = self._noticeable_since_s = float("-inf")
         self._wrong_mode_looks = 0
         self._was_operating = False
         self._rpdo, self._sdo = 0x200 + self.expected.node_id, 0x600 + self.expected.node_id
+        self._heartbeat, self._node_stopped = 0x700 + self.expected.node_id, False
         self._seen: set[str] = set()
 
     # What happens ----------------------------------------------------------------------------------------
@@ -184,13 +190,16 @@ class Monitor:
         data, can_id = bytes(message.data), message.arbitration_id
         time_s = self.now()
         self.count += 1
-        self.digest = zlib.crc32(
-            data, zlib.crc32(struct.pack("<dHB", time_s, can_id, len(sender)), self.digest)
-        )
-        self.frames.append(Heard(time_s, sender, can_id, data))
+        self.digest = zlib.crc32(_STAMP.pack(time_s, can_id, len(sender)) + data, self.digest)
+        if self.frames is not None:
+            self.frames.append(Heard(time_s, sender, can_id, data))
         if sender != "tool":
+            if can_id == self._heartbeat and data:
+                self._node_stopped = data[0] & 0x7F == 0x04
             if sender == "other":
-                self._foreign(can_id)
+                self._foreign_s = time_s
+                if can_id == 0x77F:
+                    self._others_beat_s = time_s
             return
         if can_id == self._rpdo and len(data) == 8:
             self._command(*struct.unpack("<Hih", data))
@@ -200,6 +209,14 @@ class Monitor:
             self._beat_s = self.now()
         elif can_id == 0 and len(data) == 2:
             self._nmt(data[0])
+
+    def reached(self, message: can.Message) -> None:
+        """A frame has come to the tool: nobody can be blamed for what was lost on the way."""
+        if message.arbitration_id == 0x77F:
+            now = self.now()
+            if now - self._noticeable_s > SHARED_FOR_S:
+                self._noticeable_since_s = now
+            self._noticeable_s = now
 
     def look(self) -> None:
         """A millisecond has passed."""
@@ -299,27 +316,15 @@ class Monitor:
             self._report("written while on", f"0x{index:04X}:{data[3]:02X} while the motor is energised")
 
     def _nmt(self, command: int) -> None:
-        if (
-            command != 1 and self.machine.energised and 0x00 not in self._said
-        ):  # else it is not ours to switch off
+        reaches = command == 0x80 and self._node_stopped  # neither PDO nor SDO do (CiA 301, 7.3.2.2.4)
+        told = 0x00 in self._said  # if it is on all the same, it is not ours to switch off
+        if command != 1 and self.machine.energised and not told and not reaches:
             self._report("written while on", f"NMT command 0x{command:02X} while the motor is energised")
-
-    def _foreign(self, can_id: int) -> None:
-        """Another master has said something."""
-        now = self._foreign_s = self.now()
-        if can_id == 0x77F:
-            if now - self._others_beat_s > SHARED_FOR_S:
-                self._others_first_beat_s = now
-            self._others_beat_s = now
 
     def _judge_sharing(self, enables: bool) -> None:
         """We go on though somebody else beats as our node, and has done so for long enough to be noticed."""
         now = self.now()
-        if (
-            enables
-            and now - self._others_beat_s < SHARED_FOR_S
-            and now - self._others_first_beat_s > FOREIGN_S
-        ):
+        if enables and now - self._noticeable_s < SHARED_FOR_S and now - self._noticeable_since_s > FOREIGN_S:
             self._report("two that beat", "Enable operation, while another master beats as node 127, too")
 
     def _judge_silence(self, operating: bool, speed: float) -> None:
@@ -369,11 +374,11 @@ class BenchMachine:
 
     @property
     def operating(self) -> bool:
-        return bool(self._servo.power.state.value == 0x27)
+        return self._servo.power.state is Power.OPERATION_ENABLED
 
     @property
     def stepped_down(self) -> bool:
-        return self._servo.power.state.value in (0x21, 0x23)
+        return self._servo.power.state in (Power.READY_TO_SWITCH_ON, Power.SWITCHED_ON)
 
     @property
     def mode(self) -> int:

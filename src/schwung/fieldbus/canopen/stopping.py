@@ -78,14 +78,15 @@ class Stopping:
 
     def _halt(self) -> None:
         cyclic = self._dialogue.cyclic
+        if self._stopped_s is None:
+            self._stopped_s = self._clock.now()
         if cyclic is not None:  # also while it is being enabled: nothing goes on from here but off
             cyclic.exchange.guarded = False
             cyclic.exchange.report(StateError(self._place, "was stopped on request (halt)", "Start it anew."))
             with contextlib.suppress(Exception):
                 cyclic.producer.latch(cia402.QUICK_STOP)
+                cyclic.pump(0.0)  # a frame that the drive holds for its SYNC would undo what comes by SDO
         heard = False
-        if self._stopped_s is None:
-            self._stopped_s = self._clock.now()
         for _ in range(_HALT_TRIES):
             if self._monitor.nmt == "STOPPED":  # where neither PDO nor SDO reaches it
                 with contextlib.suppress(BusError):
@@ -131,9 +132,10 @@ class Stopping:
         with self._lock:
             if self._halts == halts:
                 self._stopped_s = None
-                if cyclic is not None:
+                if (
+                    cyclic is not None and cyclic.exchange.recorder is None
+                ):  # else a motion has yet to hear of it
                     cyclic.producer.release()
-                if cyclic is not None and cyclic.exchange.recorder is None:  # a motion has yet to hear of it
                     cyclic.exchange.clear()
         self.require_not_halted()
 

@@ -13,7 +13,6 @@ import numpy as np
 
 from schwung.clock import Task
 from schwung.errors import BusError, NodeLostError
-from schwung.fieldbus import cia402
 from schwung.fieldbus.canopen.exchange import Exchange
 from schwung.fieldbus.canopen.link import Link
 from schwung.fieldbus.canopen.output import Outgoing, Output
@@ -23,10 +22,14 @@ from schwung.fieldbus.drive import Progress, SyncTiming
 _PROGRESS_S = 0.05
 LOST_AFTER_S = 0.1  # lockstep: an answer that takes longer is lost, unless it turns up after all
 STRAGGLERS_S = 0.25  # lockstep: so long the last answers are waited for where some were missed
-SILENT_S = 0.5  # otherwise: no answer for so long, and the node is lost
+SILENT_CYCLES = (
+    20  # so many in a row without an answer, and the node is lost; by the clock not before SILENT_S:
+)
+SILENT_S = 0.05  # else what it has missed would be one step when it hears us again
+_SILENT_AT_MOST_S = 0.5  # where SYNC does not go out either
+_LOOK_S = 0.01
 _PROBE_ID = 0x6FF  # restricted (CiA 301, table of CAN-IDs): no communication object uses it
 _PROBE_S = 0.5
-SILENT_CYCLES = 20  # lockstep: so many in a row without any answer, and the node is lost
 
 
 class _PythonProducer:
@@ -69,11 +72,6 @@ class _PythonProducer:
         if self._exchange.send_rpdo(outgoing.frame, lambda: not self._output.overtakes(outgoing.frame)):
             self._output.sent(outgoing)
         return outgoing
-
-    def _give_up(self, error: BusError) -> None:
-        """A frame could not be sent: the one after it would be a step."""
-        self._exchange.report(error)
-        self._output.latch(cia402.QUICK_STOP)
 
     def _send_sync(self, setpoint: int) -> None:
         exchange = self._exchange
@@ -142,8 +140,8 @@ class LockstepProducer(_PythonProducer):
             self._pending = self._all
             try:
                 self._send_sync(self._send_rpdo())
-            except BusError as error:
-                self._give_up(error)
+            except BusError as error:  # the frame after it would be a step
+                self._exchange.report(error)
                 return False
             return self._answered.wait(LOST_AFTER_S)
 
@@ -192,8 +190,8 @@ class PeriodicProducer(_PythonProducer):
                 self._setpoint = self._send_rpdo()
             else:
                 self._send_sync(setpoint)
-        except BusError as error:
-            self._give_up(error)
+        except BusError as error:  # the frame after it would be a step
+            self._exchange.report(error)
 
 
 def measure_evenness(link: Link, period_s: float) -> SyncTiming:
@@ -222,20 +220,27 @@ def measure_evenness(link: Link, period_s: float) -> SyncTiming:
 def wait_while_playing(
     over: Callable[[], bool], exchange: Exchange, recorder: Recorder, total: int, progress: Progress | None
 ) -> None:
-    """Wait until a playback is over or in trouble, telling progress. A drive that falls silent is trouble."""
+    """Wait until a playback is over or in trouble, telling progress. A drive that falls silent is trouble, also where
+    but one TPDO does not come: it may be the one that shows a fault.
+
+    Counted are SYNCs that went out: a program that is held up misses neither them nor the answers.
+    """
     clock = exchange.link.clock
-    counts, since = list(exchange.answer_counts), [clock.now()] * len(exchange.answer_counts)
-    while not clock.wait(lambda: over() or exchange.trouble is not None, _PROGRESS_S):
+    counts = list(exchange.answer_counts)
+    since = [(clock.now(), exchange.sync_count)] * len(counts)
+    shown = clock.now()
+    while not clock.wait(lambda: over() or exchange.trouble is not None, _LOOK_S):
         now = clock.now()
         for number, count in enumerate(exchange.answer_counts):
             if count != counts[number]:
-                counts[number], since[number] = count, now
-        if (
-            now - min(since) > SILENT_S
-        ):  # also where but one TPDO is missing: it may be the one that shows a fault
-            silence = f"did not answer SYNC for {now - min(since):.1f} s"
+                counts[number], since[number] = count, (now, exchange.sync_count)
+        heard_s, heard = min(since)
+        silent_s, cycles = now - heard_s, exchange.sync_count - heard
+        if silent_s > _SILENT_AT_MOST_S or (silent_s > SILENT_S and cycles > SILENT_CYCLES):
+            silence = f"did not answer SYNC for {silent_s:.2f} s"
             exchange.report(NodeLostError(f"node {exchange.node_id}", silence, "Check its power and cable."))
-        if progress is not None:
+        if progress is not None and now - shown > _PROGRESS_S:
+            shown = now
             progress(min(len(recorder.sync_times), total), total)
     if progress is not None:
         progress(min(len(recorder.sync_times), total), total)
