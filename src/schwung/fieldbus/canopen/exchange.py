@@ -120,11 +120,6 @@ class Exchange:
         frame = self.latest[self._status_tpdo]
         return None if frame is None else self._status_of(frame)
 
-    @property
-    def answer_count(self) -> int:
-        """TPDOs that came, of all together."""
-        return sum(self.answer_counts)
-
     def sync_frames(self) -> list[Frame]:
         """SYNC frames to be sent in turn: one without counter, else one per counter value from 1."""
         if not self.counter:
