@@ -94,6 +94,7 @@ class Room:
         self.weather.on_frame = self._on_frame
         self.bench.bus.stepped.wire.weather = self.weather
         self.side, self.tool_bus = self.connect()
+        self.tool_bus.on_received = self.monitor.reached
         self.drive: CanopenDrive | None = None
         self.killed_with: Path | None = None
         traits = Traits(self.bench.servo)
@@ -180,6 +181,8 @@ class Room:
 
     def _killed(self) -> None:
         self.monitor.died()
+        if self.killed_with is not None:
+            return
         self.killed_with = self.folder.with_name(self.folder.name + "-killed")
         shutil.copytree(self.folder, self.killed_with)
 

@@ -62,9 +62,17 @@ class Room:
     def after(self, delay_s: float, call: Callable[[], None]) -> None:
         self.bench.bus.clock.later(delay_s, call)
 
+    def beat(self) -> None:
+        """Somebody else's heartbeat, as our node."""
+        self.bench.bus.send(can.Message(arbitration_id=0x77F, data=b"\x05", is_extended_id=False))
+
+    @property
+    def words(self) -> list[int]:
+        return [word for word, _ in self.sent]
+
 
 @contextmanager
-def enabled(quick_stop_option: int = 2) -> Iterator[Room]:
+def started() -> Iterator[Room]:
     channel = f"found-{next(_channels)}"
     with Bench("two-mass", channel=channel, node_id=NODE) as bench:
         side = Side(bench.bus.clock)
@@ -72,12 +80,20 @@ def enabled(quick_stop_option: int = 2) -> Iterator[Room]:
             drive = CanopenDrive(bus, NODE, load_profile("schwung-bench"), bit_rate=1_000_000)
             drive.write(drive.setup(CSP))
             drive.start(CSP)
-            drive.enable()
-            bench.servo.dictionary.writer(key(0x605A))(quick_stop_option)
             room = Room(bench, side, bus, drive)
             room.watch()
             yield room
             drive.close()
+
+
+@contextmanager
+def enabled(quick_stop_option: int = 2) -> Iterator[Room]:
+    with started() as room:
+        room.drive.enable()
+        room.bench.servo.dictionary.writer(key(0x605A))(quick_stop_option)
+        room.sent.clear()
+        room.states.clear()
+        yield room
 
 
 @pytest.mark.parametrize("share", [0.05, 0.3, 0.6, 0.95])
@@ -129,21 +145,44 @@ def test_a_frame_that_waits_for_the_send_buffer_is_not_sent_after_a_stop(
             room.drive.play(stroke(500, RATE_HZ))
         room.drive.disable()
     assert before[0] > 100
-    assert 0x0F not in [word for word, _ in room.sent[before[0] :]]
+    assert 0x0F not in room.words[before[0] :]
 
 
 def test_trouble_while_an_axis_comes_to_rest_is_not_waited_with() -> None:
     """Before a motion up to two seconds are given for it; another master that beats as we do was left to go on."""
     with enabled() as room:
         room.bench.plant.state["motor_rad_s"] += 20.0
-        beat = can.Message(arbitration_id=0x77F, data=b"\x05", is_extended_id=False)
-        room.after(0.001, lambda: room.bench.bus.send(beat))
+        room.after(0.001, room.beat)
         began = room.side.now()
         with pytest.raises(StateError, match="127"):
             room.drive.play(stroke(500, RATE_HZ))
-        words = [word for word, _ in room.sent]
-        assert words.index(0x02) <= 0.03 * RATE_HZ
+        assert room.words.index(0x02) <= 0.03 * RATE_HZ
         assert room.side.now() - began < 2.5
+
+
+def test_trouble_stops_whatever_is_waited_for_just_then() -> None:
+    """A drive that leaves questions open keeps us for seconds; so long it went on enabled, by another's heartbeat."""
+    with enabled() as room:
+        room.bench.servo.sdo.silent.add(0x6065)
+        room.after(0.1, room.beat)
+        with pytest.raises(DriveError, match="no answer"):
+            room.drive.read(room.drive.parameter(0x6065))
+        assert room.words.index(0x02) <= 0.1 * RATE_HZ + 1
+        assert set(room.words[room.words.index(0x02) :]) == {0x02}
+        with pytest.raises(StateError, match="127"):
+            room.drive.play(stroke(500, RATE_HZ))
+
+
+@pytest.mark.parametrize("beaten_s", [0.001, 0.004, 0.007, 0.01])
+def test_trouble_on_the_way_up_ends_it(beaten_s: float) -> None:
+    with started() as room:
+        came: list[int] = []
+        room.after(beaten_s, room.beat)
+        room.after(beaten_s + 2 / RATE_HZ, lambda: came.append(len(room.sent)))
+        with pytest.raises(StateError, match="127"):
+            room.drive.enable()
+        room.drive.disable()
+        assert set(room.words[came[0] :]) <= {0x00, 0x02}
 
 
 @pytest.mark.parametrize("kept", [0, 1], ids=["as before", "defaults"])

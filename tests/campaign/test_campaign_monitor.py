@@ -131,7 +131,9 @@ def _pre_operational_while_on(stage: Stage) -> None:
 
 def _two_that_beat(stage: Stage) -> None:
     for _ in range(8):
-        stage.say(0x77F, b"\x05", "other")
+        beat = can.Message(arbitration_id=0x77F, data=b"\x05", is_extended_id=False)
+        stage.monitor.heard("other", beat)
+        stage.monitor.reached(beat)
         stage.pass_time(0.02)
     stage.rpdo(0x0F)
 

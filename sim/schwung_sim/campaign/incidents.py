@@ -205,7 +205,7 @@ class Scene:
 
     def _drive_bus_off(self, incident: Incident, chance: random.Random) -> Callable[[], None]:
         """It neither sends nor receives, and reacts as to a lost connection."""
-        squalls = [Squall("lose", target, 1.0, 0.0, chance) for target in ("to drive", "to tool")]
+        squalls = [Squall("lose", target, 1.0, 0.0, chance) for target in ("to drive", "from drive")]
         self.weather.squalls[:0] = squalls
         self.bench.servo.bus_failed()
 

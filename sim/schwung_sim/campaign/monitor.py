@@ -158,7 +158,10 @@ class Monitor:
         self._beat_s: float | None = None  # the tool's last heartbeat
         self._died_s: float | None = None
         self._foreign_s = float("-inf")
-        self._others_beat_s = self._others_first_beat_s = float("-inf")
+        self._others_beat_s = float(
+            "-inf"
+        )  # heard by the drive; and by the tool, the last and the first of them
+        self._noticeable_s = self._noticeable_since_s = float("-inf")
         self._wrong_mode_looks = 0
         self._was_operating = False
         self._rpdo, self._sdo = 0x200 + self.expected.node_id, 0x600 + self.expected.node_id
@@ -190,7 +193,9 @@ class Monitor:
         self.frames.append(Heard(time_s, sender, can_id, data))
         if sender != "tool":
             if sender == "other":
-                self._foreign(can_id)
+                self._foreign_s = time_s
+                if can_id == 0x77F:
+                    self._others_beat_s = time_s
             return
         if can_id == self._rpdo and len(data) == 8:
             self._command(*struct.unpack("<Hih", data))
@@ -200,6 +205,14 @@ class Monitor:
             self._beat_s = self.now()
         elif can_id == 0 and len(data) == 2:
             self._nmt(data[0])
+
+    def reached(self, message: can.Message) -> None:
+        """A frame has come to the tool: nobody can be blamed for what was lost on the way."""
+        if message.arbitration_id == 0x77F:
+            now = self.now()
+            if now - self._noticeable_s > SHARED_FOR_S:
+                self._noticeable_since_s = now
+            self._noticeable_s = now
 
     def look(self) -> None:
         """A millisecond has passed."""
@@ -304,22 +317,10 @@ class Monitor:
         ):  # else it is not ours to switch off
             self._report("written while on", f"NMT command 0x{command:02X} while the motor is energised")
 
-    def _foreign(self, can_id: int) -> None:
-        """Another master has said something."""
-        now = self._foreign_s = self.now()
-        if can_id == 0x77F:
-            if now - self._others_beat_s > SHARED_FOR_S:
-                self._others_first_beat_s = now
-            self._others_beat_s = now
-
     def _judge_sharing(self, enables: bool) -> None:
         """We go on though somebody else beats as our node, and has done so for long enough to be noticed."""
         now = self.now()
-        if (
-            enables
-            and now - self._others_beat_s < SHARED_FOR_S
-            and now - self._others_first_beat_s > FOREIGN_S
-        ):
+        if enables and now - self._noticeable_s < SHARED_FOR_S and now - self._noticeable_since_s > FOREIGN_S:
             self._report("two that beat", "Enable operation, while another master beats as node 127, too")
 
     def _judge_silence(self, operating: bool, speed: float) -> None:

@@ -204,6 +204,7 @@ class SideBus(can.BusABC):
     def __init__(self, inner: Any, side: Side) -> None:
         self.stepped, self.clock = inner, side
         self.alter: Callable[[can.Message], can.Message] | None = None
+        self.on_received: Callable[[can.Message], None] | None = None
         self.bus_off = self.buffer_full = False
         self.channel_info = inner.channel_info
         super().__init__(channel=inner.channel)
@@ -221,7 +222,11 @@ class SideBus(can.BusABC):
         """See can.BusABC."""
         self._check()
         message: can.Message | None = self.stepped.recv(timeout)
-        return message if message is None or self.alter is None else self.alter(message)
+        if message is None:
+            return None
+        if self.on_received is not None:
+            self.on_received(message)
+        return message if self.alter is None else self.alter(message)
 
     def _check(self) -> None:
         if self.bus_off:

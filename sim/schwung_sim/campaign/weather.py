@@ -64,7 +64,7 @@ class Weather:
             return ()
         if not self.squalls:
             return self._in_turn(end, message.arbitration_id, 0.0) if self._arrived_s else CALM
-        kinds = {"all", f"to {self.names[end]}", self.kind_of(message.arbitration_id, name)}
+        kinds = {"all", f"to {self.names[end]}", f"from {name}", self.kind_of(message.arbitration_id, name)}
         for squall in self.squalls:
             if squall.target in kinds:
                 delays = squall.delays()

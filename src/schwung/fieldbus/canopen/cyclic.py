@@ -44,8 +44,11 @@ class Cyclic:
         exchange, period_s = self.exchange, 1.0 / self.acquisition.sample_rate_hz
         stop_frame = StopFrame.of(self._profile, self._layouts.rpdo)
         if choice == "kernel":
-            return KernelProducer(exchange, period_s, stop_frame)
+            kernel = KernelProducer(exchange, period_s, stop_frame)
+            exchange.latch = kernel.latch
+            return kernel
         output = Output(exchange.link.clock, stop_frame, self._place)
+        exchange.latch = output.latch
         kind = LockstepProducer if choice == "lockstep" else PeriodicProducer
         return kind(exchange, period_s, output)
 

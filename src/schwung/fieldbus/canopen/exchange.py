@@ -64,7 +64,8 @@ class Producer(Protocol):
 class Exchange:
     """Receives the TPDOs, keeps the latest, logs them while a recorder is set, and watches for trouble.
 
-    `trouble` holds the first error that came up.
+    `trouble` holds the first error that came up. Whoever has to see to it may be waiting for something else just then:
+    what goes out is a quick stop from that instant on.
     """
 
     def __init__(self, link: Link, layouts: Layouts, node_id: int, counter: bool) -> None:
@@ -77,6 +78,7 @@ class Exchange:
             False  # the kernel's own frames come back: the kernel producer looks at them itself
         )
         self.after_tpdo: Callable[[int], None] | None = None
+        self.latch: Callable[[int], object] | None = None  # a controlword, for all that goes out
         self.trouble: DriveError | None = None
         self.sync_count = 0  # SYNCs sent
         self.answer_counts = [0] * len(layouts.tpdos)  # TPDOs that came, of each
@@ -106,9 +108,11 @@ class Exchange:
         self.guarded = True
 
     def report(self, error: DriveError) -> None:
-        """Note trouble; the first counts."""
+        """Note trouble, and stop; the first counts. From any thread, and from callbacks."""
         if self.trouble is None:
             self.trouble = error
+            if self.latch is not None:
+                self.latch(cia402.QUICK_STOP)
 
     def clear(self) -> None:
         """Forget trouble, before a new playback."""

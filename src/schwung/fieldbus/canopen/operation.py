@@ -142,9 +142,14 @@ class Operation:
         """Walk to Operation enabled, holding the present position. Raises StateError, DriveFaultError."""
         cyclic, _ = self._running()
 
-        self._dialogue.walker.climb(State.SWITCHED_ON, self._require_untroubled)
+        walker = self._dialogue.walker
+        walker.climb(State.SWITCHED_ON, self._require_untroubled)
         self._require_mode(cyclic)
-        self._dialogue.walker.climb(State.OPERATION_ENABLED, self._require_untroubled)
+        try:
+            walker.climb(State.OPERATION_ENABLED, self._require_untroubled)
+        except StateError:
+            self._require_untroubled()  # a stop came after the last look: what it was for
+            raise
 
     def play(self, setpoints: Setpoints, progress: Progress | None) -> Recording:
         """Play and record; see CanopenDrive.play."""
@@ -246,7 +251,8 @@ class Operation:
         except BaseException as error:
             stopped = error
         exchange.guarded = False
-        stopped = stopped or exchange.trouble
+        if stopped is None or isinstance(stopped, DriveError):  # then what came first counts
+            stopped = exchange.trouble or stopped
         if stopped is not None:
             self._stopping.quick_stop()
         exchange.recorder = None

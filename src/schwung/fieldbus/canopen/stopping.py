@@ -131,9 +131,10 @@ class Stopping:
         with self._lock:
             if self._halts == halts:
                 self._stopped_s = None
-                if cyclic is not None:
+                if (
+                    cyclic is not None and cyclic.exchange.recorder is None
+                ):  # else a motion has yet to hear of it
                     cyclic.producer.release()
-                if cyclic is not None and cyclic.exchange.recorder is None:  # a motion has yet to hear of it
                     cyclic.exchange.clear()
         self.require_not_halted()
 

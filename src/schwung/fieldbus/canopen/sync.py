@@ -13,7 +13,6 @@ import numpy as np
 
 from schwung.clock import Task
 from schwung.errors import BusError, NodeLostError
-from schwung.fieldbus import cia402
 from schwung.fieldbus.canopen.exchange import Exchange
 from schwung.fieldbus.canopen.link import Link
 from schwung.fieldbus.canopen.output import Outgoing, Output
@@ -69,11 +68,6 @@ class _PythonProducer:
         if self._exchange.send_rpdo(outgoing.frame, lambda: not self._output.overtakes(outgoing.frame)):
             self._output.sent(outgoing)
         return outgoing
-
-    def _give_up(self, error: BusError) -> None:
-        """A frame could not be sent: the one after it would be a step."""
-        self._exchange.report(error)
-        self._output.latch(cia402.QUICK_STOP)
 
     def _send_sync(self, setpoint: int) -> None:
         exchange = self._exchange
@@ -142,8 +136,8 @@ class LockstepProducer(_PythonProducer):
             self._pending = self._all
             try:
                 self._send_sync(self._send_rpdo())
-            except BusError as error:
-                self._give_up(error)
+            except BusError as error:  # the frame after it would be a step
+                self._exchange.report(error)
                 return False
             return self._answered.wait(LOST_AFTER_S)
 
@@ -189,8 +183,8 @@ class PeriodicProducer(_PythonProducer):
                 self._setpoint = self._send_rpdo()
             else:
                 self._send_sync(setpoint)
-        except BusError as error:
-            self._give_up(error)
+        except BusError as error:  # the frame after it would be a step
+            self._exchange.report(error)
 
 
 def measure_evenness(link: Link, period_s: float) -> SyncTiming:
