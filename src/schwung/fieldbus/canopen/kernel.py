@@ -114,14 +114,18 @@ class KernelProducer:
         From any thread, and until `release`: nothing that is held or played meanwhile energises. Sent at once, too, see
         the module; the ring first, so that nothing but stops can follow.
         """
+        frame = self.latch_ring(controlword)
+        if self._broadcast is not None:
+            with contextlib.suppress(BusError):  # what fails is told by who sends the next request
+                self._exchange.send_rpdo(frame)
+
+    def latch_ring(self, controlword: int) -> bytes:
+        """As `latch`, from callbacks, too: nothing that waits for the send buffer. Returns the frame that goes out."""
         with self._lock:
             write = self._ring.latch(controlword, self._position())
             self._write(write)
             self._over.set()
-            running = self._broadcast is not None
-        if running:
-            with contextlib.suppress(BusError):  # what fails is told by who sends the next request
-                self._exchange.send_rpdo(write.slots[0])
+            return write.slots[0]
 
     def release(self) -> None:
         """End `latch`: what is held stays until something else is."""
