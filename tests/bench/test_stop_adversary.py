@@ -330,6 +330,61 @@ def test_another_masters_setpoints_are_noticed_in_every_rpdo(number: int) -> Non
         assert bench.servo.power.state is not Power.OPERATION_ENABLED
 
 
+#: What another master sends that is for our node, told apart by what follows.
+FOREIGN = {
+    "NMT commands": (0x000, bytes([0x01, NODE])),
+    "NMT commands, to all": (0x000, bytes([0x01, 0])),
+    "setpoints": (0x200 + NODE, bytes(8)),
+    "setpoints, in PDO 2": (0x300 + NODE, bytes(2)),
+    "SDO requests": (0x600 + NODE, b"\x40\x41\x60\x00" + bytes(4)),
+    "heartbeats": (0x77F, b"\x05"),
+}
+
+
+@pytest.mark.parametrize("what", FOREIGN)
+def test_another_master_is_noticed_while_the_axis_only_stands(what: str) -> None:
+    """Enabled, between two motions: nobody plays, and nobody asks."""
+    with (
+        enabled(sync="thread", clock="wall") as (bench, drive),
+        Master(interface="stepped", channel=bench.channel) as other,
+    ):
+        drive.clock.sleep(0.1)
+        other.send(*FOREIGN[what])
+        drive.clock.sleep(0.05)
+        assert bench.servo.power.state is not Power.OPERATION_ENABLED
+        with pytest.raises(StateError, match=f"another master sends {what.partition(',')[0]}"):
+            drive.play(stroke(100))
+
+
+@pytest.mark.parametrize("what", FOREIGN)
+def test_another_master_that_was_heard_before_the_start_keeps_the_drive_off(what: str) -> None:
+    """Also before anything was set up: who spoke to it then will speak to it again."""
+    with connected(clock="wall") as (bench, drive), watched(bench) as seen:
+        with Master(interface="stepped", channel=bench.channel) as other:
+            other.send(*FOREIGN[what])
+        drive.clock.sleep(1.0)
+        if what == "heartbeats":
+            with pytest.raises(StateError, match="another master sends heartbeats"):
+                drive.write(drive.setup(CSP))
+        else:
+            assert what.partition(",")[0] in drive.state().others
+        assert states(seen) == [Power.SWITCH_ON_DISABLED]
+
+
+def test_a_command_to_another_node_is_nobodys_business_of_ours() -> None:
+    with enabled(sync="thread", clock="wall") as (bench, drive):
+        with Master(interface="stepped", channel=bench.channel) as other:
+            for can_id, data in (
+                (0x000, bytes([0x02, NODE + 1])),
+                (0x200 + NODE + 1, bytes(8)),
+                (0x601, bytes(8)),
+            ):
+                other.send(can_id, data)
+            drive.clock.sleep(0.05)
+        drive.play(stroke(100, distance_rad=0.01))
+        assert bench.servo.power.state is Power.OPERATION_ENABLED
+
+
 def test_a_drive_that_drops_out_is_not_switched_on_again_and_again() -> None:
     """Its enable input, or its supply, goes whenever it is on."""
     with connected(clock="wall") as (bench, drive):

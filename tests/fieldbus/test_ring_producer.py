@@ -250,6 +250,14 @@ def test_another_masters_setpoints_are_trouble(setting: Setting) -> None:
     assert "another master" in setting.exchange.trouble.problem
 
 
+def test_another_masters_setpoints_are_trouble_at_standstill_too(setting: Setting) -> None:
+    setting.producer.pump(0.1)
+    assert setting.exchange.trouble is None, "nor are echoes of our own"
+    setting.stranger.send(can.Message(arbitration_id=0x205, data=rpdo(99), is_extended_id=False))
+    setting.producer.pump(0.1)
+    assert "another master" in str(setting.exchange.trouble)
+
+
 def test_a_drive_that_falls_silent_is_lost(setting: Setting) -> None:
     def be_deaf() -> None:
         setting.drive.deaf = True

@@ -84,7 +84,7 @@ class CanopenDrive:
                 self._link, self._sdo, self._monitor, profile, self._layouts, sync, self._lookup,
                 counter=setup.has_counter(profile, self._lookup),
             )  # fmt: skip
-            self._foreign = ForeignMasters(self._link, lambda: self._operation.running)
+            self._foreign = ForeignMasters(self._link, node_id, lambda: self._operation.running)
         except BaseException:
             self._link.close()
             raise

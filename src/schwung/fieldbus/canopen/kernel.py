@@ -225,8 +225,7 @@ class KernelProducer:
         with self._lock:
             ring, data = self._ring, bytes(message.data)
             if not ring.sent(data):
-                if ring.playing:
-                    self._exchange.report_foreign(message)
+                self._exchange.report_foreign(message)
                 return
             self._rpdo_s = message.timestamp
             if ring.met_guard:
