@@ -10,6 +10,8 @@
      │    │    ├── SdoError      on CANopen: an SDO was aborted or not answered
      │    │    └── RegisterError on Modbus: an exception code, or no answer
      │    ├── StateError         CiA 402 did not advance; names the precondition that is missing
+     │    │    ├── CoastingError on a stop it did not come to rest; its power stage is off, it coasts
+     │    │    └── EnergisedError somebody else has switched it on; it has been left alone
      │    ├── DriveFaultError    the drive reported a fault or an EMCY; decoded
      │    └── SampleLossError    TPDOs are missing from a recording
      └── InterruptedByUser (130) Ctrl-C; the drive was stopped and what was recorded is on disk
@@ -81,6 +83,14 @@ class RegisterError(ParameterError):
 
 class StateError(DriveError):
     """The CiA 402 state machine did not advance; the missing precondition is named."""
+
+
+class CoastingError(StateError):
+    """The drive did not come to rest when it was told to stop; its power stage is off, and it coasts."""
+
+
+class EnergisedError(StateError):
+    """Somebody else has switched the drive on, before any command of ours; it has been left alone."""
 
 
 class DriveFaultError(DriveError):

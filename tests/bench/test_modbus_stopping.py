@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from modbus_desk import ModbusDesk, modbus_desk
 
-from schwung.errors import DriveError, DriveFaultError, RegisterError, StateError
+from schwung.errors import CoastingError, DriveError, DriveFaultError, RegisterError, StateError
 from schwung.fieldbus.cia402 import (
     DISABLE_VOLTAGE,
     ENABLE_OPERATION,
@@ -69,6 +69,46 @@ def test_a_quick_stop_that_is_taken_and_not_followed_is_repeated(monkeypatch: py
         room.drive.halt()
         assert room.controlwords[-4:] == [QUICK_STOP] * 4
         assert room.bench.servo.power.state is State.QUICK_STOP
+
+
+def let_go_at(room: ModbusDesk, monkeypatch: pytest.MonkeyPatch) -> list[float]:
+    """Speeds (rad/s) at which the voltage will have gone."""
+    power, speeds = room.bench.servo.power, list[float]()
+    off = power._off
+
+    def watched(into: State) -> None:
+        if power.energised:
+            speeds.append(abs(room.bench.axis.speed_rad_s))
+        off(into)
+
+    monkeypatch.setattr(power, "_off", watched)
+    return speeds
+
+
+def test_the_voltage_stays_as_long_as_the_drive_brakes(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Ten seconds here: three were all it got."""
+    with modbus_desk() as room, room.enabled():
+        room.bench.servo.power.stop_rate_rad_s2 = 0.5
+        speeds = let_go_at(room, monkeypatch)
+        run_away(room)
+        room.drive.disable()
+        assert len(speeds) == 1
+        assert speeds[0] < 0.05
+
+
+def test_where_the_speed_no_longer_falls_the_voltage_goes_and_that_is_said(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    with modbus_desk() as room, room.enabled():
+        room.bench.servo.power.stop_rate_rad_s2 = 1e-3
+        speeds = let_go_at(room, monkeypatch)
+        run_away(room)
+        began_s = room.clock.now()
+        with pytest.raises(CoastingError, match=r"still turned at [45]\.?\d* rad/s.*it coasts"):
+            room.drive.disable()
+        assert room.clock.now() - began_s < 6.0
+        assert len(speeds) == 1
+        room.drive.disable()
 
 
 @pytest.mark.parametrize("transport", ["tcp", "rtu"])

@@ -15,13 +15,14 @@ from driver_desk import NODE, connected, enabled, stroke
 from modbus_desk import modbus_desk
 
 from schwung.clock import SteppedBus
-from schwung.errors import DriveError, SdoError, StateError
+from schwung.errors import CoastingError, DriveError, EnergisedError, SdoError, StateError
 from schwung.fieldbus import cia402
 from schwung.fieldbus.canopen import CanopenDrive
 from schwung.fieldbus.canopen.generator import SineGenerator
 from schwung.fieldbus.canopen.operation import Operation
 from schwung.fieldbus.drive import Acquisition, ParameterValue, Setpoints, Sine
 from schwung_sim.bench import Bench
+from schwung_sim.drives.dictionary import key
 from schwung_sim.drives.modbus.power import State as ModbusState
 from schwung_sim.drives.power import Power
 
@@ -71,8 +72,12 @@ def states(seen: list[Seen]) -> list[Power]:
     return [entry.state for entry in seen]
 
 
-def brakes_slowly(bench: Bench) -> None:
-    bench.servo.power._ramp = lambda index: SLOWLY_RAD_S2
+def brakes_slowly(bench: Bench, ramp_rad_s2: float = SLOWLY_RAD_S2) -> None:
+    """However far that leads: there is no limit (607D) in the way."""
+    bench.servo.power._ramp = lambda index: ramp_rad_s2
+    for subindex in (1, 2):
+        bench.servo.dictionary.values[key(0x607D, subindex)] = 0
+    bench.servo.operation.load()
 
 
 def stays_in_quick_stop(drive: CanopenDrive) -> None:
@@ -239,6 +244,53 @@ def test_voltage_goes_when_the_axis_has_come_to_rest(silent: tuple[int, ...]) ->
         assert abs(seen[2].speed_rad_s) < 0.2
 
 
+@pytest.mark.parametrize("sync", ["thread", "lockstep"])
+@pytest.mark.parametrize("option", [2, 6])
+def test_the_voltage_stays_as_long_as_the_drive_brakes(option: int, sync: str) -> None:
+    """Seventeen seconds, at a ramp that it has: not for any number of ours."""
+    with (
+        enabled(sync=sync, clock="sync" if sync == "lockstep" else "wall") as (bench, drive),
+        watched(bench) as seen,
+    ):
+        drive.write([ParameterValue(drive.parameter(0x605A), option)])
+        brakes_slowly(bench, 0.5)
+        drive.clock.later(0.25, drive.halt)
+        with pytest.raises(DriveError):
+            drive.play(FAST)
+        drive.disable()
+        assert states(seen) == [
+            Power.OPERATION_ENABLED, Power.QUICK_STOP_ACTIVE, Power.SWITCH_ON_DISABLED,
+        ]  # fmt: skip
+        assert abs(seen[1].speed_rad_s) > 7.0
+        assert abs(seen[2].speed_rad_s) < 0.2
+
+
+def test_a_fault_reaction_that_takes_its_time_is_given_it() -> None:
+    with enabled(sync="thread", clock="wall") as (bench, drive), watched(bench) as seen:
+        brakes_slowly(bench, 0.5)
+        drive.clock.later(0.25, lambda: bench.servo.fault(0x4310))
+        with pytest.raises(DriveError):
+            drive.play(FAST)
+        drive.disable()
+        assert states(seen) == [Power.OPERATION_ENABLED, Power.FAULT_REACTION_ACTIVE, Power.FAULT]
+        assert abs(seen[2].speed_rad_s) < 0.2
+
+
+def test_where_the_speed_no_longer_falls_the_voltage_goes_and_that_is_said() -> None:
+    with enabled(sync="thread", clock="wall") as (bench, drive), watched(bench) as seen:
+        stays_in_quick_stop(drive)
+        brakes_slowly(bench, 1e-3)
+        drive.clock.later(0.25, drive.halt)
+        with pytest.raises(DriveError):
+            drive.play(FAST)
+        began_s = drive.clock.now()
+        with pytest.raises(CoastingError, match=r"still turned at [789]\.\d* rad/s.*it coasts"):
+            drive.disable()
+        assert drive.clock.now() - began_s < 12.0
+        assert seen[-1].state is Power.SWITCH_ON_DISABLED
+        drive.disable()  # it is off: there is nothing more to say
+
+
 @pytest.mark.parametrize("leave", ["close", "disable"])
 def test_a_drive_that_falls_silent_is_told_to_stop_before_it_is_told_to_let_go(leave: str) -> None:
     """Nobody had said halt before."""
@@ -328,6 +380,109 @@ def test_another_masters_setpoints_are_noticed_in_every_rpdo(number: int) -> Non
             with pytest.raises(StateError, match="another master sends setpoints"):
                 drive.play(stroke(2000))
         assert bench.servo.power.state is not Power.OPERATION_ENABLED
+
+
+#: What another master sends that is for our node, told apart by what follows.
+FOREIGN = {
+    "NMT commands": (0x000, bytes([0x01, NODE])),
+    "NMT commands, to all": (0x000, bytes([0x01, 0])),
+    "setpoints": (0x200 + NODE, bytes(8)),
+    "setpoints, in PDO 2": (0x300 + NODE, bytes(2)),
+    "SDO requests": (0x600 + NODE, b"\x40\x41\x60\x00" + bytes(4)),
+    "heartbeats": (0x77F, b"\x05"),
+}
+
+
+@pytest.mark.parametrize("what", FOREIGN)
+def test_another_master_is_noticed_while_the_axis_only_stands(what: str) -> None:
+    """Enabled, between two motions: nobody plays, and nobody asks."""
+    with (
+        enabled(sync="thread", clock="wall") as (bench, drive),
+        Master(interface="stepped", channel=bench.channel) as other,
+    ):
+        drive.clock.sleep(0.1)
+        other.send(*FOREIGN[what])
+        drive.clock.sleep(0.05)
+        assert bench.servo.power.state is not Power.OPERATION_ENABLED
+        with pytest.raises(StateError, match=f"another master sends {what.partition(',')[0]}"):
+            drive.play(stroke(100))
+
+
+@pytest.mark.parametrize("what", FOREIGN)
+def test_another_master_that_was_heard_before_the_start_keeps_the_drive_off(what: str) -> None:
+    """Also before anything was set up: who spoke to it then will speak to it again."""
+    with connected(clock="wall") as (bench, drive), watched(bench) as seen:
+        with Master(interface="stepped", channel=bench.channel) as other:
+            other.send(*FOREIGN[what])
+        drive.clock.sleep(1.0)
+        if what == "heartbeats":
+            with pytest.raises(StateError, match="another master sends heartbeats"):
+                drive.write(drive.setup(CSP))
+        else:
+            assert what.partition(",")[0] in drive.state().others
+        assert states(seen) == [Power.SWITCH_ON_DISABLED]
+
+
+def test_a_command_to_another_node_is_nobodys_business_of_ours() -> None:
+    with enabled(sync="thread", clock="wall") as (bench, drive):
+        with Master(interface="stepped", channel=bench.channel) as other:
+            for can_id, data in (
+                (0x000, bytes([0x02, NODE + 1])),
+                (0x200 + NODE + 1, bytes(8)),
+                (0x601, bytes(8)),
+            ):
+                other.send(can_id, data)
+            drive.clock.sleep(0.05)
+        drive.play(stroke(100, distance_rad=0.01))
+        assert bench.servo.power.state is Power.OPERATION_ENABLED
+
+
+@pytest.mark.parametrize("energised_s", [0.0, 0.01, 0.03])
+def test_a_drive_that_another_master_has_switched_on_is_left_alone(
+    energised_s: float, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Between set-up and our first command, or while its node is being started: it goes on, also when we are gone."""
+    with connected(clock="wall") as (bench, drive), watched(bench) as seen:
+        drive.write(drive.setup(CSP))
+
+        def switch_on() -> None:
+            for word in (0x06, 0x07, 0x0F):
+                bench.servo.operation.control(word)
+
+        send = drive._link.send
+
+        def sent(can_id: int, data: bytes) -> None:
+            if can_id == 0:
+                drive.clock.later(energised_s, switch_on)
+            send(can_id, data)
+
+        if energised_s:
+            monkeypatch.setattr(drive._link, "send", sent)
+        else:
+            switch_on()
+        with pytest.raises(EnergisedError, match="left alone"):
+            drive.start(CSP)
+        drive.clock.sleep(0.1)
+        drive.close()
+        bench.servo._sleep(3.0)
+        assert states(seen) == [
+            Power.SWITCH_ON_DISABLED, Power.READY_TO_SWITCH_ON, Power.SWITCHED_ON, Power.OPERATION_ENABLED,
+        ]  # fmt: skip
+
+
+def test_a_modbus_drive_that_another_master_has_switched_on_is_left_alone() -> None:
+    with modbus_desk() as room:
+        wanted = room.acquisition()
+        room.drive.write(room.drive.setup(wanted))
+        room.drive.start(wanted)
+        for word in (0x06, 0x07, 0x0F):
+            room.bench.servo.power.control(word)
+        with pytest.raises(EnergisedError, match="left alone"):
+            room.drive.enable()
+        room.drive.close()
+        room.clock.sleep(1.0)
+        assert room.controlwords == []
+        assert room.bench.servo.power.state is ModbusState.ENABLED
 
 
 def test_a_drive_that_drops_out_is_not_switched_on_again_and_again() -> None:

@@ -80,7 +80,7 @@ def test_only_what_the_way_needs_stops_it() -> None:
     plan = _plan(
         trace=profile.trace, generator=profile.generator, mode="pp", sampling="trace", injecting="generator"
     )
-    lacking = ("cyclic position", "sampling by SYNC", "torque injection", "disturbance buffer")
+    lacking = ("cyclic position", "sampling by SYNC", "torque injection", "disturbance buffer", "lockstep")
 
     def told(*names: str) -> dict[str, str]:
         seen = replace(_survey(plan), capabilities=tuple(Capability(name, False, "no") for name in names))

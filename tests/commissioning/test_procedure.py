@@ -18,7 +18,9 @@ from schwung.commissioning.runs import following_error_rms
 from schwung.commissioning.survey import survey
 from schwung.drivetrain import FeedForward
 from schwung.errors import (
+    CoastingError,
     DriveError,
+    EnergisedError,
     InterruptedByUser,
     NodeLostError,
     RefusedError,
@@ -26,7 +28,7 @@ from schwung.errors import (
     SdoError,
     StateError,
 )
-from schwung.fieldbus.drive import Progress, Recording, Setpoints
+from schwung.fieldbus.drive import DriveState, Progress, Recording, Setpoints
 from schwung.session import read_session
 
 
@@ -188,6 +190,51 @@ def test_parameters_go_back_into_a_drive_that_is_off_alone(
         _record(drive, tmp_path)
     assert (drive.objects == before) == (failures == 1)
     assert ("run `schwung restore" in str(raised.value)) == (failures == 9)
+
+
+@pytest.mark.parametrize("state", ["Operation enabled", "Quick stop active", "Fault reaction active"])
+def test_a_drive_that_another_master_switched_on_since_preflight_is_left_alone(
+    drive: DeskDrive, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, state: str
+) -> None:
+    plan = _plan(drive)
+    ready = _ready(drive, plan)
+    journal = ParameterJournal(drive, tmp_path / "setup.backup.json", {})
+    monkeypatch.setattr(drive, "state", lambda: DriveState("OPERATIONAL", state, 0.0))
+    with pytest.raises(RefusedError, match=rf"energised already \({state}\)"):
+        record(drive, plan, ready, session_path=tmp_path / "s.h5", journal=journal, observer=Silence())
+    assert drive.calls == []
+    assert not journal.path.exists()
+
+
+def test_nor_is_one_stopped_that_was_switched_on_while_it_was_set_up(
+    drive: DeskDrive, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def start(_: object) -> None:
+        raise EnergisedError("node 3", 'is in "Operation enabled": somebody else has switched it on')
+
+    monkeypatch.setattr(drive, "start", start)
+    with pytest.raises(EnergisedError) as raised:
+        _record(drive, tmp_path)
+    assert not {"halt", "disable"} & set(drive.calls)
+    assert any("schwung restore" in note for note in raised.value.__notes__)
+    assert read_backup(tmp_path / "setup.backup.json").restored is None
+
+
+def test_an_axis_that_coasts_is_told_as_such_and_the_drive_is_as_before(
+    drive: DeskDrive, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """It did not brake any more: its voltage is off, and not "may still be on"."""
+    before = dict(drive.objects)
+
+    def disable() -> None:
+        monkeypatch.undo()
+        raise CoastingError("node 3", "still turned: it coasts")
+
+    monkeypatch.setattr(drive, "disable", disable)
+    with pytest.raises(DriveError, match="it coasts") as raised:
+        _record(drive, tmp_path)
+    assert "may still be on" not in str(raised.value)
+    assert drive.objects == before
 
 
 def test_an_observer_that_fails_stops_the_drive(drive: DeskDrive, tmp_path: Path) -> None:

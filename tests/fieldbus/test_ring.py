@@ -13,10 +13,10 @@ from hypothesis import strategies as st
 
 from schwung.fieldbus import cia402
 from schwung.fieldbus.canopen.output import StopFrame
-from schwung.fieldbus.canopen.ring import CYCLES, SPARE, Ring, Write
+from schwung.fieldbus.canopen.ring import CYCLES, OFF, SPARE, Ring, Write
 
 STOP = StopFrame(slice(0, 2), slice(6, 8))
-GUARD, LEAD = 20, 60
+GUARD, LEAD, HOLD = 8, 60, 400
 FEED_EVERY = 8  # half cycles, as kernel.py has it: half of what is refilled at once
 HELD = 100  # target
 
@@ -75,9 +75,10 @@ class Kernel:
 
 @dataclass(frozen=True)
 class Stall:
-    """From `at` on, for so many half cycles: the feeder hangs, echoes are not read, or both from within a write."""
+    """From `at` on, for so many half cycles: the feeder hangs, echoes are not read, or both; or both from within a
+    write, while it is packed or while the kernel is given it."""
 
-    who: str  # "feeder", "reader", "both", "write"
+    who: str  # "feeder", "reader", "both", "packing", "write"
     at: int
     length: int
 
@@ -85,13 +86,23 @@ class Stall:
         return self.who in who and self.at <= tick < self.at + self.length
 
 
+@dataclass(frozen=True)
+class Death:
+    """The program goes no further than a write, counted from 0: that arrives so many half cycles late, or not."""
+
+    at: int
+    late: int = 0
+    arrives: bool = True
+
+
 class World:
     """Kernel, ring, and a feeder and a reader that hang when they are told to."""
 
-    def __init__(self, stalls: list[Stall], guard: int = GUARD, lead: int = LEAD) -> None:
-        self.ring = Ring(STOP, rpdo(HELD, 0), guard, lead)
+    def __init__(self, stalls: list[Stall], death: Death | None = None) -> None:
+        self.ring = Ring(STOP, rpdo(HELD, 0), GUARD, LEAD, HOLD)
         self.kernel = Kernel(self.ring.again())
         self.stalls, self.echoes, self.tick = stalls, deque[tuple[int, bytes]](), 0
+        self.death, self.dead, self.writes = death, False, 0
         self.last_echo = 0
         self.held_up_at: int | None = None  # RPDO count
         self.run(11)
@@ -103,7 +114,7 @@ class World:
         for _ in range(ticks):
             self.kernel_goes_on()
             self.read()
-            if self.tick % FEED_EVERY == 0 and not self.stalled("feeder", "both"):
+            if self.tick % FEED_EVERY == 0 and not self.dead and not self.stalled("feeder", "both"):
                 self.feed()
 
     def kernel_goes_on(self) -> None:
@@ -113,7 +124,7 @@ class World:
             self.echoes.append((self.tick, frame))
 
     def read(self) -> None:
-        while self.echoes and not self.stalled("reader", "both"):
+        while self.echoes and not self.dead and not self.stalled("reader", "both"):
             self.last_echo, data = self.echoes.popleft()
             assert self.ring.sent(data), "an echo of ours was taken for a stranger's"
             if self.ring.met_guard:
@@ -123,17 +134,30 @@ class World:
         self.write(self.ring.refill(self.position()))
 
     def write(self, write: Write | None) -> None:
-        """As kernel.py: the write may take long to arrive, and is looked after when it has."""
+        """As kernel.py: the write may take long to be packed and to arrive, and is looked after in between and then."""
         if write is not None:
-            while self.stalled("write"):
+            while self.stalled("packing"):
                 self.kernel_goes_on()
-            self.kernel.take(write)
-            undone = self.ring.landed(self.position())
+            self.hand_over(self.ring.overdue(self.position()) or write)
+            if self.dead:
+                return
+            undone = self.ring.overdue(self.position())
             if undone is not None:
                 self.kernel.take(undone)
         if self.ring.held_up:
             self.ring.held_up = False
             self.held_up_at = len(self.kernel.sent)
+
+    def hand_over(self, write: Write) -> None:
+        death = self.death
+        self.dead = death is not None and self.writes == death.at
+        for _ in range(death.late if self.dead and death else 0):
+            self.kernel_goes_on()
+        while self.stalled("write"):
+            self.kernel_goes_on()
+        if not self.dead or (death and death.arrives):
+            self.kernel.take(write)
+        self.writes += 1
 
     def stalled(self, *who: str) -> bool:
         return any(stall.covers(self.tick, *who) for stall in self.stalls)
@@ -168,7 +192,58 @@ def test_every_setpoint_is_played_once_however_often_the_ring_wraps(length: int)
     check(world.kernel.sent, length)
     assert all(map(energises, world.kernel.sent))
     assert world.ring.over
-    assert world.kernel.count is None, "what comes after is held without end"
+    assert world.kernel.running
+    world.run(10 * HOLD)
+    assert world.kernel.running, "what comes after is held on"
+    assert world.kernel.count is not None, "but not without end"
+    assert world.held_up_at is None
+
+
+LONG = 150
+#: Of a motion of so many setpoints: the writes until it is held again, and on.
+WRITES = 30
+
+
+@pytest.mark.parametrize("at", range(WRITES))
+@pytest.mark.parametrize("arrives", [True, False])
+def test_a_program_that_hangs_for_ever_at_a_write_leaves_quick_stop_and_silence(
+    at: int, arrives: bool
+) -> None:
+    """Whichever write it is, right before or right behind it, and however late that arrives within the spare slots."""
+    for late in (0, 1, 2, 7, 16, 33, 2 * (SPARE - OFF) - 1):
+        world = World([], Death(at, late, arrives))
+        play(world, LONG)
+        world.run(2 * (LONG + LEAD + 3 * HOLD))
+        assert world.dead
+        check(world.kernel.sent, LONG if at or arrives else 0)
+        assert not world.kernel.running
+        words = [parts(frame)[0] for frame in world.kernel.sent]
+        stops = [word for word in words if word != cia402.ENABLE_OPERATION]
+        if not stops:  # it stands, and is held: for so long, and then it hears nothing any more
+            assert parts(world.kernel.sent[-1])[2] == 0
+            assert len({parts(frame)[1] for frame in world.kernel.sent[-HOLD // 2 :]}) == 1
+            assert at == 0 or parts(world.kernel.sent[-1])[1] == HELD + LONG
+            continue
+        assert set(stops) == {cia402.QUICK_STOP}
+        assert GUARD <= len(stops) <= GUARD + SPARE
+
+
+@pytest.mark.parametrize("late", range(2 * (SPARE - OFF), 2 * CYCLES, 9))
+def test_whatever_a_write_that_arrives_too_late_repeats_finds_the_drive_off_and_then_silence(
+    late: int,
+) -> None:
+    """The kernel is given it for so long, and the program hangs again before it can look after it."""
+    for at in range(1, WRITES):
+        world = World([], Death(at, late))
+        play(world, LONG)
+        world.run(2 * (LONG + LEAD + 3 * HOLD) + late)
+        assert not world.kernel.running
+        sent = world.kernel.sent
+        played = [parts(frame)[1] for frame in sent if energises(frame) and parts(frame)[2]]
+        again = next((target for i, target in enumerate(played) if target in played[:i]), None)
+        if again is not None:
+            second = [i for i, frame in enumerate(sent) if frame == rpdo(again)][1]
+            assert cia402.DISABLE_VOLTAGE in [parts(frame)[0] for frame in sent[:second]]
 
 
 @pytest.mark.parametrize("who", ["feeder", "reader", "both"])
@@ -223,12 +298,19 @@ def test_nothing_goes_back_repeats_steps_or_moves_behind_a_stop(
 
 
 @settings(max_examples=200, deadline=None)
-@given(length=st.integers(1, 600), at=st.integers(12, 1400), late=st.integers(1, 2 * CYCLES))
-@example(length=500, at=400, late=2 * SPARE)
-def test_a_write_that_comes_late_is_seen_and_stopped_at_once(length: int, at: int, late: int) -> None:
-    """It hangs between deciding and the kernel's taking it. Where it met the guard meanwhile it undoes a stop, which
-    nothing can prevent: the frame behind it is the stop again."""
-    world = World([Stall("write", at, late)])
+@given(
+    length=st.integers(1, 600),
+    who=st.sampled_from(["packing", "write"]),
+    at=st.integers(12, 1400),
+    late=st.integers(1, 2 * CYCLES),
+)
+@example(length=500, who="write", at=400, late=2 * SPARE)
+def test_a_write_that_comes_late_is_seen_and_stopped_at_once(
+    length: int, who: str, at: int, late: int
+) -> None:
+    """It hangs between deciding and the kernel's taking it. Where it met the guard meanwhile it is not handed over, or,
+    where that came within the kernel's call, undoes a stop: the frame behind it is the stop again."""
+    world = World([Stall(who, at, late)])
     play(world, length)
     world.run(2 * (length + LEAD + 40) + 500)
     sent = world.kernel.sent
@@ -237,6 +319,22 @@ def test_a_write_that_comes_late_is_seen_and_stopped_at_once(length: int, at: in
     assert undone == []
     check(sent, length)
     assert world.kernel.running, "the stop is not held"
+
+
+@pytest.mark.parametrize("late", range(2 * (CYCLES - SPARE - GUARD), 2 * CYCLES, 5))
+def test_what_was_packed_while_the_guard_was_met_is_not_handed_over(late: int) -> None:
+    """It would undo a stop, for good where the program hangs again before it has looked after it."""
+
+    class HangsAgain(World):
+        def hand_over(self, write: Write) -> None:
+            super().hand_over(write)
+            self.dead = self.tick >= 300 + late
+
+    world = HangsAgain([Stall("packing", 300, late)])
+    play(world, 600)
+    world.run(2 * (600 + 3 * HOLD))
+    words = [parts(frame)[0] for frame in world.kernel.sent]
+    assert set(words[words.index(cia402.QUICK_STOP) :]) == {cia402.QUICK_STOP}
 
 
 def test_a_program_that_hangs_behind_a_late_write_finds_the_drive_off_before_a_frame_is_repeated() -> None:
@@ -273,7 +371,7 @@ def test_old_echoes_do_not_put_the_end_too_far(lag: int) -> None:
 
 
 def test_behind_a_write_that_came_late_the_next_refill_comes_at_once() -> None:
-    ring = Ring(STOP, rpdo(HELD, 0), GUARD, LEAD)
+    ring = Ring(STOP, rpdo(HELD, 0), GUARD, LEAD, HOLD)
     assert ring.sent(rpdo(HELD, 0))
     ring.play(motion(600), rpdo(HELD))
     for _ in range(8):
@@ -282,7 +380,7 @@ def test_behind_a_write_that_came_late_the_next_refill_comes_at_once() -> None:
     assert ring.refill(ring.played) is not None
     assert ring.sent(rpdo(HELD, 0))
     assert ring.refill(ring.played) is None
-    assert ring.landed(ring.played + SPARE + 1) is None
+    assert ring.overdue(ring.played + SPARE + 1) is None
     assert ring.refill(ring.played) is not None
 
 
@@ -301,7 +399,7 @@ def test_a_stop_that_finds_the_ring_ended_starts_it_again() -> None:
 
 
 def test_echoes_that_were_lost_are_skipped_and_a_strangers_frame_is_told() -> None:
-    ring = Ring(STOP, rpdo(HELD, 0), GUARD, 4)
+    ring = Ring(STOP, rpdo(HELD, 0), GUARD, 4, HOLD)
     for _ in range(3):
         assert ring.sent(rpdo(HELD, 0))
     ring.play(motion(50), rpdo(HELD + 50, 0))
@@ -314,7 +412,7 @@ def test_echoes_that_were_lost_are_skipped_and_a_strangers_frame_is_told() -> No
 
 
 def test_a_latched_stop_survives_what_is_held_meanwhile_until_it_is_released() -> None:
-    ring = Ring(STOP, rpdo(HELD, 0), GUARD, LEAD)
+    ring = Ring(STOP, rpdo(HELD, 0), GUARD, LEAD, HOLD)
     assert ring.sent(rpdo(HELD, 0))
     stop = ring.latch(cia402.QUICK_STOP, 0)
     assert set(stop.slots) == {rpdo(HELD, 0, cia402.QUICK_STOP)}

@@ -108,3 +108,25 @@ def test_a_halt_is_the_last_frame_that_went_out_and_nothing_undoes_it(
         assert {frame[2:6] for frame in seen.rpdos[stop:]} == {seen.rpdos[stop - 1][2:6]}
         drive.disable()
         assert bench.servo.power.state is Power.SWITCH_ON_DISABLED
+
+
+@pytest.mark.parametrize("after_s", np.arange(1.0, 1.002, 0.0001).round(4))
+def test_the_frame_that_waits_in_the_drive_for_its_sync_does_not_undo_a_stop(
+    monkeypatch: pytest.MonkeyPatch, after_s: float
+) -> None:
+    """The ring's next frame is then a SYNC, half a period after the quick stop by SDO."""
+    with enabled(monkeypatch, "wall") as (bench, drive, _):
+        drive.write([ParameterValue(drive.parameter(0x605A), STAY_IN_QUICK_STOP)])
+        power, states = bench.servo.power, [bench.servo.power.state]
+        control = power.control
+
+        def controlled(word: int) -> None:
+            control(word)
+            if power.state is not states[-1]:
+                states.append(power.state)
+
+        monkeypatch.setattr(power, "control", controlled)
+        drive.clock.later(after_s, drive.halt)
+        with pytest.raises(StateError, match="stopped on request"):
+            drive.play(stroke(3000))
+        assert states == [Power.OPERATION_ENABLED, Power.QUICK_STOP_ACTIVE]

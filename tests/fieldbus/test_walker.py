@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+from contextlib import nullcontext
+
 import pytest
 
 from schwung.clock import SteppedClock
-from schwung.errors import DriveError, DriveFaultError, SdoError, StateError
+from schwung.errors import DriveError, DriveFaultError, EnergisedError, SdoError, StateError
 from schwung.fieldbus import cia402
 from schwung.fieldbus.cia402 import State
 from schwung.fieldbus.walker import PATIENCE_S, Access, Walker
@@ -62,6 +64,15 @@ class TableDrive:
 
 
 def fine() -> None: ...
+
+
+@pytest.mark.parametrize("state", State, ids=lambda state: state.name)
+def test_a_drive_that_is_on_before_our_first_command_is_somebody_elses(state: State) -> None:
+    drive = TableDrive(State.FAULT if state is State.UNKNOWN else state)
+    on = state in (State.OPERATION_ENABLED, State.QUICK_STOP_ACTIVE, State.FAULT_REACTION)
+    with pytest.raises(EnergisedError, match="left alone") if on else nullcontext():
+        drive.walker.require_off()
+    assert drive.sent == []
 
 
 @pytest.mark.parametrize("delay_s", [0.0, 0.3, 1.5])

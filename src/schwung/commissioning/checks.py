@@ -6,7 +6,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import Literal
 
-from schwung.fieldbus.drive import DriveLimits, DriveState
+from schwung.fieldbus.drive import ENERGISED, DriveLimits, DriveState
 
 Severity = Literal["ok", "note", "warning", "stop"]
 
@@ -38,6 +38,18 @@ def share_check(name: str, value: float, limit: float, text: str, remedy: str) -
         return Check(name, "stop", text, remedy)
     return Check(
         name, "warning" if value > COMFORT * limit else "ok", text, remedy if value > COMFORT * limit else ""
+    )
+
+
+def energised_check(state: DriveState) -> Check | None:
+    """A drive that is on before anything was commanded is somebody else's; None where it is off."""
+    if state.cia402.lower() not in ENERGISED:
+        return None
+    return Check(
+        "drive state",
+        "stop",
+        f"the drive is energised already ({state.cia402})",
+        "Switch it off in whatever holds it; after a crash of ours, `schwung restore` does.",
     )
 
 

@@ -7,13 +7,13 @@ ours) passes through `powered`: quick stop, power stage off, parameters put back
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass, replace
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any, Protocol
 
-from schwung.commissioning.checks import ready_checks
+from schwung.commissioning.checks import energised_check, ready_checks
 from schwung.commissioning.creep import Creep, prove
 from schwung.commissioning.interrupts import OneInterrupt
 from schwung.commissioning.journal import ParameterJournal
@@ -21,7 +21,14 @@ from schwung.commissioning.plan import Plan, PlannedRun, setpoints_of
 from schwung.commissioning.preflight import Preflight, SpeedSource
 from schwung.commissioning.runs import run_of
 from schwung.commissioning.ways import MAX_JITTER_SHARE, comes_unevenly
-from schwung.errors import DriveError, InterruptedByUser, RefusedError, SampleLossError
+from schwung.errors import (
+    CoastingError,
+    DriveError,
+    EnergisedError,
+    InterruptedByUser,
+    RefusedError,
+    SampleLossError,
+)
 from schwung.fieldbus.drive import Drive, Recording, SyncTiming, partial_recording
 from schwung.session import Run, SessionWriter
 
@@ -57,8 +64,13 @@ class Recorded:
 def powered(drive: Drive, plan: Plan, journal: ParameterJournal, interrupt: OneInterrupt) -> Iterator[None]:
     """A drive that is set up and enabled inside the block, and stopped, off and as before after it.
 
-    `interrupt` is entered already, and for longer: what became of the motions has to be told, too.
+    `interrupt` is entered already, and for longer: what became of the motions has to be told, too. A drive that
+    somebody else has switched on since preflight is left alone: RefusedError, or EnergisedError where that was while it
+    was set up.
     """
+    foreign = energised_check(drive.state())
+    if foreign is not None:
+        raise RefusedError(foreign.name, foreign.text, foreign.remedy)
     try:
         journal.change(drive.setup(plan.acquisition))
         drive.start(plan.acquisition)
@@ -66,6 +78,15 @@ def powered(drive: Drive, plan: Plan, journal: ParameterJournal, interrupt: OneI
         drive.enable()
         yield
         interrupt.hold_off()  # within: an interrupt that comes first takes the way out below
+    except EnergisedError as error:  # no command of ours has gone out: neither halt nor parameters are
+        interrupt.hold_off()
+        with suppress(DriveError):
+            drive.stop()
+        if journal.changes:
+            error.add_note(
+                f"Its parameters are not put back: run `schwung restore {journal.path}` when it is off."
+            )
+        raise
     except BaseException as error:
         interrupt.hold_off()
         drive.halt()
@@ -106,6 +127,8 @@ def _leave(drive: Drive, journal: ParameterJournal) -> list[str]:
     for consequence, step in steps:
         try:
             step()
+        except CoastingError as error:
+            troubles.append(str(error))
         except Exception as error:  # a defect of ours, too, may not keep the next step from being tried
             troubles.append(f"{consequence} ({error})")
     return troubles

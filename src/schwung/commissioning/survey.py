@@ -5,11 +5,10 @@ from __future__ import annotations
 from collections.abc import Iterable
 from dataclasses import dataclass
 
-from schwung.commissioning.checks import COMFORT, Check, meaning_checks, ready_checks
+from schwung.commissioning.checks import COMFORT, Check, energised_check, meaning_checks, ready_checks
 from schwung.commissioning.plan import Plan
 from schwung.commissioning.ways import INJECTED, MOVING, SAMPLED
 from schwung.fieldbus.drive import (
-    ENERGISED,
     Acquisition,
     BusLoad,
     Capability,
@@ -23,7 +22,7 @@ from schwung.fieldbus.drive import (
 MAX_BUS_LOAD = 0.9
 #: Ways that some drives offer: that others do not is no news where they are not taken.
 _OTHER_WAYS = {*SAMPLED.values(), *INJECTED.values(), "disturbance buffer", "harmonic feed-forward",
-               "host-played feed-forward"}  # fmt: skip
+               "host-played feed-forward", "lockstep"}  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -67,13 +66,8 @@ def drive_checks(seen: Survey, way: Acquisition | None = None) -> Iterable[Check
             f"the drive is in {seen.state.cia402}{f' ({seen.state.error})' if seen.state.error else ''}",
             "Mend the cause and reset the fault; Schwung does not do it for you.",
         )
-    elif seen.state.cia402.lower() in ENERGISED:
-        yield Check(
-            "drive state",
-            "stop",
-            f"the drive is energised already ({seen.state.cia402})",
-            "Switch it off in whatever holds it; after a crash of ours, `schwung restore` does.",
-        )
+    elif (energised := energised_check(seen.state)) is not None:
+        yield energised
     else:
         # the NMT state is told by heartbeats, which a drive need not send yet
         told = [word.lower() for word in (seen.state.nmt, seen.state.cia402)]

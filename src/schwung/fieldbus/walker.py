@@ -10,7 +10,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 from schwung.clock import Clock
-from schwung.errors import DriveError, StateError
+from schwung.errors import DriveError, EnergisedError, StateError
 from schwung.fieldbus import cia402
 from schwung.fieldbus.cia402 import State
 
@@ -46,6 +46,16 @@ class Walker:
     def state(self) -> State:
         """The state now; `UNKNOWN` where the drive shows none. Raises DriveError where it does not answer."""
         return cia402.decode(self._access.statusword())
+
+    def require_off(self) -> None:
+        """Before the first command of ours: raise EnergisedError where the drive is on already. Nothing is sent."""
+        state = self.state()
+        if state in cia402.ENERGISED:
+            raise EnergisedError(
+                self._access.place,
+                f'is in "{state.value}": somebody else has switched it on, and it is left alone',
+                "Switch it off there.",
+            )
 
     def climb(self, wanted: State, check: Callable[[], None]) -> None:
         """Step by step up to a state, each controlword once: a drive that falls back is not sent up again.

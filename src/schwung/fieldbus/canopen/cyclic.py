@@ -45,7 +45,7 @@ class Cyclic:
         stop_frame = StopFrame.of(self._profile, self._layouts.rpdo)
         if choice == "kernel":
             kernel = KernelProducer(exchange, period_s, stop_frame)
-            exchange.latch = kernel.latch
+            exchange.latch = kernel.latch_ring
             return kernel
         output = Output(exchange.link.clock, stop_frame, self._place)
         exchange.latch = output.latch

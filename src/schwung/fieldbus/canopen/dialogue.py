@@ -6,6 +6,7 @@ from collections.abc import Callable
 
 from schwung.errors import DriveError, StateError
 from schwung.fieldbus import cia402
+from schwung.fieldbus.braking import Slowing
 from schwung.fieldbus.canopen import diagnosis, nmt
 from schwung.fieldbus.canopen.cyclic import Cyclic
 from schwung.fieldbus.canopen.sdo import SdoChannel
@@ -79,9 +80,10 @@ class Dialogue:
         count_rad: float | None,
         patience_s: float = STANDSTILL_S,
         until: Callable[[], bool] | None = None,
+        slowing: Slowing | None = None,
     ) -> bool:
         """Let time pass until the position, by PDO or SDO, hardly changes; False after so much of the drive's time, or
-        `until` then.
+        `until` then. With `slowing` it is waited for longer, as long as the axis is under power and slows down.
 
         `count_rad`: what one count of the position is worth; None where nobody knows. Raises DriveError where the drive
         does not show it.
@@ -89,7 +91,10 @@ class Dialogue:
         tolerance, clock = 1.0 if count_rad is None else _STILL_RAD / abs(count_rad), self._monitor.clock
         self._pause(0.0)
         elapsed, still, last = 0.0, 0, self.position()
-        while elapsed < patience_s and still < 3:
+        while still < 3:
+            slows = slowing is not None and slowing.look(elapsed, last)
+            if elapsed >= patience_s and not (slows and self._braking()):
+                return False
             began = clock.now()
             self._pause(_STEP_S)
             if until is not None and until():
@@ -99,7 +104,10 @@ class Dialogue:
             now = self.position()
             still = still + 1 if abs(now - last) <= tolerance else 0
             last = now
-        return still >= 3
+        return True
+
+    def _braking(self) -> bool:
+        return self.state() not in (*cia402.OFF, State.READY, State.SWITCHED_ON)
 
     def wait(self, duration_s: float) -> None:
         """Let time pass, also for a drive whose time is SYNC."""

@@ -9,7 +9,7 @@ from typing import Any
 
 import can
 
-from schwung.errors import InputError, NodeLostError, SdoError, StateError
+from schwung.errors import DriveError, EnergisedError, InputError, NodeLostError, SdoError, StateError
 from schwung.fieldbus import cia402, eds
 from schwung.fieldbus.canopen import capabilities, guard, pdo, playback, setup
 from schwung.fieldbus.canopen.bus import ASSUMED_BIT_RATE, BusOptions, bus_load
@@ -84,7 +84,7 @@ class CanopenDrive:
                 self._link, self._sdo, self._monitor, profile, self._layouts, sync, self._lookup,
                 counter=setup.has_counter(profile, self._lookup),
             )  # fmt: skip
-            self._foreign = ForeignMasters(self._link, lambda: self._operation.running)
+            self._foreign = ForeignMasters(self._link, node_id, lambda: self._operation.running)
         except BaseException:
             self._link.close()
             raise
@@ -264,7 +264,8 @@ class CanopenDrive:
     def start(self, acquisition: Acquisition) -> None:
         """Heartbeats on, node operational, PDO exchange running with the power stage off.
 
-        Raises StateError when the drive is not set up for the acquisition, or does not answer SYNC.
+        Raises StateError when the drive is not set up for the acquisition, or does not answer SYNC. EnergisedError
+        where somebody else has switched it on: it no longer watches us then, so that our leaving does not stop it.
         """
         missing = self.setup(acquisition)
         if missing:
@@ -275,8 +276,12 @@ class CanopenDrive:
                 "Write `setup` first.",
             )
         self._beat(acquisition.heartbeat_s)
-        window = self.limits().following_error_rad
-        self._operation.start(acquisition, self.scales, window)
+        try:
+            self._operation.start(acquisition, self.scales, self.limits())
+        except EnergisedError:
+            with contextlib.suppress(DriveError):
+                self._watch_us_no_more()
+            raise
 
     def enable(self) -> None:
         """Operation enabled, holding the position. Raises StateError naming what is missing, DriveFaultError."""
@@ -380,6 +385,12 @@ class CanopenDrive:
         if self._heartbeat is not None:
             self._heartbeat.close()
         self._heartbeat = HeartbeatProducer(self._link, self._monitor, self._masters, period_s)
+
+    def _watch_us_no_more(self) -> None:
+        slot = setup.consumer_slot(self._lookup, self._read_integer)
+        watching = None if slot is None else self._lookup(0x1016, slot)
+        if watching is not None and setup.listens_to_us(self._read_integer(watching) or 0):
+            self._write_one(ParameterValue(watching, 0))
 
     def _require_quiet(self) -> None:
         place = f"node {self.node_id}"

@@ -124,11 +124,6 @@ class Exchange:
         frame = self.latest[self._status_tpdo]
         return None if frame is None else self._status_of(frame)
 
-    @property
-    def answer_count(self) -> int:
-        """TPDOs that came, of all together."""
-        return sum(self.answer_counts)
-
     def sync_frames(self) -> list[Frame]:
         """SYNC frames to be sent in turn: one without counter, else one per counter value from 1."""
         if not self.counter:
@@ -187,8 +182,9 @@ class Exchange:
                 "Look for an enable input, STO, or another master."))  # fmt: skip
 
     def _on_foreign(self, message: can.Message) -> None:
+        """From start to stop, moving or not: whoever enables or stops our drive while it stands would do so unseen."""
         can_id = message.arbitration_id
-        if not self.guarded or (self.expecting_echo and can_id in (SYNC_ID, self.layouts.rpdo.can_id)):
+        if self.expecting_echo and can_id in (SYNC_ID, self.layouts.rpdo.can_id):
             return
         if can_id == 0 and (len(message.data) < 2 or message.data[1] not in (0, self.node_id)):
             return

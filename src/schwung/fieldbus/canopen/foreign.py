@@ -9,17 +9,24 @@ import can
 from schwung.fieldbus.canopen.exchange import SYNC_ID
 from schwung.fieldbus.canopen.link import Link
 
+_COMMANDS = "setpoints and controlwords"
+
 
 class ForeignMasters:
-    """Listens for SYNC and NMT commands that are not ours: all that come while `exchanging` says that we send none."""
+    """Listens for what only a master sends, and we did not: SYNC, NMT commands, and PDOs and SDO requests to our node.
+
+    All that comes while `exchanging` says that we exchange no PDOs; else `Exchange` listens.
+    """
 
     LISTEN_S = 0.5  # since we are here, before nobody counts as nobody
 
-    def __init__(self, link: Link, exchanging: Callable[[], bool]) -> None:
+    def __init__(self, link: Link, node_id: int, exchanging: Callable[[], bool]) -> None:
         self._link, self._exchanging = link, exchanging
         self._since = link.clock.now()
-        self._heard: dict[int, str] = {}
-        for can_id in (SYNC_ID, 0x000):
+        self._heard: set[str] = set()
+        self._names = {SYNC_ID: "SYNC", 0x000: "NMT commands", 0x600 + node_id: "SDO requests"}
+        self._names |= dict.fromkeys(range(0x200 + node_id, 0x600, 0x100), _COMMANDS)
+        for can_id in self._names:
             link.subscribe(can_id, self._on_frame)
 
     @property
@@ -28,14 +35,13 @@ class ForeignMasters:
         clock = self._link.clock
         if not self._exchanging():
             clock.wait(lambda: bool(self._heard), self._since + self.LISTEN_S - clock.now())
-        return " and ".join(self._heard[can_id] for can_id in sorted(self._heard, reverse=True))
+        return " and ".join(name for name in dict.fromkeys(self._names.values()) if name in self._heard)
 
     def close(self) -> None:
         """Stop listening."""
-        for can_id in (SYNC_ID, 0x000):
+        for can_id in self._names:
             self._link.unsubscribe(can_id, self._on_frame)
 
     def _on_frame(self, message: can.Message) -> None:
         if message.is_rx and not self._exchanging():
-            name = "SYNC" if message.arbitration_id == SYNC_ID else "NMT commands"
-            self._heard[message.arbitration_id] = name
+            self._heard.add(self._names[message.arbitration_id])

@@ -8,11 +8,16 @@ operation waits half a period after each frame, so that it runs slow by its late
 stage is on, and taken off.
 
 If this process dies, the kernel closes its sockets and sending ends: the drive's heartbeat consumer stops it. If it is
-merely held up, the frames that were written ahead end in quick stop, then in silence.
+merely held up, the frames that were written ahead end in quick stop, then in silence; what is held at standstill ends
+in silence.
+
+A stop also goes out at once, behind the ring's own frames and before any request by SDO: the RPDO that already waits
+for its SYNC in the drive would act after that request, and undo it.
 """
 
 from __future__ import annotations
 
+import contextlib
 import math
 
 import can
@@ -25,11 +30,12 @@ from schwung.fieldbus.canopen.exchange import SYNC_ID, Exchange
 from schwung.fieldbus.canopen.output import StopFrame
 from schwung.fieldbus.canopen.recorder import Recorder
 from schwung.fieldbus.canopen.ring import CYCLES, REFILL, Ring, Write
-from schwung.fieldbus.canopen.sync import wait_while_playing
+from schwung.fieldbus.canopen.sync import await_answers, wait_while_playing
 from schwung.fieldbus.drive import Progress
 
-GUARD_S = 0.02  # quick stop goes out for so long before silence: one lost frame does not matter
+GUARD_S = 0.008  # quick stop goes out for so long before silence: one lost frame does not matter
 LEAD_S = 0.1  # what is held before a motion: Python may be late by so much when it begins
+HOLD_S = 2.0  # at standstill: longer than a drive waits for our heartbeat, or somebody for his disk
 _ECHO_TIMEOUT_S = 1.0
 _RESTART_S = 0.02  # a stop that is not sent for so long is started anew
 _CALIBRATION_CYCLES, _STALL = 200, 1.25
@@ -105,11 +111,21 @@ class KernelProducer:
     def latch(self, controlword: int) -> None:
         """Send the last frame that went out again and again, with this controlword and without injected torque.
 
-        From any thread, and until `release`: nothing that is held or played meanwhile energises.
+        From any thread, and until `release`: nothing that is held or played meanwhile energises. Sent at once, too, see
+        the module; the ring first, so that nothing but stops can follow.
         """
+        frame = self.latch_ring(controlword)
+        if self._broadcast is not None:
+            with contextlib.suppress(BusError):  # what fails is told by who sends the next request
+                self._exchange.send_rpdo(frame)
+
+    def latch_ring(self, controlword: int) -> bytes:
+        """As `latch`, from callbacks, too: nothing that waits for the send buffer. Returns the frame that goes out."""
         with self._lock:
-            self._write(self._ring.latch(controlword, self._position()))
+            write = self._ring.latch(controlword, self._position())
+            self._write(write)
             self._over.set()
+            return write.slots[0]
 
     def release(self) -> None:
         """End `latch`: what is held stays until something else is."""
@@ -118,9 +134,7 @@ class KernelProducer:
 
     def pump(self, duration_s: float) -> bool:
         """Let so much time pass; False when the drive does not answer."""
-        count = self._exchange.answer_count
-        self._clock.sleep(max(duration_s, 3 * self.period_s))
-        return self._exchange.answer_count > count
+        return await_answers(self._exchange, max(duration_s, 3 * self.period_s))
 
     def play(self, frames: list[bytes], after: bytes, recorder: Recorder, progress: Progress | None) -> None:
         """Play one frame per SYNC, then hold `after`; returns when all is answered, given up, or in trouble.
@@ -137,7 +151,7 @@ class KernelProducer:
         wait_while_playing(self._over.is_set, self._exchange, recorder, len(frames), progress)
         if self._exchange.trouble is None:
             self._clock.sleep(4 * self.period_s)  # answers that come late
-            self._feed()  # `after`, without end
+            self._feed()  # `after`
 
     def stop(self) -> None:
         """End the exchange."""
@@ -156,22 +170,22 @@ class KernelProducer:
     # ── feeding ──────────────────────────────────────────────────────────────────────────────────────────────────
 
     def _feed(self) -> None:
-        """Append setpoints; see that a stop is sent."""
+        """Append setpoints, or hold on; see that a stop is sent."""
         with self._lock:
             ring, position = self._ring, self._position()
-            if ring.playing:
-                if self._exchange.trouble is None:
-                    self._write(ring.refill(position))
-            elif ring.latched and position - ring.played > max(2, _RESTART_S / self.period_s):
-                self._write(ring.again())
+            if ring.latched:
+                if position - ring.played > max(2, _RESTART_S / self.period_s):
+                    self._write(ring.again())
+            elif self._exchange.trouble is None:
+                self._write(ring.refill(position))
 
     def _write(self, write: Write | None) -> None:
-        """Hand it to the kernel, look how late it was, and report what fails; the lock is held."""
+        """Hand it to the kernel, unless it has become too late for that, and report what fails; the lock is held."""
         if write is None:
             return
         try:
             self._send(write)
-            undone = self._ring.landed(self._position())
+            undone = self._ring.overdue(self._position())
             if undone is not None:
                 self._send(undone)
         except BusError as error:
@@ -187,13 +201,18 @@ class KernelProducer:
         self._over.set()
 
     def _send(self, write: Write) -> None:
-        frames = b"".join(
-            part
-            for rpdo, sync in zip(write.slots, self._syncs, strict=True)
-            for part in (pack(self._rpdo_id, rpdo), sync)
-        )
+        frames = self._packed(write)
+        late = self._ring.overdue(
+            self._position()
+        )  # packing takes its time, and other threads may have theirs
+        if late is not None:
+            write, frames = late, self._packed(late)
         if self._broadcast is not None:
             self._broadcast.write(frames, self._interval_us, write.frames, start=write.start)
+
+    def _packed(self, write: Write) -> bytes:
+        pairs = zip(write.slots, self._syncs, strict=True)
+        return b"".join(part for rpdo, sync in pairs for part in (pack(self._rpdo_id, rpdo), sync))
 
     def _position(self) -> int:
         """Cycle of the last RPDO that the kernel has sent, by when the last echo was stamped."""
@@ -206,8 +225,7 @@ class KernelProducer:
         with self._lock:
             ring, data = self._ring, bytes(message.data)
             if not ring.sent(data):
-                if ring.playing:
-                    self._exchange.report_foreign(message)
+                self._exchange.report_foreign(message)
                 return
             self._rpdo_s = message.timestamp
             if ring.met_guard:
@@ -250,5 +268,6 @@ class KernelProducer:
         return StateError(self._place, "was stopped on request (halt)", "Start it anew.")
 
     def _new_ring(self, held: bytes) -> Ring:
-        guard, lead = (max(4, math.ceil(duration_s / self.period_s)) for duration_s in (GUARD_S, LEAD_S))
-        return Ring(self._stop_frame, held, min(guard, CYCLES // 4), lead)
+        durations_s = (GUARD_S, LEAD_S, HOLD_S)
+        guard, lead, hold = (max(4, math.ceil(duration_s / self.period_s)) for duration_s in durations_s)
+        return Ring(self._stop_frame, held, min(guard, CYCLES // 4), lead, max(hold, CYCLES))

@@ -8,7 +8,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from schwung.errors import BusError, DriveError, NodeLostError, StateError
+from schwung.errors import BusError, DriveError, EnergisedError, NodeLostError, StateError
 from schwung.fieldbus import cia402
 from schwung.fieldbus.canopen import diagnosis, nmt, playback
 from schwung.fieldbus.canopen.cyclic import Cyclic, chosen
@@ -24,6 +24,7 @@ from schwung.fieldbus.canopen.sync import measure_evenness
 from schwung.fieldbus.cia402 import State
 from schwung.fieldbus.drive import (
     Acquisition,
+    DriveLimits,
     Progress,
     Recording,
     Setpoints,
@@ -93,25 +94,20 @@ class Operation:
         if was_operational:
             nmt.send_command(self._link, nmt.START, self._sdo.node_id)
 
-    def start(self, acquisition: Acquisition, scales: Scales, following_window_rad: float | None) -> None:
-        """Node operational, PDOs running, power stage off. Raises StateError, NodeLostError."""
+    def start(self, acquisition: Acquisition, scales: Scales, limits: DriveLimits) -> None:
+        """Node operational, PDOs running, power stage off. Raises StateError, NodeLostError; EnergisedError, and
+        nothing is sent that would change its state."""
         if self.running:
             raise StateError(self._place, "already exchanges PDOs", "Stop it first.")
         self._stopping.require_not_halted()
-        state = self._dialogue.state()
-        if state in cia402.ENERGISED:
-            raise StateError(
-                self._place,
-                f'is in "{state.value}": somebody else has switched it on',
-                "Switch it off there.",
-            )
-        if state is State.UNKNOWN:
+        self._dialogue.walker.require_off()
+        if self._dialogue.state() is State.UNKNOWN:
             raise StateError(
                 self._place, "shows no state that CiA 402 knows", "Is this the profile of this drive?"
             )
         self._scales = scales
-        self._stopping.begin(scales.position_rad)
-        self._window_rad = min(START_WINDOW_RAD, (following_window_rad or math.inf) / 2)
+        self._stopping.begin(scales.position_rad, limits.stop_deceleration_rad_s2)
+        self._window_rad = min(START_WINDOW_RAD, (limits.following_error_rad or math.inf) / 2)
         cyclic = Cyclic(
             self._link,
             self._profile,
@@ -128,11 +124,16 @@ class Operation:
                 raise NodeLostError(
                     self._place, "does not become operational", "Does its heartbeat (1017) come?"
                 )
+            self._dialogue.walker.require_off()  # the first frame would take its voltage away
             self._monitor.expect(acquisition.silence_allowed_s)
             here = self._dialogue.position()
             self._dialogue.cyclic = cyclic
             cyclic.start(cyclic.frame(cia402.DISABLE_VOLTAGE, here))
             self._stopping.require_not_halted()
+        except EnergisedError:
+            cyclic.stop()  # nothing has been sent
+            self.stop()
+            raise
         except BaseException:
             self._dialogue.cyclic = cyclic
             self.stop()
@@ -162,6 +163,7 @@ class Operation:
         self._stopping.stands(until=self._stopping.troubled)
         self._require_untroubled()
         self._check_start(setpoints, acquisition, scales)
+        self._stopping.fastest_rad_s = max(self._stopping.fastest_rad_s, playback.fastest_rad_s(setpoints))
         pp = acquisition.mode == "pp"
         strokes = playback.dynamics(setpoints.moves, scales, self._lookup) if pp else []
         own = self.own_means.around(setpoints, acquisition, playable, scales)

@@ -128,6 +128,12 @@ def _moves(setpoints: Setpoints, words: NDArray[np.int64], scales: Scales, targe
     return position
 
 
+def fastest_rad_s(setpoints: Setpoints) -> float:
+    """How fast an axis that follows these turns at most (rad/s)."""
+    steps = np.abs(np.diff(setpoints.position_rad)) * setpoints.sample_rate_hz
+    return max([float(np.max(steps, initial=0.0)), *(move.peak_speed_rad_s for move in setpoints.moves)])
+
+
 def dynamics(moves: Sequence[Move], scales: Scales, lookup: Lookup) -> list[ParameterValue]:
     """Values of 6081, 6083 and 6084 for strokes that share them; a drive without 6084 brakes as it accelerates.
 

@@ -7,8 +7,10 @@
     end       behind the guard the kernel stops by itself, since it was told how many frames to send
     spare     slots behind the end, reached only where a write came late: quick stop, then disable voltage
 
-A frame is held without end, and then every slot has it; while setpoints are played there is always an end. A program
-that hangs leaves a drive that was told to stop, then silence. A latched stop is one frame in every slot.
+Nothing that enables operation goes out without end. While setpoints are played the end lies behind a guard: a program
+that hangs, at whatever instant, leaves a drive that was told to stop, then silence. A frame that is held stands in
+every slot, which leaves no room for a guard: one that enables ends in silence, unless somebody says in time that it
+still holds; one that does not, a latched stop among them, has no end.
 """
 
 from __future__ import annotations
@@ -21,8 +23,9 @@ from schwung.fieldbus.canopen.output import StopFrame
 
 CYCLES = 128
 REFILL = 8  # cycles between two refills
-SPARE = 16  # cycles by which a write may come late before frames could be repeated
-_OFF = 4  # of these, the last ones disable the voltage: what was repeated would find the drive switched off
+SPARE = 32  # cycles by which a write may come late before frames could be repeated
+OFF = 4  # of these, the last ones disable the voltage: what was repeated would find the drive switched off
+STALE = 8  # cycles: echoes that are older are no ground for a refill
 _SOON = 8  # cycles: a write that begins so shortly before the guard could meet it
 _FORMER = 8  # changes of what is held that may be under way at once
 _LOST = 8  # cycles of which the echo may be lost in a row
@@ -64,14 +67,15 @@ class _Image:
 
 
 class Ring:
-    """See the module. `guard` and `lead` (what is still held when a motion begins to be written) are in cycles.
+    """See the module. `guard`, `lead` (what is still held when a motion begins to be written) and `hold` (after which a
+    frame that enables is held no longer, unless `refill` is asked) are in cycles.
 
     `position` always means: the cycle of the last RPDO that the kernel has sent, as far as one knows. It is at least
     `played`, and off by a cycle or a few where echoes are late.
     """
 
-    def __init__(self, stop: StopFrame, held: bytes, guard: int, lead: int) -> None:
-        self._stop, self._guard = stop, guard
+    def __init__(self, stop: StopFrame, held: bytes, guard: int, lead: int, hold: int) -> None:
+        self._stop, self._guard, self._hold = stop, guard, hold
         self._ahead = CYCLES - SPARE - guard
         self._lead = min(lead, self._ahead)
         self._image = _Image([held] * CYCLES)
@@ -80,7 +84,10 @@ class Ring:
         self._motion: _Motion | None = None
         self._guard_from: int | None = None  # cycle; None: without end
         self._written = -1  # value of `played` when the ring was last filled
-        self._replaced: int | None = None  # where the guard began that the last write replaced
+        self._replaced: int | None = (
+            None  # where the guard began, or the end was, that the last write replaced
+        )
+        self._held_to: int | None = None  # cycle up to which what is held surely goes out; None: without end
         self.played = -1  # cycle of the last echo
         self.setpoint = -1  # of the last echo
         self.latched = False
@@ -90,11 +97,11 @@ class Ring:
 
     def hold(self, frame: bytes, position: int) -> Write:
         """This frame from now on."""
-        start = self._guard_from is not None and position + 2 >= self._guard_from + self._guard
+        end = self._held_to if self._guard_from is None else self._guard_from + self._guard
         self._former.append(self._image)
         self._image = _Image([frame] * CYCLES)
         self._motion = self._guard_from = self._replaced = None
-        return Write(tuple(self._image.frames), None, start)
+        return self._held(start=end is not None and position + 2 >= end)
 
     def latch(self, controlword: int, position: int) -> Write:
         """The last frame that went out, with this controlword and no injected torque, until `latched` is reset."""
@@ -113,6 +120,7 @@ class Ring:
 
     def play(self, frames: list[bytes], after: bytes) -> Write:
         """What is held for `lead` cycles, then these frames, then `after`. They follow with the next refills."""
+        self._held_to = None
         self._guard_from = self.played + 1
         self._motion = _Motion(frames, after, self._guard_from + self._lead)
         self.held_up = False
@@ -121,32 +129,33 @@ class Ring:
         return write
 
     def refill(self, position: int) -> Write | None:
-        """Append what has room now; None: nothing yet. When the last setpoint was sent, `after` is held without end.
+        """Append what has room now; None: nothing yet. When the last setpoint was sent, `after` is held; what is held
+        is held on.
 
-        Where the guard was met, or could be before the write arrives, the motion is given up: `held_up`. To be
-        followed by `landed`.
+        Where the guard was met, or could be before the write arrives, or what is held may have ended, it is given up:
+        `held_up`. The write is to be looked at by `overdue` before the kernel gets it, and when it has it.
         """
         motion, guard_from = self._motion, self._guard_from
         if motion is None or guard_from is None:
-            return None
+            return self._hold_on(position)
         if position + _SOON >= guard_from:
             return self.give_up(position)
         write = None
         if self.played + 1 >= motion.end:
             write = self.hold(motion.after, position)
-        elif self.played - self._written >= REFILL and position - self.played <= SPARE // 2:
+        elif self.played - self._written >= REFILL and position - self.played <= STALE:
             write = self._extend(self.played + 1 + self._ahead)
         if write is not None:
             self._replaced = guard_from
         return write
 
-    def landed(self, position: int) -> Write | None:
-        """The kernel has taken a write, at `position` or before. Had it met the guard meanwhile, the stop that this
-        write undid; else None."""
+    def overdue(self, position: int) -> Write | None:
+        """Asked right before the kernel gets a write, and again when it has it: the stop that has to go out instead,
+        where the kernel has met the guard meanwhile, or nearly so, which the write would undo; else None."""
         if self._replaced is not None and position + _SOON // 2 >= self._replaced:
             self._guard_from = self._replaced
             return self.give_up(position)
-        if position - self.played > SPARE:
+        if self._motion is not None and position - self.played > SPARE // 2:
             self._written = self.played - REFILL  # the end may be too far: refill again at once
         return None
 
@@ -157,7 +166,24 @@ class Ring:
 
     def again(self) -> Write:
         """The frame that is held, started anew."""
-        return Write(tuple(self._image.frames), None, start=True)
+        return self._held(start=True)
+
+    def _hold_on(self, position: int) -> Write | None:
+        end = self._held_to
+        if end is None or end - position > self._hold // 2:
+            return None
+        if position + _SOON >= end:
+            return self.give_up(position)
+        write = self._held()
+        self._replaced = end - self._guard  # as if it were one: from there on it may have ended
+        return write
+
+    def _held(self, *, start: bool = False) -> Write:
+        """What is held, for as long as it may be."""
+        frames = tuple(self._image.frames)
+        self._written = self.played
+        self._held_to = self.played + self._hold if self._stop.enables(frames[0]) else None
+        return Write(frames, None if self._held_to is None else 2 * self._hold, start)
 
     def _extend(self, guard_from: int) -> Write:
         """Append up to `guard_from`, and guard all behind it."""
@@ -171,7 +197,7 @@ class Ring:
         quick, off = (self._stop.frame(last, word) for word in (cia402.QUICK_STOP, cia402.DISABLE_VOLTAGE))
         beyond = self.played + 1 + CYCLES
         for cycle in range(guard_from, beyond):
-            image.frames[cycle % CYCLES] = quick if cycle < beyond - _OFF else off
+            image.frames[cycle % CYCLES] = quick if cycle < beyond - OFF else off
             image.setpoints[cycle % CYCLES] = -1
         self._guard_from, self._written = guard_from, self.played
         # Of the cycle that was seen last, the SYNC may still be to come.
@@ -196,7 +222,7 @@ class Ring:
 
     @property
     def unfed(self) -> int:
-        """Cycles since the last refill."""
+        """Cycles since the last refill, or since what is held was written."""
         return self.played - self._written
 
     def sent(self, data: bytes) -> bool:

@@ -11,6 +11,7 @@ from collections.abc import Callable
 
 from schwung.errors import BusError, DriveError, StateError
 from schwung.fieldbus import cia402
+from schwung.fieldbus.braking import Slowing, unseen_s
 from schwung.fieldbus.canopen import nmt
 from schwung.fieldbus.canopen.dialogue import CONTROLWORD, STANDSTILL_S, Dialogue
 from schwung.fieldbus.canopen.emcy import describe_code
@@ -22,6 +23,7 @@ from schwung.fieldbus.walker import PATIENCE_S
 
 _HALT_S = 1.0  # another thread that is at it already is waited for so long
 _HALT_TRIES = 3
+_BRAKING = (State.QUICK_STOP_ACTIVE, State.FAULT_REACTION)
 _SETTLED_S = 0.2  # what is in operation and does not stand within that is stopped before it is switched off
 
 
@@ -32,6 +34,7 @@ class Stopping:
         self, link: Link, sdo: SdoChannel, monitor: nmt.NodeMonitor, dialogue: Dialogue, own_means: OwnMeans
     ) -> None:
         self.moved = False  # something has been played since `begin`
+        self.fastest_rad_s = 0.0  # of what was to be played
         self._link, self._clock, self._sdo, self._monitor = link, link.clock, sdo, monitor
         self._dialogue, self._own_means, self._place = dialogue, own_means, dialogue.place
         self._lock = self._clock.lock()
@@ -39,15 +42,18 @@ class Stopping:
         self._halts = self._halts_answered = 0  # asked for, and followed by `disable`
         self._stopped_s: float | None = None  # when the first quick stop since `begin` was sent
         self._count_rad: float | None = None
+        self._deceleration_rad_s2: float | None = None
 
     @property
     def stopped(self) -> bool:
         """A quick stop has been sent since `begin`."""
         return self._stopped_s is not None
 
-    def begin(self, count_rad: float) -> None:
-        """The exchange starts: nothing has moved, nothing has been stopped. `count_rad`: worth of a position count."""
-        self._count_rad, self._stopped_s, self.moved = count_rad, None, False
+    def begin(self, count_rad: float, deceleration_rad_s2: float | None) -> None:
+        """The exchange starts: nothing has moved, nothing has been stopped. `count_rad`: worth of a position count;
+        `deceleration_rad_s2`: how hard the drive brakes, where it tells."""
+        self._count_rad, self._deceleration_rad_s2 = count_rad, deceleration_rad_s2
+        self._stopped_s, self.moved, self.fastest_rad_s = None, False, 0.0
 
     def require_not_halted(self) -> None:
         """Raise StateError where nothing has been switched off since a halt: whoever goes on has not heard of it."""
@@ -107,7 +113,7 @@ class Stopping:
                 self._sdo.assume_silent()
             else:
                 with contextlib.suppress(Exception):
-                    self.stands()
+                    self._comes_to_rest(Slowing())
 
     def reset_fault(self) -> None:
         """Fault reset, then Switch on disabled and nothing more. What is energised comes to rest first.
@@ -140,29 +146,45 @@ class Stopping:
         self.require_not_halted()
 
     def disable(self) -> None:
-        """Standstill, then power stage off, as the drive shows it. Raises StateError where that is not sure."""
-        cyclic, halts = self._dialogue.cyclic, self._halts
+        """Standstill, then power stage off, as the drive shows it. Raises StateError where that is not sure.
+
+        Its own brake gets as long as it needs. Raises CoastingError where the axis turned on and no longer slowed down:
+        the power stage is off then.
+        """
+        cyclic, halts, resting, slowing = self._dialogue.cyclic, self._halts, True, Slowing()
         try:
             if cyclic is not None:
                 cyclic.pump(0.0)
             state = self._dialogue.state()
-            in_operation = state in (State.OPERATION_ENABLED, State.UNKNOWN)
-            if (in_operation and not self.stands(_SETTLED_S, self.troubled)) or (
-                state is State.QUICK_STOP_ACTIVE and not self.stands()
-            ):
+            if state in (State.OPERATION_ENABLED, State.UNKNOWN):
+                resting = self.stands(_SETTLED_S, self.troubled)
+            elif state in _BRAKING:
+                resting = self._comes_to_rest(Slowing())
+            if not resting:
                 self.quick_stop()
-                self.stands()
+                resting = self._comes_to_rest(slowing) or not self._energised()
         except DriveError:  # unseen it gets as long to come to rest, and is switched off all the same
+            resting = True  # as far as one knows
             if self._stopped_s is None:
                 self.quick_stop()
             if self.moved and self._stopped_s is not None:
-                self._dialogue.wait(self._stopped_s + STANDSTILL_S - self._clock.now())
+                wait_s = unseen_s(self.fastest_rad_s, self._deceleration_rad_s2)
+                self._dialogue.wait(self._stopped_s + wait_s - self._clock.now())
         self._dialogue.walker.off()
         self._halts_answered = halts
+        if not resting:
+            raise slowing.given_up(self._place, self._count_rad)
 
     def stands(self, patience_s: float = STANDSTILL_S, until: Callable[[], bool] | None = None) -> bool:
         """See Dialogue.await_standstill."""
         return self._dialogue.await_standstill(self._count_rad, patience_s, until)
+
+    def _comes_to_rest(self, slowing: Slowing) -> bool:
+        """As `stands`, for as long as the drive brakes."""
+        return self._dialogue.await_standstill(self._count_rad, slowing=slowing)
+
+    def _energised(self) -> bool:
+        return self._dialogue.state() not in cia402.OFF
 
     def troubled(self) -> bool:
         """Something has come up since the exchange was started, a halt among it."""

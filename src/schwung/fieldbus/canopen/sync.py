@@ -169,10 +169,7 @@ class PeriodicProducer(_PythonProducer):
         self._task = self._clock.every(self.period_s / 2, self._half_cycle, "schwung SYNC")
 
     def pump(self, duration_s: float) -> bool:
-        counts = list(self._exchange.answer_counts)
-        self._clock.sleep(max(duration_s, 2 * self.period_s))
-        now = self._exchange.answer_counts
-        return all(after > before for before, after in zip(counts, now, strict=True))
+        return await_answers(self._exchange, max(duration_s, 2 * self.period_s))
 
     def play(self, frames: list[bytes], after: bytes, recorder: Recorder, progress: Progress | None) -> None:
         self._output.play(frames, after)
@@ -215,6 +212,13 @@ def measure_evenness(link: Link, period_s: float) -> SyncTiming:
     if failures:
         raise failures[0]
     return measure_timing(PeriodicProducer.name, period_s, np.array(stamps))
+
+
+def await_answers(exchange: Exchange, duration_s: float) -> bool:
+    """Let so much time pass; False where one of the TPDOs did not come meanwhile: another one does not stand for it."""
+    before = list(exchange.answer_counts)
+    exchange.link.clock.sleep(duration_s)
+    return all(now > count for count, now in zip(before, exchange.answer_counts, strict=True))
 
 
 def wait_while_playing(

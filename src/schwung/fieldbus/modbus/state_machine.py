@@ -13,6 +13,7 @@ from collections.abc import Callable
 
 from schwung.errors import BusError, DriveError, DriveFaultError, NodeLostError, RegisterError, StateError
 from schwung.fieldbus import cia402
+from schwung.fieldbus.braking import Slowing
 from schwung.fieldbus.cia402 import State
 from schwung.fieldbus.modbus.registers import Registers
 from schwung.fieldbus.profile import ObjectRef
@@ -139,10 +140,12 @@ class StateMachine:
         """Operation enabled, in a mode that the drive shows before it is energised.
 
         Raises StateError naming what is missing, or after a halt that neither `disable` nor `reset_fault` has
-        followed, DriveFaultError.
+        followed, DriveFaultError, EnergisedError where it is on, and not by us.
         """
         self._losses_seen = self._registers.link.losses
         self._require_free()
+        if not self._may_move:
+            self._walker(self.command).require_off()
         if mode is not None:
             self._require_mode(mode)
 
@@ -217,43 +220,61 @@ class StateMachine:
         """Power stage off, after standstill, and seen to be off. A fault is left as it is.
 
         Where nothing is on by our doing, a drive that shows so is left alone. Raises StateError where the power stage
-        may still be on, or what kept the drive from telling; Disable Voltage has been sent then.
+        may still be on, or what kept the drive from telling; Disable Voltage has been sent then. Its own brake gets as
+        long as it needs: CoastingError where the axis turned on and no longer slowed down, the power stage is off then.
         """
-        halts = self._halts
-        self._switch_off()
+        halts, slowing = self._halts, Slowing()
+        resting = self._switch_off(slowing)
         if self._halts == halts:  # one that came meanwhile is not over
             self._halted.clear()
+        if not resting:
+            raise slowing.given_up(self._place, self._count_rad())
 
-    def _switch_off(self) -> None:
+    def _switch_off(self, slowing: Slowing) -> bool:
+        """False where it was not at rest."""
         state: State | None = None
         with contextlib.suppress(DriveError):
             state = self.state()
         known = state is not None and state is not State.UNKNOWN
         if known and state not in cia402.ENERGISED and not self._may_move:
-            return
+            return True
         if state not in (*cia402.OFF, State.QUICK_STOP_ACTIVE, State.FAULT_REACTION):
             self._stop_moving()
-        self._await_standstill()
+        resting = self._await_standstill(slowing)
         self._walker(self.command).off()
         self._may_move = False
+        return resting
 
-    def _await_standstill(self) -> None:
-        """Until the axis has not moved for a while, or it takes too long, or cannot be told."""
+    def _await_standstill(self, slowing: Slowing) -> bool:
+        """Until the axis has not moved for a while, or cannot be told; False where it turns on under power, and no
+        longer slows down."""
         clock = self._clock
         end_s, since_s, at = clock.now() + _STANDSTILL_S, clock.now(), math.nan
         count_rad = abs(self._count_rad())
         still = max(_STILL_RAD, 1.5 * count_rad) / count_rad if count_rad > 0 else 1.0  # counts
-        while clock.now() < end_s and clock.now() - since_s < _STILL_FOR_S:
+        seen = False
+        while clock.now() - since_s < _STILL_FOR_S:
             now = math.nan
             try:
                 now = self._position()
             except (BusError, NodeLostError):
-                return  # nobody is there to be let go of
+                return True  # nobody is there to be let go of
             except DriveError:
                 pass
+            seen = seen or not math.isnan(now)
+            slows = slowing.look(clock.now(), now)
+            if clock.now() >= end_s and not (slows and self._braking()):
+                return not seen or not self._braking()
             if not abs(now - at) <= still:
                 at, since_s = now, clock.now()
             clock.sleep(POLL_S)
+        return True
+
+    def _braking(self) -> bool:
+        """It shows that it is under power, or does not show that it is not."""
+        with contextlib.suppress(DriveError):
+            return self.state() not in (*cia402.OFF, State.READY, State.SWITCHED_ON)
+        return True
 
     def reset_fault(self) -> None:
         """Acknowledge a fault, once it has been reacted to. Ends in Switch on disabled; what moves comes to rest first.
