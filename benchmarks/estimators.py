@@ -48,7 +48,7 @@ from schwung.errors import SchwungError
 from schwung.estimation import estimate
 from schwung.estimation.bound import cramer_rao
 from schwung.estimation.methods import METHODS, Method
-from schwung.estimation.trajectory_model import Noise
+from schwung.innovations.likelihood import Noise
 from schwung.session import Session
 
 __all__ = ["PHASES", "Score", "main", "score"]

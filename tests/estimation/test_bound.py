@@ -10,7 +10,7 @@ from schwung.drivetrain import InertiaTable, Load
 from schwung.errors import InputError
 from schwung.estimation.bound import cramer_rao
 from schwung.estimation.trajectory_fit import fit
-from schwung.estimation.trajectory_model import Noise
+from schwung.innovations.likelihood import Noise
 
 GIVEN = Noise(torque_nm=0.1, speed_rad_s=0.02, position_rad=1e-5)
 

@@ -10,12 +10,13 @@ from scipy.integrate import solve_ivp
 from schwung.drivetrain import Control, Coupling, InertiaTable, Load, Machine, Motor, simulate
 from schwung.errors import InputError
 from schwung.estimation import estimate
-from schwung.estimation import trajectory_kernel as kernel
 from schwung.estimation.bound import cramer_rao
-from schwung.estimation.ripple import LOSS_STD
 from schwung.estimation.trajectory_fit import fit
-from schwung.estimation.trajectory_model import Basis, Noise
-from schwung.estimation.trajectory_signals import thinned as thinned_run
+from schwung.innovations import kernel
+from schwung.innovations.likelihood import Noise
+from schwung.innovations.signals import LOSS_STD
+from schwung.innovations.signals import thinned as thinned_run
+from schwung.innovations.splines import Basis
 from schwung.motion import Excitation, Motion
 from schwung.session import Run, Session
 

@@ -17,10 +17,12 @@ from schwung.drivetrain.physics import effects_of
 from schwung.errors import InputError
 from schwung.estimation.sampling import is_held
 from schwung.estimation.table import DEFAULT_POINTS
-from schwung.estimation.trajectory_fit import band_of, likely_noise, passed_over, resmoothed, systems_of
-from schwung.estimation.trajectory_model import STICKING, Basis, Layout, Model, Noise
+from schwung.estimation.trajectory_fit import band_of, passed_over
+from schwung.estimation.trajectory_model import Layout, Model
 from schwung.estimation.trajectory_prior import posterior, prior_for
-from schwung.estimation.trajectory_signals import load_angle_range, signals_of
+from schwung.innovations.likelihood import STICKING, Noise, likely_noise, resmoothed, systems_of
+from schwung.innovations.signals import load_angle_range, signals_of
+from schwung.innovations.splines import Basis
 from schwung.motion import Array
 from schwung.session.model import Run, Session
 
@@ -90,7 +92,7 @@ def cramer_rao(
     for _ in range(_ROUNDS):  # what the session says of all else, so that its trajectories are met
         runs = resmoothed(model, runs, parameters, found)
         about = systems_of(model, runs, parameters)
-        found = noise or likely_noise(model, about, runs, found, 1.0)
+        found = noise or likely_noise(about, runs, found, 1.0, high - low)
         each = [
             passed_over(model, [system], [run], parameters, found)
             for system, run in zip(about, runs, strict=True)

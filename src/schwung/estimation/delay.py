@@ -30,13 +30,13 @@ from schwung.estimation.fit import Nuisance, fit_curve
 from schwung.estimation.report import controller_lag, expected, speed_lag
 from schwung.estimation.ripple import (
     CONTROLLER_STD,
-    LOSS_STD,
     Ripple,
     injection_of,
     phase_groups,
     ripple_of_pair,
     ripple_of_phases,
 )
+from schwung.innovations.signals import LOSS_STD
 from schwung.motion import Array
 from schwung.session.model import Run, Session
 

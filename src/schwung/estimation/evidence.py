@@ -40,9 +40,9 @@ from schwung.drivetrain.machine import Machine
 from schwung.errors import InputError
 from schwung.estimation.denoise import denoise
 from schwung.estimation.fit import CurveFit, Nuisance, fit_curve
-from schwung.estimation.low_pass import low_passed
 from schwung.estimation.methods import Outcome, Task
 from schwung.estimation.ripple import phase_groups, ripple_of_pair, ripple_of_phases
+from schwung.innovations.low_pass import low_passed
 from schwung.motion import Array
 from schwung.session.model import Run
 

@@ -18,6 +18,7 @@ from schwung.estimation.denoise import check_aligned, same_motion
 from schwung.estimation.sampling import fundamental
 from schwung.estimation.sdft import ComplexArray
 from schwung.estimation.values import Denoised
+from schwung.innovations.signals import LOSS_STD
 from schwung.motion import Array
 from schwung.session.model import Run
 
@@ -27,8 +28,6 @@ MIN_PHASES = 4
 PHASE_TOLERANCE = 1e-3
 #: Injections count as one when amplitude and ramp agree to this share.
 SAME_INJECTION = 1e-6
-#: Attribute of a run: how sure it is what the torque's filter took off, standard deviation of γ in 1 − γω² (s²).
-LOSS_STD = "torque_loss_std_s2"
 #: Attribute of a run with a held injection: how sure it is when its controller's torque acted, s.
 CONTROLLER_STD = "controller_lag_std_s"
 

@@ -12,23 +12,28 @@ from dataclasses import dataclass, replace
 from typing import TypeVar
 
 import numpy as np
-from scipy.optimize import minimize, minimize_scalar
+from scipy.optimize import minimize_scalar
 
 from schwung.drivetrain.inertia import InertiaTable
 from schwung.drivetrain.machine import Machine
 from schwung.errors import InputError
-from schwung.estimation import trajectory_kernel as kernel
 from schwung.estimation.sampling import is_held
-from schwung.estimation.trajectory_model import (
-    STICKING,
-    Basis,
-    Equations,
-    Layout,
-    Model,
-    Noise,
-)
+from schwung.estimation.trajectory_model import Layout, Model
 from schwung.estimation.trajectory_prior import Posterior, posterior, prior_for
-from schwung.estimation.trajectory_signals import FINEST, Signals, load_angle_range, signals_of
+from schwung.innovations import kernel
+from schwung.innovations.likelihood import (
+    STICKING,
+    Equations,
+    Noise,
+    deviance_of,
+    first_noise,
+    likely_noise,
+    problem_of,
+    resmoothed,
+    systems_of,
+)
+from schwung.innovations.signals import Signals, load_angle_range, signals_of
+from schwung.innovations.splines import Basis
 from schwung.motion import Array
 from schwung.session.model import Run
 
@@ -58,8 +63,6 @@ STRETCH_S = 0.02
 FAR, HALVINGS = 10.0, 6
 #: Constant inertias tried at the start, over the rotor's.
 _TRIED = np.geomspace(0.05, 2000.0, 20)
-#: First guess of the angle's error, over the visited range.
-_ANGLE_ERROR = 1e-6
 
 
 @dataclass(frozen=True, eq=False)
@@ -117,7 +120,7 @@ def fit(
     """
     _check_alive(recorded)
     model, runs = _model_of(recorded, machine, rotary)
-    noise = _first_noise(runs)
+    noise = first_noise(runs)
     if start is None:
         logs = np.full(model.layout.basis.size, np.log(_constant_inertia(model, _few(runs), noise)))
     else:
@@ -133,7 +136,7 @@ def fit(
         iteration += 1
         about = systems_of(model, runs, parameters)
         if restless:
-            likely = likely_noise(model, _few(about), _few(runs), noise, reach)
+            likely = likely_noise(_few(about), _few(runs), noise, reach, model.layout.basis.span_rad)
             moved = likely.moved_from(noise)
             restless, noise = moved > (0.03 if iteration < PATIENT else 0.3), likely
             reach = float(np.clip(moved, 0.05, 0.3))
@@ -217,9 +220,9 @@ def _likelier(
     noise: Noise,
 ) -> Array:
     """The step, halved until the runs are likelier after it: far from the truth, a linear model promises too much."""
-    before = _deviance(about, runs, noise, scaled=True)
+    before = deviance_of(about, runs, noise, scaled=True)
     for _ in range(HALVINGS):
-        if _deviance(systems_of(model, runs, parameters + step), runs, noise, scaled=True) < before:
+        if deviance_of(systems_of(model, runs, parameters + step), runs, noise, scaled=True) < before:
             break
         step = step / 2
     return step
@@ -245,11 +248,6 @@ def _few(each: Sequence[T]) -> Sequence[T]:
     return each if len(each) <= FEW else [each[round(i)] for i in np.linspace(0, len(each) - 1, FEW)]
 
 
-def systems_of(model: Model, runs: Sequence[Signals], parameters: Array) -> list[Equations]:
-    """The equations of every run about its states and these parameters."""
-    return [model.equations(run, parameters) for run in runs]
-
-
 def passed_over(
     model: Model, about: Sequence[Equations], runs: Sequence[Signals], parameters: Array, noise: Noise
 ) -> Passed:
@@ -257,7 +255,7 @@ def passed_over(
     size = model.layout.size
     information, scores, smoothed = np.zeros((size, size)), [], []
     for system, run in zip(about, runs, strict=True):
-        result = kernel.filtered(_system(system, noise, run))
+        result = kernel.filtered(problem_of(system, noise, run))
         columns = model.columns(run, parameters, system)
         rows = kernel.whitened(system.transition, result, *columns)
         information += rows.T @ rows
@@ -269,53 +267,13 @@ def passed_over(
     return Passed(information, every.sum(0), every, tuple(smoothed))
 
 
-def resmoothed(model: Model, runs: Sequence[Signals], parameters: Array, noise: Noise) -> tuple[Signals, ...]:
-    """The runs with the states that these parameters make likely."""
-    systems = systems_of(model, runs, parameters)
-    results = [kernel.filtered(_system(s, noise, r)) for s, r in zip(systems, runs, strict=True)]
-    return tuple(
-        replace(run, states=kernel.smoothed(system.transition, result)[:, :-1])
-        for run, system, result in zip(runs, systems, results, strict=True)
-    )
-
-
-def _system(equations: Equations, noise: Noise, run: Signals) -> kernel.System:
-    """The filter's problem: equations, sizes of noise, and a first state that is known a little."""
-    speed = 0.1 * float(np.ptp(run.states[:, 1])) + noise.speed_rad_s
-    position = 1e-3 * float(np.ptp(run.position_rad)) + noise.position_rad
-    power = noise.torque_nm**2 + equations.slack
-    shaft = [position, speed] if run.rigid else [position, speed, position, speed]
-    return kernel.System(
-        equations.transition,
-        equations.forcing,
-        equations.noise,
-        power[1:],
-        equations.measured,
-        np.array([noise.position_rad**2, noise.speed_rad_s**2]),
-        equations.first,
-        np.array([*shaft, np.sqrt(power[0])]),
-    )
-
-
-def _first_noise(runs: Sequence[Signals]) -> Noise:
-    """A rough guess, to start from."""
-    torque = np.concatenate([run.drive.smooth(run.time_s) for run in runs])
-    bends = np.concatenate([np.diff(run.speed_rad_s, 2) for run in runs])
-    stroke = max(float(np.ptp(run.position_rad)) for run in runs)
-    return Noise(
-        torque_nm=max(0.02 * float(np.sqrt(np.mean(torque**2))), 1e-12),
-        speed_rad_s=max(1.4826 * float(np.median(np.abs(bends))) / np.sqrt(6), 1e-12),
-        position_rad=max(_ANGLE_ERROR * stroke, 1e-15),
-    )
-
-
 def _constant_inertia(model: Model, runs: Sequence[Signals], noise: Noise) -> float:
     """The constant inertia (kg·m²) that explains the runs best, whatever the size of the noise."""
 
     def deviance(log_inertia: float) -> float:
         parameters = np.zeros(model.layout.size)
         parameters[model.layout.inertia] = log_inertia
-        return _deviance(systems_of(model, runs, parameters), runs, noise, scaled=True)
+        return deviance_of(systems_of(model, runs, parameters), runs, noise, scaled=True)
 
     logs = np.log(_TRIED * model.machine.motor.inertia_kgm2)
     best = int(np.argmin([deviance(value) for value in logs]))
@@ -323,43 +281,3 @@ def _constant_inertia(model: Model, runs: Sequence[Signals], noise: Noise) -> fl
     return float(
         np.exp(minimize_scalar(deviance, bounds=around, method="bounded", options={"xatol": 0.01}).x)
     )
-
-
-def _deviance(systems: Sequence[Equations], runs: Sequence[Signals], noise: Noise, *, scaled: bool) -> float:
-    """−2 log likelihood but for a constant; `scaled`: with the best common factor of all noise."""
-    logs = squares = 0.0
-    for system, run in zip(systems, runs, strict=True):
-        log, square = kernel.deviance(_system(system, noise, run))
-        logs, squares = logs + log, squares + square
-    if not (np.isfinite(logs) and np.isfinite(squares)):
-        return float(np.finfo(float).max)
-    count = 2 * sum(run.time_s.size for run in runs)
-    return float(logs + count * np.log(squares / count)) if scaled else float(logs + squares)
-
-
-def likely_noise(
-    model: Model, systems: Sequence[Equations], runs: Sequence[Signals], start: Noise, reach: float
-) -> Noise:
-    """The sizes of noise that make the innovations most likely; `reach`: how far off they may be (log)."""
-    span = model.layout.basis.high_rad - model.layout.basis.low_rad
-    finest = max(FINEST * span, 0.5 * max(run.count_rad for run in runs) / np.sqrt(12))
-
-    def noise_of(logs: Array) -> Noise:
-        torque, speed, position = (float(v) for v in np.exp(logs))
-        return Noise(torque, speed, float(max(position, finest)))
-
-    def cost(logs: Array) -> float:
-        return _deviance(systems, runs, noise_of(logs), scaled=False)
-
-    # while much is unexplained, the angle's error means nothing and may have gone anywhere: offer a fresh one, too
-    starts = [
-        np.log([start.torque_nm, start.speed_rad_s, position])
-        for position in (max(start.position_rad, finest), max(_ANGLE_ERROR * span, 2 * finest))
-    ]
-    first = min(starts, key=cost)
-    best = minimize(
-        cost, first, method="Nelder-Mead",
-        options={"xatol": 0.02, "fatol": 0.5, "maxfev": 60,
-                 "initial_simplex": first + reach * np.vstack([np.zeros(3), np.diag([-0.7, 0.3, 0.7])])},
-    )  # fmt: skip
-    return noise_of(best.x)

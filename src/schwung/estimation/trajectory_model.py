@@ -10,67 +10,17 @@ the latest smoothed one, so that each step of the filter is linear; it changes b
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import astuple, dataclass
+from dataclasses import dataclass
 
 import numpy as np
 
 from schwung.drivetrain.machine import Machine
-from schwung.estimation import trajectory_kernel as kernel
-from schwung.estimation.trajectory_signals import Signals, Steps
+from schwung.innovations import kernel
+from schwung.innovations.likelihood import Equations
+from schwung.innovations.signals import Signals
+from schwung.innovations.splines import Basis
+from schwung.innovations.steps import Steps, bulge, off_middle
 from schwung.motion import Array
-
-#: Dry friction is smoothed within this share of the peak speed; up to a few times that its sign is open.
-STICKING = 0.005
-
-
-@dataclass(frozen=True)
-class Basis:
-    """Uniform cubic B-splines over an angle range, `pieces` + 3 of them; straight on outside."""
-
-    low_rad: float
-    high_rad: float
-    pieces: int
-
-    @property
-    def size(self) -> int:
-        return self.pieces + 3
-
-    def finer(self) -> Basis:
-        """Twice the pieces."""
-        return Basis(self.low_rad, self.high_rad, 2 * self.pieces)
-
-    def refined(self, coefficients: Array) -> Array:
-        """The same curve's coefficients in the finer basis: each piece halved (exact)."""
-        c = coefficients
-        between, at = (c[1:] + c[:-1]) / 2, (c[:-2] + 6 * c[1:-1] + c[2:]) / 8
-        result = np.empty(between.size + at.size)
-        result[::2], result[1::2] = between, at
-        return result
-
-    def coefficients_of(self, curve: Callable[[Array], Array]) -> Array:
-        """Those that come nearest to a curve over angles (rad), (size,)."""
-        grid = np.linspace(self.low_rad, self.high_rad, 8 * self.size)
-        return np.asarray(np.linalg.lstsq(self.rows(grid)[0], curve(grid), rcond=None)[0])
-
-    def rows(self, angle_rad: Array) -> tuple[Array, Array]:
-        """All splines and their derivatives at angles (n,): (n, size) each."""
-        step = (self.high_rad - self.low_rad) / self.pieces
-        whole = (angle_rad - self.low_rad) / step
-        at = np.clip(whole, 0.0, self.pieces)
-        piece = np.minimum(at.astype(int), self.pieces - 1)
-        u = at - piece
-        v = 1 - u
-        values = (v**3 / 6, 2 / 3 - u**2 + u**3 / 2, 2 / 3 - v**2 + v**3 / 2, u**3 / 6)
-        slopes = (-(v**2) / 2, -2 * u + 1.5 * u**2, 2 * v - 1.5 * v**2, u**2 / 2)
-        value, slope = np.zeros((angle_rad.size, self.size)), np.zeros((angle_rad.size, self.size))
-        line = np.arange(angle_rad.size)
-        for i in range(4):
-            value[line, piece + i] = values[i]
-            slope[line, piece + i] = slopes[i] / step
-        outside = np.flatnonzero(whole != at)
-        value[outside] += ((whole - at) * step)[outside, None] * slope[outside]
-        return value, slope
 
 
 @dataclass(frozen=True)
@@ -123,37 +73,6 @@ class Layout:
     @property
     def size(self) -> int:
         return self.coulomb + 8
-
-
-@dataclass(frozen=True)
-class Noise:
-    """Standard deviations of the errors of each sample, and of the torque."""
-
-    torque_nm: float
-    speed_rad_s: float
-    position_rad: float
-
-    def times(self, factor: float) -> Noise:
-        """All three so many times as large."""
-        return Noise(factor * self.torque_nm, factor * self.speed_rad_s, factor * self.position_rad)
-
-    def moved_from(self, other: Noise) -> float:
-        """By how much that one of the three differs which differs most, as a logarithm."""
-        mine, others = np.array(astuple(self)), np.array(astuple(other))
-        return float(np.max(np.abs(np.log(mine / others))))
-
-
-@dataclass(frozen=True, eq=False)
-class Equations:
-    """One run about its latest states: all that the filter takes. The last state is the torque's error (N·m)."""
-
-    transition: Array  # (n − 1, s, s)
-    forcing: Array  # (n − 1, s)
-    noise: Array  # (n − 1, s): what the torque's error of the sample at the end of each step does
-    slack: Array  # (n,) variance of the torque (N·m)² beyond the sensor's
-    measured: Array  # (n, 2)
-    first: Array  # (s,)
-    torques: Array  # (n − 1, 6) over each step, see `Steps`
 
 
 @dataclass(frozen=True, eq=False)
@@ -220,8 +139,8 @@ class Model:
         friction = parameters[at.coulomb] * along.direction + parameters[at.viscous] * along.speed
         motor = run.drive.between(parameters[at.torque_delay], parameters[at.controller_delay])
         start, end = motor.start_nm - friction[:-1], motor.end_nm - friction[1:]
-        early, late, between = _off_middle(along.inertia, run)
-        load_start, load_end, load_bulge = load[:-1] - early, load[1:] - late, _bulge(load) - between
+        early, late, between = off_middle(along.inertia, run)
+        load_start, load_end, load_bulge = load[:-1] - early, load[1:] - late, bulge(load) - between
         torques = np.stack([start, load_start, end, load_end, motor.bulge_nm, load_bulge], 1)
         steps = Steps.of(self.shaft(parameters), along.middle, run.step_s, slopes=False)
         size = steps.transition.shape[1]
@@ -240,7 +159,7 @@ class Model:
         return Equations(transition, forcing, noise, slack, measured, first, torques)
 
     def columns(self, run: Signals, parameters: Array, equations: Equations) -> tuple[Array, Array]:
-        """What a unit of each parameter adds to each step (n − 1, s, P), and to the speed's samples (n, P).
+        """What a unit of each parameter adds to each step (n − 1, s, P), and to the samples (n, 2, P).
 
         About *quiet* states and torques, from which the noise above the motion's band is filtered: in the sensitivities
         it would meet itself in the innovations and bias the parameters (errors in variables), stiffness above all. As
@@ -273,28 +192,7 @@ class Model:
         part[:, :, at.damping] = (steps.by_damping @ stacked)[..., 0]
         bent = run.quiet(run.drive.smooth(run.time_s, 2))
         part[:, :, at.loss] = steps.added(-bent[:, None], 0)[:, :, 0]
-        of_speed = np.zeros((along.speed.size, at.size))
-        of_speed[:, at.loss] = run.quiet(run.speed_at(0.0, derivative=2))
-        of_speed[:, at.speed_delay] = -run.speed_at(parameters[at.speed_delay], derivative=1)
-        return made, of_speed
-
-
-def _off_middle(inertia: Array, run: Signals) -> tuple[Array, Array, Array]:
-    """Torque taken by what the inertia differs from that of the middle of each step, (J − J_m) dω_l/dt:
-    at the start of each step, at its end, and its height over the straight line between them; (n − 1,) each.
-    """
-    accelerated = run.load_acceleration
-    half = np.diff(inertia) / 2
-    middle = (accelerated[1:] + accelerated[:-1]) / 2
-    return (
-        -half * accelerated[:-1],
-        half * accelerated[1:],
-        _bulge(inertia) * middle - half * np.diff(accelerated) / 2,
-    )
-
-
-def _bulge(values: Array) -> Array:
-    """Height over the straight line of a smooth curve in the middle between samples (n,), (n − 1,)."""
-    bend = np.zeros_like(values)
-    bend[1:-1] = values[2:] - 2 * values[1:-1] + values[:-2]
-    return np.asarray(-(bend[1:] + bend[:-1]) / 16)
+        reported = np.zeros((along.speed.size, 2, at.size))
+        reported[:, 1, at.loss] = run.quiet(run.speed_at(0.0, derivative=2))
+        reported[:, 1, at.speed_delay] = -run.speed_at(parameters[at.speed_delay], derivative=1)
+        return made, reported

@@ -19,8 +19,8 @@ from scipy.linalg import solve_triangular
 from scipy.optimize import minimize
 
 from schwung.drivetrain.machine import Machine
-from schwung.estimation import trajectory_kernel as kernel
 from schwung.estimation.trajectory_model import Layout
+from schwung.innovations import kernel
 from schwung.motion import Array
 
 #: Standard deviation of a delay (s), and of the logarithms of stiffness and damping about the machine's.

@@ -207,10 +207,11 @@ def smoothed(transition: Array, result: Filtered) -> Array:
 
 
 @njit(cache=True, error_model="numpy", fastmath=True)
-def whitened(transition: Array, result: Filtered, columns: Array, of_speed: Array) -> Array:
+def whitened(transition: Array, result: Filtered, columns: Array, reported: Array) -> Array:
     """∂(predicted samples)/∂parameters as the filter sees them, over the innovations' deviation; (2n, P).
 
-    `columns` (m, s, P): what the parameters add to each step; `of_speed` (n, P): what they add to the speed's sample.
+    `columns` (m, s, P): what the parameters add to each step; `reported` (n, 2, P): what they add to
+    the samples of angle and speed.
     """
     count, size = result.state.shape
     number = columns.shape[2]
@@ -229,7 +230,7 @@ def whitened(transition: Array, result: Filtered, columns: Array, of_speed: Arra
         for m in range(2):
             weight = 1.0 / np.sqrt(result.variance[k, m])
             for c in range(number):
-                seen[c] = x[m, c] + (of_speed[k, c] if m == 1 else 0.0)
+                seen[c] = x[m, c] + reported[k, m, c]
                 rows[2 * k + m, c] = weight * seen[c]
             for i in range(size):
                 factor = result.gain[k, m, i]

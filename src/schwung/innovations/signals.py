@@ -1,4 +1,4 @@
-"""A run as the trajectory fit takes it: the torque between samples, the states believed, and exact steps."""
+"""A run as the innovations model takes it: the torque between samples, and the states believed."""
 
 from __future__ import annotations
 
@@ -10,14 +10,12 @@ import numpy as np
 from scipy.interpolate import CubicSpline
 
 from schwung.drivetrain.machine import Machine
-from schwung.errors import InputError
-from schwung.estimation import trajectory_kernel as kernel
-from schwung.estimation.low_pass import low_passed
-from schwung.estimation.ripple import LOSS_STD
-from schwung.estimation.sampling import is_held
+from schwung.innovations.low_pass import low_passed
 from schwung.motion import Array
 from schwung.session.model import Run
 
+#: Attribute of a run: the standard deviation (s²) of how far it is unknown what a filter took off torque and speed.
+LOSS_STD = "torque_loss_std_s2"
 #: Bands above this share of the highest frequency are not worth a filter.
 WIDEST = 0.8
 #: Samples that say all there is: so many per period of the band's end, and of the rotor's swing against the coupling,
@@ -28,9 +26,6 @@ FINEST = 1e-9
 #: Half the length of the filter before samples are left out, in the remaining ones; β of its taps' Kaiser window.
 _HALF, _TAPS = 6, 6.0
 _EDGE = 60  # fewer samples than this are not worth a filter
-#: Inertias at which a step is worked out; between them it is interpolated (relative error below 1e-7).
-_NODES = 32
-_DIFFERENCE = 1e-4  # of log k and log b, for their sensitivities
 
 
 @dataclass(frozen=True, eq=False)
@@ -118,7 +113,7 @@ def signals_of(recorded: Run, machine: Machine, band_hz: float, pieces_hz: float
     """
     run = recorded if pieces_hz is None else thinned(recorded, machine, band_hz, pieces_hz)
     held, smooth = np.zeros(len(run) - 1), run.torque_nm
-    if is_held(run) and run.torque_added_nm is not None:
+    if run.is_held and run.torque_added_nm is not None:
         held, smooth = run.torque_added_nm[1:], run.torque_nm - run.torque_added_nm
     position, rigid = run.position_rad, machine.coupling is None
     speed = (
@@ -160,7 +155,7 @@ def thinned(run: Run, machine: Machine, band_hz: float, pieces_hz: float) -> Run
     needed = max(PER_BAND * band_hz, PER_SWING * np.sqrt(swing) / (2 * np.pi), PER_PIECE * pieces_hz)
     every = int(run.sample_rate_hz / needed)
     half = _HALF * every
-    if every < 2 or is_held(run) or len(run) < _EDGE * every + 2 * half:
+    if every < 2 or run.is_held or len(run) < _EDGE * every + 2 * half:
         return run
     taps = np.sinc(np.arange(-half, half + 1) / every) * np.kaiser(2 * half + 1, _TAPS)
     taps /= taps.sum()
@@ -198,60 +193,3 @@ def _wind_up(run: Signals, machine: Machine) -> Array:
     accelerated = np.gradient(speed, run.step_s)
     driving = torque - machine.motor.inertia_kgm2 * accelerated - machine.motor.viscous_friction_nms * speed
     return run.quiet(driving) / machine.coupling.stiffness_nm_rad
-
-
-@dataclass(frozen=True, eq=False)
-class Steps:
-    """Every step of a run, which depends on the load inertia alone: state⁺ = Φ state + inputs · torques.
-
-    `torques`: at start, at end, and the height of a parabola between, on motor and load each. The derivatives hold
-    Φ and inputs side by side, (m, s, s + 6).
-    """
-
-    transition: Array  # (m, s, s)
-    inputs: Array  # (m, s, 6)
-    by_inertia: Array  # ∂/∂ log J_l
-    by_stiffness: Array  # ∂/∂ log k
-    by_damping: Array
-
-    @classmethod
-    def of(cls, shaft: kernel.Shaft, inertia: Array, step_s: float, *, slopes: bool) -> Steps:
-        """Steps of the given inertias (m,); without `slopes` the derivatives are empty.
-
-        Raises InputError where the numbers run away, as a fit's do to signals that belong to no such machine.
-        """
-        logs = np.log(inertia)
-        nodes = np.linspace(logs.min() - 1e-3, logs.max() + 1e-3, _NODES)
-
-        def table(which: kernel.Shaft) -> Array:
-            return np.asarray(kernel.steps(which, np.exp(nodes), step_s))
-
-        def by(name: str) -> Array:
-            ends = [
-                table(shaft._replace(**{name: getattr(shaft, name) * np.exp(d)}))
-                for d in (_DIFFERENCE, -_DIFFERENCE)
-            ]
-            return np.asarray(CubicSpline(nodes, (ends[0] - ends[1]) / (2 * _DIFFERENCE))(logs))
-
-        stepped = table(shaft)
-        if not np.all(np.isfinite(stepped)):
-            raise InputError(
-                "torque and speed",
-                "no inertia, friction and coupling make the one of the other",
-                "Check the units of torque and speed, and motor.inertia in the machine file.",
-            )
-        curve = CubicSpline(nodes, stepped)
-        transition, inputs = np.split(curve(logs), [-6], axis=2)
-        none = np.empty(0)
-        if not slopes:
-            return cls(transition, inputs, none, none, none)
-        by_inertia = curve(logs, 1)
-        if shaft.rigid:
-            none = np.zeros_like(by_inertia)
-            return cls(transition, inputs, by_inertia, none, none)
-        return cls(transition, inputs, by_inertia, by("stiffness"), by("damping"))
-
-    def added(self, nodes: Array, shaft: int) -> Array:
-        """What torques at the samples (n, c) add to each step, (n − 1, s, c); `shaft` 0: motor, 1: load."""
-        start, end = self.inputs[:, :, shaft], self.inputs[:, :, 2 + shaft]
-        return np.asarray(start[:, :, None] * nodes[:-1, None, :] + end[:, :, None] * nodes[1:, None, :])

@@ -1,0 +1,152 @@
+"""The likelihood of runs under an innovations model: filter equations, sizes of noise, states.
+
+A `Model` says what one run's equations are about its states; all else here holds for any.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import astuple, dataclass, replace
+from typing import Protocol
+
+import numpy as np
+from scipy.optimize import minimize
+
+from schwung.innovations import kernel
+from schwung.innovations.signals import FINEST, Signals
+from schwung.motion import Array
+
+#: Dry friction is smoothed within this share of the peak speed; up to a few times that its sign is open.
+STICKING = 0.005
+#: First guess of the angle's error, over the visited range.
+_ANGLE_ERROR = 1e-6
+
+
+@dataclass(frozen=True)
+class Noise:
+    """Standard deviations of the errors of each sample, and of the torque."""
+
+    torque_nm: float
+    speed_rad_s: float
+    position_rad: float
+
+    def times(self, factor: float) -> Noise:
+        """All three so many times as large."""
+        return Noise(factor * self.torque_nm, factor * self.speed_rad_s, factor * self.position_rad)
+
+    def moved_from(self, other: Noise) -> float:
+        """By how much that one of the three differs which differs most, as a logarithm."""
+        mine, others = np.array(astuple(self)), np.array(astuple(other))
+        return float(np.max(np.abs(np.log(mine / others))))
+
+
+@dataclass(frozen=True, eq=False)
+class Equations:
+    """One run about its latest states: all that the filter takes. The last state is the torque's error (N·m)."""
+
+    transition: Array  # (n − 1, s, s)
+    forcing: Array  # (n − 1, s)
+    noise: Array  # (n − 1, s): what the torque's error of the sample at the end of each step does
+    slack: Array  # (n,) variance of the torque (N·m)² beyond the sensor's
+    measured: Array  # (n, 2)
+    first: Array  # (s,)
+    torques: Array  # (n − 1, 6) over each step, see `Steps`
+
+
+class Model(Protocol):
+    """What gives a run's equations about its states, and what a unit of each parameter adds to them."""
+
+    def equations(self, run: Signals, parameters: Array) -> Equations:
+        """The run's filter equations about its states."""
+
+    def columns(self, run: Signals, parameters: Array, equations: Equations) -> tuple[Array, Array]:
+        """What a unit of each parameter adds to each step (n − 1, s, P), and to the samples (n, 2, P)."""
+
+
+def systems_of(model: Model, runs: Sequence[Signals], parameters: Array) -> list[Equations]:
+    """The equations of every run about its states and these parameters."""
+    return [model.equations(run, parameters) for run in runs]
+
+
+def resmoothed(model: Model, runs: Sequence[Signals], parameters: Array, noise: Noise) -> tuple[Signals, ...]:
+    """The runs with the states that these parameters make likely."""
+    systems = systems_of(model, runs, parameters)
+    results = [kernel.filtered(problem_of(s, noise, r)) for s, r in zip(systems, runs, strict=True)]
+    return tuple(
+        replace(run, states=kernel.smoothed(system.transition, result)[:, :-1])
+        for run, system, result in zip(runs, systems, results, strict=True)
+    )
+
+
+def problem_of(equations: Equations, noise: Noise, run: Signals) -> kernel.System:
+    """The filter's problem: equations, sizes of noise, and a first state that is known a little."""
+    speed = 0.1 * float(np.ptp(run.states[:, 1])) + noise.speed_rad_s
+    position = 1e-3 * float(np.ptp(run.position_rad)) + noise.position_rad
+    power = noise.torque_nm**2 + equations.slack
+    shaft = [position, speed] if run.rigid else [position, speed, position, speed]
+    return kernel.System(
+        equations.transition,
+        equations.forcing,
+        equations.noise,
+        power[1:],
+        equations.measured,
+        np.array([noise.position_rad**2, noise.speed_rad_s**2]),
+        equations.first,
+        np.array([*shaft, np.sqrt(power[0])]),
+    )
+
+
+def first_noise(runs: Sequence[Signals]) -> Noise:
+    """A rough guess, to start from."""
+    torque = np.concatenate([run.drive.smooth(run.time_s) for run in runs])
+    bends = np.concatenate([np.diff(run.speed_rad_s, 2) for run in runs])
+    stroke = max(float(np.ptp(run.position_rad)) for run in runs)
+    return Noise(
+        torque_nm=max(0.02 * float(np.sqrt(np.mean(torque**2))), 1e-12),
+        speed_rad_s=max(1.4826 * float(np.median(np.abs(bends))) / np.sqrt(6), 1e-12),
+        position_rad=max(_ANGLE_ERROR * stroke, 1e-15),
+    )
+
+
+def deviance_of(
+    systems: Sequence[Equations], runs: Sequence[Signals], noise: Noise, *, scaled: bool
+) -> float:
+    """−2 log likelihood but for a constant; `scaled`: with the best common factor of all noise."""
+    logs = squares = 0.0
+    for system, run in zip(systems, runs, strict=True):
+        log, square = kernel.deviance(problem_of(system, noise, run))
+        logs, squares = logs + log, squares + square
+    if not (np.isfinite(logs) and np.isfinite(squares)):
+        return float(np.finfo(float).max)
+    count = 2 * sum(run.time_s.size for run in runs)
+    return float(logs + count * np.log(squares / count)) if scaled else float(logs + squares)
+
+
+def likely_noise(
+    systems: Sequence[Equations], runs: Sequence[Signals], start: Noise, reach: float, span_rad: float
+) -> Noise:
+    """The sizes of noise that make the innovations most likely.
+
+    `reach`: how far off they may be (log); `span_rad`: the range of angles.
+    """
+    finest = max(FINEST * span_rad, 0.5 * max(run.count_rad for run in runs) / np.sqrt(12))
+
+    def noise_of(logs: Array) -> Noise:
+        torque, speed, position = (float(v) for v in np.exp(logs))
+        return Noise(torque, speed, float(max(position, finest)))
+
+    def cost(logs: Array) -> float:
+        return deviance_of(systems, runs, noise_of(logs), scaled=False)
+
+    # while much is unexplained, the angle's error means nothing and may have gone anywhere: offer a fresh one, too
+    starts = [
+        np.log([start.torque_nm, start.speed_rad_s, position])
+        for position in (max(start.position_rad, finest), max(_ANGLE_ERROR * span_rad, 2 * finest))
+    ]
+    first = min(starts, key=cost)
+    best = minimize(
+        cost, first, method="Nelder-Mead",
+        options={"xatol": 0.02, "fatol": 0.5, "maxfev": 60,
+                 "initial_simplex": first + reach * np.vstack([np.zeros(3), np.diag([-0.7, 0.3, 0.7])])},
+    )  # fmt: skip
+    return noise_of(best.x)

@@ -1,0 +1,63 @@
+"""Uniform cubic B-splines over a coordinate."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from schwung.motion import Array
+
+
+@dataclass(frozen=True)
+class Basis:
+    """Uniform cubic B-splines over an angle range, `pieces` + 3 of them; straight on outside."""
+
+    low_rad: float
+    high_rad: float
+    pieces: int
+
+    @property
+    def size(self) -> int:
+        return self.pieces + 3
+
+    @property
+    def span_rad(self) -> float:
+        return self.high_rad - self.low_rad
+
+    def finer(self) -> Basis:
+        """Twice the pieces."""
+        return Basis(self.low_rad, self.high_rad, 2 * self.pieces)
+
+    def refined(self, coefficients: Array) -> Array:
+        """The same curve's coefficients in the finer basis: each piece halved (exact)."""
+        c = coefficients
+        between, at = (c[1:] + c[:-1]) / 2, (c[:-2] + 6 * c[1:-1] + c[2:]) / 8
+        result = np.empty(between.size + at.size)
+        result[::2], result[1::2] = between, at
+        return result
+
+    def coefficients_of(self, curve: Callable[[Array], Array]) -> Array:
+        """Those that come nearest to a curve over angles (rad), (size,)."""
+        grid = np.linspace(self.low_rad, self.high_rad, 8 * self.size)
+        return np.asarray(np.linalg.lstsq(self.rows(grid)[0], curve(grid), rcond=None)[0])
+
+    def rows(self, angle_rad: Array) -> tuple[Array, Array]:
+        """All splines and their derivatives at angles (n,): (n, size) each."""
+        step = (self.high_rad - self.low_rad) / self.pieces
+        whole = (angle_rad - self.low_rad) / step
+        at = np.clip(whole, 0.0, self.pieces)
+        piece = np.minimum(at.astype(int), self.pieces - 1)
+        u = at - piece
+        v = 1 - u
+        values = (v**3 / 6, 2 / 3 - u**2 + u**3 / 2, 2 / 3 - v**2 + v**3 / 2, u**3 / 6)
+        slopes = (-(v**2) / 2, -2 * u + 1.5 * u**2, 2 * v - 1.5 * v**2, u**2 / 2)
+        value, slope = np.zeros((angle_rad.size, self.size)), np.zeros((angle_rad.size, self.size))
+        line = np.arange(angle_rad.size)
+        for i in range(4):
+            value[line, piece + i] = values[i]
+            slope[line, piece + i] = slopes[i] / step
+        outside = np.flatnonzero(whole != at)
+        value[outside] += ((whole - at) * step)[outside, None] * slope[outside]
+        return value, slope

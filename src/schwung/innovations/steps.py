@@ -1,0 +1,95 @@
+"""Exact steps of a run about its states, and their derivatives."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.interpolate import CubicSpline
+
+from schwung.errors import InputError
+from schwung.innovations import kernel
+from schwung.innovations.signals import Signals
+from schwung.motion import Array
+
+#: Inertias at which a step is worked out; between them it is interpolated (relative error below 1e-7).
+_NODES = 32
+_DIFFERENCE = 1e-4  # of log k and log b, for their sensitivities
+
+
+@dataclass(frozen=True, eq=False)
+class Steps:
+    """Every step of a run, which depends on the load inertia alone: state⁺ = Φ state + inputs · torques.
+
+    `torques`: at start, at end, and the height of a parabola between, on motor and load each. The derivatives hold
+    Φ and inputs side by side, (m, s, s + 6).
+    """
+
+    transition: Array  # (m, s, s)
+    inputs: Array  # (m, s, 6)
+    by_inertia: Array  # ∂/∂ log J_l
+    by_stiffness: Array  # ∂/∂ log k
+    by_damping: Array
+
+    @classmethod
+    def of(cls, shaft: kernel.Shaft, inertia: Array, step_s: float, *, slopes: bool) -> Steps:
+        """Steps of the given inertias (m,); without `slopes` the derivatives are empty.
+
+        Raises InputError where the numbers run away, as a fit's do to signals that belong to no such machine.
+        """
+        logs = np.log(inertia)
+        nodes = np.linspace(logs.min() - 1e-3, logs.max() + 1e-3, _NODES)
+
+        def table(which: kernel.Shaft) -> Array:
+            return np.asarray(kernel.steps(which, np.exp(nodes), step_s))
+
+        def by(name: str) -> Array:
+            ends = [
+                table(shaft._replace(**{name: getattr(shaft, name) * np.exp(d)}))
+                for d in (_DIFFERENCE, -_DIFFERENCE)
+            ]
+            return np.asarray(CubicSpline(nodes, (ends[0] - ends[1]) / (2 * _DIFFERENCE))(logs))
+
+        stepped = table(shaft)
+        if not np.all(np.isfinite(stepped)):
+            raise InputError(
+                "torque and speed",
+                "no inertia, friction and coupling make the one of the other",
+                "Check the units of torque and speed, and motor.inertia in the machine file.",
+            )
+        curve = CubicSpline(nodes, stepped)
+        transition, inputs = np.split(curve(logs), [-6], axis=2)
+        none = np.empty(0)
+        if not slopes:
+            return cls(transition, inputs, none, none, none)
+        by_inertia = curve(logs, 1)
+        if shaft.rigid:
+            none = np.zeros_like(by_inertia)
+            return cls(transition, inputs, by_inertia, none, none)
+        return cls(transition, inputs, by_inertia, by("stiffness"), by("damping"))
+
+    def added(self, nodes: Array, shaft: int) -> Array:
+        """What torques at the samples (n, c) add to each step, (n − 1, s, c); `shaft` 0: motor, 1: load."""
+        start, end = self.inputs[:, :, shaft], self.inputs[:, :, 2 + shaft]
+        return np.asarray(start[:, :, None] * nodes[:-1, None, :] + end[:, :, None] * nodes[1:, None, :])
+
+
+def off_middle(inertia: Array, run: Signals) -> tuple[Array, Array, Array]:
+    """Torque taken by what the inertia differs from that of the middle of each step, (J − J_m) dω_l/dt:
+    at the start of each step, at its end, and its height over the straight line between them; (n − 1,) each.
+    """
+    accelerated = run.load_acceleration
+    half = np.diff(inertia) / 2
+    middle = (accelerated[1:] + accelerated[:-1]) / 2
+    return (
+        -half * accelerated[:-1],
+        half * accelerated[1:],
+        bulge(inertia) * middle - half * np.diff(accelerated) / 2,
+    )
+
+
+def bulge(values: Array) -> Array:
+    """Height over the straight line of a smooth curve in the middle between samples (n,), (n − 1,)."""
+    bend = np.zeros_like(values)
+    bend[1:-1] = values[2:] - 2 * values[1:-1] + values[:-2]
+    return np.asarray(-(bend[1:] + bend[:-1]) / 16)
