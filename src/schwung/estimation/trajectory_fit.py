@@ -34,6 +34,7 @@ from schwung.innovations.likelihood import (
 )
 from schwung.innovations.signals import Signals, load_angle_range, signals_of
 from schwung.innovations.splines import Basis
+from schwung.innovations.steps import no_such_machine
 from schwung.motion import Array
 from schwung.session.model import Run
 
@@ -264,6 +265,8 @@ def passed_over(
         scores.append(np.add.reduceat(parts, np.arange(0, parts.shape[0], stretch), axis=0))
         smoothed.append(replace(run, states=kernel.smoothed(system.transition, result)[:, :-1]))
     every = np.concatenate(scores)
+    if not (np.all(np.isfinite(information)) and np.all(np.isfinite(every))):
+        raise no_such_machine()
     return Passed(information, every.sum(0), every, tuple(smoothed))
 
 

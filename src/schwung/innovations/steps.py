@@ -52,11 +52,7 @@ class Steps:
 
         stepped = table(shaft)
         if not np.all(np.isfinite(stepped)):
-            raise InputError(
-                "torque and speed",
-                "no inertia, friction and coupling make the one of the other",
-                "Check the units of torque and speed, and motor.inertia in the machine file.",
-            )
+            raise no_such_machine()
         curve = CubicSpline(nodes, stepped)
         transition, inputs = np.split(curve(logs), [-6], axis=2)
         none = np.empty(0)
@@ -93,3 +89,12 @@ def bulge(values: Array) -> Array:
     bend = np.zeros_like(values)
     bend[1:-1] = values[2:] - 2 * values[1:-1] + values[:-2]
     return np.asarray(-(bend[1:] + bend[:-1]) / 16)
+
+
+def no_such_machine() -> InputError:
+    """What is said where the numbers run away."""
+    return InputError(
+        "torque and speed",
+        "no inertia, friction and coupling make the one of the other",
+        "Check the units of torque and speed, and motor.inertia in the machine file.",
+    )
