@@ -21,6 +21,7 @@ from scipy.optimize import minimize
 from schwung.drivetrain.machine import Machine
 from schwung.estimation.trajectory_model import Layout
 from schwung.innovations import kernel
+from schwung.innovations.steps import no_such_machine
 from schwung.motion import Array
 
 #: Standard deviation of a delay (s), and of the logarithms of stiffness and damping about the machine's.
@@ -98,7 +99,10 @@ class Posterior:
 def posterior(
     prior: Prior, information: Array, slope: Array, about: Array, start: tuple[float, float]
 ) -> Posterior:
-    """The most likely parameters, for data of `information` (P, P) and `slope` (P,) about `about` (P,)."""
+    """The most likely parameters, for data of `information` (P, P) and `slope` (P,) about `about` (P,).
+
+    Raises InputError where rounding is all that is left of the information.
+    """
     pull = information @ about + slope
 
     def solved(log_deviations: Sequence[float]) -> tuple[float, Array, Array]:
@@ -106,6 +110,8 @@ def posterior(
         whole = information + precision
         scale = 1 / np.sqrt(np.diag(whole))
         factor = kernel.cholesky(whole * scale[:, None] * scale)
+        if not np.all(np.isfinite(factor)):
+            return np.inf, about, factor
         half = solve_triangular(factor, scale * (pull + precision @ prior.mean), lower=True)
         found = scale * solve_triangular(factor, half, lower=True, trans="T")
         step, away = found - about, found - prior.mean
@@ -118,6 +124,8 @@ def posterior(
         options={"xatol": 0.05, "fatol": 0.02, "initial_simplex": np.array(start) + 0.7 * np.eye(3, 2, -1)},
     )  # fmt: skip
     chosen = (float(best.x[0]), float(best.x[1]))
-    _, found, factor = solved(chosen)
+    cost, found, factor = solved(chosen)
+    if not np.isfinite(cost):
+        raise no_such_machine()
     root = solve_triangular(factor, np.eye(found.size), lower=True)
     return Posterior(found, root.T @ root, chosen)
