@@ -78,7 +78,7 @@ def read_eds(path: Path, node_id: int) -> EdsFile:
     return _read(_content(path), path, node_id)
 
 
-@functools.lru_cache(maxsize=8)  # a drive's file is read by scan, driver and commands in turn
+@functools.lru_cache(maxsize=64)  # a drive's file is read by scan, driver and commands in turn
 def _read(content: bytes, path: Path, node_id: int) -> EdsFile:
     warnings: list[EdsWarning] = []
     sections = split_sections(decode_text(content, warnings), warnings)
