@@ -109,6 +109,7 @@ def test_fault_reset_ends_in_switch_on_disabled() -> None:
         (0x0250, 0x06, 0x00, {}, "drive holds 0x0000"),
         (0x0050, 0x06, 0x06, {}, "remote"),
         (0x0221, 0x07, 0x07, {}, "voltage"),
+        (0x0221, 0x07, 0x07, {"tells_voltage": False}, "statusword 0x0221"),  # bit 4 is the power stage
         (0x0217, 0x00, 0x00, {}, "quick stop is active"),
         (0x0233, 0x0F, 0x0F, {"mode": 8, "mode_display": 1}, "6061"),
         (0x0233, 0x010F, 0x010F, {}, "halt bit"),

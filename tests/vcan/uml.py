@@ -112,6 +112,20 @@ def stay_on_one_processor() -> None:
             os.sched_setscheduler(0, os.SCHED_RR, os.sched_param(1))
 
 
+def preloaded(exchange: Path) -> dict[str, str]:
+    """What the kernel needs beside it where the processor has more registers than it knows; see registers.c."""
+    processor = Path("/proc/cpuinfo")
+    if not processor.exists() or " amx_tile" not in processor.read_text():
+        return {}
+    library, source = exchange / "registers.so", Path(__file__).with_name("registers.c")
+    compiler = shutil.which("cc")
+    if compiler is None:
+        print("uml: it will not start on this processor without a C compiler: apt-get install gcc", file=sys.stderr)
+        return {}
+    subprocess.run([compiler, "-shared", "-fPIC", "-O1", "-o", library, source, "-ldl"], check=True)
+    return {"LD_PRELOAD": str(library)}
+
+
 def boot(exchange: Path, memory_mib: int, time_limit: int) -> int:
     """Boot, pass on what the command prints, and return its exit status."""
     kernel = [
@@ -119,7 +133,7 @@ def boot(exchange: Path, memory_mib: int, time_limit: int) -> int:
         *("root=/dev/root", "rootfstype=hostfs", "rootflags=/", "ro"),
         *("con=null", "con0=null,fd:2", "ssl=null", "ssl0=null,fd:1"),
     ]
-    environment = os.environ | {"TMPDIR": memory_folder(memory_mib << 20)}
+    environment = os.environ | {"TMPDIR": memory_folder(memory_mib << 20)} | preloaded(exchange)
     log = exchange / "kernel.log"
     time_is_up = threading.Event()
     # A pipe and not our own terminal, since the kernel makes its descriptors non-blocking; a session of its

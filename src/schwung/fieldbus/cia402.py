@@ -129,12 +129,14 @@ def why_stuck(
     mode_display: int | None = None,
     controlword_seen: int | None = None,
     error: str = "",
+    tells_voltage: bool = True,
 ) -> Reason:
     """The missing precondition, the likeliest first.
 
     controlword: the one last sent; controlword_seen: 6040 read back, where it could be read: another value than
     the one sent means that the PDO does not reach the object. mode, mode_display: 6060 wanted and 6061 shown.
-    error: the decoded error code, where the drive reports one. statusword None: it was refused.
+    error: the decoded error code, where the drive reports one. statusword None: it was refused. tells_voltage: bit 4
+    says that the power stage is supplied, as in the standard; False where it says that it is on.
     """
     if statusword is None:
         return Reason("does not show its statusword (6041)", "Is this the profile of this drive?")
@@ -160,7 +162,7 @@ def why_stuck(
             "Release local control at the drive or in its vendor's tool.",
         ),
         (
-            bool(statusword & VOLTAGE_ENABLED) or not waiting,
+            bool(statusword & VOLTAGE_ENABLED) or not waiting or not tells_voltage,
             "voltage is not enabled (statusword bit 4 is 0)",
             "Switch the power supply on, release STO and the enable input.",
         ),

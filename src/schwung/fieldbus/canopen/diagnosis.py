@@ -15,8 +15,9 @@ _EMERGENCY_S = 0.1  # an emergency may come a little after the statusword that s
 
 
 def why_stuck(
-    sdo: SdoChannel, monitor: nmt.NodeMonitor, status: int | None, word: int, wanted: State, mode: int | None
-) -> DriveError:
+    sdo: SdoChannel, monitor: nmt.NodeMonitor, status: int | None, word: int, wanted: State, mode: int | None,
+    *, tells_voltage: bool = True,
+) -> DriveError:  # fmt: skip
     """The error that names why the state machine does not reach `wanted`; asks the drive what it can."""
     seen = shown = None
     code = 0
@@ -34,6 +35,7 @@ def why_stuck(
         mode_display=shown,
         controlword_seen=seen,
         error=describe_code(code) if code else "",
+        tells_voltage=tells_voltage,
     )
     faulty = cia402.decode(status) in (State.FAULT, State.FAULT_REACTION)
     kind = DriveFaultError if faulty else StateError

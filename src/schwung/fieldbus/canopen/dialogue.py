@@ -73,7 +73,10 @@ class Dialogue:
     def stuck(self, status: int | None, word: int, wanted: State) -> DriveError:
         """Why the drive does not reach a state, in its own words where it has any."""
         mode = self.cyclic.mode if self.cyclic is not None else None
-        return diagnosis.why_stuck(self._sdo, self._monitor, status, word, wanted, mode)
+        tells_voltage = self._profile.voltage_bit == "supply"
+        return diagnosis.why_stuck(
+            self._sdo, self._monitor, status, word, wanted, mode, tells_voltage=tells_voltage
+        )
 
     def await_standstill(
         self,
