@@ -120,7 +120,10 @@ def preloaded(exchange: Path) -> dict[str, str]:
     library, source = exchange / "registers.so", Path(__file__).with_name("registers.c")
     compiler = shutil.which("cc")
     if compiler is None:
-        print("uml: it will not start on this processor without a C compiler: apt-get install gcc", file=sys.stderr)
+        print(
+            "uml: it will not start on this processor without a C compiler: apt-get install gcc",
+            file=sys.stderr,
+        )
         return {}
     subprocess.run([compiler, "-shared", "-fPIC", "-O1", "-o", library, source, "-ldl"], check=True)
     return {"LD_PRELOAD": str(library)}

@@ -113,7 +113,8 @@ def fit(
 ) -> Fit:
     """Fit the model to all runs at once.
 
-    `start`: a curve that is near already. Else it begins at the constant inertia that explains the runs best, and the
+    `start`: a curve that is near already; sizes of noise are looked for when the rest has come near, too, lest they
+    take what is still to be explained. Else it begins at the constant inertia that explains the runs best, and the
     coupling is held as believed until the rest has settled: stiffness and inertia, both far off, can make up for each
     other. Then pieces are halved until the curve's bends are resolved.
 
@@ -133,14 +134,15 @@ def fit(
     parameters, smoothness = prior.mean.copy(), (np.log(0.01), np.log(0.01))
     parameters[model.layout.inertia] = logs
     restless, settled, iteration, reach = True, False, 0, 1.0
+    moved = np.inf
     while not settled and iteration < MOST_ITERATIONS:
         iteration += 1
         about = systems_of(model, runs, parameters)
-        if restless:
+        if restless and (moved < FAR or start is None or iteration > PATIENT):
             likely = likely_noise(_few(about), _few(runs), noise, reach, model.layout.basis.span_rad)
-            moved = likely.moved_from(noise)
-            restless, noise = moved > (0.03 if iteration < PATIENT else 0.3), likely
-            reach = float(np.clip(moved, 0.05, 0.3))
+            changed = likely.moved_from(noise)
+            restless, noise = changed > (0.03 if iteration < PATIENT else 0.3), likely
+            reach = float(np.clip(changed, 0.05, 0.3))
         passed = passed_over(model, about, runs, parameters, noise)
         found = posterior(prior, passed.information, passed.slope, parameters, smoothness)
         smoothness = found.log_deviations

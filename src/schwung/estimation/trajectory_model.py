@@ -19,8 +19,11 @@ from schwung.innovations import kernel
 from schwung.innovations.likelihood import Equations
 from schwung.innovations.signals import Signals
 from schwung.innovations.splines import Basis
-from schwung.innovations.steps import Steps, bulge, off_middle
+from schwung.innovations.steps import Steps, bulge, no_such_machine, off_middle
 from schwung.motion import Array
+
+#: No machine has an inertia whose logarithm is so large.
+BEYOND = 100.0
 
 
 @dataclass(frozen=True)
@@ -118,7 +121,10 @@ class Model:
     def _along(self, run: Signals, parameters: Array) -> _Along:
         at = self.layout
         rows, slopes = at.basis.rows(run.load_angle_rad)
-        inertia = np.exp(rows @ parameters[at.inertia])
+        logs = rows @ parameters[at.inertia]
+        if not np.all(np.abs(logs) < BEYOND):
+            raise no_such_machine()
+        inertia = np.exp(logs)
         speed = run.states[:, 1]
         return _Along(
             rows=rows,

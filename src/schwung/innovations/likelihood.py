@@ -20,6 +20,8 @@ from schwung.motion import Array
 STICKING = 0.005
 #: First guess of the angle's error, over the visited range.
 _ANGLE_ERROR = 1e-6
+#: And of the noise of torque and speed, over their size: counted signals may not bend at all.
+_LEAST_ROUGH = 1e-4
 
 
 @dataclass(frozen=True)
@@ -97,15 +99,20 @@ def problem_of(equations: Equations, noise: Noise, run: Signals) -> kernel.Syste
 
 
 def first_noise(runs: Sequence[Signals]) -> Noise:
-    """A rough guess, to start from."""
-    torque = np.concatenate([run.drive.smooth(run.time_s) for run in runs])
-    bends = np.concatenate([np.diff(run.speed_rad_s, 2) for run in runs])
+    """A rough guess, to start from: what second differences of torque and speed show."""
     stroke = max(float(np.ptp(run.position_rad)) for run in runs)
     return Noise(
-        torque_nm=max(0.02 * float(np.sqrt(np.mean(torque**2))), 1e-12),
-        speed_rad_s=max(1.4826 * float(np.median(np.abs(bends))) / np.sqrt(6), 1e-12),
+        torque_nm=_roughness([run.drive.smooth(run.time_s) for run in runs]),
+        speed_rad_s=_roughness([run.speed_rad_s for run in runs]),
         position_rad=max(_ANGLE_ERROR * stroke, 1e-15),
     )
+
+
+def _roughness(signals: Sequence[Array]) -> float:
+    """Standard deviation of the white noise that would bend most of the samples as much as they are bent."""
+    bends = np.concatenate([np.diff(values, 2) for values in signals])
+    size = float(np.sqrt(np.mean(np.concatenate(signals) ** 2)))
+    return max(1.4826 * float(np.median(np.abs(bends))) / 6**0.5, _LEAST_ROUGH * size, 1e-12)
 
 
 def deviance_of(
