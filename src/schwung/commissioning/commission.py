@@ -259,9 +259,11 @@ def carry_out(
 
 
 def contrast_of(session: Session, machine: Machine) -> Estimate | None:
-    """The former method on the same session; None where it finds nothing, which is part of the contrast."""
+    """The former method on the same session, as published: it looks for no delay. None where it finds nothing, which is
+    part of the contrast.
+    """
     try:
-        return estimate(session, machine, method="former")
+        return estimate(session, machine, method="former", remove_delay=False)
     except SchwungError:
         return None
 

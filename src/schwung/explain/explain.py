@@ -141,7 +141,7 @@ class _Explained:
             else self.prepared.speed_delay_s - moved.seconds
         )
         before = misfit(self.session, self.residuals, self.judged, bare.model, late)
-        after = misfit(self.session, self.residuals, self.judged, best.model, self.prepared.speed_delay_s)
+        after = misfit(self.session, self.residuals, self.judged, best.told, self.prepared.speed_delay_s)
         verdict = self._verdict(before.torque_rmse_nm, after.torque_rmse_nm, moved)
         findings: tuple[Finding, ...] = ()
         if verdict in ("explained", "partly_explained"):
@@ -149,7 +149,7 @@ class _Explained:
             findings = self._findings(moved)
             if verdict == "partly_explained" and self._only_together(findings, after.torque_rmse_nm):
                 verdict, findings = "unexplained", ()
-        model = best.model if findings else bare.model
+        model = best.told if findings else bare.model
         if not findings:
             after = before
         tell("Locating what was missed", 0.9)
@@ -191,7 +191,7 @@ class _Explained:
         if not self._nameable():
             return "unexplained"
         bare, best, problem = self.found.bare, self.best, self.found.problem
-        before, after = (missed(problem, fitted.model, self.judged) for fitted in (bare, best))
+        before, after = (missed(problem, fitted.told, self.judged) for fitted in (bare, best))
         if after > WORSE * before or self._left(before_nm, after_nm) > HARDLY:
             return "unexplained"
         shown = before >= AT_FLOOR
@@ -202,16 +202,16 @@ class _Explained:
         """Whether the terms take enough of the mismatch for their names to be told."""
         bare, best, problem = self.found.bare, self.best, self.found.problem
         runs = self.parts.check or self.parts.train
-        before, after = (missed(problem, fitted.model, runs) for fitted in (bare, best))
+        before, after = (missed(problem, fitted.told, runs) for fitted in (bare, best))
         if before < AT_FLOOR:  # the runs that check it do not show it
             if after > WORSE * before:
                 return False
             before, after = bare.misfit, best.misfit
         share, everywhere = _share(before, after), _share(bare.misfit, best.misfit)
-        before_nm, after_nm = (missed_nm(self.residuals, runs, fitted.model) for fitted in (bare, best))
+        before_nm, after_nm = (missed_nm(self.residuals, runs, fitted.told) for fitted in (bare, best))
         if self._left(before_nm, after_nm) > SEEN_ASIDE:
             return False
-        fitted_nm = missed_nm(self.residuals, self.parts.train, best.model)
+        fitted_nm = missed_nm(self.residuals, self.parts.train, best.told)
         at_floor = max(fitted_nm, after_nm) <= NEARLY * self.floor or (
             after <= NEARLY**2 and max(fitted_nm, after_nm) <= TOO_MUCH * self.floor
         )

@@ -13,6 +13,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
+from scipy.stats import chi2
 
 from schwung.drivetrain.machine import Machine
 from schwung.explain.fit import Fitted, Problem
@@ -28,6 +29,8 @@ _PAIRS, _ROUNDS = 4, 3
 ENOUGH = 0.2
 #: Where as much noise again makes the session tell so much more of a parameter, it tells of noise.
 MOSTLY_NOISE = 1.5
+#: A correction that is less likely than this is none.
+WITHIN = 0.999
 #: Stretches of a motion that are one score (s).
 STRETCH_S = 0.1
 
@@ -49,8 +52,20 @@ def sharpened(found: Found, best: Fitted, believed: Machine, seen: Sequence[int]
     ratios = np.maximum(np.maximum(_scattered(problem, refitted), shaken), 1.0)
     spread = dict(zip(refitted.model.names, map(float, ratios), strict=True))
     finer = replace(refitted, bias=bias, spread=spread)
+    if not _harmless(problem, finer):
+        finer = replace(finer, bias={})
     key = frozenset(finer.model.terms)
     return Found(problem, found.atoms, {frozenset(): bare, key: finer}), finer
+
+
+def _harmless(problem: Problem, fitted: Fitted) -> bool:
+    """Whether the bias leaves the parameters where chance could have put them: what is published has to fit, too.
+
+    A move by the likelihood's own deviations raises Σ whitened² as often by less than `WITHIN` of χ².
+    """
+    told = problem.white(fitted.told)
+    rise = (float(told @ told) - fitted.chi2) / max(fitted.misfit, 1.0)
+    return bool(rise < chi2.ppf(WITHIN, len(fitted.model.names)))
 
 
 def _shaken(problem: Problem, fitted: Fitted) -> tuple[dict[str, float], Array]:
