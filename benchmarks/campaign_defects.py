@@ -6,6 +6,7 @@ break when those change: then the defect has to be put back in another place.
 
 from __future__ import annotations
 
+import contextlib
 import sys
 from collections.abc import Callable
 from typing import Any
@@ -19,6 +20,8 @@ from schwung.fieldbus.canopen.exchange import Exchange
 from schwung.fieldbus.canopen.operation import Operation
 from schwung.fieldbus.canopen.output import Output
 from schwung.fieldbus.cia402 import State
+from schwung.fieldbus.modbus import link, state_machine
+from schwung.fieldbus.modbus.state_machine import StateMachine
 
 _LOOKED_S = 0.05
 
@@ -187,6 +190,34 @@ def _stops_from_what_was_not_sent() -> None:
     Output.next = next_  # type: ignore[method-assign]
 
 
+def _one_quick_stop() -> None:
+    """A halt writes its quick stop once, and swallows what becomes of it."""
+
+    def stop_moving(self: Any) -> None:
+        with contextlib.suppress(Exception):
+            self.command(cia402.QUICK_STOP)
+        with contextlib.suppress(Exception):
+            self._on_halt()
+
+    StateMachine._stop_moving = stop_moving  # type: ignore[method-assign]
+
+
+def _busy_is_a_refusal() -> None:
+    """Exceptions 5 and 6 end a request as any other does."""
+    link.ACKNOWLEDGE = link.BUSY = -1
+
+
+def _standstill_in_counts() -> None:
+    """An axis that has turned by 50 counts or less in 50 ms stands, whatever a count is worth."""
+    state_machine._STILL_RAD = 50.0
+    made = StateMachine.__init__
+
+    def make(self: Any, *given: Any) -> None:
+        made(self, *given[:-1], lambda: 1.0)
+
+    StateMachine.__init__ = make  # type: ignore[method-assign]
+
+
 DEFECTS: dict[str, Callable[[], None]] = {
     "not-latched": _not_latched,
     "target-of-the-start": _target_of_the_start,
@@ -203,4 +234,8 @@ DEFECTS: dict[str, Callable[[], None]] = {
     "stops-when-somebody-looks": _stops_when_somebody_looks,
     "brought-up-again": _brought_up_again,
     "stops-from-what-was-not-sent": _stops_from_what_was_not_sent,
+    # Modbus
+    "one-quick-stop": _one_quick_stop,
+    "busy-is-a-refusal": _busy_is_a_refusal,
+    "standstill-in-counts": _standstill_in_counts,
 }

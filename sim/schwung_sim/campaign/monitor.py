@@ -222,7 +222,7 @@ class Monitor:
         """A millisecond has passed."""
         machine, plan = self.machine, self.expected
         operating = machine.operating
-        if not operating:
+        if not operating and 0x0F not in self._climbed:  # after that word, a brake may still have to open
             self._wrong_mode_looks = self._wrong_mode_looks + 1 if machine.mode != plan.mode else 0
         if operating is not self._was_operating:
             self._operation(operating)
