@@ -65,16 +65,16 @@ def _unknown_is_off() -> None:
 
 
 def _refused_position_is_zero() -> None:
-    """6064 that is refused counts as 0, and is asked for by each command until the drive is in operation."""
+    """6064 that is refused counts as 0; what commands a drive without power asks for it where PDOs are not answered."""
 
     def position(self: Any) -> int:
         found = self.cyclic.position if self.cyclic is not None else None
         return found if found is not None else self._sdo.read_integer(0x6064, 0, "INTEGER32") or 0
 
     def target(self: Any, cyclic: Any) -> int:
-        operating = self.state() is State.OPERATION_ENABLED
+        at_rest = self.state() in (*cia402.OFF, State.READY, State.SWITCHED_ON)
         held: int | None = cyclic.target
-        return held if operating and held is not None else position(self)
+        return position(self) if at_rest or held is None else held
 
     Dialogue.position = position  # type: ignore[method-assign]
     Dialogue._target = target  # type: ignore[method-assign]
