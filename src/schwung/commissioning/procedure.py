@@ -74,10 +74,10 @@ def powered(drive: Drive, plan: Plan, journal: ParameterJournal, interrupt: OneI
         raise
     troubles = _leave(drive, journal)
     if troubles:
-        error = DriveError("leaving the drive", troubles[0])
+        left = DriveError("leaving the drive", troubles[0])
         for further in troubles[1:]:
-            error.add_note(further)
-        raise error
+            left.add_note(further)
+        raise left
     interrupt.let_through()
 
 
