@@ -12,7 +12,7 @@ from collections.abc import Callable
 from typing import Any
 
 from schwung.commissioning import procedure
-from schwung.errors import DriveError
+from schwung.errors import DriveError, StateError
 from schwung.fieldbus import cia402, walker
 from schwung.fieldbus.canopen import nmt, setup, sync
 from schwung.fieldbus.canopen.dialogue import Dialogue
@@ -127,9 +127,14 @@ def _not_put_back() -> None:
 
 
 def _quick_stop_by_sdo_first() -> None:
-    """The SDO's quick stop comes before an RPDO that the drive still holds: the one that stops waits for its turn."""
+    """The SDO's quick stop comes before an RPDO that the drive still holds: the one that stops waits for its turn, and
+    the SDO does not wait for the SYNC after it."""
 
-    sync._PythonProducer.latch = lambda self, word: self._output.latch(word) and None  # type: ignore[method-assign]
+    def latch(self: Any, word: int) -> None:
+        self._output.latch(word)
+        raise StateError("defect", "what waits for the SYNC is skipped")
+
+    sync._PythonProducer.latch = latch  # type: ignore[method-assign]
 
 
 def _stops_when_somebody_looks() -> None:
