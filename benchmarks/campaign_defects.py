@@ -196,7 +196,9 @@ def _stops_from_what_was_not_sent() -> None:
 
 
 def _one_quick_stop() -> None:
-    """A halt writes its quick stop once, and swallows what becomes of it."""
+    """A halt writes its quick stop once, and swallows what becomes of it; as it was when busy was a refusal: today the
+    link asks a busy drive again."""
+    _busy_is_a_refusal()
 
     def stop_moving(self: Any) -> None:
         with contextlib.suppress(Exception):

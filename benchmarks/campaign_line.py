@@ -153,6 +153,12 @@ class LineRoom:
 
     # What is left ----------------------------------------------------------------------------------------
 
+    def misjudged(self, told: str) -> list[str]:
+        """Exceptions 5 and 6 are none, for as long as a drive may be busy (Modbus Application Protocol, chapter 7)."""
+        once = sum(" busy " in told or " acknowledge " in told for told in self.scene.happened) == 1
+        taken = "(exception 5)" in told or "(exception 6)" in told
+        return [f"busy: a drive that was for a moment has refused ({told})"] if once and taken else []
+
     def calm(self) -> None:
         """All that befell is over."""
         self.scene.calm()

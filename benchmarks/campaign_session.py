@@ -120,7 +120,7 @@ def _played(room: Room | LineRoom, show: bool) -> Outcome:
     by_itself = not isinstance(error, Killed)
     if by_itself:
         monitor.ended(outcome.told)
-        outcome.problems += _unclear(error)
+        outcome.problems += _unclear(error) + room.misjudged(outcome.told)
     room.clock.sleep(AFTERMATH_S)
     outcome.problems += [str(violation) for violation in monitor.violations]
     outcome.log = [str(frame) for frame in monitor.frames or ()]

@@ -47,7 +47,7 @@ LINE_CLASSES = {
     "answers": ("refused", "unanswered"),
     SHOWN: ("statusword", "unseen-state", "unseen-place"),
     "drive": ("fault", "weak"),
-    "tool": ("kill", "interrupt", "halt", "halt", "stall-tool"),
+    "tool": ("kill", "interrupt", "halt", "halt", "halt", "stall-tool"),
 }
 
 #: What kind of drive it is (traits.py), with the value of it; most are as the bench's own.

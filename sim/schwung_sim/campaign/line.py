@@ -28,6 +28,9 @@ _CODES = (2, 3, 4)
 _LONGEST_BUSY_S = 1.5
 #: From a halt that was asked for, on a line that carries, until the drive has heard of it.
 HALTED_WITHIN_S = 0.3
+#: What loses requests or answers; so long a tool may wait for one that was lost.
+_LOSING = ("drop", "slow", "garble", "deaf", "mute", "unanswered", "unseen-state", "unseen-place")
+_ANSWER_S = 1.2
 #: Faster than this an axis is not let go of, where it has had less time to come to rest than a tool may wait.
 LET_GO_RAD_S, GIVEN_UP_S = 1.0, 2.5
 
@@ -71,15 +74,18 @@ class LineMachine:
     def excused(self) -> bool:
         return self.weak
 
-    def trouble(self, lasts_s: float = 0.0) -> None:
-        """Something befalls the line, or the drive's answers; `lasts_s`: beyond `carries`."""
+    def trouble(self) -> None:
+        """Something befalls the line, or the drive's answers."""
         self.troubles += 1
-        self._sound_since_s = max(self._sound_since_s, self._now() + lasts_s)
 
     def carries(self) -> None:
         """It is over."""
         self.troubles -= 1
         self._sound_since_s = max(self._sound_since_s, self._now())
+
+    def waits(self, lasts_s: float) -> None:
+        """Somebody may wait for what was lost."""
+        self._sound_since_s = max(self._sound_since_s, self._now() + lasts_s)
 
     @property
     def sound_for_s(self) -> float:
@@ -170,6 +176,8 @@ class LineScene:
                 ended.append(True)
                 over()
                 self.machine.carries()
+                if incident.kind in _LOSING:
+                    self.machine.waits(_ANSWER_S)
 
         self._calm.append(end)
         self.clock.later(incident.duration_s, end)
@@ -191,8 +199,8 @@ class LineScene:
 
     def _drop(self, incident: Incident, chance: random.Random) -> Callable[[], None]:
         self._begin("drop")
-        self.machine.trouble(RTU_DROP_S)
-        return self.machine.carries
+        self.machine.waits(RTU_DROP_S)
+        return lambda: None
 
     def _slow(self, incident: Incident, chance: random.Random) -> Callable[[], None]:
         self._begin("slow", 1e-3 * 300**incident.size)
@@ -213,8 +221,7 @@ class LineScene:
     def _busy(self, incident: Incident, chance: random.Random) -> None:
         lasts_s = min(incident.duration_s, _LONGEST_BUSY_S)
         self._begin("busy", lasts_s)
-        self.machine.trouble(lasts_s)
-        self.machine.carries()
+        self.machine.waits(lasts_s)
 
     def _acknowledge(self, incident: Incident, chance: random.Random) -> Callable[[], None]:
         self._begin("acknowledge", 0.01 * 30**incident.size)
@@ -282,5 +289,4 @@ class LineScene:
     def _stall_tool(self, incident: Incident, chance: random.Random) -> None:
         lasts_s = min(incident.duration_s, 1.5)
         self.tool.stall(lasts_s)
-        self.machine.trouble(lasts_s)
-        self.machine.carries()
+        self.machine.waits(lasts_s)
