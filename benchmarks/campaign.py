@@ -3,6 +3,7 @@
     python benchmarks/campaign.py                              1000 seeds on two cores
     python benchmarks/campaign.py --seeds 0:10000 --jobs 4
     python benchmarks/campaign.py --seeds 4711:4712 --show     one of them, with its frames
+    python benchmarks/campaign.py --bus modbus                 the other bus
     python benchmarks/campaign.py --defect no-consumer         a defect put back on purpose: which seed finds it
 
 A seed draws the way of commissioning and one to three incidents (schwung_sim/campaign/draw.py), at whatever frame or
@@ -21,32 +22,32 @@ import time
 from collections import Counter
 from collections.abc import Iterable, Iterator
 from concurrent.futures import ProcessPoolExecutor
+from functools import partial
 
 from campaign_defects import DEFECTS
-from campaign_plan import kind_of, scenario_of
-from campaign_session import Outcome, run
+from campaign_session import Outcome, kind_of, run, scenario_of
 
 _SHOWN = 30  # frames before the end of a log
 
 
-def outcome_of(seed: int) -> Outcome:
+def outcome_of(seed: int, bus: str) -> Outcome:
     """Play one seed; what breaks the campaign itself is a problem of that seed."""
     try:
-        return run(scenario_of(seed))
+        return run(scenario_of(seed, bus))
     except Exception as error:
-        return Outcome(scenario_of(seed), [f"the campaign itself: {type(error).__name__}: {error}"])
+        return Outcome(scenario_of(seed, bus), [f"the campaign itself: {type(error).__name__}: {error}"])
 
 
-def outcomes(seeds: Iterable[int], jobs: int, defect: str = "") -> Iterator[Outcome]:
+def outcomes(seeds: Iterable[int], jobs: int, bus: str, defect: str = "") -> Iterator[Outcome]:
     """Play seeds one after another, in so many processes; in the order of the seeds."""
     if jobs == 1:
         _put_back(defect)
-        yield from map(outcome_of, seeds)
+        yield from (outcome_of(seed, bus) for seed in seeds)
         return
     context = multiprocessing.get_context("spawn")
     pool = ProcessPoolExecutor(jobs, context, _put_back, (defect,))
     try:
-        yield from pool.map(outcome_of, seeds, chunksize=4)
+        yield from pool.map(partial(outcome_of, bus=bus), seeds, chunksize=4)
     finally:
         pool.shutdown(cancel_futures=True)
 
@@ -73,12 +74,13 @@ def tell(outcome: Outcome) -> None:
     for what in outcome.happened:
         print(f"    {what}")
     print(f"    the tool ended: {outcome.ended} {outcome.told}")
-    print(f"    python benchmarks/campaign.py --seeds {seed}:{seed + 1} --show", flush=True)
+    bus = "" if outcome.scenario.bus == "canopen" else f" --bus {outcome.scenario.bus}"
+    print(f"    python benchmarks/campaign.py{bus} --seeds {seed}:{seed + 1} --show", flush=True)
 
 
-def show(seed: int) -> int:
+def show(seed: int, bus: str) -> int:
     """Play one seed and print everything about it."""
-    scenario = scenario_of(seed)
+    scenario = scenario_of(seed, bus)
     for incident in scenario.incidents:
         print(f"drawn: {incident}")
     outcome = run(scenario, show=True)
@@ -96,6 +98,7 @@ def main() -> int:
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
     parser.add_argument("--seeds", default="0:1000", help="first:beyond")
+    parser.add_argument("--bus", default="canopen", choices=["canopen", "modbus"])
     parser.add_argument("--jobs", type=int, default=2)
     parser.add_argument("--show", action="store_true", help="the first seed, at length")
     parser.add_argument(
@@ -105,12 +108,12 @@ def main() -> int:
     first, beyond = (int(number) for number in given.seeds.split(":"))
     if given.show:
         _put_back(given.defect)
-        return show(first)
+        return show(first, given.bus)
     began, failed, total, simulated = time.perf_counter(), 0, 0, 0.0
     kinds: Counter[str] = Counter()
     ends: Counter[str] = Counter()
     rules: Counter[str] = Counter()
-    for outcome in outcomes(range(first, beyond), given.jobs, given.defect):
+    for outcome in outcomes(range(first, beyond), given.jobs, given.bus, given.defect):
         total += 1
         simulated += outcome.simulated_s
         kinds.update(told.split()[2] for told in outcome.happened)
@@ -119,7 +122,7 @@ def main() -> int:
             failed += 1
             rules.update(p.split(":")[0].split(", ")[-1] for p in outcome.problems)
             tell(outcome)
-            if given.defect and not any(o.problems for o in outcomes([outcome.scenario.seed], 2)):
+            if given.defect and not any(o.problems for o in outcomes([outcome.scenario.seed], 2, given.bus)):
                 print(f"{given.defect}: found by seed {outcome.scenario.seed}, which is sound without it")
                 return 0
     took = time.perf_counter() - began

@@ -6,12 +6,13 @@ break when those change: then the defect has to be put back in another place.
 
 from __future__ import annotations
 
+import contextlib
 import sys
 from collections.abc import Callable
 from typing import Any
 
 from schwung.commissioning import procedure
-from schwung.errors import DriveError
+from schwung.errors import DriveError, StateError
 from schwung.fieldbus import cia402, walker
 from schwung.fieldbus.canopen import nmt, setup, sync
 from schwung.fieldbus.canopen.dialogue import Dialogue
@@ -19,6 +20,8 @@ from schwung.fieldbus.canopen.exchange import Exchange
 from schwung.fieldbus.canopen.operation import Operation
 from schwung.fieldbus.canopen.output import Output
 from schwung.fieldbus.cia402 import State
+from schwung.fieldbus.modbus import link, state_machine
+from schwung.fieldbus.modbus.state_machine import StateMachine
 
 _LOOKED_S = 0.05
 
@@ -62,16 +65,16 @@ def _unknown_is_off() -> None:
 
 
 def _refused_position_is_zero() -> None:
-    """6064 that is refused counts as 0, and is asked for by each command until the drive is in operation."""
+    """6064 that is refused counts as 0; what commands a drive without power asks for it where PDOs are not answered."""
 
     def position(self: Any) -> int:
         found = self.cyclic.position if self.cyclic is not None else None
         return found if found is not None else self._sdo.read_integer(0x6064, 0, "INTEGER32") or 0
 
     def target(self: Any, cyclic: Any) -> int:
-        operating = self.state() is State.OPERATION_ENABLED
+        at_rest = self.state() in (*cia402.OFF, State.READY, State.SWITCHED_ON)
         held: int | None = cyclic.target
-        return held if operating and held is not None else position(self)
+        return position(self) if at_rest or held is None else held
 
     Dialogue.position = position  # type: ignore[method-assign]
     Dialogue._target = target  # type: ignore[method-assign]
@@ -124,9 +127,14 @@ def _not_put_back() -> None:
 
 
 def _quick_stop_by_sdo_first() -> None:
-    """The SDO's quick stop comes before an RPDO that the drive still holds: the one that stops waits for its turn."""
+    """The SDO's quick stop comes before an RPDO that the drive still holds: the one that stops waits for its turn, and
+    the SDO does not wait for the SYNC after it."""
 
-    sync._PythonProducer.latch = lambda self, word: self._output.latch(word) and None  # type: ignore[method-assign]
+    def latch(self: Any, word: int) -> None:
+        self._output.latch(word)
+        raise StateError("defect", "what waits for the SYNC is skipped")
+
+    sync._PythonProducer.latch = latch  # type: ignore[method-assign]
 
 
 def _stops_when_somebody_looks() -> None:
@@ -187,6 +195,36 @@ def _stops_from_what_was_not_sent() -> None:
     Output.next = next_  # type: ignore[method-assign]
 
 
+def _one_quick_stop() -> None:
+    """A halt writes its quick stop once, and swallows what becomes of it; as it was when busy was a refusal: today the
+    link asks a busy drive again."""
+    _busy_is_a_refusal()
+
+    def stop_moving(self: Any) -> None:
+        with contextlib.suppress(Exception):
+            self.command(cia402.QUICK_STOP)
+        with contextlib.suppress(Exception):
+            self._on_halt()
+
+    StateMachine._stop_moving = stop_moving  # type: ignore[method-assign]
+
+
+def _busy_is_a_refusal() -> None:
+    """Exceptions 5 and 6 end a request as any other does."""
+    link.ACKNOWLEDGE = link.BUSY = -1
+
+
+def _standstill_in_counts() -> None:
+    """An axis that has turned by 50 counts or less in 50 ms stands, whatever a count is worth."""
+    state_machine._STILL_RAD = 50.0
+    made = StateMachine.__init__
+
+    def make(self: Any, *given: Any) -> None:
+        made(self, *given[:-1], lambda: 1.0)
+
+    StateMachine.__init__ = make  # type: ignore[method-assign]
+
+
 DEFECTS: dict[str, Callable[[], None]] = {
     "not-latched": _not_latched,
     "target-of-the-start": _target_of_the_start,
@@ -203,4 +241,8 @@ DEFECTS: dict[str, Callable[[], None]] = {
     "stops-when-somebody-looks": _stops_when_somebody_looks,
     "brought-up-again": _brought_up_again,
     "stops-from-what-was-not-sent": _stops_from_what_was_not_sent,
+    # Modbus
+    "one-quick-stop": _one_quick_stop,
+    "busy-is-a-refusal": _busy_is_a_refusal,
+    "standstill-in-counts": _standstill_in_counts,
 }

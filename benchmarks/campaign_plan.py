@@ -10,7 +10,6 @@ from typing import Any
 from schwung.drivetrain import Coupling, Load, Machine, Motor
 from schwung.fieldbus.canopen import driver
 from schwung.fieldbus.profile import DeviceProfile, load_profile
-from schwung_sim.campaign.draw import Scenario, draw
 from schwung_sim.campaign.monitor import Expected
 
 NODE = 3
@@ -75,11 +74,6 @@ def machine() -> Machine:
     )
 
 
-def scenario_of(seed: int) -> Scenario:
-    """What a seed draws."""
-    return draw(seed, tuple(way.weight for way in WAYS))
-
-
 def expected(way: Way, start_rad: float) -> Expected:
     """The plan, computed from the wishes: peak speed of the trapezoid with equal thirds is 1.5 times the mean."""
     period_s = 1.0 / way.wishes["sample_rate_hz"]
@@ -101,10 +95,3 @@ def expected(way: Way, start_rad: float) -> Expected:
         mode=way.mode,
         writable=way.writable,
     )
-
-
-def kind_of(scenario: Scenario) -> str:
-    """The drive and the way, in words."""
-    drive = f", drive with {scenario.trait[0]}" if scenario.trait[0] else ""
-    stays = ", stays in quick stop" if scenario.stays else ""
-    return WAYS[scenario.way].name + drive + stays + (", exported" if scenario.exports else "")

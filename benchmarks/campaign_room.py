@@ -167,6 +167,10 @@ class Room:
             if entry.writable and k >> 8 not in _LIVE and k not in _LIVE_PARTS
         }
 
+    def misjudged(self, told: str) -> list[str]:
+        """What the tool said of the drive, and is not so."""
+        return []
+
     def calm(self) -> None:
         """All that befell is over; a drive without torque is switched off and on."""
         self.scene.calm()

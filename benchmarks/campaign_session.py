@@ -12,6 +12,8 @@ from unittest.mock import patch
 
 import h5py
 import numpy as np
+from campaign_line import WAYS as LINE_WAYS
+from campaign_line import LineRoom
 from campaign_plan import (
     AFTERMATH_S,
     DISTANCE_RAD,
@@ -43,7 +45,7 @@ from schwung.commissioning.procedure import record
 from schwung.drivetrain import InertiaTable
 from schwung.errors import SchwungError
 from schwung.fieldbus.canopen import driver
-from schwung_sim.campaign.draw import STAGES, Scenario
+from schwung_sim.campaign.draw import STAGES, Scenario, draw
 from schwung_sim.campaign.points import Counts
 from schwung_sim.campaign.side import Killed, Overdue
 
@@ -72,13 +74,29 @@ class _Observer:
     def note(self, text: str) -> None: ...
 
 
+def scenario_of(seed: int, bus: str = "canopen") -> Scenario:
+    """What a seed draws."""
+    ways = WAYS if bus == "canopen" else LINE_WAYS
+    return draw(seed, tuple(way.weight for way in ways), bus)
+
+
+def kind_of(scenario: Scenario) -> str:
+    """The drive and the way, in words."""
+    way = (WAYS if scenario.bus == "canopen" else LINE_WAYS)[scenario.way]
+    trait, value = scenario.trait
+    drive = f", drive with {trait} {value:g}" if trait else ""
+    stays = ", stays in quick stop" if scenario.stays and scenario.bus == "canopen" else ""
+    return way.name + drive + stays + (", exported" if scenario.exports else "")
+
+
 def run(scenario: Scenario, show: bool = False) -> Outcome:
     """Play a scenario through and judge it."""
     with _shortened(), tempfile.TemporaryDirectory(dir=_memory(), prefix="campaign-") as name:
         folder = Path(name) / "out"
         folder.mkdir()
-        usual = typical(scenario.way, scenario.creeps) if scenario.incidents else {}
-        with Room(scenario, folder, usual) as room:
+        usual = typical(scenario.bus, scenario.way, scenario.creeps) if scenario.incidents else {}
+        kind = Room if scenario.bus == "canopen" else LineRoom
+        with kind(scenario, folder, usual) as room:
             return _played(room, show)
 
 
@@ -92,7 +110,7 @@ def _shortened() -> Iterator[None]:
         yield
 
 
-def _played(room: Room, show: bool) -> Outcome:
+def _played(room: Room | LineRoom, show: bool) -> Outcome:
     outcome, monitor = Outcome(room.scenario), room.monitor
     if show:
         monitor.frames = []
@@ -102,7 +120,7 @@ def _played(room: Room, show: bool) -> Outcome:
     by_itself = not isinstance(error, Killed)
     if by_itself:
         monitor.ended(outcome.told)
-        outcome.problems += _unclear(error)
+        outcome.problems += _unclear(error) + room.misjudged(outcome.told)
     room.clock.sleep(AFTERMATH_S)
     outcome.problems += [str(violation) for violation in monitor.violations]
     outcome.log = [str(frame) for frame in monitor.frames or ()]
@@ -116,7 +134,7 @@ def _played(room: Room, show: bool) -> Outcome:
     return outcome
 
 
-def _commission(room: Room) -> BaseException | None:
+def _commission(room: Room | LineRoom) -> BaseException | None:
     """Everything that `schwung commission` does but estimating; the error that it ended with."""
     way, start, out = room.way, room.scenario.start_rad, room.folder
     limits = LimitWishes(
@@ -193,7 +211,7 @@ def _unreadable(folder: Path) -> list[str]:
     return problems
 
 
-def _parameters(room: Room, kept: Path, told: str | None) -> list[str]:
+def _parameters(room: Room | LineRoom, kept: Path, told: str | None) -> list[str]:
     """Parameters that are neither back nor can be put back. `told` None: the tool could not say anything any more."""
     if room.store_was_cut:
         return ["store: the supply failed while it stored, and nobody was told"] if told == "" else []
@@ -224,13 +242,12 @@ def _parameters(room: Room, kept: Path, told: str | None) -> list[str]:
 
 
 @cache
-def typical(way: int, creeps: bool) -> dict[str, Counts]:
+def typical(bus: str, way: int, creeps: bool) -> dict[str, Counts]:
     """Frames, seconds and waits of each stage where nothing goes wrong. Raises RuntimeError where something does."""
-    outcome = run(Scenario(way, way, 0.0, (), True, creeps))
+    outcome = run(Scenario(way, way, 0.0, (), True, creeps, bus=bus))
     if outcome.problems or outcome.ended != "well":
-        raise RuntimeError(
-            f"{WAYS[way].name}, without any incident: {outcome.ended} {outcome.told} {outcome.problems}"
-        )
+        kind = kind_of(outcome.scenario)
+        raise RuntimeError(f"{kind}, without any incident: {outcome.ended} {outcome.told} {outcome.problems}")
     return {stage: outcome.stages[stage] for stage in STAGES}
 
 

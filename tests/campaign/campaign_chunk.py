@@ -2,16 +2,15 @@
 
 from __future__ import annotations
 
-from campaign_plan import scenario_of
-from campaign_session import run
+from campaign_session import run, scenario_of
 
 
-def problems(seeds: range) -> list[str]:
+def problems(seeds: range, bus: str = "canopen") -> list[str]:
     """Everything that is wrong with these seeds, each with the command that shows it again."""
     found = []
     for seed in seeds:
-        outcome = run(scenario_of(seed))
+        outcome = run(scenario_of(seed, bus))
         if outcome.problems:
-            command = f"python benchmarks/campaign.py --seeds {seed}:{seed + 1} --show"
+            command = f"python benchmarks/campaign.py --bus {bus} --seeds {seed}:{seed + 1} --show"
             found.append(f"{'; '.join(outcome.problems)}\n  {command}")
     return found

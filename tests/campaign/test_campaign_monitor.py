@@ -81,6 +81,7 @@ def _too_strong(stage: Stage) -> None:
 
 
 def _re_enabled(stage: Stage) -> None:
+    stage.rpdo(0x02)
     stage.stop()
     stage.machine.energised = stage.machine.operating = True
 
@@ -206,6 +207,19 @@ def test_whoever_leaves_a_motor_energised_says_so(told: str, rules: list[str]) -
     stage = Stage()
     stage.enable()
     stage.monitor.ended(told)
+    assert stage.rules == rules
+
+
+@pytest.mark.parametrize(("after_s", "rules"), [(0.05, []), (0.15, ["re-enabled"])])
+def test_a_drive_that_left_by_itself_may_be_led_back_until_that_can_be_seen(
+    after_s: float, rules: list[str]
+) -> None:
+    stage = Stage()
+    stage.enable()
+    stage.stop()
+    stage.pass_time(after_s)
+    stage.machine.energised = stage.machine.operating = True
+    stage.pass_time(0.005)
     assert stage.rules == rules
 
 

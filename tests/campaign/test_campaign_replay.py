@@ -8,16 +8,14 @@ import sys
 from pathlib import Path
 
 import pytest
-from campaign_plan import scenario_of
-from campaign_session import run
+from campaign_session import run, scenario_of
 
 from schwung_sim.campaign.draw import CLASSES
 
 _ROOT = Path(__file__).parents[2]
 _PROGRAM = """\
 import sys
-from campaign_plan import scenario_of
-from campaign_session import run
+from campaign_session import run, scenario_of
 print(run(scenario_of(int(sys.argv[1]))).digest)
 """
 

@@ -96,6 +96,30 @@ def test_what_a_write_passes_through_is_in_the_backup_too(drive: DeskDrive, tmp_
     assert drive.objects == before
 
 
+@pytest.mark.parametrize("by", ["journal", "file"])
+def test_a_value_that_is_taken_after_the_others_is_put_back(
+    by: str, drive: DeskDrive, tmp_path: Path
+) -> None:
+    """A target lies outside the window of a plan, and inside the one that is put back after it."""
+    before = dict(drive.objects)
+    journal = _journal(drive, tmp_path)
+    journal.change([ParameterValue(drive.parameter(0x6060), 8), ParameterValue(drive.parameter(0x1017), 77)])
+    write = drive.write
+
+    def picky(values: list[ParameterValue]) -> None:
+        if values[0].parameter.index == 0x1017 and drive.objects[0x6060, 0] == 8:
+            raise SdoError(f"node 3, {values[0].parameter.label}", "the drive refused to write it")
+        write(values)
+
+    drive.write = picky  # type: ignore[method-assign, assignment]  # a drive with rules
+    if by == "journal":
+        journal.restore()
+    else:
+        restore_backup(drive, tmp_path / "a.backup.json")
+    assert drive.objects == before
+    assert read_backup(tmp_path / "a.backup.json").restored is not None
+
+
 def test_another_drive_is_refused(drive: DeskDrive, tmp_path: Path) -> None:
     _journal(drive, tmp_path).change([ParameterValue(drive.parameter(0x6060), 8)])
     other = DeskDrive(believed_machine())

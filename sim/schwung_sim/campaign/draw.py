@@ -25,7 +25,7 @@ TARGETS = (
 #: What the drive shows of itself goes wrong where the tool judges by it: where it gives power, moves and takes it away,
 #: while it waits, and for at least as long as it takes to look.
 SHOWN = "what it shows"
-JUDGING = ("enable", "motion", "off", "off")
+JUDGING = ("enable", "enable", "motion", "off", "off")
 
 #: What may go wrong, by where it does: each class is as likely as any other, and each kind within it.
 CLASSES = {
@@ -47,7 +47,7 @@ LINE_CLASSES = {
     "answers": ("refused", "unanswered"),
     SHOWN: ("statusword", "unseen-state", "unseen-place"),
     "drive": ("fault", "weak"),
-    "tool": ("kill", "interrupt", "halt", "halt", "stall-tool"),
+    "tool": ("kill", "interrupt", "halt", "halt", "halt", "stall-tool"),
 }
 
 #: What kind of drive it is (traits.py), with the value of it; most are as the bench's own.
@@ -112,7 +112,7 @@ def draw(seed: int, weights: tuple[float, ...], bus: str = "canopen") -> Scenari
     classes, traits = BUSES[bus]
     chance = random.Random(f"campaign {seed}" if bus == "canopen" else f"campaign {bus} {seed}")
     way = chance.choices(range(len(weights)), weights)[0]
-    start = chance.choice((0.0, 0.7, -1.3, 2.0))
+    start = chance.choice((-0.4, 0.7, -1.3, 2.0))  # never 0: that is what nothing looks like
     count = chance.choice((1, 2, 2, 3, 3))
     incidents = tuple(
         _incident(chance, classes, number > 0 and chance.random() < 0.6) for number in range(count)

@@ -66,6 +66,7 @@ class Scene:
     def calm(self) -> None:
         """All of it is over; a drive that is bus-off or weak is switched off and on again."""
         self.weather.squalls.clear()
+        self.bench.servo.store.keep_power()
         while self._calm:
             self._calm.pop()()
 

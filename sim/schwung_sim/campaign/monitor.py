@@ -40,6 +40,8 @@ STANDS_AT_RAD = 0.06
 CATCHING_UP_S = 0.3
 #: How long another master's word may be fought over until the tool has noticed.
 FOREIGN_S = 0.1
+#: So long a drive that left operation by itself may be led back by words that were under way, or in its own queue.
+NOTICED_S = 0.1
 #: Another's heartbeat is there as long as it comes this often.
 SHARED_FOR_S = 1.0
 #: From the end of the consumer time until the drive has looked at its timers, and its loop has settled after braking.
@@ -159,7 +161,7 @@ class Monitor:
         self._last_step: int | None = None  # while it enabled
         self._beat_s: float | None = None  # the tool's last heartbeat
         self._died_s: float | None = None
-        self._foreign_s = float("-inf")
+        self._foreign_s = self._left_by_itself_s = float("-inf")
         self._others_beat_s = float(
             "-inf"
         )  # heard by the drive; and by the tool, the last and the first of them
@@ -222,7 +224,7 @@ class Monitor:
         """A millisecond has passed."""
         machine, plan = self.machine, self.expected
         operating = machine.operating
-        if not operating:
+        if not operating and 0x0F not in self._climbed:  # after that word, a brake may still have to open
             self._wrong_mode_looks = self._wrong_mode_looks + 1 if machine.mode != plan.mode else 0
         if operating is not self._was_operating:
             self._operation(operating)
@@ -246,11 +248,15 @@ class Monitor:
         """Operation enabled was entered, or left."""
         self._was_operating = operating
         if not operating:
+            self._left_by_itself_s = (
+                self.now() if not self._said & {0x00, 0x02, 0x06, 0x07} else float("-inf")
+            )
             if not self.machine.stepped_down or self._said & {0x00, 0x02, 0x06, 0x07}:
                 self._operated, self._climbed = True, set()
             return  # else by a word of the way up that came late
         self._said = set()
-        if self._operated and self.now() - self._foreign_s > FOREIGN_S:
+        known = self.now() - self._left_by_itself_s > NOTICED_S and self.now() - self._foreign_s > FOREIGN_S
+        if self._operated and known:
             self._report("re-enabled", "Operation enabled again, after a stop and without being asked")
         if not self._asked and not self._operated:
             self._report("re-enabled", "Operation enabled, and nobody had asked for it")

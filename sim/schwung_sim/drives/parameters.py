@@ -66,6 +66,10 @@ class ParameterStore:
         """
         self._cut = left, power_cycle
 
+    def keep_power(self) -> None:
+        """The supply does not fail at the next command to store."""
+        self._cut = None
+
     def power_up(self, only: range = _GROUPS[1]) -> None:
         """Defaults, then what was stored, for the objects in `only`; hooks are not called."""
         for k, entry in self._dictionary.entries.items():

@@ -154,9 +154,14 @@ class ParameterJournal:
         return writing
 
     def restore(self) -> None:
-        """Put back what was there before the first change of each parameter; the file then says so."""
+        """Put back what was there before the first change of each parameter; the file then says so.
+
+        Raises ParameterError for the first that the drive does not take; all others are put back.
+        """
         if self._changes and self._restored is None:
-            self._drive.write(first_values(self._changes))
+            refused = _write_what_is_taken(self._drive, first_values(self._changes))
+            if refused:
+                raise refused[0].error
             self._restored = _date(self._drive.clock)
             self._save()
 
@@ -257,7 +262,8 @@ def restore_backup(drive: ParameterAccess, path: Path, force: bool = False) -> t
     if refused:
         raise DriveError(
             str(path),
-            f"{len(values) - len(refused)} of {len(values)} parameters are put back, but not {'; '.join(refused)}",
+            f"{len(values) - len(refused)} of {len(values)} parameters are put back, but not "
+            + "; ".join(str(one.error) for one in refused),
             "Mend the cause or set these by hand; running restore again does no harm.",
         )
     if backup.stored:
@@ -281,12 +287,27 @@ def _holds(drive: ParameterAccess, value: ParameterValue) -> bool:
         return False
 
 
-def _write_what_is_taken(drive: ParameterAccess, values: Sequence[ParameterValue]) -> list[str]:
-    """Write all values, leaving out one by one what the drive refuses; returns those errors.
+@dataclass(frozen=True)
+class _Refused:
+    value: ParameterValue
+    error: ParameterError
+
+
+def _write_what_is_taken(drive: ParameterAccess, values: Sequence[ParameterValue]) -> list[_Refused]:
+    """Write all values but those that the drive refuses, also when all others are back: a target may lie outside the
+    window that is put back after it.
 
     Raises ParameterError where the drive does not answer any more, or an error names none of the parameters.
     """
-    left, refused = list(values), []
+    refused = _written(drive, values)
+    if refused and len(refused) < len(values):
+        refused = _written(drive, [one.value for one in refused])
+    return refused
+
+
+def _written(drive: ParameterAccess, values: Sequence[ParameterValue]) -> list[_Refused]:
+    """Write values, leaving out one by one what the drive refuses."""
+    left, refused = list(values), list[_Refused]()
     while left:
         try:
             drive.write(left)
@@ -297,6 +318,6 @@ def _write_what_is_taken(drive: ParameterAccess, values: Sequence[ParameterValue
                 raise
             for value in taken[:1]:
                 drive.read(value.parameter)  # a drive that is gone is not asked for each of them
+            refused += [_Refused(value, error) for value in left if value not in taken]
             left = taken
-            refused.append(str(error))
     return refused

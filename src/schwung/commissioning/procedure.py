@@ -95,7 +95,10 @@ def powered(drive: Drive, plan: Plan, journal: ParameterJournal, interrupt: OneI
         raise
     troubles = _leave(drive, journal)
     if troubles:
-        raise DriveError("leaving the drive", "; ".join(troubles))
+        left = DriveError("leaving the drive", troubles[0])
+        for further in troubles[1:]:
+            left.add_note(further)
+        raise left
     interrupt.let_through()
 
 
