@@ -260,3 +260,15 @@ def cholesky(matrix: Array) -> Array:
             factor[i, j] = np.sqrt(rest) if i == j else rest / factor[j, j]
         factor[i, i + 1 :] = 0.0
     return factor
+
+
+@njit(cache=True, error_model="numpy")
+def driven(transition: Array, forcing: Array, values: Array) -> Array:
+    """States (n, s) of x⁺ = transition·x + forcing·value from rest, one per value (n,)."""
+    states = np.zeros((values.size, transition.shape[0]))
+    for k in range(1, values.size):
+        for i in range(states.shape[1]):
+            states[k, i] = forcing[i] * values[k - 1]
+            for j in range(states.shape[1]):
+                states[k, i] += transition[i, j] * states[k - 1, j]
+    return states

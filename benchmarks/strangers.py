@@ -1,0 +1,171 @@
+"""Strangers' machines: a plant, laws, filters and noise written apart from the tool and from its virtual machine room.
+
+A rotor and a load on a shaft, Runge-Kutta of fourth order, a cascade at 8 kHz whose torque is held between its ticks.
+What it hides has no formula in common with `schwung`: dry friction is ω/√(ω² + ε²), laws are over the root of the speed
+or a cosine of the angle; what is reported passes through filters of its own, one per signal.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+from schwung.drivetrain.machine import Coupling, Load, Machine, Motor
+from schwung.motion import Excitation, Motion
+from schwung.session.model import Run, Session
+
+Array = NDArray[np.float64]
+
+TICK_S, SUBSTEPS = 125e-6, 4
+ROTOR, LOAD, STIFFNESS, DAMPING = 4.0e-3, 2.2e-2, 9000.0, 1.9
+ROTOR_VISCOUS, LOAD_VISCOUS, PEAK_NM = 0.004, 0.003, 60.0
+STROKE_RAD, START_S, DWELL_S, INJECTION_HZ, INJECTION_NM = 4.3, 0.15, 0.11, 47.0, 4.0
+#: Standard deviations of what is reported: angle, speed, torque.
+NOISE = (2e-6, 0.02, 0.05)
+
+
+@dataclass(frozen=True)
+class Stranger:
+    """What is hidden. `friction`: [dry, its share over the angle, of the root of the speed, of the torque carried]."""
+
+    name: str
+    right: tuple[str, ...]  # names that are true; empty: none is, and a curve or nothing is right
+    friction: tuple[float, float, float, float] = (0.0, 0.0, 0.0, 0.0)
+    torque_filter_s: float = 0.0  # of the reported torque beyond the speed's
+    torque_share: float = 0.0  # noise of the reported torque in proportion to it
+    believed_scale: float = 1.0  # believed load inertia over the true one
+    curves: tuple[str, ...] = ()  # coordinates of an unnamed curve that are right
+
+
+STRANGERS = (
+    Stranger("nothing hidden", ()),
+    Stranger("(1 + 0.6 cos(1.3θ + 0.4)) sign ω", ("friction_over_angle",), (0.9, 0.6, 0.0, 0.0), curves=("position",)),
+    Stranger("torque 0.4 ms later than speed", ("torque_filter",), torque_filter_s=0.4e-3),
+    Stranger("friction ∝ √|ω|", (), (0.0, 0.0, 0.22, 0.0), curves=("speed",)),
+    Stranger("gear loss ∝ |torque|", ("load_dependent_friction",), (0.0, 0.0, 0.0, 0.05), curves=("torque",)),
+    Stranger("noise of 1 % of the torque", (), torque_share=0.01),
+    Stranger("inertia 5 % off, dry friction", ("load_inertia", "coulomb_friction"), (0.8, 0.0, 0.0, 0.0),
+             believed_scale=0.95),
+)  # fmt: skip
+
+
+@njit(cache=True)
+def _slopes(state: Array, torque: float, friction: Array, last: float) -> tuple[Array, float]:
+    """Rates of motor angle and speed, load angle and speed; and the shaft's torque."""
+    shaft = STIFFNESS * (state[0] - state[2]) + DAMPING * (state[1] - state[3])
+    way = state[1] / np.sqrt(state[1] ** 2 + 1e-4)
+    level = friction[0] * (1 + friction[1] * np.cos(1.3 * state[0] + 0.4))
+    level += friction[2] * np.sqrt(abs(state[1])) + friction[3] * abs(last)
+    rates = np.empty(4)
+    rates[0], rates[2] = state[1], state[3]
+    rates[1] = (torque - shaft - ROTOR_VISCOUS * state[1] - level * way) / ROTOR
+    rates[3] = (shaft - LOAD_VISCOUS * state[3]) / LOAD
+    return rates, shaft
+
+
+@njit(cache=True)
+def _played(demand: Array, added: Array, friction: Array) -> Array:
+    """Angle, speed and torque at every tick, (n, 3)."""
+    n, h = demand.size, TICK_S / SUBSTEPS
+    rows, state, integral, shaft = np.empty((n, 3)), np.zeros(4), 0.0, 0.0
+    gain, position_gain, reset = 100.0 * (ROTOR + LOAD), 45.0, 0.03
+    for i in range(n):
+        ahead = (demand[min(i + 1, n - 1)] - demand[max(i - 1, 0)]) / (2 * TICK_S)
+        error = position_gain * (demand[i] - state[0]) + ahead - state[1]
+        integral += error * TICK_S / reset
+        torque = min(max(gain * (error + integral) + added[i], -PEAK_NM), PEAK_NM)
+        rows[i, 0], rows[i, 1], rows[i, 2] = state[0], state[1], torque
+        for _ in range(SUBSTEPS):
+            a, shaft = _slopes(state, torque, friction, shaft)
+            b, _ = _slopes(state + 0.5 * h * a, torque, friction, shaft)
+            c, _ = _slopes(state + 0.5 * h * b, torque, friction, shaft)
+            d, _ = _slopes(state + h * c, torque, friction, shaft)
+            state = state + h * (a + 2 * b + 2 * c + d) / 6
+    return rows
+
+
+def _filtered(values: Array, time_s: float) -> Array:
+    """Once through a first-order filter."""
+    if time_s <= 0:
+        return values
+    result, share = values.copy(), 1 - np.exp(-TICK_S / time_s)
+    for i in range(1, values.size):
+        result[i] = result[i - 1] + share * (values[i] - result[i - 1])
+    return result
+
+
+def _stroke(share: Array) -> Array:
+    """Rest to rest with zero jerk at both ends: the seventh-order polynomial."""
+    u = np.clip(share, 0.0, 1.0)
+    return np.asarray(u**4 * (35 - 84 * u + 70 * u**2 - 20 * u**3))
+
+
+def session_of(
+    stranger: Stranger, seed: int, every: int = 2, times: tuple[float, ...] = (0.2, 0.3, 0.45)
+) -> Session:
+    """A session: of each motion time two references and two phases of the injection; every second tick logged."""
+    chance, runs = np.random.default_rng(seed), []
+    for duration in times:
+        total = START_S + 2 * (duration + DWELL_S)
+        time = np.arange(round(total / TICK_S)) * TICK_S
+        back = START_S + duration + DWELL_S
+        demand = STROKE_RAD * (_stroke((time - START_S) / duration) - _stroke((time - back) / duration))
+        motion = Motion(
+            kind="poly5", distance_rad=STROKE_RAD, duration_s=duration, start_time_s=START_S, returns=True,
+            dwell_s=DWELL_S,
+        )  # fmt: skip
+        for number, phase in enumerate((None, None, 0.0, np.pi)):
+            sine = None
+            if phase is not None:
+                sine = Excitation(
+                    frequency_hz=INJECTION_HZ,
+                    amplitude_nm=INJECTION_NM,
+                    phase_rad=phase,
+                    ramp_s=0.04,
+                    end_s=total,
+                )
+            added = np.zeros_like(time) if sine is None else sine.torque(time)
+            rows = _played(demand, added, np.array(stranger.friction))
+            # the torque of a tick is held until the next: on average it belongs half a tick later
+            torque = _filtered(
+                (rows[:, 2] + np.concatenate([[0.0], rows[:-1, 2]])) / 2, stranger.torque_filter_s
+            )
+            noise = chance.standard_normal(rows.shape)
+            torque = torque + (NOISE[2] + stranger.torque_share * np.abs(torque)) * noise[:, 2]
+            runs.append(
+                Run(
+                    role="reference" if sine is None else "excited",
+                    repeat=number % 2 if sine is None else 0,
+                    sample_rate_hz=1 / (every * TICK_S),
+                    time_s=time[::every],
+                    position_rad=(rows[:, 0] + NOISE[0] * noise[:, 0])[::every],
+                    speed_rad_s=(rows[:, 1] + NOISE[1] * noise[:, 1])[::every],
+                    torque_nm=torque[::every],
+                    motion=motion,
+                    excitation=sine,
+                )
+            )
+    return Session(tuple(runs), created="2026-01-01T00:00:00+00:00", source=stranger.name)
+
+
+def belief_of(stranger: Stranger) -> Machine:
+    """The machine as believed: all of it but for what is hidden."""
+    return Machine(
+        name=stranger.name,
+        motor=Motor(inertia_kgm2=ROTOR, viscous_friction_nms=ROTOR_VISCOUS, peak_torque_nm=PEAK_NM),
+        coupling=Coupling(stiffness_nm_rad=STIFFNESS, damping_nms=DAMPING),
+        load=Load(viscous_friction_nms=LOAD_VISCOUS, inertia_kgm2=LOAD * stranger.believed_scale),
+    )
+
+
+def is_right(stranger: Stranger, names: Mapping[str, float], curves: Mapping[str, float]) -> bool:
+    """No wrong name with more than one half; and what is hidden has its names, or its curve."""
+    likely = {name for name, p in names.items() if p > 0.5}
+    if likely - set(stranger.right):
+        return False
+    drawn = any(curves.get(coordinate, 0.0) > 0.5 for coordinate in stranger.curves)
+    return likely == set(stranger.right) or drawn

@@ -1,0 +1,1 @@
+"""Causes weighed by their evidence under one likelihood: `weigh` (weigh.py) is the door."""

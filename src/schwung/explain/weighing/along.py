@@ -1,0 +1,169 @@
+"""The coordinates that causes depend on, along one run's smoothed states."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.interpolate import CubicSpline
+
+from schwung.drivetrain.machine import Machine
+from schwung.innovations.signals import Signals
+from schwung.motion import Array
+from schwung.session.model import Run
+
+
+@dataclass(frozen=True)
+class Ranges:
+    """What the whole session covers: natural units of everything."""
+
+    low_rad: float
+    high_rad: float
+    peak_speed_rad_s: float
+    peak_acceleration_rad_s2: float
+    peak_torque_nm: float
+    longest_s: float
+    sticking_rad_s: float
+    runs: int
+    band_hz: float
+
+    @property
+    def span_rad(self) -> float:
+        """The visited angles."""
+        return self.high_rad - self.low_rad
+
+
+@dataclass(frozen=True, eq=False)
+class Along:
+    """One run; arrays (n,)."""
+
+    run: Signals
+    machine: Machine
+    ranges: Ranges
+    number: int  # of the run in the session, from 0
+    starts_s: float  # when the motion leaves rest
+    error_nm: Array | float = 0.0  # of the reported torque, as smoothed
+
+    @property
+    def time_s(self) -> Array:
+        return self.run.time_s
+
+    @property
+    def motion_time_s(self) -> Array:
+        """Since the motion left rest."""
+        return self.run.time_s - self.starts_s
+
+    @property
+    def share(self) -> float:
+        """How far through the session, 0…1."""
+        return self.number / max(self.ranges.runs - 1, 1)
+
+    @cached_property
+    def angle(self) -> Array:
+        return np.asarray(self.run.states[:, 0])
+
+    @cached_property
+    def load_angle(self) -> Array:
+        return np.asarray(self.run.load_angle_rad)
+
+    @cached_property
+    def speed(self) -> Array:
+        return np.asarray(self.run.states[:, 1])
+
+    @cached_property
+    def load_speed(self) -> Array:
+        return np.asarray(self.run.load_speed_rad_s)
+
+    @cached_property
+    def direction(self) -> Array:
+        """Of the motor's motion, −1…1."""
+        return np.tanh(self.speed / self.ranges.sticking_rad_s)
+
+    @cached_property
+    def moves(self) -> NDArray[np.bool_]:
+        """Where the motor surely slides; everywhere, where it never does."""
+        sliding = np.abs(self.speed) > 10 * self.ranges.sticking_rad_s
+        return sliding if sliding.any() else np.ones_like(sliding)
+
+    @cached_property
+    def load_direction(self) -> Array:
+        return np.tanh(self.load_speed / self.ranges.sticking_rad_s)
+
+    def _rate(self, values: Array) -> Array:
+        return np.asarray(CubicSpline(self.time_s, self.run.quiet(values))(self.time_s, 1))
+
+    @cached_property
+    def acceleration(self) -> Array:
+        """Of the motor."""
+        return self._rate(self.speed)
+
+    @cached_property
+    def load_acceleration(self) -> Array:
+        return self._rate(self.load_speed)
+
+    @cached_property
+    def true_torque(self) -> Array:
+        """As reported but for its error, which would else meet itself in the innovations (N·m)."""
+        return np.asarray(self.run.drive.smooth(self.time_s) - self.error_nm)
+
+    @cached_property
+    def torque(self) -> Array:
+        """The true torque within the band (N·m)."""
+        return np.asarray(self.run.quiet(self.true_torque))
+
+    @cached_property
+    def torque_rate(self) -> Array:
+        return self._rate(self.true_torque)
+
+    @cached_property
+    def twist(self) -> Array:
+        """Of the coupling (rad); 0 where there is none."""
+        return 0.0 * self.speed if self.run.rigid else np.asarray(self.run.quiet(self.run.states[:, 2]))
+
+    @cached_property
+    def twist_speed(self) -> Array:
+        return (
+            0.0 * self.speed if self.run.rigid else np.asarray(self.run.quiet(self.speed - self.load_speed))
+        )
+
+    @cached_property
+    def inertia(self) -> Array:
+        """Believed, of the load."""
+        return self.machine.load_inertia_at(self.load_angle)
+
+    @cached_property
+    def carried(self) -> Array:
+        """Torque through the shaft to the load (N·m)."""
+        if self.machine.coupling is None:
+            return np.asarray(self.inertia * self.load_acceleration)
+        k, b = self.machine.coupling.stiffness_nm_rad, self.machine.coupling.damping_nms
+        return np.asarray(k * self.twist + b * self.twist_speed)
+
+
+def along(
+    run: Signals, recorded: Run, machine: Machine, ranges: Ranges, number: int, error_nm: Array | float
+) -> Along:
+    """The coordinates of a run of a session."""
+    starts = recorded.motion.start_time_s if recorded.motion is not None else 0.0
+    return Along(run, machine, ranges, number, float(starts or 0.0), error_nm)
+
+
+def ranges_of(runs: list[Signals], machine: Machine, sticking: float, band_hz: float) -> Ranges:
+    """What the runs cover, by their latest states."""
+    angle = np.concatenate([run.load_angle_rad for run in runs])
+    speed = max(float(np.max(np.abs(run.states[:, 1]))) for run in runs)
+    every = [run.quiet(run.drive.smooth(run.time_s)) for run in runs]
+    rates = [np.gradient(run.quiet(run.states[:, 1]), run.step_s) for run in runs]
+    return Ranges(
+        low_rad=float(angle.min()),
+        high_rad=float(angle.max()),
+        peak_speed_rad_s=speed,
+        peak_acceleration_rad_s2=max(float(np.max(np.abs(rate))) for rate in rates),
+        peak_torque_nm=max(float(np.max(np.abs(torque))) for torque in every),
+        longest_s=max(float(run.time_s[-1]) for run in runs),
+        sticking_rad_s=sticking * speed,
+        runs=len(runs),
+        band_hz=band_hz,
+    )

@@ -1,0 +1,89 @@
+"""A candidate: a cause with a name, the shapes that it may have, and how large it naturally is."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from itertools import product
+
+import numpy as np
+
+from schwung.explain.weighing.along import Along
+from schwung.innovations.effect import Effect
+from schwung.motion import Array
+
+Shape = tuple[float, ...]
+#: Standard deviation of a cause's torque, over the session's peak torque.
+NATURAL = 0.1
+#: Sizes of a curve that are tried, over its natural one: evenly in the logarithm, a factor of about three apart.
+LADDER = (3.0, 1.0, 0.3, 0.1, 0.03, 0.01, 0.003)
+
+
+@dataclass(frozen=True, eq=False)
+class Candidate:
+    """A cause of the vocabulary. Its coefficients are normal about 0 with `deviations` times one of `scales`."""
+
+    name: str
+    effect: Callable[[Along, Shape], Effect]
+    deviations: Shape
+    keys: Callable[[Array, Shape], Mapping[str, float]] = lambda _coefficients, _shape: {}
+    shapes: tuple[Shape, ...] = ((),)
+    spacing: Shape = ()  # of the shapes' grid, in each of their numbers
+    bounds: tuple[tuple[float, float], ...] = ()  # within which a shape is one
+    logarithmic: tuple[bool, ...] = ()  # numbers of the shape that are refined by factors
+    scales: tuple[float, ...] = (1.0,)
+    positive: tuple[int, ...] = ()  # coefficients that cannot be negative
+    named: bool = True
+    dry: bool = False  # holds the shaft at rest
+    coordinate: str = ""
+
+    @property
+    def size(self) -> int:
+        """Coefficients of one shape."""
+        return len(self.deviations)
+
+
+def curve_modes(points: Array, reach: float, *, least: float = 1e-3) -> Array:
+    """Modes of a Matérn-3/2 process of deviation 1 at points (g,), those that matter, (g, m).
+
+    `reach`: within which the curve is alike, in the points' unit.
+    """
+    away = np.sqrt(3.0) * np.abs(points[:, None] - points) / reach
+    values, vectors = np.linalg.eigh((1 + away) * np.exp(-away))
+    matter = values > least * values[-1]
+    return np.asarray(vectors[:, matter] * np.sqrt(values[matter]))[:, ::-1]
+
+
+@dataclass(frozen=True, eq=False)
+class Curve:
+    """A smooth curve over a coordinate, straight lines between points: `modes` (g, m) at `points` (g,)."""
+
+    points: Array
+    modes: Array
+
+    @classmethod
+    def over(cls, low: float, high: float, reach: float, count: int = 33) -> Curve:
+        """Between two ends; `reach` as a share of the range."""
+        points = np.linspace(low, high, count)
+        return cls(points, curve_modes(points, reach * (high - low)))
+
+    @property
+    def size(self) -> int:
+        return int(self.modes.shape[1])
+
+    def at(self, where: Array) -> Array:
+        """Every mode at coordinates (n,), (n, m)."""
+        place = np.clip(np.interp(where, self.points, np.arange(self.points.size)), 0, self.points.size - 1)
+        left = np.minimum(place.astype(int), self.points.size - 2)
+        part = (place - left)[:, None]
+        return np.asarray((1 - part) * self.modes[left] + part * self.modes[left + 1])
+
+
+def column(values: Array) -> Array:
+    """(n,) as (n, 1)."""
+    return values[:, None]
+
+
+def grid(*each: Sequence[float] | Array) -> tuple[Shape, ...]:
+    """All combinations."""
+    return tuple(tuple(float(value) for value in row) for row in product(*each))

@@ -1,0 +1,87 @@
+"""A run's filter equations: the believed machine, and whatever causes act along its latest states."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from schwung.drivetrain.machine import Machine
+from schwung.explain.weighing.along import Along
+from schwung.explain.weighing.vocabulary.load import believed
+from schwung.innovations import kernel
+from schwung.innovations.likelihood import Equations
+from schwung.innovations.steps import Steps, bulge, off_middle
+from schwung.motion import Array
+
+#: Where the shaft may stick, dry friction is anything within its own size: a variance of so many times its square.
+_OPEN = 100.0
+
+
+@dataclass(frozen=True, eq=False)
+class Acting:
+    """What acts along a run, (n,) each or 0.0, and how large dry friction is (N·m)."""
+
+    on_motor: Array | float = 0.0
+    on_load: Array | float = 0.0
+    position: Array | float = 0.0
+    speed: Array | float = 0.0
+    dry_nm: float = 0.0
+
+    def __add__(self, other: Acting) -> Acting:
+        return Acting(
+            self.on_motor + other.on_motor,
+            self.on_load + other.on_load,
+            self.position + other.position,
+            self.speed + other.speed,
+            max(self.dry_nm, other.dry_nm),
+        )
+
+
+def shaft_of(machine: Machine) -> kernel.Shaft:
+    """The coupling, and the inertias and frictions beside it."""
+    motor, coupling = machine.motor, machine.coupling
+    k, b = (coupling.stiffness_nm_rad, coupling.damping_nms) if coupling else (0.0, 0.0)
+    return kernel.Shaft(
+        motor.inertia_kgm2,
+        motor.viscous_friction_nms,
+        machine.load.viscous_friction_nms,
+        k,
+        b,
+        coupling is None,
+    )
+
+
+def equations_of(along: Along, acting: Acting) -> tuple[Equations, Steps]:
+    """Of one run about its states."""
+    run, machine = along.run, along.machine
+    inertia, slope, _ = believed(along)
+    load = machine.load_torque_at(along.load_angle) - slope * along.load_speed**2 / 2 + acting.on_load
+    push = np.broadcast_to(np.asarray(acting.on_motor, dtype=float), load.shape)
+    motor = run.drive.between(0.0, 0.0)
+    early, late, between = off_middle(inertia, run)
+    torques = np.stack(
+        [
+            motor.start_nm + push[:-1],
+            load[:-1] - early,
+            motor.end_nm + push[1:],
+            load[1:] - late,
+            motor.bulge_nm,
+            bulge(load) - between,
+        ],
+        1,
+    )
+    middle = (inertia[1:] + inertia[:-1]) / 2
+    steps = Steps.of(shaft_of(machine), middle, run.step_s, slopes=False)
+    size = steps.transition.shape[1]
+    transition = np.zeros((load.size - 1, size + 1, size + 1))
+    forcing = np.zeros((load.size - 1, size + 1))
+    transition[:, :size, :size] = steps.transition
+    transition[:, :size, size] = -steps.inputs[:, :, 0]
+    noise = np.column_stack([-steps.inputs[:, :, 2], np.ones(load.size - 1)])
+    forcing[:, :size] = np.einsum("ksi,ki->ks", steps.inputs, torques)
+    measured = np.column_stack([run.position_rad - acting.position, run.speed_rad_s - acting.speed])
+    sticking = np.exp(-((along.speed / (3 * along.ranges.sticking_rad_s)) ** 2))
+    slack = _OPEN * acting.dry_nm**2 * sticking
+    first = np.append(run.states[0], 0.0)
+    return Equations(transition, forcing, noise, slack, measured, first, torques), steps

@@ -1,0 +1,93 @@
+"""The belief's own [[physics]] in the equations of motion: a name is then a change of it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from schwung.drivetrain.compiled import compiled
+from schwung.drivetrain.inertia import InertiaTable, LoadTorqueTable
+from schwung.drivetrain.machine import Coupling, Load, Machine
+from schwung.drivetrain.physics import Effects, effects_of, load_torque, load_torque_table, motor_torque
+from schwung.explain.weighing.along import Along
+from schwung.innovations.effect import Effect
+from schwung.motion import Array
+
+_POINTS_PER_RAD = 100
+
+
+@dataclass(frozen=True, eq=False)
+class Known:
+    """The machine with what of its physics belongs to shaft and inertia, the rest as torques along a run."""
+
+    machine: Machine
+    effects: Effects
+    table: LoadTorqueTable | None
+
+    def effect(self, along: Along) -> Effect:
+        """One column: all that is known, and what is known of the reporting."""
+        e = self.effects
+        on_motor, on_load = _torques(
+            e, along.angle, along.load_angle, along.speed, along.time_s, along.motion_time_s,
+            along.share, along.ranges.sticking_rad_s,
+        )  # fmt: skip
+        if self.table is not None:
+            on_load = on_load + self.table.at(along.load_angle)
+        torque = along.run.drive.smooth(along.time_s)
+        true = np.clip(e.torque_gain * torque, -e.torque_limit_nm, e.torque_limit_nm)
+        on_motor = on_motor + true - torque - e.torque_lag_s * along.torque_rate
+        coupled = e.cubic_nm_rad3 * along.twist**3
+        if e.gap_rad > 0 and self.machine.coupling is not None:
+            k = self.machine.coupling.stiffness_nm_rad
+            coupled = coupled - k * np.clip(along.twist, -e.gap_rad / 2, e.gap_rad / 2)
+        turned = along.angle + e.eccentricity_phase_rad
+        position = e.eccentricity_rad * np.sin(turned)
+        speed = e.eccentricity_rad * np.cos(turned) * along.speed - e.speed_delay_s * along.acceleration
+        return Effect(*(part[:, None] for part in (on_motor - coupled, on_load + coupled, position, speed)))
+
+    def dry(self, along: Along) -> Array:
+        """The known dry friction, by its average size (N·m), (n,)."""
+        e = self.effects
+        return (e.coulomb_positive_nm + e.coulomb_negative_nm) / 2 * along.direction
+
+
+@compiled
+def _torques(
+    e: Effects,
+    angle: Array,
+    load_angle: Array,
+    speed: Array,
+    time: Array,
+    motion_time: Array,
+    share: float,
+    smoothing: float,
+) -> tuple[Array, Array]:
+    on_motor, on_load = np.empty_like(angle), np.empty_like(angle)
+    for i in range(angle.size):
+        on_motor[i] = motor_torque(e, angle[i], speed[i], time[i], e.periodic_phase_rad, share, smoothing)
+        on_load[i] = load_torque(e, load_angle[i], motion_time[i])
+    return on_motor, on_load
+
+
+def known(machine: Machine, low_rad: float, high_rad: float) -> Known:
+    """Take the belief's terms apart, for angles between these."""
+    e = effects_of(machine.physics)
+    coupling, load = machine.coupling, machine.load
+    if coupling is not None:
+        coupling = Coupling(
+            stiffness_nm_rad=e.stiffness_nm_rad or coupling.stiffness_nm_rad,
+            damping_nms=e.damping_nms if e.damping_nms >= 0 else coupling.damping_nms,
+        )
+    if (e.inertia_delta_kgm2, e.inertia_scale, e.inertia_shift_rad) != (0.0, 1.0, 0.0):
+        span = max(high_rad - low_rad, 1e-9)
+        angle = np.linspace(low_rad - 0.05 * span, high_rad + 0.05 * span, 3 + int(_POINTS_PER_RAD * span))
+        true = e.inertia_scale * machine.load_inertia_at(angle + e.inertia_shift_rad) + e.inertia_delta_kgm2
+        load = Load(
+            viscous_friction_nms=load.viscous_friction_nms,
+            inertia_table=InertiaTable(angle, true),
+            torque_nm=load.torque_nm,
+            torque_table=load.torque_table,
+        )
+    plain = machine.model_copy(update={"coupling": coupling, "load": load, "physics": ()})
+    return Known(plain, e, load_torque_table(machine.physics))

@@ -1,0 +1,212 @@
+"""One round: the runs with everything present that may be there, the noise found so, and all columns whitened."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from schwung.explain.weighing.along import Along, Ranges, along
+from schwung.explain.weighing.candidate import Candidate, Shape
+from schwung.explain.weighing.equations import Acting, equations_of
+from schwung.explain.weighing.known import Known
+from schwung.innovations.effect import Passed, joined
+from schwung.innovations.evidence import Weighed, weigh
+from schwung.innovations.likelihood import Equations, Noise, likely_noise
+from schwung.innovations.signals import Signals
+from schwung.innovations.statistics import Statistics, colour
+from schwung.motion import Array
+from schwung.session.model import Run
+
+#: Runs that the sizes of noise are found from, at most.
+FEW = 3
+#: Innovations further apart than this are taken as independent (s).
+STRETCH_S = 0.02
+
+
+@dataclass(frozen=True, eq=False)
+class Member:
+    """A candidate in one of its shapes, with coefficients (p,)."""
+
+    candidate: Candidate
+    shape: Shape
+    coefficients: Array
+
+
+@dataclass(frozen=True, eq=False)
+class View:
+    """The session as a round sees it: recorded and prepared runs, the belief."""
+
+    recorded: Sequence[Run]
+    runs: tuple[Signals, ...]
+    known: Known
+    ranges: Ranges
+    errors_nm: tuple[Array, ...] = ()  # of each run's reported torque, as smoothed
+
+    def alongs(self) -> list[Along]:
+        """Every run's coordinates."""
+        return [
+            along(
+                run,
+                recorded,
+                self.known.machine,
+                self.ranges,
+                number,
+                self.errors_nm[number] if self.errors_nm else 0.0,
+            )
+            for number, (run, recorded) in enumerate(zip(self.runs, self.recorded, strict=True))
+        ]
+
+
+def acting(known: Known, along: Along, members: Sequence[Member]) -> Acting:
+    """What the belief and the members do along a run."""
+    what = known.effect(along)
+    total, dry = Acting(*what.of(np.ones(1))), known.dry(along)
+    for member in members:
+        parts = member.candidate.effect(along, member.shape).of(member.coefficients)
+        total += Acting(*parts)
+        if member.candidate.dry:
+            dry = dry + parts[0]
+    return replace(total, dry_nm=float(np.sqrt(np.mean(dry[along.moves] ** 2))))
+
+
+@dataclass(frozen=True, eq=False)
+class Linearised:
+    """The session about what is present: every run filtered."""
+
+    view: View
+    alongs: list[Along]
+    passed: list[Passed]
+    noise: Noise
+
+    def rows(self, candidate: Candidate, shape: Shape) -> list[Array]:
+        """A candidate's columns in one shape as each run's innovations show them, (2n, p) each."""
+        return [
+            one.whitened(candidate.effect(where, shape))
+            for one, where in zip(self.passed, self.alongs, strict=True)
+        ]
+
+    @property
+    def innovations(self) -> list[Array]:
+        """Of each run, (2n,)."""
+        return [one.innovations for one in self.passed]
+
+
+def linearised(view: View, members: Sequence[Member], noise: Noise, reach: float | None) -> Linearised:
+    """Filter all runs with these members present; `reach`: how far off the noise may be (log), None: keep it."""
+    alongs = view.alongs()
+    made = [equations_of(where, acting(view.known, where, members)) for where in alongs]
+    if reach is not None:
+        few = np.unique(np.round(np.linspace(0, len(made) - 1, FEW)).astype(int))
+        equations: list[Equations] = [made[i][0] for i in few]
+        noise = likely_noise(equations, [view.runs[i] for i in few], noise, reach, view.ranges.span_rad)
+    passed = [
+        Passed.of(equations, steps, noise, run)
+        for (equations, steps), run in zip(made, view.runs, strict=True)
+    ]
+    return Linearised(view, alongs, passed, noise)
+
+
+def resmoothed(about: Linearised, members: Sequence[Member]) -> View:
+    """The runs with the states that these members make likely, given the noise."""
+    later = linearised(about.view, members, about.noise, None)
+    states = [one.states() for one in later.passed]
+    runs = tuple(replace(run, states=s[:, :-1]) for run, s in zip(about.view.runs, states, strict=True))
+    return replace(about.view, runs=runs, errors_nm=tuple(s[:, -1] for s in states))
+
+
+@dataclass(frozen=True, eq=False)
+class Wide:
+    """Everything that is smooth, fitted at once: what noise and effective samples are found from."""
+
+    noise: Noise
+    excess: float  # variance of scores over that of white noise
+
+
+#: Passes of noise, coefficients and states at most; settled, where no size of noise moves by more than this (log).
+_PASSES, _SETTLED = 6, 0.05
+#: How far off the sizes of noise may be in the next pass (log).
+_REACHES = (0.1, 1.0)
+#: Sizes of all curves are found by so many steps of their fixed point (MacKay), within these.
+_SIZING, _SMALLEST, _LARGEST = 12, 1e-4, 10.0
+
+
+def wide_fit(view: View, candidates: Sequence[Member], noise: Noise, train: Sequence[int]) -> Wide:
+    """Fit the belief with all of these present. `candidates` begin with the coefficients they have."""
+    members = list(candidates)
+    reach = 1.0
+    for number in range(_PASSES):
+        about = linearised(view, members, noise, reach)
+        moved, noise = about.noise.moved_from(noise), about.noise
+        reach = float(np.clip(moved, *_REACHES))
+        rows = [
+            one.whitened(joined([m.candidate.effect(where, m.shape) for m in members], where.speed.size))
+            for one, where in zip(about.passed, about.alongs, strict=True)
+        ]
+        present = np.concatenate([m.coefficients for m in members])
+        target = [e + x @ present for e, x in zip(about.innovations, rows, strict=True)]
+        data = _sum([Statistics.of(rows[i], target[i]) for i in train])
+        found = _sized(data, members)
+        members, at = [], 0
+        for member in candidates:
+            size = member.candidate.size
+            members.append(replace(member, coefficients=found.coefficients[at : at + size]))
+            at += size
+        if moved < _SETTLED or number == _PASSES - 1:
+            break
+        view = resmoothed(about, members)
+    rest = [y - x @ found.coefficients for y, x in zip(target, rows, strict=True)]
+    return Wide(noise, excess_of(rows, rest, about, train))
+
+
+def about_set(view: View, members: Sequence[Member], noise: Noise) -> tuple[Linearised, list[Array]]:
+    """The session about a few members alone, whose noise is known, and each run's target as if they were not there."""
+    for _ in range(2):
+        view = resmoothed(linearised(view, members, noise, None), members)
+    about = linearised(view, members, noise, None)
+    target = [
+        one.innovations
+        + sum(
+            (one.whitened(m.candidate.effect(where, m.shape)) @ m.coefficients for m in members), np.zeros(())
+        )
+        for one, where in zip(about.passed, about.alongs, strict=True)
+    ]
+    return about, target
+
+
+def excess_of(rows: list[Array], rest: list[Array], about: Linearised, train: Sequence[int]) -> float:
+    """How much more than white noise's the scores of these columns vary, at least 1: the median column's."""
+    every = []
+    for i in train:
+        stretch = 2 * max(round(STRETCH_S / about.view.runs[i].step_s), 1)
+        every.append(colour(rows[i], rest[i], stretch))
+    return max(1.0, float(np.median(np.mean(every, axis=0))))
+
+
+def _sum(parts: list[Statistics]) -> Statistics:
+    total = parts[0]
+    for part in parts[1:]:
+        total = total + part
+    return total
+
+
+def _sized(data: Statistics, members: Sequence[Member]) -> Weighed:
+    """All columns, the size of each curve as the evidence wants it."""
+    natural = np.concatenate([np.array(m.candidate.deviations) for m in members])
+    blocks, at = [], 0
+    for member in members:
+        blocks.append(slice(at, at + member.candidate.size))
+        at += member.candidate.size
+    scale = np.ones(len(members))
+    for _ in range(_SIZING):
+        deviations = natural * np.repeat(scale, [m.candidate.size for m in members])
+        found = weigh(data, deviations)
+        sure = 1 - (found.spread / deviations) ** 2
+        for j, (member, where) in enumerate(zip(members, blocks, strict=True)):
+            if len(member.candidate.scales) > 1:
+                power = float(np.sum((found.coefficients[where] / natural[where]) ** 2))
+                scale[j] = np.clip(
+                    np.sqrt(power / max(float(np.sum(sure[where])), 1e-3)), _SMALLEST, _LARGEST
+                )
+    return found

@@ -1,0 +1,225 @@
+"""Sets of causes by their evidence: added, dropped and exchanged while that makes them more probable.
+
+A set's log probability is its evidence, shapes and sizes integrated over their grids, plus the prior of so many causes.
+All sets that were visited are kept, and share the probability.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass, field
+from itertools import groupby
+
+import numpy as np
+from scipy.special import log_ndtr
+
+from schwung.explain.weighing.candidate import Candidate
+from schwung.explain.weighing.data import Atom, Data
+from schwung.explain.weighing.refine import refined
+from schwung.innovations.evidence import Beyond, Weighed, weigh
+from schwung.motion import Array
+
+#: So many causes are expected among all that there are.
+EXPECTED = 1.0
+#: The best so many candidates are looked at closely wherever one is added.
+_LOOKED_AT = 3
+_ROUNDS = 12
+
+
+@dataclass(frozen=True)
+class Pick:
+    """An atom of a set, and which of its sizes."""
+
+    atom: int
+    scale: float
+
+
+Set = tuple[Pick, ...]
+
+
+def logsumexp(logs: Array) -> float:
+    """log Σ exp."""
+    top = float(np.max(logs))
+    return top + float(np.log(np.sum(np.exp(logs - top))))
+
+
+@dataclass(frozen=True, eq=False)
+class Scored:
+    """A set with its log probability (but for a constant) and coefficients."""
+
+    picks: Set
+    log: float
+    found: Weighed
+
+
+@dataclass(eq=False)
+class Search:
+    """The table of visited sets."""
+
+    data: Data
+    always: tuple[int, ...]  # candidates that are in every set
+    table: dict[frozenset[int], Scored] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        free = len({c.name for i, c in enumerate(self.data.candidates) if i not in self.always})
+        share = EXPECTED / free
+        self.odds = float(np.log(share / (1 - share)))
+
+    def candidate(self, pick: Pick) -> Candidate:
+        """Whose atom it is."""
+        return self.data.candidates[self.data.atoms[pick.atom].candidate]
+
+    def index(self, pick: Pick) -> int:
+        """Its candidate's number."""
+        return self.data.atoms[pick.atom].candidate
+
+    def columns(self, picks: Iterable[Pick]) -> tuple[Array, Array]:
+        """Numbers and prior deviations of a set's columns, those that are always there first."""
+        which, deviations = [], []
+        for index in self.always:
+            atom = self.data.atoms[self._first(index)]
+            which.append(np.arange(atom.where.start, atom.where.stop))
+            deviations.append(np.array(self.data.candidates[index].deviations))
+        for pick in picks:
+            where = self.data.atoms[pick.atom].where
+            which.append(np.arange(where.start, where.stop))
+            deviations.append(pick.scale * np.array(self.candidate(pick).deviations))
+        return np.concatenate(which), np.concatenate(deviations)
+
+    def _first(self, index: int) -> int:
+        return next(i for i, atom in enumerate(self.data.atoms) if atom.candidate == index)
+
+    def score(self, picks: Set) -> Scored:
+        """The set's log probability; the best one of each kind is kept in the table."""
+        which, deviations = self.columns(picks)
+        found = weigh(self.data.statistics.at(which), deviations)
+        log = self._log(picks, found, len(which) - sum(self.candidate(p).size for p in picks))
+        scored = Scored(picks, log, found)
+        kind = frozenset(self.index(pick) for pick in picks)
+        if kind not in self.table or self.table[kind].log < log:
+            self.table[kind] = scored
+        return scored
+
+    def _log(self, picks: Set, found: Weighed, at: int) -> float:
+        log, spread = found.log_evidence, found.spread
+        for pick in picks:
+            candidate = self.candidate(pick)
+            log += self.odds + self._shape_log(self.data.atoms[pick.atom], candidate)
+            log -= float(np.log(len(candidate.scales)))
+            for i in candidate.positive:
+                log += float(np.log(2.0) + log_ndtr(found.coefficients[at + i] / spread[at + i]))
+            at += candidate.size
+        return log
+
+    @staticmethod
+    def _shape_log(atom: Atom, candidate: Candidate) -> float:
+        return -float(np.log(len(candidate.shapes))) if atom.refined is None else atom.refined
+
+    def additions(self, picks: Set) -> list[tuple[float, Pick]]:
+        """The best atom of every candidate that is not in the set, by what it would add, the best first."""
+        which, deviations = self.columns(picks)
+        beyond = Beyond.of(self.data.statistics, which, deviations)
+        names = {self.candidate(pick).name for pick in picks}
+        inside = set(self.always) | {i for i, c in enumerate(self.data.candidates) if c.name in names}
+        found = []
+        for index, group in groupby(enumerate(self.data.atoms), lambda pair: pair[1].candidate):
+            if index in inside:
+                continue
+            candidate, best, logs = self.data.candidates[index], (-np.inf, Pick(0, 1.0)), []
+            for number, atom in group:
+                scales = candidate.scales
+                gains = beyond.gain(atom.where, np.array(candidate.deviations), scales)
+                gains = gains + self.odds + self._shape_log(atom, candidate) - np.log(len(scales))
+                top = int(np.argmax(gains))
+                logs.append(logsumexp(gains))
+                if gains[top] > best[0]:
+                    best = (float(gains[top]), Pick(number, scales[top]))
+            found.append((logsumexp(np.array(logs)), best[1]))
+        merged: dict[int, tuple[float, Pick]] = {}
+        for log, pick in found:
+            index = self.index(pick)
+            if index not in merged or merged[index][0] < log:
+                merged[index] = (log, pick)
+        return sorted(merged.values(), key=lambda pair: -pair[0])
+
+    def added(self, start: Scored, without: frozenset[int] = frozenset(), most: int = _ROUNDS) -> Scored:
+        """Grow a set for as long as that makes it more probable, by so many causes at most."""
+        best = start
+        for _ in range(most):
+            offers = [o for o in self.additions(best.picks) if self.index(o[1]) not in without]
+            tried = [self._with(best.picks, pick) for _, pick in offers[:_LOOKED_AT]]
+            top = max(tried, key=lambda scored: scored.log, default=best)
+            if top.log <= best.log:
+                break
+            best = top
+        return best
+
+    def _with(self, picks: Set, pick: Pick) -> Scored:
+        """One more, in its best shape and sizes all about."""
+        scored = self.score((*picks, pick))
+        if self.candidate(pick).spacing:
+            scored = self.shaped(scored, len(picks))
+        return self.sized(scored)
+
+    def shaped(self, scored: Scored, place: int) -> Scored:
+        """With the shape of one of its picks refined, where that is better."""
+        pick = scored.picks[place]
+        others = (*scored.picks[:place], *scored.picks[place + 1 :])
+        which, deviations = self.columns(others)
+        atom = refined(self.data, self.data.atoms[pick.atom], which, deviations, pick.scale)
+        if atom is None:
+            return scored
+        number = self.data.atoms.index(atom)
+        moved = (*scored.picks[:place], Pick(number, pick.scale), *scored.picks[place + 1 :])
+        return max(scored, self.score(moved), key=lambda one: one.log)
+
+    def sized(self, scored: Scored) -> Scored:
+        """With the size of every curve that is best beside the others'."""
+        for place, pick in enumerate(scored.picks):
+            scales = self.candidate(pick).scales
+            if len(scales) == 1:
+                continue
+            others = (*scored.picks[:place], *scored.picks[place + 1 :])
+            which, deviations = self.columns(others)
+            beyond = Beyond.of(self.data.statistics, which, deviations)
+            gains = beyond.gain(
+                self.data.atoms[pick.atom].where, np.array(self.candidate(pick).deviations), scales
+            )
+            new = Pick(pick.atom, scales[int(np.argmax(gains))])
+            if new != pick:
+                moved = self.score((*scored.picks[:place], new, *scored.picks[place + 1 :]))
+                scored = max(scored, moved, key=lambda one: one.log)
+        return scored
+
+    def best(self, start: Set = ()) -> Scored:
+        """Search from a set; then drop and exchange until nothing is better."""
+        best = self.added(self.score(start))
+        for _ in range(_ROUNDS):
+            before = best.log
+            for pick in best.picks:
+                others = tuple(other for other in best.picks if other != pick)
+                less = self.sized(self.score(others))
+                best = max(best, less, self.added(less, frozenset({self.index(pick)})), key=lambda s: s.log)
+            for place, pick in enumerate(best.picks):
+                if self.candidate(pick).spacing:
+                    best = self.shaped(best, place)
+            if best.log <= before:
+                break
+        self._neighbours(best)
+        return best
+
+    def _neighbours(self, best: Scored) -> None:
+        """Whatever is one step away is in the table, too."""
+        for _, pick in self.additions(best.picks)[: 2 * _LOOKED_AT]:
+            self._with(best.picks, pick)
+        for pick in best.picks:
+            others = tuple(other for other in best.picks if other != pick)
+            self.score(others)
+            for _, instead in self.additions(others)[: 2 * _LOOKED_AT]:
+                self._with(others, instead)
+
+    def shares(self) -> list[tuple[float, Scored]]:
+        """Every visited kind of set with its probability, the most probable first."""
+        sets = sorted(self.table.values(), key=lambda scored: -scored.log)
+        logs = np.array([scored.log for scored in sets])
+        return list(zip(np.exp(logs - logsumexp(logs)).tolist(), sets, strict=True))

@@ -1,0 +1,64 @@
+"""What weighing says: names with their probabilities and parameters, the curves that have none, and the proof."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+from schwung.innovations.likelihood import Noise
+
+
+@dataclass(frozen=True)
+class Parameter:
+    """A value with the ends of its interval of 95 %; `at_bound`: the data would have it further."""
+
+    value: float
+    low: float
+    high: float
+    at_bound: bool = False
+
+
+@dataclass(frozen=True)
+class Named:
+    """A name, how probable it is, and its parameters in the most probable set that holds it."""
+
+    name: str
+    probability: float
+    parameters: Mapping[str, Parameter]
+
+
+@dataclass(frozen=True)
+class Unnamed:
+    """A curve over a coordinate that no name stands for."""
+
+    coordinate: str
+    probability: float
+    torque_nm: float  # root mean square along the runs
+
+
+@dataclass(frozen=True)
+class Proof:
+    """On motions that were not fitted, with the coefficients that are published."""
+
+    runs: tuple[int, ...]
+    gain: float  # of the log predictive likelihood over the belief's, per effective sample
+    before: float  # root mean square of the innovations over the noise's: of the belief, of what is published
+    after: float
+
+
+@dataclass(frozen=True)
+class Weighed:
+    """The answer. `names`, most probable first, are all with a probability worth telling."""
+
+    names: tuple[Named, ...]
+    unnamed: tuple[Unnamed, ...]
+    runner_up: tuple[str, ...]  # the second most probable set
+    runner_up_probability: float
+    noise: Noise
+    excess: float  # variance of the scores over white noise's: the likelihood is tempered by it
+    proof: Proof | None
+    notes: tuple[str, ...] = ()
+
+    def probability(self, name: str) -> float:
+        """Of a name; 0 where it was not worth telling."""
+        return next((one.probability for one in self.names if one.name == name), 0.0)

@@ -1,0 +1,35 @@
+"""The vocabulary: every cause that has a name, the discrepancies that have none, and what every drive does."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from schwung.drivetrain.machine import Machine
+from schwung.explain.weighing.along import Ranges
+from schwung.explain.weighing.candidate import NATURAL, Candidate
+from schwung.explain.weighing.vocabulary.friction import friction
+from schwung.explain.weighing.vocabulary.load import load
+from schwung.explain.weighing.vocabulary.reporting import reporting, usual
+from schwung.explain.weighing.vocabulary.shaft import shaft
+from schwung.explain.weighing.vocabulary.unnamed import unnamed
+
+__all__ = ["vocabulary"]
+
+#: A believed inertia that varies by less than this share has no profile to shift or to scale.
+_VARIES = 0.02
+
+
+def vocabulary(of: Ranges, machine: Machine) -> list[Candidate]:
+    """Every candidate of a machine over these ranges; what is always there comes first."""
+    inertia = machine.load_inertia_at(np.linspace(of.low_rad, of.high_rad, 65))
+    mean, natural = float(np.mean(inertia)), NATURAL * of.peak_torque_nm
+    varies = bool(np.ptp(inertia) > _VARIES * mean)
+    found = [
+        *usual(of),
+        *friction(of, natural, machine.coupling is None),
+        *load(of, natural, mean, varies),
+        *reporting(of, NATURAL),
+    ]
+    if machine.coupling is not None:
+        found += shaft(of, machine.coupling, natural, mean)
+    return found + unnamed(of, natural)

@@ -1,0 +1,110 @@
+"""Friction, all of it against the motion: −F·d, d = tanh(ω/ω_s) the direction on the motor, d_l that of the load.
+
+coulomb −F d        asymmetric −F₊ d [ω>0] − F₋ d [ω<0]        viscous −b ω        drag −c |ω| ω
+stribeck −(F + ΔF e^{−(ω/ω_S)²}) d        local −F d · bump(θ)        over the angle −F(θ) d
+drift −ΔF d · share of the session        load-dependent −s |C| d, C what the shaft carries        behind it −F d_l
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from schwung.explain.weighing.along import Along, Ranges
+from schwung.explain.weighing.candidate import LADDER, NATURAL, Candidate, Curve, Shape, column, grid
+from schwung.innovations.effect import Effect
+from schwung.motion import Array
+
+
+def bump(away: Array, width: float) -> Array:
+    """A raised cosine, 1 in the middle, `width` from end to end."""
+    share = np.clip(away / width, -0.5, 0.5)
+    return np.asarray(0.5 + 0.5 * np.cos(2 * np.pi * share))
+
+
+def _coulomb(along: Along, _shape: Shape) -> Effect:
+    return Effect(column(-along.direction))
+
+
+def _asymmetric(along: Along, _shape: Shape) -> Effect:
+    return Effect(np.stack([-np.maximum(along.direction, 0), -np.minimum(along.direction, 0)], 1))
+
+
+def _viscous(along: Along, _shape: Shape) -> Effect:
+    return Effect(column(-along.speed))
+
+
+def _drag(along: Along, _shape: Shape) -> Effect:
+    return Effect(column(-np.abs(along.speed) * along.speed))
+
+
+def _stribeck(along: Along, shape: Shape) -> Effect:
+    fall = np.exp(-((along.speed / shape[0]) ** 2))
+    return Effect(np.stack([-along.direction, -along.direction * fall], 1))
+
+
+def _local(along: Along, shape: Shape) -> Effect:
+    away = along.angle - shape[0]
+    away = away - 2 * np.pi * np.round(away / (2 * np.pi))  # a tight spot comes back every turn
+    return Effect(column(-along.direction * bump(away, shape[1])))
+
+
+def _drift(along: Along, _shape: Shape) -> Effect:
+    return Effect(column(-along.direction * along.share))
+
+
+def _viscous_drift(along: Along, _shape: Shape) -> Effect:
+    return Effect(column(-along.speed * along.share))
+
+
+def _gear_loss(along: Along, _shape: Shape) -> Effect:
+    return Effect(column(-np.abs(along.carried) * along.direction))
+
+
+def _behind(along: Along, _shape: Shape) -> Effect:
+    return Effect(on_load=column(-along.load_direction))
+
+
+def friction(of: Ranges, torque_nm: float, rigid: bool) -> list[Candidate]:
+    """The family; `torque_nm`: a natural torque."""
+    speed, span = of.peak_speed_rad_s, min(of.span_rad, 2 * np.pi)
+    natural, viscous = torque_nm, torque_nm / speed
+    angle = Curve.over(of.low_rad, of.high_rad, 0.3)
+    spots = [
+        shape
+        for width in np.array([0.05, 0.1, 0.2, 0.4]) * span
+        for shape in grid(np.arange(of.low_rad, of.low_rad + span + width / 4, width / 3), [width])
+    ]
+    found = [
+        Candidate("coulomb_friction", _coulomb, (natural,), lambda c, _: {"torque_nm": c[0]},
+                  positive=(0,), dry=True, coordinate="direction"),
+        Candidate("asymmetric_friction", _asymmetric, (natural, natural),
+                  lambda c, _: {"torque_positive_nm": c[0], "torque_negative_nm": c[1]},
+                  positive=(0, 1), dry=True, coordinate="direction"),
+        Candidate("viscous_friction", _viscous, (viscous,), lambda c, _: {"coefficient_nms": c[0]},
+                  coordinate="speed"),
+        Candidate("quadratic_drag", _drag, (viscous / speed,), lambda c, _: {"coefficient_nms2": c[0]},
+                  positive=(0,), coordinate="speed"),
+        Candidate("stribeck_friction", _stribeck, (natural, natural),
+                  lambda c, s: {"coulomb_torque_nm": c[0], "breakaway_torque_nm": c[0] + c[1],
+                                "stribeck_speed_rad_s": s[0]},
+                  shapes=grid(speed * np.geomspace(0.015, 0.5, 10)), spacing=(0.4,), logarithmic=(True,),
+                  bounds=((0.005 * speed, speed),), positive=(0, 1), dry=True, coordinate="speed"),
+        Candidate("local_friction", _local, (natural,),
+                  lambda c, s: {"torque_nm": c[0], "centre_rad": s[0], "width_rad": s[1]},
+                  shapes=tuple(spots), spacing=(0.03 * span, 0.5), logarithmic=(False, True),
+                  bounds=((of.low_rad - 0.2 * span, of.high_rad + 0.2 * span), (0.01 * span, 0.8 * span)),
+                  positive=(0,), coordinate="position"),
+        Candidate("friction_over_angle", lambda a, _: Effect(-a.direction[:, None] * angle.at(a.angle)),
+                  (natural,) * angle.size, scales=LADDER, dry=True, coordinate="position"),
+        Candidate("friction_drift", _drift, (natural,), lambda c, _: {"change_nm": c[0]}, coordinate="run"),
+        Candidate("viscous_drift", _viscous_drift, (viscous,), lambda c, _: {"change_nms": c[0]},
+                  coordinate="run"),
+        Candidate("load_dependent_friction", _gear_loss, (NATURAL,), lambda c, _: {"share": c[0]},
+                  positive=(0,), coordinate="torque"),
+    ]  # fmt: skip
+    if not rigid:
+        found.append(
+            Candidate("load_side_friction", _behind, (natural,), lambda c, _: {"torque_nm": c[0]},
+                      positive=(0,), coordinate="direction")
+        )  # fmt: skip
+    return found

@@ -1,0 +1,96 @@
+"""What the drive reports: true torque against reported, times, the encoder.
+
+gain (g − 1)·T        lag −τ T' (the true torque comes later)        filter +τ T' (the reported one does)
+drop −s |T| T/T_peak        ripple s T sin nθ        saturation clip(T, ±L) − T        speed late −δt·α
+eccentricity a sin(θ + φ) in the angle, its rate in the speed
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from schwung.explain.weighing.along import Along, Ranges
+from schwung.explain.weighing.candidate import Candidate, Shape, column, grid
+from schwung.explain.weighing.vocabulary.load import polar
+from schwung.innovations.effect import Effect
+
+#: Standard deviations (s): of delays and lags that are a defect, of the filter that torque and speed share in any
+#: drive, and of the times by which each of the two is off it.
+DEFECT_S, USUAL_S, APART_S = 1e-3, 3e-4, 5e-5
+
+
+def _gain(along: Along, _shape: Shape) -> Effect:
+    return Effect(column(along.torque))
+
+
+def _later(along: Along, _shape: Shape) -> Effect:
+    return Effect(column(-along.torque_rate))
+
+
+def _earlier(along: Along, _shape: Shape) -> Effect:
+    return Effect(column(along.torque_rate))
+
+
+def _speed_later(along: Along, _shape: Shape) -> Effect:
+    return Effect(speed=column(-along.acceleration))
+
+
+def _clipped(along: Along, shape: Shape) -> Effect:
+    return Effect(column(np.clip(along.torque, -shape[0], shape[0]) - along.torque))
+
+
+def _ripple(along: Along, shape: Shape) -> Effect:
+    turned = shape[0] * along.angle
+    return Effect(np.stack([along.torque * np.sin(turned), along.torque * np.cos(turned)], 1))
+
+
+def _eccentric(along: Along, _shape: Shape) -> Effect:
+    sine, cosine = np.sin(along.angle), np.cos(along.angle)
+    return Effect(
+        position=np.stack([sine, cosine], 1),
+        speed=np.stack([cosine * along.speed, -sine * along.speed], 1),
+    )
+
+
+def reporting(of: Ranges, share: float) -> list[Candidate]:
+    """The family; `share`: of the peak torque, natural for any cause."""
+    peak = of.peak_torque_nm
+
+    def drop(along: Along, _shape: Shape) -> Effect:
+        return Effect(column(-np.abs(along.torque) * along.torque / peak))
+
+    return [
+        Candidate("torque_constant", _gain, (share,), lambda c, _: {"gain": 1 + c[0]}, coordinate="torque"),
+        Candidate("torque_lag", _later, (DEFECT_S,), lambda c, _: {"time_constant_s": c[0]}, positive=(0,),
+                  coordinate="frequency"),
+        Candidate("torque_filter", _earlier, (DEFECT_S,), lambda c, _: {"time_constant_s": c[0]},
+                  positive=(0,), coordinate="frequency"),
+        Candidate("measurement_delay", _speed_later, (DEFECT_S,), lambda c, _: {"delay_s": c[0]},
+                  positive=(0,), coordinate="acceleration"),
+        Candidate("torque_constant_drop", drop, (share,), lambda c, _: {"share_at_peak": c[0]}, positive=(0,),
+                  coordinate="torque"),
+        Candidate("torque_ripple", _ripple, (share, share),
+                  lambda c, s: {"order": s[0], "share": polar(c)[0], "phase_rad": polar(c)[1]},
+                  shapes=grid(range(1, 15)), spacing=(0.25,), logarithmic=(False,), bounds=((0.5, 60.0),),
+                  coordinate="position"),
+        Candidate("torque_saturation", _clipped, (1.0,), lambda _, s: {"limit_nm": s[0]},
+                  shapes=grid(peak * np.linspace(0.5, 0.97, 12)), spacing=(0.04 * peak,),
+                  logarithmic=(False,), bounds=((0.2 * peak, 0.99 * peak),), positive=(0,),
+                  coordinate="torque"),
+        Candidate("encoder_eccentricity", _eccentric, (share * of.span_rad / 10,) * 2,
+                  lambda c, _: dict(zip(("amplitude_rad", "phase_rad"), polar(c), strict=True)),
+                  coordinate="position"),
+    ]  # fmt: skip
+
+
+def usual(of: Ranges) -> list[Candidate]:
+    """Present in every set: a filter that torque and speed share, and a little apart."""
+
+    def both(along: Along, _shape: Shape) -> Effect:
+        return Effect(column(along.torque_rate), speed=column(-along.acceleration))
+
+    return [
+        Candidate("usual_filter", both, (USUAL_S,), named=False),
+        Candidate("usual_torque_timing", _earlier, (APART_S,), named=False),
+        Candidate("usual_speed_timing", _speed_later, (APART_S,), named=False),
+    ]

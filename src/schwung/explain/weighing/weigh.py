@@ -1,0 +1,203 @@
+"""Session and belief -> names with their probabilities, by one likelihood."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from schwung.drivetrain.machine import Machine
+from schwung.explain.proof import split
+from schwung.explain.weighing.along import ranges_of
+from schwung.explain.weighing.candidate import Candidate
+from schwung.explain.weighing.data import Data
+from schwung.explain.weighing.known import known
+from schwung.explain.weighing.round import Member, View, about_set, wide_fit
+from schwung.explain.weighing.search import Pick, Scored, Search
+from schwung.explain.weighing.values import Named, Parameter, Proof, Unnamed, Weighed
+from schwung.explain.weighing.vocabulary import vocabulary
+from schwung.innovations.evidence import weigh as weigh_columns
+from schwung.innovations.likelihood import STICKING, first_noise
+from schwung.innovations.signals import signals_of
+from schwung.motion import Array
+from schwung.session.model import Session
+
+#: What causes show within (Hz); injections above widen it.
+BAND_HZ, BEYOND_INJECTION = 160.0, 1.8
+#: Rounds of linearising about what was found, at most.
+ROUNDS = 8
+#: Probabilities below this are not told.
+TOLD = 0.01
+#: Causes of one shape that are smooth along any motion, and so are present where the noise is found.
+SMOOTH = ("torque_constant", "torque_lag", "measurement_delay", "coupling_stiffness", "coupling_damping")
+
+
+@dataclass(frozen=True, eq=False)
+class _Outcome:
+    data: Data
+    search: Search
+    best: Scored
+
+
+def weigh(session: Session, machine: Machine) -> Weighed:
+    """Say what the belief leaves out, with probabilities; raises InputError where the inertia is unknown."""
+    parts = split(session)
+    train = parts.seen if parts.heldout else tuple(range(len(session.runs)))
+    exciting = [run.excitation.frequency_hz for run in session.runs if run.excitation]
+    band = max([BAND_HZ, *(BEYOND_INJECTION * f for f in exciting)])
+    runs = [signals_of(run, machine, band, 0.0) for run in session.runs]
+    of = ranges_of(runs, machine, STICKING, band)
+    view = View(session.runs, tuple(runs), known(machine, of.low_rad, of.high_rad), of)
+    candidates = vocabulary(of, view.known.machine)
+    always = tuple(i for i, c in enumerate(candidates) if c.name.startswith("usual"))
+    present = [Member(c, c.shapes[0], np.zeros(c.size)) for c in candidates if _smooth(c)]
+    wide = wide_fit(view, present, first_noise(runs), train)
+    members = [Member(candidates[i], (), np.zeros(candidates[i].size)) for i in always]
+    about, target = about_set(view, members, wide.noise)
+    picks: tuple[tuple[int, tuple[float, ...], float], ...] = ()
+    growing = True
+    for _ in range(ROUNDS):
+        data = Data.of(about, candidates, target, train, wide.excess)
+        search = Search(data, always)
+        start = search.score(_carried(data, picks))
+        best = search.added(start, most=1) if growing else search.best(start.picks)
+        if best is start:
+            if not growing:
+                break
+            growing, best = False, search.best(start.picks)
+        before, picks = picks, tuple((search.index(p), data.atoms[p.atom].shape, p.scale) for p in best.picks)
+        if not growing and {pick[0] for pick in before} == {pick[0] for pick in picks}:
+            break
+        about, target = about_set(about.view, _members(search, best), about.noise)
+    if growing:
+        best = search.best(best.picks)
+    return _told(_Outcome(data, search, best), train, parts.heldout)
+
+
+def _smooth(candidate: Candidate) -> bool:
+    if candidate.name.startswith("usual"):
+        return True
+    return len(candidate.shapes) == 1 and (len(candidate.scales) > 1 or candidate.name in SMOOTH)
+
+
+def _carried(data: Data, picks: Sequence[tuple[int, tuple[float, ...], float]]) -> tuple[Pick, ...]:
+    """The former round's set in this round's columns."""
+    carried = []
+    for index, shape, scale in picks:
+        number = next((i for i, a in enumerate(data.atoms) if (a.candidate, a.shape) == (index, shape)), None)
+        if number is None:
+            share = -float(np.log(len(data.candidates[index].shapes)))
+            atom = data.append(index, shape, share)
+            number = data.atoms.index(atom)
+        carried.append(Pick(number, scale))
+    return tuple(carried)
+
+
+def _slices(search: Search, best: Scored) -> list[slice]:
+    at = sum(search.data.candidates[i].size for i in search.always)
+    result = []
+    for pick in best.picks:
+        size = search.candidate(pick).size
+        result.append(slice(at, at + size))
+        at += size
+    return result
+
+
+def _members(search: Search, best: Scored) -> list[Member]:
+    """The set, and what is always there, with its coefficients."""
+    result, at = [], 0
+    for index in search.always:
+        candidate = search.data.candidates[index]
+        coefficients = best.found.coefficients[at : at + candidate.size]
+        result.append(Member(candidate, candidate.shapes[0], coefficients))
+        at += candidate.size
+    for pick, where in zip(best.picks, _slices(search, best), strict=True):
+        shape = search.data.atoms[pick.atom].shape
+        result.append(Member(search.candidate(pick), shape, best.found.coefficients[where]))
+    return result
+
+
+def _told(outcome: _Outcome, train: Sequence[int], heldout: Sequence[int]) -> Weighed:
+    search, data = outcome.search, outcome.data
+    shares = search.shares()
+    names: dict[str, float] = {}
+    curves: dict[str, float] = {}
+    for share, scored in shares:
+        inside = {search.candidate(pick) for pick in scored.picks}
+        for name in {c.name for c in inside if c.named}:
+            names[name] = names.get(name, 0.0) + share
+        for name in {c.name for c in inside if not c.named}:
+            curves[name] = curves.get(name, 0.0) + share
+    told = [
+        Named(name, p, _parameters(search, name))
+        for name, p in sorted(names.items(), key=lambda pair: -pair[1])
+        if p >= TOLD
+    ]
+    unnamed = [
+        Unnamed(name, p, 0.0) for name, p in sorted(curves.items(), key=lambda pair: -pair[1]) if p >= TOLD
+    ]
+    told.sort(key=lambda one: (-round(one.probability, 2), -_worth(search, outcome.best, one.name)))
+    second = shares[1] if len(shares) > 1 else (0.0, outcome.best)
+    return Weighed(
+        names=tuple(told),
+        unnamed=tuple(unnamed),
+        runner_up=tuple(sorted(search.candidate(pick).name for pick in second[1].picks)),
+        runner_up_probability=second[0],
+        noise=data.about.noise,
+        excess=data.excess,
+        proof=_proof(outcome, train, heldout) if heldout else None,
+    )
+
+
+def _worth(search: Search, best: Scored, name: str) -> float:
+    """How much evidence goes with a name from the best set."""
+    others = tuple(pick for pick in best.picks if search.candidate(pick).name != name)
+    return best.log - search.score(others).log if len(others) < len(best.picks) else 0.0
+
+
+def _parameters(search: Search, name: str) -> dict[str, Parameter]:
+    """Of a name in the most probable set that holds it; intervals from the coefficients' deviations."""
+    for _, scored in search.shares():
+        for pick, where in zip(scored.picks, _slices(search, scored), strict=True):
+            candidate = search.candidate(pick)
+            if candidate.name != name:
+                continue
+            shape = search.data.atoms[pick.atom].shape
+            centre = scored.found.coefficients[where]
+            covariance = scored.found.covariance[where, where]
+            value = candidate.keys(centre, shape)
+            moved = _spread(candidate, centre, covariance, shape)
+            return {
+                key: Parameter(float(v), float(v - 1.96 * moved[key]), float(v + 1.96 * moved[key]))
+                for key, v in value.items()
+            }
+    return {}
+
+
+def _spread(
+    candidate: Candidate, centre: Array, covariance: Array, shape: tuple[float, ...]
+) -> dict[str, float]:
+    """Deviations of the published numbers, by differences."""
+    keys = list(candidate.keys(centre, shape))
+    slopes = np.zeros((len(keys), centre.size))
+    for i in range(centre.size):
+        step = max(1e-4 * abs(centre[i]), 1e-3 * float(np.sqrt(covariance[i, i])))
+        ahead, behind = (candidate.keys(centre + d * np.eye(centre.size)[i], shape) for d in (step, -step))
+        slopes[:, i] = [(ahead[key] - behind[key]) / (2 * step) for key in keys]
+    deviations = np.sqrt(np.maximum(np.einsum("ki,ij,kj->k", slopes, covariance, slopes), 0.0))
+    return dict(zip(keys, deviations.tolist(), strict=True))
+
+
+def _proof(outcome: _Outcome, train: Sequence[int], heldout: Sequence[int]) -> Proof:
+    """The best set's and the bare belief's predictions of the motions kept aside."""
+    data, search = outcome.data, outcome.search
+    aside, whole = data.over(heldout), data.over([*train, *heldout])
+    logs, missed = [], []
+    for picks in ((), outcome.best.picks):
+        which, deviations = search.columns(picks)
+        fitted = weigh_columns(data.statistics.at(which), deviations)
+        both = weigh_columns(whole.at(which), deviations)
+        logs.append(both.log_evidence - fitted.log_evidence)
+        missed.append(float(np.sqrt(aside.at(which).missed(fitted.coefficients) / aside.count)))
+    return Proof(tuple(heldout), (logs[1] - logs[0]) / aside.count, *missed)

@@ -1,0 +1,88 @@
+"""The evidence of a set of columns: y = X·β + white noise of deviation 1, β normal about 0, and β integrated out.
+
+    log p(y | set) = −½ yᵀy + ½ bᵀ(V⁻¹ + XᵀX)⁻¹b − ½ log det(1 + V·XᵀX) + const        b = Xᵀy
+
+All from sufficient statistics. `gains` is what each of many blocks of columns would add to a set.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.linalg import cho_factor, cho_solve, solve_triangular
+
+from schwung.innovations.statistics import Statistics
+from schwung.motion import Array
+
+
+@dataclass(frozen=True, eq=False)
+class Weighed:
+    """A set's evidence (log, but for what all sets share), its coefficients (P,) and their covariance's factor."""
+
+    log_evidence: float
+    coefficients: Array
+    factor: Array  # lower; of D(V⁻¹ + XᵀX)D, D = deviations
+    deviations: Array
+
+    @property
+    def covariance(self) -> Array:
+        """(P, P)."""
+        root = solve_triangular(self.factor, np.diag(self.deviations), lower=True)
+        return np.asarray(root.T @ root)
+
+    @property
+    def spread(self) -> Array:
+        """Standard deviations (P,)."""
+        root = solve_triangular(self.factor, np.diag(self.deviations), lower=True)
+        return np.asarray(np.sqrt(np.sum(root**2, axis=0)))
+
+
+def weigh(data: Statistics, deviations: Array) -> Weighed:
+    """All columns of `data`, with prior deviations (P,)."""
+    inner = data.gram * deviations[:, None] * deviations
+    inner[np.diag_indices_from(inner)] += 1.0
+    factor, _ = cho_factor(inner, lower=True, check_finite=False)
+    pull = deviations * data.slope
+    found = cho_solve((factor, True), pull, check_finite=False)
+    log = -0.5 * data.square + 0.5 * float(pull @ found) - float(np.sum(np.log(np.diag(factor))))
+    return Weighed(log, deviations * found, np.tril(factor), deviations)
+
+
+@dataclass(frozen=True, eq=False)
+class Beyond:
+    """What all columns hold beyond a set's: `across` (A, P) takes the set's part off the others'."""
+
+    data: Statistics
+    across: Array
+    slope: Array  # (P,)
+
+    @classmethod
+    def of(cls, data: Statistics, members: Array, deviations: Array) -> Beyond:
+        """Beyond the columns `members` (A,) with prior deviations (A,)."""
+        if members.size == 0:
+            return cls(data, np.zeros((0, data.slope.size)), data.slope)
+        set_of = weigh(data.at(members), deviations)
+        across = solve_triangular(
+            set_of.factor, deviations[:, None] * data.gram[members], lower=True, check_finite=False
+        )
+        slope = data.slope - data.gram[:, members] @ set_of.coefficients
+        return cls(data, across, slope)
+
+    def gain(self, where: slice, deviations: Array, scales: Sequence[float]) -> Array:
+        """Log evidence that the columns of a block add, with its deviations (p,) times each of the scales."""
+        part = self.across[:, where]
+        gram = self.data.gram[where, where] - part.T @ part
+        gram = gram * deviations[:, None] * deviations
+        slope = deviations * self.slope[where]
+        if slope.size == 1:
+            heights = np.square(scales) * max(float(gram[0, 0]), 0.0)
+            pulls = np.square(scales) * slope[0] ** 2
+            return np.asarray(0.5 * pulls / (1 + heights) - 0.5 * np.log1p(heights))
+        values, vectors = np.linalg.eigh(gram)
+        values, turned = np.maximum(values, 0.0), (vectors.T @ slope) ** 2
+        squares = np.square(scales)[:, None]
+        return np.asarray(
+            0.5 * np.sum(squares * turned / (1 + squares * values) - np.log1p(squares * values), axis=1)
+        )

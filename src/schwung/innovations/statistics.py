@@ -1,0 +1,55 @@
+"""Sufficient statistics of a linear model with white noise: all that sets of columns are compared by."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from schwung.motion import Array
+
+
+@dataclass(frozen=True, eq=False)
+class Statistics:
+    """XᵀX (P, P), Xᵀy (P,), yᵀy and the number of samples, of one run or of several."""
+
+    gram: Array
+    slope: Array
+    square: float
+    count: float
+
+    @classmethod
+    def of(cls, rows: Array, target: Array) -> Statistics:
+        """Of rows X (m, P) and y (m,)."""
+        return cls(rows.T @ rows, rows.T @ target, float(target @ target), float(target.size))
+
+    def __add__(self, other: Statistics) -> Statistics:
+        return Statistics(
+            self.gram + other.gram,
+            self.slope + other.slope,
+            self.square + other.square,
+            self.count + other.count,
+        )
+
+    def tempered(self, ratio: float) -> Statistics:
+        """As so many times fewer samples would tell."""
+        return Statistics(self.gram / ratio, self.slope / ratio, self.square / ratio, self.count / ratio)
+
+    def at(self, which: Array) -> Statistics:
+        """Of these columns alone (indices)."""
+        return Statistics(self.gram[np.ix_(which, which)], self.slope[which], self.square, self.count)
+
+    def missed(self, coefficients: Array) -> float:
+        """Sum of squares of y − Xβ."""
+        bent = coefficients @ self.gram @ coefficients
+        return float(self.square - 2 * self.slope @ coefficients + bent)
+
+
+def colour(rows: Array, rest: Array, stretch: int) -> Array:
+    """How much more the columns' scores vary over stretches than with white noise, (P,), ≥ 0.
+
+    `rest` (m,): what is left of the innovations; `stretch`: samples further apart are taken as independent.
+    """
+    parts = np.add.reduceat(rows * rest[:, None], np.arange(0, rest.size, stretch), axis=0)
+    white = np.sum(rows**2, axis=0)
+    return np.asarray(np.sum(parts**2, axis=0) / np.maximum(white, 1e-300))
