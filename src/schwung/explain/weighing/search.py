@@ -24,6 +24,8 @@ EXPECTED = 1.0
 #: The best so many candidates are looked at closely wherever one is added.
 _LOOKED_AT = 3
 _ROUNDS = 12
+#: A neighbour is not looked at closely where its shapes' grid leaves it so much less probable (log).
+_HOPELESS = 50.0
 
 
 @dataclass(frozen=True)
@@ -203,20 +205,25 @@ class Search:
             for place, pick in enumerate(best.picks):
                 if self.candidate(pick).spacing:
                     best = self.shaped(best, place)
+            if best.log > before:
+                continue
+            self._neighbours(best)
+            best = max(self.table.values(), key=lambda scored: scored.log)
             if best.log <= before:
                 break
-        self._neighbours(best)
         return best
 
     def _neighbours(self, best: Scored) -> None:
         """Whatever is one step away is in the table, too."""
-        for _, pick in self.additions(best.picks)[: 2 * _LOOKED_AT]:
-            self._with(best.picks, pick)
+        for gain, pick in self.additions(best.picks)[: 2 * _LOOKED_AT]:
+            if gain > -_HOPELESS:
+                self._with(best.picks, pick)
         for pick in best.picks:
             others = tuple(other for other in best.picks if other != pick)
-            self.score(others)
-            for _, instead in self.additions(others)[: 2 * _LOOKED_AT]:
-                self._with(others, instead)
+            less = self.score(others)
+            for gain, instead in self.additions(others)[: 2 * _LOOKED_AT]:
+                if less.log + gain > best.log - _HOPELESS:
+                    self._with(others, instead)
 
     def shares(self) -> list[tuple[float, Scored]]:
         """Every visited kind of set with its probability, the most probable first."""

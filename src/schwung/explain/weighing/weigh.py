@@ -18,13 +18,15 @@ from schwung.explain.weighing.search import Pick, Scored, Search
 from schwung.explain.weighing.values import Named, Parameter, Proof, Unnamed, Weighed
 from schwung.explain.weighing.vocabulary import vocabulary
 from schwung.innovations.evidence import weigh as weigh_columns
-from schwung.innovations.likelihood import STICKING, first_noise
+from schwung.innovations.likelihood import first_noise
 from schwung.innovations.signals import signals_of
 from schwung.motion import Array
 from schwung.session.model import Session
 
 #: What causes show within (Hz); injections above widen it.
 BAND_HZ, BEYOND_INJECTION = 160.0, 1.8
+#: Within this share of the peak speed the sign of a motion is smoothed; up to a few times that it is open.
+STICKING = 0.002
 #: Rounds of linearising about what was found, at most.
 ROUNDS = 8
 #: Probabilities below this are not told.

@@ -1,7 +1,7 @@
 """What the drive reports: true torque against reported, times, the encoder.
 
 gain (g − 1)·T        lag −τ T' (the true torque comes later)        filter +τ T' (the reported one does)
-drop −s |T| T/T_peak        ripple s T sin nθ        saturation clip(T, ±L) − T        speed late −δt·α
+drop −s |T| T/T_peak        ripple s T sin nθ        saturation clip(T, ±L) − T        speed late −δ·α + γ·α'
 eccentricity a sin(θ + φ) in the angle, its rate in the speed
 """
 
@@ -17,6 +17,9 @@ from schwung.innovations.effect import Effect
 #: Standard deviations (s): of delays and lags that are a defect, of the filter that torque and speed share in any
 #: drive, and of the times by which each of the two is off it.
 DEFECT_S, USUAL_S, APART_S = 1e-3, 3e-4, 5e-5
+#: Of a late signal x(t − δ) or a filtered one: the delay (s), and what goes with the second derivative (s²): δ²/2 for a
+#: delay, τ² for a filter, or anything like it.
+LATE = (DEFECT_S, DEFECT_S**2 / 4)
 
 
 def _gain(along: Along, _shape: Shape) -> Effect:
@@ -24,15 +27,15 @@ def _gain(along: Along, _shape: Shape) -> Effect:
 
 
 def _later(along: Along, _shape: Shape) -> Effect:
-    return Effect(column(-along.torque_rate))
+    return Effect(np.stack([-along.torque_rate, along.torque_bend], 1))
 
 
 def _earlier(along: Along, _shape: Shape) -> Effect:
-    return Effect(column(along.torque_rate))
+    return Effect(np.stack([along.torque_rate, along.torque_bend], 1))
 
 
 def _speed_later(along: Along, _shape: Shape) -> Effect:
-    return Effect(speed=column(-along.acceleration))
+    return Effect(speed=np.stack([-along.acceleration, along.jerk], 1))
 
 
 def _clipped(along: Along, shape: Shape) -> Effect:
@@ -61,11 +64,11 @@ def reporting(of: Ranges, share: float) -> list[Candidate]:
 
     return [
         Candidate("torque_constant", _gain, (share,), lambda c, _: {"gain": 1 + c[0]}, coordinate="torque"),
-        Candidate("torque_lag", _later, (DEFECT_S,), lambda c, _: {"time_constant_s": c[0]}, positive=(0,),
+        Candidate("torque_lag", _later, LATE, lambda c, _: {"time_constant_s": c[0]}, positive=(0,),
                   coordinate="frequency"),
-        Candidate("torque_filter", _earlier, (DEFECT_S,), lambda c, _: {"time_constant_s": c[0]},
+        Candidate("torque_filter", _earlier, LATE, lambda c, _: {"time_constant_s": c[0]},
                   positive=(0,), coordinate="frequency"),
-        Candidate("measurement_delay", _speed_later, (DEFECT_S,), lambda c, _: {"delay_s": c[0]},
+        Candidate("measurement_delay", _speed_later, LATE, lambda c, _: {"delay_s": c[0]},
                   positive=(0,), coordinate="acceleration"),
         Candidate("torque_constant_drop", drop, (share,), lambda c, _: {"share_at_peak": c[0]}, positive=(0,),
                   coordinate="torque"),
@@ -87,10 +90,19 @@ def usual(of: Ranges) -> list[Candidate]:
     """Present in every set: a filter that torque and speed share, and a little apart."""
 
     def both(along: Along, _shape: Shape) -> Effect:
-        return Effect(column(along.torque_rate), speed=column(-along.acceleration))
+        return Effect(
+            np.stack([along.torque_rate, along.torque_bend], 1),
+            speed=np.stack([-along.acceleration, along.jerk], 1),
+        )
+
+    def torque(along: Along, _shape: Shape) -> Effect:
+        return Effect(column(along.torque_rate))
+
+    def speed(along: Along, _shape: Shape) -> Effect:
+        return Effect(speed=column(-along.acceleration))
 
     return [
-        Candidate("usual_filter", both, (USUAL_S,), named=False),
-        Candidate("usual_torque_timing", _earlier, (APART_S,), named=False),
-        Candidate("usual_speed_timing", _speed_later, (APART_S,), named=False),
+        Candidate("usual_filter", both, (USUAL_S, USUAL_S**2), named=False),
+        Candidate("usual_torque_timing", torque, (APART_S,), named=False),
+        Candidate("usual_speed_timing", speed, (APART_S,), named=False),
     ]
