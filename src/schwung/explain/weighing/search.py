@@ -121,8 +121,10 @@ class Search:
         """The best atom of every candidate that is not in the set, by what it would add, the best first."""
         which, deviations = self.columns(picks)
         beyond = Beyond.of(self.data.statistics, which, deviations)
-        names = {self.candidate(pick).name for pick in picks}
-        inside = set(self.always) | {i for i, c in enumerate(self.data.candidates) if c.name in names}
+        taken = {self.candidate(pick).name for pick in picks}
+        taken |= {self.candidate(pick).family for pick in picks} - {""}
+        inside = set(self.always)
+        inside |= {i for i, c in enumerate(self.data.candidates) if c.name in taken or c.family in taken}
         found = []
         for index, group in groupby(enumerate(self.data.atoms), lambda pair: pair[1].candidate):
             if index in inside:
