@@ -82,7 +82,7 @@ def weigh(session: Session, machine: Machine) -> Weighed:
 def _smooth(candidate: Candidate) -> bool:
     if candidate.name.startswith("usual"):
         return True
-    return len(candidate.shapes) == 1 and (len(candidate.scales) > 1 or candidate.name in SMOOTH)
+    return len(candidate.scales) > 1 or candidate.name in SMOOTH
 
 
 def _carried(data: Data, picks: Sequence[tuple[Atom, float]]) -> tuple[Pick, ...]:
