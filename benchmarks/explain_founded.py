@@ -16,7 +16,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from strangers import STRANGERS, belief_of, is_right, session_of
+from strangers import STRANGERS, belief_of, judged, session_of
 
 from schwung.drivetrain import load_machine
 from schwung.drivetrain.machine import Machine
@@ -124,16 +124,20 @@ def strangers(options: argparse.Namespace) -> None:
     ways = {"former": former, "weighed": founded}
     if options.only:
         ways = {options.only: ways[options.only]}
-    score = dict.fromkeys(ways, 0)
+    score: dict[str, list[str]] = {name: [] for name in ways}
     for number, stranger in enumerate(STRANGERS):
         session, machine = session_of(stranger, seed=options.first + number), belief_of(stranger)
         print(stranger.name, flush=True)
         for name, way in ways.items():
             answer = asked(way, session, machine)
-            good = is_right(stranger, answer.names, answer.curves)
-            score[name] += good
-            print(f"    {name:8}{'right' if good else 'WRONG'} {line(answer)}", flush=True)
-    print(", ".join(f"{name} {good}/{len(STRANGERS)}" for name, good in score.items()))
+            score[name].append(
+                "failed"
+                if answer.said.startswith("failed")
+                else judged(stranger, answer.names, answer.curves)
+            )
+            print(f"    {name:8}{score[name][-1]} {line(answer)}", flush=True)
+    for name, words in score.items():
+        print(name, ", ".join(f"{words.count(word)} {word}" for word in sorted(set(words))))
 
 
 def main() -> None:

@@ -39,6 +39,12 @@ class Stranger:
     torque_share: float = 0.0  # noise of the reported torque in proportion to it
     believed_scale: float = 1.0  # believed load inertia over the true one
     curves: tuple[str, ...] = ()  # coordinates of an unnamed curve that are right
+    spot: tuple[float, float, float] = (0.0, 0.0, 1.0)  # a tight spot: torque, centre, width; (1 − x²)² of it
+
+    @property
+    def laws(self) -> Array:
+        """All numbers of its friction."""
+        return np.array([*self.friction, *self.spot])
 
 
 STRANGERS = (
@@ -60,6 +66,7 @@ def _slopes(state: Array, torque: float, friction: Array, last: float) -> tuple[
     way = state[1] / np.sqrt(state[1] ** 2 + 1e-4)
     level = friction[0] * (1 + friction[1] * np.cos(1.3 * state[0] + 0.4))
     level += friction[2] * np.sqrt(abs(state[1])) + friction[3] * abs(last)
+    level += friction[4] * max(1 - (2 * (state[0] - friction[5]) / friction[6]) ** 2, 0.0) ** 2
     rates = np.empty(4)
     rates[0], rates[2] = state[1], state[3]
     rates[1] = (torque - shaft - ROTOR_VISCOUS * state[1] - level * way) / ROTOR
@@ -129,7 +136,7 @@ def session_of(
                     end_s=total,
                 )
             added = np.zeros_like(time) if sine is None else sine.torque(time)
-            rows = _played(demand, added, np.array(stranger.friction))
+            rows = _played(demand, added, stranger.laws)
             # the torque of a tick is held until the next: on average it belongs half a tick later
             torque = _filtered(
                 (rows[:, 2] + np.concatenate([[0.0], rows[:-1, 2]])) / 2, stranger.torque_filter_s
@@ -162,10 +169,14 @@ def belief_of(stranger: Stranger) -> Machine:
     )
 
 
-def is_right(stranger: Stranger, names: Mapping[str, float], curves: Mapping[str, float]) -> bool:
-    """No wrong name with more than one half; and what is hidden has its names, or its curve."""
+def judged(stranger: Stranger, names: Mapping[str, float], curves: Mapping[str, float]) -> str:
+    """ "right": all that is hidden has its names, or its curve, and nothing else has; "silent": nothing is named though
+    something is hidden; else "WRONG", with a name of more than one half that is not true."""
     likely = {name for name, p in names.items() if p > 0.5}
     if likely - set(stranger.right):
-        return False
+        return "WRONG"
     drawn = any(curves.get(coordinate, 0.0) > 0.5 for coordinate in stranger.curves)
-    return likely == set(stranger.right) or drawn
+    hides = bool(stranger.right or stranger.curves)
+    return (
+        "right" if (likely == set(stranger.right) and (likely or drawn or not hides)) or drawn else "silent"
+    )

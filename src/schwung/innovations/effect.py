@@ -91,8 +91,12 @@ class Passed:
         for shaft, torque in enumerate((effect.on_motor, effect.on_load)):
             if torque is not None:
                 start, end = self.steps.inputs[:, :, shaft], self.steps.inputs[:, :, 2 + shaft]
-                kernel.add_outer(made[:, :size], start, torque[:-1])
-                kernel.add_outer(made[:, :size], end, torque[1:])
+                acting = np.any(torque, axis=0)
+                alone = torque if acting.all() else torque[:, acting]
+                part = np.zeros((samples - 1, size, alone.shape[1]))
+                kernel.add_outer(part, start, alone[:-1])
+                kernel.add_outer(part, end, alone[1:])
+                made[:, :size, acting] += part
         reported = np.zeros((samples, 2, count))
         for which, error in enumerate((effect.position, effect.speed)):
             if error is not None:

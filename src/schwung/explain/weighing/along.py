@@ -118,6 +118,16 @@ class Along:
         return self._rate(self.true_torque)
 
     @cached_property
+    def torque_bend(self) -> Array:
+        """Second derivative of the true torque."""
+        return self._rate(self.torque_rate)
+
+    @cached_property
+    def jerk(self) -> Array:
+        """Of the motor."""
+        return self._rate(self.acceleration)
+
+    @cached_property
     def twist(self) -> Array:
         """Of the coupling (rad); 0 where there is none."""
         return 0.0 * self.speed if self.run.rigid else np.asarray(self.run.quiet(self.run.states[:, 2]))

@@ -36,6 +36,7 @@ class Candidate:
     named: bool = True
     dry: bool = False  # holds the shaft at rest
     coordinate: str = ""
+    family: str = ""  # of which a set holds one at most: each is a case of another
 
     @property
     def size(self) -> int:

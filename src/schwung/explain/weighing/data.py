@@ -25,6 +25,7 @@ class Atom:
     shape: Shape
     where: slice
     refined: float | None = None  # log of the share of the shapes that are as good as this one
+    spread: Shape = ()  # standard deviations of the shape's numbers
 
 
 @dataclass(eq=False)
@@ -95,7 +96,7 @@ class Data:
         stacked = np.concatenate([both.slope, slope / self.excess])
         return Statistics(whole, stacked, both.square, both.count), added
 
-    def append(self, index: int, shape: Shape, refined: float) -> Atom:
+    def append(self, index: int, shape: Shape, refined: float, spread: Shape = ()) -> Atom:
         """Make a shape an atom."""
         every = [self.store[run][:, : self.width] for run in self.train]
         self.statistics, added = self.beside(every, self.statistics, index, shape)
@@ -105,6 +106,6 @@ class Data:
         for stored, new in zip(self.store, added, strict=True):
             stored[:, first : first + size] = new
         self.width = first + size
-        atom = Atom(index, shape, slice(first, self.width), refined)
+        atom = Atom(index, shape, slice(first, self.width), refined, spread)
         self.atoms = [*self.atoms, atom]
         return atom

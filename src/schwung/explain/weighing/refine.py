@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from functools import partial
+
 import numpy as np
 from scipy.optimize import minimize
 
@@ -42,14 +45,20 @@ def refined(data: Data, atom: Atom, members: Array, deviations: Array, scale: fl
     if -best.fun <= first:
         return None
     shape = _decoded(candidate, start + best.x * spacing)
-    share = -float(np.log(len(candidate.shapes)))
+    share, widths = -float(np.log(len(candidate.shapes))), np.zeros(start.size)
     for axis in range(start.size):
-        width = _width(lambda t, axis=axis: log_at(best.x + t * np.eye(start.size)[axis]), -best.fun)
+        along = np.eye(start.size)[axis]
+        width = _width(partial(_on_line, log_at, best.x, along), -best.fun)
         share += min(0.0, float(np.log(np.sqrt(2 * np.pi) * width)))
-    return data.append(atom.candidate, shape, share)
+        widths[axis] = width * spacing[axis] * (shape[axis] if candidate.logarithmic[axis] else 1.0)
+    return data.append(atom.candidate, shape, share, tuple(widths.tolist()))
 
 
-def _width(log_at, top: float) -> float:  # type: ignore[no-untyped-def]
+def _on_line(log_at: Callable[[Array], float], at: Array, along: Array, far: float) -> float:
+    return log_at(at + far * along)
+
+
+def _width(log_at: Callable[[float], float], top: float) -> float:
     """Standard deviation (in grid spacings) of a Gaussian that falls like the evidence about its top."""
     step = _STEP
     for _ in range(20):

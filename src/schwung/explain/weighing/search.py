@@ -24,6 +24,8 @@ EXPECTED = 1.0
 #: The best so many candidates are looked at closely wherever one is added.
 _LOOKED_AT = 3
 _ROUNDS = 12
+#: A neighbour is not looked at closely where its shapes' grid leaves it so much less probable (log).
+_HOPELESS = 50.0
 
 
 @dataclass(frozen=True)
@@ -119,8 +121,10 @@ class Search:
         """The best atom of every candidate that is not in the set, by what it would add, the best first."""
         which, deviations = self.columns(picks)
         beyond = Beyond.of(self.data.statistics, which, deviations)
-        names = {self.candidate(pick).name for pick in picks}
-        inside = set(self.always) | {i for i, c in enumerate(self.data.candidates) if c.name in names}
+        taken = {self.candidate(pick).name for pick in picks}
+        taken |= {self.candidate(pick).family for pick in picks} - {""}
+        inside = set(self.always)
+        inside |= {i for i, c in enumerate(self.data.candidates) if c.name in taken or c.family in taken}
         found = []
         for index, group in groupby(enumerate(self.data.atoms), lambda pair: pair[1].candidate):
             if index in inside:
@@ -203,20 +207,25 @@ class Search:
             for place, pick in enumerate(best.picks):
                 if self.candidate(pick).spacing:
                     best = self.shaped(best, place)
+            if best.log > before:
+                continue
+            self._neighbours(best)
+            best = max(self.table.values(), key=lambda scored: scored.log)
             if best.log <= before:
                 break
-        self._neighbours(best)
         return best
 
     def _neighbours(self, best: Scored) -> None:
         """Whatever is one step away is in the table, too."""
-        for _, pick in self.additions(best.picks)[: 2 * _LOOKED_AT]:
-            self._with(best.picks, pick)
+        for gain, pick in self.additions(best.picks)[: 2 * _LOOKED_AT]:
+            if gain > -_HOPELESS:
+                self._with(best.picks, pick)
         for pick in best.picks:
             others = tuple(other for other in best.picks if other != pick)
-            self.score(others)
-            for _, instead in self.additions(others)[: 2 * _LOOKED_AT]:
-                self._with(others, instead)
+            less = self.score(others)
+            for gain, instead in self.additions(others)[: 2 * _LOOKED_AT]:
+                if less.log + gain > best.log - _HOPELESS:
+                    self._with(others, instead)
 
     def shares(self) -> list[tuple[float, Scored]]:
         """Every visited kind of set with its probability, the most probable first."""

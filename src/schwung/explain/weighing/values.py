@@ -10,12 +10,11 @@ from schwung.innovations.likelihood import Noise
 
 @dataclass(frozen=True)
 class Parameter:
-    """A value with the ends of its interval of 95 %; `at_bound`: the data would have it further."""
+    """A value with the ends of its interval of 95 %."""
 
     value: float
     low: float
     high: float
-    at_bound: bool = False
 
 
 @dataclass(frozen=True)

@@ -11,22 +11,26 @@ from schwung.drivetrain.machine import Machine
 from schwung.explain.proof import split
 from schwung.explain.weighing.along import ranges_of
 from schwung.explain.weighing.candidate import Candidate
-from schwung.explain.weighing.data import Data
+from schwung.explain.weighing.data import Atom, Data
 from schwung.explain.weighing.known import known
 from schwung.explain.weighing.round import Member, View, about_set, wide_fit
 from schwung.explain.weighing.search import Pick, Scored, Search
 from schwung.explain.weighing.values import Named, Parameter, Proof, Unnamed, Weighed
 from schwung.explain.weighing.vocabulary import vocabulary
 from schwung.innovations.evidence import weigh as weigh_columns
-from schwung.innovations.likelihood import STICKING, first_noise
+from schwung.innovations.likelihood import first_noise
 from schwung.innovations.signals import signals_of
 from schwung.motion import Array
 from schwung.session.model import Session
 
 #: What causes show within (Hz); injections above widen it.
 BAND_HZ, BEYOND_INJECTION = 160.0, 1.8
+#: Within this share of the peak speed the sign of a motion is smoothed; up to a few times that it is open.
+STICKING = 0.002
 #: Rounds of linearising about what was found, at most.
 ROUNDS = 8
+#: A shape is at its bound within this share of the range.
+_END = 1e-3
 #: Probabilities below this are not told.
 TOLD = 0.01
 #: Causes of one shape that are smooth along any motion, and so are present where the noise is found.
@@ -55,7 +59,7 @@ def weigh(session: Session, machine: Machine) -> Weighed:
     wide = wide_fit(view, present, first_noise(runs), train)
     members = [Member(candidates[i], (), np.zeros(candidates[i].size)) for i in always]
     about, target = about_set(view, members, wide.noise)
-    picks: tuple[tuple[int, tuple[float, ...], float], ...] = ()
+    picks: tuple[tuple[Atom, float], ...] = ()
     growing = True
     for _ in range(ROUNDS):
         data = Data.of(about, candidates, target, train, wide.excess)
@@ -66,8 +70,8 @@ def weigh(session: Session, machine: Machine) -> Weighed:
             if not growing:
                 break
             growing, best = False, search.best(start.picks)
-        before, picks = picks, tuple((search.index(p), data.atoms[p.atom].shape, p.scale) for p in best.picks)
-        if not growing and {pick[0] for pick in before} == {pick[0] for pick in picks}:
+        before, picks = picks, tuple((data.atoms[p.atom], p.scale) for p in best.picks)
+        if not growing and {a.candidate for a, _ in before} == {a.candidate for a, _ in picks}:
             break
         about, target = about_set(about.view, _members(search, best), about.noise)
     if growing:
@@ -78,18 +82,19 @@ def weigh(session: Session, machine: Machine) -> Weighed:
 def _smooth(candidate: Candidate) -> bool:
     if candidate.name.startswith("usual"):
         return True
-    return len(candidate.shapes) == 1 and (len(candidate.scales) > 1 or candidate.name in SMOOTH)
+    return len(candidate.scales) > 1 or candidate.name in SMOOTH
 
 
-def _carried(data: Data, picks: Sequence[tuple[int, tuple[float, ...], float]]) -> tuple[Pick, ...]:
+def _carried(data: Data, picks: Sequence[tuple[Atom, float]]) -> tuple[Pick, ...]:
     """The former round's set in this round's columns."""
     carried = []
-    for index, shape, scale in picks:
-        number = next((i for i, a in enumerate(data.atoms) if (a.candidate, a.shape) == (index, shape)), None)
+    for old, scale in picks:
+        same = (i for i, a in enumerate(data.atoms) if (a.candidate, a.shape) == (old.candidate, old.shape))
+        number = next(same, None)
         if number is None:
-            share = -float(np.log(len(data.candidates[index].shapes)))
-            atom = data.append(index, shape, share)
-            number = data.atoms.index(atom)
+            share = -float(np.log(len(data.candidates[old.candidate].shapes)))
+            data.append(old.candidate, old.shape, share if old.refined is None else old.refined, old.spread)
+            number = len(data.atoms) - 1
         carried.append(Pick(number, scale))
     return tuple(carried)
 
@@ -132,10 +137,13 @@ def _told(outcome: _Outcome, train: Sequence[int], heldout: Sequence[int]) -> We
     told = [
         Named(name, p, _parameters(search, name))
         for name, p in sorted(names.items(), key=lambda pair: -pair[1])
-        if p >= TOLD
+        if p >= TOLD and not _at_bound(search, name)
     ]
+    ends = [name for name, p in names.items() if p >= TOLD and _at_bound(search, name)]
     unnamed = [
-        Unnamed(name, p, 0.0) for name, p in sorted(curves.items(), key=lambda pair: -pair[1]) if p >= TOLD
+        Unnamed(name, p, _rms(search, name))
+        for name, p in sorted(curves.items(), key=lambda pair: -pair[1])
+        if p >= TOLD
     ]
     told.sort(key=lambda one: (-round(one.probability, 2), -_worth(search, outcome.best, one.name)))
     second = shares[1] if len(shares) > 1 else (0.0, outcome.best)
@@ -147,6 +155,7 @@ def _told(outcome: _Outcome, train: Sequence[int], heldout: Sequence[int]) -> We
         noise=data.about.noise,
         excess=data.excess,
         proof=_proof(outcome, train, heldout) if heldout else None,
+        notes=tuple(f"{name} only fits at the end of its range, and is not named" for name in sorted(ends)),
     )
 
 
@@ -163,30 +172,59 @@ def _parameters(search: Search, name: str) -> dict[str, Parameter]:
             candidate = search.candidate(pick)
             if candidate.name != name:
                 continue
-            shape = search.data.atoms[pick.atom].shape
+            atom = search.data.atoms[pick.atom]
             centre = scored.found.coefficients[where]
-            covariance = scored.found.covariance[where, where]
-            value = candidate.keys(centre, shape)
-            moved = _spread(candidate, centre, covariance, shape)
+            moved = _spread(candidate, centre, scored.found.covariance[where, where], atom)
             return {
                 key: Parameter(float(v), float(v - 1.96 * moved[key]), float(v + 1.96 * moved[key]))
-                for key, v in value.items()
+                for key, v in candidate.keys(centre, atom.shape).items()
             }
     return {}
 
 
-def _spread(
-    candidate: Candidate, centre: Array, covariance: Array, shape: tuple[float, ...]
-) -> dict[str, float]:
-    """Deviations of the published numbers, by differences."""
-    keys = list(candidate.keys(centre, shape))
-    slopes = np.zeros((len(keys), centre.size))
-    for i in range(centre.size):
-        step = max(1e-4 * abs(centre[i]), 1e-3 * float(np.sqrt(covariance[i, i])))
-        ahead, behind = (candidate.keys(centre + d * np.eye(centre.size)[i], shape) for d in (step, -step))
-        slopes[:, i] = [(ahead[key] - behind[key]) / (2 * step) for key in keys]
-    deviations = np.sqrt(np.maximum(np.einsum("ki,ij,kj->k", slopes, covariance, slopes), 0.0))
+def _spread(candidate: Candidate, centre: Array, covariance: Array, atom: Atom) -> dict[str, float]:
+    """Deviations of the published numbers, by differences over coefficients and shape."""
+    own = atom.spread or (0.0,) * len(atom.shape)
+    whole = np.zeros((centre.size + len(own),) * 2)
+    whole[: centre.size, : centre.size] = covariance
+    whole[centre.size :, centre.size :] = np.diag(np.square(own))
+    at = np.concatenate([centre, np.array(atom.shape)])
+    keys = list(candidate.keys(centre, atom.shape))
+    slopes = np.zeros((len(keys), at.size))
+    for i in range(at.size):
+        step = np.eye(at.size)[i] * max(1e-3 * float(np.sqrt(whole[i, i])), 1e-9 * abs(at[i]), 1e-300)
+        ahead, behind = (
+            candidate.keys(v[: centre.size], tuple(v[centre.size :].tolist())) for v in (at + step, at - step)
+        )
+        slopes[:, i] = [(ahead[key] - behind[key]) / (2 * step[i]) for key in keys]
+    deviations = np.sqrt(np.maximum(np.einsum("ki,ij,kj->k", slopes, whole, slopes), 0.0))
     return dict(zip(keys, deviations.tolist(), strict=True))
+
+
+def _at_bound(search: Search, name: str) -> bool:
+    """Whether the most probable set that holds a name has its shape at the end of what is tried."""
+    for _, scored in search.shares():
+        for pick in scored.picks:
+            candidate = search.candidate(pick)
+            if candidate.name == name:
+                shape = search.data.atoms[pick.atom].shape
+                ends = zip(shape, candidate.bounds, strict=bool(candidate.bounds))
+                return any(min(v - low, high - v) <= _END * (high - low) for v, (low, high) in ends)
+    return False
+
+
+def _rms(search: Search, name: str) -> float:
+    """Torque of a curve along all runs (N·m), in the most probable set that holds it."""
+    for _, scored in search.shares():
+        for pick, where in zip(scored.picks, _slices(search, scored), strict=True):
+            candidate = search.candidate(pick)
+            if candidate.name == name:
+                shape, total = search.data.atoms[pick.atom].shape, []
+                for along in search.data.about.alongs:
+                    motor, load, _, _ = candidate.effect(along, shape).of(scored.found.coefficients[where])
+                    total.append(np.mean((motor + load + 0.0 * along.speed) ** 2))
+                return float(np.sqrt(np.mean(total)))
+    return 0.0
 
 
 def _proof(outcome: _Outcome, train: Sequence[int], heldout: Sequence[int]) -> Proof:

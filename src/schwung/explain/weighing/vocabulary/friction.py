@@ -14,6 +14,9 @@ from schwung.explain.weighing.candidate import LADDER, NATURAL, Candidate, Curve
 from schwung.innovations.effect import Effect
 from schwung.motion import Array
 
+#: Friction that falls within so many times the speed at which the sign is smoothed is not told from the smoothing.
+OPEN = 6.0
+
 
 def bump(away: Array, width: float) -> Array:
     """A raised cosine, 1 in the middle, `width` from end to end."""
@@ -68,7 +71,9 @@ def friction(of: Ranges, torque_nm: float, rigid: bool) -> list[Candidate]:
     """The family; `torque_nm`: a natural torque."""
     speed, span = of.peak_speed_rad_s, min(of.span_rad, 2 * np.pi)
     natural, viscous = torque_nm, torque_nm / speed
+    slowest = OPEN * of.sticking_rad_s
     angle = Curve.over(of.low_rad, of.high_rad, 0.3)
+    level = Curve(angle.points, np.concatenate([np.ones((angle.points.size, 1)), angle.modes], 1))
     spots = [
         shape
         for width in np.array([0.05, 0.1, 0.2, 0.4]) * span
@@ -76,10 +81,10 @@ def friction(of: Ranges, torque_nm: float, rigid: bool) -> list[Candidate]:
     ]
     found = [
         Candidate("coulomb_friction", _coulomb, (natural,), lambda c, _: {"torque_nm": c[0]},
-                  positive=(0,), dry=True, coordinate="direction"),
+                  positive=(0,), dry=True, coordinate="direction", family="dry"),
         Candidate("asymmetric_friction", _asymmetric, (natural, natural),
                   lambda c, _: {"torque_positive_nm": c[0], "torque_negative_nm": c[1]},
-                  positive=(0, 1), dry=True, coordinate="direction"),
+                  positive=(0, 1), dry=True, coordinate="direction", family="dry"),
         Candidate("viscous_friction", _viscous, (viscous,), lambda c, _: {"coefficient_nms": c[0]},
                   coordinate="speed"),
         Candidate("quadratic_drag", _drag, (viscous / speed,), lambda c, _: {"coefficient_nms2": c[0]},
@@ -87,20 +92,21 @@ def friction(of: Ranges, torque_nm: float, rigid: bool) -> list[Candidate]:
         Candidate("stribeck_friction", _stribeck, (natural, natural),
                   lambda c, s: {"coulomb_torque_nm": c[0], "breakaway_torque_nm": c[0] + c[1],
                                 "stribeck_speed_rad_s": s[0]},
-                  shapes=grid(speed * np.geomspace(0.015, 0.5, 10)), spacing=(0.4,), logarithmic=(True,),
-                  bounds=((0.005 * speed, speed),), positive=(0, 1), dry=True, coordinate="speed"),
+                  shapes=grid(np.geomspace(slowest, 0.5 * speed, 10)), spacing=(0.3,), logarithmic=(True,),
+                  bounds=((slowest, speed),), positive=(0, 1), dry=True, coordinate="speed", family="dry"),
         Candidate("local_friction", _local, (natural,),
                   lambda c, s: {"torque_nm": c[0], "centre_rad": s[0], "width_rad": s[1]},
                   shapes=tuple(spots), spacing=(0.03 * span, 0.5), logarithmic=(False, True),
                   bounds=((of.low_rad - 0.2 * span, of.high_rad + 0.2 * span), (0.01 * span, 0.8 * span)),
-                  positive=(0,), coordinate="position"),
-        Candidate("friction_over_angle", lambda a, _: Effect(-a.direction[:, None] * angle.at(a.angle)),
-                  (natural,) * angle.size, scales=LADDER, dry=True, coordinate="position"),
-        Candidate("friction_drift", _drift, (natural,), lambda c, _: {"change_nm": c[0]}, coordinate="run"),
+                  positive=(0,), dry=True, coordinate="position"),
+        Candidate("friction_over_angle", lambda a, _: Effect(-a.direction[:, None] * level.at(a.angle)),
+                  (natural,) * level.size, scales=LADDER, dry=True, coordinate="position", family="dry"),
+        Candidate("friction_drift", _drift, (natural,), lambda c, _: {"change_nm": c[0]}, dry=True,
+                  coordinate="run"),
         Candidate("viscous_drift", _viscous_drift, (viscous,), lambda c, _: {"change_nms": c[0]},
                   coordinate="run"),
         Candidate("load_dependent_friction", _gear_loss, (NATURAL,), lambda c, _: {"share": c[0]},
-                  positive=(0,), coordinate="torque"),
+                  positive=(0,), dry=True, coordinate="torque"),
     ]  # fmt: skip
     if not rigid:
         found.append(

@@ -1,7 +1,7 @@
 """What the drive reports: true torque against reported, times, the encoder.
 
 gain (g − 1)·T        lag −τ T' (the true torque comes later)        filter +τ T' (the reported one does)
-drop −s |T| T/T_peak        ripple s T sin nθ        saturation clip(T, ±L) − T        speed late −δt·α
+drop −s |T| T/T_peak        ripple s T sin nθ        saturation clip(T, ±L) − T        speed late −δ (α − φ α')
 eccentricity a sin(θ + φ) in the angle, its rate in the speed
 """
 
@@ -17,22 +17,25 @@ from schwung.innovations.effect import Effect
 #: Standard deviations (s): of delays and lags that are a defect, of the filter that torque and speed share in any
 #: drive, and of the times by which each of the two is off it.
 DEFECT_S, USUAL_S, APART_S = 1e-3, 3e-4, 5e-5
+#: How a late signal bends: what goes with its second derivative over what goes with the first (s); half of the delay
+#: for a delay, the time constant or nothing for a filter.
+BENDS_S, BEND_STEP_S, BEND_S = np.linspace(-2e-4, 6e-4, 9), 1e-4, 1e-3
 
 
 def _gain(along: Along, _shape: Shape) -> Effect:
     return Effect(column(along.torque))
 
 
-def _later(along: Along, _shape: Shape) -> Effect:
-    return Effect(column(-along.torque_rate))
+def _later(along: Along, shape: Shape) -> Effect:
+    return Effect(column(-along.torque_rate + shape[0] * along.torque_bend))
 
 
-def _earlier(along: Along, _shape: Shape) -> Effect:
-    return Effect(column(along.torque_rate))
+def _earlier(along: Along, shape: Shape) -> Effect:
+    return Effect(column(along.torque_rate + shape[0] * along.torque_bend))
 
 
-def _speed_later(along: Along, _shape: Shape) -> Effect:
-    return Effect(speed=column(-along.acceleration))
+def _speed_later(along: Along, shape: Shape) -> Effect:
+    return Effect(speed=column(-along.acceleration + shape[0] * along.jerk))
 
 
 def _clipped(along: Along, shape: Shape) -> Effect:
@@ -62,11 +65,14 @@ def reporting(of: Ranges, share: float) -> list[Candidate]:
     return [
         Candidate("torque_constant", _gain, (share,), lambda c, _: {"gain": 1 + c[0]}, coordinate="torque"),
         Candidate("torque_lag", _later, (DEFECT_S,), lambda c, _: {"time_constant_s": c[0]}, positive=(0,),
-                  coordinate="frequency"),
+                  shapes=grid(BENDS_S), spacing=(BEND_STEP_S,), logarithmic=(False,),
+                  bounds=((-BEND_S, BEND_S),), coordinate="frequency"),
         Candidate("torque_filter", _earlier, (DEFECT_S,), lambda c, _: {"time_constant_s": c[0]},
-                  positive=(0,), coordinate="frequency"),
+                  positive=(0,), shapes=grid(BENDS_S), spacing=(BEND_STEP_S,), logarithmic=(False,),
+                  bounds=((-BEND_S, BEND_S),), coordinate="frequency"),
         Candidate("measurement_delay", _speed_later, (DEFECT_S,), lambda c, _: {"delay_s": c[0]},
-                  positive=(0,), coordinate="acceleration"),
+                  positive=(0,), shapes=grid(BENDS_S), spacing=(BEND_STEP_S,), logarithmic=(False,),
+                  bounds=((-BEND_S, BEND_S),), coordinate="acceleration"),
         Candidate("torque_constant_drop", drop, (share,), lambda c, _: {"share_at_peak": c[0]}, positive=(0,),
                   coordinate="torque"),
         Candidate("torque_ripple", _ripple, (share, share),
@@ -84,13 +90,23 @@ def reporting(of: Ranges, share: float) -> list[Candidate]:
 
 
 def usual(of: Ranges) -> list[Candidate]:
-    """Present in every set: a filter that torque and speed share, and a little apart."""
+    """Present in every set: a filter that torque and speed share, a little apart, and of any shape.
+
+    A first-order filter is undone in the torque by T + τ T' to the last; in the speed it is − τ α + τ² α', a delay
+    − δ α + ½ δ² α'.
+    """
 
     def both(along: Along, _shape: Shape) -> Effect:
         return Effect(column(along.torque_rate), speed=column(-along.acceleration))
 
+    def torque(along: Along, _shape: Shape) -> Effect:
+        return Effect(column(along.torque_rate))
+
+    def speed(along: Along, _shape: Shape) -> Effect:
+        return Effect(speed=np.stack([-along.acceleration, along.jerk], 1))
+
     return [
         Candidate("usual_filter", both, (USUAL_S,), named=False),
-        Candidate("usual_torque_timing", _earlier, (APART_S,), named=False),
-        Candidate("usual_speed_timing", _speed_later, (APART_S,), named=False),
+        Candidate("usual_torque_timing", torque, (APART_S,), named=False),
+        Candidate("usual_speed_timing", speed, (APART_S, USUAL_S**2), named=False),
     ]

@@ -1,0 +1,73 @@
+"""Names by evidence, on machines that share neither laws nor integrator nor filters with the tool."""
+
+import pytest
+from strangers import STRANGERS, Stranger, belief_of, session_of
+
+from schwung.drivetrain.physics_term import PhysicsTerm
+from schwung.explain.weighing.values import Weighed
+from schwung.explain.weighing.weigh import weigh
+
+DRY = Stranger("dry friction", ("coulomb_friction",), (0.8, 0.0, 0.0, 0.0))
+BOTH = Stranger(
+    "dry friction, inertia", ("coulomb_friction", "load_inertia"), DRY.friction, believed_scale=0.95
+)
+
+
+def asked(stranger, machine=None):
+    """Two motion times, four runs each, every eighth tick logged."""
+    session = session_of(stranger, 5, every=8, times=(0.25, 0.4))
+    return weigh(session, machine or belief_of(stranger))
+
+
+@pytest.fixture(scope="module")
+def both() -> Weighed:
+    """Of a machine that hides dry friction, and is not as heavy as believed."""
+    return asked(BOTH)
+
+
+def likely(found):
+    return {one.name for one in found.names if one.probability > 0.5}
+
+
+def test_nothing_hidden_has_no_name():
+    found = asked(STRANGERS[0])
+    assert not likely(found)
+    assert all(one.probability < 0.5 for one in found.unnamed)
+    assert found.proof is not None
+    assert found.proof.after == pytest.approx(1.0, abs=0.1)
+
+
+def test_dry_friction_beside_a_wrong_inertia_has_both_names_and_their_amounts(both):
+    assert likely(both) == {"load_inertia", "coulomb_friction"}
+    parameters = {one.name: one.parameters for one in both.names}
+    assert parameters["coulomb_friction"]["torque_nm"].value == pytest.approx(0.8, rel=0.01)
+    assert parameters["load_inertia"]["delta_kgm2"].value == pytest.approx(0.05 * 2.2e-2, rel=0.01)
+
+
+def test_a_shape_has_an_interval_too():
+    spot = Stranger("tight spot", ("local_friction",), spot=(1.2, 2.0, 0.5))
+    found = asked(spot)
+    assert "local_friction" in likely(found)
+    parameters = next(one for one in found.names if one.name == "local_friction").parameters
+    assert parameters["centre_rad"].value == pytest.approx(2.0, abs=0.02)
+    assert parameters["centre_rad"].low < parameters["centre_rad"].value < parameters["centre_rad"].high
+
+
+def test_what_is_published_is_proven_on_motions_that_were_not_fitted(both):
+    assert both.proof is not None
+    assert both.proof.gain > 1
+    assert both.proof.after < 1.15
+    assert both.proof.before > 2
+
+
+def test_probabilities_are_shares(both):
+    assert all(0 <= one.probability <= 1 + 1e-9 for one in (*both.names, *both.unnamed))
+    assert 0 <= both.runner_up_probability <= 0.5 + 1e-9
+    assert both.excess >= 1
+    assert both.probability("backlash") < 0.5
+
+
+def test_what_the_belief_knows_is_not_named_again():
+    terms = (PhysicsTerm(name="coulomb_friction", torque_nm=0.8),)
+    known = belief_of(DRY).model_copy(update={"physics": terms})
+    assert not likely(asked(DRY, known))
