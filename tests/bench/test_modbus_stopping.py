@@ -18,6 +18,7 @@ from schwung.fieldbus.cia402 import (
     QUICK_STOP,
     enables_operation,
 )
+from schwung.fieldbus.drive import ParameterValue
 from schwung_sim.drives.modbus.power import PowerStage, State
 from schwung_sim.drives.modbus.registers import ILLEGAL_ADDRESS, RefusalError
 
@@ -221,6 +222,17 @@ def test_a_start_that_was_accepted_and_takes_its_time_is_not_sent_again(
         room.drive.play(room.stroke())
         assert starts(room) == 1
         assert room.bench.servo.moves == 1
+
+
+def test_a_parameter_that_was_accepted_and_then_not_taken_is_told() -> None:
+    """Exception 5 says nothing of the value: whether it holds is seen when the drive is at it no longer."""
+    with modbus_desk() as room:
+        low, high, target = (room.drive.parameter(register) for register in (300, 302, 210))
+        room.drive.write([ParameterValue(low, -1000), ParameterValue(high, 1000)])
+        room.bench.happen("acknowledge=0.05")
+        room.drive.write([ParameterValue(target, 900)])
+        with pytest.raises(RegisterError, match=r"210 target.*then not taken"):
+            room.drive.write([ParameterValue(target, 1100)])
 
 
 def test_what_stays_busy_or_never_ends_is_told() -> None:

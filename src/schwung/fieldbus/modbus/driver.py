@@ -8,7 +8,7 @@ from collections.abc import Sequence
 from typing import Any
 
 from schwung.clock import Clock, Task
-from schwung.errors import DriveError, InputError, RefusedError, StateError
+from schwung.errors import DriveError, InputError, RefusedError, RegisterError, StateError
 from schwung.fieldbus import cia402
 from schwung.fieldbus.drive import (
     Acquisition,
@@ -25,7 +25,7 @@ from schwung.fieldbus.drive import (
     Setpoints,
 )
 from schwung.fieldbus.modbus import capabilities, setup
-from schwung.fieldbus.modbus.link import ModbusLink
+from schwung.fieldbus.modbus.link import ACKNOWLEDGE, ModbusLink
 from schwung.fieldbus.modbus.play import Means
 from schwung.fieldbus.modbus.registers import Registers
 from schwung.fieldbus.modbus.state_machine import StateMachine
@@ -178,9 +178,11 @@ class ModbusDrive:
         return self._registers.read(parameter)
 
     def write(self, values: Sequence[ParameterValue]) -> None:
-        """Write parameters one after another, each once. Raises RegisterError at the first that the drive refuses."""
+        """Write parameters one after another, each once. Raises RegisterError at the first that the drive refuses, also
+        where it had accepted it at first."""
         for value in values:
-            self._registers.write(value.parameter, value.raw)
+            if not self._registers.write(value.parameter, value.raw):
+                self._require_held(value)
 
     def setup(self, acquisition: Acquisition) -> list[ParameterValue]:
         """What must be written for it and differs from what the drive holds. Raises InputError, RegisterError."""
@@ -287,6 +289,19 @@ class ModbusDrive:
 
     def __exit__(self, *_: object) -> None:
         self.close()
+
+    def _require_held(self, value: ParameterValue) -> None:
+        held: object = value.raw
+        with contextlib.suppress(RegisterError):  # some cannot be read
+            held = self._registers.read(value.parameter).raw
+        close = isinstance(held, float) and isinstance(value.raw, int | float)
+        if not (math.isclose(held, value.raw, rel_tol=1e-6) if close else held == value.raw):  # type: ignore[arg-type]
+            raise RegisterError(
+                value.parameter.label,
+                "was accepted at first, and then not taken",
+                "Look at its limits.",
+                ACKNOWLEDGE,
+            )
 
     # ── within ───────────────────────────────────────────────────────────────────────────────────────────────────
 

@@ -117,8 +117,9 @@ class ModbusLink:
                 )
             return registers
 
-    def write(self, address: int, words: tuple[int, ...], permit: Callable[[], None] | None = None) -> None:
-        """Write registers in one request, once; again only where the drive was busy and has not taken it.
+    def write(self, address: int, words: tuple[int, ...], permit: Callable[[], None] | None = None) -> bool:
+        """Write registers in one request, once; again only where the drive was busy and has not taken it. False where
+        the drive has accepted it and does not tell what became of it.
 
         `permit` is called right before it is sent, when nobody else can come between; it raises what forbids it.
         Raises RegisterError, NodeLostError.
@@ -134,11 +135,11 @@ class ModbusLink:
         while True:
             try:
                 self._request(place, ask, 1, permit)
-                return
+                return True
             except RegisterError as error:
                 if error.code == ACKNOWLEDGE:
                     self._await_carried_out(address, len(words))
-                    return
+                    return False
                 if error.code != BUSY or self.clock.now() >= end_s:
                     raise
             self.clock.sleep(_BUSY_PAUSE_S)  # nothing is held meanwhile: a stop may come between

@@ -64,15 +64,15 @@ class Registers:
             raise RegisterError(parameter.label, error.problem, error.remedy, error.code) from error
         return ParameterValue(parameter, words.decode(read, parameter.type, modbus.word_order))
 
-    def write(self, parameter: Parameter, raw: RawValue, permit: Callable[[], None] | None = None) -> None:
-        """Write one parameter, once; `permit` as in ModbusLink.write.
+    def write(self, parameter: Parameter, raw: RawValue, permit: Callable[[], None] | None = None) -> bool:
+        """Write one parameter, once; `permit` and what is returned as in ModbusLink.write.
 
         Raises RegisterError, NodeLostError; InputError for a value that does not fit.
         """
         modbus = self.profile.modbus
         encoded = words.encode(raw, parameter.type, modbus.word_order, modbus.registers_per_parameter)
         try:
-            self.link.write(parameter.index, encoded, permit)
+            return self.link.write(parameter.index, encoded, permit)
         except RegisterError as error:
             raise RegisterError(parameter.label, error.problem, error.remedy, error.code) from error
 
