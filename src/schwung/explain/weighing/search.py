@@ -23,7 +23,9 @@ from schwung.motion import Array
 EXPECTED = 1.0
 #: The best so many candidates are looked at closely wherever one is added.
 _LOOKED_AT = 3
-_ROUNDS = 12
+_ROUNDS = 4
+#: No set holds more causes: what needs more is not understood, and each costs a search of its own.
+MOST = 6
 #: A neighbour is not looked at closely where its shapes' grid leaves it so much less probable (log).
 _HOPELESS = 50.0
 
@@ -146,10 +148,10 @@ class Search:
                 merged[index] = (log, pick)
         return sorted(merged.values(), key=lambda pair: -pair[0])
 
-    def added(self, start: Scored, without: frozenset[int] = frozenset(), most: int = _ROUNDS) -> Scored:
+    def added(self, start: Scored, without: frozenset[int] = frozenset(), most: int = MOST) -> Scored:
         """Grow a set for as long as that makes it more probable, by so many causes at most."""
         best = start
-        for _ in range(most):
+        for _ in range(min(most, MOST - len(start.picks))):
             offers = [o for o in self.additions(best.picks) if self.index(o[1]) not in without]
             tried = [self._with(best.picks, pick) for _, pick in offers[:_LOOKED_AT]]
             top = max(tried, key=lambda scored: scored.log, default=best)
