@@ -1,5 +1,11 @@
-"""For all tests: one thread for linear algebra, as the command line has it; two workers are enough for two cores."""
+"""For all tests: one thread for linear algebra, as the command line has it; two workers are enough for two cores.
+
+Ctrl-C interrupts, also where the tests were started in the background of a script, which ignores it and hands that on.
+"""
 
 import os
+import signal
 
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
+    signal.signal(signal.SIGINT, signal.default_int_handler)

@@ -4,6 +4,7 @@ own units; a right one passes, whatever the machine has of friction, play and we
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -13,8 +14,8 @@ import pytest
 from bench_machine import Desk, desk
 
 from schwung.commissioning import LimitWishes, read_backup
-from schwung.errors import RefusedError
-from schwung.fieldbus.drive import ParameterValue
+from schwung.errors import DriveError, RefusedError
+from schwung.fieldbus.drive import ParameterValue, Recording
 from schwung.fieldbus.profile import CanopenProfile, load_canopen_profile
 from schwung.session import read_session
 
@@ -212,6 +213,24 @@ def test_a_drive_that_ignores_its_setpoints_is_refused(tmp_path: Path) -> None:
         with pytest.raises(RefusedError, match="bit 12"):
             room.record(tmp_path / "out")
         assert not servo.power.energised
+
+
+def test_units_are_not_accused_where_sync_came_unevenly(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """What is off may be the time: a speed is half of what the position does where SYNC comes half as often."""
+    with desk(seed=3, profile=mistaken(speed=literal(2e-3 * RPM))) as room:
+        play = room.drive.play
+
+        def uneven(*given: Any) -> Recording:
+            recording = play(*given)
+            timing = replace(recording.timing, producer="thread", p99_s=5e-4, max_s=2e-3)
+            return replace(recording, timing=timing)
+
+        monkeypatch.setattr(room.drive, "play", uneven)
+        with pytest.raises(DriveError, match="SYNC: came unevenly"):
+            room.record(tmp_path / "out", limits=LIMITS)
+        assert not room.bench.servo.power.energised
 
 
 def test_an_axis_that_is_held_fast_is_no_proof(tmp_path: Path) -> None:

@@ -236,15 +236,29 @@ class _Player:
         return run, recording.timing
 
     def creep(self, creep: Creep) -> None:
-        """Prove signs and units; raises RefusedError where they are not what is believed."""
-        notes = prove(
-            self.drive,
-            self.plan,
-            creep,
-            self._play_whole,
-            lambda planned: self._go(self.plan.way_back(planned)),
-            self.writer.append_creep,
-        )
+        """Prove signs and units; raises RefusedError where they are not what is believed, DriveError where SYNC came so
+        unevenly that time may be what is off.
+        """
+        timings: list[SyncTiming] = []
+
+        def play(planned: PlannedRun) -> Recording:
+            recording = self._play_whole(planned)
+            timings.append(recording.timing)
+            return recording
+
+        try:
+            notes = prove(
+                self.drive,
+                self.plan,
+                creep,
+                play,
+                lambda planned: self._go(self.plan.way_back(planned)),
+                self.writer.append_creep,
+            )
+        except RefusedError:
+            if timings and not self.plan.by_itself:
+                _judge_timing(timings[-1], self.max_jitter_share)
+            raise
         for note in notes:
             self.observer.note(note)
 
