@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import deque
 from collections.abc import Callable
 
 from schwung.errors import DriveError, StateError
@@ -19,6 +20,7 @@ CONTROLWORD = Parameter(0x6040, 0, "UNSIGNED16", "Controlword")
 _STEP_S = 0.005
 STANDSTILL_S = 2.0
 _STILL_RAD = 2e-4  # in a step: slower than 0.04 rad/s for three steps is standstill
+_TREMBLES = 40  # steps within which a drive that holds its axis goes no further than so slow a one would
 
 
 class Dialogue:
@@ -85,8 +87,9 @@ class Dialogue:
         until: Callable[[], bool] | None = None,
         slowing: Slowing | None = None,
     ) -> bool:
-        """Let time pass until the position, by PDO or SDO, hardly changes; False after so much of the drive's time, or
-        `until` then. With `slowing` it is waited for longer, as long as the axis is under power and slows down.
+        """Let time pass until the position, by PDO or SDO, hardly changes, or only trembles; False after so much of the
+        drive's time, or `until` then. With `slowing` it is waited for longer, as long as the axis is under power and
+        slows down.
 
         `count_rad`: what one count of the position is worth; None where nobody knows. Raises DriveError where the drive
         does not show it.
@@ -94,7 +97,11 @@ class Dialogue:
         tolerance, clock = 1.0 if count_rad is None else _STILL_RAD / abs(count_rad), self._monitor.clock
         self._pause(0.0)
         elapsed, still, last = 0.0, 0, self.position()
+        recent: deque[float] = deque(maxlen=_TREMBLES)
         while still < 3:
+            recent.append(last)
+            if len(recent) == _TREMBLES and max(recent) - min(recent) <= _TREMBLES * tolerance:
+                return True
             slows = slowing is not None and slowing.look(elapsed, last)
             if elapsed >= patience_s and not (slows and self._braking()):
                 return False

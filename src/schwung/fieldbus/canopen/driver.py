@@ -81,7 +81,7 @@ class CanopenDrive:
             self._sdo = SdoChannel(self._link, node_id, sdo_timeout_s)
             self._identity = self._check_identity()
             self._operation = Operation(
-                self._link, self._sdo, self._monitor, profile, self._layouts, sync, self._lookup,
+                self._link, self._sdo, self._monitor, profile, self._layouts, sync, self._lookup, lambda: self.scales,
                 counter=setup.has_counter(profile, self._lookup),
             )  # fmt: skip
             self._foreign = ForeignMasters(self._link, node_id, lambda: self._operation.running)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import math
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 
 import numpy as np
 
@@ -55,6 +55,7 @@ class Operation:
         layouts: Layouts,
         sync: SyncChoice,
         lookup: Lookup,
+        read_scales: Callable[[], Scales],
         *,
         counter: bool,
     ) -> None:
@@ -66,7 +67,9 @@ class Operation:
         self._place = self._dialogue.place
         self._scales: Scales | None = None
         self._window_rad = START_WINDOW_RAD
-        self._stopping = Stopping(link, sdo, monitor, self._dialogue, self.own_means)
+        self._stopping = Stopping(
+            link, sdo, monitor, self._dialogue, self.own_means, lambda: read_scales().position_rad
+        )
 
     @property
     def running(self) -> bool:

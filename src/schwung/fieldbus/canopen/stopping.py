@@ -9,7 +9,7 @@ from __future__ import annotations
 import contextlib
 from collections.abc import Callable
 
-from schwung.errors import BusError, DriveError, StateError
+from schwung.errors import BusError, DriveError, InputError, StateError
 from schwung.fieldbus import cia402
 from schwung.fieldbus.braking import Slowing, unseen_s
 from schwung.fieldbus.canopen import nmt
@@ -31,8 +31,15 @@ class Stopping:
     """The ways of one drive to rest, and off."""
 
     def __init__(
-        self, link: Link, sdo: SdoChannel, monitor: nmt.NodeMonitor, dialogue: Dialogue, own_means: OwnMeans
+        self,
+        link: Link,
+        sdo: SdoChannel,
+        monitor: nmt.NodeMonitor,
+        dialogue: Dialogue,
+        own_means: OwnMeans,
+        read_count_rad: Callable[[], float],
     ) -> None:
+        self._read_count_rad = read_count_rad
         self.moved = False  # something has been played since `begin`
         self.fastest_rad_s = 0.0  # of what was to be played
         self._link, self._clock, self._sdo, self._monitor = link, link.clock, sdo, monitor
@@ -173,15 +180,22 @@ class Stopping:
         self._dialogue.walker.off()
         self._halts_answered = halts
         if not resting:
-            raise slowing.given_up(self._place, self._count_rad)
+            raise slowing.given_up(self._place, self._worth())
 
     def stands(self, patience_s: float = STANDSTILL_S, until: Callable[[], bool] | None = None) -> bool:
         """See Dialogue.await_standstill."""
-        return self._dialogue.await_standstill(self._count_rad, patience_s, until)
+        return self._dialogue.await_standstill(self._worth(), patience_s, until)
 
     def _comes_to_rest(self, slowing: Slowing) -> bool:
         """As `stands`, for as long as the drive brakes."""
-        return self._dialogue.await_standstill(self._count_rad, slowing=slowing)
+        return self._dialogue.await_standstill(self._worth(), slowing=slowing)
+
+    def _worth(self) -> float | None:
+        """Of a position count (rad), asked for where nothing has been started yet; None where nobody tells."""
+        if self._count_rad is None:
+            with contextlib.suppress(DriveError, InputError):
+                self._count_rad = self._read_count_rad()
+        return self._count_rad
 
     def _energised(self) -> bool:
         return self._dialogue.state() not in cia402.OFF
