@@ -281,7 +281,9 @@ class Monitor:
             off = target * plan.count_rad - self.machine.position_rad
             if abs(off) > STANDS_AT_RAD:
                 self._report("step", f"the first target is {off:+.4f} rad from where the axis stands")
-        if last is not None and abs(target - last) > plan.step_counts + 1:
+        # a drive that makes the way by itself may be told of it from wherever it was turned to meanwhile
+        turned = STANDS_AT_RAD / plan.count_rad if plan.mode == 1 else 1
+        if last is not None and abs(target - last) > plan.step_counts + turned:
             self._report(
                 "step",
                 f"{target - last:+d} counts in one RPDO with 0x{word:04X}, {plan.step_counts} is the plan's largest",

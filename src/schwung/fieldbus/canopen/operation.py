@@ -146,13 +146,24 @@ class Operation:
         """Walk to Operation enabled, holding the present position. Raises StateError, DriveFaultError."""
         cyclic, _ = self._running()
 
+        wrong_mode: StateError | None = None
+
+        def ready() -> None:  # looked at right before it is energised, however long it takes to get there
+            nonlocal wrong_mode
+            self._require_untroubled()
+            try:
+                self._require_mode(cyclic)
+            except StateError as error:
+                wrong_mode = error
+                raise
+
         walker = self._dialogue.walker
         walker.climb(State.SWITCHED_ON, self._require_untroubled)
-        self._require_mode(cyclic)
         try:
-            walker.climb(State.OPERATION_ENABLED, self._require_untroubled)
-        except StateError:
-            self._require_untroubled()  # a stop came after the last look: what it was for
+            walker.climb(State.OPERATION_ENABLED, ready)
+        except StateError as error:
+            if error is not wrong_mode:
+                self._require_untroubled()  # a stop came after the last look: what it was for
             raise
 
     def play(self, setpoints: Setpoints, progress: Progress | None) -> Recording:
