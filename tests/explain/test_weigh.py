@@ -82,3 +82,9 @@ def test_noise_in_proportion_to_the_torque_is_noise(share):
     assert not likely(found)
     assert found.noise.torque_share == pytest.approx(share, abs=0.002)
     assert found.noise.torque_nm == pytest.approx(0.05, rel=0.3)
+
+
+def test_a_speed_curve_without_a_name_stands_alone_not_beside_its_cases():
+    found = asked(STRANGERS[3])
+    assert not likely(found)
+    assert {one.coordinate for one in found.unnamed if one.probability > 0.5} == {"speed"}

@@ -110,8 +110,9 @@ class Search:
             candidate = self.candidate(pick)
             log += self.odds + self._shape_log(self.data.atoms[pick.atom], candidate)
             log -= float(np.log(len(candidate.scales)))
-            for i in candidate.positive:
-                log += float(np.log(2.0) + log_ndtr(found.coefficients[at + i] / spread[at + i]))
+            for i, least in candidate.bounds_below:
+                log += float(log_ndtr((found.coefficients[at + i] - least) / spread[at + i]))
+                log -= float(log_ndtr(-least / (pick.scale * candidate.deviations[i])))
             at += candidate.size
         return log
 
@@ -123,10 +124,9 @@ class Search:
         """The best atom of every candidate that is not in the set, by what it would add, the best first."""
         which, deviations = self.columns(picks)
         beyond = Beyond.of(self.data.statistics, which, deviations)
-        taken = {self.candidate(pick).name for pick in picks}
-        taken |= {self.candidate(pick).family for pick in picks} - {""}
+        taken = [self.candidate(pick) for pick in picks]
         inside = set(self.always)
-        inside |= {i for i, c in enumerate(self.data.candidates) if c.name in taken or c.family in taken}
+        inside |= {i for i, c in enumerate(self.data.candidates) if any(c.excludes(t) for t in taken)}
         found = []
         for index, group in groupby(enumerate(self.data.atoms), lambda pair: pair[1].candidate):
             if index in inside:
@@ -154,11 +154,22 @@ class Search:
         for _ in range(min(most, MOST - len(start.picks))):
             offers = [o for o in self.additions(best.picks) if self.index(o[1]) not in without]
             tried = [self._with(best.picks, pick) for _, pick in offers[:_LOOKED_AT]]
+            tried += self._curves_instead(best.picks, without)
             top = max(tried, key=lambda scored: scored.log, default=best)
             if top.log <= best.log:
                 break
             best = top
         return best
+
+    def _curves_instead(self, picks: Set, without: frozenset[int]) -> list[Scored]:
+        """Every curve of which a set holds cases, in their place."""
+        found = []
+        for index, curve in enumerate(self.data.candidates):
+            others = tuple(pick for pick in picks if self.candidate(pick).name not in curve.cases)
+            if len(others) < len(picks) and index not in without:
+                offers = [pick for _, pick in self.additions(others) if self.index(pick) == index]
+                found += [self._with(others, pick) for pick in offers]
+        return found
 
     def _with(self, picks: Set, pick: Pick) -> Scored:
         """One more, in its best shape and sizes all about."""
