@@ -88,3 +88,12 @@ def test_a_speed_curve_without_a_name_stands_alone_not_beside_its_cases():
     found = asked(STRANGERS[3])
     assert not likely(found)
     assert {one.coordinate for one in found.unnamed if one.probability > 0.5} == {"speed"}
+
+
+def test_what_a_law_is_off_by_takes_no_other_name():
+    nearly = Stranger(
+        "dry friction that rises by 2 % with speed", ("coulomb_friction",), (2.0, 0.0, 0.005, 0.0)
+    )
+    found = asked(nearly)
+    assert likely(found) == {"coulomb_friction"}
+    assert found.probability("viscous_friction") < 0.3
