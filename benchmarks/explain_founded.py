@@ -126,6 +126,8 @@ def strangers(options: argparse.Namespace) -> None:
         ways = {options.only: ways[options.only]}
     score: dict[str, list[str]] = {name: [] for name in ways}
     for number, stranger in enumerate(STRANGERS):
+        if options.effects and options.effects not in stranger.name:
+            continue
         session, machine = session_of(stranger, seed=options.first + number), belief_of(stranger)
         print(stranger.name, flush=True)
         for name, way in ways.items():
@@ -148,7 +150,11 @@ def main() -> None:
     parser.add_argument("--kind", choices=KINDS, default="single")
     parser.add_argument("--cases", type=int, default=24)
     parser.add_argument("--first", type=int, default=0, help="seed of the first case")
-    parser.add_argument("--effects", default="", help="names to hide, separated by commas; default: all")
+    parser.add_argument(
+        "--effects",
+        default="",
+        help="names to hide, separated by commas (a stranger's: part of it); default: all",
+    )
     parser.add_argument("--strangers", action="store_true", help="other laws, filters and noise instead")
     parser.add_argument("--only", choices=("former", "weighed"), help="one of the two")
     options = parser.parse_args()

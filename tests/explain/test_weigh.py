@@ -1,5 +1,7 @@
 """Names by evidence, on machines that share neither laws nor integrator nor filters with the tool."""
 
+from dataclasses import replace
+
 import pytest
 from strangers import STRANGERS, Stranger, belief_of, session_of
 
@@ -71,3 +73,27 @@ def test_what_the_belief_knows_is_not_named_again():
     terms = (PhysicsTerm(name="coulomb_friction", torque_nm=0.8),)
     known = belief_of(DRY).model_copy(update={"physics": terms})
     assert not likely(asked(DRY, known))
+
+
+@pytest.mark.parametrize("share", [0.0, 0.01])
+def test_noise_in_proportion_to_the_torque_is_noise(share):
+    stranger = replace(STRANGERS[0], torque_share=share)
+    found = weigh(session_of(stranger, 5, times=(0.25,)), belief_of(stranger))
+    assert not likely(found)
+    assert found.noise.torque_share == pytest.approx(share, abs=0.002)
+    assert found.noise.torque_nm == pytest.approx(0.05, rel=0.3)
+
+
+def test_a_speed_curve_without_a_name_stands_alone_not_beside_its_cases():
+    found = asked(STRANGERS[3])
+    assert not likely(found)
+    assert {one.coordinate for one in found.unnamed if one.probability > 0.5} == {"speed"}
+
+
+def test_what_a_law_is_off_by_takes_no_other_name():
+    nearly = Stranger(
+        "dry friction that rises by 2 % with speed", ("coulomb_friction",), (2.0, 0.0, 0.005, 0.0)
+    )
+    found = asked(nearly)
+    assert likely(found) == {"coulomb_friction"}
+    assert found.probability("viscous_friction") < 0.3

@@ -22,6 +22,10 @@ STICKING = 0.005
 _ANGLE_ERROR = 1e-6
 #: And of the noise of torque and speed, over their size: counted signals may not bend at all.
 _LEAST_ROUGH = 1e-4
+#: Noise of a smaller share of the torque is as good as none.
+LEAST_SHARE = 1e-3
+#: Some of the torque's noise does not go with the torque: at least so much of it, at the usual torque.
+_LEAST_EVEN = 0.05
 
 
 @dataclass(frozen=True)
@@ -31,14 +35,16 @@ class Noise:
     torque_nm: float
     speed_rad_s: float
     position_rad: float
+    torque_share: float = 0.0  # of the torque, beside what does not depend on it
 
     def times(self, factor: float) -> Noise:
-        """All three so many times as large."""
-        return Noise(factor * self.torque_nm, factor * self.speed_rad_s, factor * self.position_rad)
+        """All of them so many times as large."""
+        return Noise(*(factor * value for value in astuple(self)))
 
     def moved_from(self, other: Noise) -> float:
-        """By how much that one of the three differs which differs most, as a logarithm."""
-        mine, others = np.array(astuple(self)), np.array(astuple(other))
+        """By how much that one differs which differs most, as a logarithm."""
+        floor = np.array([0.0, 0.0, 0.0, LEAST_SHARE])
+        mine, others = np.array(astuple(self)) + floor, np.array(astuple(other)) + floor
         return float(np.max(np.abs(np.log(mine / others))))
 
 
@@ -85,6 +91,8 @@ def problem_of(equations: Equations, noise: Noise, run: Signals) -> kernel.Syste
     speed = 0.1 * float(np.ptp(run.states[:, 1])) + noise.speed_rad_s
     position = 1e-3 * float(np.ptp(run.position_rad)) + noise.position_rad
     power = noise.torque_nm**2 + equations.slack
+    if noise.torque_share > 0:
+        power = power + (noise.torque_share * run.load_nm) ** 2
     shaft = [position, speed] if run.rigid else [position, speed, position, speed]
     return kernel.System(
         equations.transition,
@@ -130,30 +138,51 @@ def deviance_of(
 
 
 def likely_noise(
-    systems: Sequence[Equations], runs: Sequence[Signals], start: Noise, reach: float, span_rad: float
+    systems: Sequence[Equations],
+    runs: Sequence[Signals],
+    start: Noise,
+    reach: float,
+    span_rad: float,
+    *,
+    proportional: bool = False,
 ) -> Noise:
     """The sizes of noise that make the innovations most likely.
 
-    `reach`: how far off they may be (log); `span_rad`: the range of angles.
+    `reach`: how far off they may be (log); `span_rad`: the range of angles; `proportional`: a part of the torque's
+    noise may go with the torque. Then the first size is that of its whole, and an angle divides it.
     """
     finest = max(FINEST * span_rad, 0.5 * max(run.count_rad for run in runs) / np.sqrt(12))
+    usual = (
+        float(np.sqrt(np.mean(np.concatenate([run.load_nm for run in runs]) ** 2))) if proportional else 0.0
+    )
 
-    def noise_of(logs: Array) -> Noise:
-        torque, speed, position = (float(v) for v in np.exp(logs))
-        return Noise(torque, speed, float(max(position, finest)))
+    def noise_of(place: Array) -> Noise:
+        torque, speed, position = (float(v) for v in np.exp(place[:3]))
+        if not proportional:
+            return Noise(torque, speed, float(max(position, finest)))
+        even, share = torque * abs(float(np.cos(place[3]))), torque * abs(float(np.sin(place[3]))) / usual
+        return Noise(max(even, _LEAST_EVEN * torque), speed, float(max(position, finest)), share)
 
-    def cost(logs: Array) -> float:
-        return deviance_of(systems, runs, noise_of(logs), scaled=False)
+    def cost(place: Array) -> float:
+        return deviance_of(systems, runs, noise_of(place), scaled=False)
 
+    whole, divided = start.torque_nm, []
+    if proportional:
+        whole = float(np.hypot(whole, start.torque_share * usual))
+        divided = [float(np.arctan2(start.torque_share * usual, start.torque_nm))]
     # while much is unexplained, the angle's error means nothing and may have gone anywhere: offer a fresh one, too
     starts = [
-        np.log([start.torque_nm, start.speed_rad_s, position])
+        np.concatenate([np.log([whole, start.speed_rad_s, position]), divided])
         for position in (max(start.position_rad, finest), max(_ANGLE_ERROR * span_rad, 2 * finest))
     ]
     first = min(starts, key=cost)
+    moves = reach * np.diag([-0.7, 0.3, 0.7])
+    if proportional:
+        moves = np.pad(moves, (0, 1))
+        moves[3, 3] = 0.6
     best = minimize(
         cost, first, method="Nelder-Mead",
-        options={"xatol": 0.02, "fatol": 0.5, "maxfev": 60,
-                 "initial_simplex": first + reach * np.vstack([np.zeros(3), np.diag([-0.7, 0.3, 0.7])])},
+        options={"xatol": 0.02, "fatol": 0.5, "maxfev": 20 * first.size,
+                 "initial_simplex": first + np.vstack([np.zeros(first.size), moves])},
     )  # fmt: skip
     return noise_of(best.x)

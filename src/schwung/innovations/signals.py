@@ -86,6 +86,12 @@ class Signals:
     def load_speed_rad_s(self) -> Array:
         return np.asarray(self.states[:, 1 if self.rigid else 3])
 
+    @cached_property
+    def load_nm(self) -> Array:
+        """How large the reported torque is within the band, (n,)."""
+        held = np.append(self.drive.held_nm, self.drive.held_nm[-1:])
+        return np.abs(self.quiet(self.drive.smooth(self.time_s)) + held)
+
     def quiet(self, values: Array) -> Array:
         """Signals (n, …) without what lies above the band, without lag."""
         edge = 2 * self.band_hz * self.step_s

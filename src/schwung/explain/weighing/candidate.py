@@ -32,16 +32,28 @@ class Candidate:
     bounds: tuple[tuple[float, float], ...] = ()  # within which a shape is one
     logarithmic: tuple[bool, ...] = ()  # numbers of the shape that are refined by factors
     scales: tuple[float, ...] = (1.0,)
-    positive: tuple[int, ...] = ()  # coefficients that cannot be negative
+    positive: tuple[int, ...] = ()  # coefficients that cannot be below `least`
+    least: Shape = ()  # what is believed, the sign turned: no total is negative; empty: nothing is believed
     named: bool = True
     dry: bool = False  # holds the shaft at rest
     coordinate: str = ""
     family: str = ""  # of which a set holds one at most: each is a case of another
+    cases: frozenset[str] = frozenset()  # names that are cases of this curve: a set holds it or them
 
     @property
     def size(self) -> int:
         """Coefficients of one shape."""
         return len(self.deviations)
+
+    @property
+    def bounds_below(self) -> tuple[tuple[int, float], ...]:
+        """Coefficients that have a lower bound, and that bound."""
+        return tuple(zip(self.positive, self.least or (0.0,) * len(self.positive), strict=True))
+
+    def excludes(self, other: Candidate) -> bool:
+        """Whether no set holds both."""
+        alike = self.family != "" and self.family == other.family
+        return alike or self.name == other.name or other.name in self.cases or self.name in other.cases
 
 
 def curve_modes(points: Array, reach: float, *, least: float = 1e-3) -> Array:

@@ -8,6 +8,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from schwung.explain.weighing.candidate import Candidate, Shape
+from schwung.explain.weighing.inexact import error_of
 from schwung.explain.weighing.round import Linearised
 from schwung.innovations.effect import joined
 from schwung.innovations.statistics import Statistics
@@ -40,6 +41,7 @@ class Data:
     atoms: list[Atom] = field(default_factory=list)
     store: list[Array] = field(default_factory=list)  # with room for columns to come
     width: int = 0
+    errors: dict[tuple[int, Shape], slice | None] = field(default_factory=dict)
     statistics: Statistics = field(init=False)
 
     @classmethod
@@ -83,10 +85,10 @@ class Data:
         return [self.store[run][:, members] for run in self.train]
 
     def beside(
-        self, part: list[Array], both: Statistics, index: int, shape: Shape
+        self, part: list[Array], both: Statistics, candidate: Candidate, shape: Shape
     ) -> tuple[Statistics, list[Array]]:
         """Statistics of columns (`part` and `both`) and, behind them, a candidate in a shape that is no atom yet."""
-        added = self.about.rows(self.candidates[index], shape)
+        added = self.about.rows(candidate, shape)
         cross, gram, slope = np.zeros(()), np.zeros(()), np.zeros(())
         for mine, run in zip(part, self.train, strict=True):
             cross = cross + mine.T @ added[run]
@@ -98,14 +100,26 @@ class Data:
 
     def append(self, index: int, shape: Shape, refined: float, spread: Shape = ()) -> Atom:
         """Make a shape an atom."""
+        atom = Atom(index, shape, self._appended(self.candidates[index], shape), refined, spread)
+        self.atoms = [*self.atoms, atom]
+        return atom
+
+    def error(self, atom: Atom) -> slice | None:
+        """Where the columns of the error of an atom's law are; None: it has none."""
+        key = (atom.candidate, atom.shape)
+        if key not in self.errors:
+            error = error_of(self.candidates[atom.candidate])
+            self.errors[key] = None if error is None else self._appended(error, atom.shape)
+        return self.errors[key]
+
+    def _appended(self, candidate: Candidate, shape: Shape) -> slice:
+        """Columns behind all others."""
         every = [self.store[run][:, : self.width] for run in self.train]
-        self.statistics, added = self.beside(every, self.statistics, index, shape)
+        self.statistics, added = self.beside(every, self.statistics, candidate, shape)
         size, first = added[0].shape[1], self.width
         if self.store[0].shape[1] < first + size:
             self.store = [np.pad(old, ((0, 0), (0, _ROOM))) for old in self.store]
         for stored, new in zip(self.store, added, strict=True):
             stored[:, first : first + size] = new
         self.width = first + size
-        atom = Atom(index, shape, slice(first, self.width), refined, spread)
-        self.atoms = [*self.atoms, atom]
-        return atom
+        return slice(first, self.width)

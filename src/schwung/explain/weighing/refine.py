@@ -34,7 +34,7 @@ def refined(data: Data, atom: Atom, members: Array, deviations: Array, scale: fl
         shape = _decoded(candidate, start + moved * spacing)
         if any(not low <= value <= high for value, (low, high) in zip(shape, candidate.bounds, strict=True)):
             return -np.inf
-        return weigh(data.beside(part, both, atom.candidate, shape)[0], whole).log_evidence
+        return weigh(data.beside(part, both, candidate, shape)[0], whole).log_evidence
 
     first = log_at(np.zeros(start.size))
     simplex = 0.4 * np.vstack([np.zeros(start.size), np.eye(start.size)])

@@ -100,7 +100,8 @@ def linearised(view: View, members: Sequence[Member], noise: Noise, reach: float
     if reach is not None:
         few = np.unique(np.round(np.linspace(0, len(made) - 1, FEW)).astype(int))
         equations: list[Equations] = [made[i][0] for i in few]
-        noise = likely_noise(equations, [view.runs[i] for i in few], noise, reach, view.ranges.span_rad)
+        these, span = [view.runs[i] for i in few], view.ranges.span_rad
+        noise = likely_noise(equations, these, noise, reach, span, proportional=True)
     passed = [
         Passed.of(equations, steps, noise, run)
         for (equations, steps), run in zip(made, view.runs, strict=True)

@@ -15,6 +15,7 @@ from scipy.special import log_ndtr
 
 from schwung.explain.weighing.candidate import Candidate
 from schwung.explain.weighing.data import Atom, Data
+from schwung.explain.weighing.inexact import SHARES, deviations_of
 from schwung.explain.weighing.refine import refined
 from schwung.innovations.evidence import Beyond, Weighed, weigh
 from schwung.motion import Array
@@ -28,6 +29,8 @@ _ROUNDS = 4
 MOST = 6
 #: A neighbour is not looked at closely where its shapes' grid leaves it so much less probable (log).
 _HOPELESS = 50.0
+#: The error of a law whose largest share is not worth so much (log) is not looked at.
+_SEEN = 1.0
 
 
 @dataclass(frozen=True)
@@ -54,6 +57,8 @@ class Scored:
     picks: Set
     log: float
     found: Weighed
+    which: Array  # its columns: what is always there, the picks', the errors of their laws
+    deviations: Array
 
 
 @dataclass(eq=False)
@@ -63,6 +68,7 @@ class Search:
     data: Data
     always: tuple[int, ...]  # candidates that are in every set
     table: dict[frozenset[int], Scored] = field(default_factory=dict)
+    known: dict[Set, Scored] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         free = len({c.name for i, c in enumerate(self.data.candidates) if i not in self.always})
@@ -77,8 +83,13 @@ class Search:
         """Its candidate's number."""
         return self.data.atoms[pick.atom].candidate
 
-    def columns(self, picks: Iterable[Pick]) -> tuple[Array, Array]:
-        """Numbers and prior deviations of a set's columns, those that are always there first."""
+    def columns(self, picks: Set) -> tuple[Array, Array]:
+        """Numbers and prior deviations of a set's columns, the errors of its laws among them."""
+        scored = self.score(picks)
+        return scored.which, scored.deviations
+
+    def _exact(self, picks: Iterable[Pick]) -> tuple[Array, Array]:
+        """Those without the errors, what is always there first."""
         which, deviations = [], []
         for index in self.always:
             atom = self.data.atoms[self._first(index)]
@@ -95,23 +106,52 @@ class Search:
 
     def score(self, picks: Set) -> Scored:
         """The set's log probability; the best one of each kind is kept in the table."""
-        which, deviations = self.columns(picks)
+        if picks in self.known:
+            return self.known[picks]
+        which, deviations = self._exact(picks)
+        first = len(which) - sum(self.candidate(p).size for p in picks)
         found = weigh(self.data.statistics.at(which), deviations)
-        log = self._log(picks, found, len(which) - sum(self.candidate(p).size for p in picks))
-        scored = Scored(picks, log, found)
+        evidence, errors = found.log_evidence, self._errors(picks, found.coefficients[first:])
+        if errors is not None:
+            where, sizes = errors
+            which = np.concatenate([which, where])
+            each = [np.concatenate([deviations, share * sizes]) for share in SHARES]
+            statistics = self.data.statistics.at(which)
+            weighed = [weigh(statistics, one) for one in each]
+            logs = np.array([one.log_evidence for one in weighed])
+            top = int(np.argmax(logs))
+            found, deviations = weighed[top], each[top]
+            evidence = logsumexp(logs) - float(np.log(len(SHARES)))
+        scored = Scored(picks, evidence + self._log(picks, found, first), found, which, deviations)
+        self.known[picks] = scored
         kind = frozenset(self.index(pick) for pick in picks)
-        if kind not in self.table or self.table[kind].log < log:
+        if kind not in self.table or self.table[kind].log < scored.log:
             self.table[kind] = scored
         return scored
 
+    def _errors(self, picks: Set, coefficients: Array) -> tuple[Array, Array] | None:
+        """Columns of the errors of a set's laws, and their deviations if they were as large as the laws."""
+        which, sizes, at = [], [], 0
+        for pick in picks:
+            atom, size = self.data.atoms[pick.atom], self.candidate(pick).size
+            mine, at = coefficients[at : at + size], at + size
+            seen = float(mine @ self.data.statistics.gram[atom.where, atom.where] @ mine)
+            where = self.data.error(atom) if SHARES[-1] ** 2 * seen > _SEEN else None
+            if where is not None:
+                which.append(np.arange(where.start, where.stop))
+                sizes.append(deviations_of(mine))
+        return (np.concatenate(which), np.concatenate(sizes)) if which else None
+
     def _log(self, picks: Set, found: Weighed, at: int) -> float:
-        log, spread = found.log_evidence, found.spread
+        """Of the prior alone, and of what signs are forbidden."""
+        log, spread = 0.0, found.spread
         for pick in picks:
             candidate = self.candidate(pick)
             log += self.odds + self._shape_log(self.data.atoms[pick.atom], candidate)
             log -= float(np.log(len(candidate.scales)))
-            for i in candidate.positive:
-                log += float(np.log(2.0) + log_ndtr(found.coefficients[at + i] / spread[at + i]))
+            for i, least in candidate.bounds_below:
+                log += float(log_ndtr((found.coefficients[at + i] - least) / spread[at + i]))
+                log -= float(log_ndtr(-least / (pick.scale * candidate.deviations[i])))
             at += candidate.size
         return log
 
@@ -123,10 +163,9 @@ class Search:
         """The best atom of every candidate that is not in the set, by what it would add, the best first."""
         which, deviations = self.columns(picks)
         beyond = Beyond.of(self.data.statistics, which, deviations)
-        taken = {self.candidate(pick).name for pick in picks}
-        taken |= {self.candidate(pick).family for pick in picks} - {""}
+        taken = [self.candidate(pick) for pick in picks]
         inside = set(self.always)
-        inside |= {i for i, c in enumerate(self.data.candidates) if c.name in taken or c.family in taken}
+        inside |= {i for i, c in enumerate(self.data.candidates) if any(c.excludes(t) for t in taken)}
         found = []
         for index, group in groupby(enumerate(self.data.atoms), lambda pair: pair[1].candidate):
             if index in inside:
@@ -154,11 +193,22 @@ class Search:
         for _ in range(min(most, MOST - len(start.picks))):
             offers = [o for o in self.additions(best.picks) if self.index(o[1]) not in without]
             tried = [self._with(best.picks, pick) for _, pick in offers[:_LOOKED_AT]]
+            tried += self._curves_instead(best.picks, without)
             top = max(tried, key=lambda scored: scored.log, default=best)
             if top.log <= best.log:
                 break
             best = top
         return best
+
+    def _curves_instead(self, picks: Set, without: frozenset[int]) -> list[Scored]:
+        """Every curve of which a set holds cases, in their place."""
+        found = []
+        for index, curve in enumerate(self.data.candidates):
+            others = tuple(pick for pick in picks if self.candidate(pick).name not in curve.cases)
+            if len(others) < len(picks) and index not in without:
+                offers = [pick for _, pick in self.additions(others) if self.index(pick) == index]
+                found += [self._with(others, pick) for pick in offers]
+        return found
 
     def _with(self, picks: Set, pick: Pick) -> Scored:
         """One more, in its best shape and sizes all about."""

@@ -53,7 +53,7 @@ def weigh(session: Session, machine: Machine) -> Weighed:
     runs = [signals_of(run, machine, band, 0.0) for run in session.runs]
     of = ranges_of(runs, machine, STICKING, band)
     view = View(session.runs, tuple(runs), known(machine, of.low_rad, of.high_rad), of)
-    candidates = vocabulary(of, view.known.machine)
+    candidates = vocabulary(of, view.known)
     always = tuple(i for i, c in enumerate(candidates) if c.name.startswith("usual"))
     present = [Member(c, c.shapes[0], np.zeros(c.size)) for c in candidates if _smooth(c)]
     wide = wide_fit(view, present, first_noise(runs), train)

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from schwung.drivetrain.machine import Machine
 from schwung.explain.weighing.along import Ranges
 from schwung.explain.weighing.candidate import NATURAL, Candidate
+from schwung.explain.weighing.known import Known
 from schwung.explain.weighing.vocabulary.friction import friction
 from schwung.explain.weighing.vocabulary.load import load
 from schwung.explain.weighing.vocabulary.reporting import reporting, usual
@@ -19,15 +19,16 @@ __all__ = ["vocabulary"]
 _VARIES = 0.02
 
 
-def vocabulary(of: Ranges, machine: Machine) -> list[Candidate]:
+def vocabulary(of: Ranges, believed: Known) -> list[Candidate]:
     """Every candidate of a machine over these ranges; what is always there comes first."""
+    machine = believed.machine
     inertia = machine.load_inertia_at(np.linspace(of.low_rad, of.high_rad, 65))
     mean, natural = float(np.mean(inertia)), NATURAL * of.peak_torque_nm
     varies = bool(np.ptp(inertia) > _VARIES * mean)
     found = [
         *usual(of),
-        *friction(of, natural, machine.coupling is None),
-        *load(of, natural, mean, varies),
+        *friction(of, natural, machine.coupling is None, believed),
+        *load(of, natural, mean, float(np.min(inertia)), varies),
         *reporting(of, NATURAL),
     ]
     if machine.coupling is not None:

@@ -11,6 +11,7 @@ import numpy as np
 
 from schwung.explain.weighing.along import Along, Ranges
 from schwung.explain.weighing.candidate import LADDER, NATURAL, Candidate, Curve, Shape, column, grid
+from schwung.explain.weighing.known import Known
 from schwung.innovations.effect import Effect
 from schwung.motion import Array
 
@@ -67,10 +68,13 @@ def _behind(along: Along, _shape: Shape) -> Effect:
     return Effect(on_load=column(-along.load_direction))
 
 
-def friction(of: Ranges, torque_nm: float, rigid: bool) -> list[Candidate]:
-    """The family; `torque_nm`: a natural torque."""
+def friction(of: Ranges, torque_nm: float, rigid: bool, known: Known) -> list[Candidate]:
+    """The family; `torque_nm`: a natural torque; `known`: whose frictions no change makes negative."""
     speed, span = of.peak_speed_rad_s, min(of.span_rad, 2 * np.pi)
     natural, viscous = torque_nm, torque_nm / speed
+    e, plain = known.effects, known.machine
+    ahead, back = e.coulomb_positive_nm, e.coulomb_negative_nm
+    rubbing = e.viscous_nms + plain.motor.viscous_friction_nms + plain.load.viscous_friction_nms
     slowest = OPEN * of.sticking_rad_s
     angle = Curve.over(of.low_rad, of.high_rad, 0.3)
     level = Curve(angle.points, np.concatenate([np.ones((angle.points.size, 1)), angle.modes], 1))
@@ -81,19 +85,20 @@ def friction(of: Ranges, torque_nm: float, rigid: bool) -> list[Candidate]:
     ]
     found = [
         Candidate("coulomb_friction", _coulomb, (natural,), lambda c, _: {"torque_nm": c[0]},
-                  positive=(0,), dry=True, coordinate="direction", family="dry"),
+                  positive=(0,), least=(-min(ahead, back),), dry=True, coordinate="direction", family="dry"),
         Candidate("asymmetric_friction", _asymmetric, (natural, natural),
                   lambda c, _: {"torque_positive_nm": c[0], "torque_negative_nm": c[1]},
-                  positive=(0, 1), dry=True, coordinate="direction", family="dry"),
+                  positive=(0, 1), least=(-ahead, -back), dry=True, coordinate="direction", family="dry"),
         Candidate("viscous_friction", _viscous, (viscous,), lambda c, _: {"coefficient_nms": c[0]},
-                  coordinate="speed"),
+                  positive=(0,), least=(-rubbing,), coordinate="speed"),
         Candidate("quadratic_drag", _drag, (viscous / speed,), lambda c, _: {"coefficient_nms2": c[0]},
-                  positive=(0,), coordinate="speed"),
+                  positive=(0,), least=(-e.drag_nms2,), coordinate="speed"),
         Candidate("stribeck_friction", _stribeck, (natural, natural),
                   lambda c, s: {"coulomb_torque_nm": c[0], "breakaway_torque_nm": c[0] + c[1],
                                 "stribeck_speed_rad_s": s[0]},
                   shapes=grid(np.geomspace(slowest, 0.5 * speed, 10)), spacing=(0.3,), logarithmic=(True,),
-                  bounds=((slowest, speed),), positive=(0, 1), dry=True, coordinate="speed", family="dry"),
+                  bounds=((slowest, speed),), positive=(0, 1), least=(-min(ahead, back), 0.0),
+                  dry=True, coordinate="speed", family="dry"),
         Candidate("local_friction", _local, (natural,),
                   lambda c, s: {"torque_nm": c[0], "centre_rad": s[0], "width_rad": s[1]},
                   shapes=tuple(spots), spacing=(0.03 * span, 0.5), logarithmic=(False, True),

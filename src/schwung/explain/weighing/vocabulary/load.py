@@ -74,8 +74,10 @@ def _shift(along: Along, _shape: Shape) -> Effect:
     return moved_inertia(along, column(slope), column(bend))
 
 
-def load(of: Ranges, torque_nm: float, inertia_kgm2: float, varies: bool) -> list[Candidate]:
-    """The family; `torque_nm`: a natural torque; `varies`: whether the believed inertia does."""
+def load(
+    of: Ranges, torque_nm: float, inertia_kgm2: float, least_kgm2: float, varies: bool
+) -> list[Candidate]:
+    """The family; `torque_nm`: a natural torque; `least_kgm2`: of the believed inertia; `varies`: whether it does."""
     natural, ripples = (torque_nm, torque_nm), max(of.span_rad, 1e-9)
     mass, share = inertia_kgm2, torque_nm / of.peak_torque_nm
     angle = Curve.over(of.low_rad, of.high_rad, 0.3)
@@ -124,6 +126,7 @@ def load(of: Ranges, torque_nm: float, inertia_kgm2: float, varies: bool) -> lis
         Candidate("direction_dependent_load", directed, (torque_nm,) * (2 * angle.size), scales=LADDER,
                   coordinate="position", family="load"),
         Candidate("load_inertia", _delta, (share * mass,), lambda c, _: {"delta_kgm2": c[0]},
+                  positive=(0,), least=(-least_kgm2,),
                   coordinate="acceleration"),
         Candidate("inertia_profile", profile, (1.0,) * angle.size, scales=tuple(s * share for s in LADDER),
                   coordinate="position"),
@@ -131,6 +134,7 @@ def load(of: Ranges, torque_nm: float, inertia_kgm2: float, varies: bool) -> lis
     if varies:
         found.append(
             Candidate("load_inertia", _scale, (share,), lambda c, _: {"scale": 1 + c[0]},
+                      positive=(0,), least=(-1.0,),
                       coordinate="acceleration")
         )  # fmt: skip
         found.append(

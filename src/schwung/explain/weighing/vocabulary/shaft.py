@@ -54,9 +54,11 @@ def shaft(of: Ranges, coupling: Coupling, torque_nm: float, inertia_kgm2: float)
 
     return [
         Candidate("coupling_stiffness", _stiffness, (3 * share * k,),
-                  lambda c, _: {"stiffness_nm_rad": k + c[0]}, coordinate="torque"),
+                  lambda c, _: {"stiffness_nm_rad": k + c[0]}, positive=(0,), least=(-k,),
+                  coordinate="torque"),
         Candidate("coupling_damping", _damping, (10 * share * max(b, 1e-3 * k / of.band_hz),),
-                  lambda c, _: {"damping_nms": b + c[0]}, coordinate="frequency"),
+                  lambda c, _: {"damping_nms": b + c[0]}, positive=(0,), least=(-b,),
+                  coordinate="frequency"),
         Candidate("nonlinear_stiffness", _cubic, (3 * share * k / wound**2,),
                   lambda c, _: {"cubic_nm_rad3": c[0]}, positive=(0,), coordinate="torque"),
         Candidate("backlash", play, (2 * share * wound,), lambda c, _: {"gap_rad": c[0]}, positive=(0,),

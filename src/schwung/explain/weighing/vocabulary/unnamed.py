@@ -1,7 +1,7 @@
 """Discrepancies: torque that follows a coordinate in a way that has no name, as Gaussian processes.
 
-Over the angle by direction (two curves), signed speed, acceleration, torque by direction, time in the motion, and a
-level per run by direction. Their sizes are a ladder, of which the evidence takes what it needs.
+Over angle, speed and torque by direction (two curves each), acceleration, time in the motion, and a level per run by
+direction. Their sizes are a ladder, of which the evidence takes what it needs.
 """
 
 from __future__ import annotations
@@ -14,14 +14,25 @@ from schwung.innovations.effect import Effect
 from schwung.motion import Array
 
 #: Speeds are told apart the finer the slower they are, down to this share of the peak.
-_SLOW = 0.05
+_SLOW = 0.02
+#: Names that are cases of a curve: where the curve stands, they say nothing more.
+_CASES = {
+    "position": ("coulomb_friction", "asymmetric_friction", "local_friction", "friction_over_angle"),
+    "speed": (
+        "coulomb_friction",
+        "asymmetric_friction",
+        "viscous_friction",
+        "quadratic_drag",
+        "stribeck_friction",
+    ),
+}
 
 
 def unnamed(of: Ranges, torque_nm: float) -> list[Candidate]:
     """All of them; `torque_nm`: a natural torque."""
     angle = Curve.over(of.low_rad, of.high_rad, 0.15, 65)
     end = float(np.arcsinh(1 / _SLOW))
-    speed = Curve.over(-end, end, 0.2)
+    speed = Curve.over(0.0, end, 0.2)
     acceleration = Curve.over(-of.peak_acceleration_rad_s2, of.peak_acceleration_rad_s2, 0.3)
     torque = Curve.over(0.0, of.peak_torque_nm, 0.3)
     time = Curve.over(0.0, of.longest_s, 0.08, 97)
@@ -34,7 +45,8 @@ def unnamed(of: Ranges, torque_nm: float) -> list[Candidate]:
         return Effect(by_direction(angle.at(along.angle), along.direction))
 
     def over_speed(along: Along, _shape: Shape) -> Effect:
-        return Effect(speed.at(np.arcsinh(along.speed / (_SLOW * of.peak_speed_rad_s))))
+        slow = _SLOW * of.peak_speed_rad_s
+        return Effect(by_direction(speed.at(np.arcsinh(np.abs(along.speed) / slow)), along.direction))
 
     def over_acceleration(along: Along, _shape: Shape) -> Effect:
         return Effect(on_load=acceleration.at(along.load_acceleration))
@@ -51,13 +63,14 @@ def unnamed(of: Ranges, torque_nm: float) -> list[Candidate]:
         return Effect(by_direction(mine, along.direction))
 
     return [
-        Candidate(name, effect, (torque_nm,) * size, scales=LADDER, named=False, dry=dry, coordinate=name)
+        Candidate(name, effect, (torque_nm,) * size, scales=LADDER, named=False, dry=dry, coordinate=name,
+                  cases=frozenset(_CASES.get(name, ())))
         for name, effect, size, dry in (
             ("position", over_angle, 2 * angle.size, True),
-            ("speed", over_speed, speed.size, True),
+            ("speed", over_speed, 2 * speed.size, True),
             ("acceleration", over_acceleration, acceleration.size, False),
             ("torque", over_torque, 2 * torque.size, True),
             ("time_in_motion", over_time, time.size, False),
             ("run", over_runs, 2 * of.runs, False),
         )
-    ]
+    ]  # fmt: skip

@@ -1,0 +1,54 @@
+"""What candidates may be beside each other, and below what no coefficient may go."""
+
+import pytest
+from strangers import STRANGERS, belief_of
+
+from schwung.drivetrain.physics_term import PhysicsTerm
+from schwung.explain.weighing.along import Ranges
+from schwung.explain.weighing.known import known
+from schwung.explain.weighing.vocabulary import vocabulary
+
+RANGES = Ranges(0.0, 4.0, 50.0, 2000.0, 40.0, 1.0, 0.1, 8, 160.0)
+
+
+@pytest.fixture(scope="module")
+def candidates():
+    terms = (
+        PhysicsTerm(name="coulomb_friction", torque_nm=0.8),
+        PhysicsTerm(name="viscous_friction", coefficient_nms=0.01),
+    )
+    machine = belief_of(STRANGERS[0]).model_copy(update={"physics": terms})
+    return {c.name: c for c in vocabulary(RANGES, known(machine, 0.0, 4.0))}
+
+
+@pytest.mark.parametrize(
+    ("name", "least"),
+    [
+        ("coupling_stiffness", -9000.0),
+        ("coupling_damping", -1.9),
+        ("load_inertia", -2.2e-2),
+        ("coulomb_friction", -0.8),
+        ("viscous_friction", -0.017),
+        ("quadratic_drag", 0.0),
+        ("backlash", 0.0),
+    ],
+)
+def test_no_total_is_negative(candidates, name, least):
+    ((which, bound),) = candidates[name].bounds_below
+    assert which == 0
+    assert bound == pytest.approx(least)
+
+
+@pytest.mark.parametrize(
+    ("one", "other", "apart"),
+    [
+        ("speed", "stribeck_friction", True),
+        ("position", "friction_over_angle", True),
+        ("coulomb_friction", "stribeck_friction", True),
+        ("speed", "friction_over_angle", False),
+        ("coulomb_friction", "viscous_friction", False),
+    ],
+)
+def test_a_set_holds_a_curve_or_its_cases(candidates, one, other, apart):
+    assert candidates[one].excludes(candidates[other]) is apart
+    assert candidates[other].excludes(candidates[one]) is apart
