@@ -174,7 +174,7 @@ def test_trouble_in_the_motion_stops_the_generator_and_keeps_the_trace_so_far(
     acquisition = Acquisition(
         "csp", 1000.0, sampling="trace", injecting="generator", trace_rate_hz=2000.0, trace_s=2.0
     )
-    path = 0.3 * (1 - np.cos(2 * np.pi * np.arange(2000) / 2000.0))
+    path = 0.5 * (1 - np.cos(2 * np.pi * np.arange(2000) / 2000.0))
     with tracing_drive(acquisition, faults=fault) as (bench, drive):
         setpoints = Setpoints(
             1000.0, np.concatenate([np.zeros(100), path]), np.zeros(2100), generator=Sine(50.0, 20.0)
