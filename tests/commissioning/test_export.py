@@ -158,7 +158,7 @@ def test_harmonics_of_a_turn_are_those_of_the_table() -> None:
         table,
         ExportChoice("harmonics"),
     )
-    raw = {(v.parameter.index, v.parameter.subindex): int(v.raw) for v in values}  # type: ignore[arg-type]  # integers
+    raw = {(v.parameter.index, v.parameter.subindex): int(v.raw) for v in values}  # integers
     assert raw[0x2F00, 0] == pytest.approx(200_000, abs=2)
     assert [raw[0x2F01, order] for order in (1, 2, 3)] == pytest.approx([50_000, 10_000, 0], abs=20)
     assert [raw[0x2F02, order] for order in (1, 2)] == pytest.approx([3000, -10_000], abs=20)

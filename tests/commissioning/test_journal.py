@@ -172,7 +172,7 @@ def test_bytes_survive_the_file(drive: DeskDrive, tmp_path: Path) -> None:
     parameter = drive.parameter(0x6060)
     journal = _journal(drive, tmp_path)
     drive.objects[0x6060, 0] = b"\x01\xff"  # type: ignore[assignment]  # a DOMAIN
-    drive.write = lambda values: None  # type: ignore[method-assign, assignment]  # raw bytes are not its business
+    drive.write = lambda values: None  # raw bytes are not its business  # type: ignore[method-assign]
     journal.change([ParameterValue(parameter, b"\x02\x00")])
     change = read_backup(tmp_path / "a.backup.json").changes[0]
     assert (change.old, change.new) == (b"\x01\xff", b"\x02\x00")

@@ -193,7 +193,7 @@ def test_gains_come_from_the_drive_where_the_file_has_none() -> None:
 
 @pytest.mark.parametrize(("mode", "severity"), [("csp", "stop"), ("pp", "note")])
 def test_a_drive_without_cyclic_position_serves_in_profile_position(mode: str, severity: str) -> None:
-    plan = _plan(mode=mode)  # type: ignore[arg-type]  # by name
+    plan = _plan(mode=mode)  # by name
     seen = replace(
         _survey(plan), capabilities=(Capability("cyclic position", False, "6502 does not list it"),)
     )

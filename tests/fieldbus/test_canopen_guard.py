@@ -99,7 +99,7 @@ def test_speed_time_and_braking_are_tightened_to_what_the_motion_takes() -> None
         (0x607F, 0, 30_000),  # at 1e-3 rad/s a count
         (0x6085, 0, 400_000),
     ]
-    assert _tightened(loose | {(i, s): raw for i, s, raw in told}, wanted=FULL) == []  # type: ignore[dict-item]
+    assert _tightened(loose | {(i, s): raw for i, s, raw in told}, wanted=FULL) == []
     tight = NARROW | {
         (0x6066, 0): 0,
         (0x6080, 0): 100,

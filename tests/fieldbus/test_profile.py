@@ -129,7 +129,7 @@ def test_objects_and_registers_are_written_each_in_its_way(text: str, index: int
 def test_a_profile_cannot_be_changed() -> None:
     profile = load_profile("schwung-bench")
     with pytest.raises(ValidationError):
-        profile.quantities.torque.rated_torque_scale = 1.0  # type: ignore[misc]  # what is tested
+        profile.quantities.torque.rated_torque_scale = 1.0  # what is tested
 
 
 @pytest.mark.parametrize(

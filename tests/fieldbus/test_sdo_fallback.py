@@ -39,7 +39,7 @@ def until_aborted(talk: Talk) -> bytes:
 
 def broken_off(desk: Desk, times: int, code: int = 0x08000000) -> None:
     """The server aborts so many block uploads midway."""
-    server = desk._server.__closure__[0].cell_contents  # type: ignore[attr-defined]
+    server = desk._server.__closure__[0].cell_contents
     left, send_block = [times], server._send_block
 
     def breaking(transfer: object) -> None:
@@ -66,7 +66,7 @@ def test_a_server_that_aborts_midway_is_asked_again_and_then_for_segments(times:
 
 def test_a_server_without_block_upload_is_asked_for_it_once() -> None:
     desk = holding(100)
-    server = desk._server.__closure__[0].cell_contents  # type: ignore[attr-defined]
+    server = desk._server.__closure__[0].cell_contents
 
     def refused(index: int, subindex: int, frame: bytes) -> None:
         raise AbortError(0x05040001)

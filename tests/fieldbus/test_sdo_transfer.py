@@ -338,7 +338,7 @@ def test_an_answer_that_is_overtaken_by_others_does_no_harm(
 def test_a_server_that_forgets_a_transfer_is_asked_anew() -> None:
     """It restarted: what it then says of a segment is no refusal of the object."""
     desk = holding(100)
-    server = desk._server.__closure__[0].cell_contents  # type: ignore[attr-defined]
+    server = desk._server.__closure__[0].cell_contents
     desk.at(0.005, server.reset)
     assert desk.sdo.upload(USER_DATA) == content(100)
     assert [frame[0] for frame in desk.asked].count(0x40) == 2

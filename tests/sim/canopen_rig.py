@@ -128,7 +128,7 @@ class Rig:
     def client(self) -> canopen.RemoteNode:
         """canopen's own node, wired to the drive without a bus in between."""
         network = canopen.Network()
-        network.send_message = lambda can_id, data, remote=False: self.give(can_id, bytes(data))  # type: ignore[method-assign]
+        network.send_message = lambda can_id, data, remote=False: self.give(can_id, bytes(data))
         node = canopen.RemoteNode(NODE, str(default_eds()))
         network.add_node(node)
         self.wire.listener = network.notify

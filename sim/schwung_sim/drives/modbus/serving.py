@@ -8,6 +8,7 @@ import contextlib
 import os
 import pty
 import tty
+from abc import ABC, abstractmethod
 from collections.abc import Callable
 
 from schwung_sim.drives.modbus.faults import RTU_DROP_S
@@ -49,7 +50,7 @@ class _Timer:
             self.handle.cancel()
 
 
-class Serving:
+class Serving(ABC):
     """A server on a line of this computer, for as long as `run` runs."""
 
     def __init__(self, server: ModbusServer) -> None:
@@ -79,14 +80,17 @@ class Serving:
             self._server.end()
             await self._close()
 
+    @abstractmethod
     async def _open(self, loop: asyncio.AbstractEventLoop) -> None:
-        raise NotImplementedError
+        """Take the line."""
 
+    @abstractmethod
     async def _close(self) -> None:
-        raise NotImplementedError
+        """Let go of it."""
 
+    @abstractmethod
     def _drop(self) -> None:
-        raise NotImplementedError
+        """Cut whoever is connected off."""
 
 
 class TcpServing(Serving):
