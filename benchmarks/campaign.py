@@ -92,12 +92,20 @@ def show(seed: int, bus: str) -> int:
     return bool(outcome.problems)
 
 
+def seeds_of(text: str) -> tuple[int, int]:
+    """The first seed and the one beyond the last, of "first:beyond"."""
+    first, _, beyond = text.partition(":")
+    if not (first.isdigit() and beyond.isdigit() and int(first) < int(beyond)):
+        raise argparse.ArgumentTypeError(f'"{text}" is not two seeds: give FIRST:BEYOND, as 0:1000')
+    return int(first), int(beyond)
+
+
 def main() -> int:
     """See the module."""
     parser = argparse.ArgumentParser(
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
-    parser.add_argument("--seeds", default="0:1000", help="first:beyond")
+    parser.add_argument("--seeds", type=seeds_of, default="0:1000", metavar="FIRST:BEYOND")
     parser.add_argument("--bus", default="canopen", choices=["canopen", "modbus"])
     parser.add_argument("--jobs", type=int, default=2)
     parser.add_argument("--show", action="store_true", help="the first seed, at length")
@@ -105,7 +113,7 @@ def main() -> int:
         "--defect", default="", choices=["", *DEFECTS], help="put back first; ends when it is found"
     )
     given = parser.parse_args()
-    first, beyond = (int(number) for number in given.seeds.split(":"))
+    first, beyond = given.seeds
     if given.show:
         _put_back(given.defect)
         return show(first, given.bus)
