@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import functools
+import gc
 import json
 import logging
 import os
@@ -34,6 +35,10 @@ from schwung.errors import InputError, InterruptedByUser, SchwungError
 
 #: Our matrices are small: a second thread waits longer for the first than it works, ten times so on a busy machine.
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+
+#: Libraries make some 100 000 objects that stay: to look through them for cycles again and again is a tenth of a
+#: short command's time.
+gc.set_threshold(100_000, 50, 50)
 
 app = typer.Typer(
     name="schwung",
@@ -164,4 +169,5 @@ def main(arguments: list[str] | None = None) -> None:
         typer.secho(f"Error: {sentence}", fg="red", err=True)
         for note in notes:
             typer.secho(f"  {note}", err=True)
+    gc.freeze()  # the process ends: what is in a cycle needs not be found first
     sys.exit(code or 0)

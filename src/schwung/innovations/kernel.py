@@ -241,11 +241,16 @@ def whitened(transition: Array, result: Filtered, columns: Array, reported: Arra
 
 @njit(cache=True, error_model="numpy", fastmath=True)
 def add_outer(result: Array, left: Array, right: Array) -> None:
-    """Add to `result` (m, s, c) the outer product of each row of `left` (m, s) and of `right` (m, c)."""
+    """Add to `result` (m, s, c) the outer product of each row of `left` (m, s) and of `right` (m, c).
+
+    Rows of splines are zero but for a few entries, which are all that is gone through.
+    """
     for k in range(result.shape[0]):
-        for i in range(result.shape[1]):
-            for c in range(result.shape[2]):
-                result[k, i, c] += left[k, i] * right[k, c]
+        for c in range(result.shape[2]):
+            factor = right[k, c]
+            if factor != 0.0:
+                for i in range(result.shape[1]):
+                    result[k, i, c] += left[k, i] * factor
 
 
 @njit(cache=True, error_model="numpy", fastmath=True)
