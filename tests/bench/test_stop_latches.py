@@ -172,6 +172,19 @@ def test_a_mode_that_the_drive_does_not_take_is_seen_before_it_is_energised() ->
         assert not any(energised)
 
 
+def test_a_mode_that_the_drive_refuses_to_show_is_no_mode_to_energise_in() -> None:
+    with connected() as (bench, drive):
+        drive.write(drive.setup(CSP))
+        drive.start(CSP)
+        bench.servo.sdo.aborts[0x6061] = 0x06020000  # though its EDS has the object
+        energised: list[bool] = []
+        drive.clock.every(0.001, lambda: energised.append(bench.axis.energised))
+        with pytest.raises(StateError, match=r"drive shows none \(6061\)"):
+            drive.enable()
+        drive.disable()
+        assert not any(energised)
+
+
 def test_another_master_that_beats_as_we_do_keeps_us_from_moving() -> None:
     with connected() as (bench, drive), can.Bus(interface="stepped", channel=bench.channel) as other:
         beat = can.Message(arbitration_id=0x77F, data=b"\x05", is_extended_id=False)

@@ -291,20 +291,23 @@ class Operation:
         return diagnosis.explain(self._sdo, self._monitor, cyclic.started_s, trouble)
 
     def _require_mode(self, cyclic: Cyclic) -> None:
-        """Raise StateError where the drive shows another mode than the one asked for, before it is energised."""
-        shown = None
+        """Raise StateError where the drive shows another mode than the one asked for, before it is energised.
+
+        One whose object dictionary has 6061 must show it: refusing to is no sign of the right mode.
+        """
+        shown, silent = None, self._lookup(0x6061, 0) is None
 
         def agrees() -> bool:
             nonlocal shown
             cyclic.pump(0.005)
             shown = self._sdo.read_integer(0x6061, 0, "INTEGER8")
-            return shown in (None, cyclic.mode)
+            return shown == cyclic.mode or (silent and shown is None)
 
         if not self._clock.wait(agrees, PATIENCE_S):
             self._stopping.quick_stop()
             raise StateError(
                 self._place,
-                f"mode {cyclic.mode} was asked for, the drive shows {shown} (6061)",
+                f"mode {cyclic.mode} was asked for, the drive shows {'none' if shown is None else shown} (6061)",
                 "Look at 6502.",
             )
 
