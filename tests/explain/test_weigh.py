@@ -3,7 +3,7 @@
 from dataclasses import replace
 
 import pytest
-from strangers import STRANGERS, Stranger, belief_of, session_of
+from strangers import STIFFNESS, STRANGERS, Stranger, belief_of, session_of
 
 from schwung.drivetrain.physics_term import PhysicsTerm
 from schwung.explain.weighing.values import Weighed
@@ -82,6 +82,17 @@ def test_noise_in_proportion_to_the_torque_is_noise(share):
     assert not likely(found)
     assert found.noise.torque_share == pytest.approx(share, abs=0.002)
     assert found.noise.torque_nm == pytest.approx(0.05, rel=0.3)
+
+
+@pytest.mark.parametrize("scale", [0.6, 1.7])
+def test_a_stiffness_that_is_far_off_is_the_only_name(scale):
+    machine = belief_of(STRANGERS[0])
+    assert machine.coupling is not None
+    believed = machine.coupling.model_copy(update={"stiffness_nm_rad": scale * STIFFNESS})
+    found = asked(STRANGERS[0], machine.model_copy(update={"coupling": believed}))
+    assert likely(found) == {"coupling_stiffness"}
+    stiffness = found.names[0].parameters["stiffness_nm_rad"]
+    assert stiffness.value == pytest.approx(STIFFNESS, rel=0.005)
 
 
 def test_a_speed_curve_without_a_name_stands_alone_not_beside_its_cases():

@@ -79,6 +79,11 @@ class Passed:
         """Angle's and speed's in turn, white with deviation 1 where the model holds, (2n,)."""
         return np.asarray(self.result.error / np.sqrt(self.result.variance)).reshape(-1)
 
+    @property
+    def deviance(self) -> float:
+        """−2 log likelihood of the run, but for a constant."""
+        return float(np.sum(np.log(self.result.variance)) + self.innovations @ self.innovations)
+
     def states(self) -> Array:
         """Smoothed ones, (n, s), and the torque's error (N·m) behind them."""
         return np.asarray(kernel.smoothed(self.equations.transition, self.result))

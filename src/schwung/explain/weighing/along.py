@@ -40,7 +40,8 @@ class Along:
     """One run; arrays (n,)."""
 
     run: Signals
-    machine: Machine
+    machine: Machine  # as believed
+    present: Machine  # with what of the causes that are present belongs to it
     ranges: Ranges
     number: int  # of the run in the session, from 0
     starts_s: float  # when the motion leaves rest
@@ -140,24 +141,30 @@ class Along:
 
     @cached_property
     def inertia(self) -> Array:
-        """Believed, of the load."""
-        return self.machine.load_inertia_at(self.load_angle)
+        """Of the load, with what is present."""
+        return self.present.load_inertia_at(self.load_angle)
 
     @cached_property
     def carried(self) -> Array:
         """Torque through the shaft to the load (N·m)."""
-        if self.machine.coupling is None:
+        if self.present.coupling is None:
             return np.asarray(self.inertia * self.load_acceleration)
-        k, b = self.machine.coupling.stiffness_nm_rad, self.machine.coupling.damping_nms
+        k, b = self.present.coupling.stiffness_nm_rad, self.present.coupling.damping_nms
         return np.asarray(k * self.twist + b * self.twist_speed)
 
 
 def along(
-    run: Signals, recorded: Run, machine: Machine, ranges: Ranges, number: int, error_nm: Array | float
+    run: Signals,
+    recorded: Run,
+    machine: Machine,
+    present: Machine,
+    ranges: Ranges,
+    number: int,
+    error_nm: Array | float,
 ) -> Along:
     """The coordinates of a run of a session."""
     starts = recorded.motion.start_time_s if recorded.motion is not None else 0.0
-    return Along(run, machine, ranges, number, float(starts or 0.0), error_nm)
+    return Along(run, machine, present, ranges, number, float(starts or 0.0), error_nm)
 
 
 def ranges_of(runs: list[Signals], machine: Machine, sticking: float, band_hz: float) -> Ranges:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import product
 
 import numpy as np
@@ -19,9 +19,17 @@ NATURAL = 0.1
 LADDER = (3.0, 1.0, 0.3, 0.1, 0.03, 0.01, 0.003)
 
 
+#: About coefficients: what a unit more of each adds, and all that they do (one column).
+Bent = Callable[[Along, Shape, Array], tuple[Effect, Effect]]
+
+
 @dataclass(frozen=True, eq=False)
 class Candidate:
-    """A cause of the vocabulary. Its coefficients are normal about 0 with `deviations` times one of `scales`."""
+    """A cause of the vocabulary. Its coefficients are normal about 0 with `deviations` times one of `scales`.
+
+    What changes the load inertia or the coupling is part of the machine wherever it is present (`inertia`, `coupling`),
+    not a torque along the run: the filter then knows how such a machine moves.
+    """
 
     name: str
     effect: Callable[[Along, Shape], Effect]
@@ -39,6 +47,11 @@ class Candidate:
     coordinate: str = ""
     family: str = ""  # of which a set holds one at most: each is a case of another
     cases: frozenset[str] = frozenset()  # names that are cases of this curve: a set holds it or them
+    bent: Bent | None = None  # where it is not in proportion to its coefficients; `effect` is then about 0
+    inertia: Callable[[Array, Shape], Array] | None = (
+        None  # what a unit of each adds to J_l at angles, (n, p)
+    )
+    coupling: tuple[float, float] = (0.0, 0.0)  # what a unit of its coefficient adds to stiffness and damping
 
     @property
     def size(self) -> int:
@@ -49,6 +62,25 @@ class Candidate:
     def bounds_below(self) -> tuple[tuple[int, float], ...]:
         """Coefficients that have a lower bound, and that bound."""
         return tuple(zip(self.positive, self.least or (0.0,) * len(self.positive), strict=True))
+
+    @property
+    def of_machine(self) -> bool:
+        """Whether it is a change of the machine's inertia or coupling."""
+        return self.inertia is not None or self.coupling != (0.0, 0.0)
+
+    def done(self, along: Along, shape: Shape, coefficients: Array) -> Effect:
+        """All that it does with these coefficients, one column."""
+        if self.bent is not None:
+            return self.bent(along, shape, coefficients)[1]
+        parts = self.effect(along, shape).parts
+        return Effect(*(None if part is None else part @ coefficients[:, None] for part in parts))
+
+    def about(self, coefficients: Array) -> Candidate:
+        """The same, linear about these coefficients."""
+        bent = self.bent
+        if bent is None:
+            return self
+        return replace(self, effect=lambda along, shape: bent(along, shape, coefficients)[0])
 
     def excludes(self, other: Candidate) -> bool:
         """Whether no set holds both."""

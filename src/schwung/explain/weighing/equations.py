@@ -8,7 +8,7 @@ import numpy as np
 
 from schwung.drivetrain.machine import Machine
 from schwung.explain.weighing.along import Along
-from schwung.explain.weighing.vocabulary.load import believed
+from schwung.explain.weighing.vocabulary.load import inertia_of
 from schwung.innovations import kernel
 from schwung.innovations.likelihood import Equations
 from schwung.innovations.steps import Steps, bulge, off_middle
@@ -54,8 +54,8 @@ def shaft_of(machine: Machine) -> kernel.Shaft:
 
 def equations_of(along: Along, acting: Acting) -> tuple[Equations, Steps]:
     """Of one run about its states."""
-    run, machine = along.run, along.machine
-    inertia, slope, _ = believed(along)
+    run, machine = along.run, along.present
+    inertia, slope, _ = inertia_of(machine, along.load_angle)
     load = machine.load_torque_at(along.load_angle) - slope * along.load_speed**2 / 2 + acting.on_load
     push = np.broadcast_to(np.asarray(acting.on_motor, dtype=float), load.shape)
     motor = run.drive.between(0.0, 0.0)

@@ -11,6 +11,7 @@ from schwung.explain.weighing.along import Along, Ranges, along
 from schwung.explain.weighing.candidate import Candidate, Shape
 from schwung.explain.weighing.equations import Acting, equations_of
 from schwung.explain.weighing.known import Known
+from schwung.explain.weighing.present import Member, with_members
 from schwung.innovations.effect import Passed, joined
 from schwung.innovations.evidence import Weighed, weigh
 from schwung.innovations.likelihood import Equations, Noise, likely_noise
@@ -26,15 +27,6 @@ STRETCH_S = 0.02
 
 
 @dataclass(frozen=True, eq=False)
-class Member:
-    """A candidate in one of its shapes, with coefficients (p,)."""
-
-    candidate: Candidate
-    shape: Shape
-    coefficients: Array
-
-
-@dataclass(frozen=True, eq=False)
 class View:
     """The session as a round sees it: recorded and prepared runs, the belief."""
 
@@ -44,13 +36,15 @@ class View:
     ranges: Ranges
     errors_nm: tuple[Array, ...] = ()  # of each run's reported torque, as smoothed
 
-    def alongs(self) -> list[Along]:
-        """Every run's coordinates."""
+    def alongs(self, members: Sequence[Member]) -> list[Along]:
+        """Every run's coordinates, with these members present."""
+        present = with_members(self.known.machine, members, self.ranges)
         return [
             along(
                 run,
                 recorded,
                 self.known.machine,
+                present,
                 self.ranges,
                 number,
                 self.errors_nm[number] if self.errors_nm else 0.0,
@@ -64,7 +58,9 @@ def acting(known: Known, along: Along, members: Sequence[Member]) -> Acting:
     what = known.effect(along)
     total, dry = Acting(*what.of(np.ones(1))), known.dry(along)
     for member in members:
-        parts = member.candidate.effect(along, member.shape).of(member.coefficients)
+        if member.candidate.of_machine:
+            continue
+        parts = member.candidate.done(along, member.shape, member.coefficients).of(np.ones(1))
         total += Acting(*parts)
         if member.candidate.dry:
             dry = dry + parts[0]
@@ -95,7 +91,7 @@ class Linearised:
 
 def linearised(view: View, members: Sequence[Member], noise: Noise, reach: float | None) -> Linearised:
     """Filter all runs with these members present; `reach`: how far off the noise may be (log), None: keep it."""
-    alongs = view.alongs()
+    alongs = view.alongs(members)
     made = [equations_of(where, acting(view.known, where, members)) for where in alongs]
     if reach is not None:
         few = np.unique(np.round(np.linspace(0, len(made) - 1, FEW)).astype(int))
@@ -131,6 +127,8 @@ _PASSES, _SETTLED = 6, 0.05
 _REACHES = (0.1, 1.0)
 #: Sizes of all curves are found by so many steps of their fixed point (MacKay), within these.
 _SIZING, _SMALLEST, _LARGEST = 12, 1e-4, 10.0
+#: Steps of a set's coefficients at most, halvings of each; at rest, where none moves by more than this (deviations).
+_STEPS, _HALVINGS, _AT_REST = 12, 4, 0.1
 
 
 def wide_fit(view: View, candidates: Sequence[Member], noise: Noise, train: Sequence[int]) -> Wide:
@@ -161,19 +159,81 @@ def wide_fit(view: View, candidates: Sequence[Member], noise: Noise, train: Sequ
     return Wide(noise, excess_of(rows, rest, about, train))
 
 
-def about_set(view: View, members: Sequence[Member], noise: Noise) -> tuple[Linearised, list[Array]]:
-    """The session about a few members alone, whose noise is known, and each run's target as if they were not there."""
-    for _ in range(2):
-        view = resmoothed(linearised(view, members, noise, None), members)
+@dataclass(frozen=True, eq=False)
+class Settled:
+    """The session about a set whose coefficients have come to rest, and each run's target as if it were not there."""
+
+    about: Linearised
+    members: tuple[Member, ...]
+    target: list[Array]
+
+
+def settled(view: View, members: Sequence[Member], noise: Noise, train: Sequence[int]) -> Settled:
+    """Gauss and Newton over the coefficients of a few members, whose noise is known.
+
+    A step that makes the runs less likely is halved: far from the truth, a linear model promises too much.
+    """
+    view = resmoothed(linearised(view, members, noise, None), members)
+    at = _stepped(view, members, noise, train)
+    for _ in range(_STEPS):
+        share, better = 1.0, at
+        for _ in range(_HALVINGS):
+            tried = [
+                replace(m, coefficients=_within(m, m.coefficients + share * step))
+                for m, step in zip(at.members, at.steps, strict=True)
+            ]
+            better = _stepped(resmoothed(at.about, tried), tried, noise, train)
+            if better.cost < at.cost:
+                break
+            share /= 2
+        if not better.cost < at.cost:
+            break
+        moved, at = share * at.moved, better
+        if moved < _AT_REST:
+            break
+    return Settled(at.about, at.members, at.target)
+
+
+@dataclass(frozen=True, eq=False)
+class _Step:
+    """About coefficients: what the data ask for next, and how unlikely they and the runs are (−2 log)."""
+
+    about: Linearised
+    members: tuple[Member, ...]
+    target: list[Array]
+    steps: list[Array]
+    moved: float  # the largest step, over its deviation
+    cost: float
+
+
+def _stepped(view: View, members: Sequence[Member], noise: Noise, train: Sequence[int]) -> _Step:
     about = linearised(view, members, noise, None)
-    target = [
-        one.innovations
-        + sum(
-            (one.whitened(m.candidate.effect(where, m.shape)) @ m.coefficients for m in members), np.zeros(())
+    present = np.concatenate([m.coefficients for m in members])
+    deviations = np.concatenate([m.deviations for m in members])
+    every = [m.candidate.about(m.coefficients) for m in members]
+    rows = [
+        one.whitened(
+            joined([c.effect(where, m.shape) for c, m in zip(every, members, strict=True)], where.speed.size)
         )
         for one, where in zip(about.passed, about.alongs, strict=True)
     ]
-    return about, target
+    target = [e + x @ present for e, x in zip(about.innovations, rows, strict=True)]
+    found = weigh(_sum([Statistics.of(rows[i], target[i]) for i in train]), deviations)
+    step, at = found.coefficients - present, np.cumsum([m.candidate.size for m in members])[:-1]
+    cost = sum(about.passed[i].deviance for i in train) + float(np.sum((present / deviations) ** 2))
+    return _Step(
+        about, tuple(members), target, np.split(step, at), float(np.max(np.abs(step) / found.spread)), cost
+    )
+
+
+def _within(member: Member, coefficients: Array) -> Array:
+    """Coefficients that leave a total above what no machine goes below; no step takes more than most of it."""
+    held = coefficients.copy()
+    for which, least in member.candidate.bounds_below:
+        total = member.coefficients[which] - least
+        if total > 0 and member.candidate.of_machine:
+            held[which] = max(held[which], least + total / 4)
+    return held
 
 
 def excess_of(rows: list[Array], rest: list[Array], about: Linearised, train: Sequence[int]) -> float:

@@ -13,7 +13,8 @@ from schwung.explain.weighing.along import ranges_of
 from schwung.explain.weighing.candidate import Candidate
 from schwung.explain.weighing.data import Atom, Data
 from schwung.explain.weighing.known import known
-from schwung.explain.weighing.round import Member, View, about_set, wide_fit
+from schwung.explain.weighing.present import Member
+from schwung.explain.weighing.round import Settled, View, settled, wide_fit
 from schwung.explain.weighing.search import Pick, Scored, Search
 from schwung.explain.weighing.values import Named, Parameter, Proof, Unnamed, Weighed
 from schwung.explain.weighing.vocabulary import vocabulary
@@ -29,6 +30,8 @@ BAND_HZ, BEYOND_INJECTION = 160.0, 1.8
 STICKING = 0.002
 #: Rounds of linearising about what was found, at most.
 ROUNDS = 8
+#: Noise that moves by more than this (log), about what was found, is looked at again.
+RENEWED = 0.05
 #: A shape is at its bound within this share of the range.
 _END = 1e-3
 #: Probabilities below this are not told.
@@ -55,28 +58,36 @@ def weigh(session: Session, machine: Machine) -> Weighed:
     view = View(session.runs, tuple(runs), known(machine, of.low_rad, of.high_rad), of)
     candidates = vocabulary(of, view.known)
     always = tuple(i for i, c in enumerate(candidates) if c.name.startswith("usual"))
-    present = [Member(c, c.shapes[0], np.zeros(c.size)) for c in candidates if _smooth(c)]
-    wide = wide_fit(view, present, first_noise(runs), train)
-    members = [Member(candidates[i], (), np.zeros(candidates[i].size)) for i in always]
-    about, target = about_set(view, members, wide.noise)
+    wide = wide_fit(view, _everything(candidates, ()), first_noise(runs), train)
+    at = settled(view, [_absent(candidates[i]) for i in always], wide.noise, train)
     picks: tuple[tuple[Atom, float], ...] = ()
     growing = True
     for _ in range(ROUNDS):
-        data = Data.of(about, candidates, target, train, wide.excess)
+        data = Data.of(at.about, _linear(candidates, at), at.target, train, wide.excess)
         search = Search(data, always)
         start = search.score(_carried(data, picks))
         best = search.added(start, most=1) if growing else search.best(start.picks)
         if best is start:
             if not growing:
                 break
-            growing, best = False, search.best(start.picks)
+            # far from the truth, noise had to be taken for what a linear model could not do
+            nearer = wide_fit(at.about.view, _everything(candidates, at.members), wide.noise, train)
+            growing, wide = nearer.noise.moved_from(wide.noise) > RENEWED, nearer
+            best = start if growing else search.best(start.picks)
         before, picks = picks, tuple((data.atoms[p.atom], p.scale) for p in best.picks)
         if not growing and {a.candidate for a, _ in before} == {a.candidate for a, _ in picks}:
             break
-        about, target = about_set(about.view, _members(search, best), about.noise)
+        at = settled(at.about.view, _members(search, best, candidates), wide.noise, train)
     if growing:
         best = search.best(best.picks)
     return _told(_Outcome(data, search, best), train, parts.heldout)
+
+
+def _everything(candidates: Sequence[Candidate], members: Sequence[Member]) -> list[Member]:
+    """The members, and whatever is smooth along any motion."""
+    inside = {(m.candidate.name, m.candidate.coordinate) for m in members}
+    smooth = (c for c in candidates if _smooth(c) and (c.name, c.coordinate) not in inside)
+    return [*members, *(_absent(c) for c in smooth)]
 
 
 def _smooth(candidate: Candidate) -> bool:
@@ -109,17 +120,29 @@ def _slices(search: Search, best: Scored) -> list[slice]:
     return result
 
 
-def _members(search: Search, best: Scored) -> list[Member]:
+def _absent(candidate: Candidate) -> Member:
+    """With coefficients of nothing."""
+    return Member(candidate, candidate.shapes[0], np.zeros(candidate.size), np.array(candidate.deviations))
+
+
+def _linear(candidates: Sequence[Candidate], at: Settled) -> list[Candidate]:
+    """All candidates, those that are present linear about their coefficients."""
+    present = {m.candidate.name: m.coefficients for m in at.members if m.candidate.bent is not None}
+    return [c.about(present[c.name]) if c.bent and c.name in present else c for c in candidates]
+
+
+def _members(search: Search, best: Scored, candidates: Sequence[Candidate]) -> list[Member]:
     """The set, and what is always there, with its coefficients."""
     result, at = [], 0
     for index in search.always:
-        candidate = search.data.candidates[index]
+        candidate = candidates[index]
         coefficients = best.found.coefficients[at : at + candidate.size]
-        result.append(Member(candidate, candidate.shapes[0], coefficients))
+        result.append(Member(candidate, candidate.shapes[0], coefficients, np.array(candidate.deviations)))
         at += candidate.size
     for pick, where in zip(best.picks, _slices(search, best), strict=True):
-        shape = search.data.atoms[pick.atom].shape
-        result.append(Member(search.candidate(pick), shape, best.found.coefficients[where]))
+        candidate, shape = candidates[search.index(pick)], search.data.atoms[pick.atom].shape
+        deviations = pick.scale * np.array(candidate.deviations)
+        result.append(Member(candidate, shape, best.found.coefficients[where], deviations))
     return result
 
 

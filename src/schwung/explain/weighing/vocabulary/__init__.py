@@ -15,20 +15,16 @@ from schwung.explain.weighing.vocabulary.unnamed import unnamed
 
 __all__ = ["vocabulary"]
 
-#: A believed inertia that varies by less than this share has no profile to shift or to scale.
-_VARIES = 0.02
-
 
 def vocabulary(of: Ranges, believed: Known) -> list[Candidate]:
     """Every candidate of a machine over these ranges; what is always there comes first."""
     machine = believed.machine
     inertia = machine.load_inertia_at(np.linspace(of.low_rad, of.high_rad, 65))
     mean, natural = float(np.mean(inertia)), NATURAL * of.peak_torque_nm
-    varies = bool(np.ptp(inertia) > _VARIES * mean)
     found = [
         *usual(of),
         *friction(of, natural, machine.coupling is None, believed),
-        *load(of, natural, mean, float(np.min(inertia)), varies),
+        *load(of, natural, machine),
         *reporting(of, NATURAL),
     ]
     if machine.coupling is not None:

@@ -8,8 +8,11 @@ direction-dependent load T(θ_l) where it moves forward, another backward
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 
+from schwung.drivetrain.machine import Machine
 from schwung.explain.weighing.along import Along, Ranges
 from schwung.explain.weighing.candidate import LADDER, Candidate, Curve, Shape, column, grid
 from schwung.explain.weighing.vocabulary.friction import bump
@@ -18,6 +21,8 @@ from schwung.motion import Array
 
 #: Highest order of cogging that is looked for.
 _HIGHEST = 60
+#: A believed inertia that varies by less than this share has no profile to shift or to scale.
+_VARIES = 0.02
 _DIFFERENCE_RAD = 1e-3
 
 
@@ -46,42 +51,32 @@ def _cogging(along: Along, shape: Shape) -> Effect:
     return Effect(np.stack([np.sin(shape[0] * along.angle), np.cos(shape[0] * along.angle)], 1))
 
 
-def moved_inertia(along: Along, change: Array, slope: Array) -> Effect:
-    """Of a change of J_l (n, p), and its slope over the angle (n, p)."""
-    taken = change * along.load_acceleration[:, None] + 0.5 * slope * along.load_speed[:, None] ** 2
-    return Effect(on_load=-taken)
-
-
-def believed(along: Along) -> tuple[Array, Array, Array]:
-    """J_l along the run, its slope and its bend."""
-    h, angle, inertia_at = _DIFFERENCE_RAD, along.load_angle, along.machine.load_inertia_at
+def inertia_of(machine: Machine, angle: Array) -> tuple[Array, Array, Array]:
+    """J_l of a machine at angles (n,), its slope and its bend."""
+    h, inertia_at = _DIFFERENCE_RAD, machine.load_inertia_at
     low, middle, high = inertia_at(angle - h), inertia_at(angle), inertia_at(angle + h)
     return middle, (high - low) / (2 * h), (high - 2 * middle + low) / h**2
 
 
-def _delta(along: Along, _shape: Shape) -> Effect:
-    one = np.ones((along.speed.size, 1))
-    return moved_inertia(along, one, 0 * one)
+def of_inertia(unit: Callable[[Array, Shape], Array], step_rad: float) -> Callable[[Along, Shape], Effect]:
+    """What a change of J_l takes, −(δJ α + ½ δJ' ω²); `unit`: of each coefficient at angles, (n, p)."""
+
+    def effect(along: Along, shape: Shape) -> Effect:
+        where = along.load_angle
+        slope = (unit(where + step_rad, shape) - unit(where - step_rad, shape)) / (2 * step_rad)
+        taken = unit(where, shape) * along.load_acceleration[:, None]
+        return Effect(on_load=-(taken + 0.5 * slope * along.load_speed[:, None] ** 2))
+
+    return effect
 
 
-def _scale(along: Along, _shape: Shape) -> Effect:
-    inertia, slope, _ = believed(along)
-    return moved_inertia(along, column(inertia), column(slope))
-
-
-def _shift(along: Along, _shape: Shape) -> Effect:
-    _, slope, bend = believed(along)
-    return moved_inertia(along, column(slope), column(bend))
-
-
-def load(
-    of: Ranges, torque_nm: float, inertia_kgm2: float, least_kgm2: float, varies: bool
-) -> list[Candidate]:
-    """The family; `torque_nm`: a natural torque; `least_kgm2`: of the believed inertia; `varies`: whether it does."""
+def load(of: Ranges, torque_nm: float, machine: Machine) -> list[Candidate]:
+    """The family; `torque_nm`: a natural torque; `machine`: as believed."""
     natural, ripples = (torque_nm, torque_nm), max(of.span_rad, 1e-9)
-    mass, share = inertia_kgm2, torque_nm / of.peak_torque_nm
+    share = torque_nm / of.peak_torque_nm
+    inertia = machine.load_inertia_at(np.linspace(of.low_rad, of.high_rad, 65))
+    mass, varies = float(np.mean(inertia)), bool(np.ptp(inertia) > _VARIES * np.mean(inertia))
     angle = Curve.over(of.low_rad, of.high_rad, 0.3)
-    step = 1e-4 * of.span_rad
     events = [
         shape
         for duration in np.array([0.02, 0.04, 0.08, 0.16]) * max(of.longest_s, 1e-9)
@@ -90,14 +85,17 @@ def load(
     lowest = max(2, int(np.ceil(2 * np.pi / ripples)))
     highest = int(min(_HIGHEST, max(lowest + 1, 2 * np.pi * of.band_hz / (0.5 * of.peak_speed_rad_s))))
 
-    def profile(along: Along, _shape: Shape) -> Effect:
-        where = along.load_angle
-        slope = (angle.at(where + step) - angle.at(where - step)) / (2 * step)
-        inertia, bend, _ = believed(along)
-        curve = angle.at(where)
-        return moved_inertia(
-            along, inertia[:, None] * curve, inertia[:, None] * slope + bend[:, None] * curve
-        )
+    def constant(where: Array, _shape: Shape) -> Array:
+        return np.ones((where.size, 1))
+
+    def scaled(where: Array, _shape: Shape) -> Array:
+        return column(machine.load_inertia_at(where))
+
+    def shifted(where: Array, _shape: Shape) -> Array:
+        return column(inertia_of(machine, where)[1])
+
+    def profile(where: Array, _shape: Shape) -> Array:
+        return machine.load_inertia_at(where)[:, None] * angle.at(where)
 
     def directed(along: Along, _shape: Shape) -> Effect:
         curve, ahead = angle.at(along.load_angle), along.load_direction[:, None]
@@ -105,6 +103,7 @@ def load(
             on_load=np.concatenate([curve * np.maximum(ahead, 0), curve * np.maximum(-ahead, 0)], 1)
         )
 
+    step = _DIFFERENCE_RAD
     found = [
         Candidate("load_torque", _gravity, natural,
                   lambda c, _: dict(zip(("amplitude_nm", "phase_rad"), polar(c), strict=True)),
@@ -125,20 +124,19 @@ def load(
                   bounds=((0.75 * lowest, 2.0 * highest),), coordinate="position"),
         Candidate("direction_dependent_load", directed, (torque_nm,) * (2 * angle.size), scales=LADDER,
                   coordinate="position", family="load"),
-        Candidate("load_inertia", _delta, (share * mass,), lambda c, _: {"delta_kgm2": c[0]},
-                  positive=(0,), least=(-least_kgm2,),
-                  coordinate="acceleration"),
-        Candidate("inertia_profile", profile, (1.0,) * angle.size, scales=tuple(s * share for s in LADDER),
-                  coordinate="position"),
+        Candidate("load_inertia", of_inertia(constant, step), (share * mass,),
+                  lambda c, _: {"delta_kgm2": c[0]}, positive=(0,), least=(-float(inertia.min()),),
+                  coordinate="acceleration", inertia=constant),
+        Candidate("inertia_profile", of_inertia(profile, 1e-4 * of.span_rad), (1.0,) * angle.size,
+                  scales=tuple(s * share for s in LADDER), coordinate="position", inertia=profile),
     ]  # fmt: skip
     if varies:
         found.append(
-            Candidate("load_inertia", _scale, (share,), lambda c, _: {"scale": 1 + c[0]},
-                      positive=(0,), least=(-1.0,),
-                      coordinate="acceleration")
+            Candidate("load_inertia", of_inertia(scaled, step), (share,), lambda c, _: {"scale": 1 + c[0]},
+                      positive=(0,), least=(-1.0,), coordinate="acceleration", inertia=scaled)
         )  # fmt: skip
         found.append(
-            Candidate("inertia_profile_shift", _shift, (share,), lambda c, _: {"shift_rad": c[0]},
-                      coordinate="position")
+            Candidate("inertia_profile_shift", of_inertia(shifted, step), (share,),
+                      lambda c, _: {"shift_rad": c[0]}, coordinate="position", inertia=shifted)
         )  # fmt: skip
     return found

@@ -52,17 +52,26 @@ def shaft(of: Ranges, coupling: Coupling, torque_nm: float, inertia_kgm2: float)
     def play(along: Along, _shape: Shape) -> Effect:
         return between(column(-0.5 * k * np.tanh(along.twist / (0.02 * wound))))
 
+    def play_about(along: Along, _shape: Shape, gap: Array) -> tuple[Effect, Effect]:
+        """Within the gap the coupling carries nothing; each end of it takes half of a further opening."""
+        stiffness = along.present.coupling.stiffness_nm_rad if along.present.coupling else k
+        half = max(float(gap[0]), 0.0) / 2
+        side = np.tanh(along.twist / (0.02 * wound))
+        free = np.clip(along.twist, -half, half)
+        beyond = 0.5 * (1 + np.tanh((np.abs(along.twist) - half) / (0.02 * wound))) if half > 0 else 1.0
+        return between(column(-0.5 * stiffness * side * beyond)), between(column(-stiffness * free))
+
     return [
         Candidate("coupling_stiffness", _stiffness, (3 * share * k,),
                   lambda c, _: {"stiffness_nm_rad": k + c[0]}, positive=(0,), least=(-k,),
-                  coordinate="torque"),
+                  coordinate="torque", coupling=(1.0, 0.0)),
         Candidate("coupling_damping", _damping, (10 * share * max(b, 1e-3 * k / of.band_hz),),
                   lambda c, _: {"damping_nms": b + c[0]}, positive=(0,), least=(-b,),
-                  coordinate="frequency"),
+                  coordinate="frequency", coupling=(0.0, 1.0)),
         Candidate("nonlinear_stiffness", _cubic, (3 * share * k / wound**2,),
                   lambda c, _: {"cubic_nm_rad3": c[0]}, positive=(0,), coordinate="torque"),
         Candidate("backlash", play, (2 * share * wound,), lambda c, _: {"gap_rad": c[0]}, positive=(0,),
-                  coordinate="torque"),
+                  coordinate="torque", bent=play_about),
         Candidate("extra_compliance", _third_mass, (3 * share * inertia_kgm2,),
                   lambda c, s: {"inertia_kgm2": c[0], "stiffness_nm_rad": c[0] * s[0] ** 2,
                                 "damping_nms": 2 * c[0] * s[0] * s[1]},

@@ -1,0 +1,56 @@
+"""The machine that the filter moves: the belief, and what of the causes that are present belongs to it."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from schwung.drivetrain.inertia import InertiaTable
+from schwung.drivetrain.machine import Coupling, Load, Machine
+from schwung.explain.weighing.along import Ranges
+from schwung.explain.weighing.candidate import Candidate, Shape
+from schwung.motion import Array
+
+_POINTS_PER_RAD = 100
+#: No change leaves less than this share of what is believed: nothing moves without inertia or stiffness.
+LEAST_SHARE = 0.05
+
+
+@dataclass(frozen=True, eq=False)
+class Member:
+    """A candidate in one of its shapes, with coefficients (p,) and their prior deviations (p,)."""
+
+    candidate: Candidate
+    shape: Shape
+    coefficients: Array
+    deviations: Array
+
+
+def with_members(machine: Machine, members: Sequence[Member], of: Ranges) -> Machine:
+    """The believed machine with the members' inertia, stiffness and damping."""
+    coupling, load = machine.coupling, machine.load
+    stiffness = sum(m.candidate.coupling[0] * float(m.coefficients[0]) for m in members)
+    damping = sum(m.candidate.coupling[1] * float(m.coefficients[0]) for m in members)
+    if coupling is not None and (stiffness or damping):
+        coupling = Coupling(
+            stiffness_nm_rad=max(
+                coupling.stiffness_nm_rad + stiffness, LEAST_SHARE * coupling.stiffness_nm_rad
+            ),
+            damping_nms=max(coupling.damping_nms + damping, LEAST_SHARE * coupling.damping_nms),
+        )
+    heavier = [(m.candidate.inertia, m) for m in members if m.candidate.inertia is not None]
+    if heavier:
+        margin = 0.05 * of.span_rad
+        angle = np.linspace(of.low_rad - margin, of.high_rad + margin, 3 + int(_POINTS_PER_RAD * of.span_rad))
+        believed = machine.load_inertia_at(angle)
+        added = sum((unit(angle, m.shape) @ m.coefficients for unit, m in heavier), np.zeros(()))
+        inertia = np.maximum(believed + added, LEAST_SHARE * believed)
+        load = Load(
+            viscous_friction_nms=load.viscous_friction_nms,
+            inertia_table=InertiaTable(angle, inertia),
+            torque_nm=load.torque_nm,
+            torque_table=load.torque_table,
+        )
+    return machine.model_copy(update={"coupling": coupling, "load": load})
