@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -11,7 +11,7 @@ from schwung.explain.weighing.along import Along, Ranges, along
 from schwung.explain.weighing.candidate import Candidate, Shape
 from schwung.explain.weighing.equations import Acting, equations_of
 from schwung.explain.weighing.known import Known
-from schwung.innovations.effect import Passed, joined
+from schwung.innovations.effect import Passed
 from schwung.innovations.evidence import Weighed, weigh
 from schwung.innovations.likelihood import Equations, Noise, likely_noise
 from schwung.innovations.signals import Signals
@@ -23,6 +23,10 @@ from schwung.session.model import Run
 FEW = 3
 #: Innovations further apart than this are taken as independent (s).
 STRETCH_S = 0.02
+
+
+#: A candidate in one of its shapes.
+Cause = tuple[Candidate, Shape]
 
 
 @dataclass(frozen=True, eq=False)
@@ -80,17 +84,29 @@ class Linearised:
     passed: list[Passed]
     noise: Noise
 
-    def rows(self, candidate: Candidate, shape: Shape) -> list[Array]:
-        """A candidate's columns in one shape as each run's innovations show them, (2n, p) each."""
-        return [
-            one.whitened(candidate.effect(where, shape))
-            for one, where in zip(self.passed, self.alongs, strict=True)
-        ]
+    def samples(self, runs: Sequence[int]) -> int:
+        """Σ2n of some runs."""
+        return sum(self.passed[run].samples for run in runs)
 
-    @property
-    def innovations(self) -> list[Array]:
-        """Of each run, (2n,)."""
-        return [one.innovations for one in self.passed]
+    def whiten(self, causes: Iterable[Cause], runs: Sequence[int], rows: Array) -> None:
+        """Write causes as the innovations of some runs show them, one run behind another, to `rows` (Σp, Σ2n)."""
+        causes, across = list(causes), 0
+        for run in runs:
+            where = self.alongs[run]
+            effects = (candidate.effect(where, shape) for candidate, shape in causes)
+            self.passed[run].whiten(effects, rows, across)
+            across += self.passed[run].samples
+
+    def whitened(self, causes: Iterable[Cause], runs: Sequence[int]) -> Array:
+        """The same in an array of its own."""
+        causes = list(causes)
+        rows = np.empty((sum(candidate.size for candidate, _ in causes), self.samples(runs)))
+        self.whiten(causes, runs, rows)
+        return rows
+
+    def innovations(self, runs: Sequence[int]) -> Array:
+        """Of some runs, one behind another, (Σ2n,)."""
+        return np.concatenate([self.passed[run].innovations for run in runs])
 
 
 def linearised(view: View, members: Sequence[Member], noise: Noise, reach: float | None) -> Linearised:
@@ -141,13 +157,10 @@ def wide_fit(view: View, candidates: Sequence[Member], noise: Noise, train: Sequ
         about = linearised(view, members, noise, reach)
         moved, noise = about.noise.moved_from(noise), about.noise
         reach = float(np.clip(moved, *_REACHES))
-        rows = [
-            one.whitened(joined([m.candidate.effect(where, m.shape) for m in members], where.speed.size))
-            for one, where in zip(about.passed, about.alongs, strict=True)
-        ]
+        rows = about.whitened([(m.candidate, m.shape) for m in members], train)
         present = np.concatenate([m.coefficients for m in members])
-        target = [e + x @ present for e, x in zip(about.innovations, rows, strict=True)]
-        data = _sum([Statistics.of(rows[i], target[i]) for i in train])
+        target = about.innovations(train) + present @ rows
+        data = Statistics.of(rows.T, target)
         found = _sized(data, members)
         members, at = [], 0
         for member in candidates:
@@ -157,39 +170,31 @@ def wide_fit(view: View, candidates: Sequence[Member], noise: Noise, train: Sequ
         if moved < _SETTLED or number == _PASSES - 1:
             break
         view = resmoothed(about, members)
-    rest = [y - x @ found.coefficients for y, x in zip(target, rows, strict=True)]
-    return Wide(noise, excess_of(rows, rest, about, train))
+    return Wide(noise, excess_of(rows, target - found.coefficients @ rows, about, train))
 
 
-def about_set(view: View, members: Sequence[Member], noise: Noise) -> tuple[Linearised, list[Array]]:
-    """The session about a few members alone, whose noise is known, and each run's target as if they were not there."""
+def about_set(view: View, members: Sequence[Member], noise: Noise) -> Linearised:
+    """The session about a few members alone, whose noise is known."""
     for _ in range(2):
         view = resmoothed(linearised(view, members, noise, None), members)
-    about = linearised(view, members, noise, None)
-    target = [
-        one.innovations
-        + sum(
-            (one.whitened(m.candidate.effect(where, m.shape)) @ m.coefficients for m in members), np.zeros(())
-        )
-        for one, where in zip(about.passed, about.alongs, strict=True)
-    ]
-    return about, target
+    return linearised(view, members, noise, None)
 
 
-def excess_of(rows: list[Array], rest: list[Array], about: Linearised, train: Sequence[int]) -> float:
-    """How much more than white noise's the scores of these columns vary, at least 1: the median column's."""
-    every = []
+def target_of(about: Linearised, members: Sequence[Member], runs: Sequence[int]) -> Array:
+    """The innovations of some runs as if the members were not there, (Σ2n,)."""
+    rows = about.whitened([(m.candidate, m.shape) for m in members], runs)
+    return np.asarray(about.innovations(runs) + np.concatenate([m.coefficients for m in members]) @ rows)
+
+
+def excess_of(rows: Array, rest: Array, about: Linearised, train: Sequence[int]) -> float:
+    """How much more than white noise's the scores of these columns (P, Σ2n) vary, at least 1: the median column's."""
+    every, at = [], 0
     for i in train:
         stretch = 2 * max(round(STRETCH_S / about.view.runs[i].step_s), 1)
-        every.append(colour(rows[i], rest[i], stretch))
+        mine = slice(at, at + about.passed[i].samples)
+        every.append(colour(rows[:, mine].T, rest[mine], stretch))
+        at = mine.stop
     return max(1.0, float(np.median(np.mean(every, axis=0))))
-
-
-def _sum(parts: list[Statistics]) -> Statistics:
-    total = parts[0]
-    for part in parts[1:]:
-        total = total + part
-    return total
 
 
 def _sized(data: Statistics, members: Sequence[Member]) -> Weighed:

@@ -17,7 +17,8 @@ from schwung.explain.weighing.candidate import Candidate
 from schwung.explain.weighing.data import Atom, Data
 from schwung.explain.weighing.inexact import SHARES, deviations_of
 from schwung.explain.weighing.refine import refined
-from schwung.innovations.evidence import Beyond, Weighed, weigh
+from schwung.innovations.evidence import Weighed, weigh
+from schwung.innovations.statistics import Numbers
 from schwung.motion import Array
 
 #: So many causes are expected among all that there are.
@@ -57,7 +58,7 @@ class Scored:
     picks: Set
     log: float
     found: Weighed
-    which: Array  # its columns: what is always there, the picks', the errors of their laws
+    which: Numbers  # its columns: what is always there, the picks', the errors of their laws
     deviations: Array
 
 
@@ -83,12 +84,12 @@ class Search:
         """Its candidate's number."""
         return self.data.atoms[pick.atom].candidate
 
-    def columns(self, picks: Set) -> tuple[Array, Array]:
+    def columns(self, picks: Set) -> tuple[Numbers, Array]:
         """Numbers and prior deviations of a set's columns, the errors of its laws among them."""
         scored = self.score(picks)
         return scored.which, scored.deviations
 
-    def _exact(self, picks: Iterable[Pick]) -> tuple[Array, Array]:
+    def _exact(self, picks: Iterable[Pick]) -> tuple[Numbers, Array]:
         """Those without the errors, what is always there first."""
         which, deviations = [], []
         for index in self.always:
@@ -110,13 +111,13 @@ class Search:
             return self.known[picks]
         which, deviations = self._exact(picks)
         first = len(which) - sum(self.candidate(p).size for p in picks)
-        found = weigh(self.data.statistics.at(which), deviations)
+        found = weigh(self.data.at(which), deviations)
         evidence, errors = found.log_evidence, self._errors(picks, found.coefficients[first:])
         if errors is not None:
             where, sizes = errors
             which = np.concatenate([which, where])
             each = [np.concatenate([deviations, share * sizes]) for share in SHARES]
-            statistics = self.data.statistics.at(which)
+            statistics = self.data.at(which)
             weighed = [weigh(statistics, one) for one in each]
             logs = np.array([one.log_evidence for one in weighed])
             top = int(np.argmax(logs))
@@ -129,7 +130,7 @@ class Search:
             self.table[kind] = scored
         return scored
 
-    def _errors(self, picks: Set, coefficients: Array) -> tuple[Array, Array] | None:
+    def _errors(self, picks: Set, coefficients: Array) -> tuple[Numbers, Array] | None:
         """Columns of the errors of a set's laws, and their deviations if they were as large as the laws."""
         which, sizes, at = [], [], 0
         for pick in picks:
@@ -162,7 +163,7 @@ class Search:
     def additions(self, picks: Set) -> list[tuple[float, Pick]]:
         """The best atom of every candidate that is not in the set, by what it would add, the best first."""
         which, deviations = self.columns(picks)
-        beyond = Beyond.of(self.data.statistics, which, deviations)
+        beyond = self.data.beyond(which, deviations)
         taken = [self.candidate(pick) for pick in picks]
         inside = set(self.always)
         inside |= {i for i, c in enumerate(self.data.candidates) if any(c.excludes(t) for t in taken)}
@@ -237,7 +238,7 @@ class Search:
                 continue
             others = (*scored.picks[:place], *scored.picks[place + 1 :])
             which, deviations = self.columns(others)
-            beyond = Beyond.of(self.data.statistics, which, deviations)
+            beyond = self.data.beyond(which, deviations)
             gains = beyond.gain(
                 self.data.atoms[pick.atom].where, np.array(self.candidate(pick).deviations), scales
             )

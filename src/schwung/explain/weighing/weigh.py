@@ -58,11 +58,13 @@ def weigh(session: Session, machine: Machine) -> Weighed:
     present = [Member(c, c.shapes[0], np.zeros(c.size)) for c in candidates if _smooth(c)]
     wide = wide_fit(view, present, first_noise(runs), train)
     members = [Member(candidates[i], (), np.zeros(candidates[i].size)) for i in always]
-    about, target = about_set(view, members, wide.noise)
+    about = about_set(view, members, wide.noise)
+    memory: Array | None = None
     picks: tuple[tuple[Atom, float], ...] = ()
     growing = True
     for _ in range(ROUNDS):
-        data = Data.of(about, candidates, target, train, wide.excess)
+        data = Data.of(about, members, candidates, train, wide.excess, memory)
+        memory = data.rows
         search = Search(data, always)
         start = search.score(_carried(data, picks))
         best = search.added(start, most=1) if growing else search.best(start.picks)
@@ -73,10 +75,11 @@ def weigh(session: Session, machine: Machine) -> Weighed:
         before, picks = picks, tuple((data.atoms[p.atom], p.scale) for p in best.picks)
         if not growing and {a.candidate for a, _ in before} == {a.candidate for a, _ in picks}:
             break
-        about, target = about_set(about.view, _members(search, best), about.noise)
+        members = _members(search, best)
+        about = about_set(about.view, members, about.noise)
     if growing:
         best = search.best(best.picks)
-    return _told(_Outcome(data, search, best), train, parts.heldout)
+    return _told(_Outcome(data, search, best), parts.heldout)
 
 
 def _smooth(candidate: Candidate) -> bool:
@@ -123,7 +126,7 @@ def _members(search: Search, best: Scored) -> list[Member]:
     return result
 
 
-def _told(outcome: _Outcome, train: Sequence[int], heldout: Sequence[int]) -> Weighed:
+def _told(outcome: _Outcome, heldout: Sequence[int]) -> Weighed:
     search, data = outcome.search, outcome.data
     shares = search.shares()
     names: dict[str, float] = {}
@@ -154,7 +157,7 @@ def _told(outcome: _Outcome, train: Sequence[int], heldout: Sequence[int]) -> We
         runner_up_probability=second[0],
         noise=data.about.noise,
         excess=data.excess,
-        proof=_proof(outcome, train, heldout) if heldout else None,
+        proof=_proof(outcome, heldout) if heldout else None,
         notes=tuple(f"{name} only fits at the end of its range, and is not named" for name in sorted(ends)),
     )
 
@@ -227,15 +230,14 @@ def _rms(search: Search, name: str) -> float:
     return 0.0
 
 
-def _proof(outcome: _Outcome, train: Sequence[int], heldout: Sequence[int]) -> Proof:
+def _proof(outcome: _Outcome, heldout: Sequence[int]) -> Proof:
     """The best set's and the bare belief's predictions of the motions kept aside."""
     data, search = outcome.data, outcome.search
-    aside, whole = data.over(heldout), data.over([*train, *heldout])
     logs, missed = [], []
     for picks in ((), outcome.best.picks):
         which, deviations = search.columns(picks)
-        fitted = weigh_columns(data.statistics.at(which), deviations)
-        both = weigh_columns(whole.at(which), deviations)
+        seen, aside = data.at(which), data.aside(which, heldout)
+        fitted, both = weigh_columns(seen, deviations), weigh_columns(seen + aside, deviations)
         logs.append(both.log_evidence - fitted.log_evidence)
-        missed.append(float(np.sqrt(aside.at(which).missed(fitted.coefficients) / aside.count)))
+        missed.append(float(np.sqrt(aside.missed(fitted.coefficients) / aside.count)))
     return Proof(tuple(heldout), (logs[1] - logs[0]) / aside.count, *missed)
