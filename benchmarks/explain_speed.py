@@ -11,6 +11,7 @@ from __future__ import annotations
 
 import sys
 import time as clock
+from collections.abc import Mapping
 
 import numpy as np
 
@@ -36,15 +37,22 @@ PHASES: dict[float, tuple[float | None, ...]] = {
 CONCEALED = "load_inertia,cogging"
 
 
-def session(concealed: str, seed: int = 0) -> tuple[Session, Machine]:
-    """The recorded session, and the machine without what it conceals."""
-    plant = TwoMassPlant(concealed=parse_conceal(concealed), seed=seed)
+def session(
+    concealed: str,
+    seed: int = 0,
+    *,
+    samples: int = SAMPLES,
+    rate_hz: float = RATE_HZ,
+    foreign: Mapping[str, Mapping[str, float]] | None = None,
+) -> tuple[Session, Machine]:
+    """The recorded session, and the machine without what it conceals; `foreign`: effects that have no name."""
+    plant = TwoMassPlant(concealed=parse_conceal(concealed), seed=seed, foreign=foreign)
     axis = ServoAxis(plant, AxisSettings(), seed=seed)
-    every = round(1 / (RATE_HZ * TICK_S))
+    every = round(1 / (rate_hz * TICK_S))
     runs: list[Run] = []
     for repeat in range(REPEATS):
         for duration in MOTION_TIMES_S:
-            dwell = SAMPLES / RATE_HZ - 0.1 - duration
+            dwell = samples / rate_hz - 0.1 - duration
             motion = Motion(
                 kind="poly5", distance_rad=np.pi, duration_s=duration, start_time_s=0.1, dwell_s=dwell
             )
@@ -68,13 +76,13 @@ def session(concealed: str, seed: int = 0) -> tuple[Session, Machine]:
                     Run(
                         role="excited" if excitation else "reference",
                         repeat=repeat,
-                        sample_rate_hz=RATE_HZ,
-                        time_s=r.time_s[:SAMPLES],
-                        position_rad=r.position_rad[:SAMPLES],
-                        speed_rad_s=r.speed_rad_s[:SAMPLES],
-                        torque_nm=r.torque_nm[:SAMPLES],
-                        position_demand_rad=r.position_demand_rad[:SAMPLES],
-                        torque_added_nm=r.torque_added_nm[:SAMPLES],
+                        sample_rate_hz=rate_hz,
+                        time_s=r.time_s[:samples],
+                        position_rad=r.position_rad[:samples],
+                        speed_rad_s=r.speed_rad_s[:samples],
+                        torque_nm=r.torque_nm[:samples],
+                        position_demand_rad=r.position_demand_rad[:samples],
+                        torque_added_nm=r.torque_added_nm[:samples],
                         motion=motion,
                         excitation=excitation,
                         name=f"run {len(runs)}",

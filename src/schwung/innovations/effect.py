@@ -7,8 +7,9 @@ inertia −δJ·α on the load, a late speed −δt·α in the speed's samples.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 
@@ -38,6 +39,11 @@ class Effect:
         """p."""
         return next(int(part.shape[1]) for part in self.parts if part is not None)
 
+    @property
+    def kind(self) -> tuple[bool, ...]:
+        """Which of the four there are."""
+        return tuple(part is not None for part in self.parts)
+
     def of(self, coefficients: Array) -> tuple[Array | float, Array | float, Array | float, Array | float]:
         """The four with these coefficients (p,), summed, (n,) each; 0.0: nothing."""
         motor, load, position, speed = (
@@ -46,19 +52,8 @@ class Effect:
         return motor, load, position, speed
 
 
-def joined(effects: Sequence[Effect], samples: int) -> Effect:
-    """Side by side, in their order; (samples, Σp) each."""
-    sides = []
-    for which in range(4):
-        each = [effect.parts[which] for effect in effects]
-        counts = [effect.count for effect in effects]
-        sides.append(
-            np.concatenate(
-                [np.zeros((samples, p)) if one is None else one for one, p in zip(each, counts, strict=True)],
-                axis=1,
-            )
-        )
-    return Effect(*sides)
+#: Columns that are whitened together: what is carried of them stays in the nearest memory.
+_TOGETHER = 64
 
 
 @dataclass(frozen=True, eq=False)
@@ -72,7 +67,8 @@ class Passed:
     @classmethod
     def of(cls, equations: Equations, steps: Steps, noise: Noise, run: Signals) -> Passed:
         """Filter a run."""
-        return cls(equations, steps, kernel.filtered(problem_of(equations, noise, run)))
+        problem = problem_of(equations, noise, run)
+        return cls(replace(equations, transition=problem.transition), steps, kernel.filtered(problem))
 
     @property
     def innovations(self) -> Array:
@@ -80,30 +76,45 @@ class Passed:
         return np.asarray(self.result.error / np.sqrt(self.result.variance)).reshape(-1)
 
     @property
-    def deviance(self) -> float:
-        """−2 log likelihood of the run, but for a constant."""
-        return float(np.sum(np.log(self.result.variance)) + self.innovations @ self.innovations)
+    def samples(self) -> int:
+        """2n: of angle and speed."""
+        return int(self.result.error.size)
 
     def states(self) -> Array:
         """Smoothed ones, (n, s), and the torque's error (N·m) behind them."""
         return np.asarray(kernel.smoothed(self.equations.transition, self.result))
 
-    def whitened(self, effect: Effect) -> Array:
-        """An effect as the innovations show it, (2n, p): filtered alike, over their deviation."""
-        size, count = self.steps.transition.shape[1], effect.count
-        samples = self.result.error.shape[0]
-        made = np.zeros((samples - 1, size + 1, count))
-        for shaft, torque in enumerate((effect.on_motor, effect.on_load)):
-            if torque is not None:
-                start, end = self.steps.inputs[:, :, shaft], self.steps.inputs[:, :, 2 + shaft]
-                acting = np.any(torque, axis=0)
-                alone = torque if acting.all() else torque[:, acting]
-                part = np.zeros((samples - 1, size, alone.shape[1]))
-                kernel.add_outer(part, start, alone[:-1])
-                kernel.add_outer(part, end, alone[1:])
-                made[:, :size, acting] += part
-        reported = np.zeros((samples, 2, count))
-        for which, error in enumerate((effect.position, effect.speed)):
-            if error is not None:
-                reported[:, which] = error
-        return np.asarray(kernel.whitened(self.equations.transition, self.result, made, reported))
+    def whitened(self, effects: Sequence[Effect]) -> Array:
+        """Effects side by side as the innovations show them, (Σp, 2n): filtered alike, over their deviation."""
+        rows = np.empty((sum(effect.count for effect in effects), self.samples))
+        self.whiten(effects, rows)
+        return rows
+
+    def whiten(self, effects: Iterable[Effect], rows: Array, across: int = 0) -> None:
+        """The same written to `rows` (≥ Σp, ≥ across + 2n, in C's order) from [0, across] on."""
+        at, waiting = 0, 0
+        group: list[Effect] = []
+        for effect in effects:
+            if group and (waiting + effect.count > _TOGETHER or effect.kind != group[0].kind):
+                self._respond(group, rows, at, across)
+                at, waiting, group = at + waiting, 0, []
+            group.append(effect)
+            waiting += effect.count
+        if group:
+            self._respond(group, rows, at, across)
+
+    def _respond(self, group: list[Effect], rows: Array, down: int, across: int) -> None:
+        """Of effects of one kind."""
+        nothing = np.empty((self.result.error.shape[0], 0))
+        sides = [nothing] * 4
+        for which, acts in enumerate(group[0].kind):
+            if acts:
+                each = [part for effect in group if (part := effect.parts[which]) is not None]
+                sides[which] = np.ascontiguousarray(
+                    each[0] if len(each) == 1 else np.concatenate(each, axis=1)
+                )
+        kernel.responses(self._loop, (sides[0], sides[1], sides[2], sides[3]), rows, down, across)
+
+    @cached_property
+    def _loop(self) -> Array:
+        return np.asarray(kernel.closed_loop(self.equations.transition, self.result, self.steps.inputs))

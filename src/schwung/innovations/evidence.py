@@ -13,8 +13,10 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.linalg import cho_factor, cho_solve, solve_triangular
 
-from schwung.innovations.statistics import Statistics
+from schwung.innovations.statistics import Numbers, Statistics
 from schwung.motion import Array
+
+_ROUNDING = 1e-13
 
 
 @dataclass(frozen=True, eq=False)
@@ -42,7 +44,8 @@ class Weighed:
 def weigh(data: Statistics, deviations: Array) -> Weighed:
     """All columns of `data`, with prior deviations (P,)."""
     inner = data.gram * deviations[:, None] * deviations
-    inner[np.diag_indices_from(inner)] += 1.0
+    # columns that are nearly one another's sum leave nothing of the 1 but rounding
+    inner[np.diag_indices_from(inner)] += 1.0 + _ROUNDING * float(np.max(np.diag(inner), initial=0.0))
     factor, _ = cho_factor(inner, lower=True, check_finite=False)
     pull = deviations * data.slope
     found = cho_solve((factor, True), pull, check_finite=False)
@@ -59,7 +62,7 @@ class Beyond:
     slope: Array  # (P,)
 
     @classmethod
-    def of(cls, data: Statistics, members: Array, deviations: Array) -> Beyond:
+    def of(cls, data: Statistics, members: Numbers, deviations: Array) -> Beyond:
         """Beyond the columns `members` (A,) with prior deviations (A,)."""
         if members.size == 0:
             return cls(data, np.zeros((0, data.slope.size)), data.slope)
@@ -67,22 +70,26 @@ class Beyond:
         across = solve_triangular(
             set_of.factor, deviations[:, None] * data.gram[members], lower=True, check_finite=False
         )
-        slope = data.slope - data.gram[:, members] @ set_of.coefficients
+        slope = data.slope - set_of.coefficients @ data.gram[members]
         return cls(data, across, slope)
 
     def gain(self, where: slice, deviations: Array, scales: Sequence[float]) -> Array:
         """Log evidence that the columns of a block add, with its deviations (p,) times each of the scales."""
         part = self.across[:, where]
-        gram = self.data.gram[where, where] - part.T @ part
-        gram = gram * deviations[:, None] * deviations
-        slope = deviations * self.slope[where]
-        if slope.size == 1:
-            heights = np.square(scales) * max(float(gram[0, 0]), 0.0)
-            pulls = np.square(scales) * slope[0] ** 2
-            return np.asarray(0.5 * pulls / (1 + heights) - 0.5 * np.log1p(heights))
-        values, vectors = np.linalg.eigh(gram)
-        values, turned = np.maximum(values, 0.0), (vectors.T @ slope) ** 2
-        squares = np.square(scales)[:, None]
-        return np.asarray(
-            0.5 * np.sum(squares * turned / (1 + squares * values) - np.log1p(squares * values), axis=1)
-        )
+        return block_gain(self.data.gram[where, where] - part.T @ part, self.slope[where], deviations, scales)
+
+
+def block_gain(gram: Array, slope: Array, deviations: Array, scales: Sequence[float]) -> Array:
+    """Log evidence that columns add to nothing, with prior deviations (p,) times each of the scales."""
+    gram = gram * deviations[:, None] * deviations
+    slope = deviations * slope
+    if slope.size == 1:
+        heights = np.square(scales) * max(float(gram[0, 0]), 0.0)
+        pulls = np.square(scales) * slope[0] ** 2
+        return np.asarray(0.5 * pulls / (1 + heights) - 0.5 * np.log1p(heights))
+    values, vectors = np.linalg.eigh(gram)
+    values, turned = np.maximum(values, 0.0), (vectors.T @ slope) ** 2
+    squares = np.square(scales)[:, None]
+    return np.asarray(
+        0.5 * np.sum(squares * turned / (1 + squares * values) - np.log1p(squares * values), axis=1)
+    )

@@ -16,6 +16,8 @@ from schwung.motion import Array
 
 #: Terms of the Taylor series, and the largest |eigenvalue| × step that it is used for; longer steps are doublings.
 _TERMS, _REACH = 10, 0.5
+#: Samples whose rows are turned at once, from one after another to one column after another.
+TILE = 16
 
 
 class Shaft(NamedTuple):
@@ -237,6 +239,112 @@ def whitened(transition: Array, result: Filtered, columns: Array, reported: Arra
                 for c in range(number):
                     x[i, c] -= factor * seen[c]
     return rows
+
+
+@njit(cache=True, error_model="numpy")
+def closed_loop(transition: Array, result: Filtered, inputs: Array) -> Array:
+    """What `responses` needs of each sample, side by side, (n, 44); fewer than four states are filled up with zeros.
+
+    Of the step after the sample: Φ (16), Φ·gain of angle and of speed (8), what torques at its two ends do on motor and
+    load (16); and what the angle's update does to the speed, and the weights of both innovations. The last state is the
+    torque's white error: it is forgotten from step to step and acts through the gains alone. `inputs`: see `Steps`.
+    """
+    count, size = result.state.shape
+    packed = np.zeros((count, 44))
+    for k in range(count):
+        packed[k, 40] = result.gain[k, 0, 1]
+        packed[k, 41], packed[k, 42] = (
+            1.0 / np.sqrt(result.variance[k, 0]),
+            1.0 / np.sqrt(result.variance[k, 1]),
+        )
+        if k == count - 1:
+            break
+        for i in range(size - 1):
+            for j in range(size):
+                if j < size - 1:
+                    packed[k, 4 * i + j] = transition[k, i, j]
+                packed[k, 16 + i] += transition[k, i, j] * result.gain[k, 0, j]
+                packed[k, 20 + i] += transition[k, i, j] * result.gain[k, 1, j]
+            for j in range(4):  # motor at start, load at start, motor at end, load at end
+                packed[k, 24 + 4 * j + i] = inputs[k, i, j]
+    return packed
+
+
+@njit(cache=True, error_model="numpy", fastmath=True)
+def _push(
+    a: Array, b: Array, c: Array, d: Array, starts: Array, ends: Array, here: Array, ahead: Array
+) -> None:
+    """Add what torques here and a sample ahead (p,) do to the four states (p,) each."""
+    s0, s1, s2, s3 = starts[0], starts[1], starts[2], starts[3]
+    e0, e1, e2, e3 = ends[0], ends[1], ends[2], ends[3]
+    for i in range(a.size):
+        start, end = here[i], ahead[i]
+        a[i] += s0 * start + e0 * end
+        b[i] += s1 * start + e1 * end
+        c[i] += s2 * start + e2 * end
+        d[i] += s3 * start + e3 * end
+
+
+@njit(cache=True, error_model="numpy", fastmath=True)
+def _turn(tile: Array, rows: Array, down: int, across: int) -> None:
+    """Write the transpose of `tile` to `rows` from [down, across] on."""
+    for i in range(tile.shape[1]):
+        for j in range(tile.shape[0]):
+            rows[down + i, across + j] = tile[j, i]
+
+
+@njit(cache=True, error_model="numpy", fastmath=True)
+def responses(
+    packed: Array, parts: tuple[Array, Array, Array, Array], rows: Array, down: int, across: int
+) -> None:
+    """Write to `rows`, from [down, across] on, what p columns do to the innovations over their deviation, (p, 2n).
+
+    `parts` (n, p) each, or (n, 0) for nothing: torque on motor and load, error of the reported angle and speed.
+    What is carried of a few columns from step to step stays in registers and in the nearest memory.
+    """
+    motor, load, angle, speed = parts
+    count = packed.shape[0]
+    number = max(motor.shape[1], load.shape[1], angle.shape[1], speed.shape[1])
+    driven, pulled, turned, hurried = (
+        motor.shape[1] > 0,
+        load.shape[1] > 0,
+        angle.shape[1] > 0,
+        speed.shape[1] > 0,
+    )
+    a, b, c, d = np.zeros(number), np.zeros(number), np.zeros(number), np.zeros(number)
+    first, second = np.empty(number), np.empty(number)
+    tile = np.empty((2 * TILE, number))
+    for k in range(count):
+        f = packed[k]
+        f0, f1, f2, f3, f4, f5, f6, f7 = f[0], f[1], f[2], f[3], f[4], f[5], f[6], f[7]
+        f8, f9, f10, f11, f12, f13, f14, f15 = f[8], f[9], f[10], f[11], f[12], f[13], f[14], f[15]
+        h0, h1, h2, h3, g0, g1, g2, g3 = f[16], f[17], f[18], f[19], f[20], f[21], f[22], f[23]
+        onto, heavy, weighty = f[40], f[41], f[42]
+        for i in range(number):
+            first[i], second[i] = a[i], b[i]
+        if turned:
+            for i in range(number):
+                first[i] += angle[k, i]
+        if hurried:
+            for i in range(number):
+                second[i] += speed[k, i]
+        at = 2 * (k % TILE)
+        for i in range(number):
+            seen = first[i]
+            later = second[i] - onto * seen
+            tile[at, i], tile[at + 1, i] = heavy * seen, weighty * later
+            a0, b0, c0, d0 = a[i], b[i], c[i], d[i]
+            a[i] = f0 * a0 + f1 * b0 + f2 * c0 + f3 * d0 - h0 * seen - g0 * later
+            b[i] = f4 * a0 + f5 * b0 + f6 * c0 + f7 * d0 - h1 * seen - g1 * later
+            c[i] = f8 * a0 + f9 * b0 + f10 * c0 + f11 * d0 - h2 * seen - g2 * later
+            d[i] = f12 * a0 + f13 * b0 + f14 * c0 + f15 * d0 - h3 * seen - g3 * later
+        if k < count - 1:
+            if driven:
+                _push(a, b, c, d, f[24:28], f[32:36], motor[k], motor[k + 1])
+            if pulled:
+                _push(a, b, c, d, f[28:32], f[36:40], load[k], load[k + 1])
+        if k % TILE == TILE - 1 or k == count - 1:
+            _turn(tile[: at + 2], rows, down, across + 2 * (k - k % TILE))
 
 
 @njit(cache=True, error_model="numpy", fastmath=True)

@@ -6,7 +6,7 @@ A `Model` says what one run's equations are about its states; all else here hold
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import astuple, dataclass, replace
+from dataclasses import dataclass, replace
 from typing import Protocol
 
 import numpy as np
@@ -36,16 +36,26 @@ class Noise:
     speed_rad_s: float
     position_rad: float
     torque_share: float = 0.0  # of the torque, beside what does not depend on it
+    torque_colour: float = 0.0  # correlation of the torque's error with that of the sample before, 0…1
 
     def times(self, factor: float) -> Noise:
         """All of them so many times as large."""
-        return Noise(*(factor * value for value in astuple(self)))
+        return Noise(
+            factor * self.torque_nm,
+            factor * self.speed_rad_s,
+            factor * self.position_rad,
+            factor * self.torque_share,
+            self.torque_colour,
+        )
 
     def moved_from(self, other: Noise) -> float:
         """By how much that one differs which differs most, as a logarithm."""
-        floor = np.array([0.0, 0.0, 0.0, LEAST_SHARE])
-        mine, others = np.array(astuple(self)) + floor, np.array(astuple(other)) + floor
-        return float(np.max(np.abs(np.log(mine / others))))
+        return float(np.max(np.abs(np.log(self._sizes / other._sizes))))
+
+    @property
+    def _sizes(self) -> Array:
+        share = self.torque_share + LEAST_SHARE
+        return np.array([self.torque_nm, self.speed_rad_s, self.position_rad, share])
 
 
 @dataclass(frozen=True, eq=False)
@@ -95,15 +105,24 @@ def problem_of(equations: Equations, noise: Noise, run: Signals) -> kernel.Syste
         power = power + (noise.torque_share * run.load_nm) ** 2
     shaft = [position, speed] if run.rigid else [position, speed, position, speed]
     return kernel.System(
-        equations.transition,
+        coloured(equations, noise),
         equations.forcing,
         equations.noise,
-        power[1:],
+        power[1:] * (1 - noise.torque_colour**2),
         equations.measured,
         np.array([noise.position_rad**2, noise.speed_rad_s**2]),
         equations.first,
         np.array([*shaft, np.sqrt(power[0])]),
     )
+
+
+def coloured(equations: Equations, noise: Noise) -> Array:
+    """The transition (n − 1, s, s) where each error of the torque holds a share of the one before (AR(1))."""
+    if noise.torque_colour == 0:
+        return equations.transition
+    transition = equations.transition.copy()
+    transition[:, :, -1] += noise.torque_colour * equations.noise
+    return transition
 
 
 def first_noise(runs: Sequence[Signals]) -> Noise:
@@ -144,40 +163,39 @@ def likely_noise(
     reach: float,
     span_rad: float,
     *,
-    proportional: bool = False,
+    whole: bool = False,
 ) -> Noise:
     """The sizes of noise that make the innovations most likely.
 
-    `reach`: how far off they may be (log); `span_rad`: the range of angles; `proportional`: a part of the torque's
-    noise may go with the torque. Then the first size is that of its whole, and an angle divides it.
+    `reach`: how far off they may be (log); `span_rad`: the range of angles; `whole`: a part of the torque's noise may
+    go with the torque; then the first size is that of its whole, and an angle divides it. The colour stays.
     """
     finest = max(FINEST * span_rad, 0.5 * max(run.count_rad for run in runs) / np.sqrt(12))
-    usual = (
-        float(np.sqrt(np.mean(np.concatenate([run.load_nm for run in runs]) ** 2))) if proportional else 0.0
-    )
+    usual = float(np.sqrt(np.mean(np.concatenate([run.load_nm for run in runs]) ** 2))) if whole else 0.0
 
     def noise_of(place: Array) -> Noise:
         torque, speed, position = (float(v) for v in np.exp(place[:3]))
-        if not proportional:
-            return Noise(torque, speed, float(max(position, finest)))
+        position = max(position, finest)
+        if not whole:
+            return Noise(torque, speed, position, 0.0, start.torque_colour)
         even, share = torque * abs(float(np.cos(place[3]))), torque * abs(float(np.sin(place[3]))) / usual
-        return Noise(max(even, _LEAST_EVEN * torque), speed, float(max(position, finest)), share)
+        return Noise(max(even, _LEAST_EVEN * torque), speed, position, share, start.torque_colour)
 
     def cost(place: Array) -> float:
         return deviance_of(systems, runs, noise_of(place), scaled=False)
 
-    whole, divided = start.torque_nm, []
-    if proportional:
-        whole = float(np.hypot(whole, start.torque_share * usual))
-        divided = [float(np.arctan2(start.torque_share * usual, start.torque_nm))]
+    torque, further = start.torque_nm, []
+    if whole:
+        torque = float(np.hypot(torque, start.torque_share * usual))
+        further = [float(np.arctan2(start.torque_share * usual, start.torque_nm))]
     # while much is unexplained, the angle's error means nothing and may have gone anywhere: offer a fresh one, too
     starts = [
-        np.concatenate([np.log([whole, start.speed_rad_s, position]), divided])
+        np.concatenate([np.log([torque, start.speed_rad_s, position]), further])
         for position in (max(start.position_rad, finest), max(_ANGLE_ERROR * span_rad, 2 * finest))
     ]
     first = min(starts, key=cost)
     moves = reach * np.diag([-0.7, 0.3, 0.7])
-    if proportional:
+    if whole:
         moves = np.pad(moves, (0, 1))
         moves[3, 3] = 0.6
     best = minimize(

@@ -5,8 +5,12 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from schwung.motion import Array
+
+#: Of columns.
+Numbers = NDArray[np.intp]
 
 
 @dataclass(frozen=True, eq=False)
@@ -35,7 +39,7 @@ class Statistics:
         """As so many times fewer samples would tell."""
         return Statistics(self.gram / ratio, self.slope / ratio, self.square / ratio, self.count / ratio)
 
-    def at(self, which: Array) -> Statistics:
+    def at(self, which: Numbers) -> Statistics:
         """Of these columns alone (indices)."""
         return Statistics(self.gram[np.ix_(which, which)], self.slope[which], self.square, self.count)
 

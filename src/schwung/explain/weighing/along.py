@@ -45,7 +45,9 @@ class Along:
     ranges: Ranges
     number: int  # of the run in the session, from 0
     starts_s: float  # when the motion leaves rest
-    error_nm: Array | float = 0.0  # of the reported torque, as smoothed
+    true_torque: (
+        Array  # as far as it is known: the reported one but for its noise, which would else explain itself
+    )
 
     @property
     def time_s(self) -> Array:
@@ -105,11 +107,6 @@ class Along:
         return self._rate(self.load_speed)
 
     @cached_property
-    def true_torque(self) -> Array:
-        """As reported but for its error, which would else meet itself in the innovations (N·m)."""
-        return np.asarray(self.run.drive.smooth(self.time_s) - self.error_nm)
-
-    @cached_property
     def torque(self) -> Array:
         """The true torque within the band (N·m)."""
         return np.asarray(self.run.quiet(self.true_torque))
@@ -160,11 +157,11 @@ def along(
     present: Machine,
     ranges: Ranges,
     number: int,
-    error_nm: Array | float,
+    true_torque: Array,
 ) -> Along:
     """The coordinates of a run of a session."""
     starts = recorded.motion.start_time_s if recorded.motion is not None else 0.0
-    return Along(run, machine, present, ranges, number, float(starts or 0.0), error_nm)
+    return Along(run, machine, present, ranges, number, float(starts or 0.0), true_torque)
 
 
 def ranges_of(runs: list[Signals], machine: Machine, sticking: float, band_hz: float) -> Ranges:

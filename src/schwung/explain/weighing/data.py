@@ -1,4 +1,8 @@
-"""The whitened dictionary: every shape of every candidate as columns, with what sets of them are compared by."""
+"""The whitened dictionary: every shape of every candidate as columns, with what sets of them are compared by.
+
+A column is a row of one large array, all runs that are fitted one behind another; the array is handed on from round to
+round, for fresh memory is dear. What two columns have in common is worked out when a set first holds both.
+"""
 
 from __future__ import annotations
 
@@ -6,16 +10,18 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
+from numpy.typing import NDArray
 
 from schwung.explain.weighing.candidate import Candidate, Shape
 from schwung.explain.weighing.inexact import error_of
-from schwung.explain.weighing.round import Linearised
-from schwung.innovations.effect import joined
-from schwung.innovations.statistics import Statistics
+from schwung.explain.weighing.present import Member
+from schwung.explain.weighing.round import Cause, Linearised, target_of
+from schwung.innovations.evidence import Beyond
+from schwung.innovations.statistics import Numbers, Statistics
 from schwung.motion import Array
 
-#: Columns that are made room for whenever there is none.
-_ROOM = 64
+#: Room for so many times the columns of the vocabulary, for refined shapes and the errors of laws.
+_ROOM = 2
 
 
 @dataclass(frozen=True, eq=False)
@@ -31,76 +37,86 @@ class Atom:
 
 @dataclass(eq=False)
 class Data:
-    """Columns of all runs, and their statistics over those that are fitted."""
+    """Columns of the runs that are fitted, and their statistics, tempered."""
 
     about: Linearised
+    members: Sequence[Member]  # what is linearised about; the target is as if they were not there
     candidates: Sequence[Candidate]
-    target: list[Array]
     train: Sequence[int]
     excess: float
+    rows: Array  # (room, Σ2n)
+    target: Array  # (Σ2n,)
+    statistics: Statistics  # all columns; of two of different causes only where they have `met`
+    met: NDArray[np.bool_]
     atoms: list[Atom] = field(default_factory=list)
-    store: list[Array] = field(default_factory=list)  # with room for columns to come
-    width: int = 0
+    causes: list[tuple[slice, Cause]] = field(default_factory=list)  # behind all columns, in their order
     errors: dict[tuple[int, Shape], slice | None] = field(default_factory=dict)
-    statistics: Statistics = field(init=False)
 
     @classmethod
     def of(
         cls,
         about: Linearised,
+        members: Sequence[Member],
         candidates: Sequence[Candidate],
-        target: list[Array],
         train: Sequence[int],
         excess: float,
+        memory: Array | None = None,
     ) -> Data:
-        """Whiten every shape of every candidate."""
-        data = cls(about, candidates, target, train, excess)
-        at = 0
-        for index, candidate in enumerate(candidates):
-            for shape in candidate.shapes:
-                data.atoms.append(Atom(index, shape, slice(at, at + candidate.size)))
-                at += candidate.size
-        for passed, where in zip(about.passed, about.alongs, strict=True):
-            effects = [candidates[atom.candidate].effect(where, atom.shape) for atom in data.atoms]
-            data.store.append(passed.whitened(joined(effects, where.speed.size)))
-        data.width = at
-        data.statistics = data.over(train)
+        """Whiten every shape of every candidate; into the `memory` of a former round, which is lost."""
+        every = [(index, shape) for index, c in enumerate(candidates) for shape in c.shapes]
+        room = _ROOM * sum(candidates[index].size for index, _ in every)
+        rows = np.empty((room, about.samples(train))) if memory is None else memory
+        target = target_of(about, members, train)
+        empty = Statistics(
+            np.zeros((room, room)), np.zeros(room), float(target @ target) / excess, target.size / excess
+        )
+        data = cls(
+            about, members, candidates, train, excess, rows, target, empty, np.zeros((room, room), dtype=bool)
+        )
+        wheres = data._stored([(candidates[index], shape) for index, shape in every])
+        data.atoms = [Atom(index, shape, where) for (index, shape), where in zip(every, wheres, strict=True)]
         return data
 
     @property
-    def rows(self) -> list[Array]:
-        """All columns of each run, (2n, P)."""
-        return [stored[:, : self.width] for stored in self.store]
+    def width(self) -> int:
+        """Number of columns."""
+        return self.causes[-1][0].stop if self.causes else 0
 
-    def over(self, runs: Sequence[int]) -> Statistics:
-        """Statistics of some runs, tempered."""
-        rows = self.rows
-        total = Statistics.of(rows[runs[0]], self.target[runs[0]])
-        for run in runs[1:]:
-            total = total + Statistics.of(rows[run], self.target[run])
-        return total.tempered(self.excess)
+    def at(self, which: Numbers) -> Statistics:
+        """Of a set's columns."""
+        self._meet(which)
+        return self.statistics.at(which)
 
-    def part(self, members: Array) -> list[Array]:
-        """These columns of every run that is fitted."""
-        return [self.store[run][:, members] for run in self.train]
+    def beyond(self, which: Numbers, deviations: Array) -> Beyond:
+        """What all columns hold beyond a set's with these prior deviations."""
+        width = self.width
+        missing = ~self.met[which, :width]
+        if missing.any():
+            lone = which[missing.any(axis=1)]
+            columns = np.flatnonzero(missing.any(axis=0))
+            span = slice(int(columns[0]), int(columns[-1]) + 1)
+            self._note(lone, np.arange(span.start, span.stop), self.rows[lone] @ self.rows[span].T)
+        known = self.statistics
+        everything = Statistics(known.gram[:width, :width], known.slope[:width], known.square, known.count)
+        return Beyond.of(everything, which, deviations)
 
-    def beside(
-        self, part: list[Array], both: Statistics, candidate: Candidate, shape: Shape
-    ) -> tuple[Statistics, list[Array]]:
-        """Statistics of columns (`part` and `both`) and, behind them, a candidate in a shape that is no atom yet."""
-        added = self.about.rows(candidate, shape)
-        cross, gram, slope = np.zeros(()), np.zeros(()), np.zeros(())
-        for mine, run in zip(part, self.train, strict=True):
-            cross = cross + mine.T @ added[run]
-            gram = gram + added[run].T @ added[run]
-            slope = slope + added[run].T @ self.target[run]
-        whole = np.block([[both.gram, cross / self.excess], [cross.T / self.excess, gram / self.excess]])
-        stacked = np.concatenate([both.slope, slope / self.excess])
-        return Statistics(whole, stacked, both.square, both.count), added
+    def beside(self, which: Numbers, causes: Sequence[Cause]) -> tuple[Array, Array, Array]:
+        """Of causes that are no atoms yet: their cross products with a set's columns, their own, and their slope."""
+        added = self.about.whitened(causes, self.train)
+        cross = np.concatenate([added @ self.rows[segment].T for segment in _segments(which)], axis=1)
+        return cross / self.excess, added @ added.T / self.excess, added @ self.target / self.excess
+
+    def aside(self, which: Numbers, runs: Sequence[int]) -> Statistics:
+        """Of a set's columns on runs that are not fitted."""
+        starts = {where.start: cause for where, cause in self.causes}
+        causes = [starts[column] for column in which.tolist() if column in starts]
+        rows = self.about.whitened(causes, runs)
+        return Statistics.of(rows.T, target_of(self.about, self.members, runs)).tempered(self.excess)
 
     def append(self, index: int, shape: Shape, refined: float, spread: Shape = ()) -> Atom:
         """Make a shape an atom."""
-        atom = Atom(index, shape, self._appended(self.candidates[index], shape), refined, spread)
+        (where,) = self._stored([(self.candidates[index], shape)])
+        atom = Atom(index, shape, where, refined, spread)
         self.atoms = [*self.atoms, atom]
         return atom
 
@@ -109,17 +125,61 @@ class Data:
         key = (atom.candidate, atom.shape)
         if key not in self.errors:
             error = error_of(self.candidates[atom.candidate])
-            self.errors[key] = None if error is None else self._appended(error, atom.shape)
+            self.errors[key] = None if error is None else self._stored([(error, atom.shape)])[0]
         return self.errors[key]
 
-    def _appended(self, candidate: Candidate, shape: Shape) -> slice:
-        """Columns behind all others."""
-        every = [self.store[run][:, : self.width] for run in self.train]
-        self.statistics, added = self.beside(every, self.statistics, candidate, shape)
-        size, first = added[0].shape[1], self.width
-        if self.store[0].shape[1] < first + size:
-            self.store = [np.pad(old, ((0, 0), (0, _ROOM))) for old in self.store]
-        for stored, new in zip(self.store, added, strict=True):
-            stored[:, first : first + size] = new
-        self.width = first + size
-        return slice(first, self.width)
+    def _stored(self, causes: Sequence[Cause]) -> list[slice]:
+        """Causes as columns behind all others."""
+        wheres: list[slice] = []
+        first = self.width
+        for candidate, _ in causes:
+            begin = wheres[-1].stop if wheres else first
+            wheres.append(slice(begin, begin + candidate.size))
+        self._make_room(wheres[-1].stop)
+        self.about.whiten(causes, self.train, self.rows[first:])
+        self.causes += zip(wheres, causes, strict=True)
+        new = self.rows[first : self.width]
+        self.statistics.slope[first : self.width] = new @ self.target / self.excess
+        for where in wheres:
+            mine = self.rows[where]
+            self._note(np.arange(where.start, where.stop), np.arange(where.start, where.stop), mine @ mine.T)
+        return wheres
+
+    def _make_room(self, width: int) -> None:
+        have = self.rows.shape[0]
+        if width <= have:
+            return
+        more = _ROOM * width - have
+        known = self.statistics
+        self.rows = np.concatenate([self.rows, np.empty((more, self.rows.shape[1]))])
+        self.met = np.pad(self.met, (0, more))
+        self.statistics = Statistics(
+            np.pad(known.gram, (0, more)), np.pad(known.slope, (0, more)), known.square, known.count
+        )
+
+    def _meet(self, which: Numbers) -> None:
+        """Work out what these columns have in common, where it is not known yet; the newest first."""
+        if self.met[np.ix_(which, which)].all():
+            return
+        for mine in reversed(_segments(np.sort(which))):
+            numbers = np.arange(mine.start, mine.stop)
+            lone = which[~self.met[np.ix_(numbers, which)].all(axis=0)]
+            for other in _segments(np.sort(lone)) if lone.size else ():
+                columns = np.arange(other.start, other.stop)
+                self._note(numbers, columns, self.rows[mine] @ self.rows[other].T)
+
+    def _note(self, one: Numbers, other: Numbers, products: Array) -> None:
+        """Keep products of columns (one, other)."""
+        gram = self.statistics.gram
+        gram[np.ix_(one, other)] = products / self.excess
+        gram[np.ix_(other, one)] = products.T / self.excess
+        self.met[np.ix_(one, other)] = True
+        self.met[np.ix_(other, one)] = True
+
+
+def _segments(which: Numbers) -> list[slice]:
+    """Numbers as stretches of successive ones, in their order."""
+    ends = np.flatnonzero(np.diff(which) != 1)
+    starts = np.concatenate([which[:1], which[ends + 1]])
+    stops = np.concatenate([which[ends], which[-1:]]) + 1
+    return [slice(int(start), int(stop)) for start, stop in zip(starts, stops, strict=True)]

@@ -1,57 +1,170 @@
-"""The shape of a cause between the points of its grid: where the evidence is highest, and how sharp it is there."""
+"""The shape of a cause between the points of its grid: where the evidence is highest, and how sharp it is there.
+
+About a shape, columns are polynomials of the shape's numbers: whitened at a few nodes, they are known everywhere
+between them, and so is the evidence. The nodes move with its top, and are drawn together until it is as high as
+they say.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import dataclass
 from functools import partial
+from itertools import product
 
 import numpy as np
+from scipy.linalg import solve_triangular
 from scipy.optimize import minimize
 
 from schwung.explain.weighing.candidate import Candidate, Shape
 from schwung.explain.weighing.data import Atom, Data
-from schwung.innovations.evidence import weigh
+from schwung.innovations.evidence import block_gain, weigh
+from schwung.innovations.statistics import Numbers
 from schwung.motion import Array
 
-#: A shape is refined until its evidence moves by less than this, or so often.
-_SETTLED, _MOST = 0.05, 30
-#: Of the width over which the evidence is measured, as a share of the grid's spacing; halved until it is about one.
+#: A shape is refined until its evidence is known within this.
+_SETTLED = 0.05
+#: Nodes in each of a shape's numbers, by how many of these there are; how often they are laid at most.
+_NODES, _DRAWS = {1: 5, 2: 4}, 10
+#: Half of what the nodes span at first, over the grid's spacing; what it shrinks by.
+_FIRST, _SHRINK = 0.5, 0.3
+#: A shape that was refined before is sought again within so many of its deviations.
+_AGAIN = 4.0
+#: Places in each number that are looked at between the nodes, before the best is improved.
+_PLACES = {1: 33, 2: 9}
+#: Of the width over which the evidence is measured, as a share of the grid's spacing; divided until it is about one.
 _STEP = 0.25
 
 
-def refined(data: Data, atom: Atom, members: Array, deviations: Array, scale: float) -> Atom | None:
+@dataclass(frozen=True, eq=False)
+class _Box:
+    """Columns at the nodes of a box of shapes, with what a set's members explain taken off."""
+
+    centre: Array  # (d,) in spacings from where the search began
+    reach: float  # half of the width
+    gram: Array  # (nodes, p, nodes, p)
+    slope: Array  # (nodes, p)
+    deviations: Array  # (p,)
+    allowed: Callable[[Array], bool]
+
+    def gain(self, moved: Array) -> float:
+        """Log evidence that the columns of a shape add; −∞ where it is none."""
+        away = (moved - self.centre) / self.reach
+        if np.max(np.abs(away)) > 2 or not self.allowed(moved):
+            return -np.inf
+        weights: Array = np.ones(1)
+        for number in away:
+            weights = np.multiply.outer(weights, _lagrange(_points(away.size), float(number))).reshape(-1)
+        nodes, size = self.slope.shape
+        once = (weights @ self.gram.reshape(nodes, -1)).reshape(size, nodes, size)
+        return float(block_gain(weights @ once, weights @ self.slope, self.deviations, (1.0,))[0])
+
+    def top(self) -> Array:
+        """The best shape in the box."""
+        size = self.centre.size
+        each = product(np.linspace(-1.0, 1.0, _PLACES[size]), repeat=size)
+        first = max((self.centre + self.reach * np.array(place) for place in each), key=self.gain)
+        step = 2 * self.reach / (_PLACES[size] - 1)
+        best = minimize(
+            self._cost, first, method="Nelder-Mead",
+            options={"xatol": 0.02 * step, "fatol": 0.1 * _SETTLED,
+                     "initial_simplex": first + 0.4 * step * np.vstack([np.zeros(size), np.eye(size)])},
+        )  # fmt: skip
+        return np.asarray(best.x)
+
+    def _cost(self, moved: Array) -> float:
+        inside = np.max(np.abs(moved - self.centre)) <= self.reach
+        return min(-self.gain(moved), 1e300) if inside else 1e300
+
+
+def refined(data: Data, atom: Atom, members: Numbers, deviations: Array, scale: float) -> Atom | None:
     """An atom of a better shape beside `members`, or None where there is none within bounds.
 
     Its log share of all shapes is that of a Gaussian of the evidence's width among as many shapes as the grid has.
     """
-    candidate = data.candidates[atom.candidate]
-    whole = np.concatenate([deviations, scale * np.array(candidate.deviations)])
-    spacing = np.array(candidate.spacing)
-    start = _coded(candidate, atom.shape)
-    part, both = data.part(members), data.statistics.at(members)
-
-    def log_at(moved: Array) -> float:
-        shape = _decoded(candidate, start + moved * spacing)
-        if any(not low <= value <= high for value, (low, high) in zip(shape, candidate.bounds, strict=True)):
-            return -np.inf
-        return weigh(data.beside(part, both, candidate, shape)[0], whole).log_evidence
-
-    first = log_at(np.zeros(start.size))
-    simplex = 0.4 * np.vstack([np.zeros(start.size), np.eye(start.size)])
-    best = minimize(
-        lambda moved: min(-log_at(moved), 1e300), np.zeros(start.size), method="Nelder-Mead",
-        options={"xatol": 1e-4, "fatol": _SETTLED, "maxfev": _MOST * start.size, "initial_simplex": simplex},
-    )  # fmt: skip
-    if -best.fun <= first:
+    candidate, start = data.candidates[atom.candidate], _coded(data.candidates[atom.candidate], atom.shape)
+    laid = partial(_laid, data, atom, members, deviations, scale)
+    centre, reach = np.zeros(start.size), _reach(candidate, atom)
+    box = laid(centre, reach)
+    first = height = box.gain(centre)
+    for _ in range(_DRAWS):
+        best = box.top()
+        told, edge = box.gain(best), bool(np.max(np.abs(best - centre)) > 0.9 * reach)
+        tried = laid(best, reach if edge else _SHRINK * reach)
+        found = tried.gain(best)
+        if found < height:  # the nodes were too far apart
+            box = laid(centre, reach := _SHRINK * reach)
+            continue
+        centre, reach, height, box = best, tried.reach, found, tried
+        if abs(found - told) < _SETTLED and not edge:
+            break
+    if height <= first + (_SETTLED if atom.refined is not None else 0.0):
         return None
-    shape = _decoded(candidate, start + best.x * spacing)
+    shape = _decoded(candidate, start + centre * np.array(candidate.spacing))
     share, widths = -float(np.log(len(candidate.shapes))), np.zeros(start.size)
     for axis in range(start.size):
-        along = np.eye(start.size)[axis]
-        width = _width(partial(_on_line, log_at, best.x, along), -best.fun)
+        width = _width(partial(_on_line, box.gain, centre, np.eye(start.size)[axis]), height)
         share += min(0.0, float(np.log(np.sqrt(2 * np.pi) * width)))
-        widths[axis] = width * spacing[axis] * (shape[axis] if candidate.logarithmic[axis] else 1.0)
+        widths[axis] = width * _unit(candidate, shape, axis)
     return data.append(atom.candidate, shape, share, tuple(widths.tolist()))
+
+
+def _laid(
+    data: Data, atom: Atom, members: Numbers, deviations: Array, scale: float, centre: Array, reach: float
+) -> _Box:
+    """Nodes about a shape that is `centre` spacings from the atom's."""
+    candidate = data.candidates[atom.candidate]
+    start, spacing = _coded(candidate, atom.shape), np.array(candidate.spacing)
+
+    def shape_at(moved: Array) -> Shape:
+        return _decoded(candidate, start + moved * spacing)
+
+    def allowed(moved: Array) -> bool:
+        ends = zip(shape_at(moved), candidate.bounds, strict=True)
+        return all(low <= value <= high for value, (low, high) in ends)
+
+    places = product(_points(start.size), repeat=start.size)
+    causes = [(candidate, shape_at(centre + reach * np.array(place))) for place in places]
+    cross, gram, slope = data.beside(members, causes)
+    known = weigh(data.at(members), deviations)
+    across = solve_triangular(known.factor, (cross * deviations).T, lower=True, check_finite=False)
+    nodes, size = len(causes), candidate.size
+    return _Box(
+        centre,
+        reach,
+        (gram - across.T @ across).reshape(nodes, size, nodes, size),
+        (slope - cross @ known.coefficients).reshape(nodes, size),
+        scale * np.array(candidate.deviations),
+        allowed,
+    )
+
+
+def _points(numbers: int) -> Array:
+    """Chebyshev's, from −1 to 1."""
+    count = _NODES[numbers]
+    return np.asarray(np.cos(np.pi * (np.arange(count) + 0.5) / count))
+
+
+def _lagrange(points: Array, place: float) -> Array:
+    """Weights of values at points in their polynomial at a place."""
+    away = place - points
+    between = points[:, None] - points
+    np.fill_diagonal(between, 1.0)
+    others = np.where(np.eye(points.size, dtype=bool), 1.0, away)
+    return np.asarray(np.prod(others / between, axis=1))
+
+
+def _reach(candidate: Candidate, atom: Atom) -> float:
+    """Half of what the first nodes span (spacings)."""
+    if not atom.spread:
+        return _FIRST
+    widths = [spread / _unit(candidate, atom.shape, axis) for axis, spread in enumerate(atom.spread)]
+    return min(_FIRST, _AGAIN * max(widths))
+
+
+def _unit(candidate: Candidate, shape: Shape, axis: int) -> float:
+    """One spacing, in the unit of the shape's number."""
+    return candidate.spacing[axis] * (shape[axis] if candidate.logarithmic[axis] else 1.0)
 
 
 def _on_line(log_at: Callable[[Array], float], at: Array, along: Array, far: float) -> float:

@@ -2,19 +2,21 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+from scipy.interpolate import CubicSpline
 
 from schwung.explain.weighing.along import Along, Ranges, along
 from schwung.explain.weighing.candidate import Candidate, Shape
 from schwung.explain.weighing.equations import Acting, equations_of
 from schwung.explain.weighing.known import Known
 from schwung.explain.weighing.present import Member, with_members
-from schwung.innovations.effect import Passed, joined
+from schwung.innovations.effect import Passed
 from schwung.innovations.evidence import Weighed, weigh
 from schwung.innovations.likelihood import Equations, Noise, likely_noise
+from schwung.innovations.low_pass import heard
 from schwung.innovations.signals import Signals
 from schwung.innovations.statistics import Statistics, colour
 from schwung.motion import Array
@@ -26,6 +28,10 @@ FEW = 3
 STRETCH_S = 0.02
 
 
+#: A candidate in one of its shapes.
+Cause = tuple[Candidate, Shape]
+
+
 @dataclass(frozen=True, eq=False)
 class View:
     """The session as a round sees it: recorded and prepared runs, the belief."""
@@ -34,7 +40,7 @@ class View:
     runs: tuple[Signals, ...]
     known: Known
     ranges: Ranges
-    errors_nm: tuple[Array, ...] = ()  # of each run's reported torque, as smoothed
+    torques_nm: tuple[Array, ...]  # of each run, as far as it is known
 
     def alongs(self, members: Sequence[Member]) -> list[Along]:
         """Every run's coordinates, with these members present."""
@@ -47,7 +53,7 @@ class View:
                 present,
                 self.ranges,
                 number,
-                self.errors_nm[number] if self.errors_nm else 0.0,
+                self.torques_nm[number],
             )
             for number, (run, recorded) in enumerate(zip(self.runs, self.recorded, strict=True))
         ]
@@ -76,17 +82,34 @@ class Linearised:
     passed: list[Passed]
     noise: Noise
 
-    def rows(self, candidate: Candidate, shape: Shape) -> list[Array]:
-        """A candidate's columns in one shape as each run's innovations show them, (2n, p) each."""
-        return [
-            one.whitened(candidate.effect(where, shape))
-            for one, where in zip(self.passed, self.alongs, strict=True)
-        ]
+    def samples(self, runs: Sequence[int]) -> int:
+        """Σ2n of some runs."""
+        return sum(self.passed[run].samples for run in runs)
 
-    @property
-    def innovations(self) -> list[Array]:
-        """Of each run, (2n,)."""
-        return [one.innovations for one in self.passed]
+    def whiten(self, causes: Iterable[Cause], runs: Sequence[int], rows: Array) -> None:
+        """Write causes as the innovations of some runs show them, one run behind another, to `rows` (Σp, Σ2n)."""
+        causes, across = list(causes), 0
+        for run in runs:
+            where = self.alongs[run]
+            effects = (candidate.effect(where, shape) for candidate, shape in causes)
+            self.passed[run].whiten(effects, rows, across)
+            across += self.passed[run].samples
+
+    def whitened(self, causes: Iterable[Cause], runs: Sequence[int]) -> Array:
+        """The same in an array of its own."""
+        causes = list(causes)
+        rows = np.empty((sum(candidate.size for candidate, _ in causes), self.samples(runs)))
+        self.whiten(causes, runs, rows)
+        return rows
+
+    def deviance(self, runs: Sequence[int]) -> float:
+        """−2 log likelihood of some runs, but for a constant."""
+        logs = sum(float(np.sum(np.log(self.passed[run].result.variance))) for run in runs)
+        return logs + float(np.sum(self.innovations(runs) ** 2))
+
+    def innovations(self, runs: Sequence[int]) -> Array:
+        """Of some runs, one behind another, (Σ2n,)."""
+        return np.concatenate([self.passed[run].innovations for run in runs])
 
 
 def linearised(view: View, members: Sequence[Member], noise: Noise, reach: float | None) -> Linearised:
@@ -97,7 +120,7 @@ def linearised(view: View, members: Sequence[Member], noise: Noise, reach: float
         few = np.unique(np.round(np.linspace(0, len(made) - 1, FEW)).astype(int))
         equations: list[Equations] = [made[i][0] for i in few]
         these, span = [view.runs[i] for i in few], view.ranges.span_rad
-        noise = likely_noise(equations, these, noise, reach, span, proportional=True)
+        noise = likely_noise(equations, these, noise, reach, span, whole=True)
     passed = [
         Passed.of(equations, steps, noise, run)
         for (equations, steps), run in zip(made, view.runs, strict=True)
@@ -106,11 +129,23 @@ def linearised(view: View, members: Sequence[Member], noise: Noise, reach: float
 
 
 def resmoothed(about: Linearised, members: Sequence[Member]) -> View:
-    """The runs with the states that these members make likely, given the noise."""
+    """The runs with the states that these members make likely, given the noise.
+
+    What the true torque is taken to be stays: were it smoothed about a set, what that set cannot do would be in it, and
+    from there in the set's own columns.
+    """
+    return _resmoothed(about, members)[0]
+
+
+def _resmoothed(about: Linearised, members: Sequence[Member]) -> tuple[View, tuple[Array, ...]]:
+    """And the torque (N·m) of each run, (n,) each, without what is noise of it."""
     later = linearised(about.view, members, about.noise, None)
     states = [one.states() for one in later.passed]
     runs = tuple(replace(run, states=s[:, :-1]) for run, s in zip(about.view.runs, states, strict=True))
-    return replace(about.view, runs=runs, errors_nm=tuple(s[:, -1] for s in states))
+    torques = tuple(
+        run.drive.smooth(run.time_s) - s[:, -1] for run, s in zip(about.view.runs, states, strict=True)
+    )
+    return replace(about.view, runs=runs), torques
 
 
 @dataclass(frozen=True, eq=False)
@@ -119,6 +154,7 @@ class Wide:
 
     noise: Noise
     excess: float  # variance of scores over that of white noise
+    torques_nm: tuple[Array, ...]  # of each run, as far as it is known
 
 
 #: Passes of noise, coefficients and states at most; settled, where no size of noise moves by more than this (log).
@@ -139,42 +175,86 @@ def wide_fit(view: View, candidates: Sequence[Member], noise: Noise, train: Sequ
         about = linearised(view, members, noise, reach)
         moved, noise = about.noise.moved_from(noise), about.noise
         reach = float(np.clip(moved, *_REACHES))
-        rows = [
-            one.whitened(joined([m.candidate.effect(where, m.shape) for m in members], where.speed.size))
-            for one, where in zip(about.passed, about.alongs, strict=True)
-        ]
+        rows = about.whitened([(m.candidate.about(m.coefficients), m.shape) for m in members], train)
         present = np.concatenate([m.coefficients for m in members])
-        target = [e + x @ present for e, x in zip(about.innovations, rows, strict=True)]
-        data = _sum([Statistics.of(rows[i], target[i]) for i in train])
+        target = about.innovations(train) + present @ rows
+        data = Statistics.of(rows.T, target)
         found = _sized(data, members)
-        members, at = [], 0
-        for member in candidates:
-            size = member.candidate.size
-            members.append(replace(member, coefficients=found.coefficients[at : at + size]))
-            at += size
+        members, view, torques = _nearer(about, members, found.coefficients - present, train)
         if moved < _SETTLED or number == _PASSES - 1:
             break
-        view = resmoothed(about, members)
-    rest = [y - x @ found.coefficients for y, x in zip(target, rows, strict=True)]
-    return Wide(noise, excess_of(rows, rest, about, train))
+        view = replace(view, torques_nm=torques)
+    return Wide(noise, excess_of(rows, target - found.coefficients @ rows, about, train), torques)
+
+
+def _nearer(
+    about: Linearised, members: Sequence[Member], step: Array, train: Sequence[int]
+) -> tuple[list[Member], View, tuple[Array, ...]]:
+    """Members a step (P,) on, or so much of it as makes the runs likelier, and the runs about them."""
+    before, at = about.deviance(train), np.cumsum([m.candidate.size for m in members])[:-1]
+    share = 1.0
+    for _ in range(_HALVINGS):
+        tried = [
+            replace(m, coefficients=_within(m, m.coefficients + share * part))
+            for m, part in zip(members, np.split(step, at), strict=True)
+        ]
+        view, torques = _resmoothed(about, tried)
+        if _finite(view) and linearised(view, tried, about.noise, None).deviance(train) < before:
+            return tried, view, torques
+        share /= 2
+    return list(members), *_resmoothed(about, members)
+
+
+def as_heard(view: View, noise: Noise) -> tuple[View, Noise, float]:
+    """The runs with what is expected of their torque, given that so much of it is noise; the noise left in it, and
+    which share that is.
+
+    With all of it, whatever keeps it from the motor (a stiff shaft, a lag) would predict the samples better than the
+    truth does: nothing else in the model knows that a drive's torque is smoother than its report.
+    """
+    runs, left = [], []
+    for run in view.runs:
+        white = float(np.sqrt(noise.torque_nm**2 + np.mean((noise.torque_share * run.load_nm) ** 2)))
+        torque, error, colour = heard(run.drive.smooth(run.time_s), white)
+        runs.append(replace(run, drive=replace(run.drive, smooth=CubicSpline(run.time_s, torque))))
+        left.append((error / white, colour))
+    share, colour = np.mean(left, axis=0)
+    torques = tuple(run.drive.smooth(run.time_s) for run in runs)
+    less = Noise(
+        torque_nm=float(share) * noise.torque_nm,
+        speed_rad_s=noise.speed_rad_s,
+        position_rad=noise.position_rad,
+        torque_share=float(share) * noise.torque_share,
+        torque_colour=float(colour),
+    )
+    return replace(view, runs=tuple(runs), torques_nm=torques), less, float(share)
+
+
+@dataclass(frozen=True, eq=False)
+class Weighing:
+    """What a set is weighed by: the sizes of noise, the runs that are fitted, and the tempering."""
+
+    noise: Noise
+    train: Sequence[int]
+    excess: float
 
 
 @dataclass(frozen=True, eq=False)
 class Settled:
-    """The session about a set whose coefficients have come to rest, and each run's target as if it were not there."""
+    """The session about a set whose coefficients have come to rest, and the set's evidence there (log)."""
 
     about: Linearised
     members: tuple[Member, ...]
-    target: list[Array]
+    log: float
 
 
-def settled(view: View, members: Sequence[Member], noise: Noise, train: Sequence[int]) -> Settled:
+def settled(view: View, members: Sequence[Member], weighing: Weighing) -> Settled:
     """Gauss and Newton over the coefficients of a few members, whose noise is known.
 
     A step that makes the runs less likely is halved: far from the truth, a linear model promises too much.
     """
-    view = resmoothed(linearised(view, members, noise, None), members)
-    at = _stepped(view, members, noise, train)
+    view = resmoothed(linearised(view, members, weighing.noise, None), members)
+    at = _stepped(view, members, weighing)
     for _ in range(_STEPS):
         share, better = 1.0, at
         for _ in range(_HALVINGS):
@@ -182,16 +262,23 @@ def settled(view: View, members: Sequence[Member], noise: Noise, train: Sequence
                 replace(m, coefficients=_within(m, m.coefficients + share * step))
                 for m, step in zip(at.members, at.steps, strict=True)
             ]
-            better = _stepped(resmoothed(at.about, tried), tried, noise, train)
-            if better.cost < at.cost:
-                break
+            view = resmoothed(at.about, tried)
+            if _finite(view):
+                better = _stepped(view, tried, weighing)
+                if better.cost < at.cost:
+                    break
             share /= 2
         if not better.cost < at.cost:
             break
         moved, at = share * at.moved, better
         if moved < _AT_REST:
             break
-    return Settled(at.about, at.members, at.target)
+    return Settled(at.about, at.members, at.log)
+
+
+def _finite(view: View) -> bool:
+    """Whether the machine still moved as machines do: coefficients far off make its numbers run away."""
+    return all(bool(np.all(np.isfinite(run.states))) for run in view.runs)
 
 
 @dataclass(frozen=True, eq=False)
@@ -200,29 +287,30 @@ class _Step:
 
     about: Linearised
     members: tuple[Member, ...]
-    target: list[Array]
     steps: list[Array]
     moved: float  # the largest step, over its deviation
     cost: float
+    log: float
 
 
-def _stepped(view: View, members: Sequence[Member], noise: Noise, train: Sequence[int]) -> _Step:
-    about = linearised(view, members, noise, None)
+def _stepped(view: View, members: Sequence[Member], weighing: Weighing) -> _Step:
+    about = linearised(view, members, weighing.noise, None)
+    train, excess = weighing.train, weighing.excess
     present = np.concatenate([m.coefficients for m in members])
     deviations = np.concatenate([m.deviations for m in members])
-    every = [m.candidate.about(m.coefficients) for m in members]
-    rows = [
-        one.whitened(
-            joined([c.effect(where, m.shape) for c, m in zip(every, members, strict=True)], where.speed.size)
-        )
-        for one, where in zip(about.passed, about.alongs, strict=True)
-    ]
-    target = [e + x @ present for e, x in zip(about.innovations, rows, strict=True)]
-    found = weigh(_sum([Statistics.of(rows[i], target[i]) for i in train]), deviations)
+    rows = about.whitened([(m.candidate.about(m.coefficients), m.shape) for m in members], train)
+    target = about.innovations(train) + present @ rows
+    found = weigh(Statistics.of(rows.T, target).tempered(excess), deviations)
     step, at = found.coefficients - present, np.cumsum([m.candidate.size for m in members])[:-1]
-    cost = sum(about.passed[i].deviance for i in train) + float(np.sum((present / deviations) ** 2))
+    # what dry friction leaves open where the shaft may stick is part of how likely a set is
+    deviance, square = about.deviance(train) / excess, float(np.sum(about.innovations(train) ** 2)) / excess
     return _Step(
-        about, tuple(members), target, np.split(step, at), float(np.max(np.abs(step) / found.spread)), cost
+        about=about,
+        members=tuple(members),
+        steps=np.split(step, at),
+        moved=float(np.max(np.abs(step) / found.spread)),
+        cost=deviance + float(np.sum((present / deviations) ** 2)),
+        log=found.log_evidence - (deviance - square) / 2,
     )
 
 
@@ -236,20 +324,21 @@ def _within(member: Member, coefficients: Array) -> Array:
     return held
 
 
-def excess_of(rows: list[Array], rest: list[Array], about: Linearised, train: Sequence[int]) -> float:
-    """How much more than white noise's the scores of these columns vary, at least 1: the median column's."""
-    every = []
+def target_of(about: Linearised, members: Sequence[Member], runs: Sequence[int]) -> Array:
+    """The innovations of some runs as if the members were not there, (Σ2n,)."""
+    rows = about.whitened([(m.candidate.about(m.coefficients), m.shape) for m in members], runs)
+    return np.asarray(about.innovations(runs) + np.concatenate([m.coefficients for m in members]) @ rows)
+
+
+def excess_of(rows: Array, rest: Array, about: Linearised, train: Sequence[int]) -> float:
+    """How much more than white noise's the scores of these columns (P, Σ2n) vary, at least 1: the median column's."""
+    every, at = [], 0
     for i in train:
         stretch = 2 * max(round(STRETCH_S / about.view.runs[i].step_s), 1)
-        every.append(colour(rows[i], rest[i], stretch))
+        mine = slice(at, at + about.passed[i].samples)
+        every.append(colour(rows[:, mine].T, rest[mine], stretch))
+        at = mine.stop
     return max(1.0, float(np.median(np.mean(every, axis=0))))
-
-
-def _sum(parts: list[Statistics]) -> Statistics:
-    total = parts[0]
-    for part in parts[1:]:
-        total = total + part
-    return total
 
 
 def _sized(data: Statistics, members: Sequence[Member]) -> Weighed:

@@ -17,7 +17,8 @@ from schwung.explain.weighing.candidate import Candidate
 from schwung.explain.weighing.data import Atom, Data
 from schwung.explain.weighing.inexact import SHARES, deviations_of
 from schwung.explain.weighing.refine import refined
-from schwung.innovations.evidence import Beyond, Weighed, weigh
+from schwung.innovations.evidence import Weighed, weigh
+from schwung.innovations.statistics import Numbers
 from schwung.motion import Array
 
 #: So many causes are expected among all that there are.
@@ -57,7 +58,7 @@ class Scored:
     picks: Set
     log: float
     found: Weighed
-    which: Array  # its columns: what is always there, the picks', the errors of their laws
+    which: Numbers  # its columns: what is always there, the picks', the errors of their laws
     deviations: Array
 
 
@@ -83,12 +84,12 @@ class Search:
         """Its candidate's number."""
         return self.data.atoms[pick.atom].candidate
 
-    def columns(self, picks: Set) -> tuple[Array, Array]:
+    def columns(self, picks: Set) -> tuple[Numbers, Array]:
         """Numbers and prior deviations of a set's columns, the errors of its laws among them."""
         scored = self.score(picks)
         return scored.which, scored.deviations
 
-    def _exact(self, picks: Iterable[Pick]) -> tuple[Array, Array]:
+    def _exact(self, picks: Iterable[Pick]) -> tuple[Numbers, Array]:
         """Those without the errors, what is always there first."""
         which, deviations = [], []
         for index in self.always:
@@ -110,13 +111,13 @@ class Search:
             return self.known[picks]
         which, deviations = self._exact(picks)
         first = len(which) - sum(self.candidate(p).size for p in picks)
-        found = weigh(self.data.statistics.at(which), deviations)
+        found = weigh(self.data.at(which), deviations)
         evidence, errors = found.log_evidence, self._errors(picks, found.coefficients[first:])
         if errors is not None:
             where, sizes = errors
             which = np.concatenate([which, where])
             each = [np.concatenate([deviations, share * sizes]) for share in SHARES]
-            statistics = self.data.statistics.at(which)
+            statistics = self.data.at(which)
             weighed = [weigh(statistics, one) for one in each]
             logs = np.array([one.log_evidence for one in weighed])
             top = int(np.argmax(logs))
@@ -129,7 +130,7 @@ class Search:
             self.table[kind] = scored
         return scored
 
-    def _errors(self, picks: Set, coefficients: Array) -> tuple[Array, Array] | None:
+    def _errors(self, picks: Set, coefficients: Array) -> tuple[Numbers, Array] | None:
         """Columns of the errors of a set's laws, and their deviations if they were as large as the laws."""
         which, sizes, at = [], [], 0
         for pick in picks:
@@ -144,11 +145,9 @@ class Search:
 
     def _log(self, picks: Set, found: Weighed, at: int) -> float:
         """Of the prior alone, and of what signs are forbidden."""
-        log, spread = 0.0, found.spread
+        log, spread = self.prior(picks), found.spread
         for pick in picks:
             candidate = self.candidate(pick)
-            log += self.odds + self._shape_log(self.data.atoms[pick.atom], candidate)
-            log -= float(np.log(len(candidate.scales)))
             for i, least in candidate.bounds_below:
                 log += float(log_ndtr((found.coefficients[at + i] - least) / spread[at + i]))
                 log -= float(log_ndtr(-least / (pick.scale * candidate.deviations[i])))
@@ -162,7 +161,7 @@ class Search:
     def additions(self, picks: Set) -> list[tuple[float, Pick]]:
         """The best atom of every candidate that is not in the set, by what it would add, the best first."""
         which, deviations = self.columns(picks)
-        beyond = Beyond.of(self.data.statistics, which, deviations)
+        beyond = self.data.beyond(which, deviations)
         taken = [self.candidate(pick) for pick in picks]
         inside = set(self.always)
         inside |= {i for i, c in enumerate(self.data.candidates) if any(c.excludes(t) for t in taken)}
@@ -187,18 +186,32 @@ class Search:
                 merged[index] = (log, pick)
         return sorted(merged.values(), key=lambda pair: -pair[0])
 
-    def added(self, start: Scored, without: frozenset[int] = frozenset(), most: int = MOST) -> Scored:
-        """Grow a set for as long as that makes it more probable, by so many causes at most."""
+    def added(self, start: Scored, without: frozenset[int] = frozenset()) -> Scored:
+        """Grow a set for as long as that makes it more probable."""
         best = start
-        for _ in range(min(most, MOST - len(start.picks))):
-            offers = [o for o in self.additions(best.picks) if self.index(o[1]) not in without]
-            tried = [self._with(best.picks, pick) for _, pick in offers[:_LOOKED_AT]]
-            tried += self._curves_instead(best.picks, without)
-            top = max(tried, key=lambda scored: scored.log, default=best)
+        for _ in range(MOST - len(start.picks)):
+            top = max(self.offered(best.picks, without), key=lambda scored: scored.log, default=best)
             if top.log <= best.log:
                 break
             best = top
         return best
+
+    def offered(self, picks: Set, without: frozenset[int] = frozenset()) -> list[Scored]:
+        """Sets of one cause more, those that promise most, and curves in place of their cases."""
+        offers = [o for o in self.additions(picks) if self.index(o[1]) not in without]
+        return [
+            *(self._with(picks, pick) for _, pick in offers[:_LOOKED_AT]),
+            *self._curves_instead(picks, without),
+        ]
+
+    def prior(self, picks: Set) -> float:
+        """Log prior of so many causes, in these shapes and sizes."""
+        return sum(
+            self.odds
+            + self._shape_log(self.data.atoms[pick.atom], self.candidate(pick))
+            - float(np.log(len(self.candidate(pick).scales)))
+            for pick in picks
+        )
 
     def _curves_instead(self, picks: Set, without: frozenset[int]) -> list[Scored]:
         """Every curve of which a set holds cases, in their place."""
@@ -237,7 +250,7 @@ class Search:
                 continue
             others = (*scored.picks[:place], *scored.picks[place + 1 :])
             which, deviations = self.columns(others)
-            beyond = Beyond.of(self.data.statistics, which, deviations)
+            beyond = self.data.beyond(which, deviations)
             gains = beyond.gain(
                 self.data.atoms[pick.atom].where, np.array(self.candidate(pick).deviations), scales
             )

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import replace
 
 import numpy as np
 
@@ -11,15 +11,15 @@ from schwung.drivetrain.machine import Machine
 from schwung.explain.proof import split
 from schwung.explain.weighing.along import ranges_of
 from schwung.explain.weighing.candidate import Candidate
-from schwung.explain.weighing.data import Atom, Data
+from schwung.explain.weighing.data import Atom
+from schwung.explain.weighing.growth import Grown, Growth, everything, slices
 from schwung.explain.weighing.known import known
-from schwung.explain.weighing.present import Member
-from schwung.explain.weighing.round import Settled, View, settled, wide_fit
-from schwung.explain.weighing.search import Pick, Scored, Search
+from schwung.explain.weighing.round import View, as_heard, wide_fit
+from schwung.explain.weighing.search import Scored, Search
 from schwung.explain.weighing.values import Named, Parameter, Proof, Unnamed, Weighed
 from schwung.explain.weighing.vocabulary import vocabulary
 from schwung.innovations.evidence import weigh as weigh_columns
-from schwung.innovations.likelihood import first_noise
+from schwung.innovations.likelihood import Noise, first_noise
 from schwung.innovations.signals import signals_of
 from schwung.motion import Array
 from schwung.session.model import Session
@@ -28,23 +28,10 @@ from schwung.session.model import Session
 BAND_HZ, BEYOND_INJECTION = 160.0, 1.8
 #: Within this share of the peak speed the sign of a motion is smoothed; up to a few times that it is open.
 STICKING = 0.002
-#: Rounds of linearising about what was found, at most.
-ROUNDS = 8
-#: Noise that moves by more than this (log), about what was found, is looked at again.
-RENEWED = 0.05
 #: A shape is at its bound within this share of the range.
 _END = 1e-3
 #: Probabilities below this are not told.
 TOLD = 0.01
-#: Causes of one shape that are smooth along any motion, and so are present where the noise is found.
-SMOOTH = ("torque_constant", "torque_lag", "measurement_delay", "coupling_stiffness", "coupling_damping")
-
-
-@dataclass(frozen=True, eq=False)
-class _Outcome:
-    data: Data
-    search: Search
-    best: Scored
 
 
 def weigh(session: Session, machine: Machine) -> Weighed:
@@ -55,98 +42,20 @@ def weigh(session: Session, machine: Machine) -> Weighed:
     band = max([BAND_HZ, *(BEYOND_INJECTION * f for f in exciting)])
     runs = [signals_of(run, machine, band, 0.0) for run in session.runs]
     of = ranges_of(runs, machine, STICKING, band)
-    view = View(session.runs, tuple(runs), known(machine, of.low_rad, of.high_rad), of)
+    torques = tuple(run.drive.smooth(run.time_s) for run in runs)
+    view = View(session.runs, tuple(runs), known(machine, of.low_rad, of.high_rad), of, torques)
     candidates = vocabulary(of, view.known)
     always = tuple(i for i, c in enumerate(candidates) if c.name.startswith("usual"))
-    wide = wide_fit(view, _everything(candidates, ()), first_noise(runs), train)
-    at = settled(view, [_absent(candidates[i]) for i in always], wide.noise, train)
-    picks: tuple[tuple[Atom, float], ...] = ()
-    growing = True
-    for _ in range(ROUNDS):
-        data = Data.of(at.about, _linear(candidates, at), at.target, train, wide.excess)
-        search = Search(data, always)
-        start = search.score(_carried(data, picks))
-        best = search.added(start, most=1) if growing else search.best(start.picks)
-        if best is start:
-            if not growing:
-                break
-            # far from the truth, noise had to be taken for what a linear model could not do
-            nearer = wide_fit(at.about.view, _everything(candidates, at.members), wide.noise, train)
-            growing, wide = nearer.noise.moved_from(wide.noise) > RENEWED, nearer
-            best = start if growing else search.best(start.picks)
-        before, picks = picks, tuple((data.atoms[p.atom], p.scale) for p in best.picks)
-        if not growing and {a.candidate for a, _ in before} == {a.candidate for a, _ in picks}:
-            break
-        at = settled(at.about.view, _members(search, best, candidates), wide.noise, train)
-    if growing:
-        best = search.best(best.picks)
-    return _told(_Outcome(data, search, best), train, parts.heldout)
+    first = wide_fit(view, everything(candidates, ()), first_noise(runs), train)
+    view, noise, share = as_heard(view, first.noise)
+    wide = wide_fit(view, everything(candidates, ()), noise, train)
+    grown = Growth(candidates, always, train, wide).grown(view)
+    left = grown.data.about.noise
+    reported = replace(left, torque_nm=left.torque_nm / share, torque_share=left.torque_share / share)
+    return _told(grown, reported, parts.heldout)
 
 
-def _everything(candidates: Sequence[Candidate], members: Sequence[Member]) -> list[Member]:
-    """The members, and whatever is smooth along any motion."""
-    inside = {(m.candidate.name, m.candidate.coordinate) for m in members}
-    smooth = (c for c in candidates if _smooth(c) and (c.name, c.coordinate) not in inside)
-    return [*members, *(_absent(c) for c in smooth)]
-
-
-def _smooth(candidate: Candidate) -> bool:
-    if candidate.name.startswith("usual"):
-        return True
-    return len(candidate.scales) > 1 or candidate.name in SMOOTH
-
-
-def _carried(data: Data, picks: Sequence[tuple[Atom, float]]) -> tuple[Pick, ...]:
-    """The former round's set in this round's columns."""
-    carried = []
-    for old, scale in picks:
-        same = (i for i, a in enumerate(data.atoms) if (a.candidate, a.shape) == (old.candidate, old.shape))
-        number = next(same, None)
-        if number is None:
-            share = -float(np.log(len(data.candidates[old.candidate].shapes)))
-            data.append(old.candidate, old.shape, share if old.refined is None else old.refined, old.spread)
-            number = len(data.atoms) - 1
-        carried.append(Pick(number, scale))
-    return tuple(carried)
-
-
-def _slices(search: Search, best: Scored) -> list[slice]:
-    at = sum(search.data.candidates[i].size for i in search.always)
-    result = []
-    for pick in best.picks:
-        size = search.candidate(pick).size
-        result.append(slice(at, at + size))
-        at += size
-    return result
-
-
-def _absent(candidate: Candidate) -> Member:
-    """With coefficients of nothing."""
-    return Member(candidate, candidate.shapes[0], np.zeros(candidate.size), np.array(candidate.deviations))
-
-
-def _linear(candidates: Sequence[Candidate], at: Settled) -> list[Candidate]:
-    """All candidates, those that are present linear about their coefficients."""
-    present = {m.candidate.name: m.coefficients for m in at.members if m.candidate.bent is not None}
-    return [c.about(present[c.name]) if c.bent and c.name in present else c for c in candidates]
-
-
-def _members(search: Search, best: Scored, candidates: Sequence[Candidate]) -> list[Member]:
-    """The set, and what is always there, with its coefficients."""
-    result, at = [], 0
-    for index in search.always:
-        candidate = candidates[index]
-        coefficients = best.found.coefficients[at : at + candidate.size]
-        result.append(Member(candidate, candidate.shapes[0], coefficients, np.array(candidate.deviations)))
-        at += candidate.size
-    for pick, where in zip(best.picks, _slices(search, best), strict=True):
-        candidate, shape = candidates[search.index(pick)], search.data.atoms[pick.atom].shape
-        deviations = pick.scale * np.array(candidate.deviations)
-        result.append(Member(candidate, shape, best.found.coefficients[where], deviations))
-    return result
-
-
-def _told(outcome: _Outcome, train: Sequence[int], heldout: Sequence[int]) -> Weighed:
+def _told(outcome: Grown, noise: Noise, heldout: Sequence[int]) -> Weighed:
     search, data = outcome.search, outcome.data
     shares = search.shares()
     names: dict[str, float] = {}
@@ -175,9 +84,9 @@ def _told(outcome: _Outcome, train: Sequence[int], heldout: Sequence[int]) -> We
         unnamed=tuple(unnamed),
         runner_up=tuple(sorted(search.candidate(pick).name for pick in second[1].picks)),
         runner_up_probability=second[0],
-        noise=data.about.noise,
+        noise=noise,
         excess=data.excess,
-        proof=_proof(outcome, train, heldout) if heldout else None,
+        proof=_proof(outcome, heldout) if heldout else None,
         notes=tuple(f"{name} only fits at the end of its range, and is not named" for name in sorted(ends)),
     )
 
@@ -191,7 +100,7 @@ def _worth(search: Search, best: Scored, name: str) -> float:
 def _parameters(search: Search, name: str) -> dict[str, Parameter]:
     """Of a name in the most probable set that holds it; intervals from the coefficients' deviations."""
     for _, scored in search.shares():
-        for pick, where in zip(scored.picks, _slices(search, scored), strict=True):
+        for pick, where in zip(scored.picks, slices(search, scored), strict=True):
             candidate = search.candidate(pick)
             if candidate.name != name:
                 continue
@@ -239,7 +148,7 @@ def _at_bound(search: Search, name: str) -> bool:
 def _rms(search: Search, name: str) -> float:
     """Torque of a curve along all runs (N·m), in the most probable set that holds it."""
     for _, scored in search.shares():
-        for pick, where in zip(scored.picks, _slices(search, scored), strict=True):
+        for pick, where in zip(scored.picks, slices(search, scored), strict=True):
             candidate = search.candidate(pick)
             if candidate.name == name:
                 shape, total = search.data.atoms[pick.atom].shape, []
@@ -250,15 +159,14 @@ def _rms(search: Search, name: str) -> float:
     return 0.0
 
 
-def _proof(outcome: _Outcome, train: Sequence[int], heldout: Sequence[int]) -> Proof:
+def _proof(outcome: Grown, heldout: Sequence[int]) -> Proof:
     """The best set's and the bare belief's predictions of the motions kept aside."""
     data, search = outcome.data, outcome.search
-    aside, whole = data.over(heldout), data.over([*train, *heldout])
     logs, missed = [], []
     for picks in ((), outcome.best.picks):
         which, deviations = search.columns(picks)
-        fitted = weigh_columns(data.statistics.at(which), deviations)
-        both = weigh_columns(whole.at(which), deviations)
+        seen, aside = data.at(which), data.aside(which, heldout)
+        fitted, both = weigh_columns(seen, deviations), weigh_columns(seen + aside, deviations)
         logs.append(both.log_evidence - fitted.log_evidence)
-        missed.append(float(np.sqrt(aside.at(which).missed(fitted.coefficients) / aside.count)))
+        missed.append(float(np.sqrt(aside.missed(fitted.coefficients) / aside.count)))
     return Proof(tuple(heldout), (logs[1] - logs[0]) / aside.count, *missed)

@@ -1,0 +1,172 @@
+"""Sets of causes grown one cause at a time, everything linearised anew about each.
+
+The few that promise most by the linear model are each brought to rest, and their evidence there decides: of twenty
+floors of a wrong stiffness a late torque explains, to first order, more than the stiffness does.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from schwung.explain.weighing.candidate import Candidate
+from schwung.explain.weighing.data import Atom, Data
+from schwung.explain.weighing.present import Member
+from schwung.explain.weighing.round import Settled, View, Weighing, Wide, settled, wide_fit
+from schwung.explain.weighing.search import Pick, Scored, Search
+from schwung.motion import Array
+
+#: Rounds of linearising about what was found, at most.
+ROUNDS = 10
+#: Noise that moves by more than this (log), about what was found, is looked at again.
+RENEWED = 0.05
+#: Causes of one shape that are smooth along any motion, and so are present where the noise is found.
+SMOOTH = ("torque_constant", "torque_lag", "measurement_delay", "coupling_stiffness", "coupling_damping")
+
+#: Sets that are brought to rest each round.
+_TRIED = 3
+
+
+@dataclass(frozen=True, eq=False)
+class Grown:
+    """The most probable set and all that were visited, linearised about it."""
+
+    data: Data
+    search: Search
+    best: Scored
+
+
+@dataclass(eq=False)
+class Growth:
+    """One session's."""
+
+    candidates: Sequence[Candidate]
+    always: tuple[int, ...]  # candidates that are in every set
+    train: Sequence[int]
+    wide: Wide
+    memory: Array | None = None
+
+    def grown(self, view: View) -> Grown:
+        """From nothing but what is always there."""
+        nothing = [absent(self.candidates[i]) for i in self.always]
+        at = settled(replace(view, torques_nm=self.wide.torques_nm), nothing, self._weighing)
+        picks: tuple[tuple[Atom, float], ...] = ()
+        growing = True
+        for _ in range(ROUNDS):
+            search = self._search(at)
+            start = search.score(_carried(search.data, picks))
+            if growing:
+                taken = self._further(search, start, at)
+                if taken is not None:
+                    best, at = taken
+                    picks = _kept(search, best)
+                    continue
+                growing = self._renewed(at)
+                if growing:
+                    view = replace(at.about.view, torques_nm=self.wide.torques_nm)
+                    at = settled(view, at.members, self._weighing)
+                    continue
+            best = search.best(start.picks)
+            if {search.index(p) for p in best.picks} == {search.index(p) for p in start.picks}:
+                break
+            picks = _kept(search, best)
+            at = settled(at.about.view, members_of(search, best, self.candidates), self._weighing)
+        else:
+            search = self._search(at)
+            best = search.best(_carried(search.data, picks))
+        return Grown(search.data, search, best)
+
+    @property
+    def _weighing(self) -> Weighing:
+        return Weighing(self.wide.noise, self.train, self.wide.excess)
+
+    def _search(self, at: Settled) -> Search:
+        present = {m.candidate.name: m.coefficients for m in at.members if m.candidate.bent is not None}
+        linear = [c.about(present[c.name]) if c.bent and c.name in present else c for c in self.candidates]
+        data = Data.of(at.about, at.members, linear, self.train, self.wide.excess, self.memory)
+        self.memory = data.rows
+        return Search(data, self.always)
+
+    def _further(self, search: Search, start: Scored, at: Settled) -> tuple[Scored, Settled] | None:
+        """The best set of one cause more, at rest; None where none is more probable than the one at hand."""
+        offered = [one for one in search.offered(start.picks) if one.log > start.log]
+        offered.sort(key=lambda one: -one.log)
+        best, top = None, at.log + search.prior(start.picks)
+        for one in offered[:_TRIED]:
+            tried = settled(at.about.view, members_of(search, one, self.candidates), self._weighing)
+            log = tried.log + search.prior(one.picks)
+            if log > top:
+                best, top = (one, tried), log
+        return best
+
+    def _renewed(self, at: Settled) -> bool:
+        """Whether noise found about what is present differs: far from the truth, noise had to be taken for what a
+        linear model could not do."""
+        nearer = wide_fit(at.about.view, everything(self.candidates, at.members), self.wide.noise, self.train)
+        moved = nearer.noise.moved_from(self.wide.noise)
+        self.wide = nearer
+        return moved > RENEWED
+
+
+def absent(candidate: Candidate) -> Member:
+    """With coefficients of nothing."""
+    return Member(candidate, candidate.shapes[0], np.zeros(candidate.size), np.array(candidate.deviations))
+
+
+def everything(candidates: Sequence[Candidate], members: Sequence[Member]) -> list[Member]:
+    """The members, and whatever is smooth along any motion."""
+    inside = {(m.candidate.name, m.candidate.coordinate) for m in members}
+    smooth = (c for c in candidates if _smooth(c) and (c.name, c.coordinate) not in inside)
+    return [*members, *(absent(c) for c in smooth)]
+
+
+def _smooth(candidate: Candidate) -> bool:
+    if candidate.name.startswith("usual"):
+        return True
+    return len(candidate.scales) > 1 or candidate.name in SMOOTH
+
+
+def slices(search: Search, best: Scored) -> list[slice]:
+    """Where each pick's coefficients are among a set's."""
+    at = sum(search.data.candidates[i].size for i in search.always)
+    result = []
+    for pick in best.picks:
+        size = search.candidate(pick).size
+        result.append(slice(at, at + size))
+        at += size
+    return result
+
+
+def members_of(search: Search, best: Scored, candidates: Sequence[Candidate]) -> list[Member]:
+    """What is always there, and the set, with its coefficients; `candidates`: as they are about nothing."""
+    result, at = [], 0
+    for index in search.always:
+        candidate = candidates[index]
+        coefficients = best.found.coefficients[at : at + candidate.size]
+        result.append(Member(candidate, candidate.shapes[0], coefficients, np.array(candidate.deviations)))
+        at += candidate.size
+    for pick, where in zip(best.picks, slices(search, best), strict=True):
+        candidate, shape = candidates[search.index(pick)], search.data.atoms[pick.atom].shape
+        deviations = pick.scale * np.array(candidate.deviations)
+        result.append(Member(candidate, shape, best.found.coefficients[where], deviations))
+    return result
+
+
+def _kept(search: Search, best: Scored) -> tuple[tuple[Atom, float], ...]:
+    return tuple((search.data.atoms[pick.atom], pick.scale) for pick in best.picks)
+
+
+def _carried(data: Data, picks: Sequence[tuple[Atom, float]]) -> tuple[Pick, ...]:
+    """The former round's set in this round's columns."""
+    carried = []
+    for old, scale in picks:
+        same = (i for i, a in enumerate(data.atoms) if (a.candidate, a.shape) == (old.candidate, old.shape))
+        number = next(same, None)
+        if number is None:
+            share = -float(np.log(len(data.candidates[old.candidate].shapes)))
+            data.append(old.candidate, old.shape, share if old.refined is None else old.refined, old.spread)
+            number = len(data.atoms) - 1
+        carried.append(Pick(number, scale))
+    return tuple(carried)
