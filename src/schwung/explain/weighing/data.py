@@ -99,6 +99,14 @@ class Data:
         everything = Statistics(known.gram[:width, :width], known.slope[:width], known.square, known.count)
         return Beyond.of(everything, which, deviations)
 
+    def gain(
+        self, which: Numbers, deviations: Array, where: slice, own: Array, scales: Sequence[float]
+    ) -> Array:
+        """Log evidence that columns add to a set's, with their `own` prior deviations times each of the scales."""
+        both = self.at(np.concatenate([which, np.arange(where.start, where.stop)]))
+        beyond = Beyond.of(both, np.arange(which.size), deviations)
+        return beyond.gain(slice(which.size, both.slope.size), own, scales)
+
     def beside(self, which: Numbers, causes: Sequence[Cause]) -> tuple[Array, Array, Array]:
         """Of causes that are no atoms yet: their cross products with a set's columns, their own, and their slope."""
         added = self.about.whitened(causes, self.train)

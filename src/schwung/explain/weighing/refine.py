@@ -27,7 +27,7 @@ _SETTLED = 0.05
 #: Nodes in each of a shape's numbers, by how many of these there are; how often they are laid at most.
 _NODES, _DRAWS = {1: 5, 2: 4}, 10
 #: Half of what the nodes span at first, over the grid's spacing; what it shrinks by.
-_FIRST, _SHRINK = 0.5, 0.3
+_FIRST, _SHRINK = 0.5, 0.1
 #: A shape that was refined before is sought again within so many of its deviations.
 _AGAIN = 4.0
 #: Places in each number that are looked at between the nodes, before the best is improved.
@@ -90,6 +90,8 @@ def refined(data: Data, atom: Atom, members: Numbers, deviations: Array, scale: 
     for _ in range(_DRAWS):
         best = box.top()
         told, edge = box.gain(best), bool(np.max(np.abs(best - centre)) > 0.9 * reach)
+        if told < height + _SETTLED:
+            break
         tried = laid(best, reach if edge else _SHRINK * reach)
         found = tried.gain(best)
         if found < height:  # the nodes were too far apart

@@ -125,12 +125,11 @@ def linearised(view: View, members: Sequence[Member], noise: Noise, reach: float
     return Linearised(view, alongs, passed, noise)
 
 
-def resmoothed(about: Linearised, members: Sequence[Member]) -> View:
+def resmoothed(view: View, members: Sequence[Member], noise: Noise) -> View:
     """The runs with the states that these members make likely, given the noise."""
-    later = linearised(about.view, members, about.noise, None)
-    states = [one.states() for one in later.passed]
-    runs = tuple(replace(run, states=s[:, :-1]) for run, s in zip(about.view.runs, states, strict=True))
-    return replace(about.view, runs=runs, errors_nm=tuple(s[:, -1] for s in states))
+    states = [one.states() for one in linearised(view, members, noise, None).passed]
+    runs = tuple(replace(run, states=s[:, :-1]) for run, s in zip(view.runs, states, strict=True))
+    return replace(view, runs=runs, errors_nm=tuple(s[:, -1] for s in states))
 
 
 @dataclass(frozen=True, eq=False)
@@ -169,14 +168,14 @@ def wide_fit(view: View, candidates: Sequence[Member], noise: Noise, train: Sequ
             at += size
         if moved < _SETTLED or number == _PASSES - 1:
             break
-        view = resmoothed(about, members)
+        view = resmoothed(view, members, noise)
     return Wide(noise, excess_of(rows, target - found.coefficients @ rows, about, train))
 
 
 def about_set(view: View, members: Sequence[Member], noise: Noise) -> Linearised:
     """The session about a few members alone, whose noise is known."""
     for _ in range(2):
-        view = resmoothed(linearised(view, members, noise, None), members)
+        view = resmoothed(view, members, noise)
     return linearised(view, members, noise, None)
 
 

@@ -238,10 +238,8 @@ class Search:
                 continue
             others = (*scored.picks[:place], *scored.picks[place + 1 :])
             which, deviations = self.columns(others)
-            beyond = self.data.beyond(which, deviations)
-            gains = beyond.gain(
-                self.data.atoms[pick.atom].where, np.array(self.candidate(pick).deviations), scales
-            )
+            own = np.array(self.candidate(pick).deviations)
+            gains = self.data.gain(which, deviations, self.data.atoms[pick.atom].where, own, scales)
             new = Pick(pick.atom, scales[int(np.argmax(gains))])
             if new != pick:
                 moved = self.score((*scored.picks[:place], new, *scored.picks[place + 1 :]))
