@@ -105,7 +105,7 @@ class Data:
         """Log evidence that columns add to a set's, with their `own` prior deviations times each of the scales."""
         both = self.at(np.concatenate([which, np.arange(where.start, where.stop)]))
         beyond = Beyond.of(both, np.arange(which.size), deviations)
-        return beyond.gain(slice(which.size, both.slope.size), own, scales)
+        return np.asarray(beyond.gains([slice(which.size, both.slope.size)], own, scales)[0])
 
     def beside(self, which: Numbers, causes: Sequence[Cause]) -> tuple[Array, Array, Array]:
         """Of causes that are no atoms yet: their cross products with a set's columns, their own, and their slope."""

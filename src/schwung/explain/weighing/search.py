@@ -70,6 +70,7 @@ class Search:
     always: tuple[int, ...]  # candidates that are in every set
     table: dict[frozenset[int], Scored] = field(default_factory=dict)
     known: dict[Set, Scored] = field(default_factory=dict)
+    closely: dict[tuple[Set, Pick], Scored] = field(default_factory=dict)  # what `_with` found
 
     def __post_init__(self) -> None:
         free = len({c.name for i, c in enumerate(self.data.candidates) if i not in self.always})
@@ -171,16 +172,13 @@ class Search:
         for index, group in groupby(enumerate(self.data.atoms), lambda pair: pair[1].candidate):
             if index in inside:
                 continue
-            candidate, best, logs = self.data.candidates[index], (-np.inf, Pick(0, 1.0)), []
-            for number, atom in group:
-                scales = candidate.scales
-                gains = beyond.gain(atom.where, np.array(candidate.deviations), scales)
-                gains = gains + self.odds + self._shape_log(atom, candidate) - np.log(len(scales))
-                top = int(np.argmax(gains))
-                logs.append(logsumexp(gains))
-                if gains[top] > best[0]:
-                    best = (float(gains[top]), Pick(number, scales[top]))
-            found.append((logsumexp(np.array(logs)), best[1]))
+            candidate, numbered = self.data.candidates[index], list(group)
+            scales, own = candidate.scales, np.array(candidate.deviations)
+            gains = beyond.gains([atom.where for _, atom in numbered], own, scales)
+            shares = np.array([self._shape_log(atom, candidate) for _, atom in numbered])
+            gains = gains + self.odds + shares[:, None] - np.log(len(scales))
+            row, size = np.unravel_index(int(np.argmax(gains)), gains.shape)
+            found.append((logsumexp(gains), Pick(numbered[row][0], scales[size])))
         merged: dict[int, tuple[float, Pick]] = {}
         for log, pick in found:
             index = self.index(pick)
@@ -213,10 +211,12 @@ class Search:
 
     def _with(self, picks: Set, pick: Pick) -> Scored:
         """One more, in its best shape and sizes all about."""
-        scored = self.score((*picks, pick))
-        if self.candidate(pick).spacing:
-            scored = self.shaped(scored, len(picks))
-        return self.sized(scored)
+        if (picks, pick) not in self.closely:
+            scored = self.score((*picks, pick))
+            if self.candidate(pick).spacing:
+                scored = self.shaped(scored, len(picks))
+            self.closely[picks, pick] = self.sized(scored)
+        return self.closely[picks, pick]
 
     def shaped(self, scored: Scored, place: int) -> Scored:
         """With the shape of one of its picks refined, where that is better."""
