@@ -53,7 +53,7 @@ class Effect:
 
 
 #: Columns that are whitened together: what is carried of them stays in the nearest memory.
-_TOGETHER = 64
+_TOGETHER = 32
 
 
 @dataclass(frozen=True, eq=False)

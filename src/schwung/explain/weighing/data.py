@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from schwung.explain.weighing.candidate import Candidate, Shape
 from schwung.explain.weighing.inexact import error_of
 from schwung.explain.weighing.round import Cause, Linearised, Member, target_of
+from schwung.explain.weighing.work import Work
 from schwung.innovations.evidence import Beyond
 from schwung.innovations.statistics import Numbers, Statistics
 from schwung.motion import Array
@@ -75,6 +76,11 @@ class Data:
         wheres = data._stored([(candidates[index], shape) for index, shape in every])
         data.atoms = [Atom(index, shape, where) for (index, shape), where in zip(every, wheres, strict=True)]
         return data
+
+    @property
+    def work(self) -> Work:
+        """That was done for the session."""
+        return self.about.view.work
 
     @property
     def width(self) -> int:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -11,6 +11,7 @@ from schwung.explain.weighing.along import Along, Ranges, along
 from schwung.explain.weighing.candidate import Candidate, Shape
 from schwung.explain.weighing.equations import Acting, equations_of
 from schwung.explain.weighing.known import Known
+from schwung.explain.weighing.work import LINEARISED, Work
 from schwung.innovations.effect import Passed
 from schwung.innovations.evidence import Weighed, weigh
 from schwung.innovations.likelihood import Equations, Noise, likely_noise
@@ -47,6 +48,7 @@ class View:
     known: Known
     ranges: Ranges
     errors_nm: tuple[Array, ...] = ()  # of each run's reported torque, as smoothed
+    work: Work = field(default_factory=Work)  # that was done since the session was first looked at
 
     def alongs(self) -> list[Along]:
         """Every run's coordinates."""
@@ -96,6 +98,7 @@ class Linearised:
             effects = (candidate.effect(where, shape) for candidate, shape in causes)
             self.passed[run].whiten(effects, rows, across)
             across += self.passed[run].samples
+        self.view.work.add(across * sum(candidate.size for candidate, _ in causes))
 
     def whitened(self, causes: Iterable[Cause], runs: Sequence[int]) -> Array:
         """The same in an array of its own."""
@@ -122,6 +125,7 @@ def linearised(view: View, members: Sequence[Member], noise: Noise, reach: float
         Passed.of(equations, steps, noise, run)
         for (equations, steps), run in zip(made, view.runs, strict=True)
     ]
+    view.work.add(LINEARISED * sum(one.samples for one in passed))
     return Linearised(view, alongs, passed, noise)
 
 

@@ -17,6 +17,7 @@ from schwung.explain.weighing.candidate import Candidate
 from schwung.explain.weighing.data import Atom, Data
 from schwung.explain.weighing.inexact import SHARES, deviations_of
 from schwung.explain.weighing.refine import refined
+from schwung.explain.weighing.work import SCORED
 from schwung.innovations.evidence import Weighed, weigh
 from schwung.innovations.statistics import Numbers
 from schwung.motion import Array
@@ -110,6 +111,7 @@ class Search:
         """The set's log probability; the best one of each kind is kept in the table."""
         if picks in self.known:
             return self.known[picks]
+        self.data.work.add(SCORED)
         which, deviations = self._exact(picks)
         first = len(which) - sum(self.candidate(p).size for p in picks)
         found = weigh(self.data.at(which), deviations)
@@ -190,6 +192,8 @@ class Search:
         """Grow a set for as long as that makes it more probable, by so many causes at most."""
         best = start
         for _ in range(min(most, MOST - len(start.picks))):
+            if self.data.work.spent:
+                break
             offers = [o for o in self.additions(best.picks) if self.index(o[1]) not in without]
             tried = [self._with(best.picks, pick) for _, pick in offers[:_LOOKED_AT]]
             tried += self._curves_instead(best.picks, without)
@@ -256,8 +260,10 @@ class Search:
                 less = self.sized(self.score(others))
                 best = max(best, less, self.added(less, frozenset({self.index(pick)})), key=lambda s: s.log)
             for place, pick in enumerate(best.picks):
-                if self.candidate(pick).spacing:
+                if self.candidate(pick).spacing and not self.data.work.spent:
                     best = self.shaped(best, place)
+            if self.data.work.spent:
+                break
             if best.log > before:
                 continue
             self._neighbours(best)
@@ -269,13 +275,13 @@ class Search:
     def _neighbours(self, best: Scored) -> None:
         """Whatever is one step away is in the table, too."""
         for gain, pick in self.additions(best.picks)[: 2 * _LOOKED_AT]:
-            if gain > -_HOPELESS:
+            if gain > -_HOPELESS and not self.data.work.spent:
                 self._with(best.picks, pick)
         for pick in best.picks:
             others = tuple(other for other in best.picks if other != pick)
             less = self.score(others)
             for gain, instead in self.additions(others)[: 2 * _LOOKED_AT]:
-                if less.log + gain > best.log - _HOPELESS:
+                if less.log + gain > best.log - _HOPELESS and not self.data.work.spent:
                     self._with(others, instead)
 
     def shares(self) -> list[tuple[float, Scored]]:

@@ -31,6 +31,7 @@ STICKING = 0.002
 ROUNDS = 8
 #: A shape is at its bound within this share of the range.
 _END = 1e-3
+_UNFINISHED = "the search ended before all was tried: probabilities are those of what was"
 #: Probabilities below this are not told.
 TOLD = 0.01
 #: Causes of one shape that are smooth along any motion, and so are present where the noise is found.
@@ -74,6 +75,8 @@ def weigh(session: Session, machine: Machine) -> Weighed:
             growing, best = False, search.best(start.picks)
         before, picks = picks, tuple((data.atoms[p.atom], p.scale) for p in best.picks)
         if not growing and {a.candidate for a, _ in before} == {a.candidate for a, _ in picks}:
+            break
+        if view.work.spent:
             break
         members = _members(search, best)
         about = about_set(about.view, members, about.noise)
@@ -158,7 +161,10 @@ def _told(outcome: _Outcome, heldout: Sequence[int]) -> Weighed:
         noise=data.about.noise,
         excess=data.excess,
         proof=_proof(outcome, heldout) if heldout else None,
-        notes=tuple(f"{name} only fits at the end of its range, and is not named" for name in sorted(ends)),
+        notes=(
+            *(f"{name} only fits at the end of its range, and is not named" for name in sorted(ends)),
+            *((_UNFINISHED,) if data.work.spent else ()),
+        ),
     )
 
 
