@@ -1,10 +1,11 @@
 """How long does weighing take? Sessions of 24 runs × 5000 samples, beside the former explanation.
 
-    python benchmarks/weigh_speed.py [--only friction] [--rate 2000] [--alone] [--profile]
+    python benchmarks/weigh_speed.py [--only friction] [--alone] [--profile]
 
-The motions of benchmarks/explain_speed.py, recorded longer; what they conceal has a name or none. Of each session the
-processor seconds of `weigh`, of `explain`, and their ratio; a short session before pays for compiling. `--profile` says
-where `weigh` spends them.
+What has a plain answer is recorded on benchmarks/strangers.py's machine (six motion times, every second of 8000 ticks a
+second), the rest with the motions of benchmarks/explain_speed.py and long rests. Of each session the processor seconds
+of `weigh`, of `explain`, and their ratio; a short session before pays for compiling. `--profile` says where `weigh`
+spends them.
 """
 
 from __future__ import annotations
@@ -14,9 +15,10 @@ import cProfile
 import pstats
 import time
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
+from typing import TypeVar
 
 from explain_speed import session
+from strangers import STRANGERS, Stranger, belief_of, session_of
 
 from schwung.drivetrain.machine import Machine
 from schwung.explain.explain import explain
@@ -24,6 +26,7 @@ from schwung.explain.weighing.values import Weighed
 from schwung.explain.weighing.weigh import weigh
 from schwung.session.model import Session
 
+T = TypeVar("T")
 SAMPLES, SHORT = 5000, 1200
 #: Processor seconds allowed: where one name is the answer, where everything is tried, and in no case more.
 LIMIT_S, WIDE_LIMIT_S, WORST_S = 20.0, 40.0, 90.0
@@ -31,34 +34,46 @@ LIMIT_S, WIDE_LIMIT_S, WORST_S = 20.0, 40.0, 90.0
 SHOWN = 30
 
 
-@dataclass(frozen=True)
-class Concealed:
-    """What a session hides, and the processor seconds that it may take."""
-
-    named: str = ""
-    foreign: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
-    limit_s: float = LIMIT_S
+#: Motion times (s) of strangers' sessions: with rests 4440 to 5720 samples, 5000 in the middle.
+TIMES_S = (0.37, 0.4, 0.43, 0.46, 0.49, 0.53)
 
 
-SESSIONS = {
-    "nothing": Concealed(),
-    "friction": Concealed("coulomb_friction"),
-    "two": Concealed("load_inertia,cogging"),
-    "play": Concealed("backlash", limit_s=WIDE_LIMIT_S),
-    "presliding": Concealed(
-        foreign={"dahl_presliding": {"torque_nm": 6.0, "stiffness_nm_rad": 8.0}}, limit_s=WIDE_LIMIT_S
+def stranger(hidden: Stranger) -> tuple[Session, Machine]:
+    """On the machine that shares no formula with the tool."""
+    return session_of(hidden, 0, times=TIMES_S), belief_of(hidden)
+
+
+def rested(conceal: str, **foreign: Mapping[str, float]) -> tuple[Session, Machine]:
+    """On the virtual machine room's, with long rests; `foreign` has no name."""
+    return session(conceal, samples=SAMPLES, foreign=foreign)
+
+
+#: What each session hides, and the processor seconds that it may take.
+SESSIONS: Mapping[str, tuple[Callable[[], tuple[Session, Machine]], float]] = {
+    "nothing": (lambda: stranger(STRANGERS[0]), LIMIT_S),
+    "friction": (
+        lambda: stranger(Stranger("dry friction", ("coulomb_friction",), (0.8, 0.0, 0.0, 0.0))),
+        LIMIT_S,
     ),
-    "foreign": Concealed(
-        foreign={"hysteretic_coupling": {"torque_nm": 20.0, "stiffness_nm_rad": 6e3}}, limit_s=WIDE_LIMIT_S
+    "inertia": (lambda: stranger(STRANGERS[6]), LIMIT_S),
+    "two": (lambda: rested("load_inertia,cogging"), WIDE_LIMIT_S),
+    "play": (lambda: rested("backlash"), WIDE_LIMIT_S),
+    "presliding": (
+        lambda: rested("", dahl_presliding={"torque_nm": 6.0, "stiffness_nm_rad": 8.0}),
+        WIDE_LIMIT_S,
+    ),
+    "foreign": (
+        lambda: rested("", hysteretic_coupling={"torque_nm": 20.0, "stiffness_nm_rad": 6e3}),
+        WIDE_LIMIT_S,
     ),
 }
 
 
-def spent(what: Callable[[], object]) -> float:
-    """Processor seconds."""
+def spent(way: Callable[[Session, Machine], T], recorded: Session, machine: Machine) -> tuple[float, T]:
+    """Processor seconds, and the answer."""
     began = time.process_time()
-    what()
-    return time.process_time() - began
+    answer = way(recorded, machine)
+    return time.process_time() - began, answer
 
 
 def told(found: Weighed) -> str:
@@ -82,8 +97,6 @@ def main() -> None:
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
     parser.add_argument("--only", choices=tuple(SESSIONS))
-    parser.add_argument("--rate", type=float, default=4000.0, help="samples a second")
-    parser.add_argument("--samples", type=int, default=SAMPLES, help="of each run")
     parser.add_argument("--alone", action="store_true", help="without the former explanation")
     parser.add_argument("--profile", action="store_true")
     options = parser.parse_args()
@@ -92,20 +105,17 @@ def main() -> None:
     if not options.alone:
         explain(*short)
     for name in [options.only] if options.only else SESSIONS:
-        hidden = SESSIONS[name]
-        recorded, machine = session(
-            hidden.named, samples=options.samples, rate_hz=options.rate, foreign=hidden.foreign
-        )
+        recording, limit = SESSIONS[name]
+        recorded, machine = recording()
         if options.profile:
             profiled(recorded, machine)
             continue
-        answers: list[Weighed] = []
-        mine = spent(lambda: answers.append(weigh(recorded, machine)))  # noqa: B023  (called at once)
-        line = f"{name:11}{mine:6.1f} s of {hidden.limit_s:.0f} s"
+        mine, found = spent(weigh, recorded, machine)
+        line = f"{name:11}{mine:6.1f} s of {limit:.0f} s"
         if not options.alone:
-            former = spent(lambda: explain(recorded, machine))  # noqa: B023
+            former, _ = spent(explain, recorded, machine)
             line += f", formerly {former:6.1f} s, ratio {mine / former:.2f}"
-        print(f"{line}: {told(answers[0])}", flush=True)
+        print(f"{line}: {told(found)}", flush=True)
 
 
 if __name__ == "__main__":

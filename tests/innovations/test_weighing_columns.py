@@ -42,7 +42,7 @@ def test_what_a_block_adds_is_the_difference_of_two_evidences(drawn, where):
     members = np.arange(3)
     data = Statistics.of(rows, target)
     scales = (0.2, 1.0, 5.0)
-    gains = Beyond.of(data, members, deviations[:3]).gain(where, deviations[where], scales)
+    (gains,) = Beyond.of(data, members, deviations[:3]).gains([where], deviations[where], scales)
     for scale, gain in zip(scales, gains, strict=True):
         both = [*members, *range(where.start, where.stop)]
         prior = np.concatenate([deviations[:3], scale * deviations[where]])

@@ -7,6 +7,7 @@ import io
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
 
 import numpy as np
@@ -48,14 +49,18 @@ class InertiaTable:
     def at(self, position_rad: Array) -> Array:
         """J_l (kg·m²) at the given angles (rad)."""
         inside = np.clip(position_rad, self.position_rad[0], self.position_rad[-1])
-        return np.asarray(PchipInterpolator(self.position_rad, self.inertia_kgm2)(inside), dtype=float)
+        return np.asarray(self._curve(inside), dtype=float)
 
     def slope_at(self, position_rad: Array) -> Array:
         """dJ_l/dθ (kg·m²/rad) at the given angles (rad); 0 outside the table."""
         inside = (position_rad >= self.position_rad[0]) & (position_rad <= self.position_rad[-1])
-        slope = PchipInterpolator(self.position_rad, self.inertia_kgm2).derivative()
+        slope = self._curve.derivative()
         clipped = np.clip(position_rad, self.position_rad[0], self.position_rad[-1])
         return np.where(inside, slope(clipped), 0.0)
+
+    @cached_property
+    def _curve(self) -> PchipInterpolator:
+        return PchipInterpolator(self.position_rad, self.inertia_kgm2)
 
 
 def slider_crank_inertia(

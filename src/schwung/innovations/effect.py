@@ -34,12 +34,12 @@ class Effect:
         """The four, in their order."""
         return self.on_motor, self.on_load, self.position, self.speed
 
-    @property
+    @cached_property
     def count(self) -> int:
         """p."""
         return next(int(part.shape[1]) for part in self.parts if part is not None)
 
-    @property
+    @cached_property
     def kind(self) -> tuple[bool, ...]:
         """Which of the four there are."""
         return tuple(part is not None for part in self.parts)
@@ -53,7 +53,7 @@ class Effect:
 
 
 #: Columns that are whitened together: what is carried of them stays in the nearest memory.
-_TOGETHER = 64
+_TOGETHER = 32
 
 
 @dataclass(frozen=True, eq=False)

@@ -73,23 +73,26 @@ class Beyond:
         slope = data.slope - set_of.coefficients @ data.gram[members]
         return cls(data, across, slope)
 
-    def gain(self, where: slice, deviations: Array, scales: Sequence[float]) -> Array:
-        """Log evidence that the columns of a block add, with its deviations (p,) times each of the scales."""
-        part = self.across[:, where]
-        return block_gain(self.data.gram[where, where] - part.T @ part, self.slope[where], deviations, scales)
+    def gains(self, wheres: Sequence[slice], deviations: Array, scales: Sequence[float]) -> Array:
+        """Log evidence that each of some blocks of p columns adds, their deviations (p,) times each of the scales.
+
+        (blocks, scales).
+        """
+        which = np.array([np.arange(where.start, where.stop) for where in wheres])
+        part = self.across[:, which].transpose(1, 0, 2)  # (blocks, A, p)
+        gram = self.data.gram[which[:, :, None], which[:, None, :]] - part.transpose(0, 2, 1) @ part
+        return block_gains(gram, self.slope[which], deviations, scales)
 
 
-def block_gain(gram: Array, slope: Array, deviations: Array, scales: Sequence[float]) -> Array:
-    """Log evidence that columns add to nothing, with prior deviations (p,) times each of the scales."""
+def block_gains(gram: Array, slope: Array, deviations: Array, scales: Sequence[float]) -> Array:
+    """Log evidence that blocks of columns (b, p, p), (b, p) add to nothing, (b, scales); see `Beyond.gains`."""
     gram = gram * deviations[:, None] * deviations
     slope = deviations * slope
-    if slope.size == 1:
-        heights = np.square(scales) * max(float(gram[0, 0]), 0.0)
-        pulls = np.square(scales) * slope[0] ** 2
-        return np.asarray(0.5 * pulls / (1 + heights) - 0.5 * np.log1p(heights))
-    values, vectors = np.linalg.eigh(gram)
-    values, turned = np.maximum(values, 0.0), (vectors.T @ slope) ** 2
-    squares = np.square(scales)[:, None]
-    return np.asarray(
-        0.5 * np.sum(squares * turned / (1 + squares * values) - np.log1p(squares * values), axis=1)
-    )
+    if deviations.size == 1:
+        values, turned = gram[:, :, 0], slope**2
+    else:
+        values, vectors = np.linalg.eigh(gram)
+        turned = (slope[:, None, :] @ vectors)[:, 0] ** 2
+    values, squares = np.maximum(values, 0.0)[:, None], np.square(scales)[:, None]
+    each = squares * turned[:, None] / (1 + squares * values) - np.log1p(squares * values)
+    return np.asarray(0.5 * np.sum(each, axis=2))

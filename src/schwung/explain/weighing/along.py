@@ -104,7 +104,7 @@ class Along:
 
     @cached_property
     def load_acceleration(self) -> Array:
-        return self._rate(self.load_speed)
+        return self.run.load_acceleration
 
     @cached_property
     def torque(self) -> Array:

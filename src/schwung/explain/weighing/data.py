@@ -16,6 +16,7 @@ from schwung.explain.weighing.candidate import Candidate, Shape
 from schwung.explain.weighing.inexact import error_of
 from schwung.explain.weighing.present import Member
 from schwung.explain.weighing.round import Cause, Linearised, target_of
+from schwung.explain.weighing.work import Work
 from schwung.innovations.evidence import Beyond
 from schwung.innovations.statistics import Numbers, Statistics
 from schwung.motion import Array
@@ -78,6 +79,11 @@ class Data:
         return data
 
     @property
+    def work(self) -> Work:
+        """That was done for the session."""
+        return self.about.view.work
+
+    @property
     def width(self) -> int:
         """Number of columns."""
         return self.causes[-1][0].stop if self.causes else 0
@@ -99,6 +105,14 @@ class Data:
         known = self.statistics
         everything = Statistics(known.gram[:width, :width], known.slope[:width], known.square, known.count)
         return Beyond.of(everything, which, deviations)
+
+    def gain(
+        self, which: Numbers, deviations: Array, where: slice, own: Array, scales: Sequence[float]
+    ) -> Array:
+        """Log evidence that columns add to a set's, with their `own` prior deviations times each of the scales."""
+        both = self.at(np.concatenate([which, np.arange(where.start, where.stop)]))
+        beyond = Beyond.of(both, np.arange(which.size), deviations)
+        return np.asarray(beyond.gains([slice(which.size, both.slope.size)], own, scales)[0])
 
     def beside(self, which: Numbers, causes: Sequence[Cause]) -> tuple[Array, Array, Array]:
         """Of causes that are no atoms yet: their cross products with a set's columns, their own, and their slope."""

@@ -56,6 +56,9 @@ class Growth:
         growing = True
         for _ in range(ROUNDS):
             search = self._search(at)
+            if search.data.work.spent:
+                best = search.score(_carried(search.data, picks))
+                break
             start = search.score(_carried(search.data, picks))
             if growing:
                 taken = self._further(search, start, at)

@@ -24,10 +24,14 @@ class Known:
     machine: Machine
     effects: Effects
     table: LoadTorqueTable | None
+    nothing: bool = False  # is known
 
     def effect(self, along: Along) -> Effect:
         """One column: all that is known, and what is known of the reporting."""
         e = self.effects
+        if self.nothing:
+            none = np.zeros((along.speed.size, 1))
+            return Effect(none, none, none, none)
         on_motor, on_load = _torques(
             e, along.angle, along.load_angle, along.speed, along.time_s, along.motion_time_s,
             along.share, along.ranges.sticking_rad_s,
@@ -90,4 +94,4 @@ def known(machine: Machine, low_rad: float, high_rad: float) -> Known:
             torque_table=load.torque_table,
         )
     plain = machine.model_copy(update={"coupling": coupling, "load": load, "physics": ()})
-    return Known(plain, e, load_torque_table(machine.physics))
+    return Known(plain, e, load_torque_table(machine.physics), not machine.physics)

@@ -18,7 +18,7 @@ from scipy.optimize import minimize
 
 from schwung.explain.weighing.candidate import Candidate, Shape
 from schwung.explain.weighing.data import Atom, Data
-from schwung.innovations.evidence import block_gain, weigh
+from schwung.innovations.evidence import block_gains, weigh
 from schwung.innovations.statistics import Numbers
 from schwung.motion import Array
 
@@ -27,9 +27,11 @@ _SETTLED = 0.05
 #: Nodes in each of a shape's numbers, by how many of these there are; how often they are laid at most.
 _NODES, _DRAWS = {1: 5, 2: 4}, 10
 #: Half of what the nodes span at first, over the grid's spacing; what it shrinks by.
-_FIRST, _SHRINK = 0.5, 0.3
+_FIRST, _SHRINK = 0.5, 0.1
 #: A shape that was refined before is sought again within so many of its deviations.
 _AGAIN = 4.0
+#: Beyond so many times their reach the nodes say nothing.
+_TRUSTED = 2.0
 #: Places in each number that are looked at between the nodes, before the best is improved.
 _PLACES = {1: 33, 2: 9}
 #: Of the width over which the evidence is measured, as a share of the grid's spacing; divided until it is about one.
@@ -48,22 +50,31 @@ class _Box:
     allowed: Callable[[Array], bool]
 
     def gain(self, moved: Array) -> float:
-        """Log evidence that the columns of a shape add; −∞ where it is none."""
-        away = (moved - self.centre) / self.reach
-        if np.max(np.abs(away)) > 2 or not self.allowed(moved):
-            return -np.inf
-        weights: Array = np.ones(1)
-        for number in away:
-            weights = np.multiply.outer(weights, _lagrange(_points(away.size), float(number))).reshape(-1)
-        nodes, size = self.slope.shape
-        once = (weights @ self.gram.reshape(nodes, -1)).reshape(size, nodes, size)
-        return float(block_gain(weights @ once, weights @ self.slope, self.deviations, (1.0,))[0])
+        """Log evidence that the columns of a shape (d,) add; −∞ where it is none."""
+        return float(self.gains(moved[None])[0])
+
+    def gains(self, moved: Array) -> Array:
+        """Of several shapes (m, d), (m,)."""
+        away, size = (moved - self.centre) / self.reach, self.deviations.size
+        weights: Array = np.ones((away.shape[0], 1))
+        for numbers in away.T:
+            each = _lagrange(_points(self.centre.size), numbers)
+            weights = (weights[:, :, None] * each[:, None]).reshape(away.shape[0], -1)
+        nodes = weights.shape[1]
+        once = (weights @ self.gram.reshape(nodes, -1)).reshape(-1, size, nodes, size)
+        gram = np.einsum("mn,mpnq->mpq", weights, once)
+        found = block_gains(gram, weights @ self.slope, self.deviations, (1.0,))[:, 0]
+        near = np.max(np.abs(away), axis=1) <= _TRUSTED
+        return np.where(
+            [ok and self.allowed(one) for ok, one in zip(near, moved, strict=True)], found, -np.inf
+        )
 
     def top(self) -> Array:
         """The best shape in the box."""
         size = self.centre.size
-        each = product(np.linspace(-1.0, 1.0, _PLACES[size]), repeat=size)
-        first = max((self.centre + self.reach * np.array(place) for place in each), key=self.gain)
+        each = np.array(list(product(np.linspace(-1.0, 1.0, _PLACES[size]), repeat=size)))
+        places = self.centre + self.reach * each
+        first = places[int(np.argmax(self.gains(places)))]
         step = 2 * self.reach / (_PLACES[size] - 1)
         best = minimize(
             self._cost, first, method="Nelder-Mead",
@@ -90,6 +101,8 @@ def refined(data: Data, atom: Atom, members: Numbers, deviations: Array, scale: 
     for _ in range(_DRAWS):
         best = box.top()
         told, edge = box.gain(best), bool(np.max(np.abs(best - centre)) > 0.9 * reach)
+        if told < height + _SETTLED:
+            break
         tried = laid(best, reach if edge else _SHRINK * reach)
         found = tried.gain(best)
         if found < height:  # the nodes were too far apart
@@ -145,13 +158,12 @@ def _points(numbers: int) -> Array:
     return np.asarray(np.cos(np.pi * (np.arange(count) + 0.5) / count))
 
 
-def _lagrange(points: Array, place: float) -> Array:
-    """Weights of values at points in their polynomial at a place."""
-    away = place - points
-    between = points[:, None] - points
-    np.fill_diagonal(between, 1.0)
-    others = np.where(np.eye(points.size, dtype=bool), 1.0, away)
-    return np.asarray(np.prod(others / between, axis=1))
+def _lagrange(points: Array, places: Array) -> Array:
+    """Weights of values at points (k,) in their polynomial at places (m,), (m, k)."""
+    own = np.eye(points.size, dtype=bool)
+    between = np.where(own, 1.0, points[:, None] - points)
+    others = np.where(own, 1.0, (places[:, None] - points)[:, None])
+    return np.asarray(np.prod(others / between, axis=2))
 
 
 def _reach(candidate: Candidate, atom: Atom) -> float:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from scipy.interpolate import CubicSpline
@@ -13,6 +13,7 @@ from schwung.explain.weighing.candidate import Candidate, Shape
 from schwung.explain.weighing.equations import Acting, equations_of
 from schwung.explain.weighing.known import Known
 from schwung.explain.weighing.present import Member, with_members
+from schwung.explain.weighing.work import LINEARISED, Work
 from schwung.innovations.effect import Passed
 from schwung.innovations.evidence import Weighed, weigh
 from schwung.innovations.likelihood import Equations, Noise, likely_noise
@@ -41,6 +42,7 @@ class View:
     known: Known
     ranges: Ranges
     torques_nm: tuple[Array, ...]  # of each run, as far as it is known
+    work: Work = field(default_factory=Work)  # that was done since the session was first looked at
 
     def alongs(self, members: Sequence[Member]) -> list[Along]:
         """Every run's coordinates, with these members present."""
@@ -94,6 +96,7 @@ class Linearised:
             effects = (candidate.effect(where, shape) for candidate, shape in causes)
             self.passed[run].whiten(effects, rows, across)
             across += self.passed[run].samples
+        self.view.work.add(across * sum(candidate.size for candidate, _ in causes))
 
     def whitened(self, causes: Iterable[Cause], runs: Sequence[int]) -> Array:
         """The same in an array of its own."""
@@ -125,27 +128,25 @@ def linearised(view: View, members: Sequence[Member], noise: Noise, reach: float
         Passed.of(equations, steps, noise, run)
         for (equations, steps), run in zip(made, view.runs, strict=True)
     ]
+    view.work.add(LINEARISED * sum(one.samples for one in passed))
     return Linearised(view, alongs, passed, noise)
 
 
-def resmoothed(about: Linearised, members: Sequence[Member]) -> View:
+def resmoothed(view: View, members: Sequence[Member], noise: Noise) -> View:
     """The runs with the states that these members make likely, given the noise.
 
     What the true torque is taken to be stays: were it smoothed about a set, what that set cannot do would be in it, and
     from there in the set's own columns.
     """
-    return _resmoothed(about, members)[0]
+    return _resmoothed(view, members, noise)[0]
 
 
-def _resmoothed(about: Linearised, members: Sequence[Member]) -> tuple[View, tuple[Array, ...]]:
+def _resmoothed(view: View, members: Sequence[Member], noise: Noise) -> tuple[View, tuple[Array, ...]]:
     """And the torque (N·m) of each run, (n,) each, without what is noise of it."""
-    later = linearised(about.view, members, about.noise, None)
-    states = [one.states() for one in later.passed]
-    runs = tuple(replace(run, states=s[:, :-1]) for run, s in zip(about.view.runs, states, strict=True))
-    torques = tuple(
-        run.drive.smooth(run.time_s) - s[:, -1] for run, s in zip(about.view.runs, states, strict=True)
-    )
-    return replace(about.view, runs=runs), torques
+    states = [one.states() for one in linearised(view, members, noise, None).passed]
+    runs = tuple(replace(run, states=s[:, :-1]) for run, s in zip(view.runs, states, strict=True))
+    torques = tuple(run.drive.smooth(run.time_s) - s[:, -1] for run, s in zip(view.runs, states, strict=True))
+    return replace(view, runs=runs), torques
 
 
 @dataclass(frozen=True, eq=False)
@@ -198,11 +199,11 @@ def _nearer(
             replace(m, coefficients=_within(m, m.coefficients + share * part))
             for m, part in zip(members, np.split(step, at), strict=True)
         ]
-        view, torques = _resmoothed(about, tried)
+        view, torques = _resmoothed(about.view, tried, about.noise)
         if _finite(view) and linearised(view, tried, about.noise, None).deviance(train) < before:
             return tried, view, torques
         share /= 2
-    return list(members), *_resmoothed(about, members)
+    return list(members), *_resmoothed(about.view, members, about.noise)
 
 
 def as_heard(view: View, noise: Noise) -> tuple[View, Noise, float]:
@@ -253,7 +254,7 @@ def settled(view: View, members: Sequence[Member], weighing: Weighing) -> Settle
 
     A step that makes the runs less likely is halved: far from the truth, a linear model promises too much.
     """
-    view = resmoothed(linearised(view, members, weighing.noise, None), members)
+    view = resmoothed(view, members, weighing.noise)
     at = _stepped(view, members, weighing)
     for _ in range(_STEPS):
         share, better = 1.0, at
@@ -262,7 +263,7 @@ def settled(view: View, members: Sequence[Member], weighing: Weighing) -> Settle
                 replace(m, coefficients=_within(m, m.coefficients + share * step))
                 for m, step in zip(at.members, at.steps, strict=True)
             ]
-            view = resmoothed(at.about, tried)
+            view = resmoothed(at.about.view, tried, weighing.noise)
             if _finite(view):
                 better = _stepped(view, tried, weighing)
                 if better.cost < at.cost:

@@ -17,6 +17,7 @@ from schwung.explain.weighing.candidate import Candidate
 from schwung.explain.weighing.data import Atom, Data
 from schwung.explain.weighing.inexact import SHARES, deviations_of
 from schwung.explain.weighing.refine import refined
+from schwung.explain.weighing.work import SCORED
 from schwung.innovations.evidence import Weighed, weigh
 from schwung.innovations.statistics import Numbers
 from schwung.motion import Array
@@ -70,6 +71,7 @@ class Search:
     always: tuple[int, ...]  # candidates that are in every set
     table: dict[frozenset[int], Scored] = field(default_factory=dict)
     known: dict[Set, Scored] = field(default_factory=dict)
+    closely: dict[tuple[Set, Pick], Scored] = field(default_factory=dict)  # what `_with` found
 
     def __post_init__(self) -> None:
         free = len({c.name for i, c in enumerate(self.data.candidates) if i not in self.always})
@@ -109,6 +111,7 @@ class Search:
         """The set's log probability; the best one of each kind is kept in the table."""
         if picks in self.known:
             return self.known[picks]
+        self.data.work.add(SCORED)
         which, deviations = self._exact(picks)
         first = len(which) - sum(self.candidate(p).size for p in picks)
         found = weigh(self.data.at(which), deviations)
@@ -169,16 +172,13 @@ class Search:
         for index, group in groupby(enumerate(self.data.atoms), lambda pair: pair[1].candidate):
             if index in inside:
                 continue
-            candidate, best, logs = self.data.candidates[index], (-np.inf, Pick(0, 1.0)), []
-            for number, atom in group:
-                scales = candidate.scales
-                gains = beyond.gain(atom.where, np.array(candidate.deviations), scales)
-                gains = gains + self.odds + self._shape_log(atom, candidate) - np.log(len(scales))
-                top = int(np.argmax(gains))
-                logs.append(logsumexp(gains))
-                if gains[top] > best[0]:
-                    best = (float(gains[top]), Pick(number, scales[top]))
-            found.append((logsumexp(np.array(logs)), best[1]))
+            candidate, numbered = self.data.candidates[index], list(group)
+            scales, own = candidate.scales, np.array(candidate.deviations)
+            gains = beyond.gains([atom.where for _, atom in numbered], own, scales)
+            shares = np.array([self._shape_log(atom, candidate) for _, atom in numbered])
+            gains = gains + self.odds + shares[:, None] - np.log(len(scales))
+            row, size = np.unravel_index(int(np.argmax(gains)), gains.shape)
+            found.append((logsumexp(gains), Pick(numbered[row][0], scales[size])))
         merged: dict[int, tuple[float, Pick]] = {}
         for log, pick in found:
             index = self.index(pick)
@@ -190,6 +190,8 @@ class Search:
         """Grow a set for as long as that makes it more probable."""
         best = start
         for _ in range(MOST - len(start.picks)):
+            if self.data.work.spent:
+                break
             top = max(self.offered(best.picks, without), key=lambda scored: scored.log, default=best)
             if top.log <= best.log:
                 break
@@ -225,10 +227,12 @@ class Search:
 
     def _with(self, picks: Set, pick: Pick) -> Scored:
         """One more, in its best shape and sizes all about."""
-        scored = self.score((*picks, pick))
-        if self.candidate(pick).spacing:
-            scored = self.shaped(scored, len(picks))
-        return self.sized(scored)
+        if (picks, pick) not in self.closely:
+            scored = self.score((*picks, pick))
+            if self.candidate(pick).spacing:
+                scored = self.shaped(scored, len(picks))
+            self.closely[picks, pick] = self.sized(scored)
+        return self.closely[picks, pick]
 
     def shaped(self, scored: Scored, place: int) -> Scored:
         """With the shape of one of its picks refined, where that is better."""
@@ -250,10 +254,8 @@ class Search:
                 continue
             others = (*scored.picks[:place], *scored.picks[place + 1 :])
             which, deviations = self.columns(others)
-            beyond = self.data.beyond(which, deviations)
-            gains = beyond.gain(
-                self.data.atoms[pick.atom].where, np.array(self.candidate(pick).deviations), scales
-            )
+            own = np.array(self.candidate(pick).deviations)
+            gains = self.data.gain(which, deviations, self.data.atoms[pick.atom].where, own, scales)
             new = Pick(pick.atom, scales[int(np.argmax(gains))])
             if new != pick:
                 moved = self.score((*scored.picks[:place], new, *scored.picks[place + 1 :]))
@@ -270,8 +272,10 @@ class Search:
                 less = self.sized(self.score(others))
                 best = max(best, less, self.added(less, frozenset({self.index(pick)})), key=lambda s: s.log)
             for place, pick in enumerate(best.picks):
-                if self.candidate(pick).spacing:
+                if self.candidate(pick).spacing and not self.data.work.spent:
                     best = self.shaped(best, place)
+            if self.data.work.spent:
+                break
             if best.log > before:
                 continue
             self._neighbours(best)
@@ -283,13 +287,13 @@ class Search:
     def _neighbours(self, best: Scored) -> None:
         """Whatever is one step away is in the table, too."""
         for gain, pick in self.additions(best.picks)[: 2 * _LOOKED_AT]:
-            if gain > -_HOPELESS:
+            if gain > -_HOPELESS and not self.data.work.spent:
                 self._with(best.picks, pick)
         for pick in best.picks:
             others = tuple(other for other in best.picks if other != pick)
             less = self.score(others)
             for gain, instead in self.additions(others)[: 2 * _LOOKED_AT]:
-                if less.log + gain > best.log - _HOPELESS:
+                if less.log + gain > best.log - _HOPELESS and not self.data.work.spent:
                     self._with(others, instead)
 
     def shares(self) -> list[tuple[float, Scored]]:

@@ -30,6 +30,7 @@ BAND_HZ, BEYOND_INJECTION = 160.0, 1.8
 STICKING = 0.002
 #: A shape is at its bound within this share of the range.
 _END = 1e-3
+_UNFINISHED = "the search ended before all was tried: probabilities are those of what was"
 #: Probabilities below this are not told.
 TOLD = 0.01
 
@@ -87,7 +88,10 @@ def _told(outcome: Grown, noise: Noise, heldout: Sequence[int]) -> Weighed:
         noise=noise,
         excess=data.excess,
         proof=_proof(outcome, heldout) if heldout else None,
-        notes=tuple(f"{name} only fits at the end of its range, and is not named" for name in sorted(ends)),
+        notes=(
+            *(f"{name} only fits at the end of its range, and is not named" for name in sorted(ends)),
+            *((_UNFINISHED,) if data.work.spent else ()),
+        ),
     )
 
 

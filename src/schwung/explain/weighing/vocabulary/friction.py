@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from schwung.drivetrain.compiled import compiled
 from schwung.explain.weighing.along import Along, Ranges
 from schwung.explain.weighing.candidate import LADDER, NATURAL, Candidate, Curve, Shape, column, grid
 from schwung.explain.weighing.known import Known
@@ -19,10 +20,14 @@ from schwung.motion import Array
 OPEN = 6.0
 
 
+@compiled
 def bump(away: Array, width: float) -> Array:
     """A raised cosine, 1 in the middle, `width` from end to end."""
-    share = np.clip(away / width, -0.5, 0.5)
-    return np.asarray(0.5 + 0.5 * np.cos(2 * np.pi * share))
+    high = np.zeros_like(away)
+    for i in range(away.size):
+        if abs(away[i]) < 0.5 * width:
+            high[i] = 0.5 + 0.5 * np.cos(2 * np.pi * away[i] / width)
+    return high
 
 
 def _coulomb(along: Along, _shape: Shape) -> Effect:

@@ -6,6 +6,8 @@ a further mass: −J₃ · H · α on the load, H = (2ζω₃ s + ω₃²)/(s² 
 
 from __future__ import annotations
 
+from functools import lru_cache
+
 import numpy as np
 from scipy.linalg import expm
 
@@ -34,12 +36,18 @@ def _cubic(along: Along, _shape: Shape) -> Effect:
     return between(column(along.twist**3))
 
 
+@lru_cache(maxsize=256)
+def _swing(rate: float, ratio: float, step_s: float) -> Array:
+    """What a step does to the further mass's angle and speed, and what its drive adds, (3, 3)."""
+    whole = np.zeros((3, 3))
+    whole[:2, :2] = [[0.0, 1.0], [-(rate**2), -2 * ratio * rate]]
+    whole[1, 2] = 1.0
+    return np.asarray(expm(whole * step_s))
+
+
 def _third_mass(along: Along, shape: Shape) -> Effect:
     rate, ratio = shape
-    system = np.array([[0.0, 1.0], [-(rate**2), -2 * ratio * rate]])
-    whole = np.zeros((3, 3))
-    whole[:2, :2], whole[1, 2] = system, 1.0
-    step = expm(whole * along.run.step_s)
+    step = _swing(rate, ratio, along.run.step_s)
     states = kernel.driven(step[:2, :2], step[:2, 2], along.load_acceleration)
     return Effect(on_load=column(-(states @ np.array([rate**2, 2 * ratio * rate]))))
 

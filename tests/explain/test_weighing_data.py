@@ -1,0 +1,113 @@
+"""Columns against the filter itself, their products against the columns, and a refined shape against its neighbours."""
+
+import numpy as np
+import pytest
+from strangers import STRANGERS, Stranger, belief_of, session_of
+
+import schwung.explain.weighing.round as rounds
+from schwung.explain.weighing.along import ranges_of
+from schwung.explain.weighing.data import Data
+from schwung.explain.weighing.equations import Acting, equations_of
+from schwung.explain.weighing.known import known
+from schwung.explain.weighing.refine import refined
+from schwung.explain.weighing.vocabulary import vocabulary
+from schwung.explain.weighing.weigh import weigh
+from schwung.explain.weighing.work import Work
+from schwung.innovations.effect import Effect, Passed
+from schwung.innovations.evidence import weigh as weigh_columns
+from schwung.innovations.likelihood import first_noise
+from schwung.innovations.signals import signals_of
+
+SPOT = Stranger("tight spot", ("local_friction",), spot=(1.2, 2.0, 0.5))
+
+
+@pytest.fixture(scope="module")
+def view():
+    """Four runs of a machine with a tight spot."""
+    session, machine = session_of(SPOT, 5, every=8, times=(0.25,)), belief_of(SPOT)
+    runs = tuple(signals_of(run, machine, 160.0, 0.0) for run in session.runs)
+    of = ranges_of(list(runs), machine, 0.002, 160.0)
+    return rounds.View(session.runs, runs, known(machine, of.low_rad, of.high_rad), of)
+
+
+@pytest.fixture
+def data(view):
+    """All causes, about the belief, on three of the runs."""
+    candidates = vocabulary(view.ranges, view.known)
+    members = [rounds.Member(c, c.shapes[0], np.zeros(c.size)) for c in candidates[:3]]
+    about = rounds.linearised(view, members, first_noise(view.runs), None)
+    return Data.of(about, members, candidates, (0, 1, 3), 2.0)
+
+
+@pytest.mark.parametrize("side", ["on_motor", "on_load", "position", "speed"])
+def test_a_column_is_what_the_filter_makes_of_its_cause(view, side):
+    noise, along = first_noise(view.runs), view.alongs()[0]
+    size = {"on_motor": 0.1, "on_load": 0.1, "position": 1e-5, "speed": 1e-2}[side]
+    acts = size * np.sin(2 * np.pi * np.outer(along.time_s, [5.0, 13.0, 23.0]))
+    plain = Passed.of(*equations_of(along, Acting()), noise, view.runs[0])
+    column = plain.whitened([Effect(**{side: acts[:, :1]}), Effect(**{side: acts[:, 1:]})])
+    for i in range(3):
+        pushed = Passed.of(*equations_of(along, Acting(**{side: acts[:, i]})), noise, view.runs[0])
+        change = plain.innovations - pushed.innovations
+        # between samples a column's torque is straight, the equations' load is bent: (ωh)²/12 at 23 Hz and 1 kHz
+        np.testing.assert_allclose(column[i], change, atol=2e-3 * np.max(np.abs(change)))
+
+
+def test_products_are_those_of_the_columns_whenever_they_met(data):
+    which = np.concatenate([np.arange(4), np.arange(40, 60), [data.width - 1]])
+    rows = data.rows[which]
+    np.testing.assert_allclose(data.at(which).gram, rows @ rows.T / 2.0, rtol=1e-9)
+    np.testing.assert_allclose(data.at(which).slope, rows @ data.target / 2.0, rtol=1e-9)
+    deviations = np.ones(which.size)
+    every = data.beyond(which, deviations)
+    np.testing.assert_allclose(
+        every.data.gram[which], rows @ data.rows[: data.width].T / 2.0, rtol=1e-9, atol=1e-9
+    )
+
+
+def test_memory_that_is_full_grows(data):
+    before, room = data.width, data.rows.shape[0]
+    index = next(i for i, c in enumerate(data.candidates) if c.name == "position")
+    while data.width <= room:
+        atom = data.append(index, (), 0.0)
+    first = next(atom for atom in data.atoms if atom.candidate == index)
+    both = np.array([first.where.start, atom.where.start])
+    gram = data.at(both).gram
+    assert data.width > room > before
+    assert gram[0, 1] == pytest.approx(gram[0, 0])
+
+
+def test_a_refined_shape_is_better_than_its_neighbours(data):
+    index, candidate = next((i, c) for i, c in enumerate(data.candidates) if c.name == "local_friction")
+    members, deviations = np.arange(4), np.ones(4)
+    near = min(
+        (atom for atom in data.atoms if atom.candidate == index),
+        key=lambda atom: abs(atom.shape[0] - 1.9) + abs(atom.shape[1] - 0.4),
+    )
+    better = refined(data, near, members, deviations, 1.0)
+    assert better is not None
+    assert better.shape[0] == pytest.approx(2.0, abs=0.02)
+
+    def height(shape):
+        atom = data.append(index, shape, 0.0)
+        which = np.append(members, atom.where.start)
+        return weigh_columns(data.at(which), np.append(deviations, candidate.deviations)).log_evidence
+
+    top = height(better.shape)
+    for axis in range(2):
+        for way in (-2.0, 2.0):
+            moved = list(better.shape)
+            moved[axis] += way * better.spread[axis]
+            assert height(tuple(moved)) == pytest.approx(top - 2.0, abs=1.0)
+
+
+def test_work_is_counted_and_ends_the_search(monkeypatch):
+    stranger = STRANGERS[0]
+    work = Work()
+    assert not work.spent
+    work.add(2 * work.most)
+    assert work.spent
+    monkeypatch.setattr("schwung.explain.weighing.work.Work.spent", property(lambda self: self.done > 0))
+    found = weigh(session_of(stranger, 5, every=16, times=(0.25,)), belief_of(stranger))
+    assert any("before all was tried" in note for note in found.notes)
+    assert found.excess >= 1
