@@ -9,6 +9,7 @@ from schwung.explain.weighing.along import ranges_of
 from schwung.explain.weighing.data import Data
 from schwung.explain.weighing.equations import Acting, equations_of
 from schwung.explain.weighing.known import known
+from schwung.explain.weighing.present import Member
 from schwung.explain.weighing.refine import refined
 from schwung.explain.weighing.vocabulary import vocabulary
 from schwung.explain.weighing.weigh import weigh
@@ -27,14 +28,15 @@ def view():
     session, machine = session_of(SPOT, 5, every=8, times=(0.25,)), belief_of(SPOT)
     runs = tuple(signals_of(run, machine, 160.0, 0.0) for run in session.runs)
     of = ranges_of(list(runs), machine, 0.002, 160.0)
-    return rounds.View(session.runs, runs, known(machine, of.low_rad, of.high_rad), of)
+    torques = tuple(run.drive.smooth(run.time_s) for run in runs)
+    return rounds.View(session.runs, runs, known(machine, of.low_rad, of.high_rad), of, torques)
 
 
 @pytest.fixture
 def data(view):
     """All causes, about the belief, on three of the runs."""
     candidates = vocabulary(view.ranges, view.known)
-    members = [rounds.Member(c, c.shapes[0], np.zeros(c.size)) for c in candidates[:3]]
+    members = [Member(c, c.shapes[0], np.zeros(c.size), np.array(c.deviations)) for c in candidates[:3]]
     about = rounds.linearised(view, members, first_noise(view.runs), None)
     return Data.of(about, members, candidates, (0, 1, 3), 2.0)
 

@@ -8,7 +8,7 @@ inertia −δJ·α on the load, a late speed −δt·α in the speed's samples.
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
@@ -67,8 +67,7 @@ class Passed:
     @classmethod
     def of(cls, equations: Equations, steps: Steps, noise: Noise, run: Signals) -> Passed:
         """Filter a run."""
-        problem = problem_of(equations, noise, run)
-        return cls(replace(equations, transition=problem.transition), steps, kernel.filtered(problem))
+        return cls(equations, steps, kernel.filtered(problem_of(equations, noise, run)))
 
     @property
     def innovations(self) -> Array:

@@ -36,7 +36,6 @@ class Noise:
     speed_rad_s: float
     position_rad: float
     torque_share: float = 0.0  # of the torque, beside what does not depend on it
-    torque_colour: float = 0.0  # correlation of the torque's error with that of the sample before, 0…1
 
     def times(self, factor: float) -> Noise:
         """All of them so many times as large."""
@@ -45,7 +44,6 @@ class Noise:
             factor * self.speed_rad_s,
             factor * self.position_rad,
             factor * self.torque_share,
-            self.torque_colour,
         )
 
     def moved_from(self, other: Noise) -> float:
@@ -105,24 +103,15 @@ def problem_of(equations: Equations, noise: Noise, run: Signals) -> kernel.Syste
         power = power + (noise.torque_share * run.load_nm) ** 2
     shaft = [position, speed] if run.rigid else [position, speed, position, speed]
     return kernel.System(
-        coloured(equations, noise),
+        equations.transition,
         equations.forcing,
         equations.noise,
-        power[1:] * (1 - noise.torque_colour**2),
+        power[1:],
         equations.measured,
         np.array([noise.position_rad**2, noise.speed_rad_s**2]),
         equations.first,
         np.array([*shaft, np.sqrt(power[0])]),
     )
-
-
-def coloured(equations: Equations, noise: Noise) -> Array:
-    """The transition (n − 1, s, s) where each error of the torque holds a share of the one before (AR(1))."""
-    if noise.torque_colour == 0:
-        return equations.transition
-    transition = equations.transition.copy()
-    transition[:, :, -1] += noise.torque_colour * equations.noise
-    return transition
 
 
 def first_noise(runs: Sequence[Signals]) -> Noise:
@@ -168,7 +157,7 @@ def likely_noise(
     """The sizes of noise that make the innovations most likely.
 
     `reach`: how far off they may be (log); `span_rad`: the range of angles; `whole`: a part of the torque's noise may
-    go with the torque; then the first size is that of its whole, and an angle divides it. The colour stays.
+    go with the torque; then the first size is that of its whole, and an angle divides it.
     """
     finest = max(FINEST * span_rad, 0.5 * max(run.count_rad for run in runs) / np.sqrt(12))
     usual = float(np.sqrt(np.mean(np.concatenate([run.load_nm for run in runs]) ** 2))) if whole else 0.0
@@ -177,9 +166,9 @@ def likely_noise(
         torque, speed, position = (float(v) for v in np.exp(place[:3]))
         position = max(position, finest)
         if not whole:
-            return Noise(torque, speed, position, 0.0, start.torque_colour)
+            return Noise(torque, speed, position)
         even, share = torque * abs(float(np.cos(place[3]))), torque * abs(float(np.sin(place[3]))) / usual
-        return Noise(max(even, _LEAST_EVEN * torque), speed, position, share, start.torque_colour)
+        return Noise(max(even, _LEAST_EVEN * torque), speed, position, share)
 
     def cost(place: Array) -> float:
         return deviance_of(systems, runs, noise_of(place), scaled=False)

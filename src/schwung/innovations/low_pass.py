@@ -25,24 +25,19 @@ def low_passed(values: Array, edge: float, order: int) -> Array:
     return _from_sines(line, sines * gain.reshape(-1, *(1,) * (values.ndim - 1)))
 
 
-def heard(values: Array, noise: float) -> tuple[Array, float, float]:
+def heard(values: Array, noise: float) -> Array:
     """What is expected of a signal (n,) in white noise of this deviation (Wiener): at each frequency the share of the
-    power about it that is not noise's. With the deviation of its error, and that error's correlation from sample to
-    sample: what is left of the noise lies where the signal does.
+    power about it that is not noise's.
 
     Used as a regressor, a noisy signal meets its own noise in what it shall explain; its expectation does not.
     """
     if values.size < 4 * _BESIDE:
-        return values, noise, 0.0
+        return values
     line, sines = _in_sines(values)
     about = np.ones(2 * _BESIDE + 1)
     power = np.convolve(sines**2, about, "same") / np.convolve(np.ones_like(sines), about, "same")
     white = 2 * (values.size - 1) * noise**2  # of each of the unnormalised sines
-    gain = np.clip(1 - white / np.maximum(power, 1e-300), 0.0, 1.0)
-    turn = np.pi * np.arange(1, sines.size + 1) / (sines.size + 1)
-    whole = max(float(np.sum(gain)), 1.0)
-    error, colour = noise * float(np.sqrt(np.mean(gain))), float(np.sum(gain * np.cos(turn))) / whole
-    return _from_sines(line, sines * gain), error, max(colour, 0.0)
+    return _from_sines(line, sines * np.clip(1 - white / np.maximum(power, 1e-300), 0.0, 1.0))
 
 
 def _in_sines(values: Array) -> tuple[Array, Array]:

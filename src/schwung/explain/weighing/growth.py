@@ -7,7 +7,7 @@ floors of a wrong stiffness a late torque explains, to first order, more than th
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -51,7 +51,7 @@ class Growth:
     def grown(self, view: View) -> Grown:
         """From nothing but what is always there."""
         nothing = [absent(self.candidates[i]) for i in self.always]
-        at = settled(replace(view, torques_nm=self.wide.torques_nm), nothing, self._weighing)
+        at = settled(self.wide.seen(view), nothing, self._weighing)
         picks: tuple[tuple[Atom, float], ...] = ()
         growing = True
         for _ in range(ROUNDS):
@@ -68,8 +68,7 @@ class Growth:
                     continue
                 growing = self._renewed(at)
                 if growing:
-                    view = replace(at.about.view, torques_nm=self.wide.torques_nm)
-                    at = settled(view, at.members, self._weighing)
+                    at = settled(self.wide.seen(at.about.view), at.members, self._weighing)
                     continue
             best = search.best(start.picks)
             if {search.index(p) for p in best.picks} == {search.index(p) for p in start.picks}:

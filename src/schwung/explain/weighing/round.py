@@ -6,7 +6,6 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
-from scipy.interpolate import CubicSpline
 
 from schwung.explain.weighing.along import Along, Ranges, along
 from schwung.explain.weighing.candidate import Candidate, Shape
@@ -42,6 +41,9 @@ class View:
     known: Known
     ranges: Ranges
     torques_nm: tuple[Array, ...]  # of each run, as far as it is known
+    dry_nm: float | None = (
+        None  # dry friction that leaves open where the shaft sticks; None: that of what is present
+    )
     work: Work = field(default_factory=Work)  # that was done since the session was first looked at
 
     def alongs(self, members: Sequence[Member]) -> list[Along]:
@@ -61,8 +63,9 @@ class View:
         ]
 
 
-def acting(known: Known, along: Along, members: Sequence[Member]) -> Acting:
+def acting(view: View, along: Along, members: Sequence[Member]) -> Acting:
     """What the belief and the members do along a run."""
+    known = view.known
     what = known.effect(along)
     total, dry = Acting(*what.of(np.ones(1))), known.dry(along)
     for member in members:
@@ -72,7 +75,9 @@ def acting(known: Known, along: Along, members: Sequence[Member]) -> Acting:
         total += Acting(*parts)
         if member.candidate.dry:
             dry = dry + parts[0]
-    return replace(total, dry_nm=float(np.sqrt(np.mean(dry[along.moves] ** 2))))
+    return replace(
+        total, dry_nm=float(np.sqrt(np.mean(dry[along.moves] ** 2))) if view.dry_nm is None else view.dry_nm
+    )
 
 
 @dataclass(frozen=True, eq=False)
@@ -105,10 +110,9 @@ class Linearised:
         self.whiten(causes, runs, rows)
         return rows
 
-    def deviance(self, runs: Sequence[int]) -> float:
-        """−2 log likelihood of some runs, but for a constant."""
-        logs = sum(float(np.sum(np.log(self.passed[run].result.variance))) for run in runs)
-        return logs + float(np.sum(self.innovations(runs) ** 2))
+    def square(self, runs: Sequence[int]) -> float:
+        """Sum of squares of some runs' innovations."""
+        return float(np.sum(self.innovations(runs) ** 2))
 
     def innovations(self, runs: Sequence[int]) -> Array:
         """Of some runs, one behind another, (Σ2n,)."""
@@ -118,7 +122,7 @@ class Linearised:
 def linearised(view: View, members: Sequence[Member], noise: Noise, reach: float | None) -> Linearised:
     """Filter all runs with these members present; `reach`: how far off the noise may be (log), None: keep it."""
     alongs = view.alongs(members)
-    made = [equations_of(where, acting(view.known, where, members)) for where in alongs]
+    made = [equations_of(where, acting(view, where, members)) for where in alongs]
     if reach is not None:
         few = np.unique(np.round(np.linspace(0, len(made) - 1, FEW)).astype(int))
         equations: list[Equations] = [made[i][0] for i in few]
@@ -145,7 +149,13 @@ def _resmoothed(view: View, members: Sequence[Member], noise: Noise) -> tuple[Vi
     """And the torque (N·m) of each run, (n,) each, without what is noise of it."""
     states = [one.states() for one in linearised(view, members, noise, None).passed]
     runs = tuple(replace(run, states=s[:, :-1]) for run, s in zip(view.runs, states, strict=True))
-    torques = tuple(run.drive.smooth(run.time_s) - s[:, -1] for run, s in zip(view.runs, states, strict=True))
+    torques = tuple(
+        heard(
+            run.drive.smooth(run.time_s) - s[:, -1],
+            float(np.sqrt(noise.torque_nm**2 + np.mean((noise.torque_share * run.load_nm) ** 2))),
+        )
+        for run, s in zip(view.runs, states, strict=True)
+    )
     return replace(view, runs=runs), torques
 
 
@@ -156,6 +166,11 @@ class Wide:
     noise: Noise
     excess: float  # variance of scores over that of white noise
     torques_nm: tuple[Array, ...]  # of each run, as far as it is known
+    dry_nm: float  # friction that leaves open where the shaft sticks
+
+    def seen(self, view: View) -> View:
+        """The session with what is known of all sets alike: they differ in what they predict, not in how surely."""
+        return replace(view, torques_nm=self.torques_nm, dry_nm=self.dry_nm)
 
 
 #: Passes of noise, coefficients and states at most; settled, where no size of noise moves by more than this (log).
@@ -170,8 +185,7 @@ _STEPS, _HALVINGS, _AT_REST = 12, 4, 0.1
 
 def wide_fit(view: View, candidates: Sequence[Member], noise: Noise, train: Sequence[int]) -> Wide:
     """Fit the belief with all of these present. `candidates` begin with the coefficients they have."""
-    members = list(candidates)
-    reach = 1.0
+    members, view, reach = list(candidates), replace(view, dry_nm=None), 1.0
     for number in range(_PASSES):
         about = linearised(view, members, noise, reach)
         moved, noise = about.noise.moved_from(noise), about.noise
@@ -185,14 +199,16 @@ def wide_fit(view: View, candidates: Sequence[Member], noise: Noise, train: Sequ
         if moved < _SETTLED or number == _PASSES - 1:
             break
         view = replace(view, torques_nm=torques)
-    return Wide(noise, excess_of(rows, target - found.coefficients @ rows, about, train), torques)
+    excess = excess_of(rows, target - found.coefficients @ rows, about, train)
+    dry = max(acting(view, where, members).dry_nm for where in view.alongs(members))
+    return Wide(noise, excess, torques, dry)
 
 
 def _nearer(
     about: Linearised, members: Sequence[Member], step: Array, train: Sequence[int]
 ) -> tuple[list[Member], View, tuple[Array, ...]]:
     """Members a step (P,) on, or so much of it as makes the runs likelier, and the runs about them."""
-    before, at = about.deviance(train), np.cumsum([m.candidate.size for m in members])[:-1]
+    before, at = about.square(train), np.cumsum([m.candidate.size for m in members])[:-1]
     share = 1.0
     for _ in range(_HALVINGS):
         tried = [
@@ -200,35 +216,10 @@ def _nearer(
             for m, part in zip(members, np.split(step, at), strict=True)
         ]
         view, torques = _resmoothed(about.view, tried, about.noise)
-        if _finite(view) and linearised(view, tried, about.noise, None).deviance(train) < before:
+        if _finite(view) and linearised(view, tried, about.noise, None).square(train) < before:
             return tried, view, torques
         share /= 2
     return list(members), *_resmoothed(about.view, members, about.noise)
-
-
-def as_heard(view: View, noise: Noise) -> tuple[View, Noise, float]:
-    """The runs with what is expected of their torque, given that so much of it is noise; the noise left in it, and
-    which share that is.
-
-    With all of it, whatever keeps it from the motor (a stiff shaft, a lag) would predict the samples better than the
-    truth does: nothing else in the model knows that a drive's torque is smoother than its report.
-    """
-    runs, left = [], []
-    for run in view.runs:
-        white = float(np.sqrt(noise.torque_nm**2 + np.mean((noise.torque_share * run.load_nm) ** 2)))
-        torque, error, colour = heard(run.drive.smooth(run.time_s), white)
-        runs.append(replace(run, drive=replace(run.drive, smooth=CubicSpline(run.time_s, torque))))
-        left.append((error / white, colour))
-    share, colour = np.mean(left, axis=0)
-    torques = tuple(run.drive.smooth(run.time_s) for run in runs)
-    less = Noise(
-        torque_nm=float(share) * noise.torque_nm,
-        speed_rad_s=noise.speed_rad_s,
-        position_rad=noise.position_rad,
-        torque_share=float(share) * noise.torque_share,
-        torque_colour=float(colour),
-    )
-    return replace(view, runs=tuple(runs), torques_nm=torques), less, float(share)
 
 
 @dataclass(frozen=True, eq=False)
@@ -303,15 +294,13 @@ def _stepped(view: View, members: Sequence[Member], weighing: Weighing) -> _Step
     target = about.innovations(train) + present @ rows
     found = weigh(Statistics.of(rows.T, target).tempered(excess), deviations)
     step, at = found.coefficients - present, np.cumsum([m.candidate.size for m in members])[:-1]
-    # what dry friction leaves open where the shaft may stick is part of how likely a set is
-    deviance, square = about.deviance(train) / excess, float(np.sum(about.innovations(train) ** 2)) / excess
     return _Step(
         about=about,
         members=tuple(members),
         steps=np.split(step, at),
         moved=float(np.max(np.abs(step) / found.spread)),
-        cost=deviance + float(np.sum((present / deviations) ** 2)),
-        log=found.log_evidence - (deviance - square) / 2,
+        cost=about.square(train) / excess + float(np.sum((present / deviations) ** 2)),
+        log=found.log_evidence,
     )
 
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
 
 import numpy as np
 
@@ -14,12 +13,12 @@ from schwung.explain.weighing.candidate import Candidate
 from schwung.explain.weighing.data import Atom
 from schwung.explain.weighing.growth import Grown, Growth, everything, slices
 from schwung.explain.weighing.known import known
-from schwung.explain.weighing.round import View, as_heard, wide_fit
+from schwung.explain.weighing.round import View, wide_fit
 from schwung.explain.weighing.search import Scored, Search
 from schwung.explain.weighing.values import Named, Parameter, Proof, Unnamed, Weighed
 from schwung.explain.weighing.vocabulary import vocabulary
 from schwung.innovations.evidence import weigh as weigh_columns
-from schwung.innovations.likelihood import Noise, first_noise
+from schwung.innovations.likelihood import first_noise
 from schwung.innovations.signals import signals_of
 from schwung.motion import Array
 from schwung.session.model import Session
@@ -47,16 +46,12 @@ def weigh(session: Session, machine: Machine) -> Weighed:
     view = View(session.runs, tuple(runs), known(machine, of.low_rad, of.high_rad), of, torques)
     candidates = vocabulary(of, view.known)
     always = tuple(i for i, c in enumerate(candidates) if c.name.startswith("usual"))
-    first = wide_fit(view, everything(candidates, ()), first_noise(runs), train)
-    view, noise, share = as_heard(view, first.noise)
-    wide = wide_fit(view, everything(candidates, ()), noise, train)
+    wide = wide_fit(view, everything(candidates, ()), first_noise(runs), train)
     grown = Growth(candidates, always, train, wide).grown(view)
-    left = grown.data.about.noise
-    reported = replace(left, torque_nm=left.torque_nm / share, torque_share=left.torque_share / share)
-    return _told(grown, reported, parts.heldout)
+    return _told(grown, parts.heldout)
 
 
-def _told(outcome: Grown, noise: Noise, heldout: Sequence[int]) -> Weighed:
+def _told(outcome: Grown, heldout: Sequence[int]) -> Weighed:
     search, data = outcome.search, outcome.data
     shares = search.shares()
     names: dict[str, float] = {}
@@ -85,7 +80,7 @@ def _told(outcome: Grown, noise: Noise, heldout: Sequence[int]) -> Weighed:
         unnamed=tuple(unnamed),
         runner_up=tuple(sorted(search.candidate(pick).name for pick in second[1].picks)),
         runner_up_probability=second[0],
-        noise=noise,
+        noise=data.about.noise,
         excess=data.excess,
         proof=_proof(outcome, heldout) if heldout else None,
         notes=(
