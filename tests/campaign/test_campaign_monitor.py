@@ -83,6 +83,7 @@ def _too_strong(stage: Stage) -> None:
 def _re_enabled(stage: Stage) -> None:
     stage.rpdo(0x02)
     stage.stop()
+    stage.pass_time(0.02)
     stage.machine.energised = stage.machine.operating = True
 
 
@@ -207,6 +208,21 @@ def test_whoever_leaves_a_motor_energised_says_so(told: str, rules: list[str]) -
     stage = Stage()
     stage.enable()
     stage.monitor.ended(told)
+    assert stage.rules == rules
+
+
+@pytest.mark.parametrize(("after_s", "rules"), [(0.005, []), (0.05, ["re-enabled"])])
+def test_a_word_that_a_drive_has_in_its_queue_may_still_act_after_a_stop_was_said(
+    after_s: float, rules: list[str]
+) -> None:
+    stage = Stage()
+    stage.enable()
+    stage.rpdo(0x0F)
+    stage.rpdo(0x02)
+    stage.machine.energised = stage.machine.operating = False
+    stage.pass_time(after_s)
+    stage.machine.energised = stage.machine.operating = True
+    stage.pass_time(0.001)
     assert stage.rules == rules
 
 

@@ -42,6 +42,9 @@ CATCHING_UP_S = 0.3
 FOREIGN_S = 0.1
 #: So long a drive that left operation by itself may be led back by words that were under way, or in its own queue.
 NOTICED_S = 0.1
+#: So long a word that enables may lie in a drive's queue, also where a stop has been said since: no longer than the
+#: slowest of them looks at its words.
+QUEUED_S = 0.02
 #: Another's heartbeat is there as long as it comes this often.
 SHARED_FOR_S = 1.0
 #: From the end of the consumer time until the drive has looked at its timers, and its loop has settled after braking.
@@ -161,7 +164,7 @@ class Monitor:
         self._last_step: int | None = None  # while it enabled
         self._beat_s: float | None = None  # the tool's last heartbeat
         self._died_s: float | None = None
-        self._foreign_s = self._left_by_itself_s = float("-inf")
+        self._foreign_s = self._left_by_itself_s = self._enabling_s = float("-inf")
         self._others_beat_s = float(
             "-inf"
         )  # heard by the drive; and by the tool, the last and the first of them
@@ -255,7 +258,9 @@ class Monitor:
                 self._operated, self._climbed = True, set()
             return  # else by a word of the way up that came late
         self._said = set()
-        known = self.now() - self._left_by_itself_s > NOTICED_S and self.now() - self._foreign_s > FOREIGN_S
+        now = self.now()
+        known = now - self._left_by_itself_s > NOTICED_S and now - self._foreign_s > FOREIGN_S
+        known &= now - self._enabling_s > QUEUED_S
         if self._operated and known:
             self._report("re-enabled", "Operation enabled again, after a stop and without being asked")
         if not self._asked and not self._operated:
@@ -309,6 +314,8 @@ class Monitor:
             self._report("re-enabled", f"0x{word:04X} without Shutdown and Switch on before it")
         if word in (0x00, 0x02) and 0x0F in self._climbed:
             self._stopped = True
+        if enables:
+            self._enabling_s = self.now()
         self._climbed.add(word & 0x0F)
         self._said.add(word & 0x0F)
         return enables
