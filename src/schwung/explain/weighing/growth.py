@@ -7,7 +7,7 @@ floors of a wrong stiffness a late torque explains, to first order, more than th
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -97,7 +97,8 @@ class Growth:
         offered.sort(key=lambda one: -one.log)
         best, top = None, at.log + search.prior(start.picks)
         for one in offered[:_TRIED]:
-            tried = settled(at.about.view, members_of(search, one, self.candidates), self._weighing)
+            members = _from(at.members, members_of(search, one, self.candidates))
+            tried = settled(at.about.view, members, self._weighing)
             log = tried.log + search.prior(one.picks)
             if log > top:
                 best, top = (one, tried), log
@@ -110,6 +111,16 @@ class Growth:
         moved = nearer.noise.moved_from(self.wide.noise)
         self.wide = nearer
         return moved > RENEWED
+
+
+def _from(present: Sequence[Member], members: Sequence[Member]) -> list[Member]:
+    """The members with the coefficients that they have in a set at rest, or none: what a linear model promises far from
+    it may be no machine at all."""
+    had = {(m.candidate.name, m.shape, m.coefficients.size): m.coefficients for m in present}
+    return [
+        replace(m, coefficients=had.get((m.candidate.name, m.shape, m.coefficients.size), 0 * m.coefficients))
+        for m in members
+    ]
 
 
 def absent(candidate: Candidate) -> Member:
