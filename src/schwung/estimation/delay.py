@@ -298,7 +298,9 @@ def _speed_behind_angle(ripple: Ripple) -> _Lag:
     chosen = np.abs(f / frequency - 1) < ABOUT
     omega = 2 * np.pi * f[chosen]
     speed = np.fft.fft(ripple.ripple_speed_rad_s * fade)[chosen]
+    # of the derivative, faded: the fade's own slope is no speed
     moved = 1j * omega * np.fft.fft(ripple.ripple_position_rad * fade)[chosen]
+    moved -= np.fft.fft(ripple.ripple_position_rad * np.gradient(fade, 1 / rate))[chosen]
     of_speed = noise_floor(ripple.ripple_speed_rad_s * fade, rate, frequency)
     of_angle = omega**2 * noise_floor(ripple.ripple_position_rad * fade, rate, frequency)
     noise = of_speed + of_angle

@@ -26,16 +26,18 @@ from schwung.motion import Array
 
 #: Periods of the loops of servo drives, where the machine file does not tell; none is slower than the log.
 LOOPS_S = (62.5e-6, 125e-6, 250e-6)
-#: Whole ticks that a report may be late.
-LATE = range(4)
+#: How likely it is that a report is late by 0, 1, … whole ticks: each is half as likely as one less.
+LATE = np.array([8, 4, 2, 1]) / 15
 #: Lags beyond the ticks, of filters and delays, are anything up to this.
 LONGEST_S = 1e-3
+#: One drive in so many reports a speed or a torque like nothing here.
+UNUSUAL = 0.1
 #: How far a drive's filter is from one of first order: its loss at a given lag, relative, one standard deviation.
 RULE = 0.05
 #: Ticks are a clock's, but how late a signal is, is not seen better than this share of one.
 TICK = 0.01
-#: What a band holds.
-HELD = 0.95
+#: What a band holds, and how many standard deviations that is to either side.
+HELD, WIDE = 0.95, 1.96
 
 
 @dataclass(frozen=True)
@@ -101,7 +103,7 @@ def _speeds(seen: Seen, period: float, held: bool) -> Iterator[tuple[float, floa
     for difference in (False, True):
         loss = period**2 / 24 if difference else 0.0
         corner = 0.0 if difference or held else -(period**2) / 12
-        for ticks in LATE:
+        for ticks, often in enumerate(LATE):
             tick = (ticks + difference / 2) * period
             rest = lag.value - tick
             weight = _normal(rest, np.hypot(lag.std, TICK * period))
@@ -113,27 +115,27 @@ def _speeds(seen: Seen, period: float, held: bool) -> Iterator[tuple[float, floa
                 # what the injection meets on the way is not one inertia: corners compare by their mean alone
                 sure = np.hypot(seen.speed_loss_s2.std, np.hypot(off, RULE * corner * seen.swing))
                 seen_so = _normal(seen.speed_loss_s2.value - taken - corner * seen.swing, sure)
-                yield likely * seen_so / (2 * len(LATE)), taken, off, corner, filtered
+                yield often / 2 * likely * seen_so, taken, off, corner, filtered
     # late by any time, or filtered like nothing here: what was measured stands
     half = max(lag.value, 0.0) ** 2 / 2 + period**2 / 24
     sure = np.hypot(half, seen.speed_loss_s2.std)
-    yield _normal(seen.speed_loss_s2.value, sure) / LONGEST_S, 0.0, half, 0.0, 0.0
+    yield UNUSUAL / LONGEST_S * _normal(seen.speed_loss_s2.value, sure), 0.0, half, 0.0, 0.0
 
 
 def _torques(seen: Seen, period: float, filtered: float) -> Iterator[tuple[float, float, float]]:
     """Weight, loss and its deviation of every way to report a torque; `filtered`: lag of the speed's filter."""
     lag = seen.torque_lag_s
     sure = float(np.hypot(lag.std, TICK * period))
-    for ticks in LATE:
+    for ticks, often in enumerate(LATE):
         rest = lag.value - (ticks - 0.5) * period
-        yield _normal(rest, sure) / len(LATE), 0.0, 0.0
+        yield often * _normal(rest, sure), 0.0, 0.0
         if filtered > 0:
             either = float(np.hypot(sure, seen.speed_lag_s.std))
             taken, off = _filter(filtered, seen.speed_lag_s.std, period)
-            yield _normal(rest - filtered, either) / len(LATE), taken, off
+            yield often * _normal(rest - filtered, either), taken, off
         if rest > 0:
-            yield 1 / LONGEST_S / len(LATE), *_filter(rest, lag.std, period)
-    yield 1 / LONGEST_S, 0.0, 0.0
+            yield UNUSUAL * often / LONGEST_S, *_filter(rest, lag.std, period)
+    yield UNUSUAL / LONGEST_S, 0.0, 0.0
 
 
 def _filter(lag: float, std: float, period: float) -> tuple[float, float]:
@@ -157,9 +159,13 @@ def _agreed(seen: Seen, way: _Way) -> Nuisance:
 
 
 def _all(weight: Array, value: Array, std: Array) -> Nuisance:
-    """Mean and standard deviation of a mixture, without the least likely parts that a band of 95 % has no room for."""
+    """The mean of a mixture's likely parts, and a standard deviation: theirs, and what makes a band of 95 % hold as much
+    of all the mixture."""
     order = np.argsort(-weight)
     kept = order[: int(np.searchsorted(np.cumsum(weight[order]), HELD * weight.sum())) + 1]
-    share, value, std = weight[kept] / weight[kept].sum(), value[kept], std[kept]
-    mean = float(share @ value)
-    return Nuisance(mean, float(np.sqrt(share @ ((value - mean) ** 2 + std**2))))
+    share = weight[kept] / weight[kept].sum()
+    mean = float(share @ value[kept])
+    far = np.abs(value - mean)
+    order = np.argsort(far)
+    edge = far[order][int(np.searchsorted(np.cumsum(weight[order]), HELD * weight.sum()))]
+    return Nuisance(mean, float(np.hypot(edge / WIDE, np.sqrt(share @ std[kept] ** 2))))
