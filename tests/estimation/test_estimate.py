@@ -98,9 +98,10 @@ def test_former_method_works_at_500_ms_about_as_well_as_printed(slow, machine):
 
 def test_former_method_needs_no_reference(slow, machine):
     alone = session_of(*slow.excited)
-    np.testing.assert_array_equal(
+    np.testing.assert_allclose(
         estimate(alone, machine, "former").table.inertia_kgm2,
         estimate(slow, machine, "former").table.inertia_kgm2,
+        rtol=1e-5,  # with references, too, what the drive takes off amplitudes is looked for; here it takes nothing
     )
 
 

@@ -104,11 +104,15 @@ def test_a_factor_on_all_torques_is_not_seen_by_a_rigid_machine(constant_rigid, 
 
 def test_parts_add_up_by_squares_and_chance_does_not_count():
     sure = Evidence(band=0.03, difference=0.04, unexplained=0.0, scale=Nuisance(1.0, 0.01), missed=None)
-    assert sure.predicted == pytest.approx(0.05)
+    assert sure.predicted == pytest.approx(0.04), "the windows' band knows of a part of the difference"
+    assert Evidence(0.03, None, None, None, None, Nuisance(0.5, 0.01)).left_out == pytest.approx(
+        0.03, rel=0.01
+    )
+    assert Evidence(0.03, None, None, None, None, Nuisance(0.1, 0.1)).predicted == 0.03
     assert Evidence(None, None, None, Nuisance(1.02, 0.02), None).contradiction == 0.0
     assert Evidence(None, None, None, Nuisance(0.95, 0.02), None).contradiction == pytest.approx(0.02)
     assert Evidence(None, None, None, Nuisance(1.25, 0.15), None).contradiction == 0.0, "too vague to accuse"
-    assert Evidence(None, None, None, None, missed=0.2).predicted == pytest.approx(0.05)
+    assert Evidence(None, None, None, None, missed=0.2).doubts == {"missed": pytest.approx(0.05)}
 
 
 def test_the_expected_error_goes_into_the_json(four, machine):

@@ -27,7 +27,7 @@ from schwung.drivetrain.machine import Machine
 from schwung.errors import InputError
 from schwung.estimation.balance import STOP, fade_in_and_out, noise_floor
 from schwung.estimation.denoise import denoise
-from schwung.estimation.fit import Nuisance, fit_curve
+from schwung.estimation.fit import NOTHING, Nuisance, fit_curve
 from schwung.estimation.report import controller_lag, expected, speed_lag
 from schwung.estimation.reporting import Losses, Seen, losses
 from schwung.estimation.ripple import (
@@ -39,7 +39,7 @@ from schwung.estimation.ripple import (
     ripple_of_phases,
 )
 from schwung.innovations.low_pass import low_passed
-from schwung.innovations.signals import LOSS_STD
+from schwung.innovations.signals import LAGS, LOSS_STD
 from schwung.motion import Array
 from schwung.session.model import Run, Session
 
@@ -57,8 +57,6 @@ CORNERS = "speed_at_corners_rad_s"
 #: The iteration has settled within this share of a sample.
 SETTLED_SAMPLES = 1e-3
 
-
-NOTHING = Nuisance(0.0, 0.0)
 NO_LOSSES = Losses(NOTHING, NOTHING, 0.0)
 
 
@@ -148,8 +146,15 @@ def find_delay(session: Session, excited: Sequence[Run], machine: Machine) -> De
     if not held or (lagging and speed.value > 0):
         seen = Seen(lag.delay_s, lag.loss_s2, Nuisance(-found, further.std), _met(ripples) / bare)
         period = 1 / machine.control.sample_rate_hz if machine.control else None
-        taken = losses(seen, period, 1 / ripples[0].sample_rate_hz, held=held)
+        found_losses = losses(seen, period, 1 / ripples[0].sample_rate_hz, held=held)
+        if max(abs(part.value) for part in (found_losses.speed_s2, found_losses.torque_s2)) < _most(ripples):
+            taken = found_losses
     return Delay(angle, speed, ripples[0].frequency_hz, taken, bare, lag.share, controller)
+
+
+def _most(ripples: Sequence[Ripple]) -> float:
+    """More than this is no loss (s²) but a wrong signal, as is a phase of as much, or a speed too coarse to compare."""
+    return MAX_PHASE_RAD**2 / 2 / (2 * np.pi * ripples[0].frequency_hz) ** 2
 
 
 def _met(ripples: Sequence[Ripple]) -> float:
@@ -200,13 +205,14 @@ def _run_without(run: Run, delay: Delay) -> Run:
             **extra,
             LOSS_STD: delay.loss_std_s2,
             LOSSES: (torque.value, loss.value, highest),
+            LAGS: ((delay.angle.value, delay.speed.value), (delay.angle.std, delay.speed.std)),
         },
     )
 
 
 def amplitudes_restored(recorded: Session, ready: Session) -> Session:
-    """The session as recorded, its lags kept, but torque and speed with the amplitude that filters took off them, as
-    far as `delay_removed` found any and said so in the runs of `ready`, which are the same in number and order.
+    """The session as recorded, its lags kept and told, but torque and speed with the amplitude that filters took off
+    them, as far as `delay_removed` found any and said so in the runs of `ready`, the same in number and order.
     """
 
     def one(run: Run, made: Run) -> Run:
@@ -219,7 +225,7 @@ def amplitudes_restored(recorded: Session, ready: Session) -> Session:
             speed_rad_s=_lessened(
                 run.speed_rad_s - made.extra.get(CORNERS, 0.0), run.sample_rate_hz, -speed, highest
             ),
-            extra={**run.extra, LOSS_STD: made.extra.get(LOSS_STD, 0.0)},
+            extra={**run.extra, **{key: made.extra[key] for key in (LOSS_STD, LAGS) if key in made.extra}},
         )
 
     return replace(recorded, runs=tuple(one(*both) for both in zip(recorded.runs, ready.runs, strict=True)))

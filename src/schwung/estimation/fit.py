@@ -45,6 +45,9 @@ class Nuisance:
         return abs(self.value) > 4 * self.std
 
 
+NOTHING = Nuisance(0.0, 0.0)
+
+
 @dataclass(frozen=True, eq=False)
 class CurveFit:
     """J_l over the load angle with its covariance; `loads` are the ripples' load sides, in order."""

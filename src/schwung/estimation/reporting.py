@@ -6,7 +6,7 @@ less than that of a smooth torque by T²/(12 J_r) dT/dt (Bernoulli's polynomial 
 mean of its speed over a tick are not. A speed is a sensor's, as at the tick, or the difference of two angles, ½T late
 and less by T²/24; a filter of first order with lag τ takes off γ = ½τ(τ + T); a report late by whole ticks takes off
 nothing. Torque is reported as of the tick that begins, late by whole ticks, and may have passed the speed's filter or
-one of its own.
+one of its own. A drive whose current loop smooths the ticks holds nothing, and reports its torque as it acts.
 
 No drive says which it is. Three numbers are known with a standard deviation each: how far the speed lags behind the
 angle, what it lost against it, and how far the torque lags behind what acts. Every way has its likelihood by them; a
@@ -77,7 +77,12 @@ def losses(seen: Seen, period_s: float | None, step_s: float, *, held: bool) -> 
     `held`: the injection was held by a bus and its steps are allowed for already, so that ticks take nothing off.
     """
     loops = [loop for loop in LOOPS_S if loop <= 1.01 * step_s] if period_s is None else [period_s]
-    ways = [way for period in loops or [step_s] for way in _ways(seen, period, held)]
+    ways = [
+        way
+        for period in loops or [step_s]
+        for smooth in ((True,) if held else (False, True))
+        for way in _ways(seen, period, smooth)
+    ]
     weight = np.array([way.weight for way in ways])
     weight = weight / weight.sum()
     corner = float(weight @ [way.corner for way in ways])
@@ -89,25 +94,23 @@ def losses(seen: Seen, period_s: float | None, step_s: float, *, held: bool) -> 
     )
 
 
-def _ways(seen: Seen, period: float, held: bool) -> Iterator[_Way]:
-    """Every way a drive of one period may report."""
-    for likely, speed, speed_std, corner, filtered in _speeds(seen, period, held):
-        for more, torque, torque_std in _torques(seen, period, filtered):
-            taken = torque if held else torque - period**2 / 24
-            yield _Way(likely * more, speed, speed_std, corner, taken, torque_std)
+def _ways(seen: Seen, period: float, smooth: bool) -> Iterator[_Way]:
+    """Every way a drive of one period may report; `smooth`: no torque is held over a tick."""
+    for likely, speed, speed_std, corner, filtered in _speeds(seen, period, smooth):
+        for more, torque, torque_std in _torques(seen, period, smooth, filtered):
+            yield _Way(likely * more, speed, speed_std, corner, torque, torque_std)
 
 
-def _speeds(seen: Seen, period: float, held: bool) -> Iterator[tuple[float, float, float, float, float]]:
+def _speeds(seen: Seen, period: float, smooth: bool) -> Iterator[tuple[float, float, float, float, float]]:
     """Weight, loss, its deviation, corner and filter's lag of every way to report a speed."""
     lag = seen.speed_lag_s
     for difference in (False, True):
         loss = period**2 / 24 if difference else 0.0
-        corner = 0.0 if difference or held else -(period**2) / 12
+        corner = 0.0 if difference or smooth else -(period**2) / 12
         for ticks, often in enumerate(LATE):
-            tick = (ticks + difference / 2) * period
-            rest = lag.value - tick
+            rest = lag.value - (ticks + difference / 2) * period
             weight = _normal(rest, np.hypot(lag.std, TICK * period))
-            found = [(weight, loss, RULE * loss, 0.0)]
+            found = [(weight, loss, 0.0, 0.0)]
             if rest > 0:
                 taken, off = _filter(rest, lag.std, period)
                 found.append((1 / LONGEST_S, loss + taken, off, rest))
@@ -122,20 +125,24 @@ def _speeds(seen: Seen, period: float, held: bool) -> Iterator[tuple[float, floa
     yield UNUSUAL / LONGEST_S * _normal(seen.speed_loss_s2.value, sure), 0.0, half, 0.0, 0.0
 
 
-def _torques(seen: Seen, period: float, filtered: float) -> Iterator[tuple[float, float, float]]:
+def _torques(
+    seen: Seen, period: float, smooth: bool, filtered: float
+) -> Iterator[tuple[float, float, float]]:
     """Weight, loss and its deviation of every way to report a torque; `filtered`: lag of the speed's filter."""
     lag = seen.torque_lag_s
     sure = float(np.hypot(lag.std, TICK * period))
+    held, ahead = (0.0, 0.0) if smooth else (period**2 / 24, period / 2)
     for ticks, often in enumerate(LATE):
-        rest = lag.value - (ticks - 0.5) * period
-        yield often * _normal(rest, sure), 0.0, 0.0
+        rest = lag.value + ahead - ticks * period
+        yield often * _normal(rest, sure), -held, 0.0
         if filtered > 0:
             either = float(np.hypot(sure, seen.speed_lag_s.std))
             taken, off = _filter(filtered, seen.speed_lag_s.std, period)
-            yield often * _normal(rest - filtered, either), taken, off
+            yield often * _normal(rest - filtered, either), taken - held, off
         if rest > 0:
-            yield UNUSUAL * often / LONGEST_S, *_filter(rest, lag.std, period)
-    yield UNUSUAL / LONGEST_S, 0.0, 0.0
+            taken, off = _filter(rest, lag.std, period)
+            yield UNUSUAL * often / LONGEST_S, taken - held, off
+    yield UNUSUAL / LONGEST_S, -held, 0.0
 
 
 def _filter(lag: float, std: float, period: float) -> tuple[float, float]:
@@ -152,15 +159,16 @@ def _agreed(seen: Seen, way: _Way) -> Nuisance:
     """The loss of the speed beside its corners as measured and as a way would have it: mean by inverse variance."""
     corner = way.corner * seen.swing
     measured, sure = seen.speed_loss_s2.value - corner, np.hypot(seen.speed_loss_s2.std, RULE * corner)
-    if not np.isfinite(sure):
+    if way.speed_std == 0 or not np.isfinite(sure):
         return Nuisance(way.speed, way.speed_std)
     one, other = (max(float(std), 1e-18) ** -2.0 for std in (sure, way.speed_std))
     return Nuisance((one * measured + other * way.speed) / (one + other), (one + other) ** -0.5)
 
 
 def _all(weight: Array, value: Array, std: Array) -> Nuisance:
-    """The mean of a mixture's likely parts, and a standard deviation: theirs, and what makes a band of 95 % hold as much
-    of all the mixture."""
+    """The mean of a mixture's likely parts, and a standard deviation: theirs, and what makes a band of 95 % hold as
+    much of all the mixture.
+    """
     order = np.argsort(-weight)
     kept = order[: int(np.searchsorted(np.cumsum(weight[order]), HELD * weight.sum())) + 1]
     share = weight[kept] / weight[kept].sum()

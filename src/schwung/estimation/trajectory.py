@@ -15,6 +15,7 @@ from schwung.drivetrain.machine import Coupling, Machine
 from schwung.errors import InputError
 from schwung.estimation.choice import clipped_share
 from schwung.estimation.delay import amplitudes_restored
+from schwung.estimation.fit import NOTHING, Nuisance
 from schwung.estimation.methods import Outcome, Suitability, Task, register
 from schwung.estimation.report import unknown_answer
 from schwung.estimation.table import DEFAULT_POINTS
@@ -60,6 +61,7 @@ class TrajectoryMethod:
             windowed=False,
             machine=_as_found(found),
             missed=_missed(found),
+            stiffer=_stiffer(found),
         )
 
 
@@ -103,6 +105,14 @@ def _as_found(found: Fit) -> Machine:
         damping_nms=believed.coupling.damping_nms * float(damped),
     )
     return believed.model_copy(update={"coupling": coupling})
+
+
+def _stiffer(found: Fit) -> Nuisance:
+    """How far the stiffness is from the machine file's, relative."""
+    at = found.model.layout.stiffness
+    if found.model.machine.coupling is None:
+        return NOTHING
+    return Nuisance(float(np.expm1(found.parameters[at])), found.std_of(at))
 
 
 def _missed(found: Fit) -> float:
