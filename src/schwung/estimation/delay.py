@@ -146,15 +146,10 @@ def find_delay(session: Session, excited: Sequence[Run], machine: Machine) -> De
     if not held or (lagging and speed.value > 0):
         seen = Seen(lag.delay_s, lag.loss_s2, Nuisance(-found, further.std), _met(ripples) / bare)
         period = 1 / machine.control.sample_rate_hz if machine.control else None
-        found_losses = losses(seen, period, 1 / ripples[0].sample_rate_hz, held=held)
-        if max(abs(part.value) for part in (found_losses.speed_s2, found_losses.torque_s2)) < _most(ripples):
-            taken = found_losses
+        taken = losses(seen, period, 1 / ripples[0].sample_rate_hz, held=held)
+        if not abs(taken.speed_s2.value) > taken.speed_s2.std:  # as of a speed too coarse to be compared
+            taken = replace(taken, speed_s2=replace(taken.speed_s2, value=0.0))
     return Delay(angle, speed, ripples[0].frequency_hz, taken, bare, lag.share, controller)
-
-
-def _most(ripples: Sequence[Ripple]) -> float:
-    """More than this is no loss (s²) but a wrong signal, as is a phase of as much, or a speed too coarse to compare."""
-    return MAX_PHASE_RAD**2 / 2 / (2 * np.pi * ripples[0].frequency_hz) ** 2
 
 
 def _met(ripples: Sequence[Ripple]) -> float:

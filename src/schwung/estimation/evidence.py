@@ -58,7 +58,7 @@ WIDE = 4.0
 STICKING = 0.02
 #: What a part shows of the inertia's error.
 WEIGHT_MOTION, WEIGHT_UNEXPLAINED, WEIGHT_MISSED = 1.75, 0.5, 0.25
-#: Standard deviations of s that count as chance.
+#: Standard deviations that count as chance.
 CLEAR = 1.5
 #: A fitted stiffness that differs from the file's may tell of a wrong torque constant instead, which shifts the inertia
 #: as much: its share with stiffness known to 10 % and the torque constant to 3 % beforehand.
@@ -188,9 +188,9 @@ def _curve(fit: CurveFit, table: InertiaTable) -> Array:
 
 
 def _difference(fit: CurveFit, table: InertiaTable) -> float:
-    """Rms of table less curve over the mean inertia, the curve's own variance taken off."""
+    """Rms of table less curve over the mean inertia, what the curve's own variance makes by chance taken off."""
     off = table.inertia_kgm2 - fit.inertia_at(table.position_rad)
-    beyond = float(np.mean(off**2 - fit.std_at(table.position_rad) ** 2))
+    beyond = float(np.mean(off**2 - (CLEAR * fit.std_at(table.position_rad)) ** 2))
     return float(np.sqrt(max(beyond, 0.0))) / float(np.mean(table.inertia_kgm2))
 
 

@@ -5,7 +5,8 @@ below GOOD where the estimate is good and above UNUSABLE where it is not to be u
 MIV and position deviation (equations 15, 16), which go on being reported, and still judge where a recording allows no
 such balance (a method without reference runs): the paper's bounds on MIV, 0.05 and 0.08 kg·m², divided by its
 machine's mean load inertia of about 0.11; bounds on position deviation are ours (on the paper's machine the ratio stays
-below 0.16 down to 200 ms, is 0.35 at 150 ms and 4 at 100 ms, where the estimate fails). DPR (7) judges methods that want slow motion.
+below 0.16 down to 200 ms, is 0.35 at 150 ms and 4 at 100 ms, where the estimate fails). DPR (7) judges methods that
+want slow motion.
 """
 
 from __future__ import annotations
