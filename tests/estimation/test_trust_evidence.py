@@ -103,7 +103,8 @@ def test_a_factor_on_all_torques_is_not_seen_by_a_rigid_machine(constant_rigid, 
 
 
 def test_parts_add_up_by_squares_and_chance_does_not_count():
-    sure = Evidence(band=0.03, difference=0.04, unexplained=0.0, scale=Nuisance(1.0, 0.01), missed=None)
+    unmoved = Nuisance(1.0, 0.01)
+    sure = Evidence(band=0.03, difference=0.04, unexplained=0.0, scale=unmoved, missed=None, spread=0.03)
     assert sure.predicted == pytest.approx(0.04), "the windows' band knows of a part of the difference"
     assert Evidence(0.03, None, None, None, None, Nuisance(0.5, 0.01)).left_out == pytest.approx(
         0.03, rel=0.01

@@ -64,6 +64,8 @@ CLEAR = 1.5
 #: as much: its share with stiffness known to 10 % and the torque constant to 3 % beforehand.
 TORQUE_CONSTANT, STIFFNESS = 0.03, 0.1
 AMBIGUITY = TORQUE_CONSTANT**2 / (TORQUE_CONSTANT**2 + STIFFNESS**2)
+#: A fit of the whole record sees more than these balances: on sound machines they are off by up to half a per cent.
+COARSE = 0.005
 #: A scale this uncertain says nothing.
 VAGUE = 0.1
 
@@ -78,6 +80,8 @@ class Evidence:
     scale: Nuisance | None  # s: what the motion asks for over what the table says
     missed: float | None  # of a whole-record method
     stiffer: Nuisance = NOTHING  # how far the stiffness found is from the file's
+    spread: float = 0.0  # the band's root mean square: one wide cell counts in the rms difference, too
+    whole: bool = False  # the fit took the motion and all runs itself
 
     @property
     def contradiction(self) -> float:
@@ -89,9 +93,11 @@ class Evidence:
     @cached_property
     def parts(self) -> dict[str, float]:
         """Expected relative error by what shows it; by squares they make the whole."""
-        found = {"motion": WEIGHT_MOTION * self.contradiction}
+        coarse = COARSE if self.whole else 0.0
+        found = {"motion": max(WEIGHT_MOTION * self.contradiction - coarse, 0.0)}
         if self.difference is not None:  # of windows, whose band knows of a part of it
-            found["difference"] = float(np.sqrt(max(self.difference**2 - (self.band or 0.0) ** 2, 0.0)))
+            beyond = float(np.sqrt(max(self.difference**2 - self.spread**2, 0.0)))
+            found["difference"] = max(beyond - coarse, 0.0)
         if self.stiffer.value:
             beyond = max(abs(self.stiffer.value) - CLEAR * self.stiffer.std, 0.0)
             found["stiffness"] = min(AMBIGUITY * beyond, TORQUE_CONSTANT)
@@ -146,7 +152,7 @@ def relative_band(table: InertiaTable) -> float | None:
 def gather(outcome: Outcome, task: Task, table: InertiaTable) -> Evidence:
     """All that the session says about this table."""
     machine = outcome.machine or task.machine
-    fit = outcome.fit or _ripple_fit(task, machine)
+    fit = outcome.fit or ripple_fit(task, machine)
     difference = unexplained = None
     carried = table
     if fit is not None:
@@ -163,10 +169,14 @@ def gather(outcome: Outcome, task: Task, table: InertiaTable) -> Evidence:
         ),
         missed=outcome.missed,
         stiffer=outcome.stiffer,
+        spread=0.0
+        if table.std_kgm2 is None
+        else float(np.sqrt(np.mean(table.std_kgm2**2)) / np.mean(table.inertia_kgm2)),
+        whole=outcome.machine is not None,
     )
 
 
-def _ripple_fit(task: Task, machine: Machine) -> CurveFit | None:
+def ripple_fit(task: Task, machine: Machine) -> CurveFit | None:
     """The window-free curve of the same runs; None where nothing takes the motion out of them."""
     groups = phase_groups(task.excited)
     try:
