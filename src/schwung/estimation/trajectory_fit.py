@@ -25,10 +25,10 @@ from schwung.innovations.likelihood import (
     STICKING,
     Equations,
     Noise,
+    coarsest_angle,
     deviance_of,
     first_noise,
     likely_noise,
-    own_noise,
     problem_of,
     resmoothed,
     systems_of,
@@ -142,16 +142,15 @@ def fit(
     parameters, smoothness = prior.mean.copy(), (np.log(0.01), np.log(0.01))
     parameters[model.layout.inertia] = logs
     restless, settled, iteration, reach = True, False, 0, 1.0
-    most = own_noise(
-        runs
-    )  # else a coloured speed is believed to the letter, and torque and angle are all noise
+    # else a coloured speed is believed to the letter, and all the rest is noise
+    coarsest = coarsest_angle(runs)
     moved = np.inf
     while not settled and iteration < MOST_ITERATIONS:
         iteration += 1
         about = systems_of(model, runs, parameters)
         if restless and (moved < FAR or start is None or iteration > PATIENT):
             likely = likely_noise(
-                _few(about), _few(runs), noise, reach, model.layout.basis.span_rad, most=most
+                _few(about), _few(runs), noise, reach, model.layout.basis.span_rad, coarsest=coarsest
             )
             changed = likely.moved_from(noise)
             restless, noise = changed > (0.03 if iteration < PATIENT else 0.3), likely

@@ -116,18 +116,10 @@ def first_noise(runs: Sequence[Signals]) -> Noise:
     )
 
 
-def own_noise(runs: Sequence[Signals]) -> Noise:
-    """The most that white noise can be in each signal: a motion only adds to the fourth differences that it makes."""
-
-    def size(signals: Sequence[Array]) -> float:
-        bends = np.concatenate([np.diff(values, 4) for values in signals])
-        return float(np.sqrt(np.mean(bends**2) / 70))
-
-    return Noise(
-        torque_nm=size([run.drive.smooth(run.time_s) for run in runs]),
-        speed_rad_s=size([run.speed_rad_s for run in runs]),
-        position_rad=size([run.position_rad for run in runs]),
-    )
+def coarsest_angle(runs: Sequence[Signals]) -> float:
+    """The most that white noise of the angle can be (rad): a motion only adds to the fourth differences it makes."""
+    bends = np.concatenate([np.diff(run.position_rad, 4) for run in runs])
+    return float(np.sqrt(np.mean(bends**2) / 70))
 
 
 def _roughness(signals: Sequence[Array]) -> float:
@@ -159,16 +151,14 @@ def likely_noise(
     span_rad: float,
     *,
     proportional: bool = False,
-    most: Noise | None = None,
+    coarsest: float = np.inf,
 ) -> Noise:
     """The sizes of noise that make the innovations most likely.
 
     `reach`: how far off they may be (log); `span_rad`: the range of angles; `proportional`: a part of the torque's
-    noise may go with the torque. Then the first size is that of its whole, and an angle divides it. `most`: no speed
-    and no angle is noisier than that.
+    noise may go with the torque. Then the first size is that of its whole, and an angle divides it. `coarsest`: no
+    angle is noisier than that (rad).
     """
-    loudest = np.inf if most is None else most.speed_rad_s
-    coarsest = np.inf if most is None else most.position_rad
     finest = max(FINEST * span_rad, 0.5 * max(run.count_rad for run in runs) / np.sqrt(12))
     usual = (
         float(np.sqrt(np.mean(np.concatenate([run.load_nm for run in runs]) ** 2))) if proportional else 0.0
@@ -176,7 +166,7 @@ def likely_noise(
 
     def noise_of(place: Array) -> Noise:
         torque, speed, position = (float(v) for v in np.exp(place[:3]))
-        speed, position = min(speed, loudest), float(max(min(position, coarsest), finest))
+        position = float(max(min(position, coarsest), finest))
         if not proportional:
             return Noise(torque, speed, position)
         even, share = torque * abs(float(np.cos(place[3]))), torque * abs(float(np.sin(place[3]))) / usual
