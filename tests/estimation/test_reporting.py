@@ -13,7 +13,7 @@ from schwung.estimation.reach import reach_of
 from schwung.estimation.reporting import Seen, losses
 
 sys.path.append(str(Path(__file__).parents[2] / "benchmarks"))
-from stranger_plant import draw_stranger, stranger_belief, stranger_session
+from stranger_plant import draw_hidden, draw_stranger, stranger_belief, stranger_session
 
 TICK = 125e-6
 
@@ -82,6 +82,24 @@ def test_bands_hold_on_machines_from_another_hand(every):
         off = table.inertia_kgm2 - stranger.truth(table.position_rad)
         inside.append(np.mean(np.abs(off) <= 1.96 * table.std_kgm2))
     assert np.mean(inside) > 0.87
+
+
+def test_a_whole_record_is_fitted_behind_a_filter_and_late_reports():
+    """A speed behind a filter of 270 µs and two ticks: its noise is no white one, and its lag half a stiffness."""
+    stranger = draw_stranger(12, 0.1, 2)
+    table = estimate(stranger_session(stranger, 12), stranger_belief(stranger), "trajectory").table
+    off = table.inertia_kgm2 - stranger.truth(table.position_rad)
+    assert np.sqrt(np.mean(off**2)) < 3e-4 * stranger.mean_kgm2
+    assert np.mean(np.abs(off) <= 1.96 * table.std_kgm2) > 0.8
+
+
+def test_a_weight_is_a_spring_to_the_ripple():
+    """−T_l'/ω² of the inertia, which the motion tells: without, the band holds one cell in ten."""
+    stranger = draw_hidden(710019, 0.5, None)
+    assert stranger.cause == "weight"
+    table = estimate(stranger_session(stranger, 710019), stranger_belief(stranger), "multiphase").table
+    off = table.inertia_kgm2 - stranger.truth(table.position_rad)
+    assert np.mean(np.abs(off) <= 1.96 * table.std_kgm2) > 0.8
 
 
 def test_one_number_is_told_of_a_table():
