@@ -60,10 +60,11 @@ STICKING = 0.02
 WEIGHT_MOTION, WEIGHT_UNEXPLAINED, WEIGHT_MISSED = 1.75, 0.5, 0.25
 #: Standard deviations that count as chance.
 CLEAR = 1.5
-#: A fitted stiffness that differs from the file's may tell of a wrong torque constant instead, which shifts the inertia
-#: as much: its share with stiffness known to 10 % and the torque constant to 3 % beforehand.
+#: A fitted stiffness that differs from the file's may be chance, the file's mistake, or a wrong torque constant, which
+#: shifts the inertia as much: a stiffness is known to 10 % beforehand, a torque constant to 3 %.
 TORQUE_CONSTANT, STIFFNESS = 0.03, 0.1
-AMBIGUITY = TORQUE_CONSTANT**2 / (TORQUE_CONSTANT**2 + STIFFNESS**2)
+#: Less likely than this, chance is none.
+CHANCE = 0.05
 #: A fit of the whole record sees more than these balances: on sound machines they are off by up to half a per cent.
 COARSE = 0.005
 #: A scale this uncertain says nothing.
@@ -99,8 +100,7 @@ class Evidence:
             beyond = float(np.sqrt(max(self.difference**2 - self.spread**2, 0.0)))
             found["difference"] = max(beyond - coarse, 0.0)
         if self.stiffer.value:
-            beyond = max(abs(self.stiffer.value) - CLEAR * self.stiffer.std, 0.0)
-            found["stiffness"] = min(AMBIGUITY * beyond, TORQUE_CONSTANT)
+            found["stiffness"] = _ambiguity(self.stiffer)
         if self.band is not None:
             found["band"] = self.band
         return found
@@ -121,6 +121,16 @@ class Evidence:
     def predicted(self) -> float:
         """The relative error to be expected: that of the table, with what was left out."""
         return float(np.hypot(self.band or 0.0, self.left_out))
+
+
+def _ambiguity(stiffer: Nuisance) -> float:
+    """Relative error, one standard deviation, of an inertia beside which a stiffness was found so far from the file's:
+    as far, times the root of the probability that the torque constant did it. Nothing where it may be chance.
+    """
+    sizes = np.hypot(max(stiffer.std, 1e-6), [0.0, STIFFNESS, TORQUE_CONSTANT])
+    logs = -((stiffer.value / sizes) ** 2) / 2 - np.log(sizes)
+    chance, _, constant = np.exp(logs - logs.max()) / np.sum(np.exp(logs - logs.max()))
+    return 0.0 if chance > CHANCE else abs(stiffer.value) * float(np.sqrt(constant))
 
 
 def widened(table: InertiaTable, left_out: float) -> InertiaTable:
