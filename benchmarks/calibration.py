@@ -1,40 +1,93 @@
 """Are the bands honest, and does the verdict predict the error? Random machines, profiles, rates and noise.
 
     python benchmarks/calibration.py --first 20000 --machines 500 --methods multiphase auto auto/2
+    python benchmarks/calibration.py --plant stranger --first 300 --machines 160
+    python benchmarks/calibration.py --plant stranger --every 2 --first 300 --machines 160
     python benchmarks/calibration.py --hard --first 9000 --machines 130 --methods denoised multiphase auto
+    python benchmarks/calibration.py --hard --plant stranger --first 300 --machines 160
 
-Machines are drawn by seed (`drawn.py`); with --hard four of five have something that spoils an estimate. Printed per
-method without --hard: the share of cells whose 95 % band holds the truth, with its standard error over machines, the
-same by rate, motion time and filter, and errors and bands relative to the mean inertia. With --hard: what the verdict
-is worth: hits (bad estimates, relative RMSE above 5 %, not called good) and false alarms (fine ones, within 2 %, not
-called good), and both by cause and by verdict. Causes that put a factor on all that the session holds (torque
-constant, rotor inertia) are counted apart: no verdict can promise to see them.
+Machines are drawn by seed, by one of two generators: that of the virtual machine room (`drawn.py`, "home") or one that
+shares no code with it (`stranger_plant.py`); with --hard most have something that spoils an estimate. Printed per
+method: the share of cells whose 95 % band holds the truth, with its 95 % interval over machines, the same by rate,
+motion time and filter, or with --hard by what is wrong, and errors and bands relative to the mean inertia. With --hard
+besides, what the verdict is worth: hits (bad estimates, relative RMSE above 5 %, not called good) and false alarms
+(fine ones, within 2 %, not called good), and both by cause and by verdict. Causes that put a factor on all that the
+session holds (torque constant, rotor inertia) are counted apart: no verdict can promise to see them.
 """
 
 from __future__ import annotations
 
 import argparse
-import itertools
 import json
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import asdict, dataclass
+from functools import partial
 from pathlib import Path
 
 import numpy as np
 from drawn import CAUSES, believed, draw, draw_hard, make_session
 from estimator_cases import PAIR, Entrant, usual_runs
+from stranger_plant import DURATIONS_S, HIDDEN, draw_hidden, draw_stranger, stranger_belief, stranger_session
 
+from schwung.drivetrain.machine import Machine
 from schwung.errors import SchwungError
 from schwung.estimation import estimate
 from schwung.estimation.choice import AUTO
 from schwung.estimation.values import Estimate
+from schwung.motion import Array
+from schwung.session.model import Session
 
 #: Relative RMSE above which an estimate is bad, and up to which it is fine.
 BAD, FINE = 0.05, 0.02
 #: What puts a factor on torques or inertias and is not seen from within a session.
 APART = ("torque constant", "wrong rotor inertia")
 VERDICTS = ("good", "doubtful", "unusable")
+
+
+@dataclass(frozen=True)
+class Case:
+    """One machine by chance, what was recorded and is believed of it, and what is true."""
+
+    session: Session
+    machine: Machine
+    truth: Callable[[Array], Array]
+    mean_kgm2: float
+    cause: str
+    rate_hz: float
+    motion_s: float
+    filter_s: float
+
+
+def home(seed: int, *, hard: bool = False) -> Case:
+    """A machine of the virtual machine room."""
+    drawn = draw_hard(seed) if hard else draw(seed)
+    return Case(
+        make_session(drawn, seed),
+        believed(drawn),
+        drawn.truth,
+        drawn.mean_kgm2,
+        drawn.cause,
+        drawn.rate_hz,
+        drawn.motion.duration_s,
+        drawn.settings.speed_filter_s,
+    )
+
+
+def stranger(seed: int, *, hard: bool = False, every: int | None = None) -> Case:
+    """A machine from another hand; the four motion times take turns. `every`: so many ticks per logged sample."""
+    duration = DURATIONS_S[seed % len(DURATIONS_S)]
+    drawn = draw_hidden(seed, duration, every) if hard else draw_stranger(seed, duration, every)
+    return Case(
+        stranger_session(drawn, seed),
+        stranger_belief(drawn),
+        drawn.truth,
+        drawn.mean_kgm2,
+        drawn.cause,
+        drawn.rate_hz,
+        drawn.duration_s,
+        drawn.loop.filter_s,
+    )
 
 
 @dataclass(frozen=True)
@@ -69,6 +122,7 @@ GROUPS: dict[str, Callable[[Outcome], bool]] = {
     "2 kHz": lambda o: o.rate_hz == 2000.0,
     "4 kHz": lambda o: o.rate_hz == 4000.0,
     "8 kHz": lambda o: o.rate_hz == 8000.0,
+    **{f"motion of {1000 * time:g} ms": (lambda o, time=time: o.motion_s == time) for time in DURATIONS_S},
     "motion of 100 to 200 ms": lambda o: o.motion_s < 0.2,
     "motion of 200 to 350 ms": lambda o: 0.2 <= o.motion_s < 0.35,
     "motion of 350 to 500 ms": lambda o: o.motion_s >= 0.35,
@@ -84,38 +138,37 @@ def entrant(name: str) -> Entrant:
     return Entrant(method, PAIR if pair else usual_runs(method))
 
 
-def judge(seed: int, methods: tuple[str, ...], hard: bool = False) -> list[Outcome]:
+def judge(make: Callable[[int], Case], methods: tuple[str, ...], seed: int) -> list[Outcome]:
     """All methods on one machine; a refusal counts as the verdict "refused"."""
-    drawn = draw_hard(seed) if hard else draw(seed)
-    session, machine = make_session(drawn, seed), believed(drawn)
-    kind = (drawn.rate_hz, drawn.motion.duration_s, drawn.settings.speed_filter_s)
+    case = make(seed)
+    kind = (case.rate_hz, case.motion_s, case.filter_s)
     outcomes = []
     known: dict[Entrant, Estimate] = {}  # what auto took is what it would have been by name
     for method in sorted(methods, key=lambda name: entrant(name).method != AUTO):
         asked = entrant(method)
         try:
-            made = known.get(asked) or estimate(asked.given(session), machine, method=asked.method)
+            made = known.get(asked) or estimate(asked.given(case.session), case.machine, method=asked.method)
             known[Entrant(made.method, asked.runs)] = made
         except SchwungError:
-            outcomes.append(Outcome(seed, drawn.cause, method, "", np.nan, np.nan, 0, 0, "refused", *kind))
+            outcomes.append(Outcome(seed, case.cause, method, "", np.nan, np.nan, 0, 0, "refused", *kind))
             continue
         table = made.table
-        error = table.inertia_kgm2 - drawn.truth(table.position_rad)
+        error = table.inertia_kgm2 - case.truth(table.position_rad)
         std = table.std_kgm2 if table.std_kgm2 is not None else np.zeros_like(error)
         predicted, z = made.trust.predicted_error, error / np.maximum(std, 1e-300)
         outcomes.append(
             Outcome(
                 seed,
-                drawn.cause,
+                case.cause,
                 method,
                 made.method,
-                float(np.sqrt(np.mean(error**2))) / drawn.mean_kgm2,
+                float(np.sqrt(np.mean(error**2))) / case.mean_kgm2,
                 np.nan if predicted is None else predicted,
                 int(np.sum(np.abs(error) <= 1.96 * std)),
                 error.size,
                 made.trust.verdict,
                 *kind,
-                float(np.median(std)) / drawn.mean_kgm2,
+                float(np.median(std)) / case.mean_kgm2,
                 float(np.mean(z)),
                 float(np.sqrt(np.mean(z**2))),
             )
@@ -152,11 +205,14 @@ def summary(outcomes: Sequence[Outcome], methods: Sequence[str]) -> Iterator[str
 
 
 def coverage(of: Sequence[Outcome]) -> str:
-    """Share of cells whose 95 % band holds the truth, ± its standard error over machines, as one cell."""
+    """Share of cells whose 95 % band holds the truth and its 95 % interval over machines, whose cells stand or fall
+    together, as one cell."""
     shares = np.array([o.inside / o.cells for o in of if o.cells])
     if shares.size < 2:
         return "–"
-    return f"{100 * shares.mean():.1f} ± {100 * shares.std(ddof=1) / np.sqrt(shares.size):.1f} %"
+    half = 196 * shares.std(ddof=1) / np.sqrt(shares.size)
+    mean = 100 * shares.mean()
+    return f"{mean:.1f} % ({max(mean - half, 0):.1f} … {min(mean + half, 100):.1f})"
 
 
 def bands(outcomes: Sequence[Outcome], methods: Sequence[str]) -> Iterator[str]:
@@ -179,17 +235,27 @@ def bands(outcomes: Sequence[Outcome], methods: Sequence[str]) -> Iterator[str]:
     yield ""
     yield "| of these | machines |" + "".join(f" {method} |" for method in methods)
     yield "|" + "---|" * (2 + len(methods))
-    for name, chosen in GROUPS.items():
+    causes = {} if {o.cause for o in outcomes} == {"healthy"} else {o.cause: None for o in outcomes}
+    groups = {cause: partial(_caused, cause) for cause in causes} or GROUPS
+    for name, chosen in groups.items():
         of = [o for o in outcomes if chosen(o)]
+        if not of:
+            continue
         cells = [coverage([o for o in of if o.method == method]) for method in methods]
         yield f"| {name} | {len({o.seed for o in of})} |" + "".join(f" {cell} |" for cell in cells)
+
+
+def _caused(cause: str, outcome: Outcome) -> bool:
+    return outcome.cause == cause
 
 
 def by_cause(outcomes: Sequence[Outcome], methods: Sequence[str]) -> Iterator[str]:
     """Median error, hits and false alarms of each method, by what was wrong."""
     yield "| cause |" + "".join(f" {m}: median error | hits | false alarms |" for m in methods)
     yield "|" + "---|" * (1 + 3 * len(methods))
-    for cause in ("healthy", *CAUSES):
+    for cause in ("healthy", *CAUSES, *HIDDEN):
+        if all(o.cause != cause for o in outcomes):
+            continue
         cells = []
         for method in methods:
             of = [o for o in outcomes if (o.cause, o.method) == (cause, method) and o.verdict != "refused"]
@@ -230,6 +296,8 @@ def main() -> None:
     parser.add_argument(
         "--hard", action="store_true", help="mostly machines with something that spoils an estimate"
     )
+    parser.add_argument("--plant", choices=("home", "stranger"), default="home", help="whose machines")
+    parser.add_argument("--every", type=int, help="ticks per logged sample of a stranger; else by chance")
     parser.add_argument("--workers", type=int, default=2)
     parser.add_argument("--keep", type=Path, help="keep outcomes there, line by line, and go on from them")
     parser.add_argument("--out", type=Path, help="write the tables there, too")
@@ -239,8 +307,11 @@ def main() -> None:
     kept = given.keep.read_text().splitlines() if given.keep and given.keep.exists() else []
     outcomes = [o for o in (Outcome(**json.loads(line)) for line in kept) if o.seed in seeds]
     todo = [seed for seed in seeds if seed not in {o.seed for o in outcomes}]
+    make = partial(home, hard=given.hard)
+    if given.plant == "stranger":
+        make = partial(stranger, hard=given.hard, every=given.every)
     with ProcessPoolExecutor(given.workers) as pool:
-        made = pool.map(judge, todo, itertools.repeat(methods), itertools.repeat(given.hard))
+        made = pool.map(partial(judge, make, methods), todo)
         for number, part in enumerate(made, start=1 + len(seeds) - len(todo)):
             outcomes += part
             if given.keep:
@@ -249,6 +320,8 @@ def main() -> None:
             print(f"\r{number} of {given.machines} machines", end="", flush=True)
     if given.hard:
         lines = [
+            *bands(outcomes, methods),
+            "",
             *summary(outcomes, methods),
             "",
             *by_cause(outcomes, methods),

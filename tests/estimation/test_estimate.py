@@ -67,7 +67,11 @@ def test_repeats_lower_the_noise(repeats, machine):
     single = session_of(*repeats.runs[:2])
     few, many = estimate(single, machine), estimate(repeats, machine)
     assert len(many.traces) == len(many.denoised) == 3
-    assert np.mean(many.table.std_kgm2) < np.mean(few.table.std_kgm2)
+    noise = [
+        np.mean(one.table.std_kgm2**2) - (one.trust.left_out * np.mean(one.table.inertia_kgm2)) ** 2
+        for one in (few, many)
+    ]
+    assert noise[1] < noise[0]
     assert rms(table_error(many)) < 0.0016
 
 
@@ -98,9 +102,10 @@ def test_former_method_works_at_500_ms_about_as_well_as_printed(slow, machine):
 
 def test_former_method_needs_no_reference(slow, machine):
     alone = session_of(*slow.excited)
-    np.testing.assert_array_equal(
+    np.testing.assert_allclose(
         estimate(alone, machine, "former").table.inertia_kgm2,
         estimate(slow, machine, "former").table.inertia_kgm2,
+        rtol=1e-5,  # with references, too, what the drive takes off amplitudes is looked for; here it takes nothing
     )
 
 

@@ -28,7 +28,9 @@ def test_the_error_expected_is_the_error_made(fast, faster, machine):
         found = estimate(session, machine, "denoised")
         off = found.table.inertia_kgm2 - slider_crank_inertia(found.table.position_rad)
         relative = np.sqrt(np.mean(off**2)) / np.mean(found.table.inertia_kgm2)
-        assert found.trust.predicted_error == pytest.approx(relative, rel=0.4)
+        assert (
+            0.5 < found.trust.predicted_error / relative < 2
+        )  # one standard deviation: the table's own band
 
 
 def test_relative_bounds_are_the_papers_on_its_own_machine():

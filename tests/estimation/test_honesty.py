@@ -14,8 +14,8 @@ from schwung.errors import InputError
 from schwung.estimation import estimate
 from schwung.estimation.balance import Basis
 from schwung.estimation.bound import cramer_rao
-from schwung.estimation.delay import LOSSES, _agreed, amplitudes_restored
-from schwung.estimation.fit import Nuisance, _spread
+from schwung.estimation.delay import LOSSES, amplitudes_restored
+from schwung.estimation.fit import _spread
 from schwung.estimation.methods import METHODS
 from schwung.estimation.solve import solve
 from schwung.estimation.trajectory import _table
@@ -86,14 +86,6 @@ def test_what_is_considered_widens_the_band_by_what_it_would_move():
     at = basis.at(np.linspace(0.1, 0.9, 9))
     more = at @ (found.covariance - plain.covariance) @ at.T
     np.testing.assert_allclose(more, 0.4**2, rtol=0.02)  # one and the same for all: fully correlated
-
-
-def test_a_filters_rule_gives_way_to_a_loss_that_was_measured():
-    rule = Nuisance(1.0, 0.05)
-    vague, sharp = _agreed(Nuisance(0.8, 0.5), rule), _agreed(Nuisance(0.5, 0.01), rule)
-    assert vague.value == pytest.approx(1.0, abs=0.01)
-    assert sharp.value == pytest.approx(0.5, abs=0.01)
-    assert _agreed(Nuisance(1.02, 0.05), rule).std == pytest.approx(0.05 / np.sqrt(2))
 
 
 def test_leverage_counts_what_was_fitted():

@@ -103,12 +103,20 @@ def test_a_factor_on_all_torques_is_not_seen_by_a_rigid_machine(constant_rigid, 
 
 
 def test_parts_add_up_by_squares_and_chance_does_not_count():
-    sure = Evidence(band=0.03, difference=0.04, unexplained=0.0, scale=Nuisance(1.0, 0.01), missed=None)
-    assert sure.predicted == pytest.approx(0.05)
+    unmoved = Nuisance(1.0, 0.01)
+    sure = Evidence(band=0.03, difference=0.04, unexplained=0.0, scale=unmoved, missed=None, spread=0.03)
+    assert sure.predicted == pytest.approx(0.04), "the windows' band knows of a part of the difference"
+    assert Evidence(0.03, None, None, None, None, Nuisance(0.01, 0.01)).predicted == 0.03
     assert Evidence(None, None, None, Nuisance(1.02, 0.02), None).contradiction == 0.0
     assert Evidence(None, None, None, Nuisance(0.95, 0.02), None).contradiction == pytest.approx(0.02)
     assert Evidence(None, None, None, Nuisance(1.25, 0.15), None).contradiction == 0.0, "too vague to accuse"
-    assert Evidence(None, None, None, None, missed=0.2).predicted == pytest.approx(0.05)
+    assert Evidence(None, None, None, None, missed=0.2).doubts == {"missed": pytest.approx(0.05)}
+
+
+@pytest.mark.parametrize(("off", "least", "most"), [(0.05, 0.02, 0.05), (0.5, 0.0, 1e-6)])
+def test_another_stiffness_may_be_a_torque_constant_as_far_as_one_may_be_off(off, least, most):
+    """5 % are as likely a torque constant's, and then the inertia's, too; half as much again is a stiffness's."""
+    assert least <= Evidence(None, None, None, None, None, Nuisance(off, 1e-3)).left_out < most
 
 
 def test_the_expected_error_goes_into_the_json(four, machine):

@@ -2,7 +2,7 @@
 
 With (A7), J(θ) ω' + ½J'(θ) ω² = d(Jω)/dt − ½J'ω². A small ripple θ~, ω~ around the motion θ_0, ω_0, α_0 obeys
 
-    C~ − b_l ω~ = d(J ω~)/dt + (½ J'' ω_0² + J' α_0) θ~        J, J', J'' at θ_0(t)
+    C~ − b_l ω~ + T_l' θ~ = d(J ω~)/dt + (½ J'' ω_0² + J' α_0) θ~        J, J', J'', T_l' at θ_0(t)
 
 (δ(Jω) = Jω~ + J'ω_0θ~ and δ(½J'ω²) = J'ω_0ω~ + ½J''ω_0²θ~): J ω~' alone would miss the J' ω_0 ω~ of an inertia
 that changes on the way and the position term, 2 % at 100 ms. Coupling torque and load speed come from the motor
@@ -197,11 +197,12 @@ class Balance:
             load, kept, inertia, turning, over_s, by_parts, _real(columns, load), _real(driving, load)[:, 0]
         )
 
-    def equations(self, curve: Array | None = None) -> Equations:
+    def equations(self, curve: Array | None = None, pull: Array | None = None) -> Equations:
         """Weighted by the noise.
 
         `curve`: the spline's coefficients as known so far, (basis.size,). What spoils the motor's torque also spoils
         the load speed that follows from it, by as much as the load is heavy; without a curve that part is left out.
+        `pull`: dT_l/dθ along the motion (N·m/rad), (samples,).
         """
         load, kept = self.load, self.kept
         spoilers = self.over_s @ load.spoilers[kept]
@@ -209,7 +210,11 @@ class Balance:
             momentum = (self.inertia @ curve)[:, None] * load.spoilers_wind_up_rate[kept]
             turned = (self.turning @ curve)[:, None] * load.spoilers_wind_up[kept]
             spoilers = spoilers + self.by_parts @ momentum + self.over_s @ turned
-        return Equations(self.columns, _real(spoilers, load), self.driving)
+        driving = self.driving
+        if pull is not None and np.any(pull):
+            sprung = self.over_s @ (pull[kept] * load.ripple_angle_rad[kept])[:, None]
+            driving = driving + _real(sprung, load)[:, 0]
+        return Equations(self.columns, _real(spoilers, load), driving)
 
 
 def _real(values: ComplexArray, load: LoadSide) -> Array:

@@ -7,8 +7,8 @@ torque. Angles label the result, so they keep the time: the speed is moved forwa
 
 What delays also takes off: a lag of first order τ leaves 1 − ½(ωτ)² of an amplitude, a pure delay all of it, and
 0.1 ms at 70 Hz is worth 0.1 % of the inertia. What the speed lost against the angle is measured. The torque has
-nothing to be compared with; as far as it lags like the speed, it is taken to have passed the same filter, and the
-angle is then given that loss too, as speed and angle must be seen as the torque is.
+nothing to be compared with: `reporting.py` weighs what it may have lost, and as the angle must be seen as the torque
+is, it is given that loss too.
 
 Of an injection that a bus holds, the torque is known as sent; the controller's share is as reported. Each has a delay
 of its own then: the ripple tells the injection's, the motion the controller's (`report.py`).
@@ -18,6 +18,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 from scipy.interpolate import CubicSpline
@@ -26,8 +27,9 @@ from schwung.drivetrain.machine import Machine
 from schwung.errors import InputError
 from schwung.estimation.balance import STOP, fade_in_and_out, noise_floor
 from schwung.estimation.denoise import denoise
-from schwung.estimation.fit import Nuisance, fit_curve
+from schwung.estimation.fit import NOTHING, Nuisance, fit_curve
 from schwung.estimation.report import controller_lag, expected, speed_lag
+from schwung.estimation.reporting import Losses, Seen, losses
 from schwung.estimation.ripple import (
     CONTROLLER_STD,
     Ripple,
@@ -36,7 +38,8 @@ from schwung.estimation.ripple import (
     ripple_of_pair,
     ripple_of_phases,
 )
-from schwung.innovations.signals import LOSS_STD
+from schwung.innovations.low_pass import low_passed
+from schwung.innovations.signals import LAGS, LOSS_STD
 from schwung.motion import Array
 from schwung.session.model import Run, Session
 
@@ -47,15 +50,14 @@ MAX_PHASE_RAD = 1.0
 ROUNDS = 5
 #: Speed and angle are compared this far about the injected frequency, as a share of it.
 ABOUT = 0.25
-#: How far a drive's filter is from one of first order: its loss at a given lag, relative, one standard deviation.
-RULE = 0.05
 #: Attribute of a run: the losses γ of torque and speed (s²) that were made even, and up to which frequency (Hz).
 LOSSES = "losses_made_even"
+#: And what its speed's samples held of the corners of a held torque (rad/s), as recorded, (n,).
+CORNERS = "speed_at_corners_rad_s"
 #: The iteration has settled within this share of a sample.
 SETTLED_SAMPLES = 1e-3
 
-
-NOTHING = Nuisance(0.0, 0.0)
+NO_LOSSES = Losses(NOTHING, NOTHING, 0.0)
 
 
 @dataclass(frozen=True)
@@ -65,11 +67,17 @@ class Delay:
     angle: Nuisance  # of the angle behind the torque
     speed: Nuisance  # of the speed behind the angle
     frequency_hz: float
-    speed_loss_s2: Nuisance = NOTHING  # γ: of its amplitude the speed lost γω² against the angle
-    torque_loss_s2: Nuisance = NOTHING  # the torque, against the one that acts
+    losses: Losses = NO_LOSSES  # of the speed against the angle, of the torque against the one that acts
+    bare_kgm2: float = np.inf  # the inertia that follows a held torque's corners
+    share: float = 0.0  # of the speed in what is known of the motion, against the angle
     controller: Nuisance | None = (
         None  # of what is reported of the controller's torque, where injections are held
     )
+
+    @property
+    def loss_std_s2(self) -> float:
+        """How far it is unknown what the motion lost against the torque."""
+        return float(np.hypot(self.losses.torque_s2.std, self.share * self.losses.speed_s2.std))
 
     @property
     def torque_to_speed(self) -> Nuisance:
@@ -108,6 +116,7 @@ def find_delay(session: Session, excited: Sequence[Run], machine: Machine) -> De
     if not ripples:
         return None
     lag = _mean_lag([_speed_behind_angle(ripple) for ripple in ripples])
+    held = any(ripple.held_torque_nm is not None for ripple in ripples)
     lagging = _worth_removing(lag.delay_s, ripples[0].frequency_hz)
     # else the torque would be moved to make up for a chance
     speed = lag.delay_s if lagging else Nuisance(0.0, lag.delay_s.std)
@@ -130,11 +139,29 @@ def find_delay(session: Session, excited: Sequence[Run], machine: Machine) -> De
     if not fit.physical or 2 * np.pi * ripples[0].frequency_hz * abs(found) > MAX_PHASE_RAD:
         return None
     angle = Nuisance(found, further.std)
-    losses = (NOTHING, NOTHING)
-    if lagging and speed.value > 0:
-        period = 1 / machine.control.sample_rate_hz if machine.control else 0.0
-        losses = _losses(lag, Nuisance(-found, further.std), period)
-    return Delay(angle, speed, ripples[0].frequency_hz, *losses, controller=controller)
+    bare = machine.motor.inertia_kgm2
+    if machine.coupling is None:
+        bare += float(np.mean(fit.solution.coefficients))
+    taken = NO_LOSSES
+    if not held or (lagging and speed.value > 0):
+        seen = Seen(lag.delay_s, lag.loss_s2, Nuisance(-found, further.std), _met(ripples) / bare)
+        period = 1 / machine.control.sample_rate_hz if machine.control else None
+        taken = losses(seen, period, 1 / ripples[0].sample_rate_hz, held=held)
+        if not abs(taken.speed_s2.value) > taken.speed_s2.std:  # as of a speed too coarse to be compared
+            taken = replace(taken, speed_s2=replace(taken.speed_s2, value=0.0))
+    return Delay(angle, speed, ripples[0].frequency_hz, taken, bare, lag.share, controller)
+
+
+def _met(ripples: Sequence[Ripple]) -> float:
+    """The inertia that the injection meets at the motor (kg·m²): the torque in phase with the acceleration."""
+    moved = turned = 0.0
+    for ripple in ripples:
+        f = np.fft.fftfreq(ripple.time_s.size, 1 / ripple.sample_rate_hz)
+        chosen = np.abs(f / ripple.frequency_hz - 1) < ABOUT
+        accelerated = -((2 * np.pi * f[chosen]) ** 2) * np.fft.fft(ripple.ripple_position_rad)[chosen]
+        moved += float(np.real(np.vdot(accelerated, np.fft.fft(ripple.ripple_torque_nm)[chosen])))
+        turned += float(np.real(np.vdot(accelerated, accelerated)))
+    return moved / max(turned, 1e-300)
 
 
 def without_delay(session: Session, delay: Delay) -> Session:
@@ -143,37 +170,44 @@ def without_delay(session: Session, delay: Delay) -> Session:
 
 
 def _run_without(run: Run, delay: Delay) -> Run:
-    time, rate, torque = run.time_s, run.sample_rate_hz, delay.torque_loss_s2
+    time, rate, torque = run.time_s, run.sample_rate_hz, delay.losses.torque_s2
     highest = STOP * delay.frequency_hz
-    added, extra = run.torque_added_nm, {}
+    added = run.torque_added_nm
+    extra: dict[str, Any] = {}
+    # a delay that is no more than chance is left to the fit, where it costs least
+    late = delay.angle.value if _worth_removing(delay.angle, delay.frequency_hz) else 0.0
     if delay.controller is None:
-        driving = _shifted(run.torque_nm, time, delay.angle.value)
+        driving = _shifted(run.torque_nm, time, late)
     else:
-        # an injection's delay that is no more than chance is left to the fit, where it costs least
-        late = delay.angle.value if _worth_removing(delay.angle, delay.frequency_hz) else 0.0
         held = injection_of(run)
         driving = _shifted(held, time, late) + _shifted(run.torque_nm - held, time, -delay.controller.value)
         added = None if added is None else _shifted(added, time, late)
         extra = {CONTROLLER_STD: delay.controller.std}
-    speed = _shifted(run.speed_rad_s, time, -delay.speed.value)
+    speed, loss = _shifted(run.speed_rad_s, time, -delay.speed.value), delay.losses.speed_s2
+    if delay.losses.corner_s2:
+        edge = 2 * highest / rate
+        smooth = low_passed(driving, edge, 4) if edge < 1 else driving
+        corners = delay.losses.corner_s2 / delay.bare_kgm2 * np.gradient(smooth, 1 / rate)
+        speed, extra = speed - corners, {**extra, CORNERS: _shifted(corners, time, delay.speed.value)}
     return replace(
         run,
         position_rad=_lessened(run.position_rad, rate, torque.value, highest),
-        speed_rad_s=_lessened(speed, rate, torque.value - delay.speed_loss_s2.value, highest),
+        speed_rad_s=_lessened(speed, rate, torque.value - loss.value, highest),
         torque_nm=driving,
         torque_added_nm=added,
         extra={
             **run.extra,
             **extra,
-            LOSS_STD: torque.std,
-            LOSSES: (torque.value, delay.speed_loss_s2.value, highest),
+            LOSS_STD: delay.loss_std_s2,
+            LOSSES: (torque.value, loss.value, highest),
+            LAGS: ((delay.angle.value, delay.speed.value), (delay.angle.std, delay.speed.std)),
         },
     )
 
 
 def amplitudes_restored(recorded: Session, ready: Session) -> Session:
-    """The session as recorded, its lags kept, but torque and speed with the amplitude that filters took off them, as
-    far as `delay_removed` found any and said so in the runs of `ready`, which are the same in number and order.
+    """The session as recorded, its lags kept and told, but torque and speed with the amplitude that filters took off
+    them, as far as `delay_removed` found any and said so in the runs of `ready`, the same in number and order.
     """
 
     def one(run: Run, made: Run) -> Run:
@@ -183,8 +217,10 @@ def amplitudes_restored(recorded: Session, ready: Session) -> Session:
         return replace(
             run,
             torque_nm=_lessened(run.torque_nm, run.sample_rate_hz, -torque, highest),
-            speed_rad_s=_lessened(run.speed_rad_s, run.sample_rate_hz, -speed, highest),
-            extra={**run.extra, LOSS_STD: made.extra.get(LOSS_STD, 0.0)},
+            speed_rad_s=_lessened(
+                run.speed_rad_s - made.extra.get(CORNERS, 0.0), run.sample_rate_hz, -speed, highest
+            ),
+            extra={**run.extra, **{key: made.extra[key] for key in (LOSS_STD, LAGS) if key in made.extra}},
         )
 
     return replace(recorded, runs=tuple(one(*both) for both in zip(recorded.runs, ready.runs, strict=True)))
@@ -252,6 +288,7 @@ class _Lag:
 
     delay_s: Nuisance
     loss_s2: Nuisance
+    share: float  # of the speed in what is known of the motion
 
 
 def _speed_behind_angle(ripple: Ripple) -> _Lag:
@@ -262,10 +299,13 @@ def _speed_behind_angle(ripple: Ripple) -> _Lag:
     chosen = np.abs(f / frequency - 1) < ABOUT
     omega = 2 * np.pi * f[chosen]
     speed = np.fft.fft(ripple.ripple_speed_rad_s * fade)[chosen]
+    # of the derivative, faded: the fade's own slope is no speed
     moved = 1j * omega * np.fft.fft(ripple.ripple_position_rad * fade)[chosen]
+    moved -= np.fft.fft(ripple.ripple_position_rad * np.gradient(fade, 1 / rate))[chosen]
     of_speed = noise_floor(ripple.ripple_speed_rad_s * fade, rate, frequency)
     of_angle = omega**2 * noise_floor(ripple.ripple_position_rad * fade, rate, frequency)
     noise = of_speed + of_angle
+    share = float(np.mean(of_angle / noise))
     delay = 0.0
     for _ in range(ROUNDS):
         model = moved * np.exp(-1j * omega * delay)
@@ -273,7 +313,7 @@ def _speed_behind_angle(ripple: Ripple) -> _Lag:
         signal = np.real(np.conj(model) * speed)
         information = float(np.sum(omega**2 * signal / noise))
         if not information > 0:
-            return _Lag(Nuisance(0.0, np.inf), Nuisance(0.0, np.inf))
+            return _Lag(Nuisance(0.0, np.inf), Nuisance(0.0, np.inf), share)
         delay -= float(np.sum(omega * np.imag(np.conj(model) * speed) / noise)) / information
     model = moved * np.exp(-1j * omega * delay)
     signal = np.maximum(np.real(np.conj(model) * speed), 0.0)
@@ -286,41 +326,13 @@ def _speed_behind_angle(ripple: Ripple) -> _Lag:
     return _Lag(
         Nuisance(delay, float(np.sqrt(np.sum(omega**2 * scatter))) / information),
         Nuisance(loss, float(np.sqrt(np.sum(omega**4 * scatter))) / curvature),
+        share,
     )
 
 
-def _losses(lag: _Lag, torque_lag_s: Nuisance, period_s: float) -> tuple[Nuisance, Nuisance]:
-    """What speed and torque lost, from their lags behind the angle and the loss of the speed as measured.
-
-    A difference of angles over one period T of the controller lags by ½T and loses γ = T²/24; a torque held for T
-    lags as much, but it is the one that acts that is smaller. What else lags behind the angle of the same drive was
-    not sent later but filtered: by a lag of first order, as a rule (γ = ½τ(τ + T) in steps of T); where the loss as
-    measured speaks against it, as with two in a row (half of it), the rule counts for less. The torque went through
-    the same as far as its lag says so.
-    """
-    behind = lag.delay_s.value
-    half = min(period_s / 2, behind)
-    rest = behind - half
-    expected = rest * (rest + 2 * half) / 2
-    loss = _agreed(lag.loss_s2, Nuisance(expected + half**2 / 6, RULE * expected))
-    filtered = loss.value - half**2 / 6
-    held = float(np.clip(torque_lag_s.value, 0.0, half))
-    longest = max(rest, 1e-12)
-    alike = float(np.clip((torque_lag_s.value - held) / longest, 0.0, 1.0))
-    unsure = float(np.hypot(torque_lag_s.std, alike * lag.delay_s.std)) / longest
-    std = float(np.hypot(alike**2 * loss.std, 2 * alike * min(unsure, 1.0) * filtered))
-    return loss, Nuisance(alike**2 * filtered - held**2 / 6, std)
-
-
-def _agreed(measured: Nuisance, rule: Nuisance) -> Nuisance:
-    """Mean by inverse variance; where the two are further apart than they say, the rule is the one to doubt."""
-    further = (measured.value - rule.value) ** 2 - measured.std**2
-    doubted = replace(rule, std=float(np.sqrt(max(rule.std**2, further))))
-    return _mean([measured, doubted])
-
-
 def _mean_lag(lags: Sequence[_Lag]) -> _Lag:
-    return _Lag(_mean([lag.delay_s for lag in lags]), _mean([lag.loss_s2 for lag in lags]))
+    share = float(np.mean([lag.share for lag in lags]))
+    return _Lag(_mean([lag.delay_s for lag in lags]), _mean([lag.loss_s2 for lag in lags]), share)
 
 
 def _mean(parts: Sequence[Nuisance]) -> Nuisance:
@@ -344,6 +356,6 @@ def delay_removed(
         delay = find_delay(session, excited, machine)
     except (InputError, np.linalg.LinAlgError):
         return session, ()
-    if delay is None or not delay.significant:
+    if delay is None:
         return session, ()
-    return without_delay(session, delay), (delay.text,)
+    return without_delay(session, delay), (delay.text,) if delay.significant else ()

@@ -4,13 +4,11 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-import numpy as np
-
-from schwung.drivetrain.inertia import InertiaTable
 from schwung.drivetrain.machine import Machine
 from schwung.errors import InputError
 from schwung.estimation.choice import AUTO, Choice, is_joint, is_robust, leaves_much, ranked
 from schwung.estimation.delay import delay_removed
+from schwung.estimation.evidence import at_least, gather, relative_band, widened
 from schwung.estimation.methods import Method, Task, excited_at, frequencies_of, method_named
 from schwung.estimation.sampling import prepared
 from schwung.estimation.sdft import samples_per_window
@@ -102,8 +100,8 @@ def _narrower_of(found: Estimate, how: Method, task: Task) -> tuple[Estimate, tu
         other = _by(how, replace(task, start=found.table))
     except InputError:
         return found, ()
-    mine, others = (_relative_band(one.table) for one in (found, other))
-    if other.trust.verdict != "good" or others >= mine:
+    mine, others = (relative_band(one.table) for one in (found, other))
+    if mine is None or others is None or other.trust.verdict != "good" or others >= mine:
         return found, ()
     seen = found.trust
     trust = replace(
@@ -120,13 +118,6 @@ def _narrower_of(found: Estimate, how: Method, task: Task) -> tuple[Estimate, tu
     return replace(other, trust=trust, traces=found.traces, denoised=found.denoised), (said,)
 
 
-def _relative_band(table: InertiaTable) -> float:
-    """Standard deviation over the inertia, rms over the table."""
-    if table.std_kgm2 is None:
-        return float("inf")
-    return float(np.sqrt(np.mean((table.std_kgm2 / table.inertia_kgm2) ** 2)))
-
-
 def _one(how: Method, task: Task) -> Estimate:
     """One method, once."""
     outcome = how.traces(task)
@@ -136,20 +127,24 @@ def _one(how: Method, task: Task) -> Estimate:
         windows = [samples_per_window(run.sample_rate_hz, task.frequency_hz) for run in task.excited]
         combined = combine(outcome.traces, windows, task.points)
     slow = not how.needs_reference and outcome.windowed
+    evidence = gather(outcome, task, combined.table)
     return Estimate(
         method=how.name,
         inversion=task.inversion,
         frequency_hz=task.frequency_hz,
-        table=combined.table,
+        table=widened(combined.table, evidence.left_out),
         traces=outcome.traces,
         denoised=outcome.denoised,
-        trust=judge(outcome, task, combined.table, needs_slow_motion=slow),
+        trust=judge(outcome, task, combined.table, evidence, needs_slow_motion=slow),
         notes=outcome.notes + combined.notes,
     )
 
 
 def _several(how: Method, task: Task, frequencies: tuple[float, ...]) -> Estimate:
-    """One estimate per frequency, their tables weighted by inverse variance; trust is that of the weightiest."""
+    """One estimate per frequency, their tables weighted by inverse variance; trust is that of the weightiest.
+
+    What is left out of the bands is not averaged away: it is the same in all, as far as anybody knows.
+    """
     each: list[Estimate] = []
     failed: list[InputError] = []
     for frequency in frequencies:
@@ -160,14 +155,16 @@ def _several(how: Method, task: Task, frequencies: tuple[float, ...]) -> Estimat
             failed.append(error)
     if not each:
         raise failed[0]
-    table, shares = combine_tables([found.table for found in each])
+    combined, shares = combine_tables([found.table for found in each])
     best = each[shares.index(max(shares))]
+    table = at_least(combined, sum(s * f.trust.left_out for s, f in zip(shares, each, strict=True)))
     weights = ", ".join(
         f"{found.frequency_hz:g} Hz {100 * share:.0f} %" for found, share in zip(each, shares, strict=True)
     )
     return replace(
         best,
         table=table,
+        trust=replace(best.trust, predicted_error=relative_band(table)),
         traces=tuple(trace for found in each for trace in found.traces),
         denoised=tuple(pair for found in each for pair in found.denoised),
         notes=(

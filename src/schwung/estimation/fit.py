@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from schwung.drivetrain.machine import Machine
 from schwung.errors import InputError
 from schwung.estimation.balance import Balance, Basis, Equations, LoadSide, load_side
+from schwung.estimation.pull import pulls
 from schwung.estimation.ripple import Ripple
 from schwung.estimation.sdft import ComplexArray
 from schwung.estimation.solve import Solution, solve
@@ -45,6 +46,9 @@ class Nuisance:
         return abs(self.value) > 4 * self.std
 
 
+NOTHING = Nuisance(0.0, 0.0)
+
+
 @dataclass(frozen=True, eq=False)
 class CurveFit:
     """J_l over the load angle with its covariance; `loads` are the ripples' load sides, in order."""
@@ -57,6 +61,7 @@ class CurveFit:
     dry_nm: Nuisance
     delay_s: Nuisance  # of speed (and angle) behind torque, or behind the injection alone where that is held
     unexplained_share: float  # of the power of the load's driving torque in the band
+    pulls: tuple[Array, ...]  # dT_l/dθ along each load's motion (N·m/rad), (n,)
 
     @property
     def physical(self) -> bool:
@@ -106,7 +111,8 @@ class CurveFit:
         rate_of_wind_up = load.spoilers_wind_up_rate[:, known] @ self.solution.nuisances
         momentum = np.gradient(inertia * (load.ripple_speed_rad_s + rate_of_wind_up), 1 / rate)
         turned = turning * (load.ripple_angle_rad + wind_up)
-        return np.asarray(load.driving_torque_nm - spoiled - momentum - turned)
+        sprung = self.pulls[number] * load.ripple_angle_rad
+        return np.asarray(load.driving_torque_nm + sprung - spoiled - momentum - turned)
 
 
 def fit_curve(ripples: Sequence[Ripple], machine: Machine) -> CurveFit:
@@ -145,10 +151,15 @@ def fit_curve(ripples: Sequence[Ripple], machine: Machine) -> CurveFit:
     balances = [Balance.of(load, ripple, basis) for load, ripple in zip(loads, ripples, strict=True)]
     weights = [np.ones(2 * load.frequencies.size) for load in loads]
     solution: Solution | None = None
+    sprung: list[Array] = [np.zeros(load.angle_rad.size) for load in loads]
     for _ in range(ROUNDS):
-        curve = None if solution is None else solution.coefficients
+        curve = None
+        if solution is not None:
+            curve = solution.coefficients
+            sprung = pulls(loads, ripples, _inertia_of(basis, curve), machine)
         parts = [
-            balance.equations(curve).scaled(weight) for balance, weight in zip(balances, weights, strict=True)
+            balance.equations(curve, pull).scaled(weight)
+            for balance, pull, weight in zip(balances, sprung, weights, strict=True)
         ]
         solution = _solve(parts, prior, np.array([loss, late]))
         ends = np.cumsum([part.y.size for part in parts])[:-1]
@@ -164,7 +175,14 @@ def fit_curve(ripples: Sequence[Ripple], machine: Machine) -> CurveFit:
     power = float(np.sum(np.concatenate([part.y for part in parts]) ** 2))
     share = float(np.sum(solution.residual**2)) / max(power, 1e-300)
     viscous, dry, delay = (Nuisance(float(v), float(s)) for v, s in zip(solution.nuisances, std, strict=True))
-    return CurveFit(basis, solution, loads, tuple(ripples), viscous, dry, delay, share)
+    return CurveFit(basis, solution, loads, tuple(ripples), viscous, dry, delay, share, tuple(sprung))
+
+
+def _inertia_of(basis: Basis, curve: Array) -> Callable[[Array, int], Array]:
+    def at(angle_rad: Array, derivative: int) -> Array:
+        return np.asarray(basis.at(angle_rad, derivative) @ curve)
+
+    return at
 
 
 def _spread(residual: Array, free: Array, frequency: Array) -> Array:

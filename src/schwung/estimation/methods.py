@@ -17,7 +17,7 @@ from schwung.drivetrain.inertia import InertiaTable
 from schwung.drivetrain.machine import Machine
 from schwung.errors import InputError
 from schwung.estimation.denoise import denoise
-from schwung.estimation.fit import CurveFit
+from schwung.estimation.fit import NOTHING, CurveFit, Nuisance
 from schwung.estimation.inversion import invert_complex, invert_magnitude
 from schwung.estimation.sdft import ComplexArray, Spectrum, sliding_dft
 from schwung.estimation.values import Denoised, Inversion, Trace
@@ -63,7 +63,7 @@ class Outcome:
     The denoised signals come along where a method makes them; the checks of linearity look at those.
     `windowed`: each value stands for one period and rests on superposition, so that a changing inertia and a
     clipped torque spoil it; False: it comes from a model of the whole record, whose band says what is known.
-    `fit`, `machine` and `missed` are evidence for the verdict, where a method has it.
+    `fit`, `machine`, `missed` and `stiffer` are evidence for the verdict, where a method has it.
     """
 
     traces: tuple[Trace, ...] = ()
@@ -74,6 +74,7 @@ class Outcome:
     fit: CurveFit | None = None  # of the ripple's balance, where the table is that fit's
     machine: Machine | None = None  # as found beside the inertia; None: as believed
     missed: float | None = None  # rms torque that the model misses beyond noise, over the rms torque
+    stiffer: Nuisance = NOTHING  # how far the stiffness found is from the file's, relative
 
 
 class Method(Protocol):

@@ -24,10 +24,7 @@ _WHOLE = ("trajectory", "multiphase")
 
 @dataclass(frozen=True)
 class Reach:
-    """Standard deviations, root mean square over the table's angles (kg·m²; kg on a linear axis).
-
-    `table_kgm2`: of the table's band, or what the verdict expects, if that is more.
-    """
+    """Standard deviations, median over the table's angles (kg·m²; kg on a linear axis)."""
 
     table_kgm2: float
     bound_kgm2: float
@@ -80,9 +77,7 @@ def reach_of(session: Session, machine: Machine, estimate: Estimate) -> Reach | 
     except (SchwungError, np.linalg.LinAlgError):
         return None
     at = (bound.position_rad >= table.position_rad[0]) & (bound.position_rad <= table.position_rad[-1])
-    least = float(np.sqrt(np.mean(bound.std_kgm2[at] ** 2)))
-    expected = (estimate.trust.predicted_error or 0.0) * float(np.mean(table.inertia_kgm2))
-    own = max(float(np.sqrt(np.mean(table.std_kgm2**2))), expected)
+    least, own = float(np.median(bound.std_kgm2[at])), float(np.median(table.std_kgm2))
     if not (np.isfinite(least) and least > 0 and np.isfinite(own)):
         return None
     return Reach(own, least, estimate.method, "kg" if session.axis == "linear" else "kg·m²")

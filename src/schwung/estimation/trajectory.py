@@ -15,6 +15,8 @@ from schwung.drivetrain.machine import Coupling, Machine
 from schwung.errors import InputError
 from schwung.estimation.choice import clipped_share
 from schwung.estimation.delay import amplitudes_restored
+from schwung.estimation.evidence import ripple_fit
+from schwung.estimation.fit import NOTHING, Nuisance
 from schwung.estimation.methods import Outcome, Suitability, Task, register
 from schwung.estimation.report import unknown_answer
 from schwung.estimation.table import DEFAULT_POINTS
@@ -50,7 +52,9 @@ class TrajectoryMethod:
     def traces(self, task: Task) -> Outcome:
         """Fit, and tabulate with the posterior's standard deviation."""
         session = amplitudes_restored(task.recorded or task.session, task.session)
-        found = fit(session.runs, task.machine, rotary=session.axis == "rotary", start=task.start)
+        found = fit(
+            session.runs, task.machine, rotary=session.axis == "rotary", start=task.start or _near(task)
+        )
         _check_explained(found)
         hidden = max((unknown_answer(run, task.machine) for run in session.runs if run.is_held), default=0.0)
         table, notes = _table(found, task.points or DEFAULT_POINTS, hidden)
@@ -60,10 +64,23 @@ class TrajectoryMethod:
             windowed=False,
             machine=_as_found(found),
             missed=_missed(found),
+            stiffer=_stiffer(found),
         )
 
 
 register(TrajectoryMethod())
+
+
+def _near(task: Task) -> InertiaTable | None:
+    """The curve that the ripple by itself tells: from a constant, a noisy fit may end at another coupling."""
+    if clipped_share(task) > MAX_CLIPPED_SHARE:
+        return None
+    ripples = ripple_fit(task, task.machine)
+    if ripples is None:
+        return None
+    grid = np.linspace(ripples.basis.low_rad, ripples.basis.high_rad, DEFAULT_POINTS)
+    inertia = ripples.inertia_at(grid)
+    return InertiaTable(grid, inertia) if np.all(inertia > 0) else None
 
 
 def _table(found: Fit, points: int, hidden: float = 0.0) -> tuple[InertiaTable, tuple[str, ...]]:
@@ -103,6 +120,14 @@ def _as_found(found: Fit) -> Machine:
         damping_nms=believed.coupling.damping_nms * float(damped),
     )
     return believed.model_copy(update={"coupling": coupling})
+
+
+def _stiffer(found: Fit) -> Nuisance:
+    """How far the stiffness is from the machine file's, relative."""
+    at = found.model.layout.stiffness
+    if found.model.machine.coupling is None:
+        return NOTHING
+    return Nuisance(float(np.expm1(found.parameters[at])), found.std_of(at))
 
 
 def _missed(found: Fit) -> float:

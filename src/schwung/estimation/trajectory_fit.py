@@ -25,6 +25,7 @@ from schwung.innovations.likelihood import (
     STICKING,
     Equations,
     Noise,
+    coarsest_angle,
     deviance_of,
     first_noise,
     likely_noise,
@@ -32,7 +33,7 @@ from schwung.innovations.likelihood import (
     resmoothed,
     systems_of,
 )
-from schwung.innovations.signals import Signals, load_angle_range, signals_of
+from schwung.innovations.signals import LAGS, Signals, load_angle_range, signals_of
 from schwung.innovations.splines import Basis
 from schwung.innovations.steps import no_such_machine
 from schwung.motion import Array
@@ -97,6 +98,12 @@ class Fit:
         lost = rows @ self.considered[where]
         return inertia, inertia * np.sqrt(np.maximum(posterior, observed) + lost**2)
 
+    def std_of(self, parameter: int) -> float:
+        """Standard deviation of one parameter, as of the curve."""
+        reach = self.covariance[parameter]
+        observed = float(np.sum((self.scores @ reach) ** 2))
+        return float(np.hypot(np.sqrt(max(reach[parameter], observed)), self.considered[parameter]))
+
 
 @dataclass(frozen=True, eq=False)
 class Passed:
@@ -130,16 +137,21 @@ def fit(
     inertia = float(np.exp(np.mean(logs)))
     held = any(is_held(run) for run in recorded)
     released = machine.coupling is None or start is not None
-    prior = prior_for(model.layout, machine, inertia, held=held, coupling=released)
+    lags = recorded[0].extra.get(LAGS)
+    prior = prior_for(model.layout, machine, inertia, held=held, coupling=released, lags=lags)
     parameters, smoothness = prior.mean.copy(), (np.log(0.01), np.log(0.01))
     parameters[model.layout.inertia] = logs
     restless, settled, iteration, reach = True, False, 0, 1.0
+    # else a coloured speed is believed to the letter, and all the rest is noise
+    coarsest = coarsest_angle(runs)
     moved = np.inf
     while not settled and iteration < MOST_ITERATIONS:
         iteration += 1
         about = systems_of(model, runs, parameters)
         if restless and (moved < FAR or start is None or iteration > PATIENT):
-            likely = likely_noise(_few(about), _few(runs), noise, reach, model.layout.basis.span_rad)
+            likely = likely_noise(
+                _few(about), _few(runs), noise, reach, model.layout.basis.span_rad, coarsest=coarsest
+            )
             changed = likely.moved_from(noise)
             restless, noise = changed > (0.03 if iteration < PATIENT else 0.3), likely
             reach = float(np.clip(changed, 0.05, 0.3))
@@ -156,10 +168,10 @@ def fit(
         runs = resmoothed(model, passed.runs, parameters, noise)
         if moved < NEARLY and not released:
             released, restless = True, True
-            prior = prior_for(model.layout, machine, inertia, held=held, coupling=True)
+            prior = prior_for(model.layout, machine, inertia, held=held, coupling=True, lags=lags)
         elif moved < NEARLY and _too_coarse(model, found):
             model, parameters = _refined(model, parameters)
-            prior = prior_for(model.layout, machine, inertia, held=held, coupling=True)
+            prior = prior_for(model.layout, machine, inertia, held=held, coupling=True, lags=lags)
             restless = True
         else:
             settled = moved < SETTLED and not restless

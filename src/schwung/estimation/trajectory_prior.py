@@ -26,6 +26,9 @@ from schwung.motion import Array
 
 #: Standard deviation of a delay (s), and of the logarithms of stiffness and damping about the machine's.
 DELAY_S, STIFFNESS, DAMPING = 5e-4, 0.1, 0.5
+#: Delays are within so many times as far of what the ripple says as that says itself: it is seen by the fit, too, and
+#: would else count twice.
+SEEN = 3.0
 #: Of log J_l about the best constant one: anything within a few orders of magnitude.
 LOG_INERTIA = 3.0
 _PINNED = 1e-9
@@ -69,8 +72,20 @@ def _bends(count: int, order: int) -> tuple[Array, Array]:
     return matrix, values
 
 
-def prior_for(layout: Layout, machine: Machine, inertia_kgm2: float, *, held: bool, coupling: bool) -> Prior:
-    """The prior of a machine about a constant inertia; what it cannot have is pinned, and its coupling unless asked."""
+def prior_for(
+    layout: Layout,
+    machine: Machine,
+    inertia_kgm2: float,
+    *,
+    held: bool,
+    coupling: bool,
+    lags: tuple[tuple[float, float], tuple[float, float]] | None = None,
+) -> Prior:
+    """The prior of a machine about a constant inertia; what it cannot have is pinned, and its coupling unless asked.
+
+    `lags`: what the ripple by itself said of the delays of torque and speed, and its standard deviations (s). Without,
+    a coupling twice as limp and a torque half a millisecond off make up for each other.
+    """
     peak = machine.motor.peak_torque_nm
     mean, deviation = np.zeros(layout.size), np.ones(layout.size)
     mean[layout.inertia] = np.log(inertia_kgm2)
@@ -79,6 +94,10 @@ def prior_for(layout: Layout, machine: Machine, inertia_kgm2: float, *, held: bo
     deviation[layout.coulomb] = 0.2 * peak
     deviation[layout.viscous] = 0.01 * peak
     deviation[[layout.torque_delay, layout.speed_delay]] = DELAY_S
+    if lags is not None:
+        delays = [layout.torque_delay, layout.speed_delay]
+        mean[delays], known = lags
+        deviation[delays] = np.minimum(SEEN * np.array(known), DELAY_S)
     deviation[layout.controller_delay] = DELAY_S if held else _PINNED
     deviation[layout.loss] = _PINNED_S2
     shaft = machine.coupling if coupling else None

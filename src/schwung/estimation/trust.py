@@ -1,11 +1,12 @@
 """May the estimate be believed? One verdict, from the relative error that the session itself lets expect.
 
-`evidence.py` derives that error from three scale-free balances and the band; it is below GOOD where the estimate is
-good and above UNUSABLE where it is not to be used. They take the place of the paper's MIV and position deviation
-(equations 15, 16), which go on being reported, and still judge where a recording allows no such balance (a method
-without reference runs): the paper's bounds on MIV, 0.05 and 0.08 kg·m², divided by its machine's mean load inertia
-of about 0.11; bounds on position deviation are ours (on the paper's machine the ratio stays below 0.16 down to
-200 ms, is 0.35 at 150 ms and 4 at 100 ms, where the estimate fails). DPR (7) judges methods that want slow motion.
+`evidence.py` derives that error from three scale-free balances and the noise, and it is the table's own band; it is
+below GOOD where the estimate is good and above UNUSABLE where it is not to be used. They take the place of the paper's
+MIV and position deviation (equations 15, 16), which go on being reported, and still judge where a recording allows no
+such balance (a method without reference runs): the paper's bounds on MIV, 0.05 and 0.08 kg·m², divided by its
+machine's mean load inertia of about 0.11; bounds on position deviation are ours (on the paper's machine the ratio stays
+below 0.16 down to 200 ms, is 0.35 at 150 ms and 4 at 100 ms, where the estimate fails). DPR (7) judges methods that
+want slow motion.
 """
 
 from __future__ import annotations
@@ -18,7 +19,7 @@ import numpy as np
 from schwung.drivetrain.inertia import InertiaTable
 from schwung.drivetrain.response import disturbance_to_position_ratio
 from schwung.estimation.choice import CLIPPED
-from schwung.estimation.evidence import Evidence, gather
+from schwung.estimation.evidence import Evidence
 from schwung.estimation.methods import Outcome, Task
 from schwung.estimation.sdft import sliding_dft
 from schwung.estimation.values import Trace, Trust, Verdict, finite
@@ -50,14 +51,15 @@ class _Finding:
     text: str
 
 
-def judge(outcome: Outcome, task: Task, table: InertiaTable, *, needs_slow_motion: bool) -> Trust:
+def judge(
+    outcome: Outcome, task: Task, table: InertiaTable, evidence: Evidence, *, needs_slow_motion: bool
+) -> Trust:
     """All checks together. `needs_slow_motion`: the method does not denoise, so that DPR counts (former)."""
     mean = float(np.mean(table.inertia_kgm2))
     variation = np.abs(finite(outcome.traces, "inertia_variation_kgm2"))
     miv = float(np.max(variation, initial=0.0))
     dpr = _dpr(task, mean)
     deviation = _position_deviation(outcome, task.frequency_hz)
-    evidence = gather(outcome, task, table)
     found = _expected(evidence, outcome, task)
     if outcome.windowed:
         if evidence.difference is None:
@@ -76,6 +78,7 @@ def judge(outcome: Outcome, task: Task, table: InertiaTable, *, needs_slow_motio
         verdict=max((finding.verdict for finding in found), key=_ORDER.index),
         reasons=tuple(f.text for f in sorted(found, key=lambda f: -_ORDER.index(f.verdict))),
         predicted_error=evidence.predicted,
+        left_out=evidence.left_out,
     )
 
 
@@ -91,7 +94,10 @@ def _expected(evidence: Evidence, outcome: Outcome, task: Task) -> list[_Finding
         parts = sorted(evidence.parts.items(), key=lambda part: -part[1])
         texts = _texts(evidence, outcome)
         found += [_Finding(verdict, texts[name]) for name, part in parts if part >= largest / 2]
-    if abs(evidence.stiffer) > STIFFNESS_OFF:
+    for name, doubt in evidence.doubts.items():
+        if doubt >= low:
+            found.append(_Finding(_ORDER[1 + int(doubt >= high)], _texts(evidence, outcome)[name]))
+    if abs(evidence.stiffer.value) > STIFFNESS_OFF:
         found.append(_Finding("good", _texts(evidence, outcome)["stiffness"]))
     return found
 
@@ -103,12 +109,17 @@ def _texts(evidence: Evidence, outcome: Outcome) -> dict[str, str]:
         return f"{100 * abs(value or 0.0):.2g} %"
 
     scale = evidence.scale.value - 1 if evidence.scale is not None else 0.0
+    stiffer = evidence.stiffer.value
     smear = (
         f"windows of one period put the curve off by {percent(evidence.difference)}; inject four phases, move more "
         "slowly, or inject a higher frequency"
         if outcome.windowed
         else f"the ripple by itself gives a curve that is {percent(evidence.difference)} away; look for play in the "
         "coupling and for disturbances, and record again"
+    )
+    noise = (
+        f"noise and what is not known of the drive leave {percent(evidence.band)} of the inertia open; inject more, "
+        "repeat more often, or move more slowly"
     )
     return {
         "motion": f"the motion takes {percent(scale)} {'more' if scale > 0 else 'less'} torque than this inertia "
@@ -119,11 +130,9 @@ def _texts(evidence: Evidence, outcome: Outcome) -> dict[str, str]:
         "delay; look for play or noise, and inject more",
         "missed": f"{percent(evidence.missed)} of the torque follows from no inertia, friction or load; look for play "
         "and disturbances",
-        "band": f"the standard deviation is up to {percent(evidence.band)} of the inertia; inject more, repeat more "
-        "often, or move more slowly",
-        "stiffness": f"the stiffness comes out {percent(evidence.stiffer)} "
-        f"{'above' if evidence.stiffer > 0 else 'below'} the machine file's; should the file be right, torque constant "
-        "or rotor inertia are not, nor is this inertia",
+        "band": smear if outcome.windowed and evidence.difference is not None else noise,
+        "stiffness": f"the stiffness comes out {percent(stiffer)} {'above' if stiffer > 0 else 'below'} the machine "
+        "file's; should the file be right, torque constant or rotor inertia are not, nor is this inertia",
     }  # fmt: skip
 
 

@@ -61,7 +61,10 @@ class Trust:
     position_dc_rad: float  # largest mean of the position deviation over one period
     verdict: Verdict
     reasons: tuple[str, ...]
-    predicted_error: float | None = None  # relative to the mean inertia, rms; None: not judged by it
+    predicted_error: float | None = (
+        None  # the table's band, median over the mean inertia; None: not judged by it
+    )
+    left_out: float = 0.0  # of it, by squares: what no noise explains, in all cells alike
 
 
 @dataclass(frozen=True, eq=False)
@@ -98,6 +101,7 @@ class Estimate:
                 "position_amplitude_rad": _finite(trust.position_amplitude_rad),
                 "position_dc_rad": _finite(trust.position_dc_rad),
                 "predicted_error": trust.predicted_error,
+                "left_out_error": trust.left_out,
             },
             "runs": [trace.name for trace in self.traces],
             "notes": list(self.notes),

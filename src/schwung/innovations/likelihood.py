@@ -124,6 +124,12 @@ def first_noise(runs: Sequence[Signals]) -> Noise:
     )
 
 
+def coarsest_angle(runs: Sequence[Signals]) -> float:
+    """The most that white noise of the angle can be (rad): a motion only adds to the fourth differences it makes."""
+    bends = np.concatenate([np.diff(run.position_rad, 4) for run in runs])
+    return float(np.sqrt(np.mean(bends**2) / 70))
+
+
 def _roughness(signals: Sequence[Array]) -> float:
     """Standard deviation of the white noise that would bend most of the samples as much as they are bent."""
     bends = np.concatenate([np.diff(values, 2) for values in signals])
@@ -153,18 +159,20 @@ def likely_noise(
     span_rad: float,
     *,
     whole: bool = False,
+    coarsest: float = np.inf,
 ) -> Noise:
     """The sizes of noise that make the innovations most likely.
 
     `reach`: how far off they may be (log); `span_rad`: the range of angles; `whole`: a part of the torque's noise may
-    go with the torque; then the first size is that of its whole, and an angle divides it.
+    go with the torque; then the first size is that of its whole, and an angle divides it. `coarsest`: no angle is
+    noisier than that (rad).
     """
     finest = max(FINEST * span_rad, 0.5 * max(run.count_rad for run in runs) / np.sqrt(12))
     usual = float(np.sqrt(np.mean(np.concatenate([run.load_nm for run in runs]) ** 2))) if whole else 0.0
 
     def noise_of(place: Array) -> Noise:
         torque, speed, position = (float(v) for v in np.exp(place[:3]))
-        position = max(position, finest)
+        position = float(max(min(position, coarsest), finest))
         if not whole:
             return Noise(torque, speed, position)
         even, share = torque * abs(float(np.cos(place[3]))), torque * abs(float(np.sin(place[3]))) / usual

@@ -16,6 +16,9 @@ from schwung.session.model import Run
 
 #: Attribute of a run: the standard deviation (s²) of how far it is unknown what a filter took off torque and speed.
 LOSS_STD = "torque_loss_std_s2"
+#: And what is known already of two lags: of the angle behind the torque and of the speed behind the angle (s), and
+#: their standard deviations.
+LAGS = "lags_s"
 #: Bands above this share of the highest frequency are not worth a filter.
 WIDEST = 0.8
 #: Samples that say all there is: so many per period of the band's end, and of the rotor's swing against the coupling,
