@@ -134,9 +134,8 @@ class Plan:
         """The motion that undoes a run, without injection; None where the run returns by itself."""
         if run.motion.returns:
             return None
-        distance = run.motion.distance_rad
-        back = run.motion.model_copy(update={"distance_rad": -distance})
-        return PlannedRun("reference", run.repeat, back, None, self.start_of(run) + distance)
+        end = self.start_of(run) + run.motion.distance_rad
+        return PlannedRun("reference", run.repeat, run.motion.way_back(), None, end)
 
     @property
     def duration_s(self) -> float:
