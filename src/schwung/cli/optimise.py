@@ -4,28 +4,37 @@ from __future__ import annotations
 
 import math
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import typer
 
 from schwung.cli.options import (
+    Bitrate,
+    BusOption,
+    Channel,
+    DryRun,
     FollowingError,
+    Interface,
     Json,
     Machine,
     MaxPosition,
     MaxSpeed,
     MaxTorque,
     MinPosition,
+    Node,
+    Profile,
+    Yes,
+    bus_options,
+    one_of,
     quantity,
 )
 
 if TYPE_CHECKING:
-    from schwung.cli.console import Terminal
     from schwung.drivetrain import Machine as Believed
-    from schwung.optimise.comparison import Comparison, Contender
+    from schwung.optimise.comparison import Comparison
     from schwung.optimise.values import Objective
 
-_MOTION = "Motion"
+_MOTION, _PLAY = "Motion", "On the machine"
 _GOALS = ("copper", "energy", "peak", "vibration")
 
 
@@ -41,7 +50,10 @@ def optimise(
         bool, typer.Option("--fastest", help="As fast as the limits allow.", rich_help_panel=_MOTION)
     ] = False,
     start: Annotated[
-        float, quantity("angle", "RAD", "Where the motor stands at first.", _MOTION, signed=True)
+        float,
+        quantity(
+            "angle", "RAD", "Where the motor stands at first (--play: as it stands).", _MOTION, signed=True
+        ),
     ] = 0.0,
     objective: Annotated[
         str,
@@ -82,6 +94,29 @@ def optimise(
     out: Annotated[Path, typer.Option(help="Folder for motion, tables, cams and pictures.")] = Path(
         "optimised"
     ),
+    play: Annotated[
+        bool,
+        typer.Option(
+            "--play", help="Make it on the machine, beside a reference motion.", rich_help_panel=_PLAY
+        ),
+    ] = False,
+    against: Annotated[
+        str,
+        typer.Option(
+            help="Reference motion: third, poly5, scurve, cosine or cycloid.", rich_help_panel=_PLAY
+        ),
+    ] = "third",
+    repeats: Annotated[
+        int, typer.Option(min=1, help="How often both motions are made, in turn.", rich_help_panel=_PLAY)
+    ] = 3,
+    dry_run: DryRun = False,
+    yes: Yes = False,
+    interface: Interface = None,
+    channel: Channel = None,
+    bitrate: Bitrate = None,
+    bus: BusOption = None,
+    node: Node = 1,
+    profile: Profile = None,
     json_output: Json = False,
 ) -> None:
     """Find the motion that costs the least, within every limit, of motor and load.
@@ -96,9 +131,15 @@ def optimise(
       schwung optimise -m measured.toml --distance 180deg --fastest --max-speed 60 --json
 
       schwung optimise -m measured.toml --distance 180deg --duration 200ms --objective energy --no-regeneration
+
+      schwung optimise -m measured.toml --distance 180deg --duration 250ms --play -i socketcan -c can0 -n 3
     """
     from schwung.cli.console import Terminal, json_text
+    from schwung.cli.drives import open_drive
     from schwung.cli.folders import make_folder, planned_folder
+    from schwung.cli.optimised import summary, tell, write_result
+    from schwung.cli.playing import Playing, play_and_show
+    from schwung.commissioning import LimitWishes
     from schwung.drivetrain import load_machine
     from schwung.errors import InputError
     from schwung.files import replace_file
@@ -126,6 +167,19 @@ def optimise(
         band_sigmas=2.0 if robust else 0.0,
     )
     folder = planned_folder(out, beside_session=True)
+    if play:
+        if (folder / "played.h5").exists():
+            raise InputError(str(folder), "holds played motions already", "Choose another --out.")
+        wishes = LimitWishes(min_position, max_position, max_speed, max_torque, following_error)
+        reference = one_of("--against", against, Literal["third", "poly5", "scurve", "cosine", "cycloid"])
+        playing = Playing(reference, repeats, rate, rivals, dry_run)
+        with open_drive(bus_options(interface, channel, bitrate, bus), node, profile) as opened:
+            result = play_and_show(
+                opened.drive, opened.profile, believed, task, wishes, playing, folder, terminal,
+                confirm=lambda question: yes or terminal.ask(question),
+            )  # fmt: skip
+        terminal.result(result)
+        return
     found = solve(believed, task, rivals)
     make_folder(folder)
     tell(terminal, believed, found)
@@ -169,90 +223,3 @@ def solve(believed: Believed, task: Any, rivals: bool) -> Comparison:
             "schwung optimise", f"needs CasADi ({error})", 'Install it: pip install "schwung[optimise]".'
         ) from None
     return optimise_task(believed, task, rivals)
-
-
-def tell(terminal: Terminal, believed: Believed, found: Comparison) -> None:
-    """The comparison as people read it."""
-    electrical = believed.motor.electrical is not None
-    head = ["", "ms", "RMS N·m", "peak N·m", "copper", "residual mrad", "breaks"]
-    if electrical:
-        head.insert(5, "drawn J")
-    base = found.reference.merits.copper_n2m2s
-
-    def row(contender: Contender) -> list[str]:
-        merits = contender.merits
-        cells = [
-            contender.name,
-            f"{contender.duration_s * 1e3:.1f}",
-            f"{merits.rms_torque_nm:.2f}",
-            f"{merits.peak_torque_nm:.1f}",
-            f"{merits.copper_n2m2s / base:.1%}",
-            f"{merits.residual_rad * 1e3:.4f}",
-            ", ".join(contender.broken),
-        ]
-        if merits.drawn_j is not None and merits.drawn_one_way_j is not None:
-            drawn = merits.drawn_j if found.task.regeneration else merits.drawn_one_way_j
-            cells.insert(5, f"{drawn:.2f}")
-        return cells
-
-    terminal.table("Motions, each in its own time", head, [row(c) for c in (found.ours, *found.rivals)])
-    saved = 1 - found.ours.merits.copper_n2m2s / base
-    terminal.say(
-        f"Copper loss [bold]{saved:.1%}[/] below the 1/3 trapezoid's in the same time; "
-        f"found in {found.stroke.iterations} iterations"
-    )
-    if found.left_out:
-        terminal.say(f"[yellow]Not planned with:[/] {', '.join(found.left_out)}")
-
-
-def summary(believed: Believed, found: Comparison) -> dict[str, Any]:
-    """The comparison for machines."""
-    task = found.task
-    return {
-        "machine": believed.name,
-        "distance_rad": task.distance_rad,
-        "duration_s": found.stroke.duration_s,
-        "weights": dict(task.weights) if task.duration_s is not None else {"fastest": 1.0},
-        "active_limits": dict(found.stroke.active),
-        "not_planned_with": list(found.left_out),
-        "copper_saving": 1 - found.ours.merits.copper_n2m2s / found.reference.merits.copper_n2m2s,
-        "motions": [
-            {"name": c.name, "duration_s": c.duration_s, "breaks": list(c.broken), **c.merits.to_json()}
-            for c in (found.ours, *found.rivals)
-        ],
-    }
-
-
-def write_result(
-    folder: Path, believed: Believed, found: Comparison, rate: float, document: dict[str, Any]
-) -> list[Path]:
-    """Formats and pictures."""
-    import numpy as np
-
-    from schwung.files import replace_file
-    from schwung.optimise.formats import write_all
-    from schwung.report.optimised import Shown, angle_figure, motion_figure
-    from schwung.report.style import to_png
-
-    paths = write_all(folder, believed.name, found.stroke, found.back, rate, {"result": document})
-    shown = []
-    for contender in (found.ours, found.reference):
-        f = contender.followed
-        until = f.time_s <= 1.3 * f.duration_s
-        shown.append(
-            Shown(
-                contender.name,
-                f.time_s[until],
-                f.position_rad[until],
-                f.speed_rad_s[until],
-                f.torque_nm[until],
-            )
-        )
-    angle = np.linspace(min(found.task.ends_rad), max(found.task.ends_rad), 400)
-    figures = {
-        "motion.png": motion_figure(shown[0], shown[1], found.task.limits.torque_max_nm),
-        "angle.png": angle_figure(shown[0], shown[1], angle, believed.load_inertia_at(angle)),
-    }
-    for name, figure in figures.items():
-        replace_file(folder / name, to_png(figure))
-    return [*paths, *(folder / name for name in figures)]

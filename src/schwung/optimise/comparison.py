@@ -20,7 +20,8 @@ from schwung.optimise.values import Objective, Stroke, Task
 #: A limit counts as kept that is passed by no more than this share: what lies between the points of the grid.
 KEPT = 0.01
 
-_NAMES = {
+#: The standard profiles, by their names.
+STANDARD = {
     "third": "1/3 trapezoid",
     "poly5": "fifth-order polynomial",
     "scurve": "S-curve",
@@ -96,9 +97,9 @@ def contenders(
     """The rivals in the time that ours takes; the 1/3 trapezoid first, TOPP-RA in its own time where the fastest is
     asked for."""
     for kind in get_args(MotionKind):
-        if kind in _NAMES:
+        if kind in STANDARD:
             motion = Motion(kind=kind, distance_rad=task.distance_rad, duration_s=duration_s)
-            yield contender(machine, task, _NAMES[kind], follow(machine, motion, task.start_rad))
+            yield contender(machine, task, STANDARD[kind], follow(machine, motion, task.start_rad))
     model = model_for(machine, task, duration_s)
     time = sampled(machine, duration_s)
     for shaper in ("zv", "zvd"):

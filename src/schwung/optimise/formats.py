@@ -35,12 +35,27 @@ _MS = 1e3
 def mean_torque(stroke: Stroke, edges_s: Array) -> Array:
     """The torque that a stroke takes (N·m), as its mean between instants of it (s), (n,) edges, (n−1,) means.
 
-    Outside the stroke it is what holds the axis at its end, for the first and last node of the stroke.
+    Before and after the stroke it is what holds the axis there.
     """
-    fine = np.linspace(edges_s[:-1], edges_s[1:], 9)
+    fine = np.linspace(edges_s[:-1], edges_s[1:], 10)
+    fine = (fine[1:] + fine[:-1]) / 2
+    moving = np.interp(fine, stroke.time_s, stroke.torque_nm)
+    resting = np.where(fine < 0, stroke.hold_start_nm, stroke.hold_end_nm)
     inside = (fine >= 0) & (fine <= stroke.duration_s)
-    values = np.interp(fine, stroke.time_s, stroke.torque_nm)
-    return np.asarray(np.mean(np.where(inside, values, 0.0), axis=0))
+    return np.asarray(np.mean(np.where(inside, moving, resting), axis=0))
+
+
+def cycle_torque(stroke: Stroke, back: Stroke | None, motion: Motion, time_s: Array) -> Array:
+    """The torque beside each setpoint of a motion there and back (N·m), (n,): the mean over the cycle that leads to it.
+
+    A drive that takes a setpoint at SYNC reaches it one cycle later, and holds the torque meanwhile.
+    """
+    edges = np.concatenate([[2 * time_s[0] - time_s[1]], time_s])
+    starts = motion.stroke_starts_s
+    torque = mean_torque(stroke, edges - starts[0])
+    if back is None or len(starts) < 2:
+        return torque
+    return torque + mean_torque(back, edges - starts[1]) - back.hold_start_nm
 
 
 def write_all(
@@ -86,8 +101,7 @@ def setpoints_csv(stroke: Stroke, back: Stroke, rate_hz: float) -> str:
     motion = stroke.motion(back, start_time_s=0.0, dwell_s=0.0)
     time = motion.time(rate_hz)
     demand = motion.demand(time)
-    edges = np.concatenate([[time[0] - 1 / rate_hz], time])
-    torque = mean_torque(stroke, edges) + mean_torque(back, edges - stroke.duration_s)
+    torque = cycle_torque(stroke, back, motion, time)
     header = ("time_s", "position_rad", "speed_rad_s", "acceleration_rad_s2", "torque_nm")
     position = stroke.start_rad + demand.position_rad
     return _csv(header, [(time, position, demand.speed_rad_s, demand.acceleration_rad_s2, torque)])

@@ -50,14 +50,16 @@ def series_of(
 ) -> Series:
     """The series of lowest degree that keeps within TOLERANCE of a curve between two angles (rad).
 
-    `uncertainty`: of the curve, in its unit; a series that is no further off follows no noise.
+    `uncertainty`: standard deviation of the curve, in its unit; a series that is no further off, by root mean square,
+    has all that the curve tells, and follows no noise.
     """
     x = np.cos(np.pi * (np.arange(1024) + 0.5) / 1024)
     values = curve((low_rad + high_rad) / 2 + (high_rad - low_rad) / 2 * x)
-    allowed = max(TOLERANCE * float(np.max(np.abs(values))), uncertainty)
+    allowed = TOLERANCE * float(np.max(np.abs(values)))
     for degree in _DEGREES:
         coefficients = np.asarray(chebyshev.chebfit(x, values, degree), dtype=float)
-        misfit = float(np.max(np.abs(chebyshev.chebval(x, coefficients) - values)))
-        if misfit <= allowed:
+        off = chebyshev.chebval(x, coefficients) - values
+        misfit = float(np.max(np.abs(off)))
+        if misfit <= allowed or float(np.sqrt(np.mean(off**2))) <= uncertainty:
             break
     return Series(coefficients, low_rad, high_rad, misfit)

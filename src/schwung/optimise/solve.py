@@ -13,7 +13,7 @@ import numpy as np
 from schwung.drivetrain import Machine
 from schwung.errors import InputError
 from schwung.motion import Array
-from schwung.optimise.collocation import Programme, Scales, nodes_for, radau
+from schwung.optimise.collocation import Programme, Scales, nodes_for, radau, resting_twist
 from schwung.optimise.model import Model, models_of
 from schwung.optimise.values import Objective, Stroke, Task
 
@@ -108,10 +108,19 @@ def _stroke(programme: Programme, unknowns: Array, objective: float, iterations:
         torque_nm=np.asarray(now.torque_nm[0]),
         load_position_rad=np.asarray(now.load_rad[0]),
         load_speed_rad_s=np.asarray(now.load_rad_s[0]),
+        hold_start_nm=_holding(programme.models[0], task.ends_rad[0]),
+        hold_end_nm=_holding(programme.models[0], task.ends_rad[1]),
         objective=objective,
         iterations=iterations,
         active=programme.active(unknowns),
     )
+
+
+def _holding(model: Model, motor_rad: float) -> float:
+    """The torque (N·m) that holds the axis at an angle, friction left out, which may hold it as well."""
+    twist = 0.0 if model.stiffness_nm_rad is None else resting_twist(model, motor_rad)
+    needed = model.load_needs(motor_rad - twist, 0.0) + model.motor_needs(motor_rad, 0.0)
+    return float(model.reported(needed))
 
 
 def _require(machine: Machine, task: Task) -> None:

@@ -94,6 +94,8 @@ class Stroke:
     torque_nm: Array
     load_position_rad: Array
     load_speed_rad_s: Array
+    hold_start_nm: float  # what holds the axis before
+    hold_end_nm: float  # and after
     objective: float  # as IPOPT has it: 1 is the fifth-order polynomial's
     iterations: int
     active: Mapping[str, float] = field(default_factory=dict)  # share of the time at each limit

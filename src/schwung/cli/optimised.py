@@ -1,0 +1,98 @@
+"""What `schwung optimise` found, as people read it and for machines; pictures and files of it."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from schwung.cli.console import Terminal
+    from schwung.drivetrain import Machine
+    from schwung.optimise.comparison import Comparison, Contender
+
+
+def tell(terminal: Terminal, believed: Machine, found: Comparison) -> None:
+    """The comparison as people read it."""
+    electrical = believed.motor.electrical is not None
+    head = ["", "ms", "RMS N·m", "peak N·m", "copper", "residual mrad", "breaks"]
+    if electrical:
+        head.insert(5, "drawn J")
+    base = found.reference.merits.copper_n2m2s
+
+    def row(contender: Contender) -> list[str]:
+        merits = contender.merits
+        cells = [
+            contender.name,
+            f"{contender.duration_s * 1e3:.1f}",
+            f"{merits.rms_torque_nm:.2f}",
+            f"{merits.peak_torque_nm:.1f}",
+            f"{merits.copper_n2m2s / base:.1%}",
+            f"{merits.residual_rad * 1e3:.4f}",
+            ", ".join(contender.broken),
+        ]
+        if merits.drawn_j is not None and merits.drawn_one_way_j is not None:
+            drawn = merits.drawn_j if found.task.regeneration else merits.drawn_one_way_j
+            cells.insert(5, f"{drawn:.2f}")
+        return cells
+
+    terminal.table("Motions, each in its own time", head, [row(c) for c in (found.ours, *found.rivals)])
+    saved = 1 - found.ours.merits.copper_n2m2s / base
+    terminal.say(
+        f"Copper loss [bold]{saved:.1%}[/] below the 1/3 trapezoid's in the same time; "
+        f"found in {found.stroke.iterations} iterations"
+    )
+    if found.left_out:
+        terminal.say(f"[yellow]Not planned with:[/] {', '.join(found.left_out)}")
+
+
+def summary(believed: Machine, found: Comparison) -> dict[str, Any]:
+    """The comparison for machines."""
+    task = found.task
+    return {
+        "machine": believed.name,
+        "distance_rad": task.distance_rad,
+        "duration_s": found.stroke.duration_s,
+        "weights": dict(task.weights) if task.duration_s is not None else {"fastest": 1.0},
+        "active_limits": dict(found.stroke.active),
+        "not_planned_with": list(found.left_out),
+        "copper_saving": 1 - found.ours.merits.copper_n2m2s / found.reference.merits.copper_n2m2s,
+        "motions": [
+            {"name": c.name, "duration_s": c.duration_s, "breaks": list(c.broken), **c.merits.to_json()}
+            for c in (found.ours, *found.rivals)
+        ],
+    }
+
+
+def write_result(
+    folder: Path, believed: Machine, found: Comparison, rate: float, document: dict[str, Any]
+) -> list[Path]:
+    """Formats and pictures."""
+    import numpy as np
+
+    from schwung.files import replace_file
+    from schwung.optimise.formats import write_all
+    from schwung.report.optimised import Shown, angle_figure, motion_figure
+    from schwung.report.style import to_png
+
+    paths = write_all(folder, believed.name, found.stroke, found.back, rate, {"result": document})
+    shown = []
+    for contender in (found.ours, found.reference):
+        f = contender.followed
+        until = f.time_s <= 1.3 * f.duration_s
+        shown.append(
+            Shown(
+                contender.name,
+                f.time_s[until],
+                f.position_rad[until],
+                f.speed_rad_s[until],
+                f.torque_nm[until],
+            )
+        )
+    angle = np.linspace(min(found.task.ends_rad), max(found.task.ends_rad), 400)
+    figures = {
+        "motion.png": motion_figure(shown[0], shown[1], found.task.limits.torque_max_nm),
+        "angle.png": angle_figure(shown[0], shown[1], angle, believed.load_inertia_at(angle)),
+    }
+    for name, figure in figures.items():
+        replace_file(folder / name, to_png(figure))
+    return [*paths, *(folder / name for name in figures)]
