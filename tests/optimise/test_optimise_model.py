@@ -5,7 +5,7 @@ from __future__ import annotations
 import casadi as ca
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 from optimise_machines import PAPER, rigid, task, with_physics
 
@@ -32,6 +32,7 @@ def model_of(machine: object = LEARNED) -> Model:
     return models_of(machine, (0.0, np.pi), 30.0, 233.0)[0]  # type: ignore[arg-type]
 
 
+@settings(deadline=None)  # the first call compiles
 @given(st.floats(0.0, np.pi), st.floats(1.5, 60.0), st.sampled_from([1.0, -1.0]))
 def test_friction_is_the_simulations_away_from_standstill(angle: float, speed: float, sign: float) -> None:
     model, e = model_of(), physics.effects_of(LEARNED.physics)
