@@ -71,23 +71,11 @@ def write_result(
 
     from schwung.files import replace_file
     from schwung.optimise.formats import write_all
-    from schwung.report.optimised import Shown, angle_figure, motion_figure
+    from schwung.report.optimised import angle_figure, motion_figure, shown_of
     from schwung.report.style import to_png
 
     paths = write_all(folder, believed.name, found.stroke, found.back, rate, {"result": document})
-    shown = []
-    for contender in (found.ours, found.reference):
-        f = contender.followed
-        until = f.time_s <= 1.3 * f.duration_s
-        shown.append(
-            Shown(
-                contender.name,
-                f.time_s[until],
-                f.position_rad[until],
-                f.speed_rad_s[until],
-                f.torque_nm[until],
-            )
-        )
+    shown = [shown_of(c.name, c.followed) for c in (found.ours, found.reference)]
     angle = np.linspace(min(found.task.ends_rad), max(found.task.ends_rad), 400)
     figures = {
         "motion.png": motion_figure(shown[0], shown[1], found.task.limits.torque_max_nm),

@@ -9,6 +9,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from schwung.motion import Array
+from schwung.optimise.dynamics import Followed
 from schwung.report.style import (
     DASHED,
     ESTIMATE,
@@ -33,6 +34,14 @@ class Shown:
     position_rad: Array
     speed_rad_s: Array
     torque_nm: Array
+
+
+def shown_of(name: str, made: Followed) -> Shown:
+    """The stroke, and a third of its time behind it."""
+    until = made.time_s <= 4 / 3 * made.duration_s
+    return Shown(
+        name, made.time_s[until], made.position_rad[until], made.speed_rad_s[until], made.torque_nm[until]
+    )
 
 
 @in_style

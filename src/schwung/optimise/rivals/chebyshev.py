@@ -33,7 +33,7 @@ class ChebyshevStroke:
     """Coefficients p_i of Σ p_i T_i(x), x = −1…1 over the duration, which give the share of the stroke."""
 
     coefficients: Array
-    evaluations: int
+    evaluations: int  # of whole populations
 
     def shares(self, u: Array) -> Array:
         """Share of the stroke and its two derivatives by u, (3, n), at shares u of the duration."""
