@@ -67,6 +67,8 @@ def test_the_saving_is_the_promised_one_and_the_drive_is_left_as_it_was(tmp_path
         cost_of_simulated(predicted[1], plan.optimised, machine),
     )
     measured, promised = found.saving(copper), found.predicted_saving(copper)
+    assert measured is not None
+    assert promised is not None
     assert promised > 0.3
     assert measured.mean == pytest.approx(promised, abs=0.03)
     assert found.optimised[0].peak_following_rad < 0.5 * found.reference[0].peak_following_rad

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from schwung.cli.console import Terminal
     from schwung.commissioning import LimitWishes
-    from schwung.commissioning.played import Cost, Played
+    from schwung.commissioning.played import Cost, Interval, Played
     from schwung.commissioning.playing import PlayPrepared
     from schwung.drivetrain import Machine
     from schwung.fieldbus.drive import Drive
@@ -147,14 +147,13 @@ def tell_played(terminal: Terminal, played: Played, against: str) -> dict[str, A
         ):
             half = _half(found.half, found.mean, factor)
             cells.append(f"{found.mean * factor:.4g}{half} ({of(promised) * factor:.4g})")
-        half = "" if saving.half is None else f" ± {saving.half:.2%}"
-        rows.append([*cells, f"{saving.mean:.1%}{half} ({predicted:.1%})"])
+        rows.append([*cells, _saved(saving, predicted)])
         document[name] = {
             "reference": vars(measured[0]),
             "optimised": vars(measured[1]),
             "predicted_reference": of(played.predicted_reference),
             "predicted_optimised": of(played.predicted_optimised),
-            "saving": vars(saving),
+            "saving": saving and vars(saving),
             "predicted_saving": predicted,
         }
     terminal.table(
@@ -163,6 +162,14 @@ def tell_played(terminal: Terminal, played: Played, against: str) -> dict[str, A
         rows,
     )
     return {"against": against, "repeats": len(played.reference), **document}
+
+
+def _saved(saving: Interval | None, predicted: float | None) -> str:
+    """A saving in words."""
+    if saving is None or predicted is None:
+        return "–"
+    half = "" if saving.half is None else f" ± {saving.half:.2%}"
+    return f"{saving.mean:.1%}{half} ({predicted:.1%})"
 
 
 def _half(half: float | None, mean: float, factor: float) -> str:

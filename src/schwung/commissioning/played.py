@@ -49,14 +49,20 @@ class Played:
     predicted_reference: Cost
     predicted_optimised: Cost
 
-    def saving(self, of: Callable[[Cost], float]) -> Interval:
-        """Measured share by which the optimised motion costs less than the reference beside it."""
-        pairs = zip(self.reference, self.optimised, strict=True)
+    def saving(self, of: Callable[[Cost], float]) -> Interval | None:
+        """Measured share by which the optimised motion costs less than the reference beside it.
+
+        None where a reference has nothing of it: an axis that follows at once has settled in no time.
+        """
+        pairs = list(zip(self.reference, self.optimised, strict=True))
+        if any(of(a) == 0 for a, _ in pairs):
+            return None
         return interval([1 - of(b) / of(a) for a, b in pairs])
 
-    def predicted_saving(self, of: Callable[[Cost], float]) -> float:
+    def predicted_saving(self, of: Callable[[Cost], float]) -> float | None:
         """The same as predicted."""
-        return 1 - of(self.predicted_optimised) / of(self.predicted_reference)
+        base = of(self.predicted_reference)
+        return 1 - of(self.predicted_optimised) / base if base else None
 
 
 def interval(values: Sequence[float]) -> Interval:
