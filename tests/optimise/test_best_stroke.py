@@ -9,8 +9,10 @@ from optimise_machines import PAPER, rigid, task, with_physics
 from schwung.drivetrain import Electrical, Machine
 from schwung.errors import InputError
 from schwung.motion import Motion
+from schwung.optimise.closed_loop import followed_by_the_drive, require_followed
 from schwung.optimise.collocation import DEGREE, radau
 from schwung.optimise.dynamics import follow, merits_of
+from schwung.optimise.front import front
 from schwung.optimise.solve import NoMotionError, best_stroke
 from schwung.optimise.values import Stroke
 
@@ -175,3 +177,26 @@ def test_radau_integrates_exactly_to_its_order() -> None:
         assert weights @ points**power == pytest.approx(1 / (power + 1))
     nodes = np.concatenate([[0.0], points])
     np.testing.assert_allclose(nodes**3 @ derivative, 3 * points**2, atol=1e-12)
+
+
+def test_a_front_trades_one_merit_for_another() -> None:
+    over_time = front(PAPER, task(None), points=4)
+    copper = [point.merits.copper_n2m2s for point in over_time]
+    assert copper == sorted(copper, reverse=True)
+    assert over_time[-1].duration_s == pytest.approx(3 * over_time[0].duration_s)
+    between = front(PAPER, task(0.15, weights={"copper": 1.0, "peak": 1.0}), points=3)
+    peaks = [point.merits.peak_torque_nm for point in between]
+    assert peaks == sorted(peaks, reverse=True)
+    assert [p.merits.copper_n2m2s for p in between] == sorted(p.merits.copper_n2m2s for p in between)
+    with pytest.raises(InputError, match="two in --objective"):
+        front(PAPER, task())
+
+
+def test_a_following_error_that_is_too_large_is_refused() -> None:
+    """The closed loop with the torque beside is off by far less than without, and by more than nothing."""
+    stroke = best_stroke(PAPER, task(0.15))
+    worst = followed_by_the_drive(PAPER, stroke).peak_following_error_rad
+    assert 1e-5 < worst < 0.005
+    require_followed(PAPER, task(0.15, limits={"following_error_rad": 1.1 * worst}), stroke)
+    with pytest.raises(InputError, match="--following-error: is"):
+        require_followed(PAPER, task(0.15, limits={"following_error_rad": 0.9 * worst}), stroke)

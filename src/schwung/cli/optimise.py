@@ -91,6 +91,12 @@ def optimise(
     rivals: Annotated[
         bool, typer.Option(help="Run the genetic algorithm and TOPP-RA beside the standard profiles.")
     ] = True,
+    front: Annotated[
+        bool,
+        typer.Option(
+            "--front", help="The Pareto front, too: over time with --fastest, else between two objectives."
+        ),
+    ] = False,
     out: Annotated[Path, typer.Option(help="Folder for motion, tables, cams and pictures.")] = Path(
         "optimised"
     ),
@@ -137,7 +143,7 @@ def optimise(
     from schwung.cli.console import Terminal, json_text
     from schwung.cli.drives import open_drive
     from schwung.cli.folders import make_folder, planned_folder
-    from schwung.cli.optimised import summary, tell, write_result
+    from schwung.cli.optimised import summary, tell, write_front, write_result
     from schwung.cli.playing import Playing, play_and_show
     from schwung.commissioning import LimitWishes
     from schwung.drivetrain import load_machine
@@ -185,6 +191,9 @@ def optimise(
     tell(terminal, believed, found)
     document = summary(believed, found)
     files = write_result(folder, believed, found, rate, document)
+    if front:
+        document["front"], drawn = write_front(folder, believed, task)
+        files += drawn
     document |= {"files": {path.name: str(path) for path in files}}
     replace_file(folder / "optimised.json", json_text(document))
     terminal.say(f"Motion, tables, cams and pictures: [bold]{folder}[/]")

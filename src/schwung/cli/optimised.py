@@ -9,6 +9,7 @@ if TYPE_CHECKING:
     from schwung.cli.console import Terminal
     from schwung.drivetrain import Machine
     from schwung.optimise.comparison import Comparison, Contender
+    from schwung.optimise.values import Task
 
 
 def tell(terminal: Terminal, believed: Machine, found: Comparison) -> None:
@@ -84,3 +85,35 @@ def write_result(
     for name, figure in figures.items():
         replace_file(folder / name, to_png(figure))
     return [*paths, *(folder / name for name in figures)]
+
+
+def write_front(folder: Path, believed: Machine, task: Task) -> tuple[list[dict[str, Any]], list[Path]]:
+    """The Pareto front of a task: for machines, and its picture and table in a folder that is there."""
+    from schwung.files import replace_file
+    from schwung.optimise.front import front
+    from schwung.report.optimised import front_figure
+    from schwung.report.style import to_png
+
+    points = front(believed, task)
+    rows: list[dict[str, Any]] = [
+        {"duration_s": p.duration_s, "weights": dict(p.weights), **p.merits.to_json()} for p in points
+    ]
+    names = [name for name in rows[0] if name != "weights" and rows[0][name] is not None]
+    lines = [",".join(names), *(",".join(f"{row[name]:.9g}" for name in names) for row in rows)]
+    replace_file(folder / "front.csv", "\n".join(lines) + "\n")
+    over_time = task.duration_s is None
+    x = [row["duration_s"] * 1e3 if over_time else row["copper_n2m2s"] for row in rows]
+    names_of = ("time of the stroke (ms)" if over_time else "copper loss (N²m²s)", "copper loss (N²m²s)")
+    second = "copper_n2m2s" if over_time else "peak_torque_nm"
+    if not over_time:
+        chosen = next((name for name in task.weights if name != "copper"), "peak")
+        second = {"energy": "drawn_j", "peak": "peak_torque_nm", "vibration": "residual_rad"}[chosen]
+        words = {
+            "drawn_j": "drawn (J)",
+            "peak_torque_nm": "peak torque (N·m)",
+            "residual_rad": "residual (rad)",
+        }
+        names_of = (names_of[0], words[second])
+    figure = front_figure(x, [row[second] for row in rows], *names_of)
+    replace_file(folder / "front.png", to_png(figure))
+    return rows, [folder / "front.csv", folder / "front.png"]

@@ -11,6 +11,7 @@ import numpy as np
 from schwung.drivetrain import Machine
 from schwung.errors import InputError
 from schwung.motion import Array, Demand, Motion, MotionKind
+from schwung.optimise.closed_loop import require_followed
 from schwung.optimise.dynamics import Followed, Merits, follow, follow_demand, merits_of, sampled
 from schwung.optimise.model import Model, models_of, not_planned
 from schwung.optimise.rivals import chebyshev_stroke, shaped_demand, toppra_stroke
@@ -68,6 +69,7 @@ def optimise(machine: Machine, task: Task, rivals: bool = True) -> Comparison:
     Raises InputError and NoMotionError as `best_stroke`.
     """
     stroke, back = there_and_back(machine, task)
+    require_followed(machine, task, stroke)
     ours = contender(machine, task, "optimised", follow(machine, stroke.motion(), task.start_rad))
     others = tuple(contenders(machine, task, stroke.duration_s, rivals))
     return Comparison(task, stroke, back, ours, others, not_planned(machine))

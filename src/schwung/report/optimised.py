@@ -99,3 +99,15 @@ def played_figure(played: Sequence[tuple[Shown, Shown]]) -> Figure:
     axes[1].set_xlabel("time (ms)")
     key(axes[0])
     return figure
+
+
+@in_style
+def front_figure(x: Sequence[float], y: Sequence[float], x_name: str, y_name: str) -> Figure:
+    """A Pareto front: every point is one best motion."""
+    figure = new_figure(3.6)
+    axes = figure.axes[0]
+    axes.plot(x, y, color=ESTIMATE.light, linewidth=1.6, marker="o", markersize=4)
+    axes.set_ylim(bottom=0.0)
+    axes.set_title(y_name)
+    axes.set_xlabel(x_name)
+    return figure
