@@ -21,6 +21,7 @@ import numpy as np
 from schwung.drivetrain import InertiaTable, Machine, paper_machine
 from schwung.motion import Motion
 from schwung.optimise.comparison import (
+    STANDARD,
     Comparison,
     Contender,
     contender,
@@ -29,8 +30,8 @@ from schwung.optimise.comparison import (
     model_for,
     optimise,
 )
-from schwung.optimise.dynamics import follow, merits_of
-from schwung.optimise.rivals import chebyshev_stroke, toppra_stroke
+from schwung.optimise.dynamics import follow, follow_demand, merits_of, sampled
+from schwung.optimise.rivals import chebyshev_stroke, shaped_demand, toppra_stroke
 from schwung.optimise.solve import best_stroke
 from schwung.optimise.values import MotionLimits, Stroke, Task
 from schwung.report.optimised import angle_figure, motion_figure, shown_of
@@ -225,6 +226,57 @@ def fastest(machine: Machine) -> None:
     markdown(("plant", "ours ms", "TOPP-RA ms", "", "ours: peak N·m", "TOPP-RA: peak N·m"), rows)
 
 
+def other_than_believed(machine: Machine) -> None:
+    """Residual vibration on machines that differ from the one planned with."""
+    print("## Residual of the load (mrad) where the machine is another than believed, 100 ms\n")
+    wanted = task(0.1)
+    table, coupling, model = machine.load.inertia_table, machine.coupling, model_for(machine, wanted, 0.1)
+    assert table is not None
+    assert coupling is not None
+    ours = {
+        "least copper": best_stroke(machine, wanted),
+        "least copper, jerk below 1e6 rad/s³": best_stroke(
+            machine, replace(wanted, limits=MotionLimits(TORQUE_NM, jerk_max_rad_s3=1e6))
+        ),
+        "copper=1,vibration=1": best_stroke(
+            machine, replace(wanted, weights={"copper": 1.0, "vibration": 1.0})
+        ),
+        "least vibration": best_stroke(machine, replace(wanted, weights={"vibration": 1.0})),
+    }
+    cases = [(1.0, 1.0), (0.9, 1.0), (0.8, 1.0), (1.0, 1.1), (1.0, 0.9)]
+    machines = []
+    for stiffness, inertia in cases:
+        load = machine.load.model_copy(
+            update={"inertia_table": InertiaTable(table.position_rad, inertia * table.inertia_kgm2)}
+        )
+        shaft = coupling.model_copy(update={"stiffness_nm_rad": stiffness * coupling.stiffness_nm_rad})
+        machines.append(machine.model_copy(update={"load": load, "coupling": shaft}))
+    rows = []
+    for name, stroke in ours.items():
+        made = [merits_of(other, follow(other, stroke.motion(), 0.0)) for other in machines]
+        rows.append([name, f"{made[0].copper_n2m2s:.4g}", *(f"{m.residual_rad * 1e3:.4f}" for m in made)])
+    for kind in ("third", "poly5", "scurve"):
+        motion = Motion(kind=kind, distance_rad=STROKE_RAD, duration_s=0.1)  # type: ignore[arg-type]
+        made = [merits_of(other, follow(other, motion, 0.0)) for other in machines]
+        rows.append(
+            [STANDARD[kind], f"{made[0].copper_n2m2s:.4g}", *(f"{m.residual_rad * 1e3:.4f}" for m in made)]
+        )
+    for shaper in ("zv", "zvd"):
+        made = []
+        for other in machines:
+            demand = shaped_demand(model, shaper, STROKE_RAD, 0.1, STROKE_RAD, sampled(other, 0.1))  # type: ignore[arg-type]
+            assert demand is not None
+            made.append(merits_of(other, follow_demand(other, demand, 0.1, 0.0)))
+        rows.append(
+            [shaper.upper(), f"{made[0].copper_n2m2s:.4g}", *(f"{m.residual_rad * 1e3:.4f}" for m in made)]
+        )
+    head = ["", "copper N²m²s"]
+    for stiffness, inertia in cases:
+        parts = [f"k {stiffness - 1:+.0%}"] * (stiffness != 1) + [f"J {inertia - 1:+.0%}"] * (inertia != 1)
+        head.append(" ".join(parts) or "as believed")
+    markdown(head, rows)
+
+
 def pictures(found: Comparison, machine: Machine, folder: Path) -> None:
     """The pictures of docs/optimise.md that need no bus."""
     ours, reference = (shown_of(c.name, c.followed) for c in (found.ours, found.reference))
@@ -244,6 +296,7 @@ def main() -> None:
     genetic_effort(machine)
     pick_and_place(machine)
     fastest(machine)
+    other_than_believed(machine)
     if "--docs" in sys.argv:
         pictures(made[-1], machine, Path(__file__).parent.parent / "docs")
 

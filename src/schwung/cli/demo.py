@@ -69,6 +69,7 @@ def demo(
     from schwung.cli.drives import open_drive
     from schwung.cli.flow import Ending, commission_and_show, finish
     from schwung.cli.folders import make_folder, planned_folder
+    from schwung.cli.optimise import require_optimiser
     from schwung.cli.playing import Playing, play_and_show
     from schwung.commissioning import ExportChoice, LimitWishes, Wishes
     from schwung.drivetrain import InertiaTable, load_machine, write_inertia_csv
@@ -77,6 +78,8 @@ def demo(
     from schwung.optimise.values import MotionLimits, Task
     from schwung_sim.bench import Bench
 
+    if optimise:
+        require_optimiser()
     terminal = Terminal(json_output)
     folder = planned_folder(out)
     machine_file = folder / "machine.toml"

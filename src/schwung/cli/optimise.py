@@ -30,8 +30,6 @@ from schwung.cli.options import (
 )
 
 if TYPE_CHECKING:
-    from schwung.drivetrain import Machine as Believed
-    from schwung.optimise.comparison import Comparison
     from schwung.optimise.values import Objective
 
 _MOTION, _PLAY = "Motion", "On the machine"
@@ -153,6 +151,9 @@ def optimise(
 
     if (duration is None) == (not fastest):
         raise InputError("--duration", "is given beside --fastest, or neither is", "Give one of the two.")
+    require_optimiser()
+    from schwung.optimise.comparison import optimise as optimise_task
+
     terminal = Terminal(json_output)
     believed = load_machine(machine)
     task = Task(
@@ -177,7 +178,9 @@ def optimise(
         if (folder / "played.h5").exists():
             raise InputError(str(folder), "holds played motions already", "Choose another --out.")
         wishes = LimitWishes(min_position, max_position, max_speed, max_torque, following_error)
-        reference = one_of("--against", against, Literal["third", "poly5", "scurve", "cosine", "cycloid"])
+        reference: Any = one_of(
+            "--against", against, Literal["third", "poly5", "scurve", "cosine", "cycloid"]
+        )
         playing = Playing(reference, repeats, rate, rivals, dry_run)
         with open_drive(bus_options(interface, channel, bitrate, bus), node, profile) as opened:
             result = play_and_show(
@@ -186,7 +189,7 @@ def optimise(
             )  # fmt: skip
         terminal.result(result)
         return
-    found = solve(believed, task, rivals)
+    found = optimise_task(believed, task, rivals)
     make_folder(folder)
     tell(terminal, believed, found)
     document = summary(believed, found)
@@ -221,14 +224,16 @@ def weights_of(text: str) -> dict[Objective, float]:
     return weights
 
 
-def solve(believed: Believed, task: Any, rivals: bool) -> Comparison:
-    """The comparison. Raises InputError where the extra is not installed."""
+def require_optimiser() -> None:
+    """Raise InputError where the extra is not installed: early, before anything is planned or moved."""
+    from importlib.util import find_spec
+
     from schwung.errors import InputError
 
-    try:
-        from schwung.optimise.comparison import optimise as optimise_task
-    except ImportError as error:
+    missing = [name for name in ("casadi", "toppra") if find_spec(name) is None]
+    if missing:
         raise InputError(
-            "schwung optimise", f"needs CasADi ({error})", 'Install it: pip install "schwung[optimise]".'
-        ) from None
-    return optimise_task(believed, task, rivals)
+            "schwung optimise",
+            f"needs {' and '.join(missing)}, not installed here",
+            'Install the extra: pip install "schwung[optimise]".',
+        )

@@ -15,7 +15,9 @@ if TYPE_CHECKING:
     from schwung.drivetrain import Machine
     from schwung.fieldbus.drive import Drive
     from schwung.fieldbus.profile import DeviceProfile
+    from schwung.motion import MotionKind
     from schwung.optimise.values import Task
+    from schwung.session import Run
 
 #: What is told of a motion: words, unit, factor to it, and the value.
 _ROWS: tuple[tuple[str, str, float, str], ...] = (
@@ -35,7 +37,7 @@ _ROWS: tuple[tuple[str, str, float, str], ...] = (
 class Playing:
     """How the motion shall be played."""
 
-    against: str = "third"  # kind of the reference motion
+    against: MotionKind = "third"  # kind of the reference motion
     repeats: int = 3
     sample_rate_hz: float = 1000.0
     rivals: bool = True
@@ -61,28 +63,35 @@ def play_and_show(
     from schwung.cli.console import json_text, observing
     from schwung.cli.flow import PreflightRefusedError
     from schwung.cli.folders import make_folder
-    from schwung.cli.optimise import solve
     from schwung.cli.optimised import summary, tell, write_result
+    from schwung.commissioning.checks import COMFORT
     from schwung.commissioning.played import Played, cost_of_run, cost_of_simulated
     from schwung.commissioning.playing import play, prepare_play, stand_of
     from schwung.errors import RefusedError
     from schwung.files import replace_file
     from schwung.motion import Motion
+    from schwung.optimise.comparison import STANDARD, optimise, shortest_profile
     from schwung.optimise.formats import cycle_torque
 
     stand = stand_of(drive, profile, machine, wishes)
     limits = replace(
         task.limits,
-        torque_max_nm=stand.limits.torque_max_nm,
+        torque_max_nm=COMFORT * stand.limits.torque_max_nm,  # the controller wants some, too
         position_min_rad=stand.limits.position_min_rad,
         position_max_rad=stand.limits.position_max_rad,
-        speed_max_rad_s=stand.limits.speed_max_rad_s,
+        speed_max_rad_s=COMFORT * stand.limits.speed_max_rad_s,
     )
-    found = solve(machine, replace(task, start_rad=stand.start_rad, limits=limits), playing.rivals)
+    wanted = replace(task, start_rad=stand.start_rad, limits=limits)
+    found = optimise(machine, wanted, playing.rivals)
     stroke, back = found.stroke, found.back
-    reference = Motion.model_validate(
-        {"kind": playing.against, "distance_rad": stroke.distance_rad, "duration_s": stroke.duration_s}
-    )
+    duration = stroke.duration_s
+    if task.duration_s is None:
+        duration = shortest_profile(machine, wanted, playing.against)
+        terminal.say(
+            f"The {STANDARD[playing.against]} takes {duration * 1e3:.1f} ms within the same limits, "
+            f"the best motion {stroke.duration_s * 1e3:.1f} ms"
+        )
+    reference = Motion(kind=playing.against, distance_rad=stroke.distance_rad, duration_s=duration)
     prepared = prepare_play(
         drive,
         profile,
@@ -95,7 +104,8 @@ def play_and_show(
     )
     tell(terminal, machine, found)
     terminal.checks((c.name, c.severity, c.text, c.remedy) for c in prepared.preflight.checks)
-    result = summary(machine, found) | {"preflight": [vars(check) for check in prepared.preflight.checks]}
+    result: dict[str, Any] = summary(machine, found) | {"reference_duration_s": duration}
+    result |= {"preflight": [vars(check) for check in prepared.preflight.checks]}
     try:
         prepared.preflight.require()
     except RefusedError as refusal:
@@ -119,14 +129,14 @@ def play_and_show(
     )
     result["played"] = tell_played(terminal, played, playing.against)
     files = write_result(out, machine, found, playing.sample_rate_hz, result)
-    files += [_picture(out, prepared, recorded.runs[0], recorded.runs[1], playing.against)]
+    files += _pictures(out, prepared, recorded.runs[0], recorded.runs[1], playing.against)
     result["files"] = {path.name: str(path) for path in [*files, out / "played.h5"]}
     replace_file(out / "optimised.json", json_text(result))
     terminal.say(f"Motion, tables, cams and pictures: [bold]{out}[/]")
     return result
 
 
-def tell_played(terminal: Terminal, played: Played, against: str) -> dict[str, Any]:
+def tell_played(terminal: Terminal, played: Played, against: MotionKind) -> dict[str, Any]:
     """Measured beside predicted, for people and, as returned, for machines."""
     from schwung.commissioning.played import interval
     from schwung.optimise.comparison import STANDARD
@@ -179,24 +189,30 @@ def _half(half: float | None, mean: float, factor: float) -> str:
     return f" ± {half * factor:.2g}" if half > 1e-9 * abs(mean) else " ± 0"
 
 
-def _picture(out: Path, prepared: PlayPrepared, reference: Any, optimised: Any, against: str) -> Path:
+def _pictures(
+    out: Path, prepared: PlayPrepared, reference: Run, optimised: Run, against: MotionKind
+) -> list[Path]:
+    """Both motions as recorded over time, with what was predicted, and over the angle."""
     from schwung.files import replace_file
     from schwung.optimise.comparison import STANDARD
-    from schwung.report.optimised import Shown, played_figure
+    from schwung.report.optimised import Shown, played_angle_figure, played_figure
     from schwung.report.style import to_png
 
     pairs = []
     names = (f"{STANDARD[against]}, measured", "optimised, measured")
     for name, run, simulated in zip(names, (reference, optimised), prepared.predicted, strict=True):
-        begin = run.motion.start_time_s - 0.02
-        end = run.motion.start_time_s + run.motion.duration_s + run.motion.dwell_s
+        motion = run.motion
+        assert motion is not None
+        begin, end = motion.start_time_s - 0.02, motion.start_time_s + motion.duration_s + motion.dwell_s
         pair = []
         for made in (run, simulated):
             shown = (made.time_s >= begin) & (made.time_s <= end)
-            time = made.time_s[shown] - run.motion.start_time_s
+            time = made.time_s[shown] - motion.start_time_s
             pair.append(
                 Shown(name, time, made.position_rad[shown], made.speed_rad_s[shown], made.torque_nm[shown])
             )
         pairs.append((pair[0], pair[1]))
-    replace_file(out / "played.png", to_png(played_figure(pairs)))
-    return out / "played.png"
+    figures = {"played.png": played_figure(pairs), "played-angle.png": played_angle_figure(pairs)}
+    for name, figure in figures.items():
+        replace_file(out / name, to_png(figure))
+    return [out / name for name in figures]

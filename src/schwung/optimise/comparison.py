@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from typing import get_args
@@ -15,7 +16,7 @@ from schwung.optimise.closed_loop import require_followed
 from schwung.optimise.dynamics import Followed, Merits, follow, follow_demand, merits_of, sampled
 from schwung.optimise.model import Model, models_of, not_planned
 from schwung.optimise.rivals import chebyshev_stroke, shaped_demand, toppra_stroke
-from schwung.optimise.solve import best_stroke
+from schwung.optimise.solve import NoMotionError, best_stroke
 from schwung.optimise.values import Objective, Stroke, Task
 
 #: A limit counts as kept that is passed by no more than this share: what lies between the points of the grid.
@@ -130,6 +131,27 @@ def model_for(machine: Machine, task: Task, duration_s: float) -> Model:
     """The machine as the rivals have it."""
     limit = min(task.limits.torque_max_nm, machine.motor.peak_torque_nm)
     return models_of(machine, task.ends_rad, abs(task.distance_rad) / duration_s, limit)[0]
+
+
+def shortest_profile(machine: Machine, task: Task, kind: MotionKind) -> float:
+    """In how short a time a standard profile keeps the task's limits (s), to a thousandth of it.
+
+    Raises NoMotionError where it keeps them in no time.
+    """
+    low, high = 1e-3, 30.0
+
+    def keeps(duration_s: float) -> bool:
+        motion = Motion(kind=kind, distance_rad=task.distance_rad, duration_s=duration_s)
+        return not contender(machine, task, kind, follow(machine, motion, task.start_rad)).broken
+
+    if not keeps(high):
+        raise NoMotionError(
+            "limits", f"a {STANDARD[kind]} keeps them in no time", "Allow more, or choose another profile."
+        )
+    while high > 1.001 * low:
+        middle = math.sqrt(low * high)
+        low, high = (low, middle) if keeps(middle) else (middle, high)
+    return high
 
 
 def follow_shares(machine: Machine, task: Task, duration_s: float, shares: object) -> Followed:

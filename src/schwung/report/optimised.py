@@ -102,6 +102,21 @@ def played_figure(played: Sequence[tuple[Shown, Shown]]) -> Figure:
 
 
 @in_style
+def played_angle_figure(played: Sequence[tuple[Shown, Shown]]) -> Figure:
+    """Measured speed and torque of each motion over the angle."""
+    figure = new_figure(4.8, (1.0, 1.3))
+    axes = figure.axes
+    for (measured, _), colour in zip(played, (PLAIN, ESTIMATE), strict=False):
+        curve(axes[0], measured.position_rad, measured.speed_rad_s, colour, label=measured.name, width=1.6)
+        curve(axes[1], measured.position_rad, measured.torque_nm, colour, width=1.6)
+    axes[0].set_title("speed (rad/s)")
+    axes[1].set_title("motor torque as reported (N·m)")
+    axes[1].set_xlabel("motor angle (rad)")
+    key(axes[0])
+    return figure
+
+
+@in_style
 def front_figure(x: Sequence[float], y: Sequence[float], x_name: str, y_name: str) -> Figure:
     """A Pareto front: every point is one best motion."""
     figure = new_figure(3.6)
