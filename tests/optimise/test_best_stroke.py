@@ -200,3 +200,28 @@ def test_a_following_error_that_is_too_large_is_refused() -> None:
     require_followed(PAPER, task(0.15, limits={"following_error_rad": 1.1 * worst}), stroke)
     with pytest.raises(InputError, match="--following-error: is"):
         require_followed(PAPER, task(0.15, limits={"following_error_rad": 0.9 * worst}), stroke)
+
+
+def test_strong_dry_friction_over_a_long_stroke_is_found_by_rounder_ones() -> None:
+    """Where friction takes more than accelerating does; the parabola is then no longer the best, and is beaten."""
+    machine = with_physics(rigid(0.1, 20.0), coulomb_friction={"torque_nm": 4.0})
+    stroke = best_stroke(machine, task(2.0, distance_rad=1.0, limits={"torque_max_nm": 20.0}))
+    best = merits_of(machine, follow(machine, stroke.motion(), 0.0)).copper_n2m2s
+    parabola = merits_of(
+        machine, follow(machine, best_stroke(rigid(), task(2.0, distance_rad=1.0)).motion(), 0.0)
+    )
+    assert best < parabola.copper_n2m2s
+    assert stroke.share[-1] == pytest.approx(1.0)
+
+
+def test_a_coupling_that_swings_too_fast_for_any_grid_is_planned_as_stiff() -> None:
+    assert PAPER.coupling is not None
+    coupling = PAPER.coupling.model_copy(update={"stiffness_nm_rad": 1e8, "damping_nms": 50.0})
+    stiff = PAPER.model_copy(update={"coupling": coupling})
+    stroke = best_stroke(stiff, task(0.2))
+    np.testing.assert_array_equal(stroke.load_position_rad, stroke.start_rad + np.pi * stroke.share)
+    merits = merits_of(stiff, follow(stiff, stroke.motion(), 0.0))
+    assert merits.copper_n2m2s == pytest.approx(
+        np.trapezoid(stroke.torque_nm**2, stroke.time_s),
+        rel=0.02,  # the rest swings out of the last step
+    )

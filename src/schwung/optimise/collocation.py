@@ -29,8 +29,10 @@ ca.GlobalOptions.setNumpyMode(1)  # numpy's functions on symbols give symbols, a
 
 #: Radau's points of the third degree, in shares of an interval; the last is the node that follows.
 DEGREE = 3
-#: Nodes per period of the fastest swing of motor against load, and how many there are at the least and the most.
+#: Nodes per period of the fastest swing of motor against load, and how many there are at the least and as a rule at the
+#: most; a stroke of many periods gets as many as show the swing at all.
 NODES_PER_PERIOD, FEWEST, MOST = 5.0, 160, 240
+SHOWN_BY, MOST_OF_ALL = 2.5, 800
 
 
 @dataclass(frozen=True, eq=False)
@@ -45,12 +47,16 @@ class Scales:
 
 def nodes_for(models: Sequence[Model], duration_s: float) -> int:
     """Intervals of the grid: enough for what swings fastest."""
-    fastest = 0.0
-    for model in models:
-        if model.stiffness_nm_rad is not None:
-            mobility = 1 / model.rotor_inertia_kgm2 + 1 / model.lightest_kgm2
-            fastest = max(fastest, np.sqrt(model.stiffness_nm_rad * mobility) / (2 * np.pi))
-    return int(np.clip(NODES_PER_PERIOD * fastest * duration_s, FEWEST, MOST))
+    periods = duration_s * max(map(swings_at_hz, models))
+    return int(max(np.clip(NODES_PER_PERIOD * periods, FEWEST, MOST), SHOWN_BY * periods))
+
+
+def swings_at_hz(model: Model) -> float:
+    """How fast motor and load swing against each other; 0 where the model is rigid."""
+    if model.stiffness_nm_rad is None:
+        return 0.0
+    mobility = 1 / model.rotor_inertia_kgm2 + 1 / model.lightest_kgm2
+    return float(np.sqrt(model.stiffness_nm_rad * mobility) / (2 * np.pi))
 
 
 def radau() -> tuple[Array, Array, Array]:

@@ -16,8 +16,10 @@ from schwung.drivetrain.compiled import compiled
 from schwung.drivetrain.kernel import value_and_slope
 from schwung.motion import Array, Demand, Motion
 
-#: Samples per second of what is judged; the integrator's steps are twice as long.
+#: Samples per second of what is judged, at the least; the integrator's steps are twice as long.
 RATE_HZ = 32_000.0
+#: Step times the fastest thing that the load does behind a motor that stands, at the most (Runge-Kutta: stable to 2.8).
+_STEP = 0.5
 #: After the stroke the machine is watched for so many time constants of its vibration, at the least TAIL_S.
 _DECAYS, TAIL_S = 6.0, 0.1
 
@@ -107,6 +109,16 @@ def _follow(
     return found
 
 
+def rate_hz(machine: Machine) -> float:
+    """Samples per second that a machine wants."""
+    body = plant.plant_of(machine, None)
+    if body.rigid:
+        return RATE_HZ
+    lightest = float(np.min(body.inertia.coefficients[3]))
+    fastest = max(np.sqrt(body.stiffness / lightest), body.damping / lightest)
+    return max(RATE_HZ, 2 * float(fastest) / _STEP)
+
+
 def follow(machine: Machine, motion: Motion, start_rad: float) -> Followed:
     """The first stroke of a motion from a motor angle (rad), and a rest behind it that is long enough.
 
@@ -114,23 +126,26 @@ def follow(machine: Machine, motion: Motion, start_rad: float) -> Followed:
     """
     alone = motion.model_copy(update={"start_time_s": 0.0, "returns": False})
     count = _samples(machine, motion.duration_s)
-    return follow_demand(machine, alone.demand(np.arange(count) / RATE_HZ), motion.duration_s, start_rad)
+    return follow_demand(
+        machine, alone.demand(np.arange(count) / rate_hz(machine)), motion.duration_s, start_rad
+    )
 
 
 def sampled(machine: Machine, duration_s: float) -> Array:
     """Instants at which `follow_demand` wants a motion that takes so long (s), (n,)."""
-    return np.arange(_samples(machine, duration_s)) / RATE_HZ
+    return np.arange(_samples(machine, duration_s)) / rate_hz(machine)
 
 
 def follow_demand(machine: Machine, demand: Demand, duration_s: float, start_rad: float) -> Followed:
     """As `follow`, of a motion given at `sampled` instants."""
     body = plant.plant_of(machine, None)
-    time = np.arange(demand.position_rad.size) / RATE_HZ
+    rate = rate_hz(machine)
+    time = np.arange(demand.position_rad.size) / rate
     known = plant.learned_of(machine, body, time, demand, 1.0)
     rest, _ = plant.learned_rest(known, start_rad)
     load = np.array([rest.load_angle, 0.0, rest.third_angle, 0.0])
     angle = start_rad + demand.position_rad
-    found = _follow(known, angle, demand.speed_rad_s, demand.acceleration_rad_s2, load, 2 / RATE_HZ)
+    found = _follow(known, angle, demand.speed_rad_s, demand.acceleration_rad_s2, load, 2 / rate)
     return Followed(
         time_s=time[::2],
         duration_s=duration_s,
@@ -144,7 +159,7 @@ def follow_demand(machine: Machine, demand: Demand, duration_s: float, start_rad
 
 
 def _samples(machine: Machine, duration_s: float) -> int:
-    return 2 * int(np.ceil((duration_s + tail_s(machine)) * RATE_HZ / 2)) + 1
+    return 2 * int(np.ceil((duration_s + tail_s(machine)) * rate_hz(machine) / 2)) + 1
 
 
 def tail_s(machine: Machine) -> float:
@@ -158,7 +173,7 @@ def tail_s(machine: Machine) -> float:
 
 def merits_of(machine: Machine, followed: Followed) -> Merits:
     """What a motion costs. Torque that holds the axis at its end counts for the duration only."""
-    torque, speed, step = followed.torque_nm, followed.speed_rad_s, 2 / RATE_HZ
+    torque, speed, step = followed.torque_nm, followed.speed_rad_s, followed.time_s[1]
     moving = followed.time_s <= followed.duration_s
     beyond = np.where(moving, torque**2, torque**2 - torque[-1] ** 2)
     copper = float(np.sum(beyond)) * step

@@ -11,9 +11,19 @@ import casadi as ca
 import numpy as np
 
 from schwung.drivetrain import Machine
+from schwung.drivetrain.physics import Effects
 from schwung.errors import InputError
 from schwung.motion import Array
-from schwung.optimise.collocation import Programme, Scales, nodes_for, radau, resting_twist
+from schwung.optimise.collocation import (
+    MOST_OF_ALL,
+    SHOWN_BY,
+    Programme,
+    Scales,
+    nodes_for,
+    radau,
+    resting_twist,
+    swings_at_hz,
+)
 from schwung.optimise.model import Model, models_of
 from schwung.optimise.values import Objective, Stroke, Task
 
@@ -23,7 +33,10 @@ _IPOPT = {
     "max_iter": 200,
     "tol": 1e-7,
     "linear_solver": "mumps",
+    "max_wall_time": 30.0,  # s: far beyond what a motion takes that there is
 }
+#: Where dry friction is too sharp to begin with: how much rounder it is at first, down to as it shall be.
+ROUNDER = (30.0, 10.0, 3.0, 1.0)
 
 
 @dataclass(frozen=True, eq=False)
@@ -53,8 +66,16 @@ def best_stroke(
     duration = task.duration_s
     if duration is None:
         duration = _shortest_guess(machine, task)
-    models = _models(machine, task, duration)
+    models = _shown(_models(machine, task, duration), duration)
     return _solve(machine, task, models, duration, intervals, start)
+
+
+def _shown(models: Sequence[Model], duration_s: float) -> tuple[Model, ...]:
+    """The models, rigid where they swing so fast that no grid of reasonable size would show it."""
+    most = MOST_OF_ALL / SHOWN_BY
+    if duration_s * max(map(swings_at_hz, models)) <= most:
+        return tuple(models)
+    return tuple(replace(model, stiffness_nm_rad=None) for model in models)
 
 
 def _solve(
@@ -65,21 +86,53 @@ def _solve(
     intervals: int | None,
     start: Stroke | None,
 ) -> Stroke:
+    """The best stroke; where dry friction is too sharp for the solver, from rounder ones towards it."""
     n = intervals or nodes_for(models, duration_s)
-    guess = _guess(machine, task, models, duration_s, n, start)
+    found = _attempt(machine, task, models, duration_s, n, start)
+    if isinstance(found, str) and any(_rubs(model.effects) for model in models):
+        found = _from_rounder(machine, task, models, duration_s, n) or found
+    if isinstance(found, str):
+        raise _why_not(machine, task, found)
+    return found
+
+
+def _from_rounder(
+    machine: Machine, task: Task, models: Sequence[Model], duration_s: float, intervals: int
+) -> Stroke | None:
+    """The best stroke by way of those with rounder friction; None where one of them is not found."""
+    last: Stroke | None = None
+    for rounder in ROUNDER:
+        rounded = [replace(model, smooth_rad_s=rounder * model.smooth_rad_s) for model in models]
+        found = _attempt(machine, task, rounded, duration_s, intervals, last)
+        if isinstance(found, str):
+            return None
+        last = found
+    return last
+
+
+def _rubs(e: Effects) -> bool:
+    """Whether there is dry friction."""
+    return any((e.coulomb_positive_nm, e.coulomb_negative_nm, e.stribeck_rise_nm, e.local_friction_nm))
+
+
+def _attempt(
+    machine: Machine,
+    task: Task,
+    models: Sequence[Model],
+    duration_s: float,
+    intervals: int,
+    start: Stroke | None,
+) -> Stroke | str:
+    """The stroke that IPOPT finds, or else what it says."""
+    guess = _guess(machine, task, models, duration_s, intervals, start)
     electrical = machine.motor.electrical
     losses = (electrical.copper_w_nm2, electrical.iron_loss_nms) if electrical else None
     curve = machine.motor.torque_over_speed
     pairs = None if curve is None else np.array(curve)
-    programme = Programme(task, models, n, guess.scales, duration_s, losses, pairs)
+    programme = Programme(task, models, intervals, guess.scales, duration_s, losses, pairs)
     problem: Any = {"x": programme.unknowns, "f": programme.objective, "g": programme.constraints}
     options: Any = {"print_time": False, "ipopt": _IPOPT}
-    solver = ca.nlpsol(
-        "best",
-        "ipopt",
-        problem,
-        options,
-    )
+    solver = ca.nlpsol("best", "ipopt", problem, options)
     low, high = programme.bounds()
     found = solver(
         x0=programme.unknowns_of(guess.motor, guess.nodes, guess.inner),
@@ -90,7 +143,7 @@ def _solve(
     )
     stats = solver.stats()
     if not stats["success"]:
-        raise _why_not(machine, task, str(stats["return_status"]))
+        return str(stats["return_status"])
     unknowns = np.asarray(found["x"]).ravel()
     return _stroke(programme, unknowns, float(found["f"]), int(stats["iter_count"]))
 

@@ -107,9 +107,10 @@ class Stroke:
 
     @property
     def points(self) -> tuple[tuple[float, float, float], ...]:
-        """As a `Motion` of the kind "points" has them."""
+        """As a `Motion` of the kind "points" has them, to nine digits: an attribute of HDF5 holds 64 kB."""
         columns = (self.share, self.speed_share, self.acceleration_share)
-        return tuple(tuple(float(x) for x in row) for row in zip(*columns, strict=True))  # type: ignore[misc]
+        rows = zip(*columns, strict=True)
+        return tuple(tuple(float(f"{x:.9g}") for x in row) for row in rows)  # type: ignore[misc]
 
     def motion(self, back: Stroke | None = None, **timing: float) -> Motion:
         """The motion that commissioning plays; `back`: the way back, absent: it does not return."""
