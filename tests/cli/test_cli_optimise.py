@@ -108,3 +108,34 @@ def test_a_torque_speed_curve_has_to_fall_ever_more_steeply(
     code, _, err = invoke(capsys, "optimise", "-m", str(path), "--distance", "1", "--duration", "0.2")
     assert code == 2
     assert "torque_over_speed" in err
+
+
+def test_the_demo_measures_optimises_plays_and_keeps_its_promise(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    out = tmp_path / "demo"
+    code, text, _ = invoke(
+        capsys,
+        "demo",
+        "--optimise",
+        "--plant",
+        "two-mass",
+        "--duration",
+        "200ms",
+        "--out",
+        str(out),
+        "--json",
+    )
+    assert code == 0
+    copper = json.loads(text)["optimised"]["played"]["copper_n2m2s"]
+    assert copper["saving"]["mean"] == pytest.approx(copper["predicted_saving"], abs=0.03)
+    assert copper["saving"]["mean"] > 0.35
+    assert 'trust = "good"' in (out / "measured.toml").read_text(encoding="utf-8")
+    for name in ("played.h5", "played.png", "played-angle.png", "motion.json"):
+        assert (out / "optimised" / name).exists()
+    code, _, err = invoke(
+        capsys, "optimise", "-m", str(out / "measured.toml"), "--distance", "1", "--duration", "1", "--play",
+        "--out", str(out / "optimised"), "-i", "stepped", "-c", "nobody",
+    )  # fmt: skip
+    assert code == 2
+    assert "holds played motions already" in err

@@ -7,7 +7,7 @@ import pytest
 from optimise_machines import PAPER, rigid, task
 
 from schwung.motion import Motion
-from schwung.optimise.comparison import contenders, model_for, optimise
+from schwung.optimise.comparison import contender, contenders, model_for, optimise, shortest_profile
 from schwung.optimise.dynamics import follow, follow_demand, merits_of, sampled
 from schwung.optimise.rivals import chebyshev_stroke, shaped_demand, toppra_stroke
 from schwung.optimise.solve import best_stroke
@@ -81,3 +81,11 @@ def test_there_and_back_take_one_time_where_the_fastest_is_asked_for() -> None:
     motion = found.stroke.motion(found.back)
     end = motion.demand(np.array([motion.end_s])).position_rad[0]
     assert end == pytest.approx(0.0, abs=1e-7)
+
+
+def test_the_shortest_standard_profile_keeps_the_limits_and_no_shorter_one_does() -> None:
+    shortest = shortest_profile(PAPER, task(None), "scurve")
+    for factor, keeps in ((1.0, True), (0.99, False)):
+        motion = Motion(kind="scurve", distance_rad=np.pi, duration_s=factor * shortest)
+        judged = contender(PAPER, task(None), "", follow(PAPER, motion, 0.0))
+        assert (judged.broken == ()) is keeps

@@ -25,6 +25,9 @@ from schwung.optimise.values import MotionLimits, Objective, Task
 #: the time is the shortest that there is.
 TOP_ROOM = 1e-3
 
+#: What copper weighs beside a peak.
+TIES = 1e-3
+
 ca.GlobalOptions.setNumpyMode(1)  # numpy's functions on symbols give symbols, as the model needs
 
 #: Radau's points of the third degree, in shares of an interval; the last is the node that follows.
@@ -45,10 +48,13 @@ class Scales:
     merits: Mapping[Objective, float]  # of the fifth-order polynomial, each in its own unit
 
 
-def nodes_for(models: Sequence[Model], duration_s: float) -> int:
-    """Intervals of the grid: enough for what swings fastest."""
+def nodes_for(models: Sequence[Model], duration_s: float, distance_rad: float) -> int:
+    """Intervals of the grid: enough for what swings fastest, and for cogging."""
     periods = duration_s * max(map(swings_at_hz, models))
-    return int(max(np.clip(NODES_PER_PERIOD * periods, FEWEST, MOST), SHOWN_BY * periods))
+    if models[0].effects.cogging_amplitude_nm:
+        periods = max(periods, models[0].effects.cogging_order * abs(distance_rad) / (2 * np.pi))
+    shown = min(SHOWN_BY * periods, MOST_OF_ALL)
+    return int(max(np.clip(NODES_PER_PERIOD * periods, FEWEST, MOST), shown))
 
 
 def swings_at_hz(model: Model) -> float:
@@ -342,6 +348,8 @@ class Programme:
             if weight:
                 value += weight / self.scales.merits[name] * total[row]  # type: ignore[index]
         if self._peak:
+            # Many motions have the same peak: of those, the one of least copper, which is one.
+            value += TIES / self.scales.merits["copper"] * total[0]
             value += self.task.weights["peak"] * top * self.scales.torque_nm / self.scales.merits["peak"]
         return value
 

@@ -87,7 +87,7 @@ def _solve(
     start: Stroke | None,
 ) -> Stroke:
     """The best stroke; where dry friction is too sharp for the solver, from rounder ones towards it."""
-    n = intervals or nodes_for(models, duration_s)
+    n = intervals or nodes_for(models, duration_s, task.distance_rad)
     found = _attempt(machine, task, models, duration_s, n, start)
     if isinstance(found, str) and any(_rubs(model.effects) for model in models):
         found = _from_rounder(machine, task, models, duration_s, n) or found
