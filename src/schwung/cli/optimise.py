@@ -125,8 +125,8 @@ def optimise(
 ) -> None:
     """Find the motion that costs the least, within every limit, of motor and load.
 
-    Takes the measured table and every [[physics]] of the machine file, and holds the result against the profiles that
-    machines usually get. What it writes can be taken to the controller: setpoints with torque, and cams.
+    Takes the measured table and every learned physics term of the machine file, and holds the result against the
+    profiles that machines usually get. What it writes can be taken to the controller: setpoints with torque, and cams.
 
     [bold]Examples[/]
 

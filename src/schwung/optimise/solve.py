@@ -18,12 +18,11 @@ from schwung.optimise.collocation import (
     MOST_OF_ALL,
     SHOWN_BY,
     Programme,
-    Scales,
     nodes_for,
     radau,
-    resting_twist,
     swings_at_hz,
 )
+from schwung.optimise.inverse import Scales, resting_twist
 from schwung.optimise.model import Model, models_of
 from schwung.optimise.values import Objective, Stroke, Task
 
