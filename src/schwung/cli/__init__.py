@@ -26,6 +26,7 @@ from schwung.cli.estimate import estimate
 from schwung.cli.explain import explain
 from schwung.cli.export import export
 from schwung.cli.import_ import import_
+from schwung.cli.optimise import optimise
 from schwung.cli.profile import check, list_, new, show
 from schwung.cli.report import report
 from schwung.cli.reproduce import reproduce
@@ -123,6 +124,7 @@ for _command in (
     bode,
     reproduce,
     import_,
+    optimise,
 ):
     app.command(_name(_command))(_told_interrupts(_command))
 

@@ -39,6 +39,13 @@ def demo(
     plant: Annotated[str, typer.Option(help="slider-crank (MuJoCo) or two-mass.")] = "slider-crank",
     conceal: Annotated[str, typer.Option(metavar="NAME=VALUE,…", help="Physics to hide in the plant.")] = "",
     seed: Annotated[int, typer.Option(help="Everything random follows from it.")] = 0,
+    optimise: Annotated[
+        bool,
+        typer.Option(
+            "--optimise",
+            help="Instead of an export: find the best motion with the measured table, and play it.",
+        ),
+    ] = False,
     json_output: Json = False,
 ) -> None:
     """Commission a simulated drive on a virtual CAN bus: scan, plan, preflight, motions, estimate, export, report.
@@ -51,6 +58,8 @@ def demo(
       schwung demo
 
       schwung demo --out first-look --duration 200ms --json
+
+      schwung demo --optimise
     """  # fmt: skip
     import math
 
@@ -60,12 +69,17 @@ def demo(
     from schwung.cli.drives import open_drive
     from schwung.cli.flow import Ending, commission_and_show, finish
     from schwung.cli.folders import make_folder, planned_folder
-    from schwung.commissioning import ExportChoice, Wishes
+    from schwung.cli.optimise import require_optimiser
+    from schwung.cli.playing import Playing, play_and_show
+    from schwung.commissioning import ExportChoice, LimitWishes, Wishes
     from schwung.drivetrain import InertiaTable, load_machine, write_inertia_csv
     from schwung.fieldbus.canopen import BusOptions
     from schwung.files import replace_file
+    from schwung.optimise.values import MotionLimits, Task
     from schwung_sim.bench import Bench
 
+    if optimise:
+        require_optimiser()
     terminal = Terminal(json_output)
     folder = planned_folder(out)
     machine_file = folder / "machine.toml"
@@ -87,6 +101,20 @@ def demo(
             folder,
             terminal,
             confirm=lambda _question: True,
-            ending=Ending(ExportChoice("table"), True, truth, "true inertia"),
+            ending=Ending(None if optimise else ExportChoice("table"), True, truth, "true inertia"),
         )
+        if optimise:
+            measured_machine = load_machine(folder / "measured.toml")
+            torque = measured_machine.motor.peak_torque_nm
+            result["optimised"] = play_and_show(
+                opened.drive,
+                opened.profile,
+                measured_machine,
+                Task(0.0, math.pi, MotionLimits(torque), duration_s=duration),
+                LimitWishes(),
+                Playing(),
+                folder / "optimised",
+                terminal,
+                confirm=lambda _question: True,
+            )
     finish(terminal, result)

@@ -125,7 +125,13 @@ def commission_and_show(
 def _as_measured(done: Commissioned) -> Machine:
     """The belief with the measured inertia in the place of the guessed one."""
     machine = done.prepared.machine
-    load = machine.load.model_copy(update={"inertia_kgm2": None, "inertia_table": done.estimate.table})
+    load = machine.load.model_copy(
+        update={
+            "inertia_kgm2": None,
+            "inertia_table": done.estimate.table,
+            "trust": done.estimate.trust.verdict,
+        }
+    )
     return machine.model_copy(update={"load": load})
 
 

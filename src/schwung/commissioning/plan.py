@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from typing import get_args
+from typing import Protocol, get_args
 
 import numpy as np
 
@@ -27,7 +27,7 @@ from schwung.fieldbus.drive import (
 )
 from schwung.fieldbus.profile import Generator, Trace
 from schwung.fieldbus.tracing import trace_request
-from schwung.motion import Excitation, Motion, MotionKind
+from schwung.motion import Array, Excitation, Motion, MotionKind
 from schwung.session import Role
 
 #: The injection stays at or below this share of the lowest believed anti-resonance: near it the gain is most
@@ -44,6 +44,14 @@ RAMP_PERIODS, SETTLED_PERIODS = 2, 3
 NOMINAL_RATE_HZ = 1000.0
 
 
+class TorqueAlong(Protocol):
+    """The torque beside the setpoints of a motion."""
+
+    def __call__(self, motion: Motion, time_s: Array) -> Array:
+        """For each setpoint, due at these instants (s): torque (N·m), (n,), held for the cycle before it."""
+        ...
+
+
 @dataclass(frozen=True)
 class PlannedRun:
     """One motion to record; it starts where the plan says, unless it says otherwise."""
@@ -54,6 +62,7 @@ class PlannedRun:
     excitation: Excitation | None
     start_position_rad: float | None = None
     played: HostPlayed | None = None
+    torque: TorqueAlong | None = None  # that belongs to the motion, beside its setpoints
 
 
 @dataclass(frozen=True)
@@ -134,9 +143,8 @@ class Plan:
         """The motion that undoes a run, without injection; None where the run returns by itself."""
         if run.motion.returns:
             return None
-        distance = run.motion.distance_rad
-        back = run.motion.model_copy(update={"distance_rad": -distance})
-        return PlannedRun("reference", run.repeat, back, None, self.start_of(run) + distance)
+        end = self.start_of(run) + run.motion.distance_rad
+        return PlannedRun("reference", run.repeat, run.motion.way_back(), None, end)
 
     @property
     def duration_s(self) -> float:
@@ -339,8 +347,9 @@ def _require_sense(
     ):
         if value is not None and not (math.isfinite(value) and value > 0):
             raise InputError(option, f"is {value:g}", "Give a positive number.")
-    if kind not in get_args(MotionKind):
-        raise InputError("--profile-kind", f'is "{kind}"', f"Use {', '.join(get_args(MotionKind))}.")
+    kinds = [name for name in get_args(MotionKind) if name != "points"]
+    if kind not in kinds:
+        raise InputError("--profile-kind", f'is "{kind}"', f"Use {', '.join(kinds)}.")
     if repeats < 1:
         raise InputError("--repeats", f"is {repeats}", "One at the least.")
 
@@ -375,5 +384,7 @@ def setpoints_of(run: PlannedRun, plan: Plan) -> Setpoints:
         )
     if run.played is not None:
         added = added + run.played.torque(demand, start)
+    if run.torque is not None:
+        added = added + run.torque(run.motion, time)
     moves = moves_of(run.motion, start, rate) if plan.acquisition.mode == "pp" else ()
     return Setpoints(rate, start + demand.position_rad, added, moves, sine)

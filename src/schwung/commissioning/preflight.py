@@ -75,17 +75,28 @@ def preflight(
     predicted = _predicted(plan, zip(first, (reference, *phases), strict=True), machine)
     source, resolution_checks = _resolution(plan, seen.resolution, reference, excited)
     checks = [
-        *drive_checks(seen, plan.acquisition),
-        *bus_checks(seen.bus_load),
-        *_guarded(plan, machine, seen),
+        *standing_checks(plan, machine, seen),
         *resolution_checks,
-        *_room(plan, motions),
-        *_torque_and_speed(plan, machine, motions, feed_forward),
-        *_following(plan, motions),
+        *motion_checks(plan, motions),
+        *_margin(plan, machine, motions, feed_forward),
         *_trust(plan, reference, excited, predicted),
         *([Check("creep", "ok", creep.text)] if creep is not None else []),
     ]
     return Preflight(tuple(checks), source, reference, excited, predicted, creep)
+
+
+def standing_checks(plan: Plan, machine: Machine, seen: Survey) -> Iterable[Check]:
+    """What drive and bus have to be before any motion."""
+    yield from drive_checks(seen, plan.acquisition)
+    yield from bus_checks(seen.bus_load)
+    yield from _guarded(plan, machine, seen)
+
+
+def motion_checks(plan: Plan, motions: Sequence[Simulated]) -> Iterable[Check]:
+    """Whether simulated motions keep the plan's limits."""
+    yield from _room(plan, motions)
+    yield from _torque_and_speed(plan, motions)
+    yield from _following(plan, motions)
 
 
 def simulated_run(
@@ -103,6 +114,12 @@ def simulated_run(
             step = max(1, round(held * FINER * plan.grid_rate_hz))
         commanded_at = time[np.arange(time.size) // step * step] if held else time
         added = run.excitation.torque(commanded_at)
+    if run.torque is not None:
+        cycles = run.motion.time(plan.grid_rate_hz)
+        cycle = np.minimum(
+            np.arange(time.size) // FINER + 1, cycles.size - 1
+        )  # held before the setpoint it is for
+        added = (0.0 if added is None else added) + run.torque(run.motion, cycles)[cycle]
     return simulate(
         _limited(machine, plan),
         demand,
@@ -217,9 +234,7 @@ def _room(plan: Plan, motions: Sequence[Simulated]) -> Iterable[Check]:
     yield Check("room to move", "ok" if inside else "stop", text, remedy)
 
 
-def _torque_and_speed(
-    plan: Plan, machine: Machine, motions: Sequence[Simulated], feed_forward: FeedForward | None
-) -> Iterable[Check]:
+def _torque_and_speed(plan: Plan, motions: Sequence[Simulated]) -> Iterable[Check]:
     limit = plan.limits.torque_max_nm
     peak = max(float(np.max(np.abs(s.torque_nm))) for s in motions)
     clipped = any(bool(np.any(s.clipped)) for s in motions)
@@ -231,15 +246,6 @@ def _torque_and_speed(
         + (" and is clipped" if clipped else ""),
         slower if peak > COMFORT * limit else "",
     )
-    if not clipped:
-        heavy = simulated_run(list(plan.runs())[1], plan, machine, feed_forward, HEAVIER)
-        if np.any(heavy.clipped):
-            yield Check(
-                "torque margin",
-                "warning",
-                f"with {HEAVIER:g} times the believed load inertia the torque would be clipped",
-                "Start with a longer motion if the belief is a guess.",
-            )
     speed = max(float(np.max(np.abs(s.speed_rad_s))) for s in motions)
     speed_limit = plan.limits.speed_max_rad_s
     yield share_check(
@@ -249,6 +255,22 @@ def _torque_and_speed(
         f"up to {speed:.3g} of {speed_limit:.3g} rad/s",
         "Take longer (--duration) or allow more (--max-speed).",
     )
+
+
+def _margin(
+    plan: Plan, machine: Machine, motions: Sequence[Simulated], feed_forward: FeedForward | None
+) -> Iterable[Check]:
+    """Whether the torque would do for a load that is heavier than believed, too."""
+    if any(bool(np.any(s.clipped)) for s in motions):
+        return
+    heavy = simulated_run(list(plan.runs())[1], plan, machine, feed_forward, HEAVIER)
+    if np.any(heavy.clipped):
+        yield Check(
+            "torque margin",
+            "warning",
+            f"with {HEAVIER:g} times the believed load inertia the torque would be clipped",
+            "Start with a longer motion if the belief is a guess.",
+        )
 
 
 def _following(plan: Plan, motions: Sequence[Simulated]) -> Iterable[Check]:

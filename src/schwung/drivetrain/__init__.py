@@ -11,6 +11,7 @@ from schwung.drivetrain.inertia import (
 from schwung.drivetrain.machine import (
     Control,
     Coupling,
+    Electrical,
     Load,
     Machine,
     Motor,
@@ -24,6 +25,7 @@ from schwung.drivetrain.simulation import FeedForward, Simulated, simulate
 __all__ = [
     "Control",
     "Coupling",
+    "Electrical",
     "FeedForward",
     "InertiaTable",
     "Load",

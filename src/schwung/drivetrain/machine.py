@@ -42,6 +42,8 @@ from schwung.motion import Array
 _UNITS = {
     "_nm_rad": "N·m/rad",
     "_per_s": "1/s",
+    "_nm_a": "N·m/A",
+    "_ohm": "Ω",
     "_kgm2": "kg·m²",
     "_nms": "N·m·s/rad",
     "_nm": "N·m",
@@ -93,13 +95,31 @@ _RIGID_ACCELERATION = 2.5
 _MAX_INERTIA_RATIO = 1e4
 
 
+class Electrical(_Table):
+    """What a torque costs: resistance·(torque/torque_constant)² is lost in copper, iron_loss·ω² in iron (W).
+
+    `iron_loss_nms` is beside the viscous friction, not in it.
+    """
+
+    resistance_ohm: Annotated[float, _positive(1e4)]
+    torque_constant_nm_a: Annotated[float, _positive(1e5)]
+    iron_loss_nms: Friction = 0.0
+
+    @property
+    def copper_w_nm2(self) -> float:
+        """Copper loss (W) per squared torque (N²m²)."""
+        return self.resistance_ohm / self.torque_constant_nm_a**2
+
+
 class Motor(_Table):
-    """The rotor and its torque."""
+    """The rotor and its torque. `torque_over_speed`: pairs of rad/s and N·m, the torque falling ever faster."""
 
     inertia_kgm2: Annotated[float, _positive(1e3)]
     viscous_friction_nms: Friction
     peak_torque_nm: Torque
     rated_torque_nm: Torque | None = None
+    electrical: Electrical | None = None
+    torque_over_speed: Annotated[tuple[tuple[float, float], ...] | None, Field(strict=False)] = None
 
     @model_validator(mode="after")
     def _plausible(self) -> Motor:
@@ -110,6 +130,8 @@ class Motor(_Table):
                 f"is {self.rated_torque_nm:g} N·m, more than peak_torque, {self.peak_torque_nm:g} N·m",
                 "Exchange them, or correct one.",
             )
+        if self.torque_over_speed is not None:
+            _require_falling(np.array(self.torque_over_speed, dtype=float))
         return self
 
     def require_acceleration(self, lowest: float) -> None:
@@ -125,6 +147,22 @@ class Motor(_Table):
             )
 
 
+def _require_falling(pairs: Array) -> None:
+    """Raise InputError for what is no torque-speed curve: speeds up, torques down, and ever more steeply."""
+    good = pairs.ndim == 2 and len(pairs) > 1 and bool(np.all(np.isfinite(pairs) & (pairs >= 0)))
+    if good:
+        steps = np.diff(pairs, axis=0)
+        good = bool(np.all(steps[:, 0] > 0))
+        slopes = steps[:, 1] / np.where(steps[:, 0] > 0, steps[:, 0], 1.0)
+        good = good and bool(np.all(slopes <= 0) and np.all(np.diff(slopes) <= 1e-9))
+    if not good:
+        raise InputError(
+            "motor.torque_over_speed",
+            "is not a curve of pairs [rad/s, N·m] whose torque falls, and ever more steeply",
+            "Write [[0, 233], [150, 233], [220, 120]], as on the motor's data sheet.",
+        )
+
+
 class Coupling(_Table):
     """The shaft between rotor and load."""
 
@@ -138,6 +176,7 @@ class Load(_Table):
     viscous_friction_nms: Friction = 0.0
     inertia_kgm2: Inertia | None = None
     inertia_table: InstanceOf[InertiaTable] | None = None
+    trust: str | None = None  # the verdict on a measured table: good, doubtful or unusable
     torque_nm: Annotated[float, Field(ge=-1e6, le=1e6, allow_inf_nan=False)] | None = None
     torque_table: InstanceOf[LoadTorqueTable] | None = None
 
@@ -276,6 +315,7 @@ def _read_tables(load: dict[str, Any], path: Path) -> None:
 
 _MODELS: Mapping[str, type[BaseModel]] = {
     "motor": Motor,
+    "electrical": Electrical,
     "coupling": Coupling,
     "load": Load,
     "control": Control,
@@ -285,7 +325,7 @@ _MODELS: Mapping[str, type[BaseModel]] = {
 def _explained(error: ValidationError, path: Path) -> InputError:
     """The first defect in one sentence: where, what, and in which unit it is wanted."""
     first = error.errors()[0]
-    table, key = str(first["loc"][0]), str(first["loc"][-1])
+    table, key = str(first["loc"][-2 if len(first["loc"]) > 2 else 0]), str(first["loc"][-1])
     fields = _MODELS[table].model_fields if table in _MODELS else {}
     end = next((_unit_end(name) for name in fields if _file_key(name) == key), "")
     unit = f" in {_UNITS[end]}" if end else ""

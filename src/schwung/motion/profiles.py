@@ -7,14 +7,26 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import (
+    BaseModel,
+    ConfigDict,
+    Field,
+    FiniteFloat,
+    SerializerFunctionWrapHandler,
+    model_serializer,
+    model_validator,
+)
 
 Array = NDArray[np.float64]
-MotionKind = Literal["third", "poly5", "scurve", "cosine"]
+MotionKind = Literal["third", "poly5", "scurve", "cosine", "cycloid", "points"]
+#: One point of a motion of the kind "points": share of the stroke, and its derivatives by the share of the duration.
+Point = tuple[FiniteFloat, FiniteFloat, FiniteFloat]
+#: By how much the points may differ from the cubics between them (shares of the stroke).
+_ON_CURVE = 1e-6
 
 
 @dataclass(frozen=True)
@@ -73,12 +85,38 @@ def _cosine(u: Array) -> _Stroke:
     )
 
 
+def _cycloid(u: Array) -> _Stroke:
+    """Inclined sine: one full sine of acceleration, smooth at both ends; peak speed 2, acceleration 2π."""
+    w = 2 * np.pi
+    return _Stroke(u - np.sin(w * u) / w, 1 - np.cos(w * u), w * np.sin(w * u))
+
+
+def _through(points: Array, u: Array) -> _Stroke:
+    """Straight accelerations between points (n, 3) at even shares of the duration."""
+    last = len(points) - 1
+    i = np.clip((u * last).astype(int), 0, last - 1)
+    t = u - i / last
+    share, speed, acceleration = points[i].T
+    rise = (points[i + 1, 2] - acceleration) * last
+    return _Stroke(
+        share + t * (speed + t * (acceleration / 2 + t * rise / 6)),
+        speed + t * (acceleration + t * rise / 2),
+        acceleration + t * rise,
+    )
+
+
 _STROKES: dict[str, Callable[[Array], _Stroke]] = {
     "third": _third,
     "poly5": _poly5,
     "scurve": _scurve,
     "cosine": _cosine,
+    "cycloid": _cycloid,
 }
+
+
+def _turned(points: tuple[Point, ...]) -> tuple[Point, ...]:
+    """The same way the other way round in time."""
+    return tuple((1 - share, speed, -acceleration) for share, speed, acceleration in reversed(points))
 
 
 class Motion(BaseModel):
@@ -86,6 +124,10 @@ class Motion(BaseModel):
 
     The axis rests for `start_time_s`, moves `distance_rad` (signed) within `duration_s`, rests for `dwell_s`,
     and, where it `returns`, moves back and rests for `dwell_s` again.
+
+    The kind "points" goes through `points`, at even shares of the duration, its acceleration straight between them;
+    back through `points_back`, which count from where the way back begins, or else as it came, the other way round in
+    time.
     """
 
     model_config = ConfigDict(frozen=True, extra="allow")
@@ -96,6 +138,48 @@ class Motion(BaseModel):
     start_time_s: float = Field(default=0.1, ge=0, allow_inf_nan=False)
     returns: bool = True
     dwell_s: float = Field(default=0.1, ge=0, allow_inf_nan=False)
+    points: tuple[Point, ...] | None = None
+    points_back: tuple[Point, ...] | None = None
+
+    @model_validator(mode="after")
+    def _points_are_a_stroke(self) -> Motion:
+        if (self.kind == "points") != (self.points is not None):
+            raise ValueError('points are given with the kind "points", and only with that')
+        for name in ("points", "points_back"):
+            given = getattr(self, name)
+            if given is None:
+                continue
+            points = np.array(given)
+            ends = len(points) > 1 and np.allclose(points[[0, -1], :2], [[0, 0], [1, 0]], atol=_ON_CURVE)
+            if not ends:
+                raise ValueError(f"{name} do not lead from 0 to 1, at rest at both ends")
+            before = np.nextafter(np.linspace(0, 1, len(points))[1:], 0)
+            reached = _through(points, before)
+            if not (
+                np.allclose(reached.position, points[1:, 0], rtol=0, atol=_ON_CURVE)
+                and np.allclose(reached.speed, points[1:, 1], rtol=0, atol=_ON_CURVE * len(points))
+            ):
+                raise ValueError(f"{name} do not lie on one curve of straight accelerations")
+        return self
+
+    @model_serializer(mode="wrap")
+    def _without_absent_points(self, handler: SerializerFunctionWrapHandler) -> dict[str, Any]:
+        kept: dict[str, Any] = handler(self)
+        return {k: v for k, v in kept.items() if v is not None or k not in ("points", "points_back")}
+
+    def way_back(self) -> Motion:
+        """The motion that undoes this one, on its own."""
+        changes: dict[str, Any] = {"distance_rad": -self.distance_rad}
+        if self.points is not None:
+            changes |= {"points": self.points_back or _turned(self.points), "points_back": self.points}
+        return self.model_copy(update=changes)
+
+    def _stroke(self, u: Array, back: bool) -> _Stroke:
+        if self.points is None:
+            return _STROKES[self.kind](u)
+        if not back:
+            return _through(np.array(self.points), u)
+        return _through(np.array(self.points_back or _turned(self.points)), u)
 
     @property
     def stroke_starts_s(self) -> tuple[float, ...]:
@@ -140,7 +224,7 @@ class Motion(BaseModel):
         position, speed, acceleration = (np.zeros_like(time, dtype=float) for _ in range(3))
         for start, sign in zip(self.stroke_starts_s, (1.0, -1.0), strict=False):
             u = (time - start) / self.duration_s
-            stroke = _STROKES[self.kind](np.clip(u, 0.0, 1.0))
+            stroke = self._stroke(np.clip(u, 0.0, 1.0), back=sign < 0)
             inside = (u >= 0) & (u < 1)
             scale = sign * self.distance_rad
             position += scale * stroke.position

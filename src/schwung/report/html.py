@@ -24,7 +24,10 @@ _VERDICTS = {
     "none": "No estimate: what was recorded is shown, nothing has been computed from it",
 }
 _MARKS = {"ok": "✓ ok", "note": "· note", "warning": "! warning", "stop": "✗ stop"}
-_KINDS = {"third": "1/3 profile", "poly5": "polynomial", "scurve": "S-curve", "cosine": "cosine"}
+_KINDS = {
+    "third": "1/3 profile", "poly5": "polynomial", "scurve": "S-curve", "cosine": "cosine", "cycloid": "cycloid",
+    "points": "optimised",
+}  # fmt: skip
 _LONG = 16  # rows; longer tables scroll within the page, and are whole on paper
 _POLICY = "default-src 'none';style-src 'unsafe-inline'"  # the page may not fetch anything, whoever edits it
 

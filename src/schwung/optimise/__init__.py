@@ -1,0 +1,1 @@
+"""Machine and limits to the best motion between two rests; knows no bus."""
