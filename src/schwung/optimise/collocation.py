@@ -2,7 +2,7 @@
 
 Betts, Practical Methods for Optimal Control, 2nd ed., ch. 4 (direct collocation); Radau's points: Hairer and
 Wanner, Solving Ordinary Differential Equations II, IV.5. Unknown are the motor's share of the stroke and its two
-derivatives at the nodes, and wind-up and its rate of every load at the nodes and Radau's points (decision 12).
+derivatives at the nodes, and wind-up and its rate of every load at the nodes and Radau's points (decision 13).
 
 Time runs from 0 to 1, angles in shares of the distance, torques in shares of the limit, wind-up in what that torque
 winds.
