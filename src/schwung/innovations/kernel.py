@@ -122,6 +122,23 @@ def steps(shaft: Shaft, inertia: Array, duration: float) -> Array:
 
 
 @njit(cache=True, error_model="numpy")
+def steps_of_each(shaft: Shaft, coupling: Array, inertia: Array, duration: float) -> Array:
+    """`steps` where the shaft's stiffness and damping, `coupling` (m, 2), differ from interval to interval."""
+    result = np.empty((inertia.size, 4, 10))
+    for i in range(inertia.size):
+        there = Shaft(
+            shaft.rotor_inertia,
+            shaft.motor_friction,
+            shaft.load_friction,
+            coupling[i, 0],
+            coupling[i, 1],
+            shaft.rigid,
+        )
+        result[i] = steps(there, inertia[i : i + 1], duration)[0]
+    return result
+
+
+@njit(cache=True, error_model="numpy")
 def _times(matrix: Array, vector: Array, added: Array, result: Array) -> Array:
     """matrix·vector + added, by way of `result`; written into `vector`."""
     for i in range(vector.size):

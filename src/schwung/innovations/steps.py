@@ -64,6 +64,13 @@ class Steps:
             return cls(transition, inputs, by_inertia, none, none)
         return cls(transition, inputs, by_inertia, by("stiffness"), by("damping"))
 
+    @classmethod
+    def of_each(cls, shaft: kernel.Shaft, coupling: Array, inertia: Array, step_s: float) -> Steps:
+        """Steps of a coupling whose stiffness and damping (m, 2) are others in each, exactly; without derivatives."""
+        transition, inputs = np.split(kernel.steps_of_each(shaft, coupling, inertia, step_s), [-6], axis=2)
+        none = np.empty(0)
+        return cls(transition, inputs, none, none, none)
+
     def added(self, nodes: Array, shaft: int) -> Array:
         """What torques at the samples (n, c) add to each step, (n − 1, s, c); `shaft` 0: motor, 1: load."""
         start, end = self.inputs[:, :, shaft], self.inputs[:, :, 2 + shaft]

@@ -47,6 +47,7 @@ class Candidate:
     coordinate: str = ""
     family: str = ""  # of which a set holds one at most: each is a case of another
     cases: frozenset[str] = frozenset()  # names that are cases of this curve: a set holds it or them
+    tangent: Callable[[Along, Array], Array] | None = None  # to stiffness and damping along a run, (n, 2)
     bent: Bent | None = None  # where it is not in proportion to its coefficients; `effect` is then about 0
     inertia: Callable[[Array, Shape], Array] | None = (
         None  # what a unit of each adds to J_l at angles, (n, p)

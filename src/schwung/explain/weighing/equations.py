@@ -14,6 +14,8 @@ from schwung.innovations.likelihood import Equations
 from schwung.innovations.steps import Steps, bulge, off_middle
 from schwung.motion import Array
 
+#: A coupling that carries nothing within its play still has this share of its stiffness.
+LEAST_SHARE = 1e-3
 #: Where the shaft may stick, dry friction is anything within its own size: a variance of so many times its square.
 _OPEN = 100.0
 
@@ -27,6 +29,7 @@ class Acting:
     position: Array | float = 0.0
     speed: Array | float = 0.0
     dry_nm: float = 0.0
+    coupling: Array | float = 0.0  # stiffness and damping beyond the machine's, about the wind-up, (n, 2)
 
     def __add__(self, other: Acting) -> Acting:
         return Acting(
@@ -35,6 +38,7 @@ class Acting:
             self.position + other.position,
             self.speed + other.speed,
             max(self.dry_nm, other.dry_nm),
+            self.coupling + other.coupling,
         )
 
 
@@ -72,7 +76,13 @@ def equations_of(along: Along, acting: Acting) -> tuple[Equations, Steps]:
         1,
     )
     middle = (inertia[1:] + inertia[:-1]) / 2
-    steps = Steps.of(shaft_of(machine), middle, run.step_s, slopes=False)
+    shaft, bent = shaft_of(machine), np.asarray(acting.coupling, dtype=float)
+    if bent.ndim:
+        whole = np.array([shaft.stiffness, shaft.damping])
+        each = np.maximum(whole + (bent[1:] + bent[:-1]) / 2, LEAST_SHARE * whole)
+        steps = Steps.of_each(shaft, each, middle, run.step_s)
+    else:
+        steps = Steps.of(shaft, middle, run.step_s, slopes=False)
     size = steps.transition.shape[1]
     transition = np.zeros((load.size - 1, size + 1, size + 1))
     forcing = np.zeros((load.size - 1, size + 1))

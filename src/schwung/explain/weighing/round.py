@@ -73,6 +73,12 @@ def acting(view: View, along: Along, members: Sequence[Member]) -> Acting:
             continue
         parts = member.candidate.done(along, member.shape, member.coefficients).of(np.ones(1))
         total += Acting(*parts)
+        if (
+            member.candidate.tangent is not None
+        ):  # then the filter knows how much more it winds up for more torque
+            coupling = member.candidate.tangent(along, member.coefficients)
+            wound = coupling[:, 0] * along.twist + coupling[:, 1] * along.twist_speed
+            total += Acting(on_motor=wound, on_load=-wound, coupling=coupling)
         if member.candidate.dry:
             dry = dry + parts[0]
     return replace(

@@ -62,12 +62,25 @@ def shaft(of: Ranges, coupling: Coupling, torque_nm: float, inertia_kgm2: float)
 
     def play_about(along: Along, _shape: Shape, gap: Array) -> tuple[Effect, Effect]:
         """Within the gap the coupling carries nothing; each end of it takes half of a further opening."""
-        stiffness = along.present.coupling.stiffness_nm_rad if along.present.coupling else k
-        half = max(float(gap[0]), 0.0) / 2
-        side = np.tanh(along.twist / (0.02 * wound))
-        free = np.clip(along.twist, -half, half)
+        stiffness, damping = present(along)
+        half, side = max(float(gap[0]), 0.0) / 2, np.tanh(along.twist / (0.02 * wound))
+        within = np.abs(along.twist) < half
+        held = np.where(
+            within, stiffness * along.twist + damping * along.twist_speed, stiffness * half * side
+        )
         beyond = 0.5 * (1 + np.tanh((np.abs(along.twist) - half) / (0.02 * wound))) if half > 0 else 1.0
-        return between(column(-0.5 * stiffness * side * beyond)), between(column(-stiffness * free))
+        return between(column(-0.5 * stiffness * side * beyond)), between(column(-held))
+
+    def play_tangent(along: Along, gap: Array) -> Array:
+        within = np.abs(along.twist) < float(gap[0]) / 2
+        return np.where(within[:, None], -np.array(present(along)), 0.0)
+
+    def cubic_tangent(along: Along, cubic: Array) -> Array:
+        return np.stack([3 * cubic[0] * along.twist**2, 0 * along.twist], 1)
+
+    def present(along: Along) -> tuple[float, float]:
+        there = along.present.coupling or coupling
+        return there.stiffness_nm_rad, there.damping_nms
 
     return [
         Candidate("coupling_stiffness", _stiffness, (3 * share * k,),
@@ -77,9 +90,10 @@ def shaft(of: Ranges, coupling: Coupling, torque_nm: float, inertia_kgm2: float)
                   lambda c, _: {"damping_nms": b + c[0]}, positive=(0,), least=(-b,),
                   coordinate="frequency", coupling=(0.0, 1.0)),
         Candidate("nonlinear_stiffness", _cubic, (3 * share * k / wound**2,),
-                  lambda c, _: {"cubic_nm_rad3": c[0]}, positive=(0,), coordinate="torque"),
+                  lambda c, _: {"cubic_nm_rad3": c[0]}, positive=(0,), coordinate="torque",
+                  tangent=cubic_tangent),
         Candidate("backlash", play, (2 * share * wound,), lambda c, _: {"gap_rad": c[0]}, positive=(0,),
-                  coordinate="torque", bent=play_about),
+                  coordinate="torque", bent=play_about, tangent=play_tangent),
         Candidate("extra_compliance", _third_mass, (3 * share * inertia_kgm2,),
                   lambda c, s: {"inertia_kgm2": c[0], "stiffness_nm_rad": c[0] * s[0] ** 2,
                                 "damping_nms": 2 * c[0] * s[0] * s[1]},
