@@ -108,6 +108,7 @@ def main() -> int:
     parser.add_argument("--seeds", type=seeds_of, default="0:1000", metavar="FIRST:BEYOND")
     parser.add_argument("--bus", default="canopen", choices=["canopen", "modbus"])
     parser.add_argument("--jobs", type=int, default=2)
+    parser.add_argument("--minutes", type=float, default=math.inf, help="no further seeds after so long")
     parser.add_argument("--show", action="store_true", help="the first seed, at length")
     parser.add_argument(
         "--defect", default="", choices=["", *DEFECTS], help="put back first; ends when it is found"
@@ -133,6 +134,8 @@ def main() -> int:
             if given.defect and not any(o.problems for o in outcomes([outcome.scenario.seed], 2, given.bus)):
                 print(f"{given.defect}: found by seed {outcome.scenario.seed}, which is sound without it")
                 return 0
+        if time.perf_counter() - began > 60 * given.minutes:
+            break
     took = time.perf_counter() - began
     low, high = wilson(failed, total)
     print(
