@@ -47,6 +47,9 @@ class Candidate:
     coordinate: str = ""
     family: str = ""  # of which a set holds one at most: each is a case of another
     cases: frozenset[str] = frozenset()  # names that are cases of this curve: a set holds it or them
+    own: Callable[[Along, Shape], Array] | None = (
+        None  # coordinate that its law may be off over, −1…1; None: by name
+    )
     tangent: Callable[[Along, Array], Array] | None = None  # to stiffness and damping along a run, (n, 2)
     bent: Bent | None = None  # where it is not in proportion to its coefficients; `effect` is then about 0
     inertia: Callable[[Array, Shape], Array] | None = (

@@ -29,7 +29,8 @@ def error_of(law: Candidate) -> Candidate | None:
         return None
 
     def effect(along: Along, shape: Shape) -> Effect:
-        modes = _CURVE.at(_coordinate(law.coordinate, along))
+        where = law.own(along, shape) if law.own is not None else _coordinate(law.coordinate, along)
+        modes = _CURVE.at(where)
         return Effect(
             *(None if part is None else _times(part, modes) for part in law.effect(along, shape).parts)
         )

@@ -51,10 +51,17 @@ def _stribeck(along: Along, shape: Shape) -> Effect:
     return Effect(np.stack([-along.direction, -along.direction * fall], 1))
 
 
-def _local(along: Along, shape: Shape) -> Effect:
+def _away(along: Along, shape: Shape) -> Array:
     away = along.angle - shape[0]
-    away = away - 2 * np.pi * np.round(away / (2 * np.pi))  # a tight spot comes back every turn
-    return Effect(column(-along.direction * bump(away, shape[1])))
+    return np.asarray(away - 2 * np.pi * np.round(away / (2 * np.pi)))  # a tight spot comes back every turn
+
+
+def _local(along: Along, shape: Shape) -> Effect:
+    return Effect(column(-along.direction * bump(_away(along, shape), shape[1])))
+
+
+def _within(along: Along, shape: Shape) -> Array:
+    return np.clip(2 * _away(along, shape) / shape[1], -1.0, 1.0)
 
 
 def _drift(along: Along, _shape: Shape) -> Effect:
@@ -108,7 +115,7 @@ def friction(of: Ranges, torque_nm: float, rigid: bool, known: Known) -> list[Ca
                   lambda c, s: {"torque_nm": c[0], "centre_rad": s[0], "width_rad": s[1]},
                   shapes=tuple(spots), spacing=(0.03 * span, 0.5), logarithmic=(False, True),
                   bounds=((of.low_rad - 0.2 * span, of.high_rad + 0.2 * span), (0.01 * span, 0.8 * span)),
-                  positive=(0,), dry=True, coordinate="position"),
+                  positive=(0,), dry=True, coordinate="position", own=_within),
         Candidate("friction_over_angle", lambda a, _: Effect(-a.direction[:, None] * level.at(a.angle)),
                   (natural,) * level.size, scales=LADDER, dry=True, coordinate="position", family="dry"),
         Candidate("friction_drift", _drift, (natural,), lambda c, _: {"change_nm": c[0]}, dry=True,

@@ -47,6 +47,10 @@ def _event(along: Along, shape: Shape) -> Effect:
     return Effect(on_load=column(bump(along.motion_time_s - shape[0] - shape[1] / 2, shape[1])))
 
 
+def _during(along: Along, shape: Shape) -> Array:
+    return np.clip(2 * (along.motion_time_s - shape[0]) / shape[1] - 1, -1.0, 1.0)
+
+
 def _cogging(along: Along, shape: Shape) -> Effect:
     return Effect(np.stack([np.sin(shape[0] * along.angle), np.cos(shape[0] * along.angle)], 1))
 
@@ -117,7 +121,8 @@ def load(of: Ranges, torque_nm: float, machine: Machine) -> list[Candidate]:
         Candidate("load_event", _event, natural[:1],
                   lambda c, s: {"time_s": s[0], "duration_s": s[1], "peak_nm": c[0]},
                   shapes=tuple(events), spacing=(0.01 * of.longest_s, 0.5), logarithmic=(False, True),
-                  bounds=((-0.1, of.longest_s), (2e-3, of.longest_s)), coordinate="time_in_motion"),
+                  bounds=((-0.1, of.longest_s), (2e-3, of.longest_s)), coordinate="time_in_motion",
+                  own=_during),
         Candidate("cogging", _cogging, natural,
                   lambda c, s: {"order": s[0], "amplitude_nm": polar(c)[0], "phase_rad": polar(c)[1]},
                   shapes=grid(range(lowest, highest + 1)), spacing=(0.25,), logarithmic=(False,),
