@@ -55,21 +55,22 @@ class Dialogue:
     def command(self, controlword: int) -> None:
         """Send a controlword, by SDO where PDOs are not answered, and give the drive time for it.
 
-        The target stays what it was; a drive without power gets the place where it is, and holds that when enabled.
-        One that enables goes by PDO alone, where a stop is latched: an SDO could be overtaken by it. Raises StateError
-        where there are none.
+        The target stays what it was; on the way up a drive without power gets the place where it is, and holds that
+        when enabled. A word that stops leaves it: a drive that only seems to be off would step. One that enables goes
+        by PDO alone, where a stop is latched: an SDO could be overtaken by it. Raises StateError where there are none.
         """
         cyclic, enables = self.cyclic, cia402.enables_operation(controlword)
         if cyclic is not None:
-            cyclic.producer.hold(cyclic.frame(controlword, self._target(cyclic)))
+            cyclic.producer.hold(cyclic.frame(controlword, self._target(cyclic, controlword)))
         elif enables:
             raise StateError(self.place, "does not exchange PDOs", "Start it before it is enabled.")
         if not enables and (cyclic is None or not cyclic.answering):
             self._sdo.write(ParameterValue(CONTROLWORD, controlword))
         self._pause(_STEP_S)
 
-    def _target(self, cyclic: Cyclic) -> int:
+    def _target(self, cyclic: Cyclic, controlword: int) -> int:
         at_rest = cia402.decode(cyclic.statusword) in (*cia402.OFF, State.READY, State.SWITCHED_ON)
+        at_rest &= controlword not in (cia402.DISABLE_VOLTAGE, cia402.QUICK_STOP)
         return self.position() if at_rest or cyclic.target is None else cyclic.target
 
     def stuck(self, status: int | None, word: int, wanted: State) -> DriveError:
