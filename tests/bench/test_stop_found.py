@@ -214,3 +214,24 @@ def test_a_drive_that_restarts_while_it_stores_has_not_stored(kept: int) -> None
         with pytest.raises(NodeLostError, match="restarted while it stored"):
             drive.store()
         assert bench.servo.dictionary.number(0x6065) != 12_345
+
+
+def test_a_drive_that_only_seems_to_be_off_gets_no_other_target() -> None:
+    """While it stopped, its statusword came as Ready to switch on: Disable voltage went out with the place where it
+    was, far from the last target (campaign seed 432697)."""
+
+    def altered(message: can.Message) -> can.Message:
+        if message.arbitration_id == 0x180 + NODE:
+            message.data[0:2] = b"\x31\x02"
+        return message
+
+    with enabled(STAYS) as room:
+        room.after(0.25, lambda: setattr(room.bus, "alter", altered))
+        room.after(0.9, lambda: setattr(room.bus, "alter", None))
+        with pytest.raises(DriveError):
+            room.drive.play(stroke(500, RATE_HZ))
+        room.drive.disable()
+        stopped = next(i for i, (word, _) in enumerate(room.sent) if word != 0x0F)
+        targets = {target for word, target in room.sent[stopped:] if word in (0x00, 0x02)}
+        assert targets == {room.sent[stopped][1]}
+    assert room.states[-1] is not Power.OPERATION_ENABLED
