@@ -135,9 +135,10 @@ def test_in_real_time_the_kernels_ring_brings_the_table_of_the_truth(
     assert max(abs(t["period_s"] * RATE_HZ - 1) for t in timings) < 0.02
     trust, uneven = result["estimate"]["trust"], [words for t in timings if (words := _uneven(t))]
     measured("verdict in real time", f"{trust['verdict']}; SYNC was uneven: {'; '.join(uneven) or 'nowhere'}")
-    if uneven:  # the computer's doing: it adds to the error that is to be expected, and makes no other doubt
+    if (
+        uneven
+    ):  # the computer's doing: runs at rates of their own are not one motion, and may be doubted for that
         assert trust["verdict"] in ("good", "doubtful"), trust["reasons"]
-        assert trust["reasons"][0].startswith("expected error")
     else:
         assert trust["verdict"] == "good", trust["reasons"]
     assert off_rms < 2  # 1 is expected; neighbouring points are off together
