@@ -166,7 +166,7 @@ def cold_start() -> None:
         command = [sys.executable, "-c", code.format(duration)]
         rows.append(
             [f"{duration * 1e3:.0f}", f"{timed(lambda c=command: subprocess.run(c, check=True)):.2f}"]
-        )  # type: ignore[misc]
+        )
     markdown(("ms", "s"), rows)
 
 
@@ -256,7 +256,7 @@ def other_than_believed(machine: Machine) -> None:
         made = [merits_of(other, follow(other, stroke.motion(), 0.0)) for other in machines]
         rows.append([name, f"{made[0].copper_n2m2s:.4g}", *(f"{m.residual_rad * 1e3:.4f}" for m in made)])
     for kind in ("third", "poly5", "scurve"):
-        motion = Motion(kind=kind, distance_rad=STROKE_RAD, duration_s=0.1)  # type: ignore[arg-type]
+        motion = Motion(kind=kind, distance_rad=STROKE_RAD, duration_s=0.1)
         made = [merits_of(other, follow(other, motion, 0.0)) for other in machines]
         rows.append(
             [STANDARD[kind], f"{made[0].copper_n2m2s:.4g}", *(f"{m.residual_rad * 1e3:.4f}" for m in made)]
@@ -264,7 +264,7 @@ def other_than_believed(machine: Machine) -> None:
     for shaper in ("zv", "zvd"):
         made = []
         for other in machines:
-            demand = shaped_demand(model, shaper, STROKE_RAD, 0.1, STROKE_RAD, sampled(other, 0.1))  # type: ignore[arg-type]
+            demand = shaped_demand(model, shaper, STROKE_RAD, 0.1, STROKE_RAD, sampled(other, 0.1))
             assert demand is not None
             made.append(merits_of(other, follow_demand(other, demand, 0.1, 0.0)))
         rows.append(

@@ -16,6 +16,7 @@ from scipy.linalg import cho_factor, cho_solve, solve_triangular
 from schwung.innovations.statistics import Numbers, Statistics
 from schwung.motion import Array
 
+#: Of sums of products, over the largest of them.
 _ROUNDING = 1e-13
 
 
