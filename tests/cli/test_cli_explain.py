@@ -13,8 +13,8 @@ from typing import Any
 import numpy as np
 import pytest
 
+from schwung.api.reports import explanation_note
 from schwung.cli import main
-from schwung.cli.sessions import explanation_note
 from schwung.drivetrain import load_machine, paper_machine, write_machine
 from schwung.errors import InputError
 from schwung.session import SessionWriter

@@ -41,19 +41,14 @@ def doctor(
     """
     from dataclasses import asdict
 
+    from schwung import doctor as examine
     from schwung.cli.console import Terminal, observing
-    from schwung.commissioning.doctor import examine_connected
-    from schwung.commissioning.doctor_canopen import examine
     from schwung.errors import RefusedError
-    from schwung.fieldbus.connecting import is_modbus
 
     terminal = Terminal(json_output)
     options = bus_options(interface, channel, bitrate, bus)
     with observing(terminal) as observer:
-        if is_modbus(options):
-            found = examine_connected(options, node, profile, Path(), observer.phase)
-        else:
-            found = examine(options, node, profile, eds, Path(), observer.phase)
+        found = examine(options, node=node, profile=profile, eds=eds, progress=observer.phase)
     shown = [c for c in found.checks if verbose or c.severity != "ok"]
     if shown:
         terminal.checks(((c.name, c.severity, c.text, c.remedy) for c in shown), "Findings")

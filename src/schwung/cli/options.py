@@ -5,14 +5,16 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Callable
+from contextlib import AbstractContextManager
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, get_args
 
 import typer
 
 if TYPE_CHECKING:
-    from schwung.commissioning import ExportChoice
-    from schwung.fieldbus.canopen import BusOptions
+    from schwung import Connection
+    from schwung.api.choices import ExportChoice
+    from schwung.api.drives import BusOptions
 
 _UNITS = {
     "angle": {"rad": 1.0, "mrad": 1e-3, "deg": math.pi / 180, "°": math.pi / 180, "rev": 2 * math.pi},
@@ -62,7 +64,7 @@ def one_of(option: str, text: str, choices: Any) -> Any:
 
 def export_choice(text: str) -> ExportChoice:
     """table, harmonics, mean, max, host or at=ANGLE, the angle with its unit. Raises InputError for anything else."""
-    from schwung.commissioning import parse_choice
+    from schwung.api.choices import parse_choice
 
     form, _, where = text.partition("=")
     if form == "at" and where:
@@ -145,10 +147,24 @@ MaxJitter = Annotated[
 ]
 
 
+def connected(
+    interface: str | None,
+    channel: str | None,
+    bitrate: int | None,
+    extra: list[str] | None,
+    node: int,
+    profile: str | None,
+) -> AbstractContextManager[Connection]:
+    """The drive that the options name, for as long as the block lasts."""
+    from schwung import connect
+
+    return connect(bus_options(interface, channel, bitrate, extra), node=node, profile=profile)
+
+
 def bus_options(
     interface: str | None, channel: str | None, bitrate: int | None, extra: list[str] | None
 ) -> BusOptions:
     """The bus as given; what is not given is left to python-can's configuration files and environment."""
-    from schwung.fieldbus.canopen import BusOptions
+    from schwung.api.drives import BusOptions
 
     return BusOptions.from_flags(interface, channel, bitrate, extra or ())

@@ -34,10 +34,10 @@ def scan(
 
       schwung scan -i modbus-rtu -c /dev/ttyUSB0 -b 115200 --bus parity=N --nodes 1-8
     """
+    from schwung import scan as scan_all
+    from schwung.api.drives import is_modbus
     from schwung.cli.console import Terminal, observing
     from schwung.errors import InputError
-    from schwung.fieldbus.connecting import is_modbus
-    from schwung.fieldbus.connecting import scan as scan_all
 
     first, _, last = nodes.partition("-")
     if (
@@ -50,7 +50,7 @@ def scan(
     options = bus_options(interface, channel, bitrate, bus)
     with observing(terminal) as observer:
         observer.phase(f"Asking nodes {wanted[0]} to {wanted[-1]}")
-        found = scan_all(options, wanted, progress=observer.progress)
+        found = scan_all(options, nodes=wanted, progress=observer.progress)
     if not found:
         what = "bit rate and parity" if is_modbus(options) else "bit rate"
         terminal.say(f"No node answered. Is the bus powered and terminated, and the {what} right?")
