@@ -19,6 +19,7 @@ from schwung.cli.backup import backup
 from schwung.cli.bench import bench
 from schwung.cli.bode import bode
 from schwung.cli.commission import commission
+from schwung.cli.convert import convert
 from schwung.cli.demo import demo
 from schwung.cli.diff import diff
 from schwung.cli.doctor import doctor
@@ -124,6 +125,7 @@ for _command in (
     bode,
     reproduce,
     import_,
+    convert,
     optimise,
 ):
     app.command(_name(_command))(_told_interrupts(_command))
