@@ -94,10 +94,10 @@ def export(
 
       schwung export -m explanation/machine.toml --fmu machine.fmu --fmi 3
     """
+    from schwung.api.folders import make_folder, planned_folder
     from schwung.cli.console import Terminal, describe_table, observing
     from schwung.cli.drives import open_drive
     from schwung.cli.flow import show_plan
-    from schwung.cli.folders import make_folder, planned_folder
     from schwung.cli.models import ModelFiles, write_models
     from schwung.commissioning import (
         export_table,
