@@ -8,6 +8,7 @@ from schwung.commissioning.commission import (
     carry_out,
     contrast_of,
     prepare,
+    renewed,
     repeat_reference,
     wishes_of,
 )
@@ -55,6 +56,7 @@ __all__ = [
     "parse_choice",
     "prepare",
     "read_backup",
+    "renewed",
     "repeat_reference",
     "restore_backup",
     "wishes_of",
