@@ -3,11 +3,13 @@
 from schwung.commissioning.checks import Check
 from schwung.commissioning.commission import (
     Commissioned,
+    KeptSession,
     Prepared,
     Wishes,
     carry_out,
     contrast_of,
     prepare,
+    record_prepared,
     repeat_reference,
     wishes_of,
 )
@@ -35,6 +37,7 @@ __all__ = [
     "ExportChoice",
     "Exported",
     "HostPlayed",
+    "KeptSession",
     "LimitWishes",
     "Limits",
     "Observer",
@@ -55,6 +58,7 @@ __all__ = [
     "parse_choice",
     "prepare",
     "read_backup",
+    "record_prepared",
     "repeat_reference",
     "restore_backup",
     "wishes_of",
