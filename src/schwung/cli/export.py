@@ -75,10 +75,10 @@ def export(
 
       schwung export inertia.csv --profile schwung-bench -n 3 --dcf drive.dcf
     """
+    from schwung.api.folders import make_folder, planned_folder
     from schwung.cli.console import Terminal, describe_table, observing
     from schwung.cli.drives import open_drive
     from schwung.cli.flow import Verification, export_summary, show_plan, show_verification
-    from schwung.cli.folders import make_folder, planned_folder
     from schwung.commissioning import (
         export_table,
         export_values,

@@ -10,6 +10,7 @@ from schwung.commissioning.commission import (
     contrast_of,
     prepare,
     record_prepared,
+    renewed,
     repeat_reference,
     wishes_of,
 )
@@ -59,6 +60,7 @@ __all__ = [
     "prepare",
     "read_backup",
     "record_prepared",
+    "renewed",
     "repeat_reference",
     "restore_backup",
     "wishes_of",

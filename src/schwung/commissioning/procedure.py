@@ -42,7 +42,18 @@ MIN_PARTIAL_SAMPLES = 3
 
 
 class Observer(Protocol):
-    """Who is told how far things are."""
+    """Who is told how far things are: any object with these three methods.
+
+    `phase`: what is done next, in words; `progress`: samples done of all (a count: no unit, no shape); `note`: what is
+    worth knowing and stops nothing. What a method raises ends the procedure as an interrupt does: the drive is stopped.
+
+    >>> class Printing:
+    ...     def phase(self, text): print(text)
+    ...     def progress(self, done, total): pass
+    ...     def note(self, text): print(text)
+    >>> Printing().phase("Creep: signs and units")
+    Creep: signs and units
+    """
 
     def phase(self, text: str) -> None: ...
 
