@@ -246,10 +246,9 @@ def _show(
     checks: Any,
 ) -> dict[str, Any]:
     """Tables, proposal, files; returns the machine-readable result."""
-    from schwung.cli.console import json_text
     from schwung.commissioning.bode_result import BODE_FILE, FORMAT, VERSION
     from schwung.drivetrain import write_machine
-    from schwung.files import replace_file
+    from schwung.files import json_text, replace_file
     from schwung.report.bode import BodeContent, angle_rows, parameter_rows, write_bode_report
 
     terminal.table(
