@@ -13,13 +13,12 @@ import pytest
 import typer
 from cli_running import RIGID_MACHINE, invoke
 
-from schwung.cli.console import Terminal, describe_table
+from schwung.api.folders import planned_folder
+from schwung.cli.console import Terminal, describe_table, json_text
 from schwung.cli.flow import finish
-from schwung.cli.folders import planned_folder
 from schwung.cli.options import export_choice, measured
 from schwung.drivetrain import InertiaTable
 from schwung.errors import InputError
-from schwung.files import json_text
 from schwung_sim.bench import Bench
 
 

@@ -20,6 +20,7 @@ from schwung.cli.backup import backup
 from schwung.cli.bench import bench
 from schwung.cli.bode import bode
 from schwung.cli.commission import commission
+from schwung.cli.convert import convert
 from schwung.cli.demo import demo
 from schwung.cli.diff import diff
 from schwung.cli.doctor import doctor
@@ -33,6 +34,7 @@ from schwung.cli.report import report
 from schwung.cli.reproduce import reproduce
 from schwung.cli.restore import restore
 from schwung.cli.scan import scan
+from schwung.cli.serve import serve
 from schwung.errors import InputError, InterruptedByUser, SchwungError
 
 #: Our matrices are small: a second thread waits longer for the first than it works, ten times so on a busy machine.
@@ -125,7 +127,9 @@ for _command in (
     bode,
     reproduce,
     import_,
+    convert,
     optimise,
+    serve,
 ):
     app.command(_name(_command))(_told_interrupts(_command))
 

@@ -133,11 +133,11 @@ def _carry_out(
 ) -> None:
     from rich.markup import escape
 
+    from schwung.api.folders import make_folder, planned_folder
     from schwung.batch import Results, items_of, run_batch, write_summary
     from schwung.batch.picture import write_pictures
     from schwung.batch.summary import document_of
     from schwung.cli.console import Terminal, progress_bar
-    from schwung.cli.folders import make_folder, planned_folder
     from schwung.drivetrain import load_machine
 
     terminal = Terminal(json_output)

@@ -39,8 +39,8 @@ def estimate(
 
       schwung estimate session.h5 -m machine.toml --method former --json
     """
+    from schwung.api.folders import make_folder, planned_folder
     from schwung.cli.console import Terminal, describe_table
-    from schwung.cli.folders import make_folder, planned_folder
     from schwung.cli.sessions import content_of, in_file, standard_of
     from schwung.commissioning.bode import with_recorded_gains
     from schwung.drivetrain import load_machine, write_inertia_csv

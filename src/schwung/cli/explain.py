@@ -39,8 +39,8 @@ def explain(
 
       schwung explain session.h5 -m machine.toml --out monday --json
     """
+    from schwung.api.folders import make_folder, planned_folder
     from schwung.cli.console import Terminal, progress_bar
-    from schwung.cli.folders import make_folder, planned_folder
     from schwung.cli.sessions import in_file
     from schwung.commissioning.bode import with_recorded_gains
     from schwung.drivetrain import load_machine, write_machine

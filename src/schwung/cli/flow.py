@@ -8,8 +8,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from schwung.api.folders import make_folder
 from schwung.cli.console import Terminal, describe_table, observing
-from schwung.cli.folders import make_folder
 from schwung.cli.sessions import change_row, following
 from schwung.commissioning import (
     Commissioned,

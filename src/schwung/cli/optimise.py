@@ -138,9 +138,9 @@ def optimise(
 
       schwung optimise -m measured.toml --distance 180deg --duration 250ms --play -i socketcan -c can0 -n 3
     """
+    from schwung.api.folders import make_folder, planned_folder
     from schwung.cli.console import Terminal
     from schwung.cli.drives import open_drive
-    from schwung.cli.folders import make_folder, planned_folder
     from schwung.cli.optimised import summary, tell, write_front, write_result
     from schwung.cli.playing import Playing, play_and_show
     from schwung.commissioning import LimitWishes

@@ -60,9 +60,9 @@ def play_and_show(
     Returns the machine-readable result. Raises RefusedError where preflight or the user say no, and what finding and
     playing raise.
     """
+    from schwung.api.folders import make_folder
     from schwung.cli.console import observing
     from schwung.cli.flow import PreflightRefusedError
-    from schwung.cli.folders import make_folder
     from schwung.cli.optimised import summary, tell, write_result
     from schwung.commissioning.checks import COMFORT
     from schwung.commissioning.played import Played, cost_of_run, cost_of_simulated
