@@ -32,6 +32,7 @@ from schwung.cli.report import report
 from schwung.cli.reproduce import reproduce
 from schwung.cli.restore import restore
 from schwung.cli.scan import scan
+from schwung.cli.serve import serve
 from schwung.errors import InputError, InterruptedByUser, SchwungError
 
 #: Our matrices are small: a second thread waits longer for the first than it works, ten times so on a busy machine.
@@ -125,6 +126,7 @@ for _command in (
     reproduce,
     import_,
     optimise,
+    serve,
 ):
     app.command(_name(_command))(_told_interrupts(_command))
 

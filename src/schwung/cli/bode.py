@@ -105,9 +105,9 @@ def bode(
 
       schwung bode -m machine.toml --session schwung-20260101-120000/session.h5 --json
     """  # fmt: skip
+    from schwung.api.folders import planned_folder
     from schwung.cli.console import Terminal
     from schwung.cli.drives import open_drive
-    from schwung.cli.folders import planned_folder
     from schwung.commissioning import LimitWishes
     from schwung.commissioning.bode_excitation import BodeWishes
     from schwung.commissioning.ways import MAX_JITTER_SHARE
@@ -172,8 +172,8 @@ def measure_and_show(
 
     Raises RefusedError where preflight or the user say no, and what the procedure raises.
     """
+    from schwung.api.folders import make_folder
     from schwung.cli.console import observing
-    from schwung.cli.folders import make_folder
     from schwung.commissioning.bode import measure_bode, prepare_bode
     from schwung.errors import RefusedError
 
@@ -203,7 +203,7 @@ def _offline(
     distance: float | None,
     duration: float,
 ) -> None:
-    from schwung.cli.folders import output_folder
+    from schwung.api.folders import output_folder
     from schwung.commissioning.bode import with_recorded_gains
     from schwung.estimation.bode import fit_bode
     from schwung.estimation.response import measured_responses
@@ -246,10 +246,9 @@ def _show(
     checks: Any,
 ) -> dict[str, Any]:
     """Tables, proposal, files; returns the machine-readable result."""
-    from schwung.cli.console import json_text
     from schwung.commissioning.bode_result import BODE_FILE, FORMAT, VERSION
     from schwung.drivetrain import write_machine
-    from schwung.files import replace_file
+    from schwung.files import json_text, replace_file
     from schwung.report.bode import BodeContent, angle_rows, parameter_rows, write_bode_report
 
     terminal.table(

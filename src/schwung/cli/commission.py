@@ -157,10 +157,10 @@ def commission(
 
       schwung commission -m machine.toml --distance 180deg --duration 250ms --sampling trace --injection generator
     """  # fmt: skip
+    from schwung.api.folders import planned_folder
     from schwung.cli.console import Terminal
     from schwung.cli.drives import open_drive
     from schwung.cli.flow import Ending, commission_and_show, finish
-    from schwung.cli.folders import planned_folder
     from schwung.cli.sessions import standard_of
     from schwung.commissioning import LimitWishes, Wishes
     from schwung.commissioning.bode_result import read_bode

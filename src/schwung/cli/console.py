@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import math
 import sys
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
@@ -14,6 +13,7 @@ from rich.markup import escape
 from rich.table import Table
 
 from schwung.errors import RefusedError
+from schwung.files import json_text
 
 if TYPE_CHECKING:
     from rich.progress import Progress, TaskID
@@ -81,19 +81,6 @@ class Terminal:
     def verdict(self, verdict: str, text: str) -> None:
         """The verdict on trust, in its colour."""
         self.say(f"[bold {_VERDICTS.get(verdict, 'white')}]{verdict}[/]: {escape(text)}")
-
-
-def json_text(document: Mapping[str, Any]) -> str:
-    """A document as strict JSON: what is not finite becomes null, what JSON does not know becomes text."""
-    return json.dumps(_strict(document), indent=2, default=str, allow_nan=False)
-
-
-def _strict(value: Any) -> Any:
-    if isinstance(value, Mapping):
-        return {str(key): _strict(item) for key, item in value.items()}
-    if isinstance(value, list | tuple):
-        return [_strict(item) for item in value]
-    return None if isinstance(value, float) and not math.isfinite(value) else value
 
 
 #: Beyond so many turns an angle was likely meant in degrees.

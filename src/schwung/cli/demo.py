@@ -65,10 +65,10 @@ def demo(
 
     import numpy as np
 
+    from schwung.api.folders import make_folder, planned_folder
     from schwung.cli.console import Terminal
     from schwung.cli.drives import open_drive
     from schwung.cli.flow import Ending, commission_and_show, finish
-    from schwung.cli.folders import make_folder, planned_folder
     from schwung.cli.optimise import require_optimiser
     from schwung.cli.playing import Playing, play_and_show
     from schwung.commissioning import ExportChoice, LimitWishes, Wishes

@@ -39,14 +39,14 @@ def estimate(
 
       schwung estimate session.h5 -m machine.toml --method former --json
     """
-    from schwung.cli.console import Terminal, describe_table, json_text
-    from schwung.cli.folders import make_folder, planned_folder
+    from schwung.api.folders import make_folder, planned_folder
+    from schwung.cli.console import Terminal, describe_table
     from schwung.cli.sessions import content_of, in_file, standard_of
     from schwung.commissioning.bode import with_recorded_gains
     from schwung.drivetrain import load_machine, write_inertia_csv
     from schwung.errors import InputError
     from schwung.estimation import estimate as estimate_session
-    from schwung.files import replace_file
+    from schwung.files import json_text, replace_file
     from schwung.report import write_report
     from schwung.session import read_session
 

@@ -39,13 +39,13 @@ def explain(
 
       schwung explain session.h5 -m machine.toml --out monday --json
     """
-    from schwung.cli.console import Terminal, json_text, progress_bar
-    from schwung.cli.folders import make_folder, planned_folder
+    from schwung.api.folders import make_folder, planned_folder
+    from schwung.cli.console import Terminal, progress_bar
     from schwung.cli.sessions import in_file
     from schwung.commissioning.bode import with_recorded_gains
     from schwung.drivetrain import load_machine, write_machine
     from schwung.explain.explain import explain as explain_session
-    from schwung.files import replace_file
+    from schwung.files import json_text, replace_file
     from schwung.report.explanation import ExplanationContent, write_explanation
     from schwung.session import read_session
 

@@ -1,4 +1,4 @@
-"""`schwung export`: an inertia table into drive parameters, a CSV, JSON or DCF file."""
+"""`schwung export`: an inertia table into drive parameters or a DCF file; a machine into other simulators."""
 
 from __future__ import annotations
 
@@ -22,12 +22,15 @@ from schwung.cli.options import (
 
 if TYPE_CHECKING:
     from schwung.cli.console import Terminal
-    from schwung.commissioning import ExportChoice
+    from schwung.commissioning import ExportChoice, Exported
     from schwung.drivetrain import InertiaTable
+    from schwung.session import Run
 
 
 def export(
-    table: Annotated[Path, typer.Argument(help="The inertia table, inertia.csv.")],
+    table: Annotated[
+        Path | None, typer.Argument(help="The inertia table, inertia.csv; for a simulator the machine's own.")
+    ] = None,
     form: Annotated[
         str, typer.Option("--as", metavar="FORM", help="table, harmonics, mean, max or at=ANGLE.")
     ] = "table",
@@ -47,8 +50,19 @@ def export(
         typer.Option(
             "-m",
             "--machine",
-            help="The believed machine: for --verify, and for drives that want the motor's inertia.",
+            help="The believed machine: for a simulator, --verify, and drives that want the motor's inertia.",
         ),
+    ] = None,
+    fmu: Annotated[
+        Path | None,
+        typer.Option(metavar="FILE", help="Write an FMU for co-simulation, with sources; compiled with cc."),
+    ] = None,
+    fmi: Annotated[int, typer.Option(metavar="2|3", help="The FMU's version of FMI.")] = 2,
+    modelica: Annotated[
+        Path | None, typer.Option(metavar="FILE", help="Write a Modelica model, *.mo.")
+    ] = None,
+    matlab: Annotated[
+        Path | None, typer.Option(metavar="FILE", help="Write a MATLAB function for ode45, *.m.")
     ] = None,
     out: Annotated[Path | None, typer.Option(help="Folder for the backup; default: schwung-<time>.")] = None,
     dry_run: Annotated[bool, typer.Option("--dry-run", help="Show what would be written.")] = False,
@@ -65,6 +79,9 @@ def export(
 
     With --verify the machine moves: the following error is measured before and after.
 
+    With --fmu, --modelica or --matlab no drive is asked: the machine of --machine, with all that was learned about
+    it, becomes a model of another simulator.
+
     [bold]Examples[/]
 
       schwung export inertia.csv -i socketcan -c can0 -n 3
@@ -74,11 +91,14 @@ def export(
       schwung export inertia.csv --as max -i socketcan -c can0 -n 3 --dry-run
 
       schwung export inertia.csv --profile schwung-bench -n 3 --dcf drive.dcf
+
+      schwung export -m explanation/machine.toml --fmu machine.fmu --fmi 3
     """
+    from schwung.api.folders import make_folder, planned_folder
     from schwung.cli.console import Terminal, describe_table, observing
     from schwung.cli.drives import open_drive
-    from schwung.cli.flow import Verification, export_summary, show_plan, show_verification
-    from schwung.cli.folders import make_folder, planned_folder
+    from schwung.cli.flow import show_plan
+    from schwung.cli.models import ModelFiles, write_models
     from schwung.commissioning import (
         export_table,
         export_values,
@@ -87,10 +107,17 @@ def export(
         wishes_of,
     )
     from schwung.drivetrain import load_machine, read_inertia_csv
-    from schwung.errors import InputError, RefusedError
+    from schwung.errors import InputError
     from schwung.session import read_session
 
     terminal = Terminal(json_output)
+    if fmu or modelica or matlab:
+        write_models(terminal, machine, table, ModelFiles(fmu, fmi, modelica, matlab))
+        return
+    if table is None:
+        raise InputError(
+            "schwung export", "no inertia table is given", "Name one, or add --fmu with --machine."
+        )
     inertia, choice = read_inertia_csv(table), export_choice(form)
     believed = load_machine(machine) if machine else None
     motor_inertia = believed.motor.inertia_kgm2 if believed is not None else None
@@ -126,9 +153,8 @@ def export(
             terminal.say("Dry run: nothing was written, nothing moved.")
             terminal.result(document)
             return
-        question = "Write these parameters, and move the machine?" if prepared else "Write these parameters?"
-        if not (yes or terminal.ask(question)):
-            raise RefusedError("export", "you said no", "Nothing was written, nothing moved.")
+        if not yes:
+            _ask(terminal, moves=prepared is not None)
         make_folder(folder)
         with observing(terminal) as observer:
             before = repeat_reference(drive, prepared, folder, "before", observer) if prepared else None
@@ -138,15 +164,31 @@ def export(
                 backup_path=folder / "export.backup.json", store=store, motor_inertia_kgm2=motor_inertia,
             )  # fmt: skip
             after = repeat_reference(drive, prepared, folder, "after", observer) if prepared else None
+    document |= _told(terminal, exported, before, after)
+    terminal.result(document)
+
+
+def _told(terminal: Terminal, exported: Exported, before: Run | None, after: Run | None) -> dict[str, object]:
+    """Say what was written and, where it was verified, what it was good for; the same for the document."""
+    from schwung.cli.flow import Verification, export_summary, show_verification
+
     terminal.say(
         f"{len(exported.changes)} parameters written, read back equal{', stored' if exported.stored else ''}; "
         f"the old values are in [bold]{exported.backup_path}[/]"
     )
-    if before is not None and after is not None:
-        verification = Verification(exported, before, after)
-        show_verification(terminal, verification)
-        document["export"] = export_summary(verification)
-    terminal.result(document)
+    if before is None or after is None:
+        return {}
+    verification = Verification(exported, before, after)
+    show_verification(terminal, verification)
+    return {"export": export_summary(verification)}
+
+
+def _ask(terminal: Terminal, *, moves: bool) -> None:
+    """Raise RefusedError unless the user says yes."""
+    from schwung.errors import RefusedError
+
+    if not terminal.ask(f"Write these parameters{', and move the machine' if moves else ''}?"):
+        raise RefusedError("export", "you said no", "Nothing was written, nothing moved.")
 
 
 def _write_dcf(

@@ -8,8 +8,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from schwung.cli.console import Terminal, describe_table, json_text, observing
-from schwung.cli.folders import make_folder
+from schwung.api.folders import make_folder
+from schwung.cli.console import Terminal, describe_table, observing
 from schwung.cli.sessions import change_row, following
 from schwung.commissioning import (
     Commissioned,
@@ -30,7 +30,7 @@ from schwung.drivetrain import InertiaTable, Machine, write_inertia_csv, write_m
 from schwung.errors import RefusedError
 from schwung.fieldbus.drive import Drive
 from schwung.fieldbus.profile import DeviceProfile
-from schwung.files import replace_file
+from schwung.files import json_text, replace_file
 from schwung.report import ReportContent, SyncRow, write_report
 from schwung.report.content import deviation
 from schwung.session import Run

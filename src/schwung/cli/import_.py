@@ -11,12 +11,15 @@ from schwung.cli.options import Json
 
 if TYPE_CHECKING:
     from schwung.session import Session
+    from schwung.session.imports import Imported
 
-_COLUMNS, _UNITS, _TIME, _RUNS = "Columns", "Units", "Time", "Runs"
+_COLUMNS, _UNITS, _TIME, _RUNS, _CAN = "Columns", "Units", "Time", "Runs", "CAN logs"
 
 
 def import_(
-    files: Annotated[list[Path] | None, typer.Argument(help="CSV, TwinCAT Scope or MAT files.")] = None,
+    files: Annotated[
+        list[Path] | None, typer.Argument(help="CSV, TwinCAT Scope, MAT files; CAN logs.")
+    ] = None,
     out: Annotated[Path, typer.Option("-o", "--out", help="The session to write.")] = Path("session.h5"),
     recipe: Annotated[
         Path | None, typer.Option(metavar="TOML", help="Options from a file; those given here come first.")
@@ -118,10 +121,38 @@ def import_(
             help="The injected sine over the file's time: frequency, amplitude, phase.",
         ),
     ] = None,
+    eds: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="EDS", rich_help_panel=_CAN, help="The drive's EDS, or DCF as it was configured."
+        ),
+    ] = None,
+    node: Annotated[
+        int | None,
+        typer.Option(
+            "-n", "--node", min=1, max=127, rich_help_panel=_CAN, help="Which drive, where there are several."
+        ),
+    ] = None,
+    profile: Annotated[
+        str | None,
+        typer.Option(
+            rich_help_panel=_CAN, help="Device profile that says the units; default: by identity in the log."
+        ),
+    ] = None,
+    dbc: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="DBC", rich_help_panel=_CAN, help="Signals by a DBC instead; columns: Message.Signal."
+        ),
+    ] = None,
+    channel: Annotated[
+        str | None,
+        typer.Option("-c", "--channel", rich_help_panel=_CAN, help="Which bus, where the log has several."),
+    ] = None,
     overwrite: Annotated[bool, typer.Option("--overwrite", help="Replace a session of that name.")] = False,
     json_output: Json = False,
 ) -> None:
-    """Make a session of recordings from elsewhere: CSV, TwinCAT Scope, MATLAB.
+    """Make a session of recordings from elsewhere: CSV, TwinCAT Scope, MATLAB, logs of a CAN bus.
 
     [bold]Examples[/]
 
@@ -129,10 +160,14 @@ def import_(
 
       schwung import emps.mat --axis linear --time t --position qm --torque vir --torque-scale gtau
 
+      schwung import candump.log --eds drive.eds
+
       schwung import --recipe emps.toml --out emps.h5
     """
     from schwung.cli.console import Terminal
+    from schwung.errors import InputError
     from schwung.session.imports import import_recordings, make_recipe, read_recipe, write_session
+    from schwung.session.imports.canframes import log_kind
 
     terminal = Terminal(json_output)
     options: dict[str, Any] = {
@@ -141,15 +176,53 @@ def import_(
         "position_unit": position_unit, "speed_unit": speed_unit, "torque_unit": torque_unit,
         "position_scale": position_scale, "speed_scale": speed_scale, "torque_scale": torque_scale, "rate": rate,
         "resample": resample, "unwrap": unwrap, "split": split, "role": role,
-        "excitation": _excitation(excitation),
+        "excitation": _excitation(excitation), "dbc": None if dbc is None else str(dbc), "channel": channel,
     }  # fmt: skip
     given = {key: value for key, value in options.items() if value is not None}
+    if eds is not None:
+        logged = _from_log(files or [], eds, node, profile, given)
+        write_session(logged.session, out, overwrite)
+        _show(terminal, logged.session, logged.notes, out)
+        terminal.result(_document(logged.session, logged.notes, out))
+        return
+    for option, value in (("--node", node), ("--profile", profile)):
+        if value is not None:
+            raise InputError(
+                option, "belongs to a CAN log with an EDS", "Add --eds DRIVE.eds, or leave it out."
+            )
     kept = read_recipe(recipe) if recipe else {}
+    files = files or [Path(name) for name in kept.get("files", ())]
+    if "dbc" not in kept | given and (logs := [path for path in files if log_kind(path) is not None]):
+        raise InputError(str(logs[0]), "is a log of a CAN bus", "Add --eds DRIVE.eds, or --dbc BUS.dbc.")
     wanted = make_recipe(kept | given, str(recipe) if recipe else "schwung import")
-    imported = import_recordings(files or [Path(name) for name in wanted.files], wanted)
+    imported = import_recordings(files, wanted)
     write_session(imported.session, out, overwrite)
     _show(terminal, imported.session, imported.notes, out)
     terminal.result(_document(imported.session, imported.notes, out))
+
+
+def _from_log(
+    files: list[Path], eds: Path, node: int | None, profile: str | None, given: dict[str, Any]
+) -> Imported:
+    """A CAN log by an EDS. Raises InputError for options that mean nothing there."""
+    from schwung.errors import InputError
+    from schwung.fieldbus.canlog import LogRecipe, import_can_log
+    from schwung.session.imports.units import unit
+
+    said = {
+        key: given.pop(f"{key}_unit") for key in ("position", "speed", "torque") if f"{key}_unit" in given
+    }
+    channel = given.pop("channel", None)
+    if given:
+        option = "--" + next(iter(given)).replace("_", "-")
+        raise InputError(option, "means nothing for a CAN log with an EDS", "Leave it out: the log says it.")
+    if len(files) != 1:
+        raise InputError("schwung import --eds", f"is given {len(files)} logs", "Give one log at a time.")
+    scales = {
+        key: unit(text, key, "rotary").factor  # type: ignore[arg-type]  # a literal
+        for key, text in said.items()
+    }
+    return import_can_log(files[0], LogRecipe(eds, node, channel, profile, scales))
 
 
 def _excitation(text: str | None) -> dict[str, float] | None:

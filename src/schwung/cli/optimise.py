@@ -138,15 +138,15 @@ def optimise(
 
       schwung optimise -m measured.toml --distance 180deg --duration 250ms --play -i socketcan -c can0 -n 3
     """
-    from schwung.cli.console import Terminal, json_text
+    from schwung.api.folders import make_folder, planned_folder
+    from schwung.cli.console import Terminal
     from schwung.cli.drives import open_drive
-    from schwung.cli.folders import make_folder, planned_folder
     from schwung.cli.optimised import summary, tell, write_front, write_result
     from schwung.cli.playing import Playing, play_and_show
     from schwung.commissioning import LimitWishes
     from schwung.drivetrain import load_machine
     from schwung.errors import InputError
-    from schwung.files import replace_file
+    from schwung.files import json_text, replace_file
     from schwung.optimise.values import MotionLimits, Task
 
     if (duration is None) == (not fastest):

@@ -60,15 +60,15 @@ def play_and_show(
     Returns the machine-readable result. Raises RefusedError where preflight or the user say no, and what finding and
     playing raise.
     """
-    from schwung.cli.console import json_text, observing
+    from schwung.api.folders import make_folder
+    from schwung.cli.console import observing
     from schwung.cli.flow import PreflightRefusedError
-    from schwung.cli.folders import make_folder
     from schwung.cli.optimised import summary, tell, write_result
     from schwung.commissioning.checks import COMFORT
     from schwung.commissioning.played import Played, cost_of_run, cost_of_simulated
     from schwung.commissioning.playing import play, prepare_play, stand_of
     from schwung.errors import RefusedError
-    from schwung.files import replace_file
+    from schwung.files import json_text, replace_file
     from schwung.motion import Motion
     from schwung.optimise.comparison import STANDARD, optimise, shortest_profile
     from schwung.optimise.formats import cycle_torque

@@ -157,10 +157,10 @@ def _configure(
     """Bring a drive to a configuration."""
     from rich.markup import escape
 
+    from schwung.api.folders import make_folder, planned_folder
     from schwung.cli.configurations import canopen_profile, cells, reasons, scales_of
     from schwung.cli.console import observing
     from schwung.cli.drives import open_drive
-    from schwung.cli.folders import make_folder, planned_folder
     from schwung.commissioning.backup import plan_restore, require_power_off, write_plan
     from schwung.commissioning.configuration_files import fitting_dictionary, for_this_drive
     from schwung.commissioning.journal import ParameterJournal

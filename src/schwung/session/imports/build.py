@@ -15,7 +15,9 @@ import numpy as np
 from schwung.errors import InputError
 from schwung.motion import Array
 from schwung.session.hdf5 import SessionWriter
+from schwung.session.imports.canframes import log_kind
 from schwung.session.imports.clock import Clock, read_clock, resample
+from schwung.session.imports.dbc import read_by_dbc
 from schwung.session.imports.matlab import read_matlab
 from schwung.session.imports.motions import Piece, cut, with_repeats
 from schwung.session.imports.recipe import Recipe
@@ -67,8 +69,9 @@ class _Recording:
     notes: list[str] = field(default_factory=list)
 
 
-def read_table(path: Path) -> Table:
-    """The columns of a CSV, TwinCAT Scope or MAT file. Raises InputError where it is none, or not there."""
+def read_table(path: Path, dbc: Path | None = None, channel: str | None = None) -> Table:
+    """The columns of a CSV, TwinCAT Scope or MAT file, or of a CAN log by a DBC. Raises InputError where it is none,
+    or not there."""
     if not path.is_file():
         raise InputError(str(path), "there is no such file", "Check the path.")
     try:
@@ -81,6 +84,10 @@ def read_table(path: Path) -> Table:
         raise InputError(str(path), "is empty", "Give a file with samples.")
     if path.suffix.lower() == ".mat" or head.startswith((b"MATLAB", b"\x89HDF")):
         return read_matlab(path)
+    if dbc is not None:
+        return read_by_dbc(path, dbc, channel)
+    if log_kind(path) is not None:
+        raise InputError(str(path), "is a log of a CAN bus", "Add --eds DRIVE.eds, or --dbc BUS.dbc.")
     return read_text(path)
 
 
@@ -98,7 +105,7 @@ def import_recordings(files: Sequence[Path], recipe: Recipe) -> Imported:
     notes: list[str] = []
     created: str | None = None
     for path in files:
-        table = read_table(path)
+        table = read_table(path, Path(recipe.dbc) if recipe.dbc else None, recipe.channel)
         created = created or table.created
         for recording in _recordings(table, recipe, axis):
             found, how = _runs(recording, recipe)

@@ -1,0 +1,47 @@
+from schwung.api.computing import estimate as estimate
+from schwung.api.computing import example_machine as example_machine
+from schwung.api.computing import explain as explain
+from schwung.api.computing import load_machine as load_machine
+from schwung.api.computing import read_inertia as read_inertia
+from schwung.api.computing import read_session as read_session
+from schwung.api.computing import simulate as simulate
+from schwung.api.computing import write_inertia as write_inertia
+from schwung.api.computing import write_machine as write_machine
+from schwung.api.drives import Connection as Connection
+from schwung.api.drives import connect as connect
+from schwung.api.drives import doctor as doctor
+from schwung.api.drives import scan as scan
+from schwung.api.moving import Commissioned as Commissioned
+from schwung.api.moving import Exported as Exported
+from schwung.api.moving import Plan as Plan
+from schwung.api.moving import commission as commission
+from schwung.api.moving import export as export
+from schwung.api.moving import plan as plan
+from schwung.api.moving import plan_export as plan_export
+from schwung.api.values import Estimate as Estimate
+from schwung.api.values import Explanation as Explanation
+from schwung.api.values import InertiaTable as InertiaTable
+from schwung.api.values import Machine as Machine
+from schwung.api.values import Run as Run
+from schwung.api.values import Session as Session
+from schwung.api.values import Simulated as Simulated
+from schwung.commissioning import Check as Check
+from schwung.commissioning import LimitWishes as LimitWishes
+from schwung.commissioning import Observer as Observer
+from schwung.commissioning import Wishes as Wishes
+from schwung.errors import BusError as BusError
+from schwung.errors import DriveError as DriveError
+from schwung.errors import DriveFaultError as DriveFaultError
+from schwung.errors import InputError as InputError
+from schwung.errors import InterruptedByUser as InterruptedByUser
+from schwung.errors import NodeLostError as NodeLostError
+from schwung.errors import ParameterError as ParameterError
+from schwung.errors import RefusedError as RefusedError
+from schwung.errors import SampleLossError as SampleLossError
+from schwung.errors import SchwungError as SchwungError
+from schwung.errors import StateError as StateError
+from schwung.motion import Excitation as Excitation
+from schwung.motion import Motion as Motion
+
+__version__: str
+__all__: list[str]
