@@ -15,7 +15,7 @@ from schwung_sim.campaign.monitor import Expected
 NODE = 3
 OVERDUE_S = 90.0  # of simulated time: all patience of a tool whose drive answers nothing, thrice
 MOVED_RAD = 0.02  # by so much the axis may have been moved before it starts
-AFTERMATH_S = 0.15  # for so long one looks whether a drive that nobody looks after has stopped by itself
+AFTERMATH_S = 0.25  # for so long one looks whether a drive that nobody looks after has stopped by itself
 DISTANCE_RAD, DURATION_S = 0.5, 0.15
 ROOM_RAD = 0.15  # between the stroke and the ends of the window
 SPEED_RAD_S, TORQUE_NM, FOLLOWING_RAD = 12.05, 60.0, 0.1

@@ -93,6 +93,33 @@ def test_every_log_format_gives_the_same_session(logged: Logged, tmp_path: Path,
         assert run.sample_rate_hz == same.sample_rate_hz
 
 
+def test_frames_in_an_mdf_give_the_same_session(logged: Logged, tmp_path: Path) -> None:
+    """As ASAM's bus logging has them."""
+    asammdf = pytest.importorskip("asammdf")
+    kind = [
+        ("BusChannel", "u1"),
+        ("ID", "<u4"),
+        ("IDE", "u1"),
+        ("DLC", "u1"),
+        ("DataLength", "u1"),
+        ("DataBytes", "(8,)u1"),
+    ]
+    messages = [m for m in logged.messages() if not m.is_remote_frame]
+    frames = np.zeros(len(messages), dtype=[(f"CAN_DataFrame.{name}", each) for name, each in kind])
+    for k, message in enumerate(messages):
+        size = len(message.data)
+        padded = list(message.data) + [0] * (8 - size)
+        frames[k] = (1, message.arbitration_id, message.is_extended_id, size, size, padded)
+    stamps = np.array([message.timestamp for message in messages])
+    path = tmp_path / "bus.mf4"
+    with asammdf.MDF(version="4.10") as file:
+        file.append(asammdf.Signal(frames, stamps - stamps[0], name="CAN_DataFrame"))
+        file.save(path)
+    first, other = imported(logged.log).session, imported(path).session
+    for run, same in zip(first.runs, other.runs, strict=True):
+        np.testing.assert_array_equal(run.position_rad, same.position_rad)
+
+
 def test_candump_as_it_prints_and_gzipped(logged: Logged, tmp_path: Path) -> None:
     path = tmp_path / "printed.txt.gz"
     with gzip.open(path, "wt") as file:

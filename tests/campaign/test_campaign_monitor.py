@@ -250,7 +250,7 @@ def test_a_node_that_somebody_stopped_may_be_brought_back_to_hear_us() -> None:
 
 @pytest.mark.parametrize(
     ("amplitude_rad", "drift_rad_s", "rules"),
-    [(0.006, 0.0, []), (0.0, 0.1, ["dead man's motion"]), (0.03, 0.0, ["dead man's motion"])],
+    [(0.006, 0.0, []), (0.0, 0.4, ["dead man's motion"]), (0.06, 0.0, ["dead man's motion"])],
 )
 def test_an_axis_that_has_stopped_may_ring_but_goes_nowhere(
     amplitude_rad: float, drift_rad_s: float, rules: list[str]

@@ -35,6 +35,8 @@ from schwung_sim.drives.power import Power
 LOOK_S = 0.001
 #: What a controller may overshoot by, and what a look of 1 ms may be late for.
 OVERSHOOT_RAD, TORQUE_SLACK, SPEED_SLACK = 0.02, 1.001, 1.1
+#: Within so much a loop rings that had to stop, or a generator of the drive shakes the axis; a motion leads out of it.
+SWINGS_RAD = 0.1
 #: How far from the axis the first target may be: what somebody turned it by while it was enabled.
 STANDS_AT_RAD = 0.06
 #: A drive whose processor stood finds the targets of now, far from those of then; its own limits see to the way there.
@@ -167,7 +169,9 @@ class Monitor:
         self._last_step: int | None = None  # while it enabled
         self._beat_s: float | None = None  # the tool's last heartbeat
         self._died_s: float | None = None
-        self._rested_rad: float | None = None  # where it has to have come to rest
+        self._rested_rad: tuple[float, float] | None = (
+            None  # between which angles it was since it had to rest
+        )
         self._foreign_s = self._left_by_itself_s = self._enabling_s = float("-inf")
         self._others_beat_s = float(
             "-inf"
@@ -354,11 +358,11 @@ class Monitor:
         if silent <= self.expected.at_rest_s:
             self._rested_rad = None
             return
-        if self._rested_rad is None:
-            self._rested_rad = angle
-        went = angle - self._rested_rad
-        if operating or abs(went) > OVERSHOOT_RAD:
-            state = "in Operation enabled" if operating else f"energised, and {went:+.3f} rad further"
+        least, most = self._rested_rad or (angle, angle)
+        self._rested_rad = min(angle, least), max(angle, most)
+        went = max(angle - least, most - angle)
+        if operating or went > SWINGS_RAD:
+            state = "in Operation enabled" if operating else f"energised, and {went:.3f} rad further"
             self._report("dead man's motion", f"{silent:.3f} s after our last heartbeat {state}")
 
     def _report(self, rule: str, saw: str) -> None:

@@ -9,7 +9,6 @@ from pathlib import Path
 from typing import Any
 
 from schwung.api.moving import Commissioned, Exported
-from schwung.api.texts import json_text
 from schwung.commissioning import Change, Check, contrast_of, following_error, read_backup
 from schwung.commissioning.bode import with_recorded_gains
 from schwung.drivetrain import InertiaTable, Machine, read_inertia_csv, write_machine
@@ -18,7 +17,7 @@ from schwung.estimation import Estimate
 from schwung.estimation.reach import reach_of
 from schwung.explain.values import Explanation
 from schwung.fieldbus.drive import RawValue
-from schwung.files import replace_file
+from schwung.files import json_text, replace_file
 from schwung.report import ChangeRow, FollowingError, ReportContent, SyncRow, save_figures
 from schwung.report import write_report as write_page
 from schwung.report.content import deviation

@@ -255,8 +255,7 @@ def _show(
         parameter_rows,
         write_bode_report,
     )
-    from schwung.api.texts import json_text
-    from schwung.files import replace_file
+    from schwung.files import json_text, replace_file
 
     terminal.table(
         "Load inertia at each angle",

@@ -12,8 +12,8 @@ from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
 
-from schwung.api.texts import json_text
 from schwung.errors import RefusedError
+from schwung.files import json_text
 
 if TYPE_CHECKING:
     from rich.progress import Progress, TaskID

@@ -43,11 +43,10 @@ def estimate(
     from schwung import load_machine, read_session, write_inertia
     from schwung.api.folders import make_folder, planned_folder
     from schwung.api.reports import content_of, standard_of, write_page
-    from schwung.api.texts import json_text
     from schwung.cli.console import Terminal, describe_table
     from schwung.cli.sessions import in_file
     from schwung.errors import InputError
-    from schwung.files import replace_file
+    from schwung.files import json_text, replace_file
 
     terminal = Terminal(json_output)
     believed, recorded = load_machine(machine), read_session(session)

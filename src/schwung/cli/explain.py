@@ -43,10 +43,9 @@ def explain(
     from schwung.api.computing import explain as explain_session
     from schwung.api.folders import make_folder, planned_folder
     from schwung.api.reports import write_explanation
-    from schwung.api.texts import json_text
     from schwung.cli.console import Terminal, progress_bar
     from schwung.cli.sessions import in_file
-    from schwung.files import replace_file
+    from schwung.files import json_text, replace_file
 
     terminal = Terminal(json_output)
     recorded, believed = read_session(session), load_machine(machine)

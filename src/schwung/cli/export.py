@@ -1,4 +1,4 @@
-"""`schwung export`: an inertia table into drive parameters, a CSV, JSON or DCF file."""
+"""`schwung export`: an inertia table into drive parameters or a DCF file; a machine into other simulators."""
 
 from __future__ import annotations
 
@@ -27,7 +27,9 @@ if TYPE_CHECKING:
 
 
 def export(
-    table: Annotated[Path, typer.Argument(help="The inertia table, inertia.csv.")],
+    table: Annotated[
+        Path | None, typer.Argument(help="The inertia table, inertia.csv; for a simulator the machine's own.")
+    ] = None,
     form: Annotated[
         str, typer.Option("--as", metavar="FORM", help="table, harmonics, mean, max or at=ANGLE.")
     ] = "table",
@@ -47,8 +49,19 @@ def export(
         typer.Option(
             "-m",
             "--machine",
-            help="The believed machine: for --verify, and for drives that want the motor's inertia.",
+            help="The believed machine: for a simulator, --verify, and drives that want the motor's inertia.",
         ),
+    ] = None,
+    fmu: Annotated[
+        Path | None,
+        typer.Option(metavar="FILE", help="Write an FMU for co-simulation, with sources; compiled with cc."),
+    ] = None,
+    fmi: Annotated[int, typer.Option(metavar="2|3", help="The FMU's version of FMI.")] = 2,
+    modelica: Annotated[
+        Path | None, typer.Option(metavar="FILE", help="Write a Modelica model, *.mo.")
+    ] = None,
+    matlab: Annotated[
+        Path | None, typer.Option(metavar="FILE", help="Write a MATLAB function for ode45, *.m.")
     ] = None,
     out: Annotated[Path | None, typer.Option(help="Folder for the backup; default: schwung-<time>.")] = None,
     dry_run: Annotated[bool, typer.Option("--dry-run", help="Show what would be written.")] = False,
@@ -65,6 +78,9 @@ def export(
 
     With --verify the machine moves: the following error is measured before and after.
 
+    With --fmu, --modelica or --matlab no drive is asked: the machine of --machine, with all that was learned about
+    it, becomes a model of another simulator.
+
     [bold]Examples[/]
 
       schwung export inertia.csv -i socketcan -c can0 -n 3
@@ -74,6 +90,8 @@ def export(
       schwung export inertia.csv --as max -i socketcan -c can0 -n 3 --dry-run
 
       schwung export inertia.csv --profile schwung-bench -n 3 --dcf drive.dcf
+
+      schwung export -m explanation/machine.toml --fmu machine.fmu --fmi 3
     """
     from schwung import export as export_table
     from schwung import load_machine, plan, plan_export, read_inertia, read_session
@@ -81,9 +99,17 @@ def export(
     from schwung.api.moving import wishes_of
     from schwung.cli.console import Terminal, describe_table, observing
     from schwung.cli.flow import show_export, show_plan
+    from schwung.cli.models import ModelFiles, write_models
     from schwung.errors import InputError
 
     terminal = Terminal(json_output)
+    if fmu or modelica or matlab:
+        write_models(terminal, machine, table, ModelFiles(fmu, fmi, modelica, matlab))
+        return
+    if table is None:
+        raise InputError(
+            "schwung export", "no inertia table is given", "Name one, or add --fmu with --machine."
+        )
     inertia, choice = read_inertia(table), export_choice(form)
     believed = load_machine(machine) if machine else None
     if dcf is not None:

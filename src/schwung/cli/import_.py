@@ -17,7 +17,7 @@ _COLUMNS, _UNITS, _TIME, _RUNS, _CAN = "Columns", "Units", "Time", "Runs", "CAN 
 
 def import_(
     files: Annotated[
-        list[Path] | None, typer.Argument(help="CSV, TwinCAT Scope, MAT files; CAN logs.")
+        list[Path] | None, typer.Argument(help="CSV, TwinCAT Scope, MAT, MDF, Parquet; CAN logs.")
     ] = None,
     out: Annotated[Path, typer.Option("-o", "--out", help="The session to write.")] = Path("session.h5"),
     recipe: Annotated[

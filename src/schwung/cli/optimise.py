@@ -149,12 +149,11 @@ def optimise(
         write_optimised,
     )
     from schwung.api.optimising import optimise as optimise_task
-    from schwung.api.texts import json_text
     from schwung.cli.console import Terminal
     from schwung.cli.optimised import tell
     from schwung.cli.playing import play_and_show
     from schwung.errors import InputError
-    from schwung.files import replace_file
+    from schwung.files import json_text, replace_file
 
     if (duration is None) == (not fastest):
         raise InputError("--duration", "is given beside --fastest, or neither is", "Give one of the two.")

@@ -42,12 +42,11 @@ def play_and_show(
     playing raise.
     """
     from schwung.api.optimising import plan_play, play, standard_names, write_optimised, write_played
-    from schwung.api.texts import json_text
     from schwung.cli.console import observing
     from schwung.cli.flow import PreflightRefusedError
     from schwung.cli.optimised import tell
     from schwung.errors import RefusedError
-    from schwung.files import replace_file
+    from schwung.files import json_text, replace_file
 
     planned = plan_play(connection, machine, task, wishes, playing)
     if task.duration_s is None:

@@ -20,7 +20,7 @@ from schwung.commissioning.journal import ParameterJournal
 from schwung.commissioning.plan import Plan, PlannedRun, setpoints_of
 from schwung.commissioning.preflight import Preflight, SpeedSource
 from schwung.commissioning.runs import run_of
-from schwung.commissioning.ways import MAX_JITTER_SHARE, comes_unevenly
+from schwung.commissioning.ways import MAX_JITTER_SHARE, comes_unevenly, off_rate
 from schwung.errors import (
     CoastingError,
     DriveError,
@@ -237,6 +237,8 @@ class _Player:
                 self._warn_of_way_back(recording.timing)
             else:
                 _judge_timing(recording.timing, self.max_jitter_share)
+                if said := off_rate(recording.timing, recording.sample_rate_hz):
+                    self.observer.note(said)
         except DriveError as error:
             self._keep_partial(recording, planned, str(error))
             raise

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
@@ -14,10 +13,10 @@ import numpy as np
 
 from schwung.errors import InputError
 from schwung.motion import Array
-from schwung.session.hdf5 import SessionWriter
 from schwung.session.imports.canframes import log_kind
 from schwung.session.imports.clock import Clock, read_clock, resample
 from schwung.session.imports.dbc import read_by_dbc
+from schwung.session.imports.foreign import read_mdf, read_parquet
 from schwung.session.imports.matlab import read_matlab
 from schwung.session.imports.motions import Piece, cut, with_repeats
 from schwung.session.imports.recipe import Recipe
@@ -70,8 +69,10 @@ class _Recording:
 
 
 def read_table(path: Path, dbc: Path | None = None, channel: str | None = None) -> Table:
-    """The columns of a CSV, TwinCAT Scope or MAT file, or of a CAN log by a DBC. Raises InputError where it is none,
-    or not there."""
+    """The columns of a CSV, TwinCAT Scope, MAT, MDF or Parquet file, or of a CAN log by a DBC.
+
+    Raises InputError where it is none, or not there.
+    """
     if not path.is_file():
         raise InputError(str(path), "there is no such file", "Check the path.")
     try:
@@ -84,6 +85,10 @@ def read_table(path: Path, dbc: Path | None = None, channel: str | None = None) 
         raise InputError(str(path), "is empty", "Give a file with samples.")
     if path.suffix.lower() == ".mat" or head.startswith((b"MATLAB", b"\x89HDF")):
         return read_matlab(path)
+    if head.startswith(b"PAR1"):
+        return read_parquet(path)
+    if head.startswith(b"MDF ") and dbc is None:
+        return read_mdf(path)
     if dbc is not None:
         return read_by_dbc(path, dbc, channel)
     if log_kind(path) is not None:
@@ -127,27 +132,6 @@ def import_recordings(files: Sequence[Path], recipe: Recipe) -> Imported:
         axis=axis,
     )
     return Imported(session, tuple(dict.fromkeys(notes)))
-
-
-def write_session(session: Session, path: Path, overwrite: bool = False) -> None:
-    """Write a session file whole or not at all. Raises InputError where it exists already or cannot be written."""
-    if path.exists() and not overwrite:
-        raise InputError(str(path), "exists already", "Choose another --out, or add --overwrite.")
-    unfinished = path.with_name(f".{path.name}.{os.getpid()}.import")
-    try:
-        writer = SessionWriter(
-            unfinished, source=session.source, created=session.created, drive=session.drive, axis=session.axis,
-            overwrite=True,
-        )  # fmt: skip
-        try:
-            with writer:
-                for run in session.runs:
-                    writer.append(run)
-        except InputError as error:
-            raise InputError(str(path), error.problem, error.remedy) from error
-        os.replace(unfinished, path)
-    finally:
-        unfinished.unlink(missing_ok=True)
 
 
 def _axis(recipe: Recipe) -> Axis:
