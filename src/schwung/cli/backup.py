@@ -7,7 +7,17 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from schwung.cli.options import Bitrate, BusOption, Channel, Interface, Json, Node, Profile, bus_options
+from schwung.cli.options import (
+    Bitrate,
+    BusOption,
+    CanLog,
+    Channel,
+    Interface,
+    Json,
+    Node,
+    Profile,
+    bus_options,
+)
 
 if TYPE_CHECKING:
     from schwung.commissioning.configuration_files import Format
@@ -38,6 +48,7 @@ def backup(
     channel: Channel = None,
     bitrate: Bitrate = None,
     bus: BusOption = None,
+    can_log: CanLog = None,
     node: Node = 1,
     profile: Profile = None,
     json_output: Json = False,
@@ -68,7 +79,7 @@ def backup(
     terminal = Terminal(json_output)
     if file is not None:
         _require_free(file, force)
-    with open_drive(bus_options(interface, channel, bitrate, bus), node, profile) as opened:
+    with open_drive(bus_options(interface, channel, bitrate, bus, can_log), node, profile) as opened:
         family, drive = canopen_profile(opened.profile, "backup"), opened.drive
         dictionary = dictionary_of(eds, family, drive.identity, node)
         selection = select(dictionary, family)

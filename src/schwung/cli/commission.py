@@ -12,6 +12,7 @@ from schwung.cli.options import (
     Amplitude,
     Bitrate,
     BusOption,
+    CanLog,
     Channel,
     DryRun,
     FollowingError,
@@ -134,6 +135,7 @@ def commission(
     channel: Channel = None,
     bitrate: Bitrate = None,
     bus: BusOption = None,
+    can_log: CanLog = None,
     node: Node = 1,
     profile: Profile = None,
     json_output: Json = False,
@@ -194,7 +196,7 @@ def commission(
         wishes, believed = measured.wishes(wishes), measured.machine(believed)
     standard = standard_of(believed, reference)
     ending = Ending(choice, store, standard.table, standard.label)
-    options = bus_options(interface, channel, bitrate, bus)
+    options = bus_options(interface, channel, bitrate, bus, can_log)
     folder = planned_folder(out)
     with open_drive(options, node, profile) as opened:
         result = commission_and_show(

@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from schwung.cli.options import Json, measured
+from schwung.cli.options import CanLog, Json, bus_options, measured
 
 #: What an engineer would know before the measurement: motor and coupling from the data sheets, a guess of the load.
 BELIEF = """\
@@ -46,6 +46,7 @@ def demo(
             help="Instead of an export: find the best motion with the measured table, and play it.",
         ),
     ] = False,
+    can_log: CanLog = None,
     json_output: Json = False,
 ) -> None:
     """Commission a simulated drive on a virtual CAN bus: scan, plan, preflight, motions, estimate, export, report.
@@ -73,7 +74,6 @@ def demo(
     from schwung.cli.playing import Playing, play_and_show
     from schwung.commissioning import ExportChoice, LimitWishes, Wishes
     from schwung.drivetrain import InertiaTable, load_machine, write_inertia_csv
-    from schwung.fieldbus.canopen import BusOptions
     from schwung.files import replace_file
     from schwung.optimise.values import MotionLimits, Task
     from schwung_sim.bench import Bench
@@ -81,11 +81,12 @@ def demo(
     if optimise:
         require_optimiser()
     terminal = Terminal(json_output)
+    options = bus_options("stepped", "demo", 1_000_000, None, can_log)
     folder = planned_folder(out)
     machine_file = folder / "machine.toml"
     with (
         Bench(plant, conceal=conceal, seed=seed, channel="demo", node_id=1) as bench,
-        open_drive(BusOptions("stepped", "demo", 1_000_000), 1, "schwung-bench") as opened,
+        open_drive(options, 1, "schwung-bench") as opened,
     ):
         make_folder(folder)
         replace_file(machine_file, BELIEF)

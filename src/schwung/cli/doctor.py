@@ -8,7 +8,17 @@ from typing import Annotated
 
 import typer
 
-from schwung.cli.options import Bitrate, BusOption, Channel, Interface, Json, Node, Profile, bus_options
+from schwung.cli.options import (
+    Bitrate,
+    BusOption,
+    CanLog,
+    Channel,
+    Interface,
+    Json,
+    Node,
+    Profile,
+    bus_options,
+)
 
 
 def doctor(
@@ -20,6 +30,7 @@ def doctor(
     channel: Channel = None,
     bitrate: Bitrate = None,
     bus: BusOption = None,
+    can_log: CanLog = None,
     node: Node = 1,
     profile: Profile = None,
     json_output: Json = False,
@@ -48,7 +59,7 @@ def doctor(
     from schwung.fieldbus.connecting import is_modbus
 
     terminal = Terminal(json_output)
-    options = bus_options(interface, channel, bitrate, bus)
+    options = bus_options(interface, channel, bitrate, bus, can_log)
     with observing(terminal) as observer:
         if is_modbus(options):
             found = examine_connected(options, node, profile, Path(), observer.phase)

@@ -10,6 +10,7 @@ import typer
 from schwung.cli.options import (
     Bitrate,
     BusOption,
+    CanLog,
     Channel,
     Interface,
     Json,
@@ -71,6 +72,7 @@ def export(
     channel: Channel = None,
     bitrate: Bitrate = None,
     bus: BusOption = None,
+    can_log: CanLog = None,
     node: Node = 1,
     profile: Profile = None,
     json_output: Json = False,
@@ -129,7 +131,7 @@ def export(
     wishes = wishes_of(read_session(verify)) if verify else None
     folder = planned_folder(out)
     terminal.say(describe_table(inertia))
-    with open_drive(bus_options(interface, channel, bitrate, bus), node, profile) as opened:
+    with open_drive(bus_options(interface, channel, bitrate, bus, can_log), node, profile) as opened:
         drive = opened.drive
         values = export_values(
             drive.parameter,

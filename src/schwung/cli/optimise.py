@@ -11,6 +11,7 @@ import typer
 from schwung.cli.options import (
     Bitrate,
     BusOption,
+    CanLog,
     Channel,
     DryRun,
     FollowingError,
@@ -119,6 +120,7 @@ def optimise(
     channel: Channel = None,
     bitrate: Bitrate = None,
     bus: BusOption = None,
+    can_log: CanLog = None,
     node: Node = 1,
     profile: Profile = None,
     json_output: Json = False,
@@ -182,7 +184,7 @@ def optimise(
             "--against", against, Literal["third", "poly5", "scurve", "cosine", "cycloid"]
         )
         playing = Playing(reference, repeats, rate, rivals, dry_run)
-        with open_drive(bus_options(interface, channel, bitrate, bus), node, profile) as opened:
+        with open_drive(bus_options(interface, channel, bitrate, bus, can_log), node, profile) as opened:
             result = play_and_show(
                 opened.drive, opened.profile, believed, task, wishes, playing, folder, terminal,
                 confirm=lambda question: yes or terminal.ask(question),

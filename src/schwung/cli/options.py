@@ -88,6 +88,11 @@ BusOption = Annotated[
     typer.Option("--bus", metavar="KEY=VALUE", rich_help_panel="Bus",
                  help="Any further option of the interface, e.g. --bus host=127.0.0.1. Repeatable."),
 ]  # fmt: skip
+CanLog = Annotated[
+    Path | None,
+    typer.Option("--can-log", metavar="FILE", rich_help_panel="Bus",
+                 help="Write every frame of the bus there, both ways: .blf, .asc, .log, .csv, .trc, … by its ending."),
+]  # fmt: skip
 Node = Annotated[
     int,
     typer.Option(
@@ -146,9 +151,27 @@ MaxJitter = Annotated[
 
 
 def bus_options(
-    interface: str | None, channel: str | None, bitrate: int | None, extra: list[str] | None
+    interface: str | None,
+    channel: str | None,
+    bitrate: int | None,
+    extra: list[str] | None,
+    can_log: Path | None = None,
 ) -> BusOptions:
-    """The bus as given; what is not given is left to python-can's configuration files and environment."""
-    from schwung.fieldbus.canopen import BusOptions
+    """The bus as given; what is not given is left to python-can's configuration files and environment.
 
-    return BusOptions.from_flags(interface, channel, bitrate, extra or ())
+    Raises InputError for a log that cannot be written.
+    """
+    from dataclasses import replace
+
+    from schwung.errors import InputError
+    from schwung.fieldbus.canopen import BusOptions
+    from schwung.fieldbus.canopen.logged import require_log
+    from schwung.fieldbus.connecting import is_modbus
+
+    options = BusOptions.from_flags(interface, channel, bitrate, extra or ())
+    if can_log is None:
+        return options
+    if is_modbus(options):
+        raise InputError("--can-log", "is for CAN; Modbus has no frames of it", "Leave it out.")
+    require_log(can_log)
+    return replace(options, log=can_log)
