@@ -5,19 +5,21 @@ from __future__ import annotations
 import os
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
 from schwung.api.shown import Shown
 from schwung.commissioning.doctor import Diagnosis, examine_connected
 from schwung.commissioning.doctor_canopen import examine
+from schwung.errors import InputError
 from schwung.fieldbus.canopen import BusOptions
+from schwung.fieldbus.canopen.logged import require_log
 from schwung.fieldbus.connecting import Connected, connected, is_modbus
 from schwung.fieldbus.connecting import scan as scan_bus
 from schwung.fieldbus.found import FoundNode
 
-__all__ = ["BusOptions", "Connection", "connect", "doctor", "is_modbus", "scan"]
+__all__ = ["BusOptions", "Connection", "connect", "doctor", "is_modbus", "scan", "with_log"]
 
 
 @dataclass(frozen=True)
@@ -62,7 +64,7 @@ def connect(
         bitrate: bit/s; None: as the interface has it.
         node: CANopen node id or Modbus unit.
         profile: a family's name or the path of a profile.toml; None: by the drive's identity.
-        options: any further option of the interface, e.g. host="127.0.0.1".
+        options: any further option of the interface, e.g. host="127.0.0.1"; and can_log, a file for all frames.
 
     Yields the connection; its drive speaks rad, rad/s and N·m, in arrays of shape (n,).
     Raises InputError where nobody answers or profile and drive disagree, BusError where the bus cannot be opened.
@@ -139,4 +141,18 @@ def _bus(
 ) -> BusOptions:
     if isinstance(interface, BusOptions):
         return interface
-    return BusOptions(interface, channel, bitrate, options)
+    can_log = options.pop("can_log", None)
+    return with_log(BusOptions(interface, channel, bitrate, options), can_log)
+
+
+def with_log(options: BusOptions, path: str | os.PathLike[str] | None) -> BusOptions:
+    """The same bus, all frames of which go into a file (candump's format, BLF or ASC, by its name); None: into none.
+
+    Raises InputError where it cannot be written, or where there are no frames.
+    """
+    if path is None:
+        return options
+    if is_modbus(options):
+        raise InputError("--can-log", "is for CAN; Modbus has no frames of it", "Leave it out.")
+    require_log(Path(path))
+    return replace(options, log=Path(path))

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from schwung.cli.options import Bitrate, BusOption, Channel, Interface, Json, Node, Profile, connected
+from schwung.cli.options import Bitrate, BusOption, CanLog, Channel, Interface, Json, Node, Profile, connected
 
 if TYPE_CHECKING:
     from schwung.api.configurations import Format
@@ -38,6 +38,7 @@ def backup(
     channel: Channel = None,
     bitrate: Bitrate = None,
     bus: BusOption = None,
+    can_log: CanLog = None,
     node: Node = 1,
     profile: Profile = None,
     json_output: Json = False,
@@ -65,7 +66,7 @@ def backup(
     terminal = Terminal(json_output)
     if file is not None:
         _require_free(file, force)
-    with connected(interface, channel, bitrate, bus, node, profile) as opened:
+    with connected(interface, channel, bitrate, bus, node, profile, can_log) as opened:
         family, drive = canopen_profile(opened.profile, "backup"), opened.drive
         dictionary = dictionary_of(eds, family, drive.identity, node)
         selection = select(dictionary, family)

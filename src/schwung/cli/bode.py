@@ -12,6 +12,7 @@ from schwung.cli.options import (
     Amplitude,
     Bitrate,
     BusOption,
+    CanLog,
     Channel,
     DryRun,
     FollowingError,
@@ -90,6 +91,7 @@ def bode(
     channel: Channel = None,
     bitrate: Bitrate = None,
     bus: BusOption = None,
+    can_log: CanLog = None,
     node: Node = 1,
     profile: Profile = None,
     json_output: Json = False,
@@ -136,7 +138,7 @@ def bode(
         max_jitter_share=MAX_JITTER_SHARE if max_jitter is None else max_jitter * rate,
     )
     folder = planned_folder(out)
-    options = bus_options(interface, channel, bitrate, bus)
+    options = bus_options(interface, channel, bitrate, bus, can_log)
     with connect(options, node=node, profile=profile) as opened:
         terminal.result(
             measure_and_show(

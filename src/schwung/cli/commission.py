@@ -12,6 +12,7 @@ from schwung.cli.options import (
     Amplitude,
     Bitrate,
     BusOption,
+    CanLog,
     Channel,
     DryRun,
     FollowingError,
@@ -134,6 +135,7 @@ def commission(
     channel: Channel = None,
     bitrate: Bitrate = None,
     bus: BusOption = None,
+    can_log: CanLog = None,
     node: Node = 1,
     profile: Profile = None,
     json_output: Json = False,
@@ -192,7 +194,7 @@ def commission(
         wishes, believed = told.wishes, told.machine
     ending = Ending(choice, store, standard_of(believed, reference))
     folder = planned_folder(out)
-    with connected(interface, channel, bitrate, bus, node, profile) as connection:
+    with connected(interface, channel, bitrate, bus, node, profile, can_log) as connection:
         result = commission_and_show(
             connection, believed, wishes, folder, terminal,
             confirm=lambda question: yes or terminal.ask(question),

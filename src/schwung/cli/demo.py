@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from schwung.cli.options import Json, measured
+from schwung.cli.options import CanLog, Json, bus_options, measured
 
 #: What an engineer would know before the measurement: motor and coupling from the data sheets, a guess of the load.
 BELIEF = """\
@@ -46,6 +46,7 @@ def demo(
             help="Instead of an export: find the best motion with the measured table, and play it.",
         ),
     ] = False,
+    can_log: CanLog = None,
     json_output: Json = False,
 ) -> None:
     """Commission a simulated drive on a virtual CAN bus: scan, plan, preflight, motions, estimate, export, report.
@@ -79,11 +80,12 @@ def demo(
     if optimise:
         require_optimiser()
     terminal = Terminal(json_output)
+    options = bus_options("stepped", "demo", 1_000_000, None, can_log)
     folder = planned_folder(out)
     machine_file = folder / "machine.toml"
     with (
         Bench(plant, conceal=conceal, seed=seed, channel="demo", node_id=1) as bench,
-        connect("stepped", "demo", bitrate=1_000_000, profile="schwung-bench") as connection,
+        connect(options, profile="schwung-bench") as connection,
     ):
         make_folder(folder)
         replace_file(machine_file, BELIEF)

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from schwung.cli.options import Bitrate, BusOption, Channel, Interface, Json, Profile, bus_options
+from schwung.cli.options import Bitrate, BusOption, CanLog, Channel, Interface, Json, Profile, bus_options
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -37,6 +37,7 @@ def diff(
     channel: Channel = None,
     bitrate: Bitrate = None,
     bus: BusOption = None,
+    can_log: CanLog = None,
     node: Annotated[
         int | None,
         typer.Option(
@@ -80,7 +81,7 @@ def diff(
     dictionary = dictionary_of(eds, family, node or 1)
     files = load_both([Path(name) for name in (first, second) if name != "drive"], node, dictionary)
     if len(files) == 1:
-        options = bus_options(interface, channel, bitrate, bus)
+        options = bus_options(interface, channel, bitrate, bus, can_log)
         live, family, dictionary = _read(
             options, node or files[0].node_id or 1, profile, eds, files[0], terminal
         )

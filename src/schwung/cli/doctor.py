@@ -8,7 +8,17 @@ from typing import Annotated
 
 import typer
 
-from schwung.cli.options import Bitrate, BusOption, Channel, Interface, Json, Node, Profile, bus_options
+from schwung.cli.options import (
+    Bitrate,
+    BusOption,
+    CanLog,
+    Channel,
+    Interface,
+    Json,
+    Node,
+    Profile,
+    bus_options,
+)
 
 
 def doctor(
@@ -20,6 +30,7 @@ def doctor(
     channel: Channel = None,
     bitrate: Bitrate = None,
     bus: BusOption = None,
+    can_log: CanLog = None,
     node: Node = 1,
     profile: Profile = None,
     json_output: Json = False,
@@ -46,7 +57,7 @@ def doctor(
     from schwung.errors import RefusedError
 
     terminal = Terminal(json_output)
-    options = bus_options(interface, channel, bitrate, bus)
+    options = bus_options(interface, channel, bitrate, bus, can_log)
     with observing(terminal) as observer:
         found = examine(options, node=node, profile=profile, eds=eds, progress=observer.phase)
     shown = [c for c in found.checks if verbose or c.severity != "ok"]

@@ -10,6 +10,7 @@ import typer
 from schwung.cli.options import (
     Bitrate,
     BusOption,
+    CanLog,
     Channel,
     Interface,
     Json,
@@ -70,6 +71,7 @@ def export(
     channel: Channel = None,
     bitrate: Bitrate = None,
     bus: BusOption = None,
+    can_log: CanLog = None,
     node: Node = 1,
     profile: Profile = None,
     json_output: Json = False,
@@ -121,7 +123,7 @@ def export(
     wishes = wishes_of(read_session(verify)) if verify else None
     folder = planned_folder(out)
     terminal.say(describe_table(inertia))
-    with connected(interface, channel, bitrate, bus, node, profile) as connection:
+    with connected(interface, channel, bitrate, bus, node, profile, can_log) as connection:
         changes = plan_export(connection, inertia, choice, machine=believed)
         rows = [(c.parameter.label, c.old, c.new) for c in changes]
         terminal.table("Parameters", ("object", "now", "new"), rows)

@@ -11,6 +11,7 @@ import typer
 from schwung.cli.options import (
     Bitrate,
     BusOption,
+    CanLog,
     Channel,
     DryRun,
     FollowingError,
@@ -119,6 +120,7 @@ def optimise(
     channel: Channel = None,
     bitrate: Bitrate = None,
     bus: BusOption = None,
+    can_log: CanLog = None,
     node: Node = 1,
     profile: Profile = None,
     json_output: Json = False,
@@ -186,7 +188,7 @@ def optimise(
             "--against", against, Literal["third", "poly5", "scurve", "cosine", "cycloid"]
         )
         playing = Playing(reference, repeats, rate, rivals)
-        with connected(interface, channel, bitrate, bus, node, profile) as connection:
+        with connected(interface, channel, bitrate, bus, node, profile, can_log) as connection:
             result = play_and_show(
                 connection, believed, task, wishes, playing, folder, terminal,
                 confirm=lambda question: yes or terminal.ask(question), dry_run=dry_run,

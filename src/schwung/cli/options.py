@@ -75,6 +75,11 @@ BusOption = Annotated[
     typer.Option("--bus", metavar="KEY=VALUE", rich_help_panel="Bus",
                  help="Any further option of the interface, e.g. --bus host=127.0.0.1. Repeatable."),
 ]  # fmt: skip
+CanLog = Annotated[
+    Path | None,
+    typer.Option("--can-log", metavar="FILE", rich_help_panel="Bus",
+                 help="Write every frame of the bus there, both ways: .blf, .asc, .log, .csv, .trc, … by its ending."),
+]  # fmt: skip
 Node = Annotated[
     int,
     typer.Option(
@@ -139,17 +144,25 @@ def connected(
     extra: list[str] | None,
     node: int,
     profile: str | None,
+    can_log: Path | None = None,
 ) -> AbstractContextManager[Connection]:
     """The drive that the options name, for as long as the block lasts."""
     from schwung import connect
 
-    return connect(bus_options(interface, channel, bitrate, extra), node=node, profile=profile)
+    return connect(bus_options(interface, channel, bitrate, extra, can_log), node=node, profile=profile)
 
 
 def bus_options(
-    interface: str | None, channel: str | None, bitrate: int | None, extra: list[str] | None
+    interface: str | None,
+    channel: str | None,
+    bitrate: int | None,
+    extra: list[str] | None,
+    can_log: Path | None = None,
 ) -> BusOptions:
-    """The bus as given; what is not given is left to python-can's configuration files and environment."""
-    from schwung.api.drives import BusOptions
+    """The bus as given; what is not given is left to python-can's configuration files and environment.
 
-    return BusOptions.from_flags(interface, channel, bitrate, extra or ())
+    Raises InputError for a log that cannot be written.
+    """
+    from schwung.api.drives import BusOptions, with_log
+
+    return with_log(BusOptions.from_flags(interface, channel, bitrate, extra or ()), can_log)

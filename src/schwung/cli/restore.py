@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from schwung.cli.options import Bitrate, BusOption, Channel, Interface, Json, bus_options
+from schwung.cli.options import Bitrate, BusOption, CanLog, Channel, Interface, Json, bus_options
 
 if TYPE_CHECKING:
     from schwung.api.configurations import Configuration, Written
@@ -46,6 +46,7 @@ def restore(
     channel: Channel = None,
     bitrate: Bitrate = None,
     bus: BusOption = None,
+    can_log: CanLog = None,
     node: Annotated[
         int | None, typer.Option("-n", "--node", min=1, max=247, help="Default: the node that was backed up.")
     ] = None,
@@ -75,7 +76,7 @@ def restore(
     terminal = Terminal(json_output)
     dictionary = dictionary_of(eds, known_profile(profile, ()), node or 1)
     wanted = load_configuration(file, node, dictionary)
-    options = bus_options(interface, channel, bitrate, bus)
+    options = bus_options(interface, channel, bitrate, bus, can_log)
     if wanted.kind == "backup":
         given = interface is not None or channel is not None
         _put_back(file, force, options, given, node, profile, terminal, dry_run)
@@ -114,7 +115,11 @@ def _put_back(
     known = record.get("bus") or {}
     if not given and "interface" in known:
         options = BusOptions(
-            known["interface"], known.get("channel"), known.get("bitrate"), known.get("extra") or {}
+            known["interface"],
+            known.get("channel"),
+            known.get("bitrate"),
+            known.get("extra") or {},
+            options.log,
         )
     was, family = record.get("identity") or {}, record.get("profile")
     if dry_run:

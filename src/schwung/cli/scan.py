@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from schwung.cli.options import Bitrate, BusOption, Channel, Interface, Json, bus_options
+from schwung.cli.options import Bitrate, BusOption, CanLog, Channel, Interface, Json, bus_options
 
 
 def scan(
@@ -15,6 +15,7 @@ def scan(
     channel: Channel = None,
     bitrate: Bitrate = None,
     bus: BusOption = None,
+    can_log: CanLog = None,
     nodes: Annotated[
         str, typer.Option("--nodes", metavar="FIRST-LAST", help="Node ids that are asked.")
     ] = "1-127",
@@ -47,7 +48,7 @@ def scan(
         raise InputError("--nodes", f'"{nodes}" is no range of node ids', "Write for instance --nodes 1-16.")
     wanted = range(int(first), int(last or first) + 1)
     terminal = Terminal(json_output)
-    options = bus_options(interface, channel, bitrate, bus)
+    options = bus_options(interface, channel, bitrate, bus, can_log)
     with observing(terminal) as observer:
         observer.phase(f"Asking nodes {wanted[0]} to {wanted[-1]}")
         found = scan_all(options, nodes=wanted, progress=observer.progress)
