@@ -28,6 +28,7 @@ from schwung.service.jobs import Jobs, Shared
 from schwung.service.lanes import DriveStatus, Lane
 from schwung.service.latch import Latch, Stopped
 from schwung.service.live import Live
+from schwung.service.meters import Meters
 from schwung.service.proposals import Proposals
 from schwung.service.requests import Confirmed, parse_request
 from schwung.service.store import DriveRecord, Store, now
@@ -57,13 +58,18 @@ class Service:
         self._jobs = Jobs(shared, self._tell, settings.workers)
         self._lanes: dict[str, Lane] = {}
         self.live = Live(self._connected_drives)
+        self.meters = Meters(self._named_drives, self.store.count_runs)
 
     def start(self) -> Self:
         """Open the lanes, and look after what an earlier process has left."""
         self._seed()
         for entry in self.settings.buses:
             self._lanes[entry.name] = Lane(
-                entry, partial(self._drives_on, entry.name), self._tell, self.settings.poll_s
+                entry,
+                partial(self._drives_on, entry.name),
+                self._tell,
+                self.settings.poll_s,
+                self.meters.stopped,
             )
         return self
 
@@ -202,6 +208,18 @@ class Service:
     def _connected_drives(self) -> Iterator[tuple[str, Drive]]:
         for lane in list(self._lanes.values()):
             yield from lane.connected_drives()
+
+    def _named_drives(self) -> Iterator[tuple[str, Drive]]:
+        names = [
+            (self.store.drive(drive_id).name, drive_id, drive) for drive_id, drive in self._connected_drives()
+        ]
+        for name, drive_id, drive in names:
+            doubled = sum(other == name for other, _, _ in names) > 1
+            yield f"{name} {drive_id}" if doubled else name, drive
+
+    def silent_s(self) -> float:
+        """How long ago the slowest owner of a bus has answered (s); asks all of them anew."""
+        return max((lane.ask() for lane in list(self._lanes.values())), default=0.0)
 
     def _lane(self, drive: DriveRecord) -> Lane:
         self.settings.bus(drive.bus)
