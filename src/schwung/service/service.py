@@ -21,7 +21,7 @@ from typing import Any, Self
 
 from pydantic import ValidationError
 
-from schwung.errors import InputError
+from schwung.errors import InputError, RefusedError, SchwungError
 from schwung.fieldbus.drive import Drive
 from schwung.service.audit import Trail
 from schwung.service.jobs import Jobs, Shared
@@ -29,8 +29,10 @@ from schwung.service.lanes import DriveStatus, Lane
 from schwung.service.latch import Latch, Stopped
 from schwung.service.live import Live
 from schwung.service.proposals import Proposals
-from schwung.service.requests import Confirmed, parse_request
-from schwung.service.store import DriveRecord, Store, now
+from schwung.service.records import DriveRecord
+from schwung.service.recovery import has_recording, note_left, recover
+from schwung.service.requests import Confirmed, SalvageRequest, parse_request
+from schwung.service.store import NotFoundError, Store, now
 from schwung.service.values import RunView, Settings
 from schwung.service.work import KINDS
 from schwung.service.workshop import Workshop
@@ -54,17 +56,21 @@ class Service:
         self._change = threading.Lock()
         self._workshop = Workshop()
         shared = Shared(self.store, self._workshop, self.proposals, self.trail)
-        self._jobs = Jobs(shared, self._tell, settings.workers)
+        self._jobs = Jobs(shared, self._tell, settings.workers, self._after)
         self._lanes: dict[str, Lane] = {}
         self.live = Live(self._connected_drives)
 
     def start(self) -> Self:
         """Open the lanes, and look after what an earlier process has left."""
         self._seed()
+        left = recover(self.store, self.trail)
         for entry in self.settings.buses:
             self._lanes[entry.name] = Lane(
                 entry, partial(self._drives_on, entry.name), self._tell, self.settings.poll_s
             )
+        for request in left:
+            with contextlib.suppress(SchwungError):  # a drive whose bus we were started without
+                self._accept(request, "schwung serve")
         return self
 
     def close(self) -> None:
@@ -105,6 +111,10 @@ class Service:
             raise InputError(
                 place, first["msg"][:200].lower(), "See the OpenAPI document of this service."
             ) from error
+        return self._accept(asked, who)
+
+    def _accept(self, asked: Any, who: str) -> RunView:
+        """As `submit`, of a request that is one."""
         kind_name: str = asked.kind
         kind = KINDS[kind_name]
         if kind.acts:
@@ -116,7 +126,14 @@ class Service:
         if machine_id is not None:
             self.store.machine(machine_id)
         drive = None if drive_id is None else self.store.drive(drive_id)
-        lane = self._lane(drive) if kind.on_bus and drive is not None else None
+        if kind.acts and kind_name != "restore" and drive is not None and self.store.unsettled(drive.id):
+            raise RefusedError(
+                f"drive {drive.name}", "holds parameters that an interrupted run has changed",
+                "Put them back (propose_restore, restore), or decline that, first.",
+            )  # fmt: skip
+        lane = None
+        if kind.on_bus:
+            lane = self._lane(asked.bus if drive is None else drive.bus)
         if drive is not None and machine_id is None:
             machine_id = drive.machine_id
         run = self.store.add_run(asked.kind, asked.model_dump(mode="json"), who, drive_id, machine_id)
@@ -144,6 +161,26 @@ class Service:
             self._pull(run.drive_id)
         self.trail.add(who, "cancel", run.drive_id, run_id)
         return run
+
+    def decline(self, unsafe_id: str, who: str) -> None:
+        """Leave what an interrupted run has changed as it is: somebody answers for it by name. Raises InputError."""
+        for unsafe in self.store.unsettled():
+            if unsafe.id == unsafe_id:
+                self.store.settle(unsafe_id, "declined", who)
+                self.trail.add(
+                    who, "declined to restore", unsafe.drive_id, unsafe.run_id, backup=unsafe.backup
+                )
+                return
+        raise NotFoundError(
+            f"unsafe {unsafe_id[:40]}", "there is none with this id, or it is settled", "List the drives."
+        )
+
+    def _after(self, run: RunView) -> None:
+        """A run has ended: what it has left in the drive is noted, what it recorded is entered."""
+        if KINDS[run.kind].acts and run.state != "done":
+            note_left(self.store, run)
+            if has_recording(self.store, run):
+                self._accept(SalvageRequest(kind="salvage", run_id=run.id), run.who)
 
     # ── stop ─────────────────────────────────────────────────────────────────────────────────────────────────────
 
@@ -203,9 +240,9 @@ class Service:
         for lane in list(self._lanes.values()):
             yield from lane.connected_drives()
 
-    def _lane(self, drive: DriveRecord) -> Lane:
-        self.settings.bus(drive.bus)
-        return self._lanes[drive.bus]
+    def _lane(self, bus: str) -> Lane:
+        self.settings.bus(bus)
+        return self._lanes[bus]
 
     def _drives_on(self, bus: str) -> list[DriveRecord]:
         return [drive for drive in self.store.drives() if drive.bus == bus]

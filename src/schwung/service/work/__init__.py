@@ -5,8 +5,10 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from schwung.service.jobs import Work
-from schwung.service.work.estimating import estimate
-from schwung.service.work.moving import commission, plan
+from schwung.service.work.configuring import export, propose_export, propose_restore, restore
+from schwung.service.work.estimating import estimate, explain, import_file, salvage
+from schwung.service.work.looking import backup, doctor, reset_fault, scan, secure
+from schwung.service.work.moving import bode, commission, plan, propose_bode
 
 
 @dataclass(frozen=True)
@@ -19,7 +21,21 @@ class Kind:
 
 
 KINDS = {
-    "estimate": Kind(estimate),
+    "scan": Kind(scan, on_bus=True),
+    "doctor": Kind(doctor, on_bus=True),
+    "backup": Kind(backup, on_bus=True),
+    "secure": Kind(secure, on_bus=True),
+    "reset_fault": Kind(reset_fault, on_bus=True, acts=True),
     "plan": Kind(plan, on_bus=True),
     "commission": Kind(commission, on_bus=True, acts=True),
+    "propose_bode": Kind(propose_bode, on_bus=True),
+    "bode": Kind(bode, on_bus=True, acts=True),
+    "propose_export": Kind(propose_export, on_bus=True),
+    "export": Kind(export, on_bus=True, acts=True),
+    "propose_restore": Kind(propose_restore, on_bus=True),
+    "restore": Kind(restore, on_bus=True, acts=True),
+    "estimate": Kind(estimate),
+    "explain": Kind(explain),
+    "import": Kind(import_file),
+    "salvage": Kind(salvage),
 }
