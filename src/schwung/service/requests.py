@@ -5,9 +5,12 @@ Units are SI and in the names. Ids are the store's; there is no path among the f
 
 from __future__ import annotations
 
+from pathlib import PurePosixPath
 from typing import Annotated, Any, Literal
 
 from pydantic import BaseModel, ConfigDict, Field, TypeAdapter
+
+from schwung.errors import InputError
 
 Id = Annotated[str, Field(pattern=r"^[0-9a-f]{16}$", description="An id as the service gave it.")]
 Digest = Annotated[
@@ -251,6 +254,23 @@ class ImportRequest(Request):
     machine_id: Id | None = None
     drive_id: Id | None = None
     options: dict[str, Any] = {}
+
+
+#: Suffixes that a file from outside may have, and the name that it gets.
+_IMPORTS = {
+    "session": {".h5": "upload.h5"},
+    "recording": {suffix: f"recording{suffix}" for suffix in (".csv", ".txt", ".mat", ".mf4", ".parquet")},
+    "configuration": {".dcf": "drive.dcf", ".bin": "drive.bin", ".json": "drive.backup.json"},
+}
+
+
+def import_name(what: str, name: str) -> str:
+    """Our name for a file from outside. Raises InputError where its suffix does not belong to what it shall be."""
+    known = _IMPORTS[what]
+    suffix = PurePosixPath(name.replace("\\", "/")).suffix.lower()
+    if suffix not in known:
+        raise InputError("file", f"has a suffix that no {what} has", f"Send one of: {', '.join(known)}.")
+    return known[suffix]
 
 
 class SalvageRequest(Request):

@@ -13,11 +13,12 @@ from __future__ import annotations
 
 import contextlib
 import logging
+import shutil
 import threading
 from collections.abc import Callable, Iterator, Mapping
 from functools import partial
 from pathlib import Path
-from typing import Any, Self
+from typing import Any, BinaryIO, Self
 
 from pydantic import ValidationError
 
@@ -31,7 +32,7 @@ from schwung.service.live import Live
 from schwung.service.proposals import Proposals
 from schwung.service.records import DriveRecord
 from schwung.service.recovery import has_recording, note_left, recover
-from schwung.service.requests import Confirmed, SalvageRequest, parse_request
+from schwung.service.requests import Confirmed, ImportRequest, SalvageRequest, import_name, parse_request
 from schwung.service.store import NotFoundError, Store, now
 from schwung.service.values import RunView, Settings
 from schwung.service.work import KINDS
@@ -58,6 +59,11 @@ class Service:
         shared = Shared(self.store, self._workshop, self.proposals, self.trail)
         self._jobs = Jobs(shared, self._tell, settings.workers, self._after)
         self._lanes: dict[str, Lane] = {}
+        store = self.store
+        self._looks: dict[str, Callable[[str], object]] = {  # what a request may name has to be there
+            "machine_id": store.machine, "session_id": store.session, "estimate_id": store.estimate,
+            "file_id": store.file, "bode_run_id": store.run, "run_id": store.run,
+        }  # fmt: skip
         self.live = Live(self._connected_drives)
 
     def start(self) -> Self:
@@ -123,8 +129,9 @@ class Service:
         if isinstance(asked, Confirmed):
             made = self.proposals.look(asked.proposal_id, kind_name, asked.digest)
             drive_id, machine_id = made.drive_id, made.machine_id
-        if machine_id is not None:
-            self.store.machine(machine_id)
+        for name, look in self._looks.items():
+            if (wanted := getattr(asked, name, None)) is not None:
+                look(wanted)
         drive = None if drive_id is None else self.store.drive(drive_id)
         if kind.acts and kind_name != "restore" and drive is not None and self.store.unsettled(drive.id):
             raise RefusedError(
@@ -140,6 +147,38 @@ class Service:
         if kind.acts:
             self.trail.add(who, asked.kind, drive_id, run.id, request=run.request)
         return self._jobs.submit(run, asked, kind.work, lane)
+
+    def bring(
+        self, content: BinaryIO, name: str, what: str, options: Mapping[str, Any], machine_id: str | None,
+        drive_id: str | None, who: str,
+    ) -> RunView:  # fmt: skip
+        """Accept a file from outside, as a run of the kind "import". `name` tells its form by its suffix and no more.
+
+        Raises InputError for a suffix that does not belong to `what`, or options that name files; NotFoundError.
+        """
+        own_name = import_name(what, name)
+        if taken := {"files", "dbc"} & set(options):
+            raise InputError(
+                f"options.{min(taken)}", "names files, which nobody may from here", "Leave it out."
+            )
+        if machine_id is not None:
+            self.store.machine(machine_id)
+        if drive_id is not None:
+            self.store.drive(drive_id)
+        asked = ImportRequest.model_validate(
+            {"kind": "import", "what": what, "name": own_name, "machine_id": machine_id, "drive_id": drive_id,
+             "options": dict(options)}
+        )  # fmt: skip
+        run = self.store.add_run("import", asked.model_dump(mode="json"), who, drive_id, machine_id)
+        try:
+            with (self.store.run_folder(run.id) / own_name).open("wb") as target:
+                shutil.copyfileobj(content, target)
+        except OSError as error:
+            self.store.end_run(run.id, "failed", None, {"type": "InputError", "text": "could not be kept"})
+            raise InputError(
+                "upload", f"could not be kept ({error.strerror})", "Is the disk full?"
+            ) from error
+        return self._jobs.submit(run, asked, KINDS["import"].work, None)
 
     def run(self, run_id: str) -> RunView:
         """One run, with its progress. Raises NotFoundError."""
@@ -309,6 +348,4 @@ def require_family(profile: str) -> None:
 
 
 def _remove(folder: Path) -> None:
-    import shutil  # noqa: PLC0415
-
     shutil.rmtree(folder, ignore_errors=True)

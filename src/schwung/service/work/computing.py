@@ -133,8 +133,8 @@ def import_session(
 ) -> dict[str, Any]:
     """A file from outside becomes session.h5 in `folder`, checked; returns what it holds.
 
-    `what`: "session", one of ours; "recording", a CSV, TwinCAT Scope, MAT, MDF or Parquet file with the options of a recipe.
-    Raises InputError that names what is wrong; a file that points to other files is refused.
+    `what`: "session", one of ours; "recording", a CSV, TwinCAT Scope, MAT, MDF or Parquet file with the options of a
+    recipe. Raises InputError that names what is wrong; a file that points to other files is refused.
     """
     from schwung.errors import InputError, SchwungError  # noqa: PLC0415
     from schwung.session.imports import import_recordings, make_recipe, write_session  # noqa: PLC0415
