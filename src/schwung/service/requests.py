@@ -193,6 +193,15 @@ class OptimiseRequest(Request):
     sample_rate_hz: Annotated[float, Field(ge=50, le=8000)] = 1000.0
 
 
+class ProposePlayRequest(OptimiseRequest):
+    """Find the best motion from where the axis stands, within the drive's limits, beside a usual one. Moves nothing."""
+
+    kind: Literal["propose_play"]  # type: ignore[assignment]
+    drive_id: Id
+    against: Literal["third", "poly5", "scurve", "cosine", "cycloid"] = "third"
+    repeats: Annotated[int, Field(ge=1, le=50)] = 3
+
+
 class Confirmed(Request):
     """What moves or writes names the proposal that was shown, and its digest."""
 
@@ -210,6 +219,12 @@ class BodeRequest(Confirmed):
     """Carry out a confirmed measurement of the frequency response, and fit it."""
 
     kind: Literal["bode"]
+
+
+class PlayRequest(Confirmed):
+    """Make the usual motion and the best one in turn, and compare what they cost."""
+
+    kind: Literal["play"]
 
 
 class ExportRequest(Confirmed):
@@ -237,8 +252,10 @@ AnyRequest = Annotated[
     | ProposeExportRequest
     | ProposeRestoreRequest
     | OptimiseRequest
+    | ProposePlayRequest
     | CommissionRequest
     | BodeRequest
+    | PlayRequest
     | ExportRequest
     | RestoreRequest,
     Field(discriminator="kind"),

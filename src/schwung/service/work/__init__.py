@@ -6,9 +6,10 @@ from dataclasses import dataclass
 
 from schwung.service.jobs import Work
 from schwung.service.work.configuring import export, propose_export, propose_restore, restore
-from schwung.service.work.estimating import estimate, explain, import_file, salvage
+from schwung.service.work.estimating import estimate, explain, import_file, optimise, salvage
 from schwung.service.work.looking import backup, doctor, reset_fault, scan, secure
 from schwung.service.work.moving import bode, commission, plan, propose_bode
+from schwung.service.work.playing import play, propose_play
 
 
 @dataclass(frozen=True)
@@ -36,6 +37,9 @@ KINDS = {
     "restore": Kind(restore, on_bus=True, acts=True),
     "estimate": Kind(estimate),
     "explain": Kind(explain),
+    "optimise": Kind(optimise),
+    "propose_play": Kind(propose_play, on_bus=True),
+    "play": Kind(play, on_bus=True, acts=True),
     "import": Kind(import_file),
     "salvage": Kind(salvage),
 }

@@ -3,9 +3,13 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from schwung.service.workshop import Tell
+
+if TYPE_CHECKING:
+    from schwung.drivetrain import Machine
+    from schwung.optimise.values import Task
 
 
 def estimate_session(
@@ -17,9 +21,14 @@ def estimate_session(
     inversion: str = "complex",
     frequency_hz: float | None = None,
     points: int | None = None,
+    beside: dict[str, Any] | None = None,
     tell: Tell,
 ) -> dict[str, Any]:
-    """Estimate; inertia.csv, measured.toml and estimate.json into `folder`. Raises InputError."""
+    """Estimate; inertia.csv, measured.toml, estimate.json and report.html into `folder`. Raises InputError.
+
+    beside: what else estimate.json shall say, e.g. the plan and the checks of a commissioning, which the report shows.
+    """
+    from schwung.api.reports import content_of, standard_of, write_page  # noqa: PLC0415
     from schwung.commissioning.bode import with_recorded_gains  # noqa: PLC0415
     from schwung.drivetrain import load_machine, write_inertia_csv, write_machine  # noqa: PLC0415
     from schwung.estimation import estimate  # noqa: PLC0415
@@ -41,7 +50,11 @@ def estimate_session(
     )
     write_machine(believed.model_copy(update={"load": load}), folder / "measured.toml")
     document = found.to_json() | {"reach": reach and reach.to_json()}
-    replace_file(folder / "estimate.json", json_text(document))
+    replace_file(folder / "estimate.json", json_text((beside or {}) | document))
+    tell("Writing the report", 0.0)
+    write_page(
+        content_of(recorded, believed, found, standard_of(believed, None), folder), folder / "report.html"
+    )
     return {"verdict": found.trust.verdict, "document": document}
 
 
@@ -65,23 +78,19 @@ def session_summary(*, session: Path, tell: Tell) -> dict[str, Any]:
 
 def explain_session(*, session: Path, machine: Path, folder: Path, tell: Tell) -> dict[str, Any]:
     """Explain; explanation.json, machine.toml (learned) and explanation.html into `folder`. Raises InputError."""
+    from schwung.api.reports import write_explanation  # noqa: PLC0415
     from schwung.commissioning.bode import with_recorded_gains  # noqa: PLC0415
-    from schwung.drivetrain import load_machine, write_machine  # noqa: PLC0415
+    from schwung.drivetrain import load_machine  # noqa: PLC0415
     from schwung.explain.explain import explain  # noqa: PLC0415
     from schwung.files import json_text, replace_file  # noqa: PLC0415
-    from schwung.report.explanation import ExplanationContent, write_explanation  # noqa: PLC0415
     from schwung.session import read_session  # noqa: PLC0415
 
     recorded = read_session(session)
     believed = with_recorded_gains(load_machine(machine), recorded)
     found = explain(recorded, believed, progress=tell)
-    learned = folder / "machine.toml"
-    write_machine(found.machine, learned)
     document = found.to_json()
     replace_file(folder / "explanation.json", json_text(document))
-    title = f"{believed.name}: what the belief leaves out"
-    toml = learned.read_text(encoding="utf-8")
-    write_explanation(ExplanationContent(title, found, believed, recorded, toml), folder / "explanation.html")
+    write_explanation(found, recorded, believed, folder)
     return {"verdict": found.verdict, "document": document}
 
 
@@ -126,6 +135,41 @@ def fit_bode_session(
     document = {"format": FORMAT, "version": VERSION} | fit.to_json() | {"proposal": proposed}
     replace_file(folder / BODE_FILE, json_text(document))
     return document
+
+
+def optimise_motion(
+    *, machine: Path, folder: Path, asked: dict[str, Any], sample_rate_hz: float, tell: Tell
+) -> dict[str, Any]:
+    """Find the best motion of `task_of(machine, asked)`; setpoints, cams and pictures into `folder`. Raises
+    InputError."""
+    from schwung.api.optimising import optimise, write_optimised  # noqa: PLC0415
+    from schwung.drivetrain import load_machine  # noqa: PLC0415
+    from schwung.files import json_text, replace_file  # noqa: PLC0415
+
+    tell("Finding the motion", 0.0)
+    believed = load_machine(machine)
+    found = optimise(believed, task_of(believed, asked), rivals=asked["rivals"])
+    document = found.to_json()
+    write_optimised(found, folder, sample_rate_hz, document)
+    replace_file(folder / "optimised.json", json_text(document))
+    return document
+
+
+def task_of(machine: Machine, asked: dict[str, Any]) -> Task:
+    """What is asked of a motion, by the fields of OptimiseRequest. Raises InputError where that is no task."""
+    from schwung.optimise.values import MotionLimits, Task  # noqa: PLC0415
+
+    limits = dict(asked["limits"])
+    torque = limits.pop("torque_max_nm") or machine.motor.peak_torque_nm
+    return Task(
+        start_rad=asked["start_rad"],
+        distance_rad=asked["distance_rad"],
+        limits=MotionLimits(torque_max_nm=torque, jerk_max_rad_s3=asked["jerk_max_rad_s3"], **limits),
+        duration_s=asked["duration_s"],
+        weights=asked["weights"],
+        payloads_kgm2=(0.0, *asked["payloads_kgm2"]),
+        band_sigmas=2.0 if asked["robust"] else 0.0,
+    )
 
 
 def import_session(

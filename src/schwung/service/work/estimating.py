@@ -3,11 +3,18 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from pathlib import Path
 from typing import Any
 
 from schwung.errors import InputError
 from schwung.service.jobs import Task
-from schwung.service.work.computing import estimate_session, explain_session, import_session, session_summary
+from schwung.service.work.computing import (
+    estimate_session,
+    explain_session,
+    import_session,
+    optimise_motion,
+    session_summary,
+)
 
 
 def estimate(task: Task) -> Mapping[str, Any]:
@@ -35,6 +42,25 @@ def explain(task: Task) -> Mapping[str, Any]:
     )  # fmt: skip
     kept = store.add_explanation(task.run, session.id, found["verdict"], found["document"])
     return {"explanation_id": kept.id, "session_id": session.id, "verdict": found["verdict"]}
+
+
+def optimise(task: Task) -> Mapping[str, Any]:
+    """See OptimiseRequest."""
+    document = task.compute(
+        optimise_motion, machine=chosen_machine(task), folder=task.folder, asked=task.request.model_dump(),
+        sample_rate_hz=task.request.sample_rate_hz,
+    )  # fmt: skip
+    return {"optimised": document}
+
+
+def chosen_machine(task: Task) -> Path:
+    """The machine as an estimate has measured it, or as believed. Raises InputError where neither or both are named."""
+    asked, store = task.request, task.store
+    if (asked.estimate_id is None) == (asked.machine_id is None):
+        raise InputError("estimate_id", "and machine_id: exactly one is needed", "Name what was measured.")
+    if asked.estimate_id is not None:
+        return store.run_folder(store.estimate(asked.estimate_id).run_id) / "measured.toml"
+    return store.machine_path(asked.machine_id)
 
 
 def import_file(task: Task) -> Mapping[str, Any]:

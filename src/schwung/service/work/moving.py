@@ -86,12 +86,18 @@ def commission(task: Task) -> Mapping[str, Any]:
         session=kept.session_path,
         machine=task.store.machine_path(planned.machine_id),
         folder=task.folder,
+        beside=_beside(prepared),
     )
     estimate = task.store.add_estimate(task.run, session.id, found["verdict"], found["document"])
     return {
         "session_id": session.id, "estimate_id": estimate.id, "verdict": found["verdict"],
         "digest": made.digest, "retries": kept.recorded.retries,
     }  # fmt: skip
+
+
+def _beside(prepared: Prepared) -> dict[str, Any]:
+    checks = [vars(check) for check in prepared.preflight.checks]
+    return {"plan": settings_of(prepared.plan), "preflight": checks}
 
 
 @dataclass(frozen=True, eq=False)
