@@ -12,6 +12,8 @@ from service_desk import ADDRESS, STROKE, ServiceDesk, service_desk
 
 from schwung.service.stop_listener import StopListener
 
+HOST = {"host": "127.0.0.1:8737"}
+
 
 @pytest.fixture(scope="module")
 def desk(tmp_path_factory: pytest.TempPathFactory) -> Iterator[ServiceDesk]:
@@ -28,8 +30,12 @@ def test_a_commissioning_is_planned_confirmed_carried_out_and_kept(desk: Service
         assert plan["can_start"]
         assert plan["predicted"]["excited"]["peak_torque_nm"] <= plan["limits"]["torque_max_nm"]
         wanted = {"kind": "commission", "proposal_id": plan["proposal_id"], "digest": plan["digest"]}
-        run_id = client.post("/api/runs", json=wanted).json()["id"]
+        with client.websocket_connect(f"/api/drives/{desk.drive_id}/live?points=100", headers=HOST) as scope:
+            run_id = client.post("/api/runs", json=wanted).json()["id"]
+            seen = scope.receive_json()
         run = desk.ended(run_id)
+        assert 0 < len(seen["time_s"]) == len(seen["torque_nm"]) <= 100
+        assert max(abs(p) for p in seen["position_rad"]) < 4
         assert (run.state, run.error) == ("done", None)
         shown = client.get(f"/api/runs/{run_id}").json()
         assert shown["result"]["verdict"] in ("good", "doubtful")

@@ -15,6 +15,7 @@ from typing import ParamSpec, TypeVar
 import typer
 
 from schwung import __version__
+from schwung.cli import batch as _batch
 from schwung.cli.backup import backup
 from schwung.cli.bench import bench
 from schwung.cli.bode import bode
@@ -136,6 +137,11 @@ profiles = typer.Typer(help="List, show, check and draft device profiles.", rich
 for _subcommand in (list_, show, check, new):
     profiles.command(_name(_subcommand))(_told_interrupts(_subcommand, "profile "))
 app.add_typer(profiles, name="profile")
+
+batches = typer.Typer(help="Estimate or explain a whole archive of sessions (Dask).", rich_markup_mode="rich")
+for _batched in (_batch.estimate, _batch.explain):
+    batches.command(_name(_batched))(_told_interrupts(_batched, "batch "))
+app.add_typer(batches, name="batch")
 
 
 def _interrupt(number: int, frame: object) -> None:

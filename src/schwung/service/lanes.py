@@ -74,10 +74,9 @@ class Lane:
         """What is known of a drive."""
         return self._status.get(drive_id) or DriveStatus(drive_id)
 
-    def drive(self, drive_id: str) -> Drive | None:
-        """The connected drive, for those that look at live samples; None where it is not connected."""
-        held = self._held.get(drive_id)
-        return None if held is None else held.found.drive
+    def connected_drives(self) -> list[tuple[str, Drive]]:
+        """Ids and drives that are connected at this moment, for those who watch."""
+        return [(drive_id, held.found.drive) for drive_id, held in list(self._held.items())]
 
     def pull(self, drive_id: str | None = None) -> list[Brake]:
         """Quick stop of one drive, or all that are connected; returns at once the brakes that were pulled."""

@@ -14,6 +14,7 @@ import uvicorn
 from schwung.errors import InputError
 from schwung.service.app import make_app
 from schwung.service.guard import Guard, own_token
+from schwung.service.pages import mount_pages
 from schwung.service.service import Service
 from schwung.service.stop_listener import StopListener, listen
 from schwung.service.values import Settings
@@ -42,6 +43,7 @@ def run(settings: Settings, announce: Callable[[Started], None]) -> None:
             try:
                 app = make_app(service, guard)
                 app.state.stop_port = stopper.port
+                mount_pages(app, service, guard, stopper.port)
                 config = uvicorn.Config(
                     app, log_config=None, timeout_graceful_shutdown=2, server_header=False
                 )

@@ -1,10 +1,11 @@
 """The service itself: store, lanes, queue, latch and trail together. API and page use this, and nothing below it.
 
 submit(request, who)       a dict with "kind", see requests.py; returns the RunView, queued
-run, runs, cancel          RunView has state, progress, result, error
+run, runs, active, cancel  RunView has state, progress, result, error
 stop(who), release(who)    latch.stopped tells which STOP holds
 status(drive_id)           DriveStatus: connected, busy_with, state
 subscribe(listener)        called, from any thread, with each RunView, DriveStatus, Stopped (None: released)
+live.scope(drive_id)       samples as they come, see live.py
 store, trail, proposals    what is kept, who did what, what waits to be confirmed
 """
 
@@ -13,7 +14,7 @@ from __future__ import annotations
 import contextlib
 import logging
 import threading
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from functools import partial
 from pathlib import Path
 from typing import Any, Self
@@ -21,10 +22,12 @@ from typing import Any, Self
 from pydantic import ValidationError
 
 from schwung.errors import InputError
+from schwung.fieldbus.drive import Drive
 from schwung.service.audit import Trail
 from schwung.service.jobs import Jobs, Shared
 from schwung.service.lanes import DriveStatus, Lane
 from schwung.service.latch import Latch, Stopped
+from schwung.service.live import Live
 from schwung.service.proposals import Proposals
 from schwung.service.requests import Confirmed, parse_request
 from schwung.service.store import DriveRecord, Store, now
@@ -53,6 +56,7 @@ class Service:
         shared = Shared(self.store, self._workshop, self.proposals, self.trail)
         self._jobs = Jobs(shared, self._tell, settings.workers)
         self._lanes: dict[str, Lane] = {}
+        self.live = Live(self._connected_drives)
 
     def start(self) -> Self:
         """Open the lanes, and look after what an earlier process has left."""
@@ -73,6 +77,7 @@ class Service:
         for lane in self._lanes.values():
             ended = lane.close(_ENDED_WITHIN_S) and ended
         self._workshop.close()
+        self.live.close()
         if ended:
             self.store.close()
         else:
@@ -127,6 +132,10 @@ class Service:
         """Runs, the newest first; see Store.runs."""
         progress = {view.id: view for view in self._jobs.active()}
         return [progress.get(run.id, run) for run in self.store.runs(**wanted)]
+
+    def active(self) -> list[RunView]:
+        """All that is queued or running."""
+        return self._jobs.active()
 
     def cancel(self, run_id: str, who: str) -> RunView:
         """End a run. Where it moves, its drive is stopped. Raises NotFoundError, InputError."""
@@ -189,6 +198,10 @@ class Service:
         if lane is None:
             return DriveStatus(drive_id, trouble=f'the service was started without its bus "{record.bus}"')
         return lane.status(drive_id)
+
+    def _connected_drives(self) -> Iterator[tuple[str, Drive]]:
+        for lane in list(self._lanes.values()):
+            yield from lane.connected_drives()
 
     def _lane(self, drive: DriveRecord) -> Lane:
         self.settings.bus(drive.bus)

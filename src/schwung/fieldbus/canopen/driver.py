@@ -27,6 +27,7 @@ from schwung.fieldbus.drive import (
     DriveIdentity,
     DriveLimits,
     DriveState,
+    LiveSamples,
     Parameter,
     ParameterValue,
     Progress,
@@ -295,6 +296,10 @@ class CanopenDrive:
         cannot be given; on any trouble the drive is stopped and the error has the partial `recording`.
         """
         return self._operation.play(setpoints, progress)
+
+    def live(self) -> LiveSamples | None:
+        """See Watched.live."""
+        return self._operation.live.take()
 
     def halt(self) -> None:
         """Quick stop by RPDO and by SDO, torque offset 0. Never raises; from any thread."""
