@@ -22,9 +22,11 @@ _INDEX_WORDS = ("index", "sample", "no", "nr", "n", "count")
 _SLOWEST_HZ, _FASTEST_HZ = 20.0, 50e3
 _TIME_UNITS = (("s", 1.0), ("ms", 1e-3), ("us", 1e-6), ("ns", 1e-9))
 _STEADY_SHARE = 0.5  # of the steps of a time column lie this near to their median, as a share of it
+_SETTLED = 12  # rows: thinned out, they are an eighth of the period at its edge apart, or less
 _MOST_SAMPLES = 200_000
 _ANALYSED = 20_000
 _MOVING_SHARE = 0.999  # of a column's power lies below the frequency up to which it is looked at
+_NOISE_FLOORS = 4.0  # a line of noise is seldom so many times its usual power
 _FEWEST = 64
 _TURNS = (2 * np.pi, 360.0, 1.0, *(float(1 << k) for k in range(8, 33)))
 
@@ -55,6 +57,7 @@ class Prepared:
     slow: NDArray[np.float64]
     slope: NDArray[np.float64]
     noise: Array
+    edge: int  # rows at either end within which the low pass has not settled
     dropped: int  # rows without a number somewhere, or with the stamp of the row before
 
     def index(self, column: Column) -> int:
@@ -104,7 +107,7 @@ def _with_unit(column: Column, said: str | None, others: tuple[str, ...]) -> Tim
         return TimeFound(column, None, 1.0, f"{grows}, which in no unit is a usual rate", others, False)
     name, factor = fitting[0]
     also = tuple(f"in {other} it were {1 / (step * scale):g} Hz" for other, scale in fitting[1:])
-    evidence = f"{grows}: {1 / (step * factor):.6g} Hz if it is in {name}"
+    evidence = f"{grows}: {1 / (step * factor):.4g} Hz if it is in {name}"
     if step == 1.0 and (_has_word(column.name, _INDEX_WORDS) or column.name.startswith("column ")):
         counted = f"{evidence}; it may be a mere count of samples: then give --rate"
         return TimeFound(column, name, factor, counted, (*also, *others), False)
@@ -185,7 +188,7 @@ def prepare(table: Table, time: TimeFound, rate: float | None) -> Prepared:
     noise = np.array([white_noise(values) for values in matrix.T])
     slow, slow_rate = _slowed(matrix, hz)
     slope = np.gradient(slow, 1 / slow_rate, axis=0)
-    return Prepared(table, tuple(kept), time, clock, slow_rate, matrix, slow, slope, noise, dropped)
+    return Prepared(table, tuple(kept), time, clock, slow_rate, matrix, slow, slope, noise, _SETTLED, dropped)
 
 
 def _unwrapped(values: Array) -> Array:
@@ -201,9 +204,10 @@ def _slowed(matrix: NDArray[np.float64], rate_hz: float) -> tuple[NDArray[np.flo
     """Columns through a low pass without lag, thinned out. It passes what the smoothest column moves by: that is the
     position, whatever its name, and the rest is told by it."""
     size = matrix.shape[0]
-    spectrum = np.abs(np.fft.rfft((matrix - matrix.mean(axis=0)) * np.hanning(size)[:, None], axis=0)) ** 2
-    spectrum *= np.arange(spectrum.shape[0])[:, None] ** 2  # of the slope
-    share = np.cumsum(spectrum, axis=0) / np.maximum(spectrum.sum(axis=0), 1e-300)
+    power = np.abs(np.fft.rfft((matrix - matrix.mean(axis=0)) * np.hanning(size)[:, None], axis=0)) ** 2
+    floor = np.median(power[power.shape[0] // 2 :], axis=0)  # noise: it has no part in the motion
+    slope = np.clip(power - _NOISE_FLOORS * floor, 0, None) * np.arange(power.shape[0])[:, None] ** 2
+    share = np.cumsum(slope, axis=0) / np.maximum(slope.sum(axis=0), 1e-300)
     edges = np.argmax(share >= _MOVING_SHARE, axis=0) * rate_hz / size
     edge = float(np.clip(4 * edges.min(), 4 * rate_hz / size, 0.4 * rate_hz))
     slow = sosfiltfilt(butter(4, edge / (rate_hz / 2), output="sos"), matrix, axis=0)

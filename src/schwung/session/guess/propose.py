@@ -73,16 +73,20 @@ class Proposal:
 
 @dataclass(frozen=True, eq=False)
 class Curves:
-    """What shows why: (n,) over time (s), in SI where the unit is known; and the torque against what explains it."""
+    """What shows why: (n,) over time (s), in SI where the unit is known; and the torque against what explains it.
+    `gathering` is the torque without what speed, friction and weight account for; over acceleration its slope is
+    `inertia`. `start_s` is the file's own time at 0."""
 
     time_s: Array
     slope: Array
     speed: Array | None
     torque: Array
     fitted: Array
+    gathering: Array
     acceleration: Array
-    explained: float
+    inertia: float
     steps_s: Array
+    start_s: float
 
 
 def propose(table: Table, said: Mapping[str, Any]) -> tuple[Proposal, ...]:
@@ -114,7 +118,7 @@ def _proposal(given: Prepared, joint: Joint, name: str, said: Mapping[str, Any])
     speed = None if joint.speed is None else given.columns[joint.speed]
     axis = _axis(position, said)
     units = {key: str(said[f"{key}_unit"]) for key in ("position", "speed") if said.get(f"{key}_unit")}
-    found = find_units(position, speed, joint.ratio, axis, units)
+    found = find_units(position, speed, joint.ratio, axis, units, joint.correlation)
     torque = joint.torques[0]
     turned = joint.ratio is not None and joint.ratio < 0
     against = torque.sign < 0
@@ -204,8 +208,8 @@ def _torque(given: Prepared, joint: Joint, turned: bool, axis: Axis, said: Mappi
         {"torque_scale": "-1"} if turned else {}
     )
     evidence = (
-        f"acceleration, speed, friction and weight explain {100 * best.explained:.0f} % of it, acceleration alone adds "
-        f"{100 * best.by_acceleration:.0f} %"
+        f"acceleration, speed, friction and weight explain {100 * best.explained:.0f} % of it; "
+        f"of what the others leave, acceleration explains {100 * best.by_acceleration:.0f} %"
     )
     if turned and best.by_acceleration > SURE_GAIN:
         evidence += "; it brakes where the axis gathers speed: turned"
@@ -252,13 +256,13 @@ def _curves(given: Prepared, joint: Joint) -> Curves:
     torque = joint.torques[0]
     slope = given.slope[:, joint.position]
     acceleration = given.differentiated(slope)
-    edge = 4
-    kept = slice(edge, -edge)
+    kept = slice(given.edge, -given.edge)
     speed = None if joint.speed is None or not joint.ratio else given.slow[kept, joint.speed] / joint.ratio
     time = np.arange(given.slow.shape[0]) / given.rate_hz
     stamps = given.time.column.values * given.time.factor if given.time.column is not None else None
     steps = np.diff(stamps[np.isfinite(stamps)]) if stamps is not None else np.array([])
     return Curves(
         time_s=time[kept], slope=slope[kept], speed=speed, torque=given.slow[kept, torque.column], fitted=torque.fitted,
-        acceleration=acceleration[kept], explained=torque.explained, steps_s=steps,
+        acceleration=acceleration[kept], gathering=torque.gathering, inertia=torque.inertia, steps_s=steps,
+        start_s=0.0 if given.clock is None else given.clock.start_s,
     )  # fmt: skip

@@ -20,9 +20,9 @@ _SAME = 0.99
 #: Columns in exact proportion are the same signal in two units.
 _PROPORTION = 1 - 1e-9
 _SMOOTH = 0.02  # white noise of a position, as a share of its range
-#: A share of the torque's variance that acceleration alone has to add before it tells the sign; else work does, which a
-#: motor puts in on the whole.
-SURE_GAIN = 0.05
+#: The share of what speed, friction and weight leave that acceleration has to explain before it tells the sign; else
+#: work does, which a motor puts in on the whole.
+SURE_GAIN = 0.3
 _EXPLAINED = 0.3  # of a torque's variance, at the least, by a motion's own terms
 _QUIETER = 2.0  # by so much less noise the demanded of two signals has
 _LEAD_SAMPLES = 0.3
@@ -91,6 +91,7 @@ class Torque:
     by_acceleration: float
     inertia: float  # in the column's unit per (position unit)/s²
     fitted: Array
+    gathering: Array  # without what speed, friction and weight account for
 
 
 @dataclass(frozen=True)
@@ -111,8 +112,9 @@ class Joint:
 
 def find_joints(given: Prepared, fixed: dict[str, int]) -> list[Joint]:
     """Axes in the file, the one that explains most first. `fixed`: places that the user said, by quantity."""
-    correlation = _correlation(given.slope, given.slow)
-    through_origin = _correlation(given.slope, given.slow, centred=False)
+    settled = slice(given.edge, -given.edge)
+    slope, slow = given.slope[settled], given.slow[settled]
+    correlation, through_origin = _correlation(slope, slow), _correlation(slope, slow, centred=False)
     told = (np.abs(through_origin) > _IS_SLOPE_AT_ALL) & (np.abs(correlation) > _CHANGES_ALIKE)
     correlation = np.where(told, through_origin, correlation)
     positions = [fixed["position"]] if "position" in fixed else _roots(given, correlation)
@@ -241,8 +243,10 @@ def _speeds(
     for k in candidates:
         r = float(correlation[position, k])
         if abs(r) > _IS_SLOPE or "speed" in fixed:
-            slope = given.slope[:, position]
-            ratio = float(np.dot(slope, given.slow[:, k]) / max(np.dot(slope, slope), 1e-300))
+            slope = given.slope[given.edge : -given.edge, position]
+            ratio = float(
+                np.dot(slope, given.slow[given.edge : -given.edge, k]) / max(np.dot(slope, slope), 1e-300)
+            )
             pairs.append(Pair(position, k, ratio, r))
 
     def rank(pair: Pair) -> tuple[bool, bool, float]:
@@ -260,7 +264,7 @@ def _torques(given: Prepared, position: int, taken: set[int], fixed: dict[str, i
     constant, and, of an angle, a weight."""
     speed = given.slope[:, position]
     acceleration = given.differentiated(speed)
-    edge = 4  # the ends of filters
+    edge = given.edge
     spread = float(np.std(speed))
     columns = [acceleration, speed, np.tanh(speed / max(0.05 * spread, 1e-300)), np.ones_like(speed)]
     span = given.slow[:, position]
@@ -284,11 +288,12 @@ def _torques(given: Prepared, position: int, taken: set[int], fixed: dict[str, i
         rest = float(np.var(values - matrix[:, 1:] @ (without / scale[1:])))
         left = float(np.var(values - fitted))
         explained = 1 - left / max(total, 1e-300)
-        gained = (rest - left) / max(total, 1e-300)
+        gained = (rest - left) / max(rest, 1e-300)
         if explained > _EXPLAINED or sounds_like(name, (*TORQUE_WORDS, *CURRENT_WORDS)) or "torque" in fixed:
             work = float(np.dot(values, speed[edge:-edge]))
             sign = float(np.sign(parts[0] if gained > SURE_GAIN else work)) or 1.0
-            found.append(Torque(k, sign, explained, gained, abs(float(parts[0])), fitted))
+            gathering = values - matrix[:, 1:] @ parts[1:]
+            found.append(Torque(k, sign, explained, gained, float(parts[0]), fitted, gathering))
 
     def rank(torque: Torque) -> tuple[bool, bool, float]:
         name = given.columns[torque.column].name

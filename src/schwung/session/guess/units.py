@@ -45,9 +45,14 @@ def told_unit(column: Column, quantity: Quantity, axis: Axis) -> str | None:
 
 
 def find_units(
-    position: Column, speed: Column | None, ratio: float | None, axis: Axis, said: dict[str, str]
+    position: Column,
+    speed: Column | None,
+    ratio: float | None,
+    axis: Axis,
+    said: dict[str, str],
+    correlation: float = 1.0,
 ) -> UnitPair:
-    """Units of a position and of a speed that is `ratio` times its slope (per s)."""
+    """Units of a position and of a speed that is `ratio` times its slope (per s), and correlates so well with it."""
     own_position = said.get("position") or told_unit(position, "position", axis)
     own_speed = said.get("speed") or (told_unit(speed, "speed", axis) if speed is not None else None)
     numbers = position.values[np.isfinite(position.values)]
@@ -57,7 +62,8 @@ def find_units(
     if speed is None or ratio is None:
         return _alone(own_position, counts, numbers, axis)
     size = abs(ratio)
-    fitting = _fitting(size, axis, own_position, own_speed)
+    within = _SAME_RATIO + 2 * (1 - abs(correlation))  # noise in the speed takes from the ratio
+    fitting = _fitting(size, axis, own_position, own_speed, within)
     if counts and own_position is None:
         fitting = [*_by_counts(size, axis, own_speed), *fitting]
     if not fitting:
@@ -82,12 +88,14 @@ def find_units(
 _Fit = tuple[str, str, float]  # units of position and speed, and the ratio that they make
 
 
-def _fitting(size: float, axis: Axis, own_position: str | None, own_speed: str | None) -> list[_Fit]:
+def _fitting(
+    size: float, axis: Axis, own_position: str | None, own_speed: str | None, within: float
+) -> list[_Fit]:
     found: list[_Fit] = []
     for place in [own_position] if own_position else _POSITIONS[axis]:
         for pace in [own_speed] if own_speed else _SPEEDS[axis]:
             expected = unit(place, "position", axis).factor / unit(pace, "speed", axis).factor
-            if abs(size / expected - 1) < _SAME_RATIO:
+            if abs(size / expected - 1) < within:
                 found.append((place, pace, expected))
     return found
 
@@ -133,6 +141,8 @@ def _step_of(numbers: Array) -> float:
     step = float(np.median(steps[steps <= 1.5 * steps.min()]))
     if step <= 0:
         return 0.0
+    if abs(math.log10(step) - round(math.log10(step))) < _EXACT:
+        return 0.0  # decimals, as they were written
     span = float(values[-1] - values[0])
     step = span / round(span / step)
     off = np.abs((values - values[0]) / step - np.rint((values - values[0]) / step))
