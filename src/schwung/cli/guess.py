@@ -6,9 +6,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from schwung.api.recordings import Imported, Proposal
     from schwung.cli.console import Terminal
-    from schwung.session.guess import Proposal
-    from schwung.session.imports import Imported
 
 
 def guess(
@@ -18,9 +17,8 @@ def guess(
     """Propose an import for each axis in a file; with `yes`, do it. Raises InputError for what cannot be guessed."""
     from rich.markup import escape
 
+    from schwung.api.recordings import draw_import, propose, read_table, write_session
     from schwung.errors import InputError
-    from schwung.session.guess import propose
-    from schwung.session.imports import read_table, write_session
 
     if len(files) != 1:
         raise InputError("--guess", f"is given {len(files)} files", "Give one file at a time.")
@@ -38,7 +36,7 @@ def guess(
         imported = _imported(path, proposal, carried)
         imports.append((imported, target))
         picture = target.with_name(f"{target.stem}-guess.png")
-        _draw(proposal, imported, path.name, picture)
+        draw_import(proposal, imported.session, path.name, picture)
         if len(proposals) > 1:
             terminal.say(f"[bold]Axis {number + 1} of {len(proposals)}: {escape(proposal.name)}[/]")
         _show(terminal, proposal)
@@ -65,12 +63,11 @@ _GUESSED = (
 
 def picture_of(files: list[Path], given: dict[str, Any], imported: Imported, picture: Path) -> None:
     """The same picture of an import that was given column by column. Raises InputError where nothing can be shown."""
-    from schwung.session.guess import propose
-    from schwung.session.imports import read_table
+    from schwung.api.recordings import draw_import, propose, read_table
 
     dbc = given.get("dbc")
     table = read_table(files[0], Path(dbc) if dbc else None, given.get("channel"))
-    _draw(propose(table, given)[0], imported, files[0].name, picture)
+    draw_import(propose(table, given)[0], imported.session, files[0].name, picture)
 
 
 def _named(out: Path, joint: str) -> Path:
@@ -92,17 +89,9 @@ def _chosen(proposals: tuple[Proposal, ...], joint: str) -> Proposal:
 
 
 def _imported(path: Path, proposal: Proposal, carried: dict[str, Any]) -> Imported:
-    from schwung.session.imports import import_recordings, make_recipe
+    from schwung.api.recordings import import_recordings, make_recipe
 
     return import_recordings([path], make_recipe(carried | proposal.options, "schwung import --guess"))
-
-
-def _draw(proposal: Proposal, imported: Imported, title: str, picture: Path) -> None:
-    from schwung.files import replace_file
-    from schwung.report.figures_import import import_figure
-    from schwung.report.style import to_png
-
-    replace_file(picture, to_png(import_figure(proposal, imported.session, title)))
 
 
 def _show(terminal: Terminal, proposal: Proposal) -> None:
