@@ -17,6 +17,7 @@ import numpy as np
 from fastapi import APIRouter, WebSocket, WebSocketDisconnect
 
 from schwung.motion import Array
+from schwung.service.live import KEPT_ROWS
 from schwung.service.pages.decimation import BEGUN, CONTINUED, Columns, Decimator, frame
 from schwung.service.service import Service
 from schwung.service.values import is_id
@@ -126,9 +127,18 @@ async def _listen(socket: WebSocket, want: Callable[[float, int], None]) -> None
 
 
 def source_of(service: Service, drive_id: str) -> Source:
-    """The samples of a drive."""
+    """The samples of a drive; the following error is what is demanded less what is there."""
+    scope = service.live.scope(drive_id)
 
-    def nothing(after: int, window_s: float) -> Fresh:
-        return Fresh(after, np.empty(0), np.empty((len(TRACES), 0)))
+    def fresh(after: int, window_s: float) -> Fresh:
+        view = scope.since(
+            after, 2 * KEPT_ROWS
+        )  # all of them: columns that stand still are made by the Decimator
+        c = view.columns
+        error = c["position_demand_rad"] - c["position_rad"]
+        values = np.vstack([c["position_rad"], c["speed_rad_s"], c["torque_nm"], error])
+        time_s = c["time_s"]
+        seen = time_s >= time_s[-1] - window_s if time_s.size else np.ones(0, bool)
+        return Fresh(view.cursor, time_s[seen], values[:, seen])
 
-    return nothing
+    return fresh

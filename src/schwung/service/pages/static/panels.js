@@ -227,7 +227,10 @@
         let shown = s.name;
         if (this.cursor !== null && s.x.length) {
           const i = nearest(s.x, this.cursor);
-          shown += s.y ? " " + text(s.y[i]) : s.kind === "extremes" ? " " + text((s.low[i] + s.high[i]) / 2) : "";
+          shown += s.y ? " " + text(s.y[i]) : s.kind === "extremes" ? text((s.low[i] + s.high[i]) / 2) : "";
+        } else if (s.kind === "extremes") {
+          const i = s.x.length - 1;
+          shown += i >= 0 ? text((s.low[i] + s.high[i]) / 2) : "–";
         }
         const wide = c.measureText(shown).width + 18;
         if (x + wide > box.right) break;
