@@ -22,7 +22,8 @@ from schwung.service.pages.decimation import BEGUN, CONTINUED, Columns, Decimato
 from schwung.service.service import Service
 from schwung.service.values import is_id
 
-FRAMES_PER_S = 30.0
+#: Looked for twice as often as it comes (live.py) and is drawn (scope.js), so that no picture waits for the next one.
+LOOKS_PER_S = 60.0
 #: What is drawn, in this order: name, unit, colour, and the least range of its axis.
 TRACES: list[dict[str, Any]] = [
     {"name": "Position", "unit": "rad", "colour": "trace-1", "least": 1e-3},
@@ -105,7 +106,7 @@ def scope_routes(service: Service) -> APIRouter:
             while not asking.done():
                 for sent in feed.frames():
                     await socket.send_bytes(sent)
-                await asyncio.sleep(1 / FRAMES_PER_S)
+                await asyncio.sleep(1 / LOOKS_PER_S)
         except (WebSocketDisconnect, RuntimeError):
             pass  # the client went away
         finally:

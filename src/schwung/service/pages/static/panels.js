@@ -153,7 +153,7 @@
       const shares = panels.map((panel) => panel.share || 1), all = shares.reduce((a, b) => a + b, 0);
       const room = height - BOTTOM - panels.length * TITLE - (panels.length - 1) * GAP;
       const marks = panels.map((panel, n) =>
-        panel.log ? logTicks(...reaches[n]) : ticks(...reaches[n], Math.max(2, Math.min(6, (room * shares[n]) / all / 34))));
+        panel.log ? logTicks(...reaches[n]) : ticks(...reaches[n], Math.max(3, Math.min(6, (room * shares[n]) / all / 30))));
       const steps = marks.map((m) => (m.length > 1 ? m[1] - m[0] : 1));
       const widest = Math.max(...marks.flatMap((m, n) => m.map((v) => c.measureText(panels[n].log ? text(v) : text(v, steps[n])).width)), 28);
       const left = Math.ceil(widest) + 14;
