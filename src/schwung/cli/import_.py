@@ -10,8 +10,7 @@ import typer
 from schwung.cli.options import Json
 
 if TYPE_CHECKING:
-    from schwung.session import Session
-    from schwung.session.imports import Imported
+    from schwung.api.recordings import Imported, Session
 
 _COLUMNS, _UNITS, _TIME, _RUNS, _CAN = "Columns", "Units", "Time", "Runs", "CAN logs"
 
@@ -164,10 +163,9 @@ def import_(
 
       schwung import --recipe emps.toml --out emps.h5
     """
+    from schwung.api.recordings import import_recordings, log_kind, make_recipe, read_recipe, write_session
     from schwung.cli.console import Terminal
     from schwung.errors import InputError
-    from schwung.session.imports import import_recordings, make_recipe, read_recipe, write_session
-    from schwung.session.imports.canframes import log_kind
 
     terminal = Terminal(json_output)
     options: dict[str, Any] = {
@@ -205,9 +203,8 @@ def _from_log(
     files: list[Path], eds: Path, node: int | None, profile: str | None, given: dict[str, Any]
 ) -> Imported:
     """A CAN log by an EDS. Raises InputError for options that mean nothing there."""
+    from schwung.api.recordings import LogRecipe, import_can_log, unit
     from schwung.errors import InputError
-    from schwung.fieldbus.canlog import LogRecipe, import_can_log
-    from schwung.session.imports.units import unit
 
     said = {
         key: given.pop(f"{key}_unit") for key in ("position", "speed", "torque") if f"{key}_unit" in given
