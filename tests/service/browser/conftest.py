@@ -28,5 +28,4 @@ def browser(served: Served) -> Iterator[Any]:
 def page(browser: Any, served: Served) -> Iterator[Any]:
     with visiting(browser, served) as visit:
         yield visit
-    if served.call("GET", "/api/stop")["stopped"]:  # whatever became of the test
-        served.call("POST", "/api/release")
+    served.settle()  # whatever became of the test

@@ -99,6 +99,15 @@ class Served:
             time.sleep(0.05)
         return run
 
+    def settle(self) -> None:
+        """Nothing goes on, and nothing is stopped."""
+        for run in self.call("GET", "/api/runs?limit=10"):
+            if run["state"] in ("queued", "running"):
+                self.call("POST", f"/api/runs/{run['id']}/cancel")
+                self.ended(run["id"])
+        if self.call("GET", "/api/stop")["stopped"]:
+            self.call("POST", "/api/release")
+
     def begin_motion(self, repeats: int = 50) -> Any:
         """A long commissioning, when it moves; the run."""
         plan = {
