@@ -132,7 +132,10 @@ def _facts(document: Mapping[str, Any]) -> Safe:
         ("Expected error", percent(trust.get("predicted_error"))),
     ]
     notes = "".join(f"<li>{escape(note)}</li>" for note in document.get("notes", ()))
-    return Safe(facts(pairs) + (f"<ul>{notes}</ul>" if notes else ""))
+    how = (
+        f'<details class="sw"><summary>How it was found</summary><ul>{notes}</ul></details>' if notes else ""
+    )
+    return Safe(facts(pairs) + how)
 
 
 def _drift(curve: NamedCurve, before: Sequence[ResultRecord]) -> Safe:

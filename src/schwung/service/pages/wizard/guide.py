@@ -45,6 +45,7 @@ class Guide:
         self.known = Known(machine_id=drive.machine_id)
         self.step = CONNECT
         self._failed = False
+        self._client = ui.context.client  # steps are built by what they replace
         self._bar = html("", "ol", "sw-steps").props('aria-label="steps"')
         self._place = ui.element("div").classes("sw-column")
 
@@ -57,7 +58,10 @@ class Guide:
             _builders()[step](self)
         run = self.known.run
         keeps = step >= RUN and run is not None
-        set_address(f"/commission/{self.drive.id}" + (f"?run={run.id}" if keeps and run is not None else ""))
+        set_address(
+            self._client,
+            f"/commission/{self.drive.id}" + (f"?run={run.id}" if keeps and run is not None else ""),
+        )
 
     def fail(self) -> None:
         """Mark the step as one that did not go well."""
