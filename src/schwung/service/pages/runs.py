@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Mapping
+from functools import partial
 from html import escape
 from typing import Any
 
@@ -14,9 +15,12 @@ from schwung.errors import SchwungError
 from schwung.service.pages.curves import prediction_diagram
 from schwung.service.pages.desk import LOOK_S, Desk, button, frame, go, grid, html, panel
 from schwung.service.pages.diagrams import Diagram
+from schwung.service.pages.explaining import show_explanation
 from schwung.service.pages.fields import choice
 from schwung.service.pages.markup import Safe, checks, facts, link, moment, problem, table
 from schwung.service.pages.outcome import show_estimate
+from schwung.service.pages.proposals import show_proposal
+from schwung.service.pages.reported import show_drawings
 from schwung.service.pages.watching import Watched
 from schwung.service.pages.words import kind_name, run_tag, verdict_tag
 from schwung.service.values import ENDED, RunView
@@ -24,6 +28,9 @@ from schwung.service.work import KINDS
 
 _KIND_CHOICE = {"": "all kinds", **{kind: kind_name(kind) for kind in KINDS}}
 _MOST = 300
+_CONFIGURATIONS = ("drive.dcf", "drive.bin", "drive.backup.json", "export.backup.json", "restore.backup.json")
+#: The report's picture that the page draws itself.
+CURVE = "The inertia curve"
 
 
 def runs_table(desk: Desk, drive_id: str | None = None, kind: str | None = None, limit: int = _MOST) -> Safe:
@@ -110,7 +117,10 @@ def one(desk: Desk, request: Request) -> None:
                         button("Cancel", lambda: _cancel(desk, run.id), "small")
                 with ui.element("div").classes("sw-body"):
                     Watched(desk, run, None if run.state in ENDED else lambda done: go(f"/run/{done.id}"))
-            with panel("Files", "w4"):
+            with panel("Files", "w4") as head:
+                if run.state in ENDED:
+                    with head:
+                        html(f'<a href="/api/runs/{run.id}/archive">All as one archive (zip)</a>', "span")
                 html(_files(desk, run))
         if run.state in ENDED:
             show_result(desk, run)
@@ -157,11 +167,9 @@ def show_result(desk: Desk, run: RunView) -> None:
     """What came of a run that has ended, by what is in its result."""
     result = run.result or {}
     store = desk.service.store
-    if result.get("estimate_id"):
+    if result.get("estimate_id") and run.kind in ("commission", "estimate"):
         show_estimate(desk, store.estimate(result["estimate_id"]))
     if result.get("explanation_id"):
-        from schwung.service.pages.explaining import show_explanation  # noqa: PLC0415  # it shows runs, too
-
         show_explanation(desk, store.explanation(result["explanation_id"]))
     if result.get("predicted"):
         with panel("Predicted motion"), ui.element("div").classes("sw-body"):
@@ -169,7 +177,53 @@ def show_result(desk: Desk, run: RunView) -> None:
     if result.get("checks"):
         with panel("Checks"):
             html(checks(result["checks"]))
+    if "nodes" in result:
+        with panel("Nodes"):
+            html(_nodes(result["nodes"]))
+    show_proposal(desk, run)
+    if not result.get("explanation_id"):
+        with grid():
+            show_drawings(desk, run, (CURVE,))
     notes = result.get("notes") or ()
     if notes:
         with panel("Notes"), ui.element("div").classes("sw-body"):
             html("<ul>" + "".join(f"<li>{escape(str(note))}</li>" for note in notes) + "</ul>")
+    _show_next(desk, run)
+
+
+def _nodes(nodes: list[Mapping[str, Any]]) -> Safe:
+    keys = list(nodes[0]) if nodes else []
+    rows = [[_plain(node[key]) for key in keys] for node in nodes]
+    return table([key.replace("_", " ").capitalize() for key in keys], rows, empty="Nobody answers.")
+
+
+def _show_next(desk: Desk, run: RunView) -> None:
+    """What may follow on this run: estimate or explain its session, put back what a file holds."""
+    result = run.result or {}
+    offered: list[tuple[str, str, dict[str, Any]]] = []
+    if result.get("session_id"):
+        session = {"session_id": result["session_id"]}
+        offered.append(("Explain the difference to the belief", "explain", session))
+        offered.append(("Estimate once more", "estimate", session))
+    if run.drive_id is not None:
+        for file in desk.service.store.files(run.id):
+            if file.name in _CONFIGURATIONS:
+                request = {"drive_id": run.drive_id, "file_id": file.id}
+                offered.append(
+                    (f"Compare {file.name} with the drive, to put it back", "propose_restore", request)
+                )
+    offered = [one for one in offered if one[1] in KINDS]
+    if not offered or run.state not in ENDED:
+        return
+    with panel("What may follow"), ui.element("div").classes("sw-body sw-row"):
+        for word, kind, request in offered:
+            button(
+                word,
+                partial(_ask, desk, {"kind": kind, **request}),
+                enabled=desk.may_act,
+                why="Log in first.",
+            )
+
+
+def _ask(desk: Desk, request: dict[str, Any]) -> None:
+    go(f"/run/{desk.service.submit(request, desk.who).id}")
