@@ -73,8 +73,8 @@ def changes_table(changes: Sequence[Mapping[str, Any]], heads: tuple[str, str] =
             change["object"],
             Safe(f"<del>{escape(_value(change, 'old'))}</del>"),
             Safe(f"<ins>{escape(_value(change, 'new'))}</ins>"),
-            change.get("unit") or "",
-            "" if change["old"] != change["new"] else "as it is",
+            Safe(escape(change.get("unit") or "")),
+            Safe("" if change["old"] != change["new"] else "as it is"),
         )
         for change in changes
     ]

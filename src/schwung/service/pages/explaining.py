@@ -42,10 +42,9 @@ def proof_numbers(document: Mapping[str, Any]) -> Safe:
     """Before and after, on runs that were kept aside, against the noise."""
     fit, floor = document["fit"], document["noise_floor"]["torque_nm"]
     before, after = fit["before"]["torque_rmse_nm"], fit["after"]["torque_rmse_nm"]
-    aside = (
-        f"{len(fit['heldout_runs'])} runs kept aside" if fit["heldout_runs"] else "the runs it was fitted to"
-    )
-    share = f"{before / after:.3g} ×" if after else "–"
+    count = len(fit["heldout_runs"])
+    aside = f"{count} run{'s' if count > 1 else ''} kept aside" if count else "the runs it was fitted to"
+    share = f"{before / after:.3g} ×" if after and document["findings"] else "–"
     return numbers(
         (
             (si(before, 3), "N·m", f"missed before, RMS on {aside}"),

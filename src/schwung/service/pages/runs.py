@@ -17,6 +17,7 @@ from schwung.service.pages.desk import LOOK_S, Desk, button, frame, go, grid, ht
 from schwung.service.pages.diagrams import Diagram
 from schwung.service.pages.explaining import show_explanation
 from schwung.service.pages.fields import choice
+from schwung.service.pages.following import show_next
 from schwung.service.pages.markup import Safe, checks, facts, link, moment, problem, table
 from schwung.service.pages.outcome import show_estimate
 from schwung.service.pages.proposals import show_proposal
@@ -28,7 +29,6 @@ from schwung.service.work import KINDS
 
 _KIND_CHOICE = {"": "all kinds", **{kind: kind_name(kind) for kind in KINDS}}
 _MOST = 300
-_CONFIGURATIONS = ("drive.dcf", "drive.bin", "drive.backup.json", "export.backup.json", "restore.backup.json")
 #: The report's picture that the page draws itself.
 CURVE = "The inertia curve"
 
@@ -114,9 +114,10 @@ def one(desk: Desk, request: Request) -> None:
             with panel("How it went", "w8") as head:
                 with head:
                     if run.state not in ENDED and desk.may_act:
-                        button("Cancel", lambda: _cancel(desk, run.id), "small")
-                with ui.element("div").classes("sw-body"):
+                        button("Cancel", partial(_cancel, desk, run.id), "small")
+                with ui.element("div").classes("sw-body sw-column"):
                     Watched(desk, run, None if run.state in ENDED else lambda done: go(f"/run/{done.id}"))
+                    html(_asked(desk, run))
             with panel("Files", "w4") as head:
                 if run.state in ENDED:
                     with head:
@@ -124,8 +125,6 @@ def one(desk: Desk, request: Request) -> None:
                 html(_files(desk, run))
         if run.state in ENDED:
             show_result(desk, run)
-        with panel("As it was asked for"), ui.element("div").classes("sw-body"):
-            html(_asked(desk, run))
 
 
 def _cancel(desk: Desk, run_id: str) -> None:
@@ -188,42 +187,10 @@ def show_result(desk: Desk, run: RunView) -> None:
     if notes:
         with panel("Notes"), ui.element("div").classes("sw-body"):
             html("<ul>" + "".join(f"<li>{escape(str(note))}</li>" for note in notes) + "</ul>")
-    _show_next(desk, run)
+    show_next(desk, run)
 
 
 def _nodes(nodes: list[Mapping[str, Any]]) -> Safe:
     keys = list(nodes[0]) if nodes else []
     rows = [[_plain(node[key]) for key in keys] for node in nodes]
     return table([key.replace("_", " ").capitalize() for key in keys], rows, empty="Nobody answers.")
-
-
-def _show_next(desk: Desk, run: RunView) -> None:
-    """What may follow on this run: estimate or explain its session, put back what a file holds."""
-    result = run.result or {}
-    offered: list[tuple[str, str, dict[str, Any]]] = []
-    if result.get("session_id"):
-        session = {"session_id": result["session_id"]}
-        offered.append(("Explain the difference to the belief", "explain", session))
-        offered.append(("Estimate once more", "estimate", session))
-    if run.drive_id is not None:
-        for file in desk.service.store.files(run.id):
-            if file.name in _CONFIGURATIONS:
-                request = {"drive_id": run.drive_id, "file_id": file.id}
-                offered.append(
-                    (f"Compare {file.name} with the drive, to put it back", "propose_restore", request)
-                )
-    offered = [one for one in offered if one[1] in KINDS]
-    if not offered or run.state not in ENDED:
-        return
-    with panel("What may follow"), ui.element("div").classes("sw-body sw-row"):
-        for word, kind, request in offered:
-            button(
-                word,
-                partial(_ask, desk, {"kind": kind, **request}),
-                enabled=desk.may_act,
-                why="Log in first.",
-            )
-
-
-def _ask(desk: Desk, request: dict[str, Any]) -> None:
-    go(f"/run/{desk.service.submit(request, desk.who).id}")
