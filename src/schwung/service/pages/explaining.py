@@ -13,7 +13,7 @@ from schwung.service.pages.desk import Desk, grid, html, panel
 from schwung.service.pages.markup import Safe, muted, numbers, percent, si, table, verdict
 from schwung.service.pages.reported import show_drawings
 from schwung.service.pages.words import VERDICTS
-from schwung.service.store import ResultRecord
+from schwung.service.records import ResultRecord
 
 
 def show_explanation(desk: Desk, found: ResultRecord) -> None:

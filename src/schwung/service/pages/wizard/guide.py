@@ -13,7 +13,7 @@ from nicegui import ui
 from schwung.errors import SchwungError
 from schwung.service.pages.desk import Desk, frame, html, set_address
 from schwung.service.pages.markup import problem
-from schwung.service.store import DriveRecord
+from schwung.service.records import DriveRecord
 from schwung.service.values import RunView
 
 STEPS = ("Connect", "Check", "Plan", "Confirm", "Run", "Result", "Export")
