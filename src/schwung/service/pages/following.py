@@ -10,7 +10,7 @@ from nicegui import ui
 from schwung.service.machines import TABLES
 from schwung.service.pages.desk import Desk, button, go, html, panel
 from schwung.service.pages.fields import QuantityField, choice
-from schwung.service.store import MachineRecord
+from schwung.service.records import MachineRecord
 from schwung.service.values import ENDED, RunView
 from schwung.service.work import KINDS
 

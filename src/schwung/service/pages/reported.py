@@ -15,7 +15,7 @@ from schwung.service.values import RunView
 #: Reports that a run may have, in the order in which they are looked for.
 REPORTS = ("explanation.html", "report.html")
 _SECTION = re.compile(r"<section><h2>(.*?)</h2>(.*?)</section>", re.DOTALL)
-_FIGURE = re.compile(r"(<svg\b.*?</svg>)(?:<figcaption>(.*?)</figcaption>)?", re.DOTALL)
+_FIGURE = re.compile(r"(<svg\b.*?</svg>)\s*(?:<figcaption>(.*?)</figcaption>)?", re.DOTALL)
 _STYLE = re.compile(r"<style\b.*?</style>", re.DOTALL)  # for the whole page; theme.css has what it says
 #: What no drawing of ours has; one in which it is found is left out.
 _ACTIVE = re.compile(
@@ -50,9 +50,12 @@ def show_drawings(desk: Desk, run: RunView, leave_out: tuple[str, ...] = ()) -> 
         return
     for drawing in drawings(path.read_text(encoding="utf-8", errors="replace")):
         if drawing.title not in leave_out:
-            with panel(drawing.title, "w6"):
-                caption = f'<p class="muted">{escape(drawing.caption)}</p>' if drawing.caption else ""
-                html(drawing.svg + caption, "div", "sw-body sw-figure")
+            with panel(drawing.title):
+                html(
+                    f'<div class="drawn">{drawing.svg}</div><p>{escape(drawing.caption)}</p>',
+                    "div",
+                    "sw-body sw-figure",
+                )
 
 
 def _report_of(desk: Desk, run: RunView) -> Path | None:
