@@ -189,7 +189,6 @@ def expected(way: Way, start_rad: float, brakes_rad_s2: float) -> Expected:
         torque_nm=TORQUE_NM,
         silence_s=SILENCE_S,
         deceleration_rad_s2=brakes_rad_s2,
-        standing_rad_s=0.6,
         step_counts=math.ceil(DISTANCE_RAD / DURATION_S),
         bend_counts=None,
         added_counts=0,

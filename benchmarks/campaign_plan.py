@@ -15,7 +15,7 @@ from schwung_sim.campaign.monitor import Expected
 NODE = 3
 OVERDUE_S = 90.0  # of simulated time: all patience of a tool whose drive answers nothing, thrice
 MOVED_RAD = 0.02  # by so much the axis may have been moved before it starts
-AFTERMATH_S = 0.7  # in which a drive that nobody looks after has to stop by itself
+AFTERMATH_S = 0.25  # for so long one looks whether a drive that nobody looks after has stopped by itself
 DISTANCE_RAD, DURATION_S = 0.5, 0.15
 ROOM_RAD = 0.15  # between the stroke and the ends of the window
 SPEED_RAD_S, TORQUE_NM, FOLLOWING_RAD = 12.05, 60.0, 0.1
@@ -87,7 +87,6 @@ def expected(way: Way, start_rad: float) -> Expected:
         torque_nm=TORQUE_NM,
         silence_s=SILENCE_S,
         deceleration_rad_s2=DECELERATION_RAD_S2,
-        standing_rad_s=0.6 if way.writable & _OWN else 0.3,
         step_counts=math.ceil((DISTANCE_RAD + MOVED_RAD if way.mode == 1 else step) / COUNT_RAD),
         bend_counts=None if way.mode == 1 else math.ceil(bend / COUNT_RAD),
         added_counts=math.ceil(0.2 * TORQUE_NM / RATED_TORQUE_NM * 1000),

@@ -121,7 +121,7 @@ def _played(room: Room | LineRoom, show: bool) -> Outcome:
     if by_itself:
         monitor.ended(outcome.told)
         outcome.problems += _unclear(error) + room.misjudged(outcome.told)
-    room.clock.sleep(AFTERMATH_S)
+    room.clock.sleep(monitor.expected.at_rest_s + AFTERMATH_S)
     outcome.problems += [str(violation) for violation in monitor.violations]
     outcome.log = [str(frame) for frame in monitor.frames or ()]
     outcome.digest, outcome.frames, outcome.stages = monitor.digest, monitor.count, room.points.stages

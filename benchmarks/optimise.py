@@ -1,6 +1,6 @@
 """What `schwung optimise` is worth: all rivals on the paper's machine, a lower bound, pick-and-place, the fastest.
 
-    python benchmarks/optimise.py            tables, some two minutes
+    python benchmarks/optimise.py            tables, some five minutes
     python benchmarks/optimise.py --docs     the same, and the pictures of docs/optimise.md
 
 What is played through the bus is `optimise_played.py`'s. The mechanisms are those of `sim/`, whose load inertia the
@@ -44,6 +44,8 @@ STROKE_RAD = np.pi
 TORQUE_NM = 233.0
 #: Chebyshev coefficients that the genetic algorithm is given at the most, to see what it takes to come near.
 MORE_FREE = 11
+#: How much of our own time it is given, one start after the other.
+MORE_TIME = 100.0
 
 
 def task(duration_s: float | None, **changes: object) -> Task:
@@ -134,23 +136,29 @@ def paper_table(machine: Machine) -> list[Comparison]:
 
 
 def genetic_effort(machine: Machine) -> None:
-    """How near the genetic algorithm comes with more coefficients, and what that takes."""
-    print("## What the genetic algorithm takes to come near (100 ms, judged on the flexible machine)\n")
+    """How near the genetic algorithm comes in a hundred times our time: one start after the other, the best of them."""
+    print("## The genetic algorithm in a hundred times our time (100 ms, judged on the flexible machine)\n")
     wanted = task(0.1)
     model = model_for(machine, wanted, 0.1)
     ours = copper_of(machine, best_stroke(machine, wanted))
     wall = timed(lambda: best_stroke(machine, wanted))
     rows = []
     for free in (3, 5, 8, MORE_FREE):
-        begin = time.perf_counter()
-        found = chebyshev_stroke(model, wanted, 0.1, free=free)
-        took = time.perf_counter() - begin
-        judged = merits_of(machine, follow_shares(machine, wanted, 0.1, found.shares))
+        begin, coppers, nearest = time.perf_counter(), [], 0.0
+        while not coppers or time.perf_counter() - begin < MORE_TIME * wall:
+            found = chebyshev_stroke(model, wanted, 0.1, seed=len(coppers), free=free)
+            judged = merits_of(machine, follow_shares(machine, wanted, 0.1, found.shares))
+            coppers.append(judged.copper_n2m2s)
+            if judged.copper_n2m2s == min(coppers):
+                nearest, peak = time.perf_counter() - begin, judged.peak_torque_nm
         rows.append([
-            str(free), f"{judged.copper_n2m2s / ours - 1:+.1%}", f"{judged.peak_torque_nm:.0f}",
-            str(found.evaluations), f"{took:.1f}", f"{took / wall:.0f}",
+            str(free), str(len(coppers)), f"{coppers[0] / ours - 1:+.1%}", f"{min(coppers) / ours - 1:+.1%}",
+            f"{peak:.0f}", f"{nearest / wall:.0f}", f"{(time.perf_counter() - begin) / wall:.0f}",
         ])  # fmt: skip
-    markdown(("free coefficients", "copper above ours", "peak N·m", "generations", "s", "times ours"), rows)
+    markdown(
+        ("free coefficients", "starts", "copper of the first above ours", "of the best", "its peak N·m",
+         "best after, times ours", "given, times ours"), rows,
+    )  # fmt: skip
 
 
 def cold_start() -> None:

@@ -100,6 +100,35 @@ def test_frames_that_came_before_the_reader_are_not_lost(room: Room) -> None:
     reader.close()
 
 
+@pytest.mark.parametrize("waiting", [0, 3])
+def test_who_catches_up_has_heard_what_came(room: Room, waiting: int) -> None:
+    """Reading goes on afterwards, and nobody waits who catches up from what he is called with."""
+    came, inner = list[int](), list[float]()
+
+    def receive(message: can.Message) -> None:
+        room.clock.sleep(0.002)  # as a thread that is held up
+        came.append(message.arbitration_id)
+        if message.arbitration_id == 9:
+            before = room.clock.now()
+            reader.catch_up()
+            inner.append(room.clock.now() - before)
+
+    for number in range(waiting):
+        room.one.send(frame(number))
+    reader = room.clock.read(room.other, receive, pytest.fail)
+    try:
+        before = room.clock.now()
+        reader.catch_up()
+        if not room.clock.simulated:  # there, frames come while time passes
+            assert came == list(range(waiting))
+        assert room.clock.now() - before < 0.9
+        room.one.send(frame(9))
+        assert room.clock.wait(lambda: bool(inner), 1.0)
+        assert inner[0] < 0.5
+    finally:
+        reader.close()
+
+
 def test_failures_of_the_bus_are_handed_over_and_reading_goes_on() -> None:
     clock = WallClock()
 

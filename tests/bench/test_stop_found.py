@@ -187,6 +187,20 @@ def test_trouble_on_the_way_up_ends_it(beaten_s: float) -> None:
         assert set(room.words[came[0] :]) <= {0x00, 0x02}
 
 
+@pytest.mark.parametrize("held_up_s", [0.1, 0.2, 0.7])
+def test_who_was_held_up_hears_what_came_before_anything_that_enables_goes_out(held_up_s: float) -> None:
+    """A frame that was due when it began went out when it ended, though another master's heartbeats had come meanwhile
+    (campaign seeds 433263 and 434126)."""
+    with enabled() as room:
+        room.after(0.1, lambda: room.side.stall(held_up_s))
+        for number in range(3):
+            room.after(0.12 + 0.02 * number, room.beat)
+        room.after(0.1 + held_up_s - 0.0001, room.sent.clear)
+        with pytest.raises(DriveError, match="127"):
+            room.drive.play(stroke(500, RATE_HZ))
+        assert set(room.words) == {0x02}
+
+
 @pytest.mark.parametrize("deaf_s", [0.08, 0.2])
 def test_setpoints_do_not_run_away_from_a_drive_that_hears_none(deaf_s: float) -> None:
     """They went on for half a second, and what the drive had missed was one step when it heard again."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import struct
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -13,7 +14,7 @@ from schwung_sim.campaign.monitor import Expected, Monitor
 
 PLAN = Expected(
     node_id=3, low_rad=-0.2, high_rad=0.8, speed_rad_s=10.0, torque_nm=50.0, silence_s=0.3, deceleration_rad_s2=1000.0,
-    standing_rad_s=0.3, step_counts=100, bend_counts=60, added_counts=50, count_rad=1e-5, mode=8,
+    step_counts=100, bend_counts=60, added_counts=50, count_rad=1e-5, mode=8,
 )  # fmt: skip
 
 
@@ -245,6 +246,25 @@ def test_a_node_that_somebody_stopped_may_be_brought_back_to_hear_us() -> None:
     stage.say(0x703, b"\x04", "drive")
     stage.say(0x000, bytes([0x80, 3]))
     assert stage.rules == []
+
+
+@pytest.mark.parametrize(
+    ("amplitude_rad", "drift_rad_s", "rules"),
+    [(0.006, 0.0, []), (0.0, 0.4, ["dead man's motion"]), (0.06, 0.0, ["dead man's motion"])],
+)
+def test_an_axis_that_has_stopped_may_ring_but_goes_nowhere(
+    amplitude_rad: float, drift_rad_s: float, rules: list[str]
+) -> None:
+    """A loop of 12 Hz rings at 0.45 rad/s where it is 6 mrad off (campaign seeds 431026 and 431731)."""
+    stage = Stage()
+    stage.enable()
+    stage.machine.operating = False
+    for ms in range(1000):
+        phase = 2 * math.pi * 12.0 * ms / 1000
+        stage.machine.position_rad = amplitude_rad * math.sin(phase) + drift_rad_s * ms / 1000
+        stage.machine.speed_rad_s = amplitude_rad * 2 * math.pi * 12.0 * math.cos(phase) + drift_rad_s
+        stage.pass_time(0.001)
+    assert stage.rules == rules
 
 
 def test_an_axis_that_stands_may_be_held_in_quick_stop() -> None:

@@ -39,6 +39,27 @@ def test_what_a_side_asked_for_is_put_off_in_order_while_it_stalls_and_others_go
     assert len(others) == 11
 
 
+def test_who_was_held_up_may_hear_first_what_came_meanwhile() -> None:
+    clock = SteppedClock()
+    side, own = Side(clock), list[str]()
+    wire = Wire(clock)
+    with SideBus(wire.bus(), side) as bus, wire.bus() as other:
+        reader = side.read(bus, lambda m: own.append(f"frame {m.arbitration_id - 0x100}"), pytest.fail)
+
+        def beat() -> None:
+            own.append("late")
+            reader.catch_up()
+            own.append("beat")
+
+        side.later(0.015, beat)
+        clock.later(0.005, lambda: side.stall(0.1))
+        for number in (1, 2, 3):
+            clock.later(0.010 * number, lambda number=number: other.send(frame(number)))
+        clock.later(0.12, lambda: other.send(frame(4)))
+        side.sleep(0.2)
+    assert own == ["frame 1", "late", "frame 2", "frame 3", "beat", "frame 4"]
+
+
 def test_a_beat_that_stalled_is_caught_up_with_by_half_a_period_each_time() -> None:
     clock = SteppedClock()
     side, beats = Side(clock), list[float]()

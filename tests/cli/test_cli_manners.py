@@ -13,9 +13,9 @@ import pytest
 import typer
 from cli_running import RIGID_MACHINE, invoke
 
+from schwung.api.folders import planned_folder
 from schwung.cli.console import Terminal, describe_table, json_text
 from schwung.cli.flow import finish
-from schwung.cli.folders import planned_folder
 from schwung.cli.options import export_choice, measured
 from schwung.drivetrain import InertiaTable
 from schwung.errors import InputError

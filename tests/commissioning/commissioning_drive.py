@@ -64,6 +64,7 @@ class DeskDrive:
         self.before_play: Callable[[int], None] = lambda number: None
         self.lost: dict[int, list[int]] = {}  # playback number -> lost indices
         self.jitter_s = 0.0
+        self.sync_is_slow_by = 0.0
         self.unwritable: set[tuple[int, int]] = set()
         self.plays = -CREEP_PLAYS
         self.on_the_way: list[tuple[int, int]] = []
@@ -146,7 +147,9 @@ class DeskDrive:
             sample_rate_hz=rate, sync_count=index, receive_time_s=time, statusword=np.full(time.size, 0x1237),
             position_rad=position, speed_rad_s=made.speed_rad_s, torque_nm=made.torque_nm,
             position_demand_rad=setpoints.position_rad, torque_added_nm=setpoints.torque_added_nm, lost=lost,
-            timing=SyncTiming("thread", 1 / rate, self.jitter_s / 2, self.jitter_s, self.jitter_s * 2),
+            timing=SyncTiming(
+                "thread", (1 + self.sync_is_slow_by) / rate, self.jitter_s / 2, self.jitter_s, self.jitter_s * 2
+            ),
         )  # fmt: skip
 
     def halt(self) -> None:

@@ -282,6 +282,16 @@ def test_uneven_samples_are_kept_as_evidence_but_are_no_run(drive: DeskDrive, tm
     assert "unevenly" in session.partial_reasons[0]
 
 
+@pytest.mark.parametrize(("slow_by", "said"), [(0.01, True), (1e-4, False)])
+def test_a_sync_that_is_slow_on_average_is_told(
+    drive: DeskDrive, tmp_path: Path, slow_by: float, said: bool
+) -> None:
+    drive.sync_is_slow_by = slow_by
+    observer = Silence()
+    _record(drive, tmp_path, observer)
+    assert any("990.1 Hz instead of 1000 Hz" in note and "2.0%" in note for note in observer.notes) is said
+
+
 def test_where_parameters_cannot_be_put_back_the_remedy_is_named(drive: DeskDrive, tmp_path: Path) -> None:
     def cut_the_cable(number: int) -> None:
         drive.unwritable.add((0x6060, 0))

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from strangers import STRANGERS, Stranger, belief_of, session_of
 
-import schwung.explain.weighing.round as rounds
+from schwung.explain.weighing import round as rounds
 from schwung.explain.weighing.along import ranges_of
 from schwung.explain.weighing.data import Data
 from schwung.explain.weighing.equations import Acting, equations_of
@@ -109,7 +109,7 @@ def test_work_is_counted_and_ends_the_search(monkeypatch):
     assert not work.spent
     work.add(2 * work.most)
     assert work.spent
-    monkeypatch.setattr("schwung.explain.weighing.work.Work.spent", property(lambda self: self.done > 0))
+    monkeypatch.setattr(Work, "spent", property(lambda self: self.done > 0))
     found = weigh(session_of(stranger, 5, every=16, times=(0.25,)), belief_of(stranger))
     assert any("before all was tried" in note for note in found.notes)
     assert found.excess >= 1

@@ -73,7 +73,7 @@ def test_every_limit_is_kept_by_motor_and_load(limits: dict[str, float]) -> None
     stroke = best_stroke(PAPER, task(limits=limits))
     made = follow(PAPER, stroke.motion(), 0.0)
     merits = merits_of(PAPER, made)
-    assert merits.peak_torque_nm < 1.01 * limits.get("torque_max_nm", 233.0)
+    assert merits.peak_torque_nm <= limits.get("torque_max_nm", 233.0)
     for speed in (made.speed_rad_s, made.load_speed_rad_s):
         assert np.max(np.abs(speed)) < 1.01 * limits.get("speed_max_rad_s", np.inf)
     for speed in (made.acceleration_rad_s2, np.gradient(made.load_speed_rad_s, made.time_s)):

@@ -12,7 +12,8 @@ with the clause or the reason that it comes from.
     torque added            60B2 is no more than is injected, and 0 in every frame that does not enable
     controlword             the words of table 27 alone, for this mode; no halt, no fault reset
     mode                    what enters Operation enabled does so in the plan's mode (6061)
-    dead man's motion       without our heartbeat: consumer time (1016) plus the quick stop, then it stands
+    dead man's motion       without our heartbeat: consumer time (1016) plus the quick stop, then it stands: its
+                            loop may ring, or its generator shake it, but it goes nowhere
     two that beat           CiA 301, 7.2.8.2.2: a consumer hears the node, not who it is: two of one id
     written while on        with the motor energised the tool writes nothing but what the plan needs then, and does not
                             stop the node before it has told it Disable voltage
@@ -34,6 +35,8 @@ from schwung_sim.drives.power import Power
 LOOK_S = 0.001
 #: What a controller may overshoot by, and what a look of 1 ms may be late for.
 OVERSHOOT_RAD, TORQUE_SLACK, SPEED_SLACK = 0.02, 1.001, 1.1
+#: Within so much a loop rings that had to stop, or a generator of the drive shakes the axis; a motion leads out of it.
+SWINGS_RAD = 0.1
 #: How far from the axis the first target may be: what somebody turned it by while it was enabled.
 STANDS_AT_RAD = 0.06
 #: A drive whose processor stood finds the targets of now, far from those of then; its own limits see to the way there.
@@ -107,15 +110,17 @@ class Expected:
     torque_nm: float
     silence_s: float  # 1016
     deceleration_rad_s2: float  # 6085
-    standing_rad_s: (
-        float  # slower than this the axis stands: by how much its loop rings, or its generator shakes it
-    )
     step_counts: int  # of 607A between two RPDOs
     bend_counts: int | None  # by how much that changes from one to the next; None: the drive makes the path
     added_counts: int  # of 60B2
     count_rad: float  # of 607A
     mode: int
     writable: frozenset[int] = frozenset({0x6040})  # objects, while energised
+
+    @property
+    def at_rest_s(self) -> float:
+        """After our last heartbeat the drive has noticed, and its axis has come to rest."""
+        return self.silence_s + self.speed_rad_s / self.deceleration_rad_s2 + REACTION_S
 
 
 @dataclass(frozen=True)
@@ -164,6 +169,9 @@ class Monitor:
         self._last_step: int | None = None  # while it enabled
         self._beat_s: float | None = None  # the tool's last heartbeat
         self._died_s: float | None = None
+        self._rested_rad: tuple[float, float] | None = (
+            None  # between which angles it was since it had to rest
+        )
         self._foreign_s = self._left_by_itself_s = self._enabling_s = float("-inf")
         self._others_beat_s = float(
             "-inf"
@@ -243,7 +251,7 @@ class Monitor:
             self._report("speed", f"{speed:.2f} rad/s of {plan.speed_rad_s:.2f} rad/s")
         if abs(torque) > TORQUE_SLACK * plan.torque_nm:
             self._report("torque", f"{torque:.1f} N·m of {plan.torque_nm:.1f} N·m")
-        self._judge_silence(operating, speed)
+        self._judge_silence(operating, angle)
 
     # Rules -----------------------------------------------------------------------------------------------
 
@@ -342,17 +350,20 @@ class Monitor:
         if enables and now - self._noticeable_s < SHARED_FOR_S and now - self._noticeable_since_s > FOREIGN_S:
             self._report("two that beat", "Enable operation, while another master beats as node 127, too")
 
-    def _judge_silence(self, operating: bool, speed: float) -> None:
-        plan = self.expected
+    def _judge_silence(self, operating: bool, angle: float) -> None:
         since = max(self._beat_s or 0.0, self._others_beat_s, self.machine.deaf_until_s)
         if self._beat_s is None or self.machine.excused:
             return
-        allowed = plan.silence_s + plan.speed_rad_s / plan.deceleration_rad_s2 + REACTION_S
         silent = self.now() - since
-        if silent > allowed and (operating or abs(speed) > plan.standing_rad_s):
-            state = "in Operation enabled" if operating else "energised"
-            saw = f"{silent:.3f} s after our last heartbeat {state} at {speed:.2f} rad/s"
-            self._report("dead man's motion", saw)
+        if silent <= self.expected.at_rest_s:
+            self._rested_rad = None
+            return
+        least, most = self._rested_rad or (angle, angle)
+        self._rested_rad = min(angle, least), max(angle, most)
+        went = max(angle - least, most - angle)
+        if operating or went > SWINGS_RAD:
+            state = "in Operation enabled" if operating else f"energised, and {went:.3f} rad further"
+            self._report("dead man's motion", f"{silent:.3f} s after our last heartbeat {state}")
 
     def _report(self, rule: str, saw: str) -> None:
         """Once a rule: what follows from the first is no news."""

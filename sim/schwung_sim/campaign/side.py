@@ -120,11 +120,13 @@ class Side:
         return SideTask(self, call, None, delay_s)
 
     def read(self, bus: Any, receive: Callable[[Any], None], failed: Callable[[Exception], None]) -> Any:
-        return self._clock.read(
-            bus,
-            lambda message: self.run(lambda: receive(message)),
-            lambda error: self.run(lambda: failed(error)),
-        )
+        return SideReader(self, bus, receive, failed)
+
+    def read_beneath(
+        self, bus: Any, receive: Callable[[Any], None], failed: Callable[[Exception], None]
+    ) -> Any:
+        """As `read`, but for stalls."""
+        return self._clock.read(bus, receive, failed)
 
     def run(self, call: Callable[[], None]) -> None:
         """Carry out what is due, once this side does not stall any more."""
@@ -177,6 +179,36 @@ class SideTask:
 
     def close(self) -> None:
         self._closed = True
+
+
+class SideReader:
+    """What reads a bus for a side: what comes while it stalls has to wait."""
+
+    def __init__(
+        self, side: Side, bus: Any, receive: Callable[[Any], None], failed: Callable[[Exception], None]
+    ) -> None:
+        self._side = side
+        self._waiting: deque[Callable[[], None]] = deque()
+        self._task = side.read_beneath(
+            bus,
+            lambda message: self._came(lambda: receive(message)),
+            lambda error: self._came(lambda: failed(error)),
+        )
+
+    def _came(self, call: Callable[[], None]) -> None:
+        self._waiting.append(call)
+        self._side.run(self._take)
+
+    def _take(self) -> None:
+        if self._waiting:  # else somebody has caught up
+            self._waiting.popleft()()
+
+    def catch_up(self) -> None:
+        while self._waiting and not self._side.dead and not self._side.stalled:
+            self._side.run(self._take)
+
+    def close(self) -> None:
+        self._task.close()
 
 
 class SideEvent:

@@ -1,4 +1,4 @@
-"""`schwung export`: an inertia table into drive parameters, a CSV, JSON or DCF file."""
+"""`schwung export`: an inertia table into drive parameters or a DCF file; a machine into other simulators."""
 
 from __future__ import annotations
 
@@ -10,24 +10,27 @@ import typer
 from schwung.cli.options import (
     Bitrate,
     BusOption,
+    CanLog,
     Channel,
     Interface,
     Json,
     Node,
     Profile,
     Yes,
-    bus_options,
+    connected,
     export_choice,
 )
 
 if TYPE_CHECKING:
+    from schwung import InertiaTable
+    from schwung.api.choices import ExportChoice
     from schwung.cli.console import Terminal
-    from schwung.commissioning import ExportChoice
-    from schwung.drivetrain import InertiaTable
 
 
 def export(
-    table: Annotated[Path, typer.Argument(help="The inertia table, inertia.csv.")],
+    table: Annotated[
+        Path | None, typer.Argument(help="The inertia table, inertia.csv; for a simulator the machine's own.")
+    ] = None,
     form: Annotated[
         str, typer.Option("--as", metavar="FORM", help="table, harmonics, mean, max or at=ANGLE.")
     ] = "table",
@@ -47,8 +50,19 @@ def export(
         typer.Option(
             "-m",
             "--machine",
-            help="The believed machine: for --verify, and for drives that want the motor's inertia.",
+            help="The believed machine: for a simulator, --verify, and drives that want the motor's inertia.",
         ),
+    ] = None,
+    fmu: Annotated[
+        Path | None,
+        typer.Option(metavar="FILE", help="Write an FMU for co-simulation, with sources; compiled with cc."),
+    ] = None,
+    fmi: Annotated[int, typer.Option(metavar="2|3", help="The FMU's version of FMI.")] = 2,
+    modelica: Annotated[
+        Path | None, typer.Option(metavar="FILE", help="Write a Modelica model, *.mo.")
+    ] = None,
+    matlab: Annotated[
+        Path | None, typer.Option(metavar="FILE", help="Write a MATLAB function for ode45, *.m.")
     ] = None,
     out: Annotated[Path | None, typer.Option(help="Folder for the backup; default: schwung-<time>.")] = None,
     dry_run: Annotated[bool, typer.Option("--dry-run", help="Show what would be written.")] = False,
@@ -57,6 +71,7 @@ def export(
     channel: Channel = None,
     bitrate: Bitrate = None,
     bus: BusOption = None,
+    can_log: CanLog = None,
     node: Node = 1,
     profile: Profile = None,
     json_output: Json = False,
@@ -64,6 +79,9 @@ def export(
     """Write an inertia table into a drive: written, read back, compared, stored; the old values are backed up.
 
     With --verify the machine moves: the following error is measured before and after.
+
+    With --fmu, --modelica or --matlab no drive is asked: the machine of --machine, with all that was learned about
+    it, becomes a model of another simulator.
 
     [bold]Examples[/]
 
@@ -74,78 +92,61 @@ def export(
       schwung export inertia.csv --as max -i socketcan -c can0 -n 3 --dry-run
 
       schwung export inertia.csv --profile schwung-bench -n 3 --dcf drive.dcf
+
+      schwung export -m explanation/machine.toml --fmu machine.fmu --fmi 3
     """
+    from schwung import export as export_table
+    from schwung import load_machine, plan, plan_export, read_inertia, read_session
+    from schwung.api.folders import planned_folder
+    from schwung.api.moving import wishes_of
     from schwung.cli.console import Terminal, describe_table, observing
-    from schwung.cli.drives import open_drive
-    from schwung.cli.flow import Verification, export_summary, show_plan, show_verification
-    from schwung.cli.folders import make_folder, planned_folder
-    from schwung.commissioning import (
-        export_table,
-        export_values,
-        prepare,
-        repeat_reference,
-        wishes_of,
-    )
-    from schwung.drivetrain import load_machine, read_inertia_csv
-    from schwung.errors import InputError, RefusedError
-    from schwung.session import read_session
+    from schwung.cli.flow import show_export, show_plan
+    from schwung.cli.models import ModelFiles, write_models
+    from schwung.errors import InputError
 
     terminal = Terminal(json_output)
-    inertia, choice = read_inertia_csv(table), export_choice(form)
+    if fmu or modelica or matlab:
+        write_models(terminal, machine, table, ModelFiles(fmu, fmi, modelica, matlab))
+        return
+    if table is None:
+        raise InputError(
+            "schwung export", "no inertia table is given", "Name one, or add --fmu with --machine."
+        )
+    inertia, choice = read_inertia(table), export_choice(form)
     believed = load_machine(machine) if machine else None
-    motor_inertia = believed.motor.inertia_kgm2 if believed is not None else None
     if dcf is not None:
+        motor_inertia = believed.motor.inertia_kgm2 if believed is not None else None
         _write_dcf(dcf, profile, node, inertia, choice, motor_inertia, terminal)
         return
-    if verify is not None and machine is None:
+    if verify is not None and believed is None:
         raise InputError("--verify", "needs a machine file, too", "Give --machine.")
     wishes = wishes_of(read_session(verify)) if verify else None
     folder = planned_folder(out)
     terminal.say(describe_table(inertia))
-    with open_drive(bus_options(interface, channel, bitrate, bus), node, profile) as opened:
-        drive = opened.drive
-        values = export_values(
-            drive.parameter,
-            opened.profile,
-            inertia,
-            choice,
-            read=drive.read,
-            motor_inertia_kgm2=motor_inertia,
-        )
-        rows = [(v.parameter.label, drive.read(v.parameter).raw, v.raw) for v in values]
+    with connected(interface, channel, bitrate, bus, node, profile, can_log) as connection:
+        changes = plan_export(connection, inertia, choice, machine=believed)
+        rows = [(c.parameter.label, c.old, c.new) for c in changes]
         terminal.table("Parameters", ("object", "now", "new"), rows)
         document: dict[str, object] = {
             "parameters": [{"parameter": p, "old": o, "new": n} for p, o, n in rows]
         }
-        prepared = None
+        planned = None
         if wishes is not None and believed is not None:
-            prepared = prepare(drive, opened.profile, believed, wishes)
-            show_plan(terminal, prepared)
-            prepared.preflight.require()
+            planned = plan(connection, believed, wishes)
+            show_plan(terminal, planned)
+            planned.require()
         if dry_run:
             terminal.say("Dry run: nothing was written, nothing moved.")
             terminal.result(document)
             return
-        question = "Write these parameters, and move the machine?" if prepared else "Write these parameters?"
-        if not (yes or terminal.ask(question)):
-            raise RefusedError("export", "you said no", "Nothing was written, nothing moved.")
-        make_folder(folder)
         with observing(terminal) as observer:
-            before = repeat_reference(drive, prepared, folder, "before", observer) if prepared else None
-            observer.phase(f"Writing {len(values)} parameters")
             exported = export_table(
-                drive, opened.profile, inertia, choice,
-                backup_path=folder / "export.backup.json", store=store, motor_inertia_kgm2=motor_inertia,
+                connection, inertia, choice, folder, machine=believed, verify=planned, store=store,
+                confirm=lambda question: yes or terminal.ask(question), observer=observer,
             )  # fmt: skip
-            after = repeat_reference(drive, prepared, folder, "after", observer) if prepared else None
-    terminal.say(
-        f"{len(exported.changes)} parameters written, read back equal{', stored' if exported.stored else ''}; "
-        f"the old values are in [bold]{exported.backup_path}[/]"
-    )
-    if before is not None and after is not None:
-        verification = Verification(exported, before, after)
-        show_verification(terminal, verification)
-        document["export"] = export_summary(verification)
+    show_export(terminal, exported)
+    if exported.after is not None:
+        document["export"] = exported.to_json()
     terminal.result(document)
 
 
@@ -158,18 +159,13 @@ def _write_dcf(
     motor_inertia_kgm2: float | None,
     terminal: Terminal,
 ) -> None:
+    from schwung.api.configurations import write_export
     from schwung.cli.console import describe_table
-    from schwung.commissioning import export_values
     from schwung.errors import InputError
-    from schwung.fieldbus.dcf import dictionary_lookup, write_dcf
-    from schwung.fieldbus.profile import load_canopen_profile
 
     if family is None:
         raise InputError("--dcf", "needs to know the drive family", "Add --profile.")
-    profile = load_canopen_profile(family)
-    lookup = dictionary_lookup(profile.eds_path, node)
-    values = export_values(lookup, profile, table, choice, motor_inertia_kgm2=motor_inertia_kgm2)
-    write_dcf(profile.eds_path, node, values, path)
+    count = write_export(path, family, table, choice, node=node, motor_inertia_kgm2=motor_inertia_kgm2)
     terminal.say(describe_table(table))
-    terminal.say(f"{len(values)} parameters in [bold]{path}[/]")
-    terminal.result({"dcf": str(path), "parameters": len(values)})
+    terminal.say(f"{count} parameters in [bold]{path}[/]")
+    terminal.result({"dcf": str(path), "parameters": count})

@@ -10,13 +10,17 @@ import typer
 from schwung.cli.options import Json
 
 if TYPE_CHECKING:
-    from schwung.session import Session
+    from schwung.api.recordings import Imported, Session
 
-_COLUMNS, _UNITS, _TIME, _RUNS = "Columns", "Units", "Time", "Runs"
+_COLUMNS, _UNITS, _TIME, _RUNS, _CAN, _GUESS = "Columns", "Units", "Time", "Runs", "CAN logs", "Looking first"
+
+_COLUMN_KEYS = ("time", "position", "speed", "torque", "position_demand", "torque_added")
 
 
 def import_(
-    files: Annotated[list[Path] | None, typer.Argument(help="CSV, TwinCAT Scope or MAT files.")] = None,
+    files: Annotated[
+        list[Path] | None, typer.Argument(help="CSV, TwinCAT Scope, MAT, MDF, Parquet; CAN logs.")
+    ] = None,
     out: Annotated[Path, typer.Option("-o", "--out", help="The session to write.")] = Path("session.h5"),
     recipe: Annotated[
         Path | None, typer.Option(metavar="TOML", help="Options from a file; those given here come first.")
@@ -118,10 +122,61 @@ def import_(
             help="The injected sine over the file's time: frequency, amplitude, phase.",
         ),
     ] = None,
+    eds: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="EDS", rich_help_panel=_CAN, help="The drive's EDS, or DCF as it was configured."
+        ),
+    ] = None,
+    node: Annotated[
+        int | None,
+        typer.Option(
+            "-n", "--node", min=1, max=127, rich_help_panel=_CAN, help="Which drive, where there are several."
+        ),
+    ] = None,
+    profile: Annotated[
+        str | None,
+        typer.Option(
+            rich_help_panel=_CAN, help="Device profile that says the units; default: by identity in the log."
+        ),
+    ] = None,
+    dbc: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="DBC", rich_help_panel=_CAN, help="Signals by a DBC instead; columns: Message.Signal."
+        ),
+    ] = None,
+    channel: Annotated[
+        str | None,
+        typer.Option("-c", "--channel", rich_help_panel=_CAN, help="Which bus, where the log has several."),
+    ] = None,
+    guess: Annotated[
+        bool,
+        typer.Option(
+            "--guess", rich_help_panel=_GUESS, help="Propose what is not given, and show why in a picture."
+        ),
+    ] = False,
+    yes: Annotated[
+        bool, typer.Option("-y", "--yes", rich_help_panel=_GUESS, help="Do what is guessed.")
+    ] = False,
+    joint: Annotated[
+        str | None,
+        typer.Option(
+            metavar="NAME",
+            rich_help_panel=_GUESS,
+            help="With --guess, which axis of several. Else what stands for {joint} in columns' names: 1,2,3.",
+        ),
+    ] = None,
+    picture: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="PNG", rich_help_panel=_GUESS, help="Draw what is imported, and what it must satisfy."
+        ),
+    ] = None,
     overwrite: Annotated[bool, typer.Option("--overwrite", help="Replace a session of that name.")] = False,
     json_output: Json = False,
 ) -> None:
-    """Make a session of recordings from elsewhere: CSV, TwinCAT Scope, MATLAB.
+    """Make a session of recordings from elsewhere: CSV, TwinCAT Scope, MATLAB, logs of a CAN bus.
 
     [bold]Examples[/]
 
@@ -129,10 +184,19 @@ def import_(
 
       schwung import emps.mat --axis linear --time t --position qm --torque vir --torque-scale gtau
 
+      schwung import candump.log --eds drive.eds
+
+      schwung import robot.csv --guess
+
+      schwung import robot.csv --position q{joint} --torque tau{joint} --joint 1,2
+
       schwung import --recipe emps.toml --out emps.h5
     """
+    from schwung.api.recordings import import_recordings, log_kind, make_recipe, read_recipe, write_session
     from schwung.cli.console import Terminal
-    from schwung.session.imports import import_recordings, make_recipe, read_recipe, write_session
+    from schwung.cli.guess import guess as propose
+    from schwung.cli.guess import picture_of
+    from schwung.errors import InputError
 
     terminal = Terminal(json_output)
     options: dict[str, Any] = {
@@ -141,15 +205,82 @@ def import_(
         "position_unit": position_unit, "speed_unit": speed_unit, "torque_unit": torque_unit,
         "position_scale": position_scale, "speed_scale": speed_scale, "torque_scale": torque_scale, "rate": rate,
         "resample": resample, "unwrap": unwrap, "split": split, "role": role,
-        "excitation": _excitation(excitation),
+        "excitation": _excitation(excitation), "dbc": None if dbc is None else str(dbc), "channel": channel,
     }  # fmt: skip
     given = {key: value for key, value in options.items() if value is not None}
+    if eds is not None:
+        logged = _from_log(files or [], eds, node, profile, given)
+        write_session(logged.session, out, overwrite)
+        _show(terminal, logged.session, logged.notes, out)
+        terminal.result(_document(logged.session, logged.notes, out))
+        return
+    for option, value in (("--node", node), ("--profile", profile)):
+        if value is not None:
+            raise InputError(
+                option, "belongs to a CAN log with an EDS", "Add --eds DRIVE.eds, or leave it out."
+            )
     kept = read_recipe(recipe) if recipe else {}
-    wanted = make_recipe(kept | given, str(recipe) if recipe else "schwung import")
-    imported = import_recordings(files or [Path(name) for name in wanted.files], wanted)
+    files = files or [Path(name) for name in kept.get("files", ())]
+    if "dbc" not in kept | given and (logs := [path for path in files if log_kind(path) is not None]):
+        raise InputError(str(logs[0]), "is a log of a CAN bus", "Add --eds DRIVE.eds, or --dbc BUS.dbc.")
+    place = str(recipe) if recipe else "schwung import"
+    if guess:
+        propose(terminal, files, kept | given, out, joint, yes=yes, overwrite=overwrite)
+        return
+    if joint is not None:
+        for each in joint.split(","):
+            own = _of_joint(kept | given, each.strip())
+            target = out.with_name(f"{out.stem}-{each.strip()}{out.suffix}")
+            made = import_recordings(files, make_recipe(own, place))
+            write_session(made.session, target, overwrite)
+            _show(terminal, made.session, made.notes, target)
+        return
+    wanted = make_recipe(kept | given, place)
+    imported = import_recordings(files, wanted)
+    if picture is not None:
+        picture_of(files, kept | given, imported, picture)
+        terminal.say(f"Picture: [bold]{picture}[/]")
     write_session(imported.session, out, overwrite)
     _show(terminal, imported.session, imported.notes, out)
     terminal.result(_document(imported.session, imported.notes, out))
+
+
+def _from_log(
+    files: list[Path], eds: Path, node: int | None, profile: str | None, given: dict[str, Any]
+) -> Imported:
+    """A CAN log by an EDS. Raises InputError for options that mean nothing there."""
+    from schwung.api.recordings import LogRecipe, import_can_log, unit
+    from schwung.errors import InputError
+
+    said = {
+        key: given.pop(f"{key}_unit") for key in ("position", "speed", "torque") if f"{key}_unit" in given
+    }
+    channel = given.pop("channel", None)
+    if given:
+        option = "--" + next(iter(given)).replace("_", "-")
+        raise InputError(option, "means nothing for a CAN log with an EDS", "Leave it out: the log says it.")
+    if len(files) != 1:
+        raise InputError("schwung import --eds", f"is given {len(files)} logs", "Give one log at a time.")
+    scales = {
+        key: unit(text, key, "rotary").factor  # type: ignore[arg-type]  # a literal
+        for key, text in said.items()
+    }
+    return import_can_log(files[0], LogRecipe(eds, node, channel, profile, scales))
+
+
+def _of_joint(options: dict[str, Any], joint: str) -> dict[str, Any]:
+    """Options with `{joint}` filled in. Raises InputError where no column's name has it."""
+    from schwung.errors import InputError
+
+    filled = {
+        key: value.replace("{joint}", joint) if isinstance(value, str) and key in _COLUMN_KEYS else value
+        for key, value in options.items()
+    }
+    if filled == options or not joint:
+        raise InputError(
+            "--joint", "stands for nothing", "Write --position 'q{joint}' --torque 'tau{joint}'."
+        )
+    return filled
 
 
 def _excitation(text: str | None) -> dict[str, float] | None:

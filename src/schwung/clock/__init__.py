@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import can
 
-from schwung.clock.protocol import Clock, Event, Failed, Receive, Task
+from schwung.clock.protocol import Clock, Event, Failed, Reader, Receive, Task
 from schwung.clock.stepped import EPOCH_S, SteppedClock
 from schwung.clock.wall import WallClock
 from schwung.clock.wire import BIT_RATE, SteppedBus, Wire
@@ -20,6 +20,7 @@ __all__ = [
     "Clock",
     "Event",
     "Failed",
+    "Reader",
     "Receive",
     "SteppedBus",
     "SteppedClock",

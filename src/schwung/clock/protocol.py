@@ -20,6 +20,14 @@ class Task(Protocol):
         ...
 
 
+class Reader(Task, Protocol):
+    """Hands over what comes."""
+
+    def catch_up(self) -> None:
+        """All that has come so far is handed over when this returns, for who was held up; waits a second at most."""
+        ...
+
+
 class Event(Protocol):
     """What one side sets and the other waits for; as threading.Event."""
 
@@ -71,6 +79,6 @@ class Clock(Protocol):
         """Call once, after so long, unless it is closed before."""
         ...
 
-    def read(self, bus: can.BusABC, receive: Receive, failed: Failed) -> Task:
+    def read(self, bus: can.BusABC, receive: Receive, failed: Failed) -> Reader:
         """Hand over every frame that comes; `failed` gets what receiving raises, and reading goes on."""
         ...

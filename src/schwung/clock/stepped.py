@@ -13,7 +13,7 @@ from typing import Any
 
 import can
 
-from schwung.clock.protocol import Event, Failed, Receive, Task
+from schwung.clock.protocol import Event, Failed, Reader, Receive, Task
 
 #: 2000-01-01 UTC: simulated time says a simulated date.
 EPOCH_S = 946_684_800.0
@@ -71,7 +71,7 @@ class SteppedClock:
         """See Clock."""
         return self.put(self._now + delay_s, Call(call))
 
-    def read(self, bus: can.BusABC, receive: Receive, failed: Failed) -> Task:
+    def read(self, bus: can.BusABC, receive: Receive, failed: Failed) -> Reader:
         """See Clock; `bus` is one of this clock's, or wraps one and says so by its attribute `stepped`.
 
         A frame that comes while one is being received has to wait.
@@ -79,8 +79,8 @@ class SteppedClock:
         inner = getattr(bus, "stepped", None)
         if inner is None:
             raise TypeError(f"{bus} is no bus of a stepped clock")
-        task: Task = inner.give_to(bus, receive, failed)
-        return task
+        reader: Reader = inner.give_to(bus, receive, failed)
+        return reader
 
     def put(self, when_s: float, call: Call) -> Call:
         """Have `call` carried out at that time."""

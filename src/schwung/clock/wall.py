@@ -10,12 +10,12 @@ from typing import Any
 
 import can
 
-from schwung.clock.protocol import Event, Failed, Receive, Task
+from schwung.clock.protocol import Event, Failed, Reader, Receive, Task
 
 _POLL_S = 0.001  # how often `wait` looks
 _READ_TIMEOUT_S = 0.02  # on a silent bus, `close` waits for the reader so long
 _FAILURE_PAUSE_S = 0.1
-_ENDED_WITHIN_S = 1.0
+_WAITED_FOR_S = 1.0
 
 
 class WallClock:
@@ -68,26 +68,9 @@ class WallClock:
 
         return _Thread(run, "schwung timer")
 
-    def read(self, bus: can.BusABC, receive: Receive, failed: Failed) -> Task:
+    def read(self, bus: can.BusABC, receive: Receive, failed: Failed) -> Reader:
         """See Clock."""
-
-        def run(ending: threading.Event) -> None:
-            while not ending.is_set():
-                try:
-                    message = bus.recv(_READ_TIMEOUT_S)
-                except (
-                    can.CanError,
-                    OSError,
-                    ValueError,
-                ) as error:  # ValueError: the socket was closed under us
-                    if not ending.is_set():
-                        failed(error)
-                        ending.wait(_FAILURE_PAUSE_S)
-                    continue
-                if message is not None:
-                    receive(message)
-
-        return _Thread(run, "schwung bus reader")
+        return _ReaderThread(bus, receive, failed)
 
 
 class _Thread:
@@ -99,4 +82,34 @@ class _Thread:
     def close(self) -> None:
         self._ending.set()
         if threading.current_thread() is not self._thread:
-            self._thread.join(_ENDED_WITHIN_S)
+            self._thread.join(_WAITED_FOR_S)
+
+
+class _ReaderThread(_Thread):
+    def __init__(self, bus: can.BusABC, receive: Receive, failed: Failed) -> None:
+        self._bus, self._receive, self._failed = bus, receive, failed
+        self._asked, self._caught_up = threading.Event(), threading.Event()
+        super().__init__(self._read, "schwung bus reader")
+
+    def catch_up(self) -> None:
+        if threading.current_thread() is not self._thread:
+            self._caught_up.clear()
+            self._asked.set()
+            self._caught_up.wait(_WAITED_FOR_S)
+
+    def _read(self, ending: threading.Event) -> None:
+        while not ending.is_set():
+            asked = self._asked.is_set()
+            try:
+                message = self._bus.recv(0.0 if asked else _READ_TIMEOUT_S)
+            except (can.CanError, OSError, ValueError) as error:  # ValueError: the socket was closed under us
+                if not ending.is_set():
+                    self._failed(error)
+                    self._caught_up.set()
+                    ending.wait(_FAILURE_PAUSE_S)
+                continue
+            if message is not None:
+                self._receive(message)
+            elif asked:
+                self._asked.clear()
+                self._caught_up.set()

@@ -13,7 +13,7 @@ from typing import Any
 
 import can
 
-from schwung.clock.protocol import Failed, Receive, Task
+from schwung.clock.protocol import Failed, Reader, Receive
 from schwung.clock.stepped import EPOCH_S, Call, SteppedClock
 
 BIT_RATE = 1_000_000
@@ -31,10 +31,10 @@ class _Reader:
 
     def __post_init__(self) -> None:
         self.inner.reader = self
-        self.take()
+        self.catch_up()
 
-    def take(self) -> None:
-        """Receive all that waits."""
+    def catch_up(self) -> None:
+        """See clock.Reader."""
         if self.busy:
             return
         self.busy = True
@@ -132,7 +132,7 @@ class SteppedBus(can.BusABC):
         """Itself: a bus that wraps this one hands it on."""
         return self
 
-    def give_to(self, bus: can.BusABC, receive: Receive, failed: Failed) -> Task:
+    def give_to(self, bus: can.BusABC, receive: Receive, failed: Failed) -> Reader:
         """Hand over every frame that comes, through `bus`: itself, or the one that wraps it (Clock.read)."""
         return _Reader(self, bus, receive, failed)
 
@@ -148,7 +148,7 @@ class SteppedBus(can.BusABC):
         message.timestamp, message.channel = stamp_s, self.channel
         self.waiting.append(message)
         if self.reader is not None:
-            self.reader.take()
+            self.reader.catch_up()
 
     def recv(self, timeout: float | None = None) -> can.Message | None:
         """See can.BusABC, whose own would look at the wall's clock; filters are not modelled."""

@@ -3,11 +3,14 @@
 from schwung.commissioning.checks import Check
 from schwung.commissioning.commission import (
     Commissioned,
+    KeptSession,
     Prepared,
     Wishes,
     carry_out,
     contrast_of,
     prepare,
+    record_prepared,
+    renewed,
     repeat_reference,
     wishes_of,
 )
@@ -35,6 +38,7 @@ __all__ = [
     "ExportChoice",
     "Exported",
     "HostPlayed",
+    "KeptSession",
     "LimitWishes",
     "Limits",
     "Observer",
@@ -55,6 +59,8 @@ __all__ = [
     "parse_choice",
     "prepare",
     "read_backup",
+    "record_prepared",
+    "renewed",
     "repeat_reference",
     "restore_backup",
     "wishes_of",

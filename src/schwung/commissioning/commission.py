@@ -25,7 +25,7 @@ from schwung.commissioning.ways import (
     require_phases,
 )
 from schwung.drivetrain import FeedForward, Machine
-from schwung.errors import InputError, SchwungError
+from schwung.errors import InputError, RefusedError, SchwungError
 from schwung.estimation import Estimate, estimate
 from schwung.estimation.reach import Reach, reach_of
 from schwung.fieldbus.drive import MISSES_ALLOWED, Acquisition, Drive, SyncTiming
@@ -35,7 +35,17 @@ from schwung.session import Run, Session, read_session
 
 @dataclass(frozen=True)
 class Wishes:
-    """What the user asked for; None: propose."""
+    """What the user asked for; None: propose.
+
+    Attributes, numbers without a shape: `distance_rad` (rad, signed) and `duration_s` (s) of one stroke, `limits`,
+    `kind` ("third", "poly5", "scurve" or "cosine"), `returns`, `frequency_hz` (Hz) and `amplitude_nm` (N·m) of the
+    injected torque, `repeats`, `phases` (1 or 4), `also_s` (s, further times of the stroke), `sample_rate_hz` (Hz), and
+    how drive and bus are used: `mode`, `sampling`, `injecting`, `trace_rate_hz` (Hz), `max_jitter_share` of the period,
+    `misses_allowed` heartbeats. Raises nothing itself: `plan` raises InputError for wishes that nobody can fulfil.
+
+    >>> schwung.Wishes(distance_rad=3.14, duration_s=0.25, phases=4).limits.torque_max_nm is None
+    True
+    """
 
     distance_rad: float
     duration_s: float
@@ -66,7 +76,12 @@ class Prepared:
     survey: Survey
     preflight: Preflight
     feed_forward: FeedForward
-    max_jitter_share: float = MAX_JITTER_SHARE
+    wishes: Wishes
+
+    @property
+    def max_jitter_share(self) -> float:
+        """Share of the period by which SYNC may come unevenly."""
+        return self.wishes.max_jitter_share
 
 
 @dataclass(frozen=True, eq=False)
@@ -141,7 +156,28 @@ def prepare(
     forward = FeedForward(speed_share=gains.get("speed_feed_forward", 0.0))
     seen = survey(drive, plan)
     checked = preflight(plan, machine, seen, forward)
-    return Prepared(plan, machine, seen, checked, forward, wishes.max_jitter_share)
+    return Prepared(plan, machine, seen, checked, forward, wishes)
+
+
+def renewed(drive: Drive, profile: DeviceProfile, prepared: Prepared) -> Prepared:
+    """The same where axis and drive are as they were; else planned anew, from where the axis stands. Changes nothing.
+
+    Between planning and moving may lie as long as somebody looks at the plan. Raises RefusedError where the axis has
+    been moved further than its following error allows: what was looked at is another motion then.
+    """
+    seen, before = survey(drive, prepared.plan), prepared.survey
+    moved = abs(seen.state.position_rad - prepared.plan.start_position_rad)
+    if moved > prepared.plan.limits.following_error_rad:
+        raise RefusedError(
+            "plan",
+            f"starts at {prepared.plan.start_position_rad:.4g} rad, the axis stands at {seen.state.position_rad:.4g}",
+            "Plan anew, and look at that.",
+        )
+    if seen.identity != before.identity:
+        raise RefusedError("plan", "was made for another drive", "Plan anew with this one.")
+    if moved == 0 and seen.limits == before.limits:  # its state is looked at again before it is switched on
+        return prepared
+    return prepare(drive, profile, prepared.machine, prepared.wishes)
 
 
 def _standing(drive: Drive, profile: DeviceProfile) -> float:
@@ -231,6 +267,39 @@ def carry_out(
     Raises RefusedError, DriveError, InterruptedByUser as `record` does, InputError where the recording allows no
     estimate (it is kept).
     """
+    kept = record_prepared(drive, prepared, out, observer, max_jitter_share)
+    observer.phase("Estimating the load inertia")
+    session = read_session(kept.session_path)
+    found = estimate(session, prepared.machine)
+    return Commissioned(
+        prepared=prepared,
+        session_path=kept.session_path,
+        session=session,
+        recorded=kept.recorded,
+        estimate=found,
+        reach=reach_of(session, prepared.machine, found),
+        contrast=contrast_of(session, prepared.machine),
+        changes=kept.changes,
+    )
+
+
+@dataclass(frozen=True, eq=False)
+class KeptSession:
+    """What was recorded, where it lies, and which parameters were changed for it."""
+
+    session_path: Path
+    recorded: Recorded
+    changes: tuple[Change, ...]
+
+
+def record_prepared(
+    drive: Drive,
+    prepared: Prepared,
+    out: Path,
+    observer: Observer,
+    max_jitter_share: float = MAX_JITTER_SHARE,
+) -> KeptSession:
+    """The part of `carry_out` that needs the drive: move and record; raises as `record` does."""
     session_path = out / "session.h5"
     journal = ParameterJournal(drive, out / "setup.backup.json", drive.describe())
     recorded = record(
@@ -243,19 +312,7 @@ def carry_out(
         settings=settings_of(prepared.plan) | control_of(prepared.machine),
         max_jitter_share=max_jitter_share,
     )
-    observer.phase("Estimating the load inertia")
-    session = read_session(session_path)
-    found = estimate(session, prepared.machine)
-    return Commissioned(
-        prepared=prepared,
-        session_path=session_path,
-        session=session,
-        recorded=recorded,
-        estimate=found,
-        reach=reach_of(session, prepared.machine, found),
-        contrast=contrast_of(session, prepared.machine),
-        changes=journal.changes,
-    )
+    return KeptSession(session_path, recorded, journal.changes)
 
 
 def contrast_of(session: Session, machine: Machine) -> Estimate | None:

@@ -35,7 +35,15 @@ class Limits:
 
 @dataclass(frozen=True)
 class LimitWishes:
-    """Limits as the user gave them; None: take what the drive enforces."""
+    """Limits as the user gave them; None: take what the drive enforces. The tighter of both holds.
+
+    Attributes, numbers without a shape, motor side: `position_min_rad` and `position_max_rad` (rad, absolute),
+    `speed_max_rad_s` (rad/s), `torque_max_nm` (N·m), `following_error_rad` (rad). Raises nothing itself: `plan` raises
+    InputError where a limit is known to nobody.
+
+    >>> schwung.LimitWishes(position_min_rad=-0.1, position_max_rad=3.3, torque_max_nm=40.0).speed_max_rad_s is None
+    True
+    """
 
     position_min_rad: float | None = None
     position_max_rad: float | None = None

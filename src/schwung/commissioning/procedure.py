@@ -20,7 +20,7 @@ from schwung.commissioning.journal import ParameterJournal
 from schwung.commissioning.plan import Plan, PlannedRun, setpoints_of
 from schwung.commissioning.preflight import Preflight, SpeedSource
 from schwung.commissioning.runs import run_of
-from schwung.commissioning.ways import MAX_JITTER_SHARE, comes_unevenly
+from schwung.commissioning.ways import MAX_JITTER_SHARE, comes_unevenly, off_rate
 from schwung.errors import (
     CoastingError,
     DriveError,
@@ -42,7 +42,18 @@ MIN_PARTIAL_SAMPLES = 3
 
 
 class Observer(Protocol):
-    """Who is told how far things are."""
+    """Who is told how far things are: any object with these three methods.
+
+    `phase`: what is done next, in words; `progress`: samples done of all (a count: no unit, no shape); `note`: what is
+    worth knowing and stops nothing. What a method raises ends the procedure as an interrupt does: the drive is stopped.
+
+    >>> class Printing:
+    ...     def phase(self, text): print(text)
+    ...     def progress(self, done, total): pass
+    ...     def note(self, text): print(text)
+    >>> Printing().phase("Creep: signs and units")
+    Creep: signs and units
+    """
 
     def phase(self, text: str) -> None: ...
 
@@ -226,6 +237,8 @@ class _Player:
                 self._warn_of_way_back(recording.timing)
             else:
                 _judge_timing(recording.timing, self.max_jitter_share)
+                if said := off_rate(recording.timing, recording.sample_rate_hz):
+                    self.observer.note(said)
         except DriveError as error:
             self._keep_partial(recording, planned, str(error))
             raise

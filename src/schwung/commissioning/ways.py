@@ -27,6 +27,8 @@ INJECTED: dict[Injecting, str] = {"setpoints": "torque injection", "generator": 
 SLOW_SYNC_HZ = 100.0
 #: SYNC that comes less evenly than this (99th percentile, share of the period) decides setpoints by chance.
 MAX_JITTER_SHARE = 0.1
+#: A mean SYNC rate that is off by more is worth a word: no computer's clock is, and the table is off by up to twice.
+MAX_RATE_ERROR = 1e-3
 
 
 @dataclass(frozen=True)
@@ -44,6 +46,21 @@ class Way:
 def comes_unevenly(timing: SyncTiming, max_share: float = MAX_JITTER_SHARE) -> bool:
     """Whether SYNC misses its grid by more than that share of a period. A drive clocked by SYNC (lockstep) has none."""
     return timing.producer != "lockstep" and timing.p99_s > max_share * timing.period_s
+
+
+def off_rate(timing: SyncTiming, rate_hz: float) -> str | None:
+    """What to say where SYNC came at another mean rate than asked for; None where it did not.
+
+    Setpoints are played and samples taken by SYNC, so that speeds and the injected frequency are off by the share and
+    accelerations by its square, while samples count as taken at `rate_hz` (Hz).
+    """
+    share = 1 / (timing.period_s * rate_hz) - 1
+    if timing.producer == "lockstep" or abs(share) <= MAX_RATE_ERROR:
+        return None
+    return (
+        f"SYNC came at {rate_hz * (1 + share):.5g} Hz instead of {rate_hz:g} Hz: inertias are off by up "
+        f"to {2 * abs(share):.1%}. Lower --rate, or take load off this computer"
+    )
 
 
 def choose_way(

@@ -281,15 +281,7 @@ def paper_machine() -> Machine:
 def load_machine(path: str | Path) -> Machine:
     """Read `machine.toml` and the tables that it names (files.md). Raises InputError for every defect."""
     path = Path(path)
-    try:
-        data = tomllib.loads(path.read_text(encoding="utf-8"))
-    except OSError as error:
-        reason = (error.strerror or str(error)).lower()
-        raise InputError(str(path), f"cannot be read: {reason}", "Give the path of a machine.toml.") from None
-    except UnicodeDecodeError:
-        raise InputError(str(path), "is not UTF-8 text", "Give the path of a machine.toml.") from None
-    except (ValueError, RecursionError) as error:
-        raise InputError(str(path), f"is not TOML: {error}", "Correct that line.") from None
+    data = _read_toml(path)
     load = data.get("load")
     if isinstance(load, dict):
         if "viscous_friction" not in load:
@@ -303,9 +295,35 @@ def load_machine(path: str | Path) -> Machine:
         raise _explained(error, path) from None
 
 
+def machine_files(path: str | Path) -> tuple[Path, ...]:
+    """The machine file and the tables that it names: all that its content depends on.
+
+    Raises InputError where the file cannot be read; whether its tables are there is for `load_machine` to say.
+    """
+    path = Path(path)
+    load = _read_toml(path).get("load")
+    tables = [load.get(key) for key in _TABLES] if isinstance(load, dict) else []
+    return (path, *(path.parent / name for name in tables if isinstance(name, str) and name))
+
+
+def _read_toml(path: Path) -> dict[str, Any]:
+    try:
+        return tomllib.loads(path.read_text(encoding="utf-8"))
+    except OSError as error:
+        reason = (error.strerror or str(error)).lower()
+        raise InputError(str(path), f"cannot be read: {reason}", "Give the path of a machine.toml.") from None
+    except UnicodeDecodeError:
+        raise InputError(str(path), "is not UTF-8 text", "Give the path of a machine.toml.") from None
+    except (ValueError, RecursionError) as error:
+        raise InputError(str(path), f"is not TOML: {error}", "Correct that line.") from None
+
+
+_TABLES = {"inertia_table": read_inertia_csv, "torque_table": read_load_torque_csv}
+
+
 def _read_tables(load: dict[str, Any], path: Path) -> None:
     """Replace the names of tables by the tables; names are relative to the machine file."""
-    for key, read in (("inertia_table", read_inertia_csv), ("torque_table", read_load_torque_csv)):
+    for key, read in _TABLES.items():
         if key not in load:
             continue
         if not isinstance(load[key], str) or not load[key]:

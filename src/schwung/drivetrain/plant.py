@@ -19,7 +19,7 @@ _CONTACT_STEP = 0.02
 #: The same for smoothed dry friction, which only has to be stable (limit of Runge-Kutta: 2.8).
 _FRICTION_STEP = 1.0
 #: Dry friction is smoothed within this speed (rad/s).
-_SMOOTHING_RAD_S = 0.02
+SMOOTHING_RAD_S = 0.02
 _MAX_SUBSTEPS = 20_000
 
 
@@ -57,7 +57,7 @@ def learned_of(
         plant=plant,
         effects=physics.effects_of(machine.physics),
         load_table=_constant(0.0) if table is None else _curve(table.position_rad, table.load_torque_nm),
-        smoothing=_SMOOTHING_RAD_S,
+        smoothing=SMOOTHING_RAD_S,
         leaves_rest=leaves_rest,
         share=share,
     )
@@ -175,7 +175,7 @@ def substeps(machine: Machine, plant: kernel.Plant, period: float, top_speed: fl
         + max(e.viscous_nms + 0.5 * abs(e.viscous_difference_nms), 0.0)
         + 2.0 * abs(e.drag_nms2) * top_speed
     )
-    rubbing = (rubbing + _dry_level(e, share) / _SMOOTHING_RAD_S) / moved
+    rubbing = (rubbing + _dry_level(e, share) / SMOOTHING_RAD_S) / moved
     needed = int(np.ceil(max(period * fastest / step, period * rubbing / _FRICTION_STEP, 1.0)))
     if needed > _MAX_SUBSTEPS:
         raise InputError(

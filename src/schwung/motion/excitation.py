@@ -21,6 +21,12 @@ class Excitation(BaseModel):
 
     So is the waveform "multisine", for frequency responses: Σ amplitudes·sin(2π·frequencies·t + phases), where every
     frequency is a multiple of `frequency_hz`, one over the period, and `amplitude_nm` bounds the sum.
+
+    `torque(time)` gives N·m at instants (s), shape (n,). Raises pydantic's ValidationError, a ValueError, for what is
+    no excitation.
+
+    >>> schwung.Excitation(frequency_hz=50.0, amplitude_nm=10.0).lines_hz
+    array([50.])
     """
 
     model_config = ConfigDict(frozen=True, extra="allow")

@@ -127,7 +127,13 @@ class Motion(BaseModel):
 
     The kind "points" goes through `points`, at even shares of the duration, its acceleration straight between them;
     back through `points_back`, which count from where the way back begins, or else as it came, the other way round in
-    time.
+    time. `demand(time)` gives the demand at instants (s), arrays of shape (n,) in rad, rad/s and rad/s².
+
+    Raises pydantic's ValidationError, a ValueError, for numbers that are no motion.
+
+    >>> motion = schwung.Motion(kind="poly5", distance_rad=3.14, duration_s=0.25)
+    >>> round(motion.total_s, 3), round(motion.peak_speed_rad_s, 1)
+    (0.8, 23.6)
     """
 
     model_config = ConfigDict(frozen=True, extra="allow")

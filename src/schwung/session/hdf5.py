@@ -36,7 +36,7 @@ _UNITS: dict[str, dict[str, str]] = {
     "rotary": {"position": "rad", "speed": "rad/s", "torque": "N·m"},
     "linear": {"position": "m", "speed": "m/s", "torque": "N"},
 }
-_FIELDS = {
+FIELDS = {
     "time": "time_s",
     "position": "position_rad",
     "speed": "speed_rad_s",
@@ -153,12 +153,12 @@ def _read_run(runs: h5py.Group, name: str, axis: Axis, root: str) -> Run:
                          "Correct frequency_hz or sample_rate_hz.")  # fmt: skip
     arrays = {
         field: _dataset(group, dataset, axis, place)
-        for dataset, field in _FIELDS.items()
+        for dataset, field in FIELDS.items()
         if dataset in _REQUIRED or dataset in group
     }
     extra = _extra_attributes(group, _RUN_ATTRIBUTES)
     for key, item in group.items():
-        if key not in _FIELDS and isinstance(item, h5py.Dataset):
+        if key not in FIELDS and isinstance(item, h5py.Dataset):
             extra[key] = _parsed(item[()])
     motion = None
     if _is_foreign(group, place):  # kept as it is, for what it tells: which runs repeat the same

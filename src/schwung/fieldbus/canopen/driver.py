@@ -27,6 +27,7 @@ from schwung.fieldbus.drive import (
     DriveIdentity,
     DriveLimits,
     DriveState,
+    LiveSamples,
     Parameter,
     ParameterValue,
     Progress,
@@ -188,7 +189,7 @@ class CanopenDrive:
                 "name": self._link.name,
                 "bit_rate": self._bit_rate or ASSUMED_BIT_RATE,
                 "bit_rate_known": self._bit_rate is not None,
-                **(vars(self._bus_options) if self._bus_options is not None else {}),
+                **(self._bus_options.named() if self._bus_options is not None else {}),
             },
             "sync": self._operation.producer_name,
         }
@@ -295,6 +296,10 @@ class CanopenDrive:
         cannot be given; on any trouble the drive is stopped and the error has the partial `recording`.
         """
         return self._operation.play(setpoints, progress)
+
+    def live(self) -> LiveSamples | None:
+        """See Watched.live."""
+        return self._operation.live.take()
 
     def halt(self) -> None:
         """Quick stop by RPDO and by SDO, torque offset 0. Never raises; from any thread."""

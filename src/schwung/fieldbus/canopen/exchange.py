@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from typing import Protocol
 
@@ -16,6 +17,7 @@ from schwung.fieldbus.drive import Progress
 
 SYNC_ID = 0x080
 _STATE_BITS, _OPERATION_ENABLED = 0x6F, 0x27
+SILENT_S = 0.05  # who has not heard the other for so long does not go on as if nothing had been
 COUNTER_OVERFLOW = 128  # of 1019: a ring of the kernel's holds as many cycles (CiA 301 allows up to 240)
 
 
@@ -80,6 +82,7 @@ class Exchange:
         self.after_tpdo: Callable[[int], None] | None = None
         self.latch: Callable[[int], object] | None = None  # a controlword, for all that goes out
         self.trouble: DriveError | None = None
+        self._turn_s = math.inf  # when something went out last
         self.sync_count = 0  # SYNCs sent
         self.answer_counts = [0] * len(layouts.tpdos)  # TPDOs that came, of each
         self._status_tpdo = next(i for i, t in enumerate(layouts.tpdos) if t.carries("6041:00"))
@@ -129,6 +132,14 @@ class Exchange:
         if not self.counter:
             return [Frame(SYNC_ID, b"")]
         return [Frame(SYNC_ID, bytes([count])) for count in range(1, COUNTER_OVERFLOW + 1)]
+
+    def take_turn(self, period_s: float) -> None:
+        """Before something goes out, each time; `period_s`: how often that is. One that was held up hears first what
+        came meanwhile: it may forbid to go on. Not from callbacks."""
+        now = self.link.clock.now()
+        if now - self._turn_s > period_s + SILENT_S:
+            self.link.catch_up()
+        self._turn_s = now
 
     def send_rpdo(self, frame: bytes, wanted: Callable[[], bool] | None = None) -> bool:
         """Send one RPDO frame; False where it was no longer `wanted` when the send buffer had room. Raises BusError."""

@@ -171,6 +171,7 @@ class KernelProducer:
 
     def _feed(self) -> None:
         """Append setpoints, or hold on; see that a stop is sent."""
+        self._exchange.take_turn(REFILL / 2 * self.period_s)
         with self._lock:
             ring, position = self._ring, self._position()
             if ring.latched:

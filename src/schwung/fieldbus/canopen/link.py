@@ -94,6 +94,10 @@ class Link:
             raise BusError(self.name, "the send buffer stays full", remedy) from first
         raise BusError(self.name, f"cannot send ({first})", "Is the interface up?") from first
 
+    def catch_up(self) -> None:
+        """Whoever was held up hears what has come meanwhile before anything is said; not from a callback."""
+        self._reader.catch_up()
+
     @property
     def name(self) -> str:
         """The bus as python-can calls it."""

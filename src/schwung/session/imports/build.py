@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
@@ -14,12 +13,15 @@ import numpy as np
 
 from schwung.errors import InputError
 from schwung.motion import Array
-from schwung.session.hdf5 import SessionWriter
+from schwung.session.imports.canframes import log_kind
 from schwung.session.imports.clock import Clock, read_clock, resample
+from schwung.session.imports.dbc import read_by_dbc
+from schwung.session.imports.foreign import read_mdf, read_parquet
 from schwung.session.imports.matlab import read_matlab
 from schwung.session.imports.motions import Piece, cut, with_repeats
 from schwung.session.imports.recipe import Recipe
-from schwung.session.imports.signals import derive_speed, unwrap
+from schwung.session.imports.rows import unwrap_angles, whole, without_gaps
+from schwung.session.imports.signals import derive_speed
 from schwung.session.imports.table import Column, Table, bare_name
 from schwung.session.imports.text import read_text
 from schwung.session.imports.units import Quantity, Unit, axis_of, header_unit, unit, unit_in_name
@@ -67,8 +69,11 @@ class _Recording:
     notes: list[str] = field(default_factory=list)
 
 
-def read_table(path: Path) -> Table:
-    """The columns of a CSV, TwinCAT Scope or MAT file. Raises InputError where it is none, or not there."""
+def read_table(path: Path, dbc: Path | None = None, channel: str | None = None) -> Table:
+    """The columns of a CSV, TwinCAT Scope, MAT, MDF or Parquet file, or of a CAN log by a DBC.
+
+    Raises InputError where it is none, or not there.
+    """
     if not path.is_file():
         raise InputError(str(path), "there is no such file", "Check the path.")
     try:
@@ -81,6 +86,14 @@ def read_table(path: Path) -> Table:
         raise InputError(str(path), "is empty", "Give a file with samples.")
     if path.suffix.lower() == ".mat" or head.startswith((b"MATLAB", b"\x89HDF")):
         return read_matlab(path)
+    if head.startswith(b"PAR1"):
+        return read_parquet(path)
+    if head.startswith(b"MDF ") and dbc is None:
+        return read_mdf(path)
+    if dbc is not None:
+        return read_by_dbc(path, dbc, channel)
+    if log_kind(path) is not None:
+        raise InputError(str(path), "is a log of a CAN bus", "Add --eds DRIVE.eds, or --dbc BUS.dbc.")
     return read_text(path)
 
 
@@ -98,7 +111,7 @@ def import_recordings(files: Sequence[Path], recipe: Recipe) -> Imported:
     notes: list[str] = []
     created: str | None = None
     for path in files:
-        table = read_table(path)
+        table = read_table(path, Path(recipe.dbc) if recipe.dbc else None, recipe.channel)
         created = created or table.created
         for recording in _recordings(table, recipe, axis):
             found, how = _runs(recording, recipe)
@@ -120,27 +133,6 @@ def import_recordings(files: Sequence[Path], recipe: Recipe) -> Imported:
         axis=axis,
     )
     return Imported(session, tuple(dict.fromkeys(notes)))
-
-
-def write_session(session: Session, path: Path, overwrite: bool = False) -> None:
-    """Write a session file whole or not at all. Raises InputError where it exists already or cannot be written."""
-    if path.exists() and not overwrite:
-        raise InputError(str(path), "exists already", "Choose another --out, or add --overwrite.")
-    unfinished = path.with_name(f".{path.name}.{os.getpid()}.import")
-    try:
-        writer = SessionWriter(
-            unfinished, source=session.source, created=session.created, drive=session.drive, axis=session.axis,
-            overwrite=True,
-        )  # fmt: skip
-        try:
-            with writer:
-                for run in session.runs:
-                    writer.append(run)
-        except InputError as error:
-            raise InputError(str(path), error.problem, error.remedy) from error
-        os.replace(unfinished, path)
-    finally:
-        unfinished.unlink(missing_ok=True)
 
 
 def _axis(recipe: Recipe) -> Axis:
@@ -165,10 +157,12 @@ def _recordings(table: Table, recipe: Recipe, axis: Axis) -> list[_Recording]:
     signals = {}
     for name, column in columns.items():
         factor = _factor(table, column, name, recipe, axis, notes)
-        signals[name] = _whole(column, table.path) * factor
-    if axis == "rotary" and recipe.unwrap:
-        _unwrap(signals, notes)
+        signals[name] = (column.values if recipe.resample else whole(column, table.path)) * factor
     times = _times(table, columns, recipe, notes)
+    if times is not None and recipe.resample:
+        signals, times = without_gaps(signals, times, table.path, notes)
+    if axis == "rotary" and recipe.unwrap:
+        unwrap_angles(signals, notes)
     if times is None:
         rate = recipe.rate
         if rate is None:
@@ -195,37 +189,6 @@ def _factor(table: Table, column: Column, name: str, recipe: Recipe, axis: Axis,
     return scale
 
 
-def _whole(column: Column, path: Path) -> Array:
-    """A column that is finite throughout. Raises InputError, naming the line, where it is not."""
-    values = np.asarray(column.values, dtype=np.float64)
-    bad = np.flatnonzero(~np.isfinite(values))
-    if values.size == 0:
-        raise InputError(f"{path}: {column.name}", "holds no samples", "Choose another column.")
-    if bad.size:
-        at = int(bad[0])
-        where = f"line {column.first_line + at}" if column.first_line is not None else f"sample {at}"
-        what = "is empty" if np.isnan(values[at]) else f"is {values[at]}"
-        raise InputError(f"{path}: {column.name}, {where}", f"{what} ({bad.size} such samples)",
-                         "Cut the recording before it; missing samples are not made up.")  # fmt: skip
-    return values
-
-
-def _unwrap(signals: dict[str, Array], notes: list[str]) -> None:
-    for name in ("position", "position_demand"):
-        if name not in signals:
-            continue
-        found = unwrap(signals[name])
-        if found.wraps:
-            signals[name] = found.position
-            notes.append(
-                f"{name} jumped by a whole turn {found.wraps} times (first at sample {found.first}): unwrapped"
-            )
-    position, demand = signals["position"], signals.get("position_demand")
-    if demand is not None and demand.size == position.size:  # each was within a turn of its own
-        apart = float(np.median(demand - position))
-        signals["position_demand"] = demand - 2 * np.pi * np.rint(apart / (2 * np.pi))
-
-
 def _times(
     table: Table, columns: Mapping[str, Column], recipe: Recipe, notes: list[str]
 ) -> dict[str, Array] | None:
@@ -247,7 +210,7 @@ def _times(
     factor = unit(said, "time", "rotary").factor if said else found.factor if found else 1.0
     if found and not said:
         notes.append(f"time is taken in {found.text}, as the file says")
-    time = _whole(column, table.path) * factor
+    time = (column.values if recipe.resample else whole(column, table.path)) * factor
     return dict.fromkeys(columns, time)
 
 

@@ -65,15 +65,15 @@ def moving_sections(position: Array, sample_rate_hz: float) -> tuple[Piece, ...]
     slow = max(_REST_SHARE * peak, min(noise, 0.1 * peak))
     shortest = max(_REST_SAMPLES, round(_REST_S * sample_rate_hz))
     moves = np.ones(position.size, dtype=bool)
-    for start, stop in _stretches(speed <= slow):
+    for start, stop in stretches(speed <= slow):
         rests = float(np.median(speed[start:stop])) <= _STILL_SHARE * slow
         if (rests and stop - start >= shortest) or start == 0 or stop == position.size:
             moves[start:stop] = False
     least = max(_MOTION_SHARE * peak, min(2 * noise, 0.2 * peak))
-    return tuple(Piece(a, b) for a, b in _stretches(moves) if speed[a:b].max() >= least)
+    return tuple(Piece(a, b) for a, b in stretches(moves) if speed[a:b].max() >= least)
 
 
-def _stretches(flags: Array | np.ndarray[tuple[int], np.dtype[np.bool_]]) -> list[tuple[int, int]]:
+def stretches(flags: Array | np.ndarray[tuple[int], np.dtype[np.bool_]]) -> list[tuple[int, int]]:
     """Where flags are set without a break: (start, stop)."""
     edges = np.flatnonzero(np.diff(np.concatenate(([0], np.asarray(flags, dtype=np.int8), [0]))))
     return [(int(a), int(b)) for a, b in zip(edges[::2], edges[1::2], strict=True)]
@@ -92,7 +92,7 @@ def cut(position: Array, sample_rate_hz: float, split: str, piece_s: float | Non
         return Pieces((whole,), "kept as one run")
     sections = moving_sections(position, sample_rate_hz)
     if len(sections) > 1:
-        groups = _returning(position, sections) if split == "auto" else [(each,) for each in sections]
+        groups = returning(position, sections) if split == "auto" else [(each,) for each in sections]
         if len(groups) > 1:
             return Pieces(
                 _with_rests(groups, position, sample_rate_hz), f"{len(groups)} motions between rests"
@@ -108,8 +108,8 @@ def cut(position: Array, sample_rate_hz: float, split: str, piece_s: float | Non
     return Pieces((whole,), "one motion" if sections else "no motion found, kept as one run")
 
 
-def _returning(position: Array, sections: Sequence[Piece]) -> list[tuple[Piece, ...]]:
-    """Sections, each together with the next where that goes back to where the first began."""
+def returning(position: Array, sections: Sequence[Piece]) -> list[tuple[Piece, ...]]:
+    """Sections of a path, (n,) position, each together with the next where that goes back to where the first began."""
     near = _SAME_PATH * float(np.ptp(position))
     groups: list[tuple[Piece, ...]] = []
     k = 0

@@ -47,6 +47,8 @@ class Recipe(BaseModel):
     role: Role = "reference"
     excitation: Excitation | None = None
     files: tuple[str, ...] = ()
+    dbc: str | None = None
+    channel: str | None = None
 
     @field_validator(
         "position", "torque", "time", "speed", "position_demand", "torque_added", "position_scale", "speed_scale",
@@ -75,7 +77,7 @@ class Recipe(BaseModel):
 
 
 def read_recipe(path: Path) -> dict[str, Any]:
-    """The keys of a recipe file; `files` are relative to it. Raises InputError for what is not TOML."""
+    """The keys of a recipe file; `files` and `dbc` are relative to it. Raises InputError for what is not TOML."""
     try:
         data = tomllib.loads(path.read_text(encoding="utf-8"))
     except OSError as error:
@@ -86,6 +88,8 @@ def read_recipe(path: Path) -> dict[str, Any]:
     files = data.get("files")
     if isinstance(files, list) and all(isinstance(name, str) for name in files):
         data["files"] = [str(path.parent / name) for name in files]
+    if isinstance(data.get("dbc"), str):
+        data["dbc"] = str(path.parent / data["dbc"])
     return data
 
 

@@ -1,0 +1,94 @@
+"""What drives, runs and verdicts are called on the page, and how grave that is."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+from schwung.service.pages.markup import Safe, Tone, tag
+
+#: CiA 402 states, in lower case, as what they mean for who stands next to the machine.
+_STATES: Mapping[str, tuple[Tone, str]] = {
+    "not ready to switch on": ("off", "the drive starts up"),
+    "switch on disabled": ("off", "power stage off"),
+    "ready to switch on": ("off", "power stage off, may be switched on"),
+    "switched on": ("doubtful", "power stage ready, no torque"),
+    "operation enabled": ("live", "power stage on: the drive holds or moves the axis"),
+    "quick stop active": ("doubtful", "stopping, or stopped with torque"),
+    "fault reaction active": ("unusable", "stopping because of a fault"),
+    "fault": ("unusable", "power stage off because of a fault"),
+}
+_BITS = (
+    "ready to switch on", "switched on", "operation enabled", "fault", "voltage enabled", "no quick stop",
+    "switch on disabled", "warning", "manufacturer (8)", "remote", "target reached", "internal limit", "mode (12)",
+    "mode (13)", "manufacturer (14)", "manufacturer (15)",
+)  # fmt: skip
+_RUNS: Mapping[str, Tone] = {
+    "queued": "",
+    "running": "live",
+    "done": "good",
+    "failed": "unusable",
+    "cancelled": "doubtful",
+    "interrupted": "doubtful",
+}
+_KINDS = {
+    "plan": "Plan",
+    "commission": "Commissioning",
+    "estimate": "Estimate",
+    "explain": "Explanation",
+    "doctor": "Check of the drive",
+    "scan": "Scan of the bus",
+    "bode": "Frequency response",
+    "optimise": "Optimal motion",
+    "play": "Optimised motion played",
+    "export": "Export",
+    "propose_export": "Export, proposed",
+    "verify": "Motion before and after",
+    "backup": "Backup",
+    "restore": "Restore",
+    "propose_restore": "Restore, proposed",
+    "reset_fault": "Fault reset",
+    "import": "Import",
+}
+VERDICTS: Mapping[str, tuple[Tone, str]] = {
+    "good": ("good", "good"),
+    "doubtful": ("doubtful", "doubtful"),
+    "unusable": ("unusable", "unusable"),
+    "consistent": ("good", "consistent"),
+    "explained": ("good", "explained"),
+    "partly_explained": ("doubtful", "partly explained"),
+    "unexplained": ("unusable", "unexplained"),
+}
+
+
+def cia402_tone(state: str) -> Tone:
+    """How grave a state is."""
+    return _STATES.get(state.lower(), ("", ""))[0]
+
+
+def cia402_meaning(state: str) -> str:
+    """What a state means."""
+    return _STATES.get(state.lower(), ("", ""))[1]
+
+
+def statusword_in_words(word: int) -> list[str]:
+    """The bits that are set in a CiA 402 statusword (6041), by their names."""
+    return [name for bit, name in enumerate(_BITS) if word >> bit & 1]
+
+
+def run_tag(state: str) -> Safe:
+    """A run's state."""
+    return tag(state, _RUNS.get(state, ""))
+
+
+def kind_name(kind: str) -> str:
+    """A kind of run, as people call it."""
+    return _KINDS.get(kind, kind.replace("_", " ").capitalize())
+
+
+def verdict_tag(verdict: Any) -> Safe | None:
+    """A verdict; None where there is none."""
+    if not verdict:
+        return None
+    tone, word = VERDICTS.get(str(verdict), ("", str(verdict)))
+    return tag(word, tone)

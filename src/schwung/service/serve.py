@@ -1,0 +1,90 @@
+"""Run the service: lock the folder, start, listen, tell where, and leave the machine safe at the end."""
+
+from __future__ import annotations
+
+import contextlib
+import os
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+
+import uvicorn
+
+from schwung.errors import InputError
+from schwung.service.app import make_app
+from schwung.service.guard import Guard, own_token
+from schwung.service.pages import mount_pages
+from schwung.service.service import Service
+from schwung.service.stop_listener import StopListener, listen
+from schwung.service.values import Settings
+
+
+@dataclass(frozen=True)
+class Started:
+    """Where it is, and the token."""
+
+    url: str
+    login_url: str
+    stop_url: str
+    token: str
+
+
+def run(settings: Settings, announce: Callable[[Started], None]) -> None:
+    """Serve until SIGINT or SIGTERM. Raises InputError where folder or port are somebody else's."""
+    with only_one(settings.folder):
+        token = own_token(settings.folder)
+        listening = listen(settings.host, settings.port, "port")
+        port: int = listening.getsockname()[1]
+        guard = Guard(settings, token, port)
+        with contextlib.closing(listening), Service(settings) as service:
+            stop_port = port + 1 if settings.stop_port is None else settings.stop_port
+            stopper = StopListener(service, guard, settings.host, stop_port)
+            try:
+                app = make_app(service, guard)
+                app.state.stop_port = stopper.port
+                mount_pages(app, service, guard, stopper.port)
+                config = uvicorn.Config(
+                    app, log_config=None, timeout_graceful_shutdown=2, server_header=False
+                )
+                server = uvicorn.Server(config)
+                shown = f"[{settings.host}]" if ":" in settings.host else settings.host
+                url = f"http://{shown}:{port}"
+                announce(
+                    Started(url, f"{url}/login?token={token}", f"http://{shown}:{stopper.port}/stop", token)
+                )
+                with contextlib.suppress(
+                    KeyboardInterrupt
+                ):  # how the server hands on the signal that ended it
+                    server.run(sockets=[listening])
+            finally:
+                stopper.close()
+
+
+@contextmanager
+def only_one(folder: Path) -> Iterator[None]:
+    """Within: the folder is ours; the system ends the lock with the process. Raises InputError where another has it."""
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        handle = os.open(folder / "lock", os.O_RDWR | os.O_CREAT, 0o600)
+    except OSError as error:
+        reason = (error.strerror or str(error)).lower()
+        raise InputError(str(folder), f"cannot be used: {reason}", "Choose another --data folder.") from error
+    try:
+        _lock(handle, folder)
+        yield
+    finally:
+        os.close(handle)
+
+
+def _lock(handle: int, folder: Path) -> None:
+    try:
+        import fcntl  # noqa: PLC0415  # not on Windows
+    except ImportError:
+        return
+    try:
+        fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except OSError as error:
+        raise InputError(
+            str(folder), "is in use by another schwung serve", "Use that one, or another --data."
+        ) from error

@@ -1,0 +1,330 @@
+/* Equations of the machine, and their solution: classical Runge-Kutta, in as many steps as what is fastest needs. */
+#include "machine.h"
+
+#include <math.h>
+#include <stddef.h>
+#include <string.h>
+
+#define TWO_PI 6.283185307179586476925287
+#define LONGEST_STEP 2.5e-4   /* s */
+#define COUPLING_STEP 0.1     /* highest |eigenvalue| x step ... */
+#define CONTACT_STEP 0.02     /* ... where the coupling has play ... */
+#define FRICTION_STEP 1.0     /* ... and of smoothed dry friction, which has to be stable only */
+#define MOST_STEPS 100000000.0
+
+typedef struct {
+    double value, slope;
+} Point;
+
+static double larger(double a, double b) { return a > b ? a : b; }
+static double smaller(double a, double b) { return a < b ? a : b; }
+
+/* A curve through rows of angle, value and slope: cubic between them, constant beyond. */
+static Point curve(const double (*rows)[3], int count, double angle) {
+    int low = 0, high = count - 1;
+    const double inside = smaller(larger(angle, rows[0][0]), rows[high][0]);
+    while (high - low > 1) {
+        const int middle = (low + high) / 2;
+        if (inside < rows[middle][0]) high = middle; else low = middle;
+    }
+    const double *a = rows[low], *b = rows[high];
+    const double width = b[0] - a[0], u = inside - a[0], secant = (b[1] - a[1]) / width;
+    const double square = (3.0 * secant - 2.0 * a[2] - b[2]) / width;
+    const double cube = (a[2] + b[2] - 2.0 * secant) / (width * width);
+    Point result;
+    result.value = ((cube * u + square) * u + a[2]) * u + a[1];
+    result.slope = inside == angle ? (3.0 * cube * u + 2.0 * square) * u + a[2] : 0.0;
+    return result;
+}
+
+#define CURVE(rows, angle) curve(rows, (int)(sizeof(rows) / sizeof((rows)[0])), angle)
+
+static Point load_inertia(const double *p, double angle) {
+    Point point = CURVE(INERTIA, angle + p[INERTIA_SHIFT_RAD]);
+    point.value = p[INERTIA_SCALE] * point.value + p[INERTIA_DELTA_KGM2];
+    point.slope *= p[INERTIA_SCALE];
+    return point;
+}
+
+static double lightest_load(const double *p) {
+    double lightest = INERTIA[0][1];
+    for (size_t i = 1; i < sizeof INERTIA / sizeof INERTIA[0]; i++) lightest = smaller(lightest, INERTIA[i][1]);
+    return p[INERTIA_SCALE] * lightest + p[INERTIA_DELTA_KGM2];
+}
+
+static double stiffness(const double *p) {
+    return p[STIFFNESS_NM_RAD] > 0.0 ? p[STIFFNESS_NM_RAD] : p[COUPLING_STIFFNESS_NM_RAD];
+}
+
+static double damping(const double *p) {
+    return p[DAMPING_NMS] >= 0.0 ? p[DAMPING_NMS] : p[COUPLING_DAMPING_NMS];
+}
+
+/* 1 in the middle of 0..1, 0 at the ends and beyond: a raised cosine to a power. */
+static double bump(double share, double sharpness) {
+    if (!(share > 0.0 && share < 1.0)) return 0.0;
+    return pow(0.5 * (1.0 - cos(TWO_PI * share)), sharpness);
+}
+
+/* What dry friction has gained after a share of the session. */
+static double drift(const double *p) {
+    const double settling = p[DRIFT_SETTLING], share = p[SESSION_SHARE];
+    if (fabs(settling) < 1e-3) return p[DRIFT_NM] * share;
+    return p[DRIFT_NM] * expm1(-settling * share) / expm1(-settling);
+}
+
+/* Level of dry friction on the motor: direction, drift, Stribeck, a tight spot that comes back every turn. */
+static double dry_friction(const double *p, double angle, double speed) {
+    double level = speed > 0.0 ? p[COULOMB_POSITIVE_NM] : p[COULOMB_NEGATIVE_NM];
+    level += drift(p);
+    if (p[STRIBECK_RISE_NM] != 0.0)
+        level += p[STRIBECK_RISE_NM]
+                 * exp(-pow(fabs(speed) / p[STRIBECK_SPEED_RAD_S], p[STRIBECK_EXPONENT]));
+    if (p[LOCAL_FRICTION_NM] != 0.0) {
+        double away = angle - p[LOCAL_CENTRE_RAD];
+        away -= TWO_PI * nearbyint(away / TWO_PI);
+        level += p[LOCAL_FRICTION_NM] * bump(0.5 + away / p[LOCAL_WIDTH_RAD], p[LOCAL_SHARPNESS]);
+    }
+    return larger(level, 0.0);
+}
+
+/* What friction and disturbances add to the motor's torque. */
+static double motor_torque(const double *p, double angle, double speed, double time) {
+    double torque = p[OFFSET_NM] - (p[VISCOUS_NMS] + p[DRAG_NMS2] * fabs(speed)) * speed;
+    torque -= 0.5 * p[VISCOUS_DIFFERENCE_NMS] * fabs(speed);
+    torque -= dry_friction(p, angle, speed) * tanh(speed / p[SMOOTHING_RAD_S]);
+    if (p[COGGING_AMPLITUDE_NM] != 0.0)
+        torque += p[COGGING_AMPLITUDE_NM] * sin(p[COGGING_ORDER] * angle + p[COGGING_PHASE_RAD]);
+    if (p[PERIODIC_AMPLITUDE_NM] != 0.0)
+        torque += p[PERIODIC_AMPLITUDE_NM]
+                  * sin(TWO_PI * p[PERIODIC_FREQUENCY_HZ] * time + p[PERIODIC_PHASE_RAD]);
+    return torque;
+}
+
+/* What acts on the load from outside: tables and a sine over its angle, and one event (motion_time: since the start). */
+static double load_torque(const double *p, double angle, double motion_time) {
+    double torque = p[LOAD_TORQUE_NM] + CURVE(LOAD_TORQUE, angle).value + CURVE(LEARNED_LOAD_TORQUE, angle).value;
+    if (p[LOAD_AMPLITUDE_NM] != 0.0) torque += p[LOAD_AMPLITUDE_NM] * sin(angle + p[LOAD_PHASE_RAD]);
+    if (p[EVENT_PEAK_NM] != 0.0)
+        torque += p[EVENT_PEAK_NM]
+                  * bump((motion_time - p[EVENT_TIME_S]) / p[EVENT_DURATION_S], p[EVENT_SHARPNESS]);
+    return torque;
+}
+
+/* What the coupling takes from the motor and gives to the load. With play it can only push. */
+static double coupling_torque(const double *p, double twist, double twist_speed) {
+    const double k = stiffness(p), d = damping(p), cubic = p[CUBIC_NM_RAD3];
+    if (p[GAP_RAD] <= 0.0) return (k + cubic * twist * twist) * twist + d * twist_speed;
+    const double wound = fabs(twist) - 0.5 * p[GAP_RAD], side = twist > 0.0 ? 1.0 : -1.0;
+    if (wound <= 0.0) return 0.0;
+    return side * larger((k + cubic * wound * wound) * wound + d * side * twist_speed, 0.0);
+}
+
+static Masses rates(const double *p, Masses s, double torque, double time) {
+    const Point inertia = load_inertia(p, s.load_angle);
+    double load = load_torque(p, s.load_angle, time - p[MOTION_START_S]);
+    load -= p[LOAD_VISCOUS_FRICTION_NMS] * s.load_speed + 0.5 * inertia.slope * s.load_speed * s.load_speed;
+    Masses r = {s.motor_speed, 0.0, s.load_speed, 0.0, s.third_speed, 0.0};
+    if (p[THIRD_INERTIA_KGM2] > 0.0) {
+        const double passed = p[THIRD_STIFFNESS_NM_RAD] * (s.load_angle - s.third_angle)
+                              + p[THIRD_DAMPING_NMS] * (s.load_speed - s.third_speed);
+        load -= passed;
+        r.third_speed = passed / p[THIRD_INERTIA_KGM2];
+    }
+    const double motor = torque - p[MOTOR_VISCOUS_FRICTION_NMS] * s.motor_speed
+                         + motor_torque(p, s.motor_angle, s.motor_speed, time);
+    if (RIGID) {
+        r.motor_speed = r.load_speed = (motor + load) / (p[MOTOR_INERTIA_KGM2] + inertia.value);
+    } else {
+        const double shaft = coupling_torque(p, s.motor_angle - s.load_angle, s.motor_speed - s.load_speed);
+        r.motor_speed = (motor - shaft) / p[MOTOR_INERTIA_KGM2];
+        r.load_speed = (load + shaft) / inertia.value;
+    }
+    return r;
+}
+
+static Masses moved(Masses s, Masses r, double by) {
+    s.motor_angle += by * r.motor_angle;
+    s.motor_speed += by * r.motor_speed;
+    s.load_angle += by * r.load_angle;
+    s.load_speed += by * r.load_speed;
+    s.third_angle += by * r.third_angle;
+    s.third_speed += by * r.third_speed;
+    return s;
+}
+
+/* What a torque that the drive reports makes of itself on the shaft, once its current loop has settled. */
+static double shaft_torque(const double *p, double reported) {
+    return smaller(larger(p[TORQUE_GAIN] * reported, -p[TORQUE_LIMIT_NM]), p[TORQUE_LIMIT_NM]);
+}
+
+/* Steps over a duration, from the fastest thing that the machine does. */
+static double steps_needed(const Machine *m, double duration) {
+    const double *p = m->value;
+    const double speed = fabs(m->state.motor_speed), lightest = lightest_load(p);
+    double mass = p[MOTOR_INERTIA_KGM2], fastest = 0.0;
+    if (RIGID) {
+        mass += lightest;
+    } else {
+        const double mobility = 1.0 / mass + 1.0 / lightest, twist = m->state.motor_angle - m->state.load_angle;
+        const double stiff = stiffness(p) + 3.0 * larger(p[CUBIC_NM_RAD3], 0.0) * twist * twist;
+        fastest = larger(sqrt(stiff * mobility), damping(p) * mobility);
+    }
+    if (p[THIRD_INERTIA_KGM2] > 0.0) {
+        const double mobility = 1.0 / p[THIRD_INERTIA_KGM2] + 1.0 / (RIGID ? mass : lightest);
+        const double swing = sqrt(p[THIRD_STIFFNESS_NM_RAD] * mobility);
+        fastest = hypot(fastest, larger(swing, p[THIRD_DAMPING_NMS] * mobility));
+    }
+    if (p[COGGING_AMPLITUDE_NM] != 0.0) {
+        const double order = p[COGGING_ORDER];
+        fastest = larger(fastest, larger(sqrt(fabs(p[COGGING_AMPLITUDE_NM]) * order * order / mass), order * speed));
+    }
+    if (p[PERIODIC_AMPLITUDE_NM] != 0.0) fastest = larger(fastest, TWO_PI * p[PERIODIC_FREQUENCY_HZ]);
+    double dry = larger(p[COULOMB_POSITIVE_NM], p[COULOMB_NEGATIVE_NM]) + drift(p);
+    dry = larger(dry + larger(p[STRIBECK_RISE_NM], 0.0) + larger(p[LOCAL_FRICTION_NM], 0.0), 0.0);
+    double rubbing = p[MOTOR_VISCOUS_FRICTION_NMS] + 2.0 * fabs(p[DRAG_NMS2]) * speed;
+    rubbing += larger(p[VISCOUS_NMS] + 0.5 * fabs(p[VISCOUS_DIFFERENCE_NMS]), 0.0);
+    rubbing = (rubbing + dry / p[SMOOTHING_RAD_S]) / mass;
+    const double step = p[GAP_RAD] > 0.0 ? CONTACT_STEP : COUPLING_STEP;
+    const double needed = larger(duration * fastest / step, duration * rubbing / FRICTION_STEP);
+    return ceil(larger(larger(needed, duration / LONGEST_STEP), 1.0));
+}
+
+static const char *impossible(const double *p) {
+    for (int i = 0; i < N_VARIABLES; i++)
+        if (!isfinite(p[i])) return "a parameter or the torque is not a finite number";
+    if (!(p[MOTOR_INERTIA_KGM2] > 0.0)) return "motor_inertia_kgm2 is not positive";
+    if (!(lightest_load(p) > 0.0)) return "the load's inertia is not positive: correct inertia_scale or inertia_delta_kgm2";
+    if (!RIGID && !(stiffness(p) > 0.0)) return "coupling_stiffness_nm_rad is not positive";
+    if (!(p[SMOOTHING_RAD_S] > 0.0)) return "smoothing_rad_s is not positive";
+    if (!(p[TORQUE_GAIN] > 0.0)) return "torque_gain is not positive";
+    if (!(p[TORQUE_LAG_S] >= 0.0 && p[SPEED_DELAY_S] >= 0.0)) return "torque_lag_s or speed_delay_s is negative";
+    if (!(fabs(p[ECCENTRICITY_RAD]) <= 0.5)) return "eccentricity_rad is beyond 0.5";
+    return NULL;
+}
+
+/* The speed that the drive would read at once. */
+static double read_speed(const Machine *m) {
+    const double *p = m->value;
+    const double turned = m->state.motor_angle + p[ECCENTRICITY_PHASE_RAD];
+    return m->state.motor_speed * (1.0 + p[ECCENTRICITY_RAD] * cos(turned));
+}
+
+static int past(const Machine *m, int i) { return (m->past_first + i) % PAST; }
+
+/* Remember the speed, no closer than a delay needs. */
+static void remember(Machine *m) {
+    const double apart = m->value[SPEED_DELAY_S] * 2.0 / PAST;
+    if (m->past_count > 1 && m->past_time[past(m, m->past_count - 1)] - m->past_time[past(m, m->past_count - 2)] < apart)
+        m->past_count--;
+    if (m->past_count == PAST) {
+        m->past_first = past(m, 1);
+        m->past_count--;
+    }
+    const int at = past(m, m->past_count++);
+    m->past_time[at] = m->time;
+    m->past_speed[at] = read_speed(m);
+}
+
+/* The speed as the drive reads it: straight between communication points; before the first it stood as then. */
+static double late_speed(const Machine *m) {
+    const double then = m->time - m->value[SPEED_DELAY_S];
+    if (m->past_count == 0 || m->value[SPEED_DELAY_S] <= 0.0) return read_speed(m);
+    if (then <= m->past_time[past(m, 0)]) return m->past_speed[past(m, 0)];
+    int low = 0, high = m->past_count - 1;
+    while (high - low > 1) {
+        const int middle = (low + high) / 2;
+        if (then < m->past_time[past(m, middle)]) high = middle; else low = middle;
+    }
+    const double begin = m->past_time[past(m, low)], end = m->past_time[past(m, high)];
+    const double share = end > begin ? (then - begin) / (end - begin) : 1.0;
+    return (1.0 - share) * m->past_speed[past(m, low)] + share * m->past_speed[past(m, high)];
+}
+
+void machine_reset(Machine *m) {
+    memset(m, 0, sizeof *m);
+    memcpy(m->value, START, sizeof m->value);
+}
+
+/* What would turn the load from this angle on, the motor standing. */
+static double pull(const double *p, double motor_angle, double load_angle) {
+    return load_torque(p, load_angle, -1e300) + coupling_torque(p, motor_angle - load_angle, 0.0);
+}
+
+static const char *wind_up(const double *p, double motor_angle, double *load_angle) {
+    const double begin = pull(p, motor_angle, motor_angle), towards = begin > 0.0 ? 1.0 : -1.0;
+    *load_angle = motor_angle;
+    if (RIGID || begin == 0.0) return NULL;
+    double near = 0.0, far = 0.5 * p[GAP_RAD] + 1e-3 * fabs(load_torque(p, motor_angle, -1e300)) / stiffness(p);
+    while (pull(p, motor_angle, motor_angle + towards * far) * towards > 0.0) {
+        far *= 2.0;
+        if (far > 100.0) return "coupling_stiffness_nm_rad is too low to bear the load's torque";
+    }
+    for (int i = 0; i < 200; i++) {
+        const double middle = 0.5 * (near + far);
+        if (pull(p, motor_angle, motor_angle + towards * middle) * towards > 0.0) near = middle; else far = middle;
+    }
+    *load_angle = motor_angle + towards * 0.5 * (near + far);
+    return NULL;
+}
+
+const char *machine_rest(Machine *m, double time) {
+    const double *p = m->value;
+    const char *wrong = impossible(p);
+    if (wrong) return wrong;
+    double angle = p[START_ANGLE_RAD], load;
+    for (int i = 0; i < 100; i++)
+        angle = p[START_ANGLE_RAD] - p[ECCENTRICITY_RAD] * sin(angle + p[ECCENTRICITY_PHASE_RAD]);
+    wrong = wind_up(p, angle, &load);
+    if (wrong) return wrong;
+    m->time = time;
+    m->state = (Masses){angle, 0.0, load, 0.0, load, 0.0};
+    double held = -load_torque(p, load, -1e300) - p[OFFSET_NM];
+    held -= p[COGGING_AMPLITUDE_NM] * sin(p[COGGING_ORDER] * angle + p[COGGING_PHASE_RAD]);
+    m->acting = shaft_torque(p, held / p[TORQUE_GAIN]);
+    m->past_first = m->past_count = 0;
+    remember(m);
+    m->initialised = 1;
+    return NULL;
+}
+
+const char *machine_step(Machine *m, double duration) {
+    const double *p = m->value;
+    const char *wrong = impossible(p);
+    if (wrong) return wrong;
+    if (!(duration >= 0.0 && isfinite(duration))) return "the step's length is negative, or no number";
+    const double count = steps_needed(m, duration);
+    if (count > MOST_STEPS) return "the machine is too fast to be simulated: check stiffness, inertias and the step";
+    const double step = duration / count, wanted = shaft_torque(p, p[TORQUE]), lag = p[TORQUE_LAG_S];
+    /* The lag is solved exactly; the middle stages get what makes Simpson's rule the true mean over the step. */
+    const double decay = lag > 0.0 && step > 0.0 ? exp(-step / lag) : 0.0;
+    const double middle = lag > 0.0 && step > 0.0 ? (6.0 * (1.0 - decay) * lag / step - 1.0 - decay) / 4.0 : 0.0;
+    double behind = lag > 0.0 ? m->acting - wanted : 0.0;
+    Masses s = m->state;
+    for (long i = 0; i < (long)count && duration > 0.0; i++) {
+        const double begin = m->time + (double)i * step, halfway = wanted + behind * middle;
+        const Masses k1 = rates(p, s, wanted + behind, begin);
+        const Masses k2 = rates(p, moved(s, k1, step / 2.0), halfway, begin + step / 2.0);
+        const Masses k3 = rates(p, moved(s, k2, step / 2.0), halfway, begin + step / 2.0);
+        behind *= decay;
+        const Masses k4 = rates(p, moved(s, k3, step), wanted + behind, begin + step);
+        s = moved(moved(moved(moved(s, k1, step / 6.0), k2, step / 3.0), k3, step / 3.0), k4, step / 6.0);
+    }
+    if (!isfinite(s.motor_angle + s.motor_speed + s.load_angle + s.load_speed + s.third_angle + s.third_speed))
+        return "the motion does not stay finite";
+    m->state = s;
+    m->acting = wanted + behind;
+    m->time += duration;
+    remember(m);
+    return NULL;
+}
+
+void machine_outputs(Machine *m) {
+    double *v = m->value;
+    const Masses *s = &m->state;
+    v[TIME] = m->time;
+    v[MOTOR_ANGLE] = s->motor_angle + v[ECCENTRICITY_RAD] * sin(s->motor_angle + v[ECCENTRICITY_PHASE_RAD]);
+    v[MOTOR_SPEED] = late_speed(m);
+    v[LOAD_ANGLE] = s->load_angle;
+    v[LOAD_SPEED] = s->load_speed;
+}

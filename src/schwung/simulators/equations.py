@@ -1,0 +1,215 @@
+"""The machine as equations that Modelica and MATLAB write alike: only what this machine has, one line for each torque.
+
+Names are those of the parameters and states; both languages know + − * / ^, abs, exp, max, min, sin, cos, tanh. The
+helpers `curve_value`, `curve_slope`, `bump`, `sided`, `push` and `nearest` each language has to bring (or be without).
+Equations: method.md (1), (A7), as in `drivetrain/learned.py`.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from schwung.drivetrain.physics import Effects
+from schwung.simulators.exported import NO_LIMIT_NM, Exported, Parameter
+
+#: Terms that need several fields: where the first is neutral, the others are of no account.
+_GROUPS = (
+    ("stribeck_rise_nm", "stribeck_speed_rad_s", "stribeck_exponent"),
+    ("local_friction_nm", "local_centre_rad", "local_width_rad", "local_sharpness"),
+    ("drift_nm", "drift_settling", "session_share"),
+    ("load_amplitude_nm", "load_phase_rad"),
+    ("event_peak_nm", "event_time_s", "event_duration_s", "event_sharpness", "motion_start_s"),
+    ("periodic_amplitude_nm", "periodic_frequency_hz", "periodic_phase_rad"),
+    ("cogging_amplitude_nm", "cogging_order", "cogging_phase_rad"),
+    ("eccentricity_rad", "eccentricity_phase_rad"),
+    ("third_inertia_kgm2", "third_stiffness_nm_rad", "third_damping_nms"),
+)
+
+
+@dataclass(frozen=True)
+class Equation:
+    """`name` = `expression`; where `derivative`, it is the name's rate."""
+
+    name: str
+    expression: str
+    comment: str = ""
+    derivative: bool = False
+
+
+@dataclass(frozen=True)
+class Equations:
+    """A machine in lines, each of which needs only what is above it; states with their values at first."""
+
+    parameters: tuple[Parameter, ...]
+    states: tuple[str, ...]
+    lines: tuple[Equation, ...]
+    read_angle: str
+    read_speed: str
+    delayed: bool  # the drive reads the speed later, by speed_delay_s
+    dry: bool
+
+
+def equations(told: Exported) -> Equations:
+    """The equations of one machine."""
+    e = told.effects
+    here = _present(told)
+    states = ["motor_angle", "motor_speed"]
+    states += [] if told.rigid else ["load_angle", "load_speed"]
+    states += ["third_angle", "third_speed"] if "third_inertia_kgm2" in here else []
+    states += ["acting"] if "torque_lag_s" in here else []
+    dry = _dry(here)
+    lines = [
+        *_shaft_torque(here),
+        *(
+            [Equation("load_angle", "motor_angle"), Equation("load_speed", "motor_speed")]
+            if told.rigid
+            else []
+        ),
+        *([Equation("dry", f"max({dry}, 0)", "dry friction's level, N.m")] if dry else []),
+        Equation("friction", _friction(here, bool(dry)), "of the motor, N.m"),
+        *_ripple(here),
+        Equation("inertia", _inertia(here, "value"), "of the load at its angle, kg.m2"),
+        Equation("inertia_slope", _inertia(here, "slope"), "kg.m2/rad"),
+        Equation("outside", _outside(told, here), "what acts on the load, N.m"),
+        *_third(here),
+        *_moving(told, here, e),
+    ]
+    off = "eccentricity_rad" in here
+    turned = "motor_angle + eccentricity_phase_rad"
+    return Equations(
+        parameters=tuple(one for one in told.parameters if one.name in here),
+        states=tuple(states),
+        lines=tuple(lines),
+        read_angle=f"motor_angle + eccentricity_rad*sin({turned})" if off else "motor_angle",
+        read_speed=f"motor_speed*(1 + eccentricity_rad*cos({turned}))" if off else "motor_speed",
+        delayed="speed_delay_s" in here,
+        dry=bool(dry),
+    )
+
+
+def _present(told: Exported) -> frozenset[str]:
+    """Names of the parameters that do something."""
+    e, neutral = told.effects, Effects()
+    grouped = {name for group in _GROUPS for name in group}
+    here = {
+        name for name in Effects._fields if name not in grouped and getattr(e, name) != getattr(neutral, name)
+    }
+    if e.torque_limit_nm >= NO_LIMIT_NM:
+        here -= {"torque_limit_nm"}
+    for group in _GROUPS:
+        if getattr(e, group[0]) != 0:
+            here |= set(group)
+    here |= {"motor_inertia_kgm2", "motor_viscous_friction_nms", "load_viscous_friction_nms"}
+    if not told.rigid:
+        here |= {"coupling_stiffness_nm_rad", "coupling_damping_nms"}
+    if told.value("load_torque_nm") != 0:
+        here |= {"load_torque_nm"}
+    if _dry(frozenset(here)):
+        here |= {"smoothing_rad_s"}
+    return frozenset(here)
+
+
+def _shaft_torque(here: frozenset[str]) -> list[Equation]:
+    wanted = "torque_gain*torque" if "torque_gain" in here else "torque"
+    if "torque_limit_nm" in here:
+        wanted = f"min(max({wanted}, -torque_limit_nm), torque_limit_nm)"
+    if "torque_lag_s" not in here:
+        return [Equation("acting", wanted, "torque on the shaft, N.m")]
+    lag = Equation("acting", "(wanted - acting)/torque_lag_s", "torque on the shaft, N.m", derivative=True)
+    return [Equation("wanted", wanted, "N.m"), lag]
+
+
+def _dry(here: frozenset[str]) -> str:
+    parts = []
+    sides = [name if name in here else "0" for name in ("coulomb_positive_nm", "coulomb_negative_nm")]
+    if sides != ["0", "0"]:
+        parts.append(f"sided(motor_speed, {sides[0]}, {sides[1]})")
+    if "stribeck_rise_nm" in here:
+        parts.append("stribeck_rise_nm*exp(-(abs(motor_speed)/stribeck_speed_rad_s)^stribeck_exponent)")
+    if "local_friction_nm" in here:
+        away = "away_from(motor_angle, local_centre_rad)"
+        parts.append(f"local_friction_nm*bump(0.5 + {away}/local_width_rad, local_sharpness)")
+    if "drift_nm" in here:
+        parts.append("drift_nm*drifted(session_share, drift_settling)")
+    return " + ".join(parts)
+
+
+def _friction(here: frozenset[str], dry: bool) -> str:
+    viscous = ["motor_viscous_friction_nms", *(["viscous_nms"] if "viscous_nms" in here else [])]
+    viscous += ["drag_nms2*abs(motor_speed)"] if "drag_nms2" in here else []
+    text = f"({' + '.join(viscous)})*motor_speed" if len(viscous) > 1 else f"{viscous[0]}*motor_speed"
+    if "viscous_difference_nms" in here:
+        text += " + 0.5*viscous_difference_nms*abs(motor_speed)"
+    return text + (" + dry*tanh(motor_speed/smoothing_rad_s)" if dry else "")
+
+
+def _ripple(here: frozenset[str]) -> list[Equation]:
+    parts = ["offset_nm"] if "offset_nm" in here else []
+    if "cogging_amplitude_nm" in here:
+        parts.append("cogging_amplitude_nm*sin(cogging_order*motor_angle + cogging_phase_rad)")
+    if "periodic_amplitude_nm" in here:
+        turned = "6.283185307179586*periodic_frequency_hz*time"
+        parts.append(f"periodic_amplitude_nm*sin({turned} + periodic_phase_rad)")
+    return [Equation("ripple", " + ".join(parts), "what else acts on the motor, N.m")] if parts else []
+
+
+def _inertia(here: frozenset[str], what: str) -> str:
+    at = "load_angle + inertia_shift_rad" if "inertia_shift_rad" in here else "load_angle"
+    text = f"curve_{what}(inertia_rows, {at})"
+    if "inertia_scale" in here:
+        text = f"inertia_scale*{text}"
+    return f"{text} + inertia_delta_kgm2" if what == "value" and "inertia_delta_kgm2" in here else text
+
+
+def _outside(told: Exported, here: frozenset[str]) -> str:
+    parts = ["load_torque_nm"] if "load_torque_nm" in here else []
+    if np.any(told.load_torque[:, 1]):
+        parts.append("curve_value(load_torque_rows, load_angle)")
+    if np.any(told.learned_load_torque[:, 1]):
+        parts.append("curve_value(learned_load_torque_rows, load_angle)")
+    if "load_amplitude_nm" in here:
+        parts.append("load_amplitude_nm*sin(load_angle + load_phase_rad)")
+    if "event_peak_nm" in here:
+        since = "(time - motion_start_s - event_time_s)/event_duration_s"
+        parts.append(f"event_peak_nm*bump({since}, event_sharpness)")
+    return " + ".join(parts) or "0"
+
+
+def _third(here: frozenset[str]) -> list[Equation]:
+    if "third_inertia_kgm2" not in here:
+        return []
+    passed = (
+        "third_stiffness_nm_rad*(load_angle - third_angle) + third_damping_nms*(load_speed - third_speed)"
+    )
+    return [
+        Equation("passed", passed, "to a third mass behind the load, N.m"),
+        Equation("third_angle", "third_speed", derivative=True),
+        Equation("third_speed", "passed/third_inertia_kgm2", derivative=True),
+    ]
+
+
+def _moving(told: Exported, here: frozenset[str], e: Effects) -> list[Equation]:
+    motor = "acting - friction" + (" + ripple" if _ripple(here) else "")
+    load = "outside - load_viscous_friction_nms*load_speed - 0.5*inertia_slope*load_speed^2"
+    load += " - passed" if "third_inertia_kgm2" in here else ""
+    angle = Equation("motor_angle", "motor_speed", derivative=True)
+    if told.rigid:
+        both = f"({motor} + {load})/(motor_inertia_kgm2 + inertia)"
+        return [angle, Equation("motor_speed", both, derivative=True)]
+    k = "stiffness_nm_rad" if e.stiffness_nm_rad > 0 else "coupling_stiffness_nm_rad"
+    d = "damping_nms" if e.damping_nms >= 0 else "coupling_damping_nms"
+    cubic = "cubic_nm_rad3" if "cubic_nm_rad3" in here else "0"
+    shaft = f"{k}*twist + {d}*twist_speed" + ("" if cubic == "0" else f" + {cubic}*twist^3")
+    if "gap_rad" in here:
+        shaft = f"push(twist, twist_speed, {k}, {d}, {cubic}, gap_rad)"
+    return [
+        Equation("twist", "motor_angle - load_angle", "of the coupling, rad"),
+        Equation("twist_speed", "motor_speed - load_speed", "rad/s"),
+        Equation("shaft", shaft, "torque of the coupling, N.m"),
+        angle,
+        Equation("motor_speed", f"({motor} - shaft)/motor_inertia_kgm2", derivative=True),
+        Equation("load_angle", "load_speed", derivative=True),
+        Equation("load_speed", f"({load} + shaft)/inertia", derivative=True),
+    ]

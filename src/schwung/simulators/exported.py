@@ -1,0 +1,207 @@
+"""What an export tells of a machine: parameters with values and units, and tables; the same for every language."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from scipy.interpolate import PchipInterpolator
+
+from schwung.drivetrain import plant
+from schwung.drivetrain.inertia import InertiaTable, LoadTorqueTable
+from schwung.drivetrain.learned import shaft_torque
+from schwung.drivetrain.machine import Machine
+from schwung.drivetrain.physics import PHYSICS, Effects, check_physics, effects_of, load_torque_table
+from schwung.errors import InputError
+from schwung.motion import Array, Demand
+
+#: Stands for "no limit": simulators dislike infinity in their files.
+NO_LIMIT_NM = 1e12
+#: Dry friction changes sign within this speed (rad/s), as in our own simulation.
+SMOOTHING_RAD_S = plant.SMOOTHING_RAD_S
+#: Ends of names, longest first, and units as FMI and Modelica write them.
+UNITS = {
+    "_nm_rad3": "N.m/rad3",
+    "_nm_rad": "N.m/rad",
+    "_nms2": "N.m.s2/rad2",
+    "_nms": "N.m.s/rad",
+    "_kgm2": "kg.m2",
+    "_rad_s": "rad/s",
+    "_rad": "rad",
+    "_nm": "N.m",
+    "_hz": "Hz",
+    "_s": "s",
+}
+_OF_COUPLING = ("gap_rad", "stiffness_nm_rad", "damping_nms", "cubic_nm_rad3")
+
+
+@dataclass(frozen=True)
+class Parameter:
+    """One number that may be changed in the other simulator; SI, `unit` empty where it has none."""
+
+    name: str
+    value: float
+    description: str
+
+    @property
+    def unit(self) -> str:
+        """By the end of the name."""
+        return next((unit for end, unit in UNITS.items() if self.name.endswith(end)), "")
+
+
+@dataclass(frozen=True, eq=False)
+class Exported:
+    """A machine as another simulator gets it; tables (n, 3) have rows of angle (rad), value and slope."""
+
+    name: str
+    identifier: str  # as C, Modelica and MATLAB allow it
+    rigid: bool
+    parameters: tuple[Parameter, ...]
+    effects: Effects
+    inertia: Array
+    load_torque: Array
+    learned_load_torque: Array
+    at_rest: Mapping[
+        str, float
+    ]  # every state at the start angle, and `acting`, the torque that holds it there
+
+    @property
+    def tables(self) -> dict[str, Array]:
+        """The tables by name."""
+        return {
+            "inertia": self.inertia,
+            "load_torque": self.load_torque,
+            "learned_load_torque": self.learned_load_torque,
+        }
+
+    def value(self, name: str) -> float:
+        """The value of one parameter."""
+        return next(one.value for one in self.parameters if one.name == name)
+
+
+def exported(machine: Machine, start_rad: float | None = None) -> Exported:
+    """What is told of a machine, with all that was learned about it.
+
+    Args:
+        machine: with a load inertia; terms as `schwung explain` wrote them.
+        start_rad: motor angle (rad) at which it stands first; None: the middle of the inertia's table, or 0.
+
+    Raises InputError where the load's inertia is unknown, or terms make no sense.
+    """
+    rigid = machine.coupling is None
+    check_physics(machine.physics, rigid=rigid)
+    body = plant.plant_of(machine, None)  # raises for an unknown or impossible inertia
+    effects = effects_of(machine.physics)
+    inertia = machine.load_inertia
+    table = inertia if isinstance(inertia, InertiaTable) else None
+    if start_rad is None:
+        start_rad = 0.0 if table is None else float(table.position_rad[0] + table.position_rad[-1]) / 2
+    constant = float(inertia) if isinstance(inertia, float) else 0.0
+    given, found = machine.load.torque_table, load_torque_table(machine.physics)
+    stands = Demand(np.full(2, start_rad), np.zeros(2), np.zeros(2))
+    known = plant.learned_of(machine, body, np.array([0.0, 1.0]), stands, 0.0)
+    masses, held = plant.learned_rest(known, start_rad)
+    acting = shaft_torque(effects, held)
+    return Exported(
+        name=machine.name,
+        identifier=identifier(machine.name),
+        rigid=rigid,
+        parameters=_parameters(machine, effects, start_rad),
+        effects=effects,
+        inertia=_level(constant) if table is None else _rows(table.position_rad, table.inertia_kgm2),
+        load_torque=_torque_rows(given),
+        learned_load_torque=_torque_rows(found),
+        at_rest={name: float(value) for name, value in masses._asdict().items()} | {"acting": float(acting)},
+    )
+
+
+def identifier(name: str) -> str:
+    """A name that C, Modelica and MATLAB allow."""
+    words = re.sub(r"[^A-Za-z0-9]+", "_", name).strip("_")[:40].strip("_")
+    return words if words[:1].isalpha() else f"machine_{words}".rstrip("_")
+
+
+def file_name(path: Path, ending: str, what: str) -> str:
+    """The name of what is in a file that has to be named alike. Raises InputError where it can be none."""
+    if path.suffix != ending or identifier(path.stem) != path.stem:
+        remedy = f"Write it as {identifier(path.stem)}{ending}."
+        raise InputError(str(path), f"is no file name of a {what}", remedy)
+    return path.stem
+
+
+def _parameters(machine: Machine, effects: Effects, start_rad: float) -> tuple[Parameter, ...]:
+    coupling = machine.coupling
+    listed = [
+        Parameter("start_angle_rad", start_rad, "motor angle at which the machine stands at first"),
+        Parameter(
+            "motion_start_s", 0.0, "when the motion leaves rest: an event in the load torque is after that"
+        ),
+        Parameter("session_share", 0.0, "how far through the session, 0 to 1: for a friction that drifts"),
+        Parameter("smoothing_rad_s", SMOOTHING_RAD_S, "speed within which dry friction changes sign"),
+        Parameter("motor_inertia_kgm2", machine.motor.inertia_kgm2, "inertia of the motor"),
+        Parameter(
+            "motor_viscous_friction_nms", machine.motor.viscous_friction_nms, "viscous friction of the motor"
+        ),
+        Parameter(
+            "load_viscous_friction_nms", machine.load.viscous_friction_nms, "viscous friction of the load"
+        ),
+        Parameter(
+            "load_torque_nm", machine.load.torque_nm or 0.0, "torque on the load, positive accelerates it"
+        ),
+    ]
+    if coupling is not None:
+        listed += [
+            Parameter(
+                "coupling_stiffness_nm_rad",
+                coupling.stiffness_nm_rad,
+                "stiffness of the coupling as believed",
+            ),
+            Parameter("coupling_damping_nms", coupling.damping_nms, "damping of the coupling as believed"),
+        ]
+    limit = min(effects.torque_limit_nm, NO_LIMIT_NM)
+    for name, value in effects._replace(torque_limit_nm=limit)._asdict().items():
+        if coupling is not None or name not in _OF_COUPLING:
+            listed.append(Parameter(name, float(value), _WORDS.get(name) or _origin(name)))
+    return tuple(listed)
+
+
+#: What a name alone leaves open.
+_WORDS = {
+    "coulomb_positive_nm": "dry friction in the positive direction",
+    "coulomb_negative_nm": "dry friction in the negative direction",
+    "stribeck_rise_nm": "stribeck_friction: breakaway torque minus Coulomb torque",
+    "drift_nm": "friction_drift: of dry friction from the first run to the last (see session_share)",
+    "torque_gain": "torque_constant: torque on the shaft over torque reported",
+    "stiffness_nm_rad": "coupling_stiffness: in place of the believed one; 0: that",
+    "damping_nms": "coupling_damping: in place of the believed one; negative: that",
+    "inertia_shift_rad": "inertia_profile_shift: the inertia is the table's at angle + shift",
+    "event_time_s": "load_event: after motion_start_s",
+    "eccentricity_rad": "encoder_eccentricity: reported angle = angle + amplitude sin(angle + phase)",
+}
+
+
+def _origin(field: str) -> str:
+    """The terms of the file contract that set a field."""
+    found = [
+        f"{term}: {key}"
+        for term, keys in PHYSICS.items()
+        for key, one in keys.items()
+        if one.field == field
+        or (one.field == "coulomb" and field in ("coulomb_positive_nm", "coulomb_negative_nm"))
+    ]
+    return ", ".join(found) or field
+
+
+def _level(value: float) -> Array:
+    return np.array([[0.0, value, 0.0], [1.0, value, 0.0]])
+
+
+def _rows(angle: Array, values: Array) -> Array:
+    return np.column_stack([angle, values, PchipInterpolator(angle, values).derivative()(angle)])
+
+
+def _torque_rows(table: LoadTorqueTable | None) -> Array:
+    return _level(0.0) if table is None else _rows(table.position_rad, table.load_torque_nm)

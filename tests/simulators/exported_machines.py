@@ -1,0 +1,97 @@
+"""Machines with one of every term, and their own simulation, against which every export is held."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from schwung.drivetrain import InertiaTable, Machine, Simulated, paper_machine, simulate, slider_crank_inertia
+from schwung.drivetrain.machine import Load
+from schwung.drivetrain.physics_term import PhysicsTerm
+from schwung.motion import Array, Excitation, Motion
+
+RATE_HZ = 8000.0
+TIME = np.arange(1601) / RATE_HZ
+MOTION = Motion(kind="poly5", distance_rad=2.5, duration_s=0.16, start_time_s=0.01)
+START_RAD = 0.3
+
+#: Every term once. Those of the first half together, those of the second together, and a rigid machine with the rest.
+FRICTION = (
+    PhysicsTerm(
+        name="stribeck_friction",
+        coulomb_torque_nm=3.0, breakaway_torque_nm=5.0, stribeck_speed_rad_s=0.7, exponent=1.3,
+    ),
+    PhysicsTerm(name="coulomb_friction", torque_nm=0.5),
+    PhysicsTerm(
+        name="asymmetric_friction",
+        torque_positive_nm=1.0, torque_negative_nm=2.0, coefficient_difference_nms=0.02,
+    ),
+    PhysicsTerm(name="viscous_friction", coefficient_nms=0.1),
+    PhysicsTerm(name="quadratic_drag", coefficient_nms2=0.004),
+    PhysicsTerm(name="local_friction", torque_nm=2.0, centre_rad=1.0, width_rad=0.5, sharpness=2.0),
+    PhysicsTerm(name="friction_drift", change_nm=0.7, settling=2.0),
+    PhysicsTerm(name="torque_offset", torque_nm=0.4),
+    PhysicsTerm(name="backlash", gap_rad=1e-3),
+    PhysicsTerm(name="torque_saturation", limit_nm=60.0),
+    PhysicsTerm(name="encoder_eccentricity", amplitude_rad=2e-3, phase_rad=0.2),
+    PhysicsTerm(name="load_inertia", delta_kgm2=0.01, scale=1.1),
+    PhysicsTerm(name="load_torque", table=[[0.0, 1.0], [1.0, 4.0], [3.0, -1.0]]),
+)  # fmt: skip
+SHAFT = (
+    PhysicsTerm(name="load_torque", amplitude_nm=5.0, phase_rad=0.1),
+    PhysicsTerm(name="load_event", time_s=0.05, duration_s=0.03, peak_nm=8.0, sharpness=1.5),
+    PhysicsTerm(name="periodic_disturbance", frequency_hz=70.0, amplitude_nm=2.0, phase_rad=0.3),
+    PhysicsTerm(name="cogging", order=12.0, amplitude_nm=1.0, phase_rad=0.3),
+    PhysicsTerm(name="torque_constant", gain=1.05),
+    PhysicsTerm(name="torque_lag", time_constant_s=3e-4),
+    PhysicsTerm(name="coupling_stiffness", stiffness_nm_rad=2e4),
+    PhysicsTerm(name="coupling_damping", damping_nms=6.0),
+    PhysicsTerm(name="nonlinear_stiffness", cubic_nm_rad3=1e8),
+    PhysicsTerm(name="extra_compliance", inertia_kgm2=0.01, stiffness_nm_rad=9000.0, damping_nms=1.0),
+    PhysicsTerm(name="inertia_profile_shift", shift_rad=0.05),
+)
+LATE = (PhysicsTerm(name="measurement_delay", delay_s=3.3e-4),)
+
+
+@dataclass(frozen=True)
+class Case:
+    """A machine, and how far through a session it is."""
+
+    machine: Machine
+    share: float = 0.0
+
+
+def cases() -> dict[str, Case]:
+    """Machines by what is special about them."""
+    plain = paper_machine()
+    angle = np.linspace(0.0, np.pi, 61)
+    load = Load(viscous_friction_nms=0.1, inertia_table=InertiaTable(angle, slider_crank_inertia(angle)))
+    plain = plain.model_copy(update={"load": load})
+    rigid = plain.model_copy(update={"coupling": None, "physics": LATE})
+    return {
+        "plain": Case(plain),
+        "friction": Case(plain.model_copy(update={"physics": FRICTION}), share=0.4),
+        "shaft": Case(plain.model_copy(update={"physics": SHAFT})),
+        "rigid, read late": Case(rigid),
+    }
+
+
+def simulated(case: Case, substeps: int | None = None) -> Simulated:
+    """Our own simulation of the case."""
+    added: Array = Excitation(frequency_hz=50, amplitude_nm=15.0).torque(TIME)
+    return simulate(
+        case.machine, MOTION.demand(TIME), TIME, added,
+        start_rad=START_RAD, session_share=case.share, substeps=substeps,
+    )  # fmt: skip
+
+
+def leaves_rest_s() -> float:
+    """When our simulation takes the motion to begin (s): the tick before the demand moves."""
+    moving = MOTION.demand(TIME).position_rad != 0
+    return float(TIME[int(np.argmax(moving)) - 1])
+
+
+def apart(told: Array, ours: Array) -> float:
+    """Largest difference over the largest value."""
+    return float(np.max(np.abs(told - ours)) / np.max(np.abs(ours)))
