@@ -285,7 +285,6 @@ class Service:
         for lane in list(self._lanes.values()):
             yield from lane.connected_drives()
 
-<<<<<<< HEAD
     def _named_drives(self) -> Iterator[tuple[str, Drive]]:
         names = [
             (self.store.drive(drive_id).name, drive_id, drive) for drive_id, drive in self._connected_drives()
@@ -298,14 +297,9 @@ class Service:
         """How long ago the slowest owner of a bus has answered (s); asks all of them anew."""
         return max((lane.ask() for lane in list(self._lanes.values())), default=0.0)
 
-    def _lane(self, drive: DriveRecord) -> Lane:
-        self.settings.bus(drive.bus)
-        return self._lanes[drive.bus]
-=======
     def _lane(self, bus: str) -> Lane:
         self.settings.bus(bus)
         return self._lanes[bus]
->>>>>>> d50971ff744fba9e06e1144a8ad4c058a9d2321e
 
     def _drives_on(self, bus: str) -> list[DriveRecord]:
         return [drive for drive in self.store.drives() if drive.bus == bus]
