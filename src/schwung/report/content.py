@@ -108,6 +108,16 @@ class Units:
 
 ROTARY = Units("rad", "rad/s", "N·m", "kg·m²", "angle", "torque", "inertia")
 LINEAR = Units("m", "m/s", "N", "kg", "position", "force", "mass")
+#: The same of sessions of which nobody knows how many N·m an ampere makes.
+ROTARY_CURRENT = Units("rad", "rad/s", "A", "A·s²/rad", "angle", "current", "inertia")
+LINEAR_CURRENT = Units("m", "m/s", "A", "A·s²/m", "position", "current", "mass")
+
+
+def units_of(session: Session) -> Units:
+    """Units and words of a session."""
+    if session.effort == "current":
+        return LINEAR_CURRENT if session.axis == "linear" else ROTARY_CURRENT
+    return LINEAR if session.axis == "linear" else ROTARY
 
 
 @dataclass(frozen=True, eq=False)
@@ -137,7 +147,7 @@ class ReportContent:
     @property
     def units(self) -> Units:
         """Units and words of this axis."""
-        return LINEAR if self.session.axis == "linear" else ROTARY
+        return units_of(self.session)
 
     @property
     def shown_run(self) -> Run | None:
