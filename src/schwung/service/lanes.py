@@ -19,7 +19,7 @@ from schwung.errors import DriveError, SchwungError
 from schwung.fieldbus.connecting import Connected, connected
 from schwung.fieldbus.drive import Drive, DriveState
 from schwung.service.latch import Brake
-from schwung.service.store import DriveRecord
+from schwung.service.records import DriveRecord
 from schwung.service.values import BusEntry
 
 _RETRY_S = 5.0  # a drive that did not answer is asked again after so long
@@ -99,6 +99,8 @@ class Lane:
         held = self._held.get(record.id)
         if held is None:
             held = self._connect(record)
+        elif held.brake.answer():
+            held.found.drive.disable()  # a driver that was halted begins nothing before it has been switched off
         return held.found
 
     @contextmanager

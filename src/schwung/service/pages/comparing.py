@@ -14,7 +14,7 @@ from schwung.service.pages.diagrams import Diagram
 from schwung.service.pages.markup import Safe, link, moment, si, table
 from schwung.service.pages.outcome import named
 from schwung.service.pages.words import verdict_tag
-from schwung.service.store import ResultRecord
+from schwung.service.records import ResultRecord
 
 _MOST = 6
 

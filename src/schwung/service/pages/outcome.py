@@ -26,7 +26,7 @@ from schwung.service.pages.markup import (
     verdict,
 )
 from schwung.service.pages.words import VERDICTS
-from schwung.service.store import ResultRecord
+from schwung.service.records import ResultRecord
 
 #: Earlier runs that are drawn behind a curve.
 EARLIER = 12

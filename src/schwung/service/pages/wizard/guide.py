@@ -13,7 +13,7 @@ from nicegui import ui
 from schwung.errors import SchwungError
 from schwung.service.pages.desk import Desk, frame, html, set_address
 from schwung.service.pages.markup import problem
-from schwung.service.store import DriveRecord
+from schwung.service.records import DriveRecord
 from schwung.service.values import RunView
 
 STEPS = ("Connect", "Check", "Plan", "Confirm", "Run", "Result", "Export")
@@ -62,6 +62,10 @@ class Guide:
             self._client,
             f"/commission/{self.drive.id}" + (f"?run={run.id}" if keeps and run is not None else ""),
         )
+
+    def refresh(self) -> None:
+        """Show the same step anew."""
+        self.go(self.step)
 
     def fail(self) -> None:
         """Mark the step as one that did not go well."""
