@@ -85,9 +85,7 @@ class ExplanationContent:
     @property
     def units(self) -> Units:
         """Units and words of this axis."""
-        if self.session is not None:
-            return units_of(self.session)
-        return LINEAR if self.explanation.axis == "linear" else ROTARY
+        return units_of(self.explanation.axis, self.believed.effort)
 
     @property
     def linear(self) -> bool:
