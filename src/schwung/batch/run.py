@@ -74,6 +74,9 @@ def run_batch(
                     progress(f"Sessions, {number} of {len(work)}", number / len(work))
     except KeyboardInterrupt:
         interrupted = True
+        for item, key in keys.items():  # it may have come between keeping one and noting it
+            if item not in done and (kept := results.find(key)) is not None:
+                done[item] = kept
     return Batch(rows_of(done), found, len(items) - len(done) if interrupted else 0)
 
 
