@@ -41,9 +41,15 @@ def world(tmp_path_factory: pytest.TempPathFactory) -> Iterator[dict[str, Any]]:
             "session_file": done.session_path,
             "done": done,
             "written": written,
+            "best": _best(done),
             "explanation": schwung.explain(done.session, done.machine),
             "table": schwung.InertiaTable(np.array([0.0, 1.0, 2.0]), np.array([0.1, 0.3, 0.2])),
         }
+
+
+def _best(done: schwung.Commissioned) -> schwung.Optimised:
+    task = schwung.Task(0.0, 3.14, schwung.MotionLimits(torque_max_nm=233.0), duration_s=0.25)
+    return schwung.optimise(done.machine, task, rivals=False)
 
 
 def test_the_list_is_the_same_for_people_and_for_type_checkers() -> None:

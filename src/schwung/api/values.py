@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 from schwung import drivetrain, session
@@ -196,6 +197,15 @@ class Estimate(Shown, estimation.Estimate):
         return self.table._columns()
 
 
+@dataclass(frozen=True)
+class Missed:
+    """RMS of the torque that is missed on some runs, in their unit (N·m or N): name and value each."""
+
+    runs: str
+    unit: str
+    rows: tuple[tuple[str, float], ...]
+
+
 class Explanation(Shown, explained.Explanation):
     """What a belief leaves out of a recording.
 
@@ -212,18 +222,40 @@ class Explanation(Shown, explained.Explanation):
 
     machine: Machine
 
-    def _facts(self) -> Sequence[tuple[str, str]]:
-        from schwung.report.explanation import finding_row, headline
+    @property
+    def headline(self) -> str:
+        """The verdict in one sentence."""
+        from schwung.report.explanation import headline
 
-        linear = self.axis == "linear"
+        return headline(self)
+
+    def rows(self) -> list[tuple[str, str, str, str]]:
+        """The findings in words: physics, parameters with 95 % intervals, where, and what it could be as well."""
+        from schwung.report.explanation import finding_row
+
+        return [finding_row(finding, linear=self.axis == "linear") for finding in self.findings]
+
+    def cautions(self) -> list[str]:
+        """What limits the explanation, each sentence once."""
+        from schwung.report.explanation import separations
+
+        return list(dict.fromkeys((*separations(self), *self.notes)))
+
+    def missed(self) -> Missed:
+        """What was missed on the runs kept aside: by the belief, with the named physics, by the noise alone."""
+        from schwung.report.explanation import runs_text
+
+        rows = [("belief", self.fit.before.torque_rmse_nm)]
+        rows += [("belief + physics", self.fit.after.torque_rmse_nm)] if self.findings else []
+        rows += [("noise floor", self.noise_floor.torque_nm)]
+        return Missed(runs_text(self.fit.heldout_runs), units_of(self.axis).torque, tuple(rows))
+
+    def _facts(self) -> Sequence[tuple[str, str]]:
         unit = units_of(self.axis).torque
         error = f"{number(self.fit.before.torque_rmse_nm)} → {number(self.fit.after.torque_rmse_nm, unit)}"
         return [
-            ("verdict", f"{self.verdict.replace('_', ' ')}: {headline(self)}"),
-            *(
-                (row[0], f"{row[1]} {row[2]}")
-                for row in (finding_row(f, linear=linear) for f in self.findings)
-            ),
+            ("verdict", f"{self.verdict.replace('_', ' ')}: {self.headline}"),
+            *((name, f"{parameters} {where}") for name, parameters, where, _ in self.rows()),
             ("missed on runs kept aside, RMS", error),
             ("noise floor", number(self.noise_floor.torque_nm, unit)),
         ]

@@ -77,10 +77,8 @@ def estimate(
     from schwung.cli.options import one_of
 
     require_dask()
+    from schwung.api.choices import AUTO, Inversion, method_named
     from schwung.batch import Wish
-    from schwung.estimation.choice import AUTO
-    from schwung.estimation.methods import method_named
-    from schwung.estimation.values import Inversion
 
     if method != AUTO:
         method_named(method)  # refused here once, not by every session
@@ -133,12 +131,12 @@ def _carry_out(
 ) -> None:
     from rich.markup import escape
 
+    from schwung import load_machine
     from schwung.api.folders import make_folder, planned_folder
     from schwung.batch import Results, items_of, run_batch, write_summary
     from schwung.batch.picture import write_pictures
     from schwung.batch.summary import document_of
     from schwung.cli.console import Terminal, progress_bar
-    from schwung.drivetrain import load_machine
 
     terminal = Terminal(json_output)
     if scheduler is not None and jobs is not None:

@@ -18,7 +18,7 @@ from schwung.files import json_text
 if TYPE_CHECKING:
     from rich.progress import Progress, TaskID
 
-    from schwung.drivetrain import InertiaTable
+    from schwung import InertiaTable
 
 _SIGNS = {"ok": "[green]✓[/]", "note": "[cyan]i[/]", "warning": "[yellow]![/]", "stop": "[red]✗[/]"}
 _VERDICTS = {"good": "green", "doubtful": "yellow", "unusable": "red"}
@@ -117,6 +117,7 @@ class TerminalObserver:
     def phase(self, text: str) -> None:
         """A new phase; the one before is done."""
         self._close()
+        self._progress.start()  # not before: a question may come first
         self._task = self._progress.add_task(escape(text), total=None)
 
     def progress(self, done: int, total: int) -> None:
@@ -135,9 +136,13 @@ class TerminalObserver:
 
 @contextmanager
 def observing(terminal: Terminal) -> Iterator[TerminalObserver]:
-    """A progress display that ends with the block."""
-    with _display(terminal) as progress:
+    """A progress display that begins with the first phase and ends with the block."""
+    progress = _display(terminal)
+    try:
         yield TerminalObserver(terminal, progress)
+    finally:
+        if progress.live.is_started:
+            progress.stop()
 
 
 @contextmanager

@@ -26,8 +26,8 @@ def convert(
     """
     from rich.markup import escape
 
+    from schwung.api.recordings import FORMATS, read_any, write_any
     from schwung.cli.console import Terminal
-    from schwung.session.interchange import FORMATS, read_any, write_any
 
     terminal = Terminal(json_output)
     session = read_any(source)

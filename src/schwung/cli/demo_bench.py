@@ -11,9 +11,9 @@ from contextlib import contextmanager
 from multiprocessing.connection import Connection
 from typing import Any
 
+from schwung.api.drives import BusOptions
 from schwung.cli.demo import BELIEF
 from schwung.errors import BusError
-from schwung.fieldbus.canopen import BusOptions
 from schwung.service.values import BusEntry, DriveSeed
 
 _STARTED_WITHIN_S = 120.0  # the first time its loops are compiled

@@ -10,8 +10,8 @@ import typer
 from schwung.cli.options import Json, Machine
 
 if TYPE_CHECKING:
+    from schwung import Explanation
     from schwung.cli.console import Terminal
-    from schwung.explain.values import Explanation
 
 _COLOURS = {
     "consistent": "green",
@@ -39,19 +39,16 @@ def explain(
 
       schwung explain session.h5 -m machine.toml --out monday --json
     """
+    from schwung import load_machine, read_session
+    from schwung.api.computing import explain as explain_session
     from schwung.api.folders import make_folder, planned_folder
+    from schwung.api.reports import write_explanation
     from schwung.cli.console import Terminal, progress_bar
     from schwung.cli.sessions import in_file
-    from schwung.commissioning.bode import with_recorded_gains
-    from schwung.drivetrain import load_machine, write_machine
-    from schwung.explain.explain import explain as explain_session
     from schwung.files import json_text, replace_file
-    from schwung.report.explanation import ExplanationContent, write_explanation
-    from schwung.session import read_session
 
     terminal = Terminal(json_output)
-    recorded = read_session(session)
-    believed = with_recorded_gains(load_machine(machine), recorded)
+    recorded, believed = read_session(session), load_machine(machine)
     folder = planned_folder(out, beside_session=True)
     learned = folder / "machine.toml"
     _keep_beliefs(learned, machine)
@@ -60,15 +57,7 @@ def explain(
     make_folder(folder)
     document = found.to_json() | {"session": str(session), "machine": str(machine)}
     replace_file(folder / "explanation.json", json_text(document))
-    write_machine(found.machine, learned)
-    content = ExplanationContent(
-        title=f"{believed.name}: what the belief leaves out",
-        explanation=found,
-        believed=believed,
-        session=recorded,
-        machine_file=learned.read_text(encoding="utf-8"),
-    )
-    write_explanation(content, folder / "explanation.html")
+    write_explanation(found, recorded, believed, folder)
     _tell(terminal, found)
     terminal.say(f"Explanation: [bold]{folder / 'explanation.html'}[/]  Learned machine: [bold]{learned}[/]")
     terminal.result(document)
@@ -86,23 +75,15 @@ def _tell(terminal: Terminal, found: Explanation) -> None:
     """Verdict, findings, proof and notes for people."""
     from rich.markup import escape
 
-    from schwung.report.content import LINEAR, ROTARY
-    from schwung.report.explanation import finding_row, headline, runs_text, separations
-
-    linear = found.axis == "linear"
-    unit = (LINEAR if linear else ROTARY).torque
     words = found.verdict.replace("_", " ")
-    terminal.say(f"[bold {_COLOURS[found.verdict]}]{words}[/]: {escape(headline(found))}")
+    terminal.say(f"[bold {_COLOURS[found.verdict]}]{words}[/]: {escape(found.headline)}")
     if found.findings:
         rows = [
-            (name, parameters, where.partition("\n")[0], others)
-            for name, parameters, where, others in (finding_row(f, linear=linear) for f in found.findings)
+            (name, given, where.partition("\n")[0], others) for name, given, where, others in found.rows()
         ]
         terminal.table("Left out", ("physics", "parameters (95 %)", "where", "could as well be"), rows)
-    error = [("belief", found.fit.before.torque_rmse_nm)]
-    error += [("belief + physics", found.fit.after.torque_rmse_nm)] if found.findings else []
-    error += [("noise floor", found.noise_floor.torque_nm)]
-    head = (f"on runs {runs_text(found.fit.heldout_runs)}, kept aside", f"RMS, {unit}")
-    terminal.table("Error", head, [(name, f"{value:.3g}") for name, value in error])
-    for note in dict.fromkeys((*separations(found), *found.notes)):
+    missed = found.missed()
+    head = (f"on runs {missed.runs}, kept aside", f"RMS, {missed.unit}")
+    terminal.table("Error", head, [(name, f"{value:.3g}") for name, value in missed.rows])
+    for note in found.cautions():
         terminal.say(f"[cyan]i[/] {escape(note)}")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from contextlib import AbstractContextManager
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, get_args
 
@@ -12,8 +13,9 @@ from schwung.errors import InputError
 from schwung.quantities import parse_quantity
 
 if TYPE_CHECKING:
-    from schwung.commissioning import ExportChoice
-    from schwung.fieldbus.canopen import BusOptions
+    from schwung import Connection
+    from schwung.api.choices import ExportChoice
+    from schwung.api.drives import BusOptions
 
 
 def measured(what: str, signed: bool = False) -> Callable[[str], float]:
@@ -47,7 +49,7 @@ def one_of(option: str, text: str, choices: Any) -> Any:
 
 def export_choice(text: str) -> ExportChoice:
     """table, harmonics, mean, max, host or at=ANGLE, the angle with its unit. Raises InputError for anything else."""
-    from schwung.commissioning import parse_choice
+    from schwung.api.choices import parse_choice
 
     form, _, where = text.partition("=")
     if form == "at" and where:
@@ -72,6 +74,11 @@ BusOption = Annotated[
     list[str] | None,
     typer.Option("--bus", metavar="KEY=VALUE", rich_help_panel="Bus",
                  help="Any further option of the interface, e.g. --bus host=127.0.0.1. Repeatable."),
+]  # fmt: skip
+CanLog = Annotated[
+    Path | None,
+    typer.Option("--can-log", metavar="FILE", rich_help_panel="Bus",
+                 help="Write every frame of the bus there, both ways: .blf, .asc, .log, .csv, .trc, … by its ending."),
 ]  # fmt: skip
 Node = Annotated[
     int,
@@ -130,10 +137,32 @@ MaxJitter = Annotated[
 ]
 
 
-def bus_options(
-    interface: str | None, channel: str | None, bitrate: int | None, extra: list[str] | None
-) -> BusOptions:
-    """The bus as given; what is not given is left to python-can's configuration files and environment."""
-    from schwung.fieldbus.canopen import BusOptions
+def connected(
+    interface: str | None,
+    channel: str | None,
+    bitrate: int | None,
+    extra: list[str] | None,
+    node: int,
+    profile: str | None,
+    can_log: Path | None = None,
+) -> AbstractContextManager[Connection]:
+    """The drive that the options name, for as long as the block lasts."""
+    from schwung import connect
 
-    return BusOptions.from_flags(interface, channel, bitrate, extra or ())
+    return connect(bus_options(interface, channel, bitrate, extra, can_log), node=node, profile=profile)
+
+
+def bus_options(
+    interface: str | None,
+    channel: str | None,
+    bitrate: int | None,
+    extra: list[str] | None,
+    can_log: Path | None = None,
+) -> BusOptions:
+    """The bus as given; what is not given is left to python-can's configuration files and environment.
+
+    Raises InputError for a log that cannot be written.
+    """
+    from schwung.api.drives import BusOptions, with_log
+
+    return with_log(BusOptions.from_flags(interface, channel, bitrate, extra or ()), can_log)

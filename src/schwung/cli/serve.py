@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from schwung.cli.options import Bitrate, BusOption, Channel, Interface, Json, bus_options
+from schwung.cli.options import Bitrate, BusOption, CanLog, Channel, Interface, Json, bus_options
 
 if TYPE_CHECKING:
     from schwung.service.values import BusEntry, DriveSeed
@@ -42,6 +42,7 @@ def serve(
     channel: Channel = None,
     bitrate: Bitrate = None,
     bus: BusOption = None,
+    can_log: CanLog = None,
     json_output: Json = False,
 ) -> None:
     """Serve page and API, keep every run, own the bus. Ends with Ctrl-C: what moves is stopped first.
@@ -79,7 +80,7 @@ def serve(
             entry, seed = stack.enter_context(demo_bench(plant, conceal))
             buses, drives = (entry,), (seed,)
         elif given:
-            buses = (BusEntry("bus", bus_options(interface, channel, bitrate, bus)),)
+            buses = (BusEntry("bus", bus_options(interface, channel, bitrate, bus, can_log)),)
         settings = Settings(
             folder=data or Path("schwung-demo" if demo else "schwung-service"), buses=buses, drives=drives, host=host,
             port=port, names=tuple(allow_host or ()), poll_s=poll, demo=demo,

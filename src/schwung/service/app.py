@@ -8,7 +8,7 @@ from fastapi import FastAPI, Query
 from fastapi.responses import RedirectResponse, Response
 
 from schwung import __version__
-from schwung.service.api import drives, problems, runs, sockets, stopping
+from schwung.service.api import drives, problems, results, runs, sockets, stopping, uploads
 from schwung.service.guard import COOKIE, WHO_COOKIE, Guard, GuardMiddleware
 from schwung.service.service import Service
 
@@ -26,7 +26,7 @@ def make_app(service: Service, guard: Guard) -> FastAPI:
     )
     app.state.service, app.state.guard = service, guard
     problems.install(app)
-    for part in (runs, drives, stopping, sockets):
+    for part in (runs, uploads, results, drives, stopping, sockets):
         app.include_router(part.router(service, guard.who))
 
     @app.get("/login", include_in_schema=False)

@@ -23,6 +23,7 @@ from http.cookies import CookieError, SimpleCookie
 from pathlib import Path
 from typing import Any
 
+from starlette.exceptions import HTTPException
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
 from schwung.errors import InputError
@@ -164,8 +165,11 @@ class GuardMiddleware:
                 )
 
 
-class _TooLongError(Exception):
-    """More came than was announced, or than is allowed."""
+class _TooLongError(HTTPException):
+    """More came than was announced, or than is allowed; FastAPI lets through what is one of these."""
+
+    def __init__(self) -> None:
+        super().__init__(413, "the body is too long")
 
 
 def problem_body(status: int, title: str, detail: str, **more: Any) -> bytes:

@@ -22,7 +22,8 @@ from schwung.fieldbus.connecting import Connected
 from schwung.service.audit import Trail
 from schwung.service.lanes import Lane
 from schwung.service.proposals import Proposals
-from schwung.service.store import DriveRecord, Store
+from schwung.service.records import DriveRecord
+from schwung.service.store import Store
 from schwung.service.values import ENDED, Progress, RunState, RunView
 from schwung.service.workshop import Compute, Workshop
 
@@ -201,10 +202,18 @@ def problem_of(error: BaseException) -> dict[str, Any]:
 
 
 class Jobs:
-    """All runs that are queued or running. `told` is called with every change, from whichever thread makes it."""
+    """All runs that are queued or running. `told` is called with every change, from whichever thread makes it, `after`
+    with each run that has ended, before that is told.
+    """
 
-    def __init__(self, shared: Shared, told: Callable[[RunView], None], workers: int) -> None:
-        self._shared, self._store, self._told = shared, shared.store, told
+    def __init__(
+        self,
+        shared: Shared,
+        told: Callable[[RunView], None],
+        workers: int,
+        after: Callable[[RunView], None] = lambda _run: None,
+    ) -> None:
+        self._shared, self._store, self._told, self._after = shared, shared.store, told, after
         self._tasks: dict[str, Task] = {}
         self._lock = threading.Lock()
         self._closed = False
@@ -278,6 +287,9 @@ class Jobs:
     def _carry_out(self, task: Task) -> None:
         try:
             ended = task.carry_out()
+            self._after(ended)
+        except SchwungError:  # of what comes after: the service is ending
+            ended = self._store.run(task.run.id)
         except Exception:  # the store fails (disk full): the row stays, and is found at the next start
             _log.exception("run %s could not be kept", task.run.id)
             ended = replace(task.run, state="failed", error={"type": "Defect", "text": "could not be kept"})

@@ -19,7 +19,7 @@ from schwung.errors import DriveError, SchwungError
 from schwung.fieldbus.connecting import Connected, connected
 from schwung.fieldbus.drive import Drive, DriveState
 from schwung.service.latch import Brake
-from schwung.service.store import DriveRecord
+from schwung.service.records import DriveRecord
 from schwung.service.values import BusEntry
 
 _RETRY_S = 5.0  # a drive that did not answer is asked again after so long

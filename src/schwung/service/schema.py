@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import sqlite3
 from collections.abc import Sequence
 from pathlib import Path
@@ -128,8 +129,8 @@ def _version(connection: sqlite3.Connection) -> int:
 def _statements(script: str) -> list[str]:
     """The statements of a script; `executescript` would commit before it begins."""
     found, begun = [], ""
-    for line in script.splitlines(keepends=True):
-        begun += line
+    for piece in re.split(r"(?<=;)", script):
+        begun += piece
         if sqlite3.complete_statement(begun):
             found.append(begun)
             begun = ""

@@ -13,15 +13,16 @@ from __future__ import annotations
 
 import contextlib
 import logging
+import shutil
 import threading
 from collections.abc import Callable, Iterator, Mapping
 from functools import partial
 from pathlib import Path
-from typing import Any, Self
+from typing import Any, BinaryIO, Self
 
 from pydantic import ValidationError
 
-from schwung.errors import InputError
+from schwung.errors import InputError, RefusedError, SchwungError
 from schwung.fieldbus.drive import Drive
 from schwung.service.audit import Trail
 from schwung.service.jobs import Jobs, Shared
@@ -29,8 +30,10 @@ from schwung.service.lanes import DriveStatus, Lane
 from schwung.service.latch import Latch, Stopped
 from schwung.service.live import Live
 from schwung.service.proposals import Proposals
-from schwung.service.requests import Confirmed, parse_request
-from schwung.service.store import DriveRecord, Store, now
+from schwung.service.records import DriveRecord
+from schwung.service.recovery import has_recording, note_left, recover
+from schwung.service.requests import Confirmed, ImportRequest, SalvageRequest, import_name, parse_request
+from schwung.service.store import NotFoundError, Store, now
 from schwung.service.values import RunView, Settings
 from schwung.service.work import KINDS
 from schwung.service.workshop import Workshop
@@ -54,17 +57,26 @@ class Service:
         self._change = threading.Lock()
         self._workshop = Workshop()
         shared = Shared(self.store, self._workshop, self.proposals, self.trail)
-        self._jobs = Jobs(shared, self._tell, settings.workers)
+        self._jobs = Jobs(shared, self._tell, settings.workers, self._after)
         self._lanes: dict[str, Lane] = {}
+        store = self.store
+        self._looks: dict[str, Callable[[str], object]] = {  # what a request may name has to be there
+            "machine_id": store.machine, "session_id": store.session, "estimate_id": store.estimate,
+            "file_id": store.file, "bode_run_id": store.run, "run_id": store.run,
+        }  # fmt: skip
         self.live = Live(self._connected_drives)
 
     def start(self) -> Self:
         """Open the lanes, and look after what an earlier process has left."""
         self._seed()
+        left = recover(self.store, self.trail)
         for entry in self.settings.buses:
             self._lanes[entry.name] = Lane(
                 entry, partial(self._drives_on, entry.name), self._tell, self.settings.poll_s
             )
+        for request in left:
+            with contextlib.suppress(SchwungError):  # a drive whose bus we were started without
+                self._accept(request, "schwung serve")
         return self
 
     def close(self) -> None:
@@ -105,6 +117,10 @@ class Service:
             raise InputError(
                 place, first["msg"][:200].lower(), "See the OpenAPI document of this service."
             ) from error
+        return self._accept(asked, who)
+
+    def _accept(self, asked: Any, who: str) -> RunView:
+        """As `submit`, of a request that is one."""
         kind_name: str = asked.kind
         kind = KINDS[kind_name]
         if kind.acts:
@@ -113,16 +129,56 @@ class Service:
         if isinstance(asked, Confirmed):
             made = self.proposals.look(asked.proposal_id, kind_name, asked.digest)
             drive_id, machine_id = made.drive_id, made.machine_id
-        if machine_id is not None:
-            self.store.machine(machine_id)
+        for name, look in self._looks.items():
+            if (wanted := getattr(asked, name, None)) is not None:
+                look(wanted)
         drive = None if drive_id is None else self.store.drive(drive_id)
-        lane = self._lane(drive) if kind.on_bus and drive is not None else None
+        if kind.acts and kind_name != "restore" and drive is not None and self.store.unsettled(drive.id):
+            raise RefusedError(
+                f"drive {drive.name}", "holds parameters that an interrupted run has changed",
+                "Put them back (propose_restore, restore), or decline that, first.",
+            )  # fmt: skip
+        lane = None
+        if kind.on_bus:
+            lane = self._lane(asked.bus if drive is None else drive.bus)
         if drive is not None and machine_id is None:
             machine_id = drive.machine_id
         run = self.store.add_run(asked.kind, asked.model_dump(mode="json"), who, drive_id, machine_id)
         if kind.acts:
             self.trail.add(who, asked.kind, drive_id, run.id, request=run.request)
         return self._jobs.submit(run, asked, kind.work, lane)
+
+    def bring(
+        self, content: BinaryIO, name: str, what: str, options: Mapping[str, Any], machine_id: str | None,
+        drive_id: str | None, who: str,
+    ) -> RunView:  # fmt: skip
+        """Accept a file from outside, as a run of the kind "import". `name` tells its form by its suffix and no more.
+
+        Raises InputError for a suffix that does not belong to `what`, or options that name files; NotFoundError.
+        """
+        own_name = import_name(what, name)
+        if taken := {"files", "dbc"} & set(options):
+            raise InputError(
+                f"options.{min(taken)}", "names files, which nobody may from here", "Leave it out."
+            )
+        if machine_id is not None:
+            self.store.machine(machine_id)
+        if drive_id is not None:
+            self.store.drive(drive_id)
+        asked = ImportRequest.model_validate(
+            {"kind": "import", "what": what, "name": own_name, "machine_id": machine_id, "drive_id": drive_id,
+             "options": dict(options)}
+        )  # fmt: skip
+        run = self.store.add_run("import", asked.model_dump(mode="json"), who, drive_id, machine_id)
+        try:
+            with (self.store.run_folder(run.id) / own_name).open("wb") as target:
+                shutil.copyfileobj(content, target)
+        except OSError as error:
+            self.store.end_run(run.id, "failed", None, {"type": "InputError", "text": "could not be kept"})
+            raise InputError(
+                "upload", f"could not be kept ({error.strerror})", "Is the disk full?"
+            ) from error
+        return self._jobs.submit(run, asked, KINDS["import"].work, None)
 
     def run(self, run_id: str) -> RunView:
         """One run, with its progress. Raises NotFoundError."""
@@ -144,6 +200,26 @@ class Service:
             self._pull(run.drive_id)
         self.trail.add(who, "cancel", run.drive_id, run_id)
         return run
+
+    def decline(self, unsafe_id: str, who: str) -> None:
+        """Leave what an interrupted run has changed as it is: somebody answers for it by name. Raises InputError."""
+        for unsafe in self.store.unsettled():
+            if unsafe.id == unsafe_id:
+                self.store.settle(unsafe_id, "declined", who)
+                self.trail.add(
+                    who, "declined to restore", unsafe.drive_id, unsafe.run_id, backup=unsafe.backup
+                )
+                return
+        raise NotFoundError(
+            f"unsafe {unsafe_id[:40]}", "there is none with this id, or it is settled", "List the drives."
+        )
+
+    def _after(self, run: RunView) -> None:
+        """A run has ended: what it has left in the drive is noted, what it recorded is entered."""
+        if KINDS[run.kind].acts and run.state != "done":
+            note_left(self.store, run)
+            if has_recording(self.store, run):
+                self._accept(SalvageRequest(kind="salvage", run_id=run.id), run.who)
 
     # ── stop ─────────────────────────────────────────────────────────────────────────────────────────────────────
 
@@ -203,9 +279,9 @@ class Service:
         for lane in list(self._lanes.values()):
             yield from lane.connected_drives()
 
-    def _lane(self, drive: DriveRecord) -> Lane:
-        self.settings.bus(drive.bus)
-        return self._lanes[drive.bus]
+    def _lane(self, bus: str) -> Lane:
+        self.settings.bus(bus)
+        return self._lanes[bus]
 
     def _drives_on(self, bus: str) -> list[DriveRecord]:
         return [drive for drive in self.store.drives() if drive.bus == bus]
@@ -272,6 +348,4 @@ def require_family(profile: str) -> None:
 
 
 def _remove(folder: Path) -> None:
-    import shutil  # noqa: PLC0415
-
     shutil.rmtree(folder, ignore_errors=True)

@@ -18,121 +18,26 @@ import sqlite3
 import threading
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
-from dataclasses import dataclass
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
 from schwung.errors import InputError
 from schwung.files import json_text
+from schwung.service.records import (
+    DriveRecord,
+    FileRecord,
+    MachineRecord,
+    ResultRecord,
+    UnsafeRecord,
+    media_type,
+)
 from schwung.service.schema import open_store
 from schwung.service.values import ENDED, RunState, RunView, is_id, new_id
-
-#: Files that a run may leave, by name; nothing else is kept or served.
-MEDIA_TYPES = {
-    "session.h5": "application/x-hdf5",
-    "before.h5": "application/x-hdf5",
-    "after.h5": "application/x-hdf5",
-    "verification.h5": "application/x-hdf5",
-    "inertia.csv": "text/csv",
-    "front.csv": "text/csv",
-    "motion.csv": "text/csv",
-    "measured.toml": "application/toml",
-    "machine.toml": "application/toml",
-    "report.html": "text/html",
-    "explanation.html": "text/html",
-    "estimate.json": "application/json",
-    "explanation.json": "application/json",
-    "bode.json": "application/json",
-    "optimised.json": "application/json",
-    "drive.dcf": "text/plain",
-    "drive.bin": "application/octet-stream",
-    "drive.backup.json": "application/json",
-    "setup.backup.json": "application/json",
-    "export.backup.json": "application/json",
-    "before.backup.json": "application/json",
-    "after.backup.json": "application/json",
-    "verification.backup.json": "application/json",
-    "restore.backup.json": "application/json",
-    "bode.png": "image/png",
-}
 
 
 class NotFoundError(InputError):
     """There is nothing with that id."""
-
-
-@dataclass(frozen=True)
-class MachineRecord:
-    """A machine that is believed in; its toml lies in the store's folder."""
-
-    id: str
-    name: str
-    created: str
-    who: str
-    sha256: str
-
-
-@dataclass(frozen=True)
-class DriveRecord:
-    """A drive: where it is, and which machine hangs on it. `identity` is what it said when it was last connected."""
-
-    id: str
-    name: str
-    bus: str
-    node_id: int
-    profile: str | None
-    machine_id: str | None
-    identity: Mapping[str, Any] | None
-    created: str
-    who: str
-
-
-@dataclass(frozen=True)
-class FileRecord:
-    """A file of a run."""
-
-    id: str
-    run_id: str
-    name: str
-    size: int
-    sha256: str
-
-    @property
-    def media_type(self) -> str:
-        """As HTTP calls it."""
-        return MEDIA_TYPES.get(self.name, "application/octet-stream")
-
-
-@dataclass(frozen=True)
-class ResultRecord:
-    """A session, estimate, explanation or export: what it is about, and its document."""
-
-    id: str
-    run_id: str
-    created: str
-    who: str
-    document: Mapping[str, Any]
-    verdict: str | None = None
-    session_id: str | None = None
-    drive_id: str | None = None
-    machine_id: str | None = None
-    file_id: str | None = None
-    estimate_id: str | None = None
-
-
-@dataclass(frozen=True)
-class UnsafeRecord:
-    """A drive that an interrupted run has left with changed parameters; `found` is how it was when looked at again."""
-
-    id: str
-    drive_id: str
-    run_id: str
-    created: str
-    backup: str  # name of the file in the run's folder
-    found: str | None
-    settled: str | None
-    how: str | None  # "restored" | "declined"
 
 
 def now() -> str:
@@ -358,7 +263,7 @@ class Store:
     def take_files(self, run_id: str) -> list[FileRecord]:
         """Enter the files that lie in a run's folder, as they are now; what has a name we do not know is left out."""
         for path in sorted(self.run_folder(run_id).iterdir()):
-            if path.name in MEDIA_TYPES and path.is_file():
+            if media_type(path.name) is not None and path.is_file():
                 with path.open("rb") as file:
                     digest = hashlib.file_digest(file, "sha256").hexdigest()
                 with self.transaction() as db:

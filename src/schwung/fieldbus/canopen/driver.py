@@ -189,7 +189,7 @@ class CanopenDrive:
                 "name": self._link.name,
                 "bit_rate": self._bit_rate or ASSUMED_BIT_RATE,
                 "bit_rate_known": self._bit_rate is not None,
-                **(vars(self._bus_options) if self._bus_options is not None else {}),
+                **(self._bus_options.named() if self._bus_options is not None else {}),
             },
             "sync": self._operation.producer_name,
         }

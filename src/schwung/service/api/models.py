@@ -9,7 +9,7 @@ from typing import Any, Literal
 from pydantic import BaseModel
 
 from schwung.service.lanes import DriveStatus
-from schwung.service.store import DriveRecord, FileRecord, MachineRecord, ResultRecord, UnsafeRecord
+from schwung.service.records import DriveRecord, FileRecord, MachineRecord, ResultRecord, UnsafeRecord
 from schwung.service.values import RunView
 
 

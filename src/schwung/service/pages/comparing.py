@@ -14,7 +14,7 @@ from schwung.service.pages.diagrams import Diagram
 from schwung.service.pages.markup import Safe, link, moment, si, table
 from schwung.service.pages.outcome import named
 from schwung.service.pages.words import verdict_tag
-from schwung.service.store import ResultRecord
+from schwung.service.records import ResultRecord
 
 _MOST = 6
 
@@ -26,6 +26,7 @@ def compare(desk: Desk, request: Request) -> None:
     asked = [one for one in request.query_params.getlist("estimate") if one in known]
     chosen = asked[:_MOST] or list(known)[:2]
     drives = {drive.id: drive.name for drive in store.drives()}
+    client = ui.context.client
     with frame(desk, "Compare", "/compare", "Up to six estimates of the load inertia over angle."), grid():
         with panel("Curves", "w8"), ui.element("div").classes("sw-body"):
             drawn = ui.element("div")
@@ -42,7 +43,7 @@ def compare(desk: Desk, request: Request) -> None:
                     html("Tick two estimates or more.", "div", "sw-empty")
             told.set_content(_numbers(curves))
             if chosen:
-                set_address("/compare?" + "&".join(f"estimate={one}" for one in chosen))
+                set_address(client, "/compare?" + "&".join(f"estimate={one}" for one in chosen))
 
         with panel("Which", "w12", "the first that is ticked is what the others are held against"):
             _choose(known, chosen, drives, refresh)

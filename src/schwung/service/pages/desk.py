@@ -10,7 +10,7 @@ from html import escape
 from typing import Any, Protocol
 
 from fastapi import Request
-from nicegui import ui
+from nicegui import Client, ui
 from nicegui.element import Element
 
 from schwung.errors import SchwungError
@@ -203,9 +203,9 @@ def go(url: str) -> None:
     ui.navigate.to(url)
 
 
-def set_address(url: str) -> None:
-    """What the address bar says, without leaving: whoever loads it again comes back to this."""
-    ui.run_javascript(f"history.replaceState(null, '', {json.dumps(url)})")
+def set_address(client: Client, url: str) -> None:
+    """What the address bar of a visitor says, without leaving: whoever loads it again comes back to this."""
+    client.run_javascript(f"history.replaceState(null, '', {json.dumps(url)})")
 
 
 def state_tag(status: Any) -> Safe:

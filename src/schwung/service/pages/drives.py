@@ -31,7 +31,7 @@ from schwung.service.pages.markup import (
 from schwung.service.pages.runs import runs_table
 from schwung.service.pages.scope import TRACES, scope_url
 from schwung.service.pages.words import cia402_meaning
-from schwung.service.store import DriveRecord
+from schwung.service.records import DriveRecord
 from schwung.service.values import RunView
 from schwung.service.work import KINDS
 

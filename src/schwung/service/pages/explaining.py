@@ -5,7 +5,7 @@ from __future__ import annotations
 from schwung.service.pages.desk import Desk, html, panel
 from schwung.service.pages.markup import verdict
 from schwung.service.pages.words import VERDICTS
-from schwung.service.store import ResultRecord
+from schwung.service.records import ResultRecord
 
 
 def show_explanation(desk: Desk, found: ResultRecord) -> None:

@@ -26,7 +26,7 @@ from schwung.service.pages.markup import (
     verdict,
 )
 from schwung.service.pages.words import VERDICTS
-from schwung.service.store import ResultRecord
+from schwung.service.records import ResultRecord
 
 #: Earlier runs that are drawn behind a curve.
 EARLIER = 12
@@ -132,7 +132,10 @@ def _facts(document: Mapping[str, Any]) -> Safe:
         ("Expected error", percent(trust.get("predicted_error"))),
     ]
     notes = "".join(f"<li>{escape(note)}</li>" for note in document.get("notes", ()))
-    return Safe(facts(pairs) + (f"<ul>{notes}</ul>" if notes else ""))
+    how = (
+        f'<details class="sw"><summary>How it was found</summary><ul>{notes}</ul></details>' if notes else ""
+    )
+    return Safe(facts(pairs) + how)
 
 
 def _drift(curve: NamedCurve, before: Sequence[ResultRecord]) -> Safe:

@@ -17,11 +17,13 @@ import numpy as np
 from fastapi import APIRouter, WebSocket, WebSocketDisconnect
 
 from schwung.motion import Array
+from schwung.service.live import KEPT_ROWS
 from schwung.service.pages.decimation import BEGUN, CONTINUED, Columns, Decimator, frame
 from schwung.service.service import Service
 from schwung.service.values import is_id
 
-FRAMES_PER_S = 30.0
+#: Looked for twice as often as it comes (live.py) and is drawn (scope.js), so that no picture waits for the next one.
+LOOKS_PER_S = 60.0
 #: What is drawn, in this order: name, unit, colour, and the least range of its axis.
 TRACES: list[dict[str, Any]] = [
     {"name": "Position", "unit": "rad", "colour": "trace-1", "least": 1e-3},
@@ -104,7 +106,7 @@ def scope_routes(service: Service) -> APIRouter:
             while not asking.done():
                 for sent in feed.frames():
                     await socket.send_bytes(sent)
-                await asyncio.sleep(1 / FRAMES_PER_S)
+                await asyncio.sleep(1 / LOOKS_PER_S)
         except (WebSocketDisconnect, RuntimeError):
             pass  # the client went away
         finally:
@@ -126,9 +128,18 @@ async def _listen(socket: WebSocket, want: Callable[[float, int], None]) -> None
 
 
 def source_of(service: Service, drive_id: str) -> Source:
-    """The samples of a drive."""
+    """The samples of a drive; the following error is what is demanded less what is there."""
+    scope = service.live.scope(drive_id)
 
-    def nothing(after: int, window_s: float) -> Fresh:
-        return Fresh(after, np.empty(0), np.empty((len(TRACES), 0)))
+    def fresh(after: int, window_s: float) -> Fresh:
+        view = scope.since(
+            after, 2 * KEPT_ROWS
+        )  # all of them: columns that stand still are made by the Decimator
+        c = view.columns
+        error = c["position_demand_rad"] - c["position_rad"]
+        values = np.vstack([c["position_rad"], c["speed_rad_s"], c["torque_nm"], error])
+        time_s = c["time_s"]
+        seen = time_s >= time_s[-1] - window_s if time_s.size else np.ones(0, bool)
+        return Fresh(view.cursor, time_s[seen], values[:, seen])
 
-    return nothing
+    return fresh

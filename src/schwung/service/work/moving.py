@@ -8,7 +8,10 @@ from typing import Any
 
 import numpy as np
 
-from schwung.commissioning import LimitWishes, Prepared, Wishes, prepare, record_prepared
+from schwung.commissioning import LimitWishes, Plan, Prepared, Survey, Wishes, prepare, record_prepared
+from schwung.commissioning.bode import PreparedBode, prepare_bode, record_bode
+from schwung.commissioning.bode_excitation import BodeWishes
+from schwung.commissioning.bode_result import read_bode
 from schwung.commissioning.commission import settings_of
 from schwung.commissioning.preflight import preflight
 from schwung.commissioning.survey import survey
@@ -16,7 +19,7 @@ from schwung.drivetrain import Simulated, load_machine
 from schwung.errors import InputError, RefusedError
 from schwung.fieldbus.drive import Drive
 from schwung.service.jobs import Task
-from schwung.service.work.computing import estimate_session, session_summary
+from schwung.service.work.computing import estimate_session, fit_bode_session, session_summary
 
 #: Points of a predicted curve that is sent to a page.
 _CURVE_POINTS = 600
@@ -33,9 +36,7 @@ class Planned:
 def plan(task: Task) -> Mapping[str, Any]:
     """See PlanRequest."""
     asked = task.request
-    machine_id = asked.machine_id or task.drive_record.machine_id
-    if machine_id is None:
-        raise InputError("machine_id", "is missing, and the drive has none", "Name the machine.")
+    machine_id = _machine_of(task)
     machine = load_machine(task.store.machine_path(machine_id))
     wishes = Wishes(
         distance_rad=asked.distance_rad,
@@ -54,6 +55,10 @@ def plan(task: Task) -> Mapping[str, Any]:
         phases=asked.phases,
         also_s=tuple(asked.also_s),
     )
+    if asked.bode_run_id is not None:
+        bode_run = task.store.run(asked.bode_run_id)
+        measured = read_bode(task.store.run_folder(bode_run.id))
+        wishes, machine = measured.wishes(wishes), measured.machine(machine)
     task.phase("Reading the drive, simulating the motion")
     found = task.connect()
     prepared = prepare(found.drive, found.profile, machine, wishes)
@@ -81,6 +86,7 @@ def commission(task: Task) -> Mapping[str, Any]:
         session=kept.session_path,
         machine=task.store.machine_path(planned.machine_id),
         folder=task.folder,
+        beside=_beside(prepared),
     )
     estimate = task.store.add_estimate(task.run, session.id, found["verdict"], found["document"])
     return {
@@ -89,18 +95,102 @@ def commission(task: Task) -> Mapping[str, Any]:
     }  # fmt: skip
 
 
-def looked_at_again(drive: Drive, prepared: Prepared) -> Prepared:
-    """The same plan, with checks for the drive as it is now. Raises RefusedError where it is another drive, or the axis
-    stands elsewhere than where the plan starts, by more than its following error."""
-    seen, plan = survey(drive, prepared.plan), prepared.plan
-    if seen.identity != prepared.survey.identity:
+def _beside(prepared: Prepared) -> dict[str, Any]:
+    checks = [vars(check) for check in prepared.preflight.checks]
+    return {"plan": settings_of(prepared.plan), "preflight": checks}
+
+
+@dataclass(frozen=True, eq=False)
+class BodePlanned:
+    """What a measurement of the frequency response will play, and the stroke that its proposal shall be for."""
+
+    prepared: PreparedBode
+    machine_id: str
+    distance_rad: float | None
+    duration_s: float
+
+
+def propose_bode(task: Task) -> Mapping[str, Any]:
+    """See ProposeBodeRequest."""
+    asked, machine_id = task.request, _machine_of(task)
+    wishes = BodeWishes(
+        angles_rad=tuple(asked.angles_rad),
+        limits=LimitWishes(**asked.limits.model_dump()),
+        waveform=asked.waveform,
+        amplitude_nm=asked.amplitude_nm,
+        lowest_hz=asked.lowest_hz,
+        highest_hz=asked.highest_hz,
+        periods=asked.periods,
+        repeats=asked.repeats,
+        sample_rate_hz=asked.sample_rate_hz,
+    )
+    task.phase("Reading the drive, simulating the motions")
+    found = task.connect()
+    prepared = prepare_bode(
+        found.drive, found.profile, load_machine(task.store.machine_path(machine_id)), wishes
+    )
+    checked = prepared.preflight
+    document = {
+        "machine": prepared.machine.name,
+        "angles_rad": list(asked.angles_rad),
+        "waveform": asked.waveform,
+        "motions": len(prepared.runs),
+        "duration_s": prepared.duration_s,
+        **settings_of(prepared.plan),
+        "checks": [vars(check) for check in checked.checks],
+        "can_start": not checked.stops,
+        "predicted": {"reference": _predicted(checked.reference), "excited": _predicted(checked.excited)},
+    }
+    content = BodePlanned(prepared, machine_id, asked.distance_rad, asked.duration_s)
+    return task.proposals.add("bode", task.drive_record.id, document, content, machine_id).to_json()
+
+
+def bode(task: Task) -> Mapping[str, Any]:
+    """See BodeRequest."""
+    made = task.proposals.take(task.request.proposal_id, "bode", task.request.digest)
+    planned: BodePlanned = made.content
+    prepared = planned.prepared
+    prepared.preflight.require()
+    drive = task.connect().drive
+    _require_there(drive, prepared.plan, prepared.survey)
+    task.warm()
+    kept = record_bode(drive, prepared, task.folder, task)
+    session = task.store.add_session(task.run, task.compute(session_summary, session=kept.session_path))
+    found = task.compute(
+        fit_bode_session, session=kept.session_path, machine=task.store.machine_path(planned.machine_id),
+        folder=task.folder, torque_max_nm=prepared.plan.limits.torque_max_nm, distance_rad=planned.distance_rad,
+        duration_s=planned.duration_s,
+    )  # fmt: skip
+    return {"session_id": session.id, "digest": made.digest, "bode": found}
+
+
+def _machine_of(task: Task) -> str:
+    machine_id: str | None = task.request.machine_id or task.drive_record.machine_id
+    if machine_id is None:
+        raise InputError("machine_id", "is missing, and the drive has none", "Name the machine.")
+    return machine_id
+
+
+def _require_there(drive: Drive, plan: Plan, before: Survey) -> Survey:
+    """Raise RefusedError where it is another drive, or the axis stands elsewhere than where the plan starts, by
+    more than its following error."""
+    seen = survey(drive, plan)
+    if seen.identity != before.identity:
         raise RefusedError("plan", "was made for another drive", "Plan anew with this one.")
-    if abs(seen.state.position_rad - plan.start_position_rad) > plan.limits.following_error_rad:
+    if not abs(seen.state.position_rad - plan.start_position_rad) <= plan.limits.following_error_rad:
         raise RefusedError(
             "plan",
             f"starts at {plan.start_position_rad:.4g} rad, the axis stands at {seen.state.position_rad:.4g}",
             "Plan anew, and look at that.",
         )
+    return seen
+
+
+def looked_at_again(drive: Drive, prepared: Prepared) -> Prepared:
+    """The same plan, with checks for the drive as it is now. Raises RefusedError where it is another drive, or the axis
+    stands elsewhere than where the plan starts, by more than its following error."""
+    plan = prepared.plan
+    seen = _require_there(drive, plan, prepared.survey)
     checked = preflight(plan, prepared.machine, seen, prepared.feed_forward)
     return replace(prepared, survey=seen, preflight=checked)
 

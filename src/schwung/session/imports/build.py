@@ -20,7 +20,8 @@ from schwung.session.imports.foreign import read_mdf, read_parquet
 from schwung.session.imports.matlab import read_matlab
 from schwung.session.imports.motions import Piece, cut, with_repeats
 from schwung.session.imports.recipe import Recipe
-from schwung.session.imports.signals import derive_speed, unwrap
+from schwung.session.imports.rows import unwrap_angles, whole, without_gaps
+from schwung.session.imports.signals import derive_speed
 from schwung.session.imports.table import Column, Table, bare_name
 from schwung.session.imports.text import read_text
 from schwung.session.imports.units import Quantity, Unit, axis_of, header_unit, unit, unit_in_name
@@ -156,10 +157,12 @@ def _recordings(table: Table, recipe: Recipe, axis: Axis) -> list[_Recording]:
     signals = {}
     for name, column in columns.items():
         factor = _factor(table, column, name, recipe, axis, notes)
-        signals[name] = _whole(column, table.path) * factor
-    if axis == "rotary" and recipe.unwrap:
-        _unwrap(signals, notes)
+        signals[name] = (column.values if recipe.resample else whole(column, table.path)) * factor
     times = _times(table, columns, recipe, notes)
+    if times is not None and recipe.resample:
+        signals, times = without_gaps(signals, times, table.path, notes)
+    if axis == "rotary" and recipe.unwrap:
+        unwrap_angles(signals, notes)
     if times is None:
         rate = recipe.rate
         if rate is None:
@@ -186,37 +189,6 @@ def _factor(table: Table, column: Column, name: str, recipe: Recipe, axis: Axis,
     return scale
 
 
-def _whole(column: Column, path: Path) -> Array:
-    """A column that is finite throughout. Raises InputError, naming the line, where it is not."""
-    values = np.asarray(column.values, dtype=np.float64)
-    bad = np.flatnonzero(~np.isfinite(values))
-    if values.size == 0:
-        raise InputError(f"{path}: {column.name}", "holds no samples", "Choose another column.")
-    if bad.size:
-        at = int(bad[0])
-        where = f"line {column.first_line + at}" if column.first_line is not None else f"sample {at}"
-        what = "is empty" if np.isnan(values[at]) else f"is {values[at]}"
-        raise InputError(f"{path}: {column.name}, {where}", f"{what} ({bad.size} such samples)",
-                         "Cut the recording before it; missing samples are not made up.")  # fmt: skip
-    return values
-
-
-def _unwrap(signals: dict[str, Array], notes: list[str]) -> None:
-    for name in ("position", "position_demand"):
-        if name not in signals:
-            continue
-        found = unwrap(signals[name])
-        if found.wraps:
-            signals[name] = found.position
-            notes.append(
-                f"{name} jumped by a whole turn {found.wraps} times (first at sample {found.first}): unwrapped"
-            )
-    position, demand = signals["position"], signals.get("position_demand")
-    if demand is not None and demand.size == position.size:  # each was within a turn of its own
-        apart = float(np.median(demand - position))
-        signals["position_demand"] = demand - 2 * np.pi * np.rint(apart / (2 * np.pi))
-
-
 def _times(
     table: Table, columns: Mapping[str, Column], recipe: Recipe, notes: list[str]
 ) -> dict[str, Array] | None:
@@ -238,7 +210,7 @@ def _times(
     factor = unit(said, "time", "rotary").factor if said else found.factor if found else 1.0
     if found and not said:
         notes.append(f"time is taken in {found.text}, as the file says")
-    time = _whole(column, table.path) * factor
+    time = (column.values if recipe.resample else whole(column, table.path)) * factor
     return dict.fromkeys(columns, time)
 
 

@@ -153,7 +153,7 @@
       const shares = panels.map((panel) => panel.share || 1), all = shares.reduce((a, b) => a + b, 0);
       const room = height - BOTTOM - panels.length * TITLE - (panels.length - 1) * GAP;
       const marks = panels.map((panel, n) =>
-        panel.log ? logTicks(...reaches[n]) : ticks(...reaches[n], Math.max(2, Math.min(6, (room * shares[n]) / all / 34))));
+        panel.log ? logTicks(...reaches[n]) : ticks(...reaches[n], Math.max(3, Math.min(6, (room * shares[n]) / all / 30))));
       const steps = marks.map((m) => (m.length > 1 ? m[1] - m[0] : 1));
       const widest = Math.max(...marks.flatMap((m, n) => m.map((v) => c.measureText(panels[n].log ? text(v) : text(v, steps[n])).width)), 28);
       const left = Math.ceil(widest) + 14;
@@ -227,7 +227,10 @@
         let shown = s.name;
         if (this.cursor !== null && s.x.length) {
           const i = nearest(s.x, this.cursor);
-          shown += s.y ? " " + text(s.y[i]) : s.kind === "extremes" ? " " + text((s.low[i] + s.high[i]) / 2) : "";
+          shown += s.y ? " " + text(s.y[i]) : s.kind === "extremes" ? text((s.low[i] + s.high[i]) / 2) : "";
+        } else if (s.kind === "extremes") {
+          const i = s.x.length - 1;
+          shown += i >= 0 ? text((s.low[i] + s.high[i]) / 2) : "–";
         }
         const wide = c.measureText(shown).width + 18;
         if (x + wide > box.right) break;

@@ -98,10 +98,11 @@ export default {
       this.fresh = true;
     },
     options() {
-      const c = this.columns, end = c.n ? c.time[c.n - 1] : 0, x = c.time.subarray(0, c.n);
+      const c = this.columns, x = c.time.subarray(0, c.n);
+      const start = c.n ? Math.max(c.time[0], c.time[c.n - 1] - this.window_s) : 0; // filled from the left, then it moves
       return {
         label: "live scope: " + this.traces.map((t) => t.name).join(", "),
-        x: { label: "Time of the drive, s", unit: "s", range: [end - this.window_s, end] },
+        x: { label: "Time of the drive, s", unit: "s", range: [start, start + this.window_s] },
         panels: this.traces.map((t, i) => ({
           title: t.name + ", " + t.unit, least: t.least, lines: t.lines,
           series: [{ name: " ", kind: "extremes", colour: t.colour, x, low: c.low[i].subarray(0, c.n), high: c.high[i].subarray(0, c.n) }],

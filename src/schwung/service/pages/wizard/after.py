@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from nicegui import ui
 
-from schwung.service.pages.desk import actions, button, go, panel
+from schwung.service.pages.desk import actions, button, go, html, panel
 from schwung.service.pages.diagrams import Scope
 from schwung.service.pages.outcome import show_estimate
 from schwung.service.pages.scope import TRACES, scope_url
@@ -24,9 +24,9 @@ def run(guide: Guide) -> None:
         with ui.element("div").classes("sw-body"):
             watched = ui.element("div")
     with panel("Live"):
-        Scope(scope_url(guide.drive.id), TRACES, 520)
-    with actions("This page may be closed: the service goes on, and keeps everything."):
-        foot = ui.element("div").classes("sw-row")
+        Scope(scope_url(guide.drive.id), TRACES, 470)
+    with ui.element("div").classes("sw-row") as foot:
+        html("This page may be closed: the service goes on, and keeps everything.", "span", "muted")
 
     def ended(done: RunView) -> None:
         known.run = done

@@ -13,7 +13,7 @@ from nicegui import ui
 from schwung.errors import SchwungError
 from schwung.service.pages.desk import Desk, frame, html, set_address
 from schwung.service.pages.markup import problem
-from schwung.service.store import DriveRecord
+from schwung.service.records import DriveRecord
 from schwung.service.values import RunView
 
 STEPS = ("Connect", "Check", "Plan", "Confirm", "Run", "Result", "Export")
@@ -45,6 +45,7 @@ class Guide:
         self.known = Known(machine_id=drive.machine_id)
         self.step = CONNECT
         self._failed = False
+        self._client = ui.context.client  # steps are built by what they replace
         self._bar = html("", "ol", "sw-steps").props('aria-label="steps"')
         self._place = ui.element("div").classes("sw-column")
 
@@ -57,7 +58,10 @@ class Guide:
             _builders()[step](self)
         run = self.known.run
         keeps = step >= RUN and run is not None
-        set_address(f"/commission/{self.drive.id}" + (f"?run={run.id}" if keeps and run is not None else ""))
+        set_address(
+            self._client,
+            f"/commission/{self.drive.id}" + (f"?run={run.id}" if keeps and run is not None else ""),
+        )
 
     def fail(self) -> None:
         """Mark the step as one that did not go well."""
