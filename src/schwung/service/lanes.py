@@ -99,6 +99,8 @@ class Lane:
         held = self._held.get(record.id)
         if held is None:
             held = self._connect(record)
+        elif held.brake.answer():
+            held.found.drive.disable()  # a driver that was halted begins nothing before it has been switched off
         return held.found
 
     @contextmanager

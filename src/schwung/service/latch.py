@@ -71,6 +71,13 @@ class Brake:
         self.pulled_s, self.halted_s = time.monotonic(), None
         self._wanted.set()
 
+    def answer(self) -> bool:
+        """Whether it was pulled since this was asked last, and `halt` has returned: who asks switches the drive off."""
+        if self.halted_s is None:
+            return False
+        self.halted_s = None
+        return True
+
     def close(self) -> None:
         """End the thread; a halt under way is waited for, but for a second at most."""
         self._ended = True

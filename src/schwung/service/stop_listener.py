@@ -85,5 +85,6 @@ class StopListener:
         headers = [(b"content-type", b"application/json")]
         if origin is not None and status != 403:
             headers.append((b"access-control-allow-origin", origin.encode("latin-1")))
+            headers.append((b"access-control-allow-credentials", b"true"))  # the cookie says who it is
         await send({"type": "http.response.start", "status": status, "headers": headers})
         await send({"type": "http.response.body", "body": json.dumps(body).encode()})
