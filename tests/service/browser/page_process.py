@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import json
 import os
 import re
@@ -10,6 +11,7 @@ import subprocess
 import sys
 import threading
 import time
+import urllib.error
 import urllib.request
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -103,7 +105,8 @@ class Served:
         """Nothing goes on, and nothing is stopped."""
         for run in self.call("GET", "/api/runs?limit=10"):
             if run["state"] in ("queued", "running"):
-                self.call("POST", f"/api/runs/{run['id']}/cancel")
+                with contextlib.suppress(urllib.error.HTTPError):  # it has ended meanwhile
+                    self.call("POST", f"/api/runs/{run['id']}/cancel")
                 self.ended(run["id"])
         if self.call("GET", "/api/stop")["stopped"]:
             self.call("POST", "/api/release")

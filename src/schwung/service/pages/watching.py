@@ -20,6 +20,7 @@ class Watched:
     def __init__(self, desk: Desk, run: RunView, ended: Callable[[RunView], None] | None = None) -> None:
         self._desk, self._id, self._ended = desk, run.id, ended
         self._shown = ""
+        self._folder = escape(f"{desk.service.settings.folder}/")
         self._element = html("", "div", "sw-progress").props('aria-live="polite"')
         self._timer = ui.timer(LOOK_S, self._look)
         self._look()
@@ -31,7 +32,9 @@ class Watched:
             self._timer.cancel()
             self._element.set_content(problem(error))
             return
-        shown = progress_html(run)
+        shown = progress_html(run).replace(
+            self._folder, ""
+        )  # where the service keeps its files is nobody's business
         if shown != self._shown:
             self._shown = shown
             self._element.set_content(shown)

@@ -18,7 +18,7 @@
     const step = [1, 2, 5, 10].find((n) => n * power >= rough * 0.999) * power;
     const found = [];
     for (let n = Math.ceil(low / step - 1e-9); n * step <= high + 1e-9 * step; n++) found.push(n * step);
-    return found;
+    return found.length < 2 && count < 16 ? ticks(low, high, 2 * count) : found; // one alone tells no scale
   }
 
   /** Powers of ten, and 2 and 5 times them where there are few. */
