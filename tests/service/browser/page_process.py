@@ -31,6 +31,7 @@ ARGUMENTS = [
 ]  # fmt: skip
 NODE = 1
 _QUICK_STOP = 0x0002
+_TRIES = 4
 #: What the page notes of itself, before any script of ours: when STOP was pressed (s, by the computer's clock).
 PRESSES = """
 window.pressed = [];
@@ -112,7 +113,21 @@ class Served:
             self.call("POST", "/api/release")
 
     def begin_motion(self, repeats: int = 50) -> Any:
-        """A long commissioning, when it moves; the run."""
+        """A long commissioning, when it moves; the run.
+
+        A computer that is too busy to send its heartbeat in time is stopped by the drive; that is begun anew.
+        """
+        for _ in range(_TRIES):
+            run = self._begun(repeats)
+            if run["state"] == "running":
+                return run
+            assert run["error"]["type"] in ("DriveFaultError", "NodeLostError"), run
+            self.ended(
+                self.call("POST", "/api/runs", {"kind": "reset_fault", "drive_id": self.drive_id})["id"]
+            )
+        raise AssertionError(run)
+
+    def _begun(self, repeats: int) -> Any:
         plan = {
             "kind": "plan",
             "drive_id": self.drive_id,
@@ -125,14 +140,13 @@ class Served:
         confirmed = {key: made["result"][key] for key in ("proposal_id", "digest")}
         run = self.call("POST", "/api/runs", {"kind": "commission", **confirmed})
         end = time.monotonic() + 60.0
-        while True:
-            run = self.call("GET", f"/api/runs/{run['id']}")
-            assert run["state"] in ("queued", "running"), run
-            phase = (run["progress"] or {}).get("phase", "")
-            if phase.startswith(("Creep", "Motion")):
-                return run
+        while run["state"] in ("queued", "running"):
             assert time.monotonic() < end, run
+            if ((run["progress"] or {}).get("phase") or "").startswith(("Creep", "Motion")):
+                break
             time.sleep(0.02)
+            run = self.call("GET", f"/api/runs/{run['id']}")
+        return run
 
 
 @contextmanager
