@@ -107,6 +107,9 @@ def export_values(
     motor and load in one number. Raises InputError where the profile has no such target ("this profile can't do
     that, because …"), where one of the two is missing, or where a value does not fit its object.
     """
+    if table.effort == "current":
+        raise InputError("inertia table", "is in A·s²/rad: how many N·m an ampere makes is unknown",
+                         "Multiply it by the motor's N·m per ampere, and name its column inertia_kgm2.")  # fmt: skip
     export = profile.export
     if choice.form == "table":
         if export.table is None:
