@@ -43,5 +43,9 @@ def make_app(service: Service, guard: Guard) -> FastAPI:
             response.set_cookie(WHO_COOKIE, who, samesite="strict", max_age=90 * 86400)
         return response
 
+    @app.get("/metrics", include_in_schema=False)
+    def metrics() -> Response:
+        return Response(service.meters.text(), media_type="text/plain; version=0.0.4; charset=utf-8")
+
     app.add_middleware(GuardMiddleware, guard=guard)
     return app

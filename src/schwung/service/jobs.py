@@ -109,7 +109,7 @@ class Task:
                 self._begin(text)
             self._share(share)
 
-        return self._workshop.run(function, arguments, tell, self._cancelled.is_set)
+        return self._workshop.run(function, arguments, tell, self._cancelled_while_it_goes_on)
 
     def warm(self) -> None:
         """Something will be computed soon."""
@@ -117,8 +117,13 @@ class Task:
 
     def check(self) -> None:
         """Raise KeyboardInterrupt where the run was cancelled."""
-        if self._cancelled.is_set():
+        if self._cancelled_while_it_goes_on():
             raise KeyboardInterrupt
+
+    def _cancelled_while_it_goes_on(self) -> bool:
+        if self.lane is not None:
+            self.lane.answered()
+        return self._cancelled.is_set()
 
     # ── what the queue uses ──────────────────────────────────────────────────────────────────────────────────────
 

@@ -29,6 +29,7 @@ from schwung.service.jobs import Jobs, Shared
 from schwung.service.lanes import DriveStatus, Lane
 from schwung.service.latch import Latch, Stopped
 from schwung.service.live import Live
+from schwung.service.meters import Meters
 from schwung.service.proposals import Proposals
 from schwung.service.records import DriveRecord
 from schwung.service.recovery import has_recording, note_left, recover
@@ -65,6 +66,7 @@ class Service:
             "file_id": store.file, "bode_run_id": store.run, "run_id": store.run,
         }  # fmt: skip
         self.live = Live(self._connected_drives)
+        self.meters = Meters(self._named_drives, self.store.count_runs)
 
     def start(self) -> Self:
         """Open the lanes, and look after what an earlier process has left."""
@@ -72,7 +74,11 @@ class Service:
         left = recover(self.store, self.trail)
         for entry in self.settings.buses:
             self._lanes[entry.name] = Lane(
-                entry, partial(self._drives_on, entry.name), self._tell, self.settings.poll_s
+                entry,
+                partial(self._drives_on, entry.name),
+                self._tell,
+                self.settings.poll_s,
+                self.meters.stopped,
             )
         for request in left:
             with contextlib.suppress(SchwungError):  # a drive whose bus we were started without
@@ -278,6 +284,18 @@ class Service:
     def _connected_drives(self) -> Iterator[tuple[str, Drive]]:
         for lane in list(self._lanes.values()):
             yield from lane.connected_drives()
+
+    def _named_drives(self) -> Iterator[tuple[str, Drive]]:
+        names = [
+            (self.store.drive(drive_id).name, drive_id, drive) for drive_id, drive in self._connected_drives()
+        ]
+        for name, drive_id, drive in names:
+            doubled = sum(other == name for other, _, _ in names) > 1
+            yield f"{name} {drive_id}" if doubled else name, drive
+
+    def silent_s(self) -> float:
+        """How long ago the slowest owner of a bus has answered (s); asks all of them anew."""
+        return max((lane.ask() for lane in list(self._lanes.values())), default=0.0)
 
     def _lane(self, bus: str) -> Lane:
         self.settings.bus(bus)
