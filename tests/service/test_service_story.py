@@ -106,7 +106,24 @@ def test_stop_ends_what_moves_and_holds_until_it_is_released(desk: ServiceDesk) 
         wanted = {"kind": "commission", "proposal_id": made["proposal_id"], "digest": made["digest"]}
         assert client.post("/api/runs", json=wanted).status_code == 409
         assert client.post("/api/release").json() == {"stopped": False, "who": None, "at": None}
-        assert client.post("/api/runs", json=wanted).status_code == 202
+        again = client.post("/api/runs", json=wanted)
+        assert again.status_code == 202
+        desk.service.cancel(again.json()["id"], "tester")
+        desk.ended(again.json()["id"])
+
+
+def test_after_a_stop_while_nothing_moved_the_drive_may_be_used_again(desk: ServiceDesk) -> None:
+    desk.proposed()
+    assert desk.service.status(desk.drive_id).connected
+    desk.service.stop("tester")
+    desk.service.release("tester")
+    run = desk.confirmed(repeats=50)
+    end = time.monotonic() + 20
+    while "Motion" not in desk.phase(run.id):
+        assert time.monotonic() < end, desk.service.run(run.id)
+        time.sleep(0.002)
+    desk.service.cancel(run.id, "tester")
+    assert desk.ended(run.id).state == "cancelled"
 
 
 def test_stop_has_a_listener_of_its_own_which_knows_its_pages(desk: ServiceDesk) -> None:

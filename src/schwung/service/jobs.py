@@ -261,10 +261,6 @@ class Jobs:
         task.cancel()
         return task.view
 
-    def on_drives(self) -> list[RunView]:
-        """Runs that are queued or running on a bus."""
-        return [task.view for task in list(self._tasks.values()) if task.lane is not None]
-
     def cancel_all(self, runs: Iterable[RunView]) -> None:
         """Cancel those of them that still go on."""
         for run in runs:

@@ -81,9 +81,9 @@ class Service:
 
     def close(self) -> None:
         """Stop what moves, put parameters back, keep what was recorded."""
-        moving = self._jobs.on_drives()
-        self._jobs.cancel_all(moving)
-        if moving:
+        acting = self._acting()
+        self._jobs.cancel_all(acting)
+        if acting:
             self._pull()
         ended = self._jobs.close(_ENDED_WITHIN_S)
         for lane in self._lanes.values():
@@ -224,12 +224,12 @@ class Service:
     # ── stop ─────────────────────────────────────────────────────────────────────────────────────────────────────
 
     def stop(self, who: str) -> Stopped:
-        """STOP: nothing is begun any more, all drives get a quick stop, what is on a bus is cancelled. From any
+        """STOP: nothing is begun any more, all drives get a quick stop, what moves or writes is cancelled. From any
         thread, never waits for the store, a lane or the event loop, never raises."""
         stopped = Stopped(who, now())
         self.latch.set(stopped)
         self._pull()
-        self._jobs.cancel_all(self._jobs.on_drives())
+        self._jobs.cancel_all(self._acting())
         threading.Thread(
             target=self._note_stop, args=(stopped,), name="schwung stop noted", daemon=True
         ).start()
@@ -239,7 +239,14 @@ class Service:
         """End a STOP: what is asked for from now on may be begun."""
         self.trail.add(who, "release")
         self.latch.release()
+        for lane in (
+            self._lanes.values()
+        ):  # a driver that was told to halt does nothing more: what comes has a new one
+            lane.renew()
         self._tell(None)
+
+    def _acting(self) -> list[RunView]:
+        return [run for run in self._jobs.active() if KINDS[run.kind].acts]
 
     def _pull(self, drive_id: str | None = None) -> None:
         for lane in self._lanes.values():
@@ -247,7 +254,7 @@ class Service:
 
     def _note_stop(self, stopped: Stopped) -> None:
         with contextlib.suppress(Exception):
-            self.trail.add(stopped.who, "stop", detail_at=stopped.at)
+            self.trail.add(stopped.who, "stop", since=stopped.at)
         self._tell(stopped)
 
     # ── drives ───────────────────────────────────────────────────────────────────────────────────────────────────
@@ -262,9 +269,7 @@ class Service:
         if profile is not None:
             require_family(profile)
         record = self.store.add_drive(name, bus, node_id, profile, machine_id, who)
-        self.trail.add(
-            who, "add drive", record.id, detail_name=name, bus=bus, node_id=node_id, profile=profile
-        )
+        self.trail.add(who, "add drive", record.id, name=name, bus=bus, node_id=node_id, profile=profile)
         return record
 
     def status(self, drive_id: str) -> DriveStatus:
@@ -312,9 +317,7 @@ class Service:
             _remove(folder)
             raise
         record = self.store.add_machine(folder, name.strip() or found.name, who)
-        self.trail.add(
-            who, "add machine", detail_name=record.name, machine_id=record.id, sha256=record.sha256
-        )
+        self.trail.add(who, "add machine", name=record.name, machine_id=record.id, sha256=record.sha256)
         return record
 
     # ── being told ───────────────────────────────────────────────────────────────────────────────────────────────
