@@ -112,20 +112,6 @@ def test_stop_ends_what_moves_and_holds_until_it_is_released(desk: ServiceDesk) 
         desk.ended(again.json()["id"])
 
 
-def test_after_a_stop_while_nothing_moved_the_drive_may_be_used_again(desk: ServiceDesk) -> None:
-    desk.proposed()
-    assert desk.service.status(desk.drive_id).connected
-    desk.service.stop("tester")
-    desk.service.release("tester")
-    run = desk.confirmed(repeats=50)
-    end = time.monotonic() + 20
-    while "Motion" not in desk.phase(run.id):
-        assert time.monotonic() < end, desk.service.run(run.id)
-        time.sleep(0.002)
-    desk.service.cancel(run.id, "tester")
-    assert desk.ended(run.id).state == "cancelled"
-
-
 def test_stop_has_a_listener_of_its_own_which_knows_its_pages(desk: ServiceDesk) -> None:
     listener = StopListener(desk.service, desk.guard, "127.0.0.1", 0)
     url = f"http://127.0.0.1:{listener.port}/stop"
@@ -197,6 +183,20 @@ def test_an_archive_opens_anywhere_and_proves_itself(desk: ServiceDesk, story: S
             text = json.dumps(entry, sort_keys=True, ensure_ascii=False).encode()
             assert hashlib.sha256(text).hexdigest() == told
             before = told
+
+
+def test_a_drive_is_known_by_what_it_said_changed_by_name_and_archived_when_free(desk: ServiceDesk) -> None:
+    desk.proposed()
+    with desk.client() as client:
+        drive = client.get(f"/api/drives/{desk.drive_id}").json()
+        assert drive["identity"]["name"] == "Schwung bench drive"
+        renamed = client.patch(f"/api/drives/{drive['id']}", json={"name": "X axis"})
+        assert renamed.json()["name"] == "X axis"
+        for wrong in ({"name": None}, {"profile": "../x"}, {"machine_id": "0" * 16}, {"bus": "other"}):
+            assert client.patch(f"/api/drives/{drive['id']}", json=wrong).status_code in (404, 422)
+        other = client.post("/api/drives", json={"name": "Y", "bus": "bench", "node_id": 9}).json()
+        assert client.delete(f"/api/drives/{other['id']}").status_code == 204
+        assert [one["id"] for one in client.get("/api/drives").json()] == [drive["id"]]
 
 
 def test_two_on_one_drive_go_one_after_the_other(desk: ServiceDesk) -> None:

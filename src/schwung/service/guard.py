@@ -22,6 +22,7 @@ import secrets
 from http.cookies import CookieError, SimpleCookie
 from pathlib import Path
 from typing import Any
+from urllib.parse import unquote
 
 from starlette.exceptions import HTTPException
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
@@ -30,7 +31,7 @@ from schwung.errors import InputError
 from schwung.service.values import MAX_BODY_BYTES, MAX_UPLOAD_BYTES, Settings
 
 COOKIE = "schwung_token"
-#: Who somebody says to be, for the trail: header or cookie.
+#: Who somebody says to be, for the trail: header or cookie, percent-encoded (RFC 3986) beyond ASCII.
 WHO_HEADER, WHO_COOKIE = "schwung-who", "schwung_who"
 PROBLEM = "application/problem+json"
 
@@ -224,7 +225,7 @@ def _token_of(headers: dict[str, str]) -> str | None:
 
 
 def _who(headers: dict[str, str]) -> str:
-    told = headers.get(WHO_HEADER) or _cookie(headers, WHO_COOKIE) or ""
+    told = unquote(headers.get(WHO_HEADER) or _cookie(headers, WHO_COOKIE) or "")
     return "".join(c for c in told if c.isprintable())[:60].strip() or "somebody"
 
 

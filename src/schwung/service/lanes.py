@@ -56,8 +56,10 @@ class Lane:
         drives: Callable[[], list[DriveRecord]],
         changed: Callable[[DriveStatus], None],
         poll_s: float,
+        halted: Callable[[float], None] = lambda _latency_s: None,
     ) -> None:
-        self.entry = entry
+        self.entry, self._halted = entry, halted
+        self._answered_s, self._asked = time.monotonic(), False
         self._drives, self._changed, self._poll_s = drives, changed, poll_s
         self._jobs: queue.SimpleQueue[Callable[[], None] | None] = queue.SimpleQueue()
         self._held: dict[str, _Held] = {}
@@ -88,9 +90,16 @@ class Lane:
         self.put(self._let_time_pass)
         return pulled
 
-    def renew(self) -> None:
-        """Have every drive connected anew, in its turn."""
-        self.put(self._release)
+    def ask(self) -> float:
+        """How long ago it has answered (s): asked anew, it answers between two jobs, and by what goes on in one."""
+        if not self._asked:
+            self._asked = True
+            self.put(self.answered)
+        return time.monotonic() - self._answered_s
+
+    def answered(self) -> None:
+        """Whoever works in it says that it goes on."""
+        self._answered_s, self._asked = time.monotonic(), False
 
     def close(self, patience_s: float) -> bool:
         """End the lane after the job that it is at; False where that takes longer."""
@@ -105,6 +114,8 @@ class Lane:
         held = self._held.get(record.id)
         if held is None:
             held = self._connect(record)
+        elif held.brake.answer():
+            held.found.drive.disable()  # a driver that was halted begins nothing before it has been switched off
         return held.found
 
     @contextmanager
@@ -152,7 +163,7 @@ class Lane:
             self._retry_s[record.id] = time.monotonic() + _RETRY_S
             self._show(DriveStatus(record.id, busy_with=self.status(record.id).busy_with, trouble=str(error)))
             raise
-        brake = Brake(found.drive)
+        brake = Brake(found.drive, self._halted)
         stack.callback(brake.close)
         held = self._held[record.id] = _Held(stack, found, brake)
         self.look(record.id)

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import asyncio
 import contextlib
 import os
 import signal
+import socket
 import threading
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -17,9 +19,11 @@ import uvicorn
 from schwung.errors import InputError
 from schwung.service.app import make_app
 from schwung.service.guard import Guard, own_token
+from schwung.service.logs import EventLog
 from schwung.service.pages import mount_pages
 from schwung.service.service import Service
 from schwung.service.stop_listener import StopListener, listen
+from schwung.service.systemd import Notifier, Watchdog
 from schwung.service.values import Settings
 
 
@@ -43,6 +47,7 @@ def run(settings: Settings, announce: Callable[[Started], None]) -> None:
         with contextlib.closing(listening), Service(settings) as service:
             stop_port = port + 1 if settings.stop_port is None else settings.stop_port
             stopper = StopListener(service, guard, settings.host, stop_port)
+            service.subscribe(EventLog(lambda drive_id: service.store.drive(drive_id).name))
             try:
                 app = make_app(service, guard)
                 app.state.stop_port = stopper.port
@@ -50,7 +55,7 @@ def run(settings: Settings, announce: Callable[[Started], None]) -> None:
                 config = uvicorn.Config(
                     app, log_config=None, timeout_graceful_shutdown=2, server_header=False
                 )
-                server = uvicorn.Server(config)
+                server = _Told(config, service)
                 shown = f"[{settings.host}]" if ":" in settings.host else settings.host
                 url = f"http://{shown}:{port}"
                 announce(
@@ -63,6 +68,28 @@ def run(settings: Settings, announce: Callable[[Started], None]) -> None:
             finally:
                 ends()
                 stopper.close()
+
+
+class _Told(uvicorn.Server):
+    """A server of which systemd hears: when it is ready, that it is alive, and when it ends."""
+
+    def __init__(self, config: uvicorn.Config, service: Service) -> None:
+        super().__init__(config)
+        self._service, self._notifier = service, Notifier()
+        self._watchdog: Watchdog | None = None
+
+    async def startup(self, sockets: list[socket.socket] | None = None) -> None:
+        """See uvicorn.Server; ready when it listens."""
+        await super().startup(sockets)
+        self._watchdog = Watchdog(self._notifier, self._service.silent_s, asyncio.get_running_loop())
+        self._notifier.tell(READY=1, STATUS="serving", MAINPID=os.getpid())
+
+    async def shutdown(self, sockets: list[socket.socket] | None = None) -> None:
+        """See uvicorn.Server."""
+        self._notifier.tell(STOPPING=1)
+        if self._watchdog is not None:
+            self._watchdog.close()
+        await super().shutdown(sockets)
 
 
 @contextmanager

@@ -29,6 +29,7 @@ from schwung.service.jobs import Jobs, Shared
 from schwung.service.lanes import DriveStatus, Lane
 from schwung.service.latch import Latch, Stopped
 from schwung.service.live import Live
+from schwung.service.meters import Meters
 from schwung.service.proposals import Proposals
 from schwung.service.records import DriveRecord
 from schwung.service.recovery import has_recording, note_left, recover
@@ -65,6 +66,7 @@ class Service:
             "file_id": store.file, "bode_run_id": store.run, "run_id": store.run,
         }  # fmt: skip
         self.live = Live(self._connected_drives)
+        self.meters = Meters(self._named_drives, self.store.count_runs)
 
     def start(self) -> Self:
         """Open the lanes, and look after what an earlier process has left."""
@@ -72,7 +74,11 @@ class Service:
         left = recover(self.store, self.trail)
         for entry in self.settings.buses:
             self._lanes[entry.name] = Lane(
-                entry, partial(self._drives_on, entry.name), self._tell, self.settings.poll_s
+                entry,
+                partial(self._drives_on, entry.name),
+                self._tell,
+                self.settings.poll_s,
+                self.meters.stopped,
             )
         for request in left:
             with contextlib.suppress(SchwungError):  # a drive whose bus we were started without
@@ -239,10 +245,6 @@ class Service:
         """End a STOP: what is asked for from now on may be begun."""
         self.trail.add(who, "release")
         self.latch.release()
-        for lane in (
-            self._lanes.values()
-        ):  # a driver that was told to halt does nothing more: what comes has a new one
-            lane.renew()
         self._tell(None)
 
     def _acting(self) -> list[RunView]:
@@ -272,6 +274,26 @@ class Service:
         self.trail.add(who, "add drive", record.id, name=name, bus=bus, node_id=node_id, profile=profile)
         return record
 
+    def change_drive(self, drive_id: str, who: str, **values: str | None) -> DriveRecord:
+        """Change a drive's name, profile or machine_id. Raises NotFoundError, InputError."""
+        if (machine_id := values.get("machine_id")) is not None:
+            self.store.machine(machine_id)
+        if (profile := values.get("profile")) is not None:
+            require_family(profile)
+        changed = self.store.change_drive(drive_id, **values)
+        self.trail.add(who, "change drive", drive_id, **values)
+        return changed
+
+    def archive_drive(self, drive_id: str, who: str) -> None:
+        """Take a drive from the list; its runs stay. Raises RefusedError while it is needed, NotFoundError."""
+        drive = self.store.drive(drive_id)
+        if self.store.unsettled(drive_id) or any(run.drive_id == drive_id for run in self.active()):
+            raise RefusedError(
+                f"drive {drive.name}", "is busy, or holds what was not put back", "Settle that first."
+            )
+        self.store.change_drive(drive_id, archived=now())
+        self.trail.add(who, "archive drive", drive_id)
+
     def status(self, drive_id: str) -> DriveStatus:
         """What is known of a drive at this moment. Raises NotFoundError."""
         record = self.store.drive(drive_id)
@@ -283,6 +305,18 @@ class Service:
     def _connected_drives(self) -> Iterator[tuple[str, Drive]]:
         for lane in list(self._lanes.values()):
             yield from lane.connected_drives()
+
+    def _named_drives(self) -> Iterator[tuple[str, Drive]]:
+        names = [
+            (self.store.drive(drive_id).name, drive_id, drive) for drive_id, drive in self._connected_drives()
+        ]
+        for name, drive_id, drive in names:
+            doubled = sum(other == name for other, _, _ in names) > 1
+            yield f"{name} {drive_id}" if doubled else name, drive
+
+    def silent_s(self) -> float:
+        """How long ago the slowest owner of a bus has answered (s); asks all of them anew."""
+        return max((lane.ask() for lane in list(self._lanes.values())), default=0.0)
 
     def _lane(self, bus: str) -> Lane:
         self.settings.bus(bus)

@@ -101,6 +101,11 @@ class Store:
         with self.transaction() as db:
             db.execute(f"INSERT INTO {table} ({names}) VALUES ({marks})", tuple(values.values()))
 
+    def count_runs(self) -> dict[str, int]:
+        """How many runs there are by state."""
+        rows = self.rows("SELECT state, count(*) AS number FROM run GROUP BY state")
+        return {str(row["state"]): int(row["number"]) for row in rows}
+
     # ── machines ─────────────────────────────────────────────────────────────────────────────────────────────────
 
     def machine_folder(self, machine_id: str) -> Path:

@@ -18,7 +18,7 @@ from schwung.service.pages.diagrams import band, diagram, limit, line, panel
 TRACES = ("trace-1", "trace-2", "trace-3", "trace-4", "trace-5", "trace-6")
 _TWO = 2.0  # standard deviations of a band
 #: A limit beyond so many times the peak is not drawn to: the motion would look flat.
-_NEAR = 5.0
+_NEAR = 3.0
 
 
 @dataclass(frozen=True, eq=False)
