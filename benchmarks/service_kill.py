@@ -2,8 +2,9 @@
 
     python benchmarks/service_kill.py --kills 200 --seed 1
 
-The bench is in this process and the service in one of its own, killed at a moment drawn evenly over a commissioning and
-a little beyond; one kill in seven comes while the next service starts and puts the drive back instead. After each:
+The bench is in this process and the service in one of its own. Half of the kills come at a moment drawn evenly over the
+time that the motor has torque, most others over a whole commissioning and a little beyond, one in seven right after the
+service has started and put the drive back. After each:
 
     stops       the axis stands without torque, as the plant itself says, and was never beyond the stroke by more than
                 a stop takes
@@ -29,11 +30,12 @@ import sys
 import tempfile
 import time
 from collections import Counter
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from service_room import FailedError, Serving, Witness, changed_objects, require_finished
+from service_room import ENDED, FailedError, Serving, Witness, changed_objects, require_finished
 
 from schwung.errors import DriveError
 from schwung_sim.bench import Bench
@@ -44,8 +46,9 @@ BEYOND_RAD = 0.6
 #: An axis that is slower stands: a two-mass machine still rings by as much, of 19 rad/s in the stroke.
 STOOD_RAD_S = 0.5
 PATIENCE_S = 20.0  # by the wall, on any computer; what it took is told
+QUIET_S = 2.0  # without torque for so long, the motions are over
 BEYOND_END = 1.15  # of a commissioning's time: some kills come after it
-DURING_START = 1 / 7
+DURING_START, DURING_MOTION = 1 / 7, 1 / 2
 
 
 @dataclass
@@ -68,17 +71,24 @@ def kill_again_and_again(folder: Path, kills: int, seed: int) -> Tally:
         before = dict(bench.servo.dictionary.values)
         serving = Serving(data, bench.tool_options).start()
         drive_id = serving.drive()["id"]
-        began = time.monotonic()
-        run = serving.done(serving.propose(drive_id, **_stroke(witness)))
+        began, run = time.monotonic(), serving.post("runs", serving.propose(drive_id, **_stroke(witness)))
+        torque_s = _with_torque(witness)
+        run = serving.ended(run["id"])
         took_s = time.monotonic() - began
+        if run["state"] != "done":
+            raise FailedError(f"the first run is {run['state']}: {run['error']}")
         tally.finished[run["id"]] = run
         for number in range(kills):
-            asked = None
-            if luck.random() < DURING_START:  # the service was just started, and has put the drive back
+            asked, chance = None, luck.random()
+            if chance < DURING_START:  # the service was just started, and has put the drive back
                 after_s = luck.uniform(0.0, 1.0)
             else:
                 asked = serving.post("runs", serving.propose(drive_id, **_stroke(witness)))["id"]
-                after_s = luck.uniform(0.0, BEYOND_END * took_s)
+                if chance < DURING_START + DURING_MOTION:
+                    after_s = luck.uniform(0.0, torque_s)
+                    _until_motion(serving, asked, witness)
+                else:
+                    after_s = luck.uniform(0.0, BEYOND_END * took_s)
             time.sleep(after_s)
             tally.energised += bench.axis.energised
             serving.kill()
@@ -96,6 +106,30 @@ def kill_again_and_again(folder: Path, kills: int, seed: int) -> Tally:
         if code not in (0, 130):
             raise FailedError(f"the service ended with {code}: {serving.said()[-1000:]}")
     return tally
+
+
+def _wait(ready: Callable[[], bool]) -> None:
+    end = time.monotonic() + 60.0
+    while not ready():
+        if time.monotonic() > end:
+            raise FailedError("the run did not come to its motion within 60 s")
+        time.sleep(0.002)
+
+
+def _until_motion(serving: Serving, run_id: str, witness: Witness) -> None:
+    """The motor has torque, or the run has ended without."""
+    _wait(lambda: witness.bench.axis.energised or serving.get(f"runs/{run_id}")["state"] in ENDED)
+
+
+def _with_torque(witness: Witness) -> float:
+    """How long the motor has torque in a commissioning (s, by the wall), looked at while it goes on."""
+    _wait(lambda: witness.bench.axis.energised)
+    began = last = time.monotonic()
+    while time.monotonic() - last < QUIET_S:
+        if witness.bench.axis.energised:
+            last = time.monotonic()
+        time.sleep(0.01)
+    return last - began
 
 
 def _stroke(witness: Witness) -> dict[str, Any]:

@@ -60,7 +60,9 @@ class SoakError(Exception):
     """Something grows, or is lost."""
 
 
-def soak(folder: Path, bus_hours: float, tell: bool = True, runs: int | None = None) -> list[Count]:
+def soak(
+    folder: Path, bus_hours: float, *, repeats: int = 2, runs: int | None = None, tell: bool = True
+) -> list[Count]:
     """Commission until so much bus time has passed (or so many `runs`). Raises SoakError for a run that is not done,
     and for one that the store has lost."""
     counts: list[Count] = []
@@ -76,7 +78,7 @@ def soak(folder: Path, bus_hours: float, tell: bool = True, runs: int | None = N
         with Service(settings) as service:
             drive_id = service.store.drives()[0].id
             while clock.now() < 3600 * bus_hours and (runs is None or len(counts) < runs):
-                finished.append(_commission(service, drive_id).id)
+                finished.append(_commission(service, drive_id, repeats).id)
                 counts.append(_count(clock.now()))
                 if tell:
                     _show(counts, bus_hours)
@@ -90,8 +92,14 @@ def soak(folder: Path, bus_hours: float, tell: bool = True, runs: int | None = N
     return counts
 
 
-def _commission(service: Service, drive_id: str) -> RunView:
-    asked = {"kind": "plan", "drive_id": drive_id, "distance_rad": 3.14, "duration_s": 0.25, "repeats": 2}
+def _commission(service: Service, drive_id: str, repeats: int) -> RunView:
+    asked = {
+        "kind": "plan",
+        "drive_id": drive_id,
+        "distance_rad": 3.14,
+        "duration_s": 0.25,
+        "repeats": repeats,
+    }
     made = _ended(service, service.submit(asked, "soak").id).result
     assert made is not None
     confirmed = {"kind": "commission", "proposal_id": made["proposal_id"], "digest": made["digest"]}
@@ -110,11 +118,18 @@ def _count(bus_s: float) -> Count:
     gc.collect()
     status = Path("/proc/self/status").read_text()
     memory = float(next(line for line in status.splitlines() if line.startswith("VmRSS")).split()[1])
-    children = Path(f"/proc/self/task/{os.getpid()}/children").read_text().split()
+    children = [child for task in Path("/proc/self/task").iterdir() for child in _children(task)]
     return Count(
         bus_s, memory / 1024, len(gc.get_objects()), len(os.listdir("/proc/self/fd")), threading.active_count(),
         len(children),
     )  # fmt: skip
+
+
+def _children(task: Path) -> list[str]:
+    try:
+        return (task / "children").read_text().split()
+    except OSError:  # the thread has ended meanwhile
+        return []
 
 
 def _show(counts: Sequence[Count], hours: float) -> None:
@@ -153,13 +168,14 @@ def main() -> None:
     """Run the benchmark from the command line."""
     parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
     parser.add_argument("--hours", type=float, default=8.0, help="of bus time")
+    parser.add_argument("--repeats", type=int, default=2, help="of each motion in a commissioning")
     parser.add_argument("--folder", type=Path, help="keeps the store; default: a temporary one")
     parser.add_argument("--json", type=Path, help="every count")
     given = parser.parse_args()
     began = time.monotonic()
     with tempfile.TemporaryDirectory() as temporary:
         try:
-            counts = soak(given.folder or Path(temporary), given.hours)
+            counts = soak(given.folder or Path(temporary), given.hours, repeats=given.repeats)
         except SoakError as error:
             sys.exit(str(error))
     if given.json:

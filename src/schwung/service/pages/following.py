@@ -90,15 +90,18 @@ def _name_of(desk: Desk, run: RunView) -> str:
 
 
 def _optimising(desk: Desk, run: RunView) -> None:
-    def find() -> None:
-        request = {
-            "kind": "optimise",
+    def asked() -> dict[str, Any]:
+        return {
             "estimate_id": (run.result or {})["estimate_id"],
-            "start_rad": start.value or 0.0,
             "distance_rad": distance.value,
             "duration_s": duration.value,
         }
-        _ask(desk, request)
+
+    def find() -> None:
+        _ask(desk, {"kind": "optimise", "start_rad": start.value or 0.0, **asked()})
+
+    def plan() -> None:
+        _ask(desk, {"kind": "propose_play", "drive_id": run.drive_id, **asked()})
 
     with ui.element("section").classes("sw-column"):
         html("Find the best motion", "h3")
@@ -108,6 +111,8 @@ def _optimising(desk: Desk, run: RunView) -> None:
             distance = QuantityField("Stroke", "angle", "180deg", signed=True)
             duration = QuantityField("Time", "time", "250ms", "Empty: as fast as can be.", optional=True)
         _button(desk, "Optimise", find)
+        if "propose_play" in KINDS and run.drive_id is not None:
+            _button(desk, "Plan to play it beside a usual one, from where the axis stands", plan)
 
 
 def _ask(desk: Desk, request: dict[str, Any]) -> None:

@@ -13,7 +13,7 @@ from schwung.service.pages.markup import muted, problem, table
 from schwung.service.pages.words import kind_name
 from schwung.service.values import RunView
 
-_MOVES = ("commission", "bode")
+_MOVES = ("commission", "bode", "play")
 
 
 def show_proposal(desk: Desk, run: RunView) -> None:
@@ -45,12 +45,17 @@ def show_proposal(desk: Desk, run: RunView) -> None:
     with panel("Carry it out"):
         with ui.element("div").classes("sw-body sw-column"):
             if moves:
-                times, lasting = document.get("motions", 1), document["duration_s"]
-                told = f"The machine will move, {times} times in about {lasting:.0f} s."
-                html(f'<div class="sw-moves"><b>{told}</b></div>')
+                html(f'<div class="sw-moves"><b>The machine will move</b>{_how_long(document)}.</div>')
             given = Confirmation(desk, document, CLEAR if moves else READ)
             html(muted("A proposal is used once, and lost with the process that made it."))
         with ui.element("div").classes("sw-foot"):
             html("", "span", "spring")
             word = "Move the machine" if moves else "Write into the drive"
             given.button(word, lambda started: go(f"/run/{started.id}"))
+
+
+def _how_long(document: Mapping[str, Any]) -> str:
+    motions, lasting = document.get("motions"), document.get("duration_s")
+    if not isinstance(motions, int) or not isinstance(lasting, int | float):
+        return ""
+    return f", {motions} times in about {lasting:.0f} s"

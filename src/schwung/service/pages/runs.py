@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Mapping
 from functools import partial
 from html import escape
@@ -14,7 +13,7 @@ from nicegui import ui
 from schwung.errors import SchwungError
 from schwung.service.pages.curves import prediction_diagram
 from schwung.service.pages.desk import LOOK_S, Desk, button, frame, go, grid, html, panel
-from schwung.service.pages.diagrams import Diagram
+from schwung.service.pages.diagrams import Diagram, Scope
 from schwung.service.pages.explaining import show_explanation
 from schwung.service.pages.fields import choice
 from schwung.service.pages.following import show_next
@@ -22,8 +21,9 @@ from schwung.service.pages.markup import Safe, checks, facts, link, moment, prob
 from schwung.service.pages.outcome import show_estimate
 from schwung.service.pages.proposals import show_proposal
 from schwung.service.pages.reported import show_drawings
+from schwung.service.pages.scope import TRACES, scope_url
 from schwung.service.pages.watching import Watched
-from schwung.service.pages.words import kind_name, run_tag, verdict_tag
+from schwung.service.pages.words import field_text, kind_name, run_tag, verdict_tag
 from schwung.service.values import ENDED, RunView
 from schwung.service.work import KINDS
 
@@ -125,6 +125,9 @@ def one(desk: Desk, request: Request) -> None:
                 html(_files(desk, run))
         if run.state in ENDED:
             show_result(desk, run)
+        elif run.drive_id is not None and KINDS[run.kind].acts:
+            with panel("Live"):
+                Scope(scope_url(run.drive_id), TRACES)
 
 
 def _cancel(desk: Desk, run_id: str) -> None:
@@ -144,22 +147,14 @@ def _size(size: int) -> str:
 
 
 def _asked(desk: Desk, run: RunView) -> Safe:
-    pairs = [
-        (key.replace("_", " "), _plain(value))
-        for key, value in run.request.items()
-        if value not in (None, [], {})
-    ]
+    left_out: tuple[Any, ...] = (None, [], {}, run.drive_id, run.kind)
+    asked = [field_text(key, value) for key, value in run.request.items() if value not in left_out]
+    pairs: list[tuple[str, Any]] = [pair for pair in asked if pair[1] != "–"]
     if run.drive_id is not None:
         pairs.insert(
-            0, ("drive", link(f"/drive/{run.drive_id}", desk.service.store.drive(run.drive_id).name))
+            0, ("Drive", link(f"/drive/{run.drive_id}", desk.service.store.drive(run.drive_id).name))
         )
     return facts(pairs)
-
-
-def _plain(value: Any) -> str:
-    if isinstance(value, Mapping):
-        return ", ".join(f"{k} {v}" for k, v in value.items() if v is not None) or "–"
-    return value if isinstance(value, str) else json.dumps(value)
 
 
 def show_result(desk: Desk, run: RunView) -> None:
@@ -192,5 +187,5 @@ def show_result(desk: Desk, run: RunView) -> None:
 
 def _nodes(nodes: list[Mapping[str, Any]]) -> Safe:
     keys = list(nodes[0]) if nodes else []
-    rows = [[_plain(node[key]) for key in keys] for node in nodes]
+    rows = [[str(node[key]) for key in keys] for node in nodes]
     return table([key.replace("_", " ").capitalize() for key in keys], rows, empty="Nobody answers.")

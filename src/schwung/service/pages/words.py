@@ -39,6 +39,10 @@ _KINDS = {
     "doctor": "Check of the drive",
     "scan": "Scan of the bus",
     "bode": "Frequency response",
+    "propose_bode": "Frequency response, planned",
+    "propose_play": "Optimised motion, planned",
+    "salvage": "Interrupted recording kept",
+    "secure": "Drive looked at and switched off",
     "optimise": "Optimal motion",
     "play": "Optimised motion played",
     "export": "Export",
@@ -84,6 +88,30 @@ def run_tag(state: str) -> Safe:
 def kind_name(kind: str) -> str:
     """A kind of run, as people call it."""
     return _KINDS.get(kind, kind.replace("_", " ").capitalize())
+
+
+#: Ends of field names, longest first, and the unit that each stands for.
+_UNITS = {
+    "_rad_s3": "rad/s³", "_rad_s": "rad/s", "_kgm2": "kg·m²", "_rad": "rad", "_nm": "N·m", "_hz": "Hz", "_s": "s",
+}  # fmt: skip
+
+
+def field_text(name: str, value: Any) -> tuple[str, str]:
+    """A field of a request as people read it: its name without the unit, its value with it."""
+    end = next((end for end in _UNITS if name.endswith(end)), "")
+    unit = f" {_UNITS[end]}" if end else ""
+    label = name.removesuffix(end).replace("_", " ").capitalize()
+    return label, f"{_plain(value)}{unit}"
+
+
+def _plain(value: Any) -> str:
+    if isinstance(value, Mapping):
+        return ", ".join(" ".join(field_text(k, v)).lower() for k, v in value.items() if v is not None) or "–"
+    if isinstance(value, list):
+        return ", ".join(_plain(item) for item in value)
+    if isinstance(value, bool):
+        return "yes" if value else "no"
+    return f"{value:.6g}" if isinstance(value, float) else str(value)
 
 
 def verdict_tag(verdict: Any) -> Safe | None:
