@@ -45,7 +45,7 @@ def run(settings: Settings, announce: Callable[[Started], None]) -> None:
         port: int = listening.getsockname()[1]
         guard = Guard(settings, token, port)
         with contextlib.closing(listening), Service(settings) as service:
-            stop_port = port + 1 if settings.stop_port is None else settings.stop_port
+            stop_port = _stop_port(settings)
             stopper = StopListener(service, guard, settings.host, stop_port)
             service.subscribe(EventLog(lambda drive_id: service.store.drive(drive_id).name))
             try:
@@ -68,6 +68,13 @@ def run(settings: Settings, announce: Callable[[Started], None]) -> None:
             finally:
                 ends()
                 stopper.close()
+
+
+def _stop_port(settings: Settings) -> int:
+    """As wanted, else the one after the port; any where that is any: the next one may be somebody's."""
+    if settings.stop_port is not None:
+        return settings.stop_port
+    return settings.port + 1 if settings.port else 0
 
 
 class _Told(uvicorn.Server):
