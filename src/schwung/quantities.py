@@ -4,9 +4,21 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
+from typing import Any, Literal
 
 from schwung.errors import InputError
+
+#: What "torque" is: that, or the current that makes it, where nobody knows how many N·m an ampere makes. Then every
+#: quantity that has N·m in its unit has A instead: friction in A·s/rad, inertia in A·s²/rad.
+Effort = Literal["torque", "current"]
+
+_IN_AMPERES = (
+    (re.compile(r"kg·m²"), "A·s²/rad"),
+    (re.compile(r"N·m"), "A"),
+    (re.compile(r"\bkg\b"), "A·s²/m"),
+    (re.compile(r"(?:(?<=\d)|(?<=\d\s)|(?<=,\s))N(?=[\s.,;:)]|·s|/m|$)"), "A"),
+)
 
 #: Units of each kind of quantity and their factors; the first is SI, and meant where none is written.
 UNITS: Mapping[str, Mapping[str, float]] = {
@@ -34,3 +46,32 @@ def parse_quantity(text: str, what: str, place: str, *, signed: bool = False) ->
     if not math.isfinite(value) or not (signed or value > 0):
         raise InputError(place, f'"{text}" is {"not finite" if value > 0 else "not above zero"}')
     return value
+
+
+def sentences_of(effort: Effort) -> Callable[[str], str]:
+    """What makes a sentence with units one that is true of such an effort: N·m and kg·m², N and kg, become A and
+    A·s²/rad, A and A·s²/m."""
+    return _in_amperes if effort == "current" else str
+
+
+def _in_amperes(text: str) -> str:
+    for pattern, unit in _IN_AMPERES:
+        text = pattern.sub(unit, text)
+    return text
+
+
+def document_of(effort: Effort, document: dict[str, Any]) -> dict[str, Any]:
+    """A document for machines in the units of such an effort, which it says. Its keys stay: they are names."""
+    return document if effort == "torque" else {"effort": effort, **_relabelled(document)}
+
+
+def _relabelled(value: Any) -> Any:
+    if isinstance(value, str):
+        return _unit_in_amperes(value)
+    if isinstance(value, Mapping):
+        return {key: _relabelled(each) for key, each in value.items()}
+    return [_relabelled(each) for each in value] if isinstance(value, list | tuple) else value
+
+
+def _unit_in_amperes(text: str) -> str:
+    return "A" if text == "N" else _in_amperes(text)

@@ -5,18 +5,21 @@ from __future__ import annotations
 import gzip
 import subprocess
 import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 
 import can
 import numpy as np
 import pytest
-from bench_machine import desk
+from bench_machine import Desk, desk
 
 from schwung.clock import SteppedBus
 from schwung.commissioning import Commissioned
 from schwung.errors import InputError
 from schwung.estimation import estimate
+from schwung.estimation.denoise import same_motion
 from schwung.fieldbus.canlog import LogRecipe, import_can_log
 from schwung.fieldbus.profile import load_profile
 from schwung.session.imports import Imported
@@ -39,16 +42,22 @@ class Logged:
             return list(reader)
 
 
+@contextmanager
+def logging(room: Desk, path: Path) -> Iterator[None]:
+    """Everything on the desk's bus into a file, as `candump -L` writes it."""
+    tap = SteppedBus(room.bench.channel)
+    with can.CanutilsLogWriter(path, channel="can0") as writer:
+        task = tap.clock.read(tap, writer.on_message_received, lambda error: None)
+        yield
+        task.close()
+    tap.shutdown()
+
+
 @pytest.fixture(scope="module")
 def logged(tmp_path_factory: pytest.TempPathFactory) -> Logged:
     folder = tmp_path_factory.mktemp("logged")
-    with desk(seed=11) as room:
-        tap = SteppedBus(room.bench.channel)
-        with can.CanutilsLogWriter(folder / "candump.log", channel="can0") as writer:
-            task = tap.clock.read(tap, writer.on_message_received, lambda error: None)
-            done = room.commission(folder / "out", repeats=2)
-            task.close()
-        tap.shutdown()
+    with desk(seed=11) as room, logging(room, folder / "candump.log"):
+        done = room.commission(folder / "out", repeats=2)
     return Logged(done, folder / "candump.log")
 
 
@@ -77,6 +86,31 @@ def test_the_log_gives_the_same_runs_and_the_same_table(logged: Logged) -> None:
     assert table.std_kgm2 is not None
     off = again.at(table.position_rad[2:-2]) - table.inertia_kgm2[2:-2]
     assert np.sqrt(np.mean(off**2)) < np.median(table.std_kgm2)
+
+
+@pytest.mark.parametrize("wishes", [{"phases": 4}, {"mode": "pp"}, {"returns": False}], ids=str)
+def test_other_ways_to_commission_are_recognised(tmp_path: Path, wishes: dict[str, object]) -> None:
+    """Four phases close behind each other; strokes on the drive's own profile; one way, with a way home between."""
+    with desk(seed=5) as room, logging(room, tmp_path / "x.log"):
+        own = room.record(tmp_path / "out", **wishes)
+    found = imported(tmp_path / "x.log").session
+    injected = [run.excitation.phase_rad for run in found.excited if run.excitation]
+    wanted = [run.excitation.phase_rad for run in own.excited if run.excitation]
+    np.testing.assert_allclose(np.exp(1j * np.array(injected)), np.exp(1j * np.array(wanted)), atol=1e-3)
+    for run, ours in zip(found.excited, own.excited, strict=True):
+        later = int(
+            np.argmin(
+                [np.sum((ours.position_rad[k : k + 300] - run.position_rad[:300]) ** 2) for k in range(9)]
+            )
+        )
+        size = min(len(run), len(ours) - later)
+        np.testing.assert_allclose(
+            run.position_rad[:size], ours.position_rad[later : later + size], atol=1e-12
+        )
+        assert size > 0.9 * len(ours)
+        alike = [other for other in found.references if len(other) == len(run) and same_motion(other, run)]
+        assert len(alike) == 1  # what is subtracted
+        assert (run.position_demand_rad is None) == (wishes.get("mode") == "pp")
 
 
 @pytest.mark.parametrize("suffix", ["blf", "asc", "trc"])

@@ -10,6 +10,7 @@ from schwung import drivetrain, session
 from schwung.api.shown import Shown, as_shown, number, span
 from schwung.estimation import values as estimation
 from schwung.explain import values as explained
+from schwung.quantities import sentences_of
 from schwung.report.content import LINEAR, ROTARY, Units
 from schwung.report.rows import rows_of
 
@@ -37,9 +38,10 @@ class InertiaTable(Shown, drivetrain.InertiaTable):
     """
 
     def _facts(self) -> Sequence[tuple[str, str]]:
-        yield_std = [] if self.std_kgm2 is None else [("± (1σ)", span(self.std_kgm2, "kg·m²"))]
+        unit = sentences_of(self.effort)("kg·m²")
+        yield_std = [] if self.std_kgm2 is None else [("± (1σ)", span(self.std_kgm2, unit))]
         return [
-            ("load inertia", span(self.inertia_kgm2, "kg·m²")),
+            ("load inertia", span(self.inertia_kgm2, unit)),
             ("load angle", span(self.position_rad, "rad")),
             ("points", str(self.position_rad.size)),
             *yield_std,
@@ -51,8 +53,9 @@ class InertiaTable(Shown, drivetrain.InertiaTable):
         draw_inertia(axes, self, ROTARY)
 
     def _columns(self) -> Mapping[str, Any]:
-        columns = {"position_rad": self.position_rad, "inertia_kgm2": self.inertia_kgm2}
-        return columns if self.std_kgm2 is None else columns | {"std_kgm2": self.std_kgm2}
+        end = "as2_rad" if self.effort == "current" else "kgm2"
+        columns = {"position_rad": self.position_rad, f"inertia_{end}": self.inertia_kgm2}
+        return columns if self.std_kgm2 is None else columns | {f"std_{end}": self.std_kgm2}
 
 
 class Machine(Shown, drivetrain.Machine):
@@ -141,6 +144,7 @@ class Session(Shown, session.Session):
                 "length",
                 f"{number(length, 's')} at {', '.join(sorted({f'{r.sample_rate_hz:g}' for r in self.runs}))} Hz",
             ),
+            *((("torque", "a current, in A: N·m per A is unknown"),) if self.effort == "current" else ()),
             *((("cut short", "; ".join(self.partial_reasons)),) if self.partial_reasons else ()),
         ]
 
@@ -153,6 +157,8 @@ class Session(Shown, session.Session):
         import numpy as np
 
         every = [as_shown(Run, run)._columns() for run in self.runs]
+        if self.effort == "current":
+            every = [{name.replace("_nm", "_a"): each for name, each in own.items()} for own in every]
         names = list(dict.fromkeys(name for columns in every for name in columns))
         counts = [len(run) for run in self.runs]
         absent = [np.full(count, np.nan) for count in counts]

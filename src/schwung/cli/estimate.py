@@ -47,6 +47,7 @@ def estimate(
     from schwung.cli.sessions import in_file
     from schwung.errors import InputError
     from schwung.files import json_text, replace_file
+    from schwung.quantities import document_of, sentences_of
 
     terminal = Terminal(json_output)
     believed, recorded = load_machine(machine), read_session(session)
@@ -63,14 +64,15 @@ def estimate(
     reach = content.reach
     make_folder(folder)
     write_inertia(found.table, folder / "inertia.csv")
-    document = found.to_json() | {
-        "reach": reach and reach.to_json(), "session": str(session), "machine": str(machine),
+    words = sentences_of(recorded.effort)
+    document = document_of(recorded.effort, found.to_json() | {"reach": reach and reach.to_json()}) | {
+        "session": str(session), "machine": str(machine),
     }  # fmt: skip
     replace_file(folder / "estimate.json", json_text(document))
     write_page(content, folder / "report.html")
-    terminal.say(describe_table(found.table, recorded.axis))
+    terminal.say(words(describe_table(found.table, recorded.axis)))
     if reach is not None:
-        terminal.say(reach.text)
-    terminal.verdict(found.trust.verdict, "; ".join(found.trust.reasons))
+        terminal.say(words(reach.text))
+    terminal.verdict(found.trust.verdict, words("; ".join(found.trust.reasons)))
     terminal.say(f"Table: [bold]{folder / 'inertia.csv'}[/]  Report: [bold]{folder / 'report.html'}[/]")
     terminal.result(document)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -46,6 +47,7 @@ def explain(
     from schwung.cli.console import Terminal, progress_bar
     from schwung.cli.sessions import in_file
     from schwung.files import json_text, replace_file
+    from schwung.quantities import document_of, sentences_of
 
     terminal = Terminal(json_output)
     recorded, believed = read_session(session), load_machine(machine)
@@ -55,10 +57,14 @@ def explain(
     with in_file(session), progress_bar(terminal) as progress:
         found = explain_session(recorded, believed, progress=progress)
     make_folder(folder)
-    document = found.to_json() | {"session": str(session), "machine": str(machine)}
+    words = sentences_of(recorded.effort)
+    document = document_of(recorded.effort, found.to_json()) | {
+        "session": str(session),
+        "machine": str(machine),
+    }
     replace_file(folder / "explanation.json", json_text(document))
     write_explanation(found, recorded, believed, folder)
-    _tell(terminal, found)
+    _tell(terminal, found, words)
     terminal.say(f"Explanation: [bold]{folder / 'explanation.html'}[/]  Learned machine: [bold]{learned}[/]")
     terminal.result(document)
 
@@ -71,19 +77,20 @@ def _keep_beliefs(learned: Path, machine: Path) -> None:
         raise InputError(str(learned), "is a machine file that would be lost", "Choose another --out.")
 
 
-def _tell(terminal: Terminal, found: Explanation) -> None:
+def _tell(terminal: Terminal, found: Explanation, words_in: Callable[[str], str]) -> None:
     """Verdict, findings, proof and notes for people."""
     from rich.markup import escape
 
     words = found.verdict.replace("_", " ")
-    terminal.say(f"[bold {_COLOURS[found.verdict]}]{words}[/]: {escape(found.headline)}")
+    terminal.say(f"[bold {_COLOURS[found.verdict]}]{words}[/]: {escape(words_in(found.headline))}")
     if found.findings:
         rows = [
-            (name, given, where.partition("\n")[0], others) for name, given, where, others in found.rows()
+            (name, words_in(given), words_in(where.partition("\n")[0]), others)
+            for name, given, where, others in found.rows()
         ]
         terminal.table("Left out", ("physics", "parameters (95 %)", "where", "could as well be"), rows)
     missed = found.missed()
-    head = (f"on runs {missed.runs}, kept aside", f"RMS, {missed.unit}")
+    head = (f"on runs {missed.runs}, kept aside", words_in(f"RMS, {missed.unit}"))
     terminal.table("Error", head, [(name, f"{value:.3g}") for name, value in missed.rows])
     for note in found.cautions():
-        terminal.say(f"[cyan]i[/] {escape(note)}")
+        terminal.say(f"[cyan]i[/] {escape(words_in(note))}")

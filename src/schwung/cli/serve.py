@@ -43,6 +43,13 @@ def serve(
     bitrate: Bitrate = None,
     bus: BusOption = None,
     can_log: CanLog = None,
+    log_json: Annotated[
+        bool, typer.Option("--log-json", help="Log to stderr what happens, one JSON object per line.")
+    ] = False,
+    systemd_unit: Annotated[
+        bool,
+        typer.Option("--systemd-unit", help="Print a systemd unit that serves with these options, and end."),
+    ] = False,
     json_output: Json = False,
 ) -> None:
     """Serve page and API, keep every run, own the bus. Ends with Ctrl-C: what moves is stopped first.
@@ -54,6 +61,8 @@ def serve(
       schwung serve --demo
 
       schwung serve -i socketcan -c can0 --data axis-lab
+
+      schwung serve -i socketcan -c can0 --log-json --systemd-unit > /etc/systemd/system/schwung.service
 
       schwung serve -i pcan -c PCAN_USBBUS1 -b 1000000 --host 0.0.0.0 --allow-host lab-pc.local
     """  # fmt: skip
@@ -67,8 +76,22 @@ def serve(
         from schwung.service.values import BusEntry, Settings
     except ImportError as error:
         raise InputError("schwung serve", f"needs {error.name}", "pip install 'schwung[web]'") from error
-    terminal = Terminal(json_output)
     given = interface is not None or channel is not None
+    if systemd_unit and demo:
+        raise InputError("--systemd-unit", "is for a bus of your own", "Leave --demo out.")
+    if can_log is not None and not given:
+        raise InputError("--can-log", "needs a bus of your own", "Give --interface and --channel.")
+    if systemd_unit:
+        from schwung.service.systemd import unit
+
+        arguments = _arguments(host, port, allow_host, interface, channel, bitrate, bus, log_json)
+        typer.echo(unit(arguments, data), nl=False)
+        return
+    if log_json:
+        from schwung.service.logs import log_json as begin_log
+
+        begin_log()
+    terminal = Terminal(json_output)
     if demo and given:
         raise InputError("--demo", "brings its own bus", "Leave --interface and --channel out.")
     with ExitStack() as stack:
@@ -96,3 +119,22 @@ def serve(
                 )
 
         run(settings, announce)
+
+
+def _arguments(
+    host: str,
+    port: int,
+    allow_host: list[str] | None,
+    interface: str | None,
+    channel: str | None,
+    bitrate: int | None,
+    bus: list[str] | None,
+    log_json: bool,
+) -> list[str]:
+    """The options of this call as a unit repeats them."""
+    words = ["--host", host, "--port", str(port)]
+    for option, value in (("-i", interface), ("-c", channel), ("-b", bitrate)):
+        words += [] if value is None else [option, str(value)]
+    for option, values in (("--allow-host", allow_host), ("--bus", bus)):
+        words += [word for value in values or () for word in (option, value)]
+    return [*words, "--log-json"] if log_json else words

@@ -13,7 +13,7 @@ import threading
 import time
 from collections.abc import Callable, Iterable, Mapping
 from contextlib import nullcontext
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any, Protocol
 
@@ -96,7 +96,15 @@ class Task:
         """The drive of this run, connected. Raises InputError, BusError, DriveError."""
         assert self.lane is not None
         self.check()
-        found = self.lane.connect(self.drive_record)
+        record = self.drive_record
+        found = self.lane.connect(record)
+        identity = asdict(found.drive.identity)
+        if record.identity != identity:
+            self.store.change_drive(record.id, identity=identity)
+            if record.identity is not None:
+                self.note("another drive answers here than before")
+                told = {"was": dict(record.identity), "is": identity}
+                self.trail.add(self.run.who, "another drive", record.id, self.run.id, **told)
         self.check()  # a STOP that came while it was being connected found no brake to pull
         return found
 
@@ -109,7 +117,7 @@ class Task:
                 self._begin(text)
             self._share(share)
 
-        return self._workshop.run(function, arguments, tell, self._cancelled.is_set)
+        return self._workshop.run(function, arguments, tell, self._cancelled_while_it_goes_on)
 
     def warm(self) -> None:
         """Something will be computed soon."""
@@ -117,8 +125,13 @@ class Task:
 
     def check(self) -> None:
         """Raise KeyboardInterrupt where the run was cancelled."""
-        if self._cancelled.is_set():
+        if self._cancelled_while_it_goes_on():
             raise KeyboardInterrupt
+
+    def _cancelled_while_it_goes_on(self) -> bool:
+        if self.lane is not None:
+            self.lane.answered()
+        return self._cancelled.is_set()
 
     # ── what the queue uses ──────────────────────────────────────────────────────────────────────────────────────
 
@@ -260,10 +273,6 @@ class Jobs:
             return run
         task.cancel()
         return task.view
-
-    def on_drives(self) -> list[RunView]:
-        """Runs that are queued or running on a bus."""
-        return [task.view for task in list(self._tasks.values()) if task.lane is not None]
 
     def cancel_all(self, runs: Iterable[RunView]) -> None:
         """Cancel those of them that still go on."""

@@ -7,6 +7,7 @@ is read or set without waiting for it.
 from __future__ import annotations
 
 import contextlib
+import logging
 import queue
 import threading
 import time
@@ -22,6 +23,7 @@ from schwung.service.latch import Brake
 from schwung.service.records import DriveRecord
 from schwung.service.values import BusEntry
 
+_log = logging.getLogger("schwung.service")
 _RETRY_S = 5.0  # a drive that did not answer is asked again after so long
 
 
@@ -54,8 +56,10 @@ class Lane:
         drives: Callable[[], list[DriveRecord]],
         changed: Callable[[DriveStatus], None],
         poll_s: float,
+        halted: Callable[[float], None] = lambda _latency_s: None,
     ) -> None:
-        self.entry = entry
+        self.entry, self._halted = entry, halted
+        self._answered_s, self._asked = time.monotonic(), False
         self._drives, self._changed, self._poll_s = drives, changed, poll_s
         self._jobs: queue.SimpleQueue[Callable[[], None] | None] = queue.SimpleQueue()
         self._held: dict[str, _Held] = {}
@@ -86,6 +90,17 @@ class Lane:
         self.put(self._let_time_pass)
         return pulled
 
+    def ask(self) -> float:
+        """How long ago it has answered (s): asked anew, it answers between two jobs, and by what goes on in one."""
+        if not self._asked:
+            self._asked = True
+            self.put(self.answered)
+        return time.monotonic() - self._answered_s
+
+    def answered(self) -> None:
+        """Whoever works in it says that it goes on."""
+        self._answered_s, self._asked = time.monotonic(), False
+
     def close(self, patience_s: float) -> bool:
         """End the lane after the job that it is at; False where that takes longer."""
         self._jobs.put(None)
@@ -99,6 +114,8 @@ class Lane:
         held = self._held.get(record.id)
         if held is None:
             held = self._connect(record)
+        elif held.brake.answer():
+            held.found.drive.disable()  # a driver that was halted begins nothing before it has been switched off
         return held.found
 
     @contextmanager
@@ -146,7 +163,7 @@ class Lane:
             self._retry_s[record.id] = time.monotonic() + _RETRY_S
             self._show(DriveStatus(record.id, busy_with=self.status(record.id).busy_with, trouble=str(error)))
             raise
-        brake = Brake(found.drive)
+        brake = Brake(found.drive, self._halted)
         stack.callback(brake.close)
         held = self._held[record.id] = _Held(stack, found, brake)
         self.look(record.id)
@@ -180,11 +197,13 @@ class Lane:
             try:
                 job = self._jobs.get(timeout=self._poll_s if self._poll_s > 0 else None)
             except queue.Empty:
-                self._poll()
-                continue
+                job = self._poll
             if job is None:
                 break
-            job()
+            try:
+                job()
+            except Exception:  # a defect in one may not end the lane for all that come
+                _log.exception("bus %s", self.entry.name)
         self._release()
 
     def _poll(self) -> None:

@@ -9,6 +9,7 @@ from __future__ import annotations
 import contextlib
 import threading
 import time
+from collections.abc import Callable
 from dataclasses import dataclass
 
 from schwung.clock import SteppedClock
@@ -57,8 +58,8 @@ class Latch:
 class Brake:
     """Halts one drive on a thread that does nothing else. `pull` returns at once and never raises."""
 
-    def __init__(self, drive: Drive) -> None:
-        self.drive = drive
+    def __init__(self, drive: Drive, halted: Callable[[float], None] = lambda _latency_s: None) -> None:
+        self.drive, self._halted = drive, halted  # told how long it took from `pull` (s)
         self.pulled_s: float | None = None  # monotonic, when it was pulled last
         self.halted_s: float | None = None  # when the driver's `halt` returned
         self._wanted = threading.Event()
@@ -70,6 +71,13 @@ class Brake:
         """Quick stop, now; see Drive.halt."""
         self.pulled_s, self.halted_s = time.monotonic(), None
         self._wanted.set()
+
+    def answer(self) -> bool:
+        """Whether it was pulled since this was asked last, and `halt` has returned: who asks switches the drive off."""
+        if self.halted_s is None:
+            return False
+        self.halted_s = None
+        return True
 
     def close(self) -> None:
         """End the thread; a halt under way is waited for, but for a second at most."""
@@ -95,3 +103,5 @@ class Brake:
                 else:
                     self.drive.halt()
             self.halted_s = time.monotonic()
+            if self.pulled_s is not None:
+                self._halted(self.halted_s - self.pulled_s)

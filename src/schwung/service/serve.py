@@ -2,21 +2,28 @@
 
 from __future__ import annotations
 
+import asyncio
 import contextlib
 import os
+import signal
+import socket
+import threading
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import uvicorn
 
 from schwung.errors import InputError
 from schwung.service.app import make_app
 from schwung.service.guard import Guard, own_token
+from schwung.service.logs import EventLog
 from schwung.service.pages import mount_pages
 from schwung.service.service import Service
 from schwung.service.stop_listener import StopListener, listen
+from schwung.service.systemd import Notifier, Watchdog
 from schwung.service.values import Settings
 
 
@@ -32,14 +39,15 @@ class Started:
 
 def run(settings: Settings, announce: Callable[[Started], None]) -> None:
     """Serve until SIGINT or SIGTERM. Raises InputError where folder or port are somebody else's."""
-    with only_one(settings.folder):
+    with only_one(settings.folder), undisturbed_ending() as ends:
         token = own_token(settings.folder)
         listening = listen(settings.host, settings.port, "port")
         port: int = listening.getsockname()[1]
         guard = Guard(settings, token, port)
         with contextlib.closing(listening), Service(settings) as service:
-            stop_port = port + 1 if settings.stop_port is None else settings.stop_port
+            stop_port = _stop_port(settings)
             stopper = StopListener(service, guard, settings.host, stop_port)
+            service.subscribe(EventLog(lambda drive_id: service.store.drive(drive_id).name))
             try:
                 app = make_app(service, guard)
                 app.state.stop_port = stopper.port
@@ -47,7 +55,7 @@ def run(settings: Settings, announce: Callable[[Started], None]) -> None:
                 config = uvicorn.Config(
                     app, log_config=None, timeout_graceful_shutdown=2, server_header=False
                 )
-                server = uvicorn.Server(config)
+                server = _Told(config, service)
                 shown = f"[{settings.host}]" if ":" in settings.host else settings.host
                 url = f"http://{shown}:{port}"
                 announce(
@@ -58,7 +66,58 @@ def run(settings: Settings, announce: Callable[[Started], None]) -> None:
                 ):  # how the server hands on the signal that ended it
                     server.run(sockets=[listening])
             finally:
+                ends()
                 stopper.close()
+
+
+def _stop_port(settings: Settings) -> int:
+    """As wanted, else the one after the port; any where that is any: the next one may be somebody's."""
+    if settings.stop_port is not None:
+        return settings.stop_port
+    return settings.port + 1 if settings.port else 0
+
+
+class _Told(uvicorn.Server):
+    """A server of which systemd hears: when it is ready, that it is alive, and when it ends."""
+
+    def __init__(self, config: uvicorn.Config, service: Service) -> None:
+        super().__init__(config)
+        self._service, self._notifier = service, Notifier()
+        self._watchdog: Watchdog | None = None
+
+    async def startup(self, sockets: list[socket.socket] | None = None) -> None:
+        """See uvicorn.Server; ready when it listens."""
+        await super().startup(sockets)
+        self._watchdog = Watchdog(self._notifier, self._service.silent_s, asyncio.get_running_loop())
+        self._notifier.tell(READY=1, STATUS="serving", MAINPID=os.getpid())
+
+    async def shutdown(self, sockets: list[socket.socket] | None = None) -> None:
+        """See uvicorn.Server."""
+        self._notifier.tell(STOPPING=1)
+        if self._watchdog is not None:
+            self._watchdog.close()
+        await super().shutdown(sockets)
+
+
+@contextmanager
+def undisturbed_ending() -> Iterator[Callable[[], None]]:
+    """Within: from the call of what is yielded on, signals do nothing: stopping and putting back is not cut short by a
+    second Ctrl-C. It takes seconds, and ends by itself.
+    """
+    before: dict[int, Any] = {}
+
+    def ends() -> None:
+        if threading.current_thread() is threading.main_thread():
+            for name in ("SIGINT", "SIGTERM", "SIGHUP"):
+                if hasattr(signal, name):
+                    number = getattr(signal, name)
+                    before[number] = signal.signal(number, signal.SIG_IGN)
+
+    try:
+        yield ends
+    finally:
+        for number, handler in before.items():
+            signal.signal(number, signal.SIG_DFL if handler is None else handler)
 
 
 @contextmanager

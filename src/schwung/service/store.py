@@ -101,6 +101,11 @@ class Store:
         with self.transaction() as db:
             db.execute(f"INSERT INTO {table} ({names}) VALUES ({marks})", tuple(values.values()))
 
+    def count_runs(self) -> dict[str, int]:
+        """How many runs there are by state."""
+        rows = self.rows("SELECT state, count(*) AS number FROM run GROUP BY state")
+        return {str(row["state"]): int(row["number"]) for row in rows}
+
     # ── machines ─────────────────────────────────────────────────────────────────────────────────────────────────
 
     def machine_folder(self, machine_id: str) -> Path:
@@ -233,6 +238,12 @@ class Store:
         where = f"WHERE {' AND '.join(wanted)}" if wanted else ""
         query = f"SELECT * FROM run {where} ORDER BY created DESC, id LIMIT ?"
         return [_run(row) for row in self.rows(query, *wanted.values(), limit)]
+
+    def ids_that_begin(self, table: str, begin: str) -> list[str]:
+        """Ids of runs or estimates that begin so, a few of them; `begin` is hexadecimal."""
+        assert table in ("run", "estimate")
+        rows = self.rows(f"SELECT id FROM {table} WHERE substr(id, 1, ?) = ? LIMIT 9", len(begin), begin)
+        return [str(row["id"]) for row in rows]
 
     def unfinished(self) -> list[RunView]:
         """Runs that are queued or running by their rows: after a start, those that a death has left."""

@@ -18,7 +18,7 @@ def write_session(session: Session, path: Path, overwrite: bool = False) -> None
     try:
         writer = SessionWriter(
             unfinished, source=session.source, created=session.created, drive=session.drive, axis=session.axis,
-            overwrite=True,
+            effort=session.effort, overwrite=True,
         )  # fmt: skip
         try:
             with writer:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import json
 import os
 import re
@@ -10,6 +11,7 @@ import subprocess
 import sys
 import threading
 import time
+import urllib.error
 import urllib.request
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -29,6 +31,7 @@ ARGUMENTS = [
 ]  # fmt: skip
 NODE = 1
 _QUICK_STOP = 0x0002
+_TRIES = 4
 #: What the page notes of itself, before any script of ours: when STOP was pressed (s, by the computer's clock).
 PRESSES = """
 window.pressed = [];
@@ -103,33 +106,45 @@ class Served:
         """Nothing goes on, and nothing is stopped."""
         for run in self.call("GET", "/api/runs?limit=10"):
             if run["state"] in ("queued", "running"):
-                self.call("POST", f"/api/runs/{run['id']}/cancel")
+                with contextlib.suppress(urllib.error.HTTPError):  # it has ended meanwhile
+                    self.call("POST", f"/api/runs/{run['id']}/cancel")
                 self.ended(run["id"])
         if self.call("GET", "/api/stop")["stopped"]:
             self.call("POST", "/api/release")
 
     def begin_motion(self, repeats: int = 50) -> Any:
-        """A long commissioning, when it moves; the run."""
-        plan = {
-            "kind": "plan",
-            "drive_id": self.drive_id,
-            "distance_rad": 3.14,
-            "duration_s": 0.25,
-            "repeats": repeats,
-        }
-        made = self.ended(self.call("POST", "/api/runs", plan)["id"])
-        assert made["state"] == "done", made
+        """A long commissioning, when it moves; the run.
+
+        A computer that is too busy to send its heartbeat in time is stopped by the drive; that is begun anew.
+        """
+        for _ in range(_TRIES):
+            run = self._begun(repeats)
+            if run["state"] == "running":
+                return run
+            assert run["error"]["type"] in ("DriveFaultError", "NodeLostError"), run
+            self.ended(
+                self.call("POST", "/api/runs", {"kind": "reset_fault", "drive_id": self.drive_id})["id"]
+            )
+        raise AssertionError(run)
+
+    def _begun(self, repeats: int) -> Any:
+        for distance_rad in (3.14, -3.14):  # earlier stops have left it somewhere
+            stroke = {"distance_rad": distance_rad, "duration_s": 0.25, "repeats": repeats}
+            plan = {"kind": "plan", "drive_id": self.drive_id, **stroke}
+            made = self.ended(self.call("POST", "/api/runs", plan)["id"])
+            assert made["state"] == "done", made
+            if made["result"]["can_start"]:
+                break
         confirmed = {key: made["result"][key] for key in ("proposal_id", "digest")}
         run = self.call("POST", "/api/runs", {"kind": "commission", **confirmed})
         end = time.monotonic() + 60.0
-        while True:
-            run = self.call("GET", f"/api/runs/{run['id']}")
-            assert run["state"] in ("queued", "running"), run
-            phase = (run["progress"] or {}).get("phase", "")
-            if phase.startswith(("Creep", "Motion")):
-                return run
+        while run["state"] in ("queued", "running"):
             assert time.monotonic() < end, run
+            if ((run["progress"] or {}).get("phase") or "").startswith(("Creep", "Motion")):
+                break
             time.sleep(0.02)
+            run = self.call("GET", f"/api/runs/{run['id']}")
+        return run
 
 
 @contextmanager
@@ -214,6 +229,7 @@ def visiting(browser: Any, served: Served, *, logged_in: bool = True, **context:
     """Within: a page of somebody new; `page.asked` has every address that it asked for, `page.troubles` its errors."""
     visitor = browser.new_context(**{"viewport": {"width": 1280, "height": 900}, **context})
     page = visitor.new_page()
+    page.set_default_timeout(60_000)
     page.add_init_script(PRESSES)
     page.asked, page.troubles = [], []
     page.on("request", lambda request: page.asked.append(request.url))

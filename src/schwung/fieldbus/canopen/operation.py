@@ -207,6 +207,9 @@ class Operation:
             recorder, playable, self._profile, self._layouts, own.scales, cyclic.producer.name,
             acquisition.sample_rate_hz, setpoints.position_rad if pp else None,
         )  # fmt: skip
+        self._link.traffic.motion(
+            recorder.sync_times, recording.timing.period_s, recording.position_rad.size, recording.lost.size
+        )
         refused = playback.unacknowledged(recording, setpoints.moves) if pp and error is None else None
         if refused is not None:
             self._stopping.quick_stop()

@@ -18,7 +18,7 @@ from schwung.service.pages.diagrams import band, diagram, limit, line, panel
 TRACES = ("trace-1", "trace-2", "trace-3", "trace-4", "trace-5", "trace-6")
 _TWO = 2.0  # standard deviations of a band
 #: A limit beyond so many times the peak is not drawn to: the motion would look flat.
-_NEAR = 5.0
+_NEAR = 3.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -105,16 +105,12 @@ def prediction_diagram(document: Mapping[str, Any]) -> dict[str, Any]:
     plain, excited = predicted["reference"], predicted["excited"]
 
     def drawn(key: str) -> list[dict[str, Any]]:
-        return [
-            line(
-                "with injection",
-                np.asarray(excited["time_s"]),
-                np.asarray(excited[key]),
-                "excited",
-                width=1.3,
-            ),
-            line("without", np.asarray(plain["time_s"]), np.asarray(plain[key]), "plain", width=1.6),
-        ]
+        one = line(
+            "with injection", np.asarray(excited["time_s"]), np.asarray(excited[key]), "excited", width=1.3
+        )
+        if plain == excited:  # a frequency response is nothing but injection
+            return [one]
+        return [one, line("without", np.asarray(plain["time_s"]), np.asarray(plain[key]), "plain")]
 
     def sides(low: float, high: float, key: str) -> list[dict[str, Any]]:
         """Both limits; the axis reaches to them unless the motion would be flat then."""

@@ -4,20 +4,20 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Mapping
 from functools import partial
 from typing import Any
 
 from fastapi import Request
 from nicegui import ui
 
+from schwung.quantities import parse_quantity
 from schwung.service.lanes import DriveStatus
-from schwung.service.pages.asking import Asked
+from schwung.service.pages.confirming import NOT_LOGGED_IN
 from schwung.service.pages.desk import LOOK_S, Desk, button, frame, go, grid, html, panel, state_tag
 from schwung.service.pages.diagrams import Scope
+from schwung.service.pages.fields import line_of_text
 from schwung.service.pages.markup import (
     Safe,
-    checks,
     facts,
     link,
     moment,
@@ -191,8 +191,10 @@ def _unsettled(desk: Desk, drive: DriveRecord) -> None:
                 f"<b>This drive holds parameters of an interrupted run ({moment(left.created)} UTC).</b>"
                 f"It takes nothing but restoring them. {left.found or ''}"
             )
-            if "restore" in KINDS:
-                html(link(f"/run/{left.run_id}", "Look at that run, and restore"), "span")
+            if "propose_restore" in KINDS:
+                request = {"kind": "propose_restore", "drive_id": drive.id, "unsafe_id": left.id}
+                button("Show what would be put back", partial(_ask, desk, request), enabled=desk.may_act)
+            html(link(f"/run/{left.run_id}", "That run"), "span")
 
 
 _ACTIONS = (
@@ -201,7 +203,7 @@ _ACTIONS = (
         "Check the drive",
         "What is missing before it can be commissioned, and how to mend it. Reads only.",
     ),
-    ("backup", "Back up its parameters", "Every object that can be read, as a file. Reads only."),
+    ("backup", "Back up its parameters", "Every object that can be read, as a file (DCF). Reads only."),
 )
 
 
@@ -209,18 +211,39 @@ def _actions(desk: Desk, drive: DriveRecord) -> None:
     with panel("At rest", "w4"), ui.element("div").classes("sw-body sw-column"):
         machine = desk.service.store.machine(drive.machine_id).name if drive.machine_id else "none"
         html(facts((("Machine", machine), ("Profile", drive.profile or "by identity"))))
-        asked = Asked(desk)
-        for kind, name, text in _ACTIONS:
+        for kind, name, told in _ACTIONS:
             if kind in KINDS:
                 with ui.element("div"):
-                    button(
-                        name,
-                        partial(asked.ask, {"kind": kind, "drive_id": drive.id}),
-                        enabled=desk.may_act,
-                    )
-                    html(text, "div", "muted")
-        asked.place(lambda run: html(checks(_checks(run))))
+                    request = {"kind": kind, "drive_id": drive.id}
+                    button(name, partial(_ask, desk, request), enabled=desk.may_act, why=NOT_LOGGED_IN)
+                    html(told, "div", "muted")
+        if "propose_bode" in KINDS:
+            _frequency_response(desk, drive)
+        if "reset_fault" in KINDS:
+            with ui.element("div"):
+                request = {"kind": "reset_fault", "drive_id": drive.id}
+                button(
+                    "Acknowledge a fault",
+                    partial(_ask, desk, request),
+                    enabled=desk.may_act,
+                    why=NOT_LOGGED_IN,
+                )
+                html("The power stage stays off.", "div", "muted")
 
 
-def _checks(run: RunView) -> list[Mapping[str, Any]]:
-    return list((run.result or {}).get("checks", ()))
+def _frequency_response(desk: Desk, drive: DriveRecord) -> None:
+    def propose() -> None:
+        parts = (where.value or "").split(",")
+        angles = [parse_quantity(part, "angle", "Frequency response at", signed=True) for part in parts]
+        _ask(desk, {"kind": "propose_bode", "drive_id": drive.id, "angles_rad": angles})
+
+    with ui.element("div").classes("sw-column"):
+        where = line_of_text(
+            "Frequency response at", "0, 90deg, 180deg", "Angles at which it stands; plans only."
+        )
+        with ui.element("div"):
+            button("Plan the frequency response", propose, enabled=desk.may_act, why=NOT_LOGGED_IN)
+
+
+def _ask(desk: Desk, request: dict[str, Any]) -> None:
+    go(f"/run/{desk.service.submit(request, desk.who).id}")

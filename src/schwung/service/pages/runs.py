@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Mapping
+from functools import partial
 from html import escape
 from typing import Any
 
@@ -13,17 +13,25 @@ from nicegui import ui
 from schwung.errors import SchwungError
 from schwung.service.pages.curves import prediction_diagram
 from schwung.service.pages.desk import LOOK_S, Desk, button, frame, go, grid, html, panel
-from schwung.service.pages.diagrams import Diagram
+from schwung.service.pages.diagrams import Diagram, Scope
+from schwung.service.pages.explaining import show_explanation
 from schwung.service.pages.fields import choice
+from schwung.service.pages.following import show_next
 from schwung.service.pages.markup import Safe, checks, facts, link, moment, problem, table
+from schwung.service.pages.motions import show_motions
 from schwung.service.pages.outcome import show_estimate
+from schwung.service.pages.proposals import show_proposal
+from schwung.service.pages.reported import show_drawings
+from schwung.service.pages.scope import TRACES, scope_url
 from schwung.service.pages.watching import Watched
-from schwung.service.pages.words import kind_name, run_tag, verdict_tag
+from schwung.service.pages.words import field_text, kind_name, run_tag, verdict_tag
 from schwung.service.values import ENDED, RunView
 from schwung.service.work import KINDS
 
 _KIND_CHOICE = {"": "all kinds", **{kind: kind_name(kind) for kind in KINDS}}
 _MOST = 300
+#: The report's picture that the page draws itself.
+CURVE = "The inertia curve"
 
 
 def runs_table(desk: Desk, drive_id: str | None = None, kind: str | None = None, limit: int = _MOST) -> Safe:
@@ -107,15 +115,20 @@ def one(desk: Desk, request: Request) -> None:
             with panel("How it went", "w8") as head:
                 with head:
                     if run.state not in ENDED and desk.may_act:
-                        button("Cancel", lambda: _cancel(desk, run.id), "small")
-                with ui.element("div").classes("sw-body"):
+                        button("Cancel", partial(_cancel, desk, run.id), "small")
+                with ui.element("div").classes("sw-body sw-column"):
                     Watched(desk, run, None if run.state in ENDED else lambda done: go(f"/run/{done.id}"))
-            with panel("Files", "w4"):
+                    html(_asked(desk, run))
+            with panel("Files", "w4") as head:
+                if run.state in ENDED:
+                    with head:
+                        html(f'<a href="/api/runs/{run.id}/archive">All as one archive (zip)</a>', "span")
                 html(_files(desk, run))
         if run.state in ENDED:
             show_result(desk, run)
-        with panel("As it was asked for"), ui.element("div").classes("sw-body"):
-            html(_asked(desk, run))
+        elif run.drive_id is not None and KINDS[run.kind].acts:
+            with panel("Live"):
+                Scope(scope_url(run.drive_id), TRACES)
 
 
 def _cancel(desk: Desk, run_id: str) -> None:
@@ -135,33 +148,23 @@ def _size(size: int) -> str:
 
 
 def _asked(desk: Desk, run: RunView) -> Safe:
-    pairs = [
-        (key.replace("_", " "), _plain(value))
-        for key, value in run.request.items()
-        if value not in (None, [], {})
-    ]
+    left_out: tuple[Any, ...] = (None, [], {}, run.drive_id, run.kind)
+    asked = [field_text(key, value) for key, value in run.request.items() if value not in left_out]
+    pairs: list[tuple[str, Any]] = [pair for pair in asked if pair[1] != "–"]
     if run.drive_id is not None:
         pairs.insert(
-            0, ("drive", link(f"/drive/{run.drive_id}", desk.service.store.drive(run.drive_id).name))
+            0, ("Drive", link(f"/drive/{run.drive_id}", desk.service.store.drive(run.drive_id).name))
         )
     return facts(pairs)
-
-
-def _plain(value: Any) -> str:
-    if isinstance(value, Mapping):
-        return ", ".join(f"{k} {v}" for k, v in value.items() if v is not None) or "–"
-    return value if isinstance(value, str) else json.dumps(value)
 
 
 def show_result(desk: Desk, run: RunView) -> None:
     """What came of a run that has ended, by what is in its result."""
     result = run.result or {}
     store = desk.service.store
-    if result.get("estimate_id"):
+    if result.get("estimate_id") and run.kind in ("commission", "estimate"):
         show_estimate(desk, store.estimate(result["estimate_id"]))
     if result.get("explanation_id"):
-        from schwung.service.pages.explaining import show_explanation  # noqa: PLC0415  # it shows runs, too
-
         show_explanation(desk, store.explanation(result["explanation_id"]))
     if result.get("predicted"):
         with panel("Predicted motion"), ui.element("div").classes("sw-body"):
@@ -169,7 +172,23 @@ def show_result(desk: Desk, run: RunView) -> None:
     if result.get("checks"):
         with panel("Checks"):
             html(checks(result["checks"]))
+    if "nodes" in result:
+        with panel("Nodes"):
+            html(_nodes(result["nodes"]))
+    show_proposal(desk, run)
+    with grid():
+        show_motions(desk, run)
+    if not result.get("explanation_id"):
+        with grid():
+            show_drawings(desk, run, (CURVE,))
     notes = result.get("notes") or ()
     if notes:
         with panel("Notes"), ui.element("div").classes("sw-body"):
             html("<ul>" + "".join(f"<li>{escape(str(note))}</li>" for note in notes) + "</ul>")
+    show_next(desk, run)
+
+
+def _nodes(nodes: list[Mapping[str, Any]]) -> Safe:
+    keys = list(nodes[0]) if nodes else []
+    rows = [[str(node[key]) for key in keys] for node in nodes]
+    return table([key.replace("_", " ").capitalize() for key in keys], rows, empty="Nobody answers.")

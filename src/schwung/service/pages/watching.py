@@ -20,6 +20,7 @@ class Watched:
     def __init__(self, desk: Desk, run: RunView, ended: Callable[[RunView], None] | None = None) -> None:
         self._desk, self._id, self._ended = desk, run.id, ended
         self._shown = ""
+        self._folder = escape(f"{desk.service.settings.folder}/")
         self._element = html("", "div", "sw-progress").props('aria-live="polite"')
         self._timer = ui.timer(LOOK_S, self._look)
         self._look()
@@ -31,7 +32,9 @@ class Watched:
             self._timer.cancel()
             self._element.set_content(problem(error))
             return
-        shown = progress_html(run)
+        shown = progress_html(run).replace(
+            self._folder, ""
+        )  # where the service keeps its files is nobody's business
         if shown != self._shown:
             self._shown = shown
             self._element.set_content(shown)
@@ -52,14 +55,15 @@ def progress_html(run: RunView) -> str:
     phase = progress.phase if progress is not None else ""
     left = time_left(progress.left_s) if progress is not None else ""
     wide = 100 * share if share is not None else 0
-    percent = f"{wide:.0f} %" if share is not None else ""
+    percent = f"{wide:.0f} %" if share else ""
     notes = "".join(
         f'<div class="muted">{escape(note)}</div>' for note in (progress.notes if progress else ())[-4:]
     )
     name = f"<b>{escape(phase or kind_name(run.kind))}</b>"
+    busy = "" if share else " busy"
     return (
         f'<div class="words">{run_tag(run.state)}{name}<span class="spring"></span>'
         f"<span>{percent}</span><span>{left}</span></div>"
-        f'<div class="bar" role="progressbar" aria-valuenow="{wide:.0f}" aria-valuemin="0" aria-valuemax="100" '
+        f'<div class="bar{busy}" role="progressbar" aria-valuenow="{wide:.0f}" aria-valuemin="0" aria-valuemax="100" '
         f'aria-label="progress"><i style="width:{wide:.1f}%"></i></div>{notes}'
     )

@@ -18,11 +18,6 @@ _STATES: Mapping[str, tuple[Tone, str]] = {
     "fault reaction active": ("unusable", "stopping because of a fault"),
     "fault": ("unusable", "power stage off because of a fault"),
 }
-_BITS = (
-    "ready to switch on", "switched on", "operation enabled", "fault", "voltage enabled", "no quick stop",
-    "switch on disabled", "warning", "manufacturer (8)", "remote", "target reached", "internal limit", "mode (12)",
-    "mode (13)", "manufacturer (14)", "manufacturer (15)",
-)  # fmt: skip
 _RUNS: Mapping[str, Tone] = {
     "queued": "",
     "running": "live",
@@ -39,6 +34,10 @@ _KINDS = {
     "doctor": "Check of the drive",
     "scan": "Scan of the bus",
     "bode": "Frequency response",
+    "propose_bode": "Frequency response, planned",
+    "propose_play": "Optimised motion, planned",
+    "salvage": "Interrupted recording kept",
+    "secure": "Drive looked at and switched off",
     "optimise": "Optimal motion",
     "play": "Optimised motion played",
     "export": "Export",
@@ -71,11 +70,6 @@ def cia402_meaning(state: str) -> str:
     return _STATES.get(state.lower(), ("", ""))[1]
 
 
-def statusword_in_words(word: int) -> list[str]:
-    """The bits that are set in a CiA 402 statusword (6041), by their names."""
-    return [name for bit, name in enumerate(_BITS) if word >> bit & 1]
-
-
 def run_tag(state: str) -> Safe:
     """A run's state."""
     return tag(state, _RUNS.get(state, ""))
@@ -84,6 +78,30 @@ def run_tag(state: str) -> Safe:
 def kind_name(kind: str) -> str:
     """A kind of run, as people call it."""
     return _KINDS.get(kind, kind.replace("_", " ").capitalize())
+
+
+#: Ends of field names, longest first, and the unit that each stands for.
+_UNITS = {
+    "_rad_s3": "rad/s³", "_rad_s": "rad/s", "_kgm2": "kg·m²", "_rad": "rad", "_nm": "N·m", "_hz": "Hz", "_s": "s",
+}  # fmt: skip
+
+
+def field_text(name: str, value: Any) -> tuple[str, str]:
+    """A field of a request as people read it: its name without the unit, its value with it."""
+    end = next((end for end in _UNITS if name.endswith(end)), "")
+    unit = f" {_UNITS[end]}" if end else ""
+    label = name.removesuffix(end).replace("_", " ").capitalize()
+    return label, f"{_plain(value)}{unit}"
+
+
+def _plain(value: Any) -> str:
+    if isinstance(value, Mapping):
+        return ", ".join(" ".join(field_text(k, v)).lower() for k, v in value.items() if v is not None) or "–"
+    if isinstance(value, list):
+        return ", ".join(_plain(item) for item in value)
+    if isinstance(value, bool):
+        return "yes" if value else "no"
+    return f"{value:.6g}" if isinstance(value, float) else str(value)
 
 
 def verdict_tag(verdict: Any) -> Safe | None:

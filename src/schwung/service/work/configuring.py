@@ -22,6 +22,7 @@ from schwung.commissioning import (
 )
 from schwung.commissioning.backup import plan_restore, require_power_off, write_plan
 from schwung.commissioning.configuration_files import fitting_dictionary, for_this_drive, load_configuration
+from schwung.commissioning.export import Worth, worth_of
 from schwung.commissioning.journal import first_values
 from schwung.drivetrain import InertiaTable, Machine, load_machine, read_inertia_csv
 from schwung.errors import DriveError, InputError, RefusedError
@@ -80,7 +81,10 @@ def propose_export(task: Task) -> Mapping[str, Any]:
         "form": asked.form,
         "at_rad": asked.at_rad,
         "store": asked.store,
-        "changes": [changed(value.parameter.label, old, value.raw) for value, old in rows],
+        "changes": [
+            changed(value.parameter.label, old, value.raw, worth_of(found.profile, value.parameter))
+            for value, old in rows
+        ],
         "motion": None if prepared is None else plan_document(prepared),
         "can_start": prepared is None or not prepared.preflight.stops,
     }
@@ -107,7 +111,10 @@ def export(task: Task) -> Mapping[str, Any]:
     )  # fmt: skip
     if verify is not None:
         after = repeat_reference(drive, verify, task.folder, "after", task)
-    changes = [changed(c.parameter.label, c.old, c.new) for c in exported.changes]
+    changes = [
+        changed(c.parameter.label, c.old, c.new, worth_of(found.profile, c.parameter))
+        for c in exported.changes
+    ]
     rms = {
         "following_error_rms_before_rad": following_error_rms(before) if before is not None else None,
         "following_error_rms_after_rad": following_error_rms(after) if after is not None else None,
@@ -229,9 +236,12 @@ def _chosen(task: Task) -> Path:
     return store.file_path(file.id, check=True)
 
 
-def changed(label: str, old: RawValue, new: RawValue) -> dict[str, Any]:
-    """One line of a diff."""
-    return {"object": label, "old": _told(old), "new": _told(new)}
+def changed(label: str, old: RawValue, new: RawValue, worth: Worth | None = None) -> dict[str, Any]:
+    """One line of a diff: raw values, and where it is known what a count is worth, the SI values and their unit."""
+    told: dict[str, Any] = {"object": label, "old": _told(old), "new": _told(new)}
+    if worth is not None and isinstance(old, int | float) and isinstance(new, int | float):
+        told |= {"old_si": old * worth.scale, "new_si": new * worth.scale, "unit": worth.unit}
+    return told
 
 
 def _told(raw: RawValue) -> Any:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
@@ -13,6 +13,7 @@ import numpy as np
 
 from schwung.errors import InputError
 from schwung.motion import Array
+from schwung.quantities import Effort
 from schwung.session.imports.canframes import log_kind
 from schwung.session.imports.clock import Clock, read_clock, resample
 from schwung.session.imports.dbc import read_by_dbc
@@ -67,6 +68,7 @@ class _Recording:
     signals: dict[str, Array]
     extra: dict[str, Any] = field(default_factory=dict)
     notes: list[str] = field(default_factory=list)
+    effort: Effort = "torque"
 
 
 def read_table(path: Path, dbc: Path | None = None, channel: str | None = None) -> Table:
@@ -110,10 +112,12 @@ def import_recordings(files: Sequence[Path], recipe: Recipe) -> Imported:
     runs: list[Run] = []
     notes: list[str] = []
     created: str | None = None
+    efforts: dict[Effort, Path] = {}
     for path in files:
         table = read_table(path, Path(recipe.dbc) if recipe.dbc else None, recipe.channel)
         created = created or table.created
         for recording in _recordings(table, recipe, axis):
+            efforts[recording.effort] = path
             found, how = _runs(recording, recipe)
             runs += found
             place = f"{recording.place}: " if len(files) > 1 else ""
@@ -124,6 +128,9 @@ def import_recordings(files: Sequence[Path], recipe: Recipe) -> Imported:
         notes.append(
             f"the runs are sampled at different rates ({listed} Hz): they are not compared with each other"
         )
+    if len(efforts) > 1:
+        raise InputError(str(efforts["current"]), f"is in A, {efforts['torque']} in N·m",
+                         "Give --torque-unit A=N·m per ampere, or import them one by one.")  # fmt: skip
     numbered = with_repeats(runs)
     notes += _repeat_notes(numbered)
     session = Session(
@@ -131,6 +138,7 @@ def import_recordings(files: Sequence[Path], recipe: Recipe) -> Imported:
         created=created or datetime.now(UTC).isoformat(timespec="seconds"),
         source=f"imported from {', '.join(path.name for path in files)} ({_described(recipe)})",
         axis=axis,
+        effort=next(iter(efforts)),
     )
     return Imported(session, tuple(dict.fromkeys(notes)))
 
@@ -154,10 +162,13 @@ def _recordings(table: Table, recipe: Recipe, axis: Axis) -> list[_Recording]:
         for name in _QUANTITIES
         if (wanted := getattr(recipe, name)) is not None
     }
-    signals = {}
+    signals: dict[str, Array] = {}
+    taken: dict[str, Unit] = {}
     for name, column in columns.items():
-        factor = _factor(table, column, name, recipe, axis, notes)
-        signals[name] = (column.values if recipe.resample else whole(column, table.path)) * factor
+        taken[name] = _taken_in(table, column, name, recipe, axis, notes)
+        values = column.values if recipe.resample else whole(column, table.path)
+        signals[name] = values * taken[name].factor
+    effort = _effort(taken, table.path, notes)
     times = _times(table, columns, recipe, notes)
     if times is not None and recipe.resample:
         signals, times = without_gaps(signals, times, table.path, notes)
@@ -169,24 +180,39 @@ def _recordings(table: Table, recipe: Recipe, axis: Axis) -> list[_Recording]:
             raise InputError(str(table.path), "has no time that could be found",
                              "Name it with --time, or give --rate HZ.")  # fmt: skip
         _same_length(signals, table.path)
-        return [_Recording(str(table.path), rate, 0.0, signals, {"source_file": table.path.name}, notes)]
-    return _timed(table, columns, signals, times, recipe, notes)
+        source = {"source_file": table.path.name}
+        return [_Recording(str(table.path), rate, 0.0, signals, source, notes, effort)]
+    return [replace(each, effort=effort) for each in _timed(table, columns, signals, times, recipe, notes)]
 
 
-def _factor(table: Table, column: Column, name: str, recipe: Recipe, axis: Axis, notes: list[str]) -> float:
+def _taken_in(table: Table, column: Column, name: str, recipe: Recipe, axis: Axis, notes: list[str]) -> Unit:
     """What a column's numbers are multiplied with: the scale, and the unit as said, as in the file, or SI."""
     quantity = _QUANTITIES[name]
     scale = table.number(getattr(recipe, f"{quantity}_scale"), f"--{quantity}-scale")
     said: str | None = getattr(recipe, f"{quantity}_unit")
     if said is not None:
-        return scale * unit(said, quantity, axis).factor
+        told = unit(said, quantity, axis)
+        return replace(told, factor=scale * told.factor)
     found: Unit | None = header_unit(column.unit, quantity, axis) or unit_in_name(column.name, quantity, axis)
-    if found is not None and scale == 1.0:
+    if found is not None and abs(scale) == 1.0:  # another scale makes SI of it
         notes.append(f"{name} is taken in {found.text}, as the file says")
-        return found.factor
+        return replace(found, factor=scale * found.factor)
     if column.unit and found is None:
         notes.append(f'{name}: the file says unit "{column.unit}", taken as {_SI[axis][quantity]}')
-    return scale
+    return Unit(_SI[axis][quantity], scale)
+
+
+def _effort(units: Mapping[str, Unit], path: Path, notes: list[str]) -> Effort:
+    """What the torques are. Raises InputError where one is a torque and the other a current."""
+    efforts = {name: each.effort for name, each in units.items() if _QUANTITIES[name] == "torque"}
+    if len(set(efforts.values())) > 1:
+        listed = ", ".join(f"{name} a {effort}" for name, effort in efforts.items())
+        raise InputError(str(path), f"its torques do not go together: {listed}",
+                         "Give --torque-unit A=N·m per ampere.")  # fmt: skip
+    effort = efforts["torque"]
+    if effort == "current":
+        notes.append("torque is a current and stays one, in A: how many N·m an ampere makes is unknown")
+    return effort
 
 
 def _times(

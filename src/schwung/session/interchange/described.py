@@ -26,10 +26,11 @@ def describe(session: Session) -> str:
         "created": session.created,
         "source": session.source,
         "axis": session.axis,
+        "effort": session.effort,
         "drive": session.drive,
         "partial_reasons": session.partial_reasons,
         "extra": session.extra,
-        "units": {name: unit_of(name, session.axis) for name in FIELDS if name in names},
+        "units": {name: unit_of(name, session.axis, session.effort) for name in FIELDS if name in names},
         "runs": [
             {
                 "role": run.role,
@@ -70,6 +71,7 @@ def rebuild(text: str | bytes, samples: Sequence[Mapping[str, Array]], place: st
             created=document["created"],
             source=document["source"],
             axis=document["axis"],
+            effort=document.get("effort", "torque"),
             drive=document["drive"],
             partial_reasons=tuple(document["partial_reasons"]),
             extra=document["extra"],

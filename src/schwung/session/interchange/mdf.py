@@ -41,7 +41,10 @@ def write_mdf(session: Session, path: Path) -> None:
         for number, run in enumerate(session.runs):
             signals = [
                 asammdf.Signal(
-                    samples=values, timestamps=run.time_s, name=name, unit=unit_of(name, session.axis)
+                    samples=values,
+                    timestamps=run.time_s,
+                    name=name,
+                    unit=unit_of(name, session.axis, session.effort),
                 )
                 for name, values in run.datasets().items()
                 if name != "time"

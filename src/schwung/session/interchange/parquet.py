@@ -43,7 +43,9 @@ def write_parquet(session: Session, path: Path) -> None:
         )
     ]
     for name in names:
-        fields.append(arrow.field(name, arrow.float64(), metadata={"unit": unit_of(name, session.axis)}))
+        fields.append(
+            arrow.field(name, arrow.float64(), metadata={"unit": unit_of(name, session.axis, session.effort)})
+        )
         parts = [
             arrow.nulls(len(run), arrow.float64())
             if (values := run.datasets().get(name)) is None

@@ -18,7 +18,7 @@
     const step = [1, 2, 5, 10].find((n) => n * power >= rough * 0.999) * power;
     const found = [];
     for (let n = Math.ceil(low / step - 1e-9); n * step <= high + 1e-9 * step; n++) found.push(n * step);
-    return found;
+    return found.length < 2 && count < 16 ? ticks(low, high, 2 * count) : found; // one alone tells no scale
   }
 
   /** Powers of ten, and 2 and 5 times them where there are few. */
@@ -118,7 +118,7 @@
       for (const s of panel.series) {
         const lows = s.low || s.y, highs = s.high || s.y;
         for (let i = 0; i < s.x.length; i++) {
-          if (s.x[i] < from || s.x[i] > to) continue;
+          if (s.x[i] < from || s.x[i] > to || lows[i] === null || highs[i] === null) continue;
           if (lows[i] < low) low = lows[i];
           if (highs[i] > high) high = highs[i];
         }
@@ -270,10 +270,16 @@
       c.lineJoin = "round";
       if (s.kind === "band") {
         c.globalAlpha = s.alpha || 0.2;
-        c.beginPath();
-        for (let i = 0; i < n; i++) c.lineTo(at(s.x[i]), up(s.high[i]));
-        for (let i = n - 1; i >= 0; i--) c.lineTo(at(s.x[i]), up(s.low[i]));
-        c.fill();
+        for (let begin = 0; begin < n; begin++) { // piece by piece: null is a gap
+          if (s.low[begin] === null) continue;
+          let end = begin;
+          while (end + 1 < n && s.low[end + 1] !== null) end++;
+          c.beginPath();
+          for (let i = begin; i <= end; i++) c.lineTo(at(s.x[i]), up(s.high[i]));
+          for (let i = end; i >= begin; i--) c.lineTo(at(s.x[i]), up(s.low[i]));
+          c.fill();
+          begin = end;
+        }
       } else if (s.kind === "points") {
         for (let i = 0; i < n; i++) { c.beginPath(); c.arc(at(s.x[i]), up(s.y[i]), s.size || 2, 0, 7); c.fill(); }
       } else if (s.kind === "extremes") {

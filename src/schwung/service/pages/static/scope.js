@@ -112,7 +112,7 @@ export default {
     redraw() { this.fresh = false; this.plot.set(this.options()); this.drawn += 1; },
     count() {
       if (this.socket.readyState !== 1) return;
-      const held = this.frozen ? "held" : this.drawn ? this.drawn + " frames/s" : "no new samples";
+      const held = this.frozen ? "held" : this.drawn ? this.drawn + (this.drawn === 1 ? " frame/s" : " frames/s") : "no new samples";
       this.state = held + (this.behind ? " · " + this.behind + " samples behind" : "");
       this.$el.dataset.frames = this.drawn;
       this.drawn = this.received = 0;

@@ -19,7 +19,7 @@
   /** One request; resolves with the answer. Both listeners are asked, whoever answers first has stopped. No header of ours:
       the browser would ask for leave before it posts to STOP's own port. */
   function post(url) {
-    return fetch(url, { method: "POST", keepalive: true, cache: "no-store", credentials: "same-origin" })
+    return fetch(url, { method: "POST", keepalive: true, cache: "no-store", credentials: "include" })
       .then((answer) => (answer.ok ? answer.json().catch(() => ({})) : Promise.reject(new Error(answer.status + " " + answer.statusText))));
   }
 

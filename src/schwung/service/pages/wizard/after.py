@@ -19,8 +19,10 @@ def run(guide: Guide) -> None:
     assert known.run is not None
     with panel("Progress") as head:
         with head:
+            ways_out = ui.element("div")
             if desk.may_act and known.run.state not in ENDED:
-                button("Cancel, and stop the drive", lambda: _cancel(guide), "small")
+                with ways_out:
+                    button("Cancel, and stop the drive", lambda: _cancel(guide), "small")
         with ui.element("div").classes("sw-body"):
             watched = ui.element("div")
     with panel("Live"):
@@ -33,6 +35,7 @@ def run(guide: Guide) -> None:
         if done.state == "done":
             guide.go(RESULT)
             return
+        ways_out.clear()
         guide.fail()
         with foot:
             button("Plan anew", lambda: guide.go(PLAN))

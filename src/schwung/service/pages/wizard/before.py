@@ -8,15 +8,14 @@ from html import escape
 from nicegui import ui
 
 from schwung.service.pages.asking import Asked
+from schwung.service.pages.confirming import CLEAR, NOT_LOGGED_IN, Confirmation
 from schwung.service.pages.desk import LOOK_S, actions, button, enable, grid, html, panel, state_tag
-from schwung.service.pages.fields import choice, line_of_text
+from schwung.service.pages.fields import choice
 from schwung.service.pages.markup import Safe, checks, facts, muted, problem, si, verdict
 from schwung.service.pages.wizard.guide import CHECK, CONNECT, PLAN, RUN, Guide
 from schwung.service.pages.words import cia402_meaning
 from schwung.service.values import RunView
 from schwung.service.work import KINDS
-
-NOT_LOGGED_IN = "Log in with the token first."
 
 
 def connect(guide: Guide) -> None:
@@ -156,44 +155,19 @@ def confirm(guide: Guide) -> None:
                 )
             )  # fmt: skip
         with panel("Who confirms it", "w5"), ui.element("div").classes("sw-body sw-column"):
-            name = line_of_text(
-                "Your name",
-                "" if desk.who == "somebody" else desk.who,
-                "As it shall stand in the audit trail.",
-            )
-            clear = ui.checkbox("Nobody is in reach of the machine, and nothing is in its way.").props(
-                "dense"
-            )
-            near = ui.checkbox("I see the machine, and have its emergency stop in reach.").props("dense")
+            given = Confirmation(desk, document, CLEAR)
             html(
                 "STOP here, Escape and S send a quick stop over the bus. They are no safety function and do not "
                 "replace the emergency stop.", "div", "muted",
             )  # fmt: skip
 
-    def judge() -> None:
-        stopped = desk.service.latch.stopped is not None
-        fine = (
-            bool(clear.value and near.value and (name.value or "").strip()) and not stopped and desk.may_act
-        )
-        why = (
-            "The service is stopped: release it first." if stopped else "Your name and both marks are needed."
-        )
-        enable(move, fine, why if desk.may_act else NOT_LOGGED_IN)
-
-    def start() -> None:
-        if not (clear.value and near.value and (name.value or "").strip()):
-            return
-        request = {"kind": "commission", "proposal_id": document["proposal_id"], "digest": document["digest"]}
-        guide.known.run = desk.service.submit(request, name.value.strip()[:60])
+    def started(run: RunView) -> None:
+        guide.known.run, guide.known.written = run, None
         guide.go(RUN)
 
     with actions():
         button("Back to the plan", lambda: guide.go(PLAN))
-        move = button("Move the machine", start, "moves")
-    for element in (clear, near, name):
-        element.on_value_change(judge)
-    judge()
-    ui.timer(LOOK_S, judge)
+        given.button("Move the machine", started)
 
 
 def _kept(limits: Mapping[str, float]) -> str:

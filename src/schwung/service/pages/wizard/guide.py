@@ -63,6 +63,10 @@ class Guide:
             f"/commission/{self.drive.id}" + (f"?run={run.id}" if keeps and run is not None else ""),
         )
 
+    def refresh(self) -> None:
+        """Show the same step anew."""
+        self.go(self.step)
+
     def fail(self) -> None:
         """Mark the step as one that did not go well."""
         self._failed = True
