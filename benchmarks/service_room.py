@@ -117,9 +117,12 @@ class Serving:
                     told: dict[str, Any] = json.loads(text)
                 except ValueError:
                     continue
-                return told
+                if "token" in told:
+                    return told
+                break
         self.process.kill()
-        raise FailedError(f"the service did not start: {self.said()[-2000:]}")
+        said = text.decode(errors="replace") + self.said()[-2000:]
+        raise FailedError(f"the service did not start: {said}")
 
     def said(self) -> str:
         """What it printed on stderr, all processes of this folder."""

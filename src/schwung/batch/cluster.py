@@ -37,9 +37,16 @@ _SETTINGS = {
 }
 
 
+def cores() -> int:
+    """How many of this computer's processors we may use."""
+    if hasattr(os, "sched_getaffinity"):
+        return len(os.sched_getaffinity(0))
+    return os.cpu_count() or 1
+
+
 @contextmanager
-def workers(scheduler: str | None, jobs: int | None, tell: Tell) -> Iterator[Client]:
-    """Workers for the block: `jobs` processes of this computer (None: one per core), or those of a scheduler.
+def workers(scheduler: str | None, jobs: int, tell: Tell) -> Iterator[Client]:
+    """Workers for the block: `jobs` processes of this computer, or those of a scheduler.
 
     `tell` hears of every worker that is lost, and of one that has another Schwung. Raises InputError where the
     scheduler does not answer, has no workers, or one of them has no Schwung.
@@ -48,7 +55,7 @@ def workers(scheduler: str | None, jobs: int | None, tell: Tell) -> Iterator[Cli
         if scheduler is None:
             with (
                 LocalCluster(
-                    n_workers=jobs or len(os.sched_getaffinity(0)),
+                    n_workers=jobs,
                     threads_per_worker=1,
                     processes=True,
                     host="127.0.0.1",

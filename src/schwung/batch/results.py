@@ -26,7 +26,8 @@ class Results:
             document: dict[str, Any] = json.loads(self._path(key).read_text(encoding="utf-8"))
             if (document.pop("format"), document.pop("version")) != (FORMAT, VERSION):
                 return None
-            return Outcome(**document)
+            outcome = Outcome(**document)
+            return outcome if {"trust", "fit"} & set(outcome.document) else None
         except (OSError, ValueError, KeyError, TypeError, AttributeError):
             return None
 

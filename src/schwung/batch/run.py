@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 from schwung import __version__
 from schwung.batch.archive import Item, Wish, key_of
-from schwung.batch.cluster import Tell, outcomes, workers
+from schwung.batch.cluster import Tell, cores, outcomes, workers
 from schwung.batch.results import Results
 from schwung.batch.summary import Row, rows_of
 from schwung.batch.work import Outcome, failed
@@ -43,8 +43,8 @@ def run_batch(
 ) -> Batch:
     """Estimate or explain all of them that have no result yet (`again`: all), and keep each as soon as it is there.
 
-    `scheduler`, `jobs`: see `workers`. An interrupt (Ctrl-C) ends it well: what is done is kept, `missing` says what
-    is not. Raises InputError for a scheduler that is none, and where a result cannot be kept.
+    `scheduler`, `jobs`: see `workers`; None: one process per core. An interrupt (Ctrl-C) ends it well: what is done is
+    kept, `missing` says what is not. Raises InputError for a scheduler that is none, and where a result cannot be kept.
     """
     done: dict[Item, Outcome] = {}
     keys: dict[Item, str] = {}
@@ -63,7 +63,7 @@ def run_batch(
         _tell_of_versions(done.values(), tell)
         work = [(item, keys[item]) for item in items if item not in done]
         if work:
-            wanted = min(jobs, len(work)) if jobs else None
+            wanted = min(jobs or cores(), len(work))
             progress("Starting workers", 0.0)
             with workers(scheduler, wanted, tell) as client:
                 progress(f"Sessions, 0 of {len(work)}", 0.0)
@@ -74,6 +74,9 @@ def run_batch(
                     progress(f"Sessions, {number} of {len(work)}", number / len(work))
     except KeyboardInterrupt:
         interrupted = True
+        for item, key in keys.items():  # it may have come between keeping one and noting it
+            if item not in done and (kept := results.find(key)) is not None:
+                done[item] = kept
     return Batch(rows_of(done), found, len(items) - len(done) if interrupted else 0)
 
 

@@ -76,6 +76,11 @@ def serve(
         from schwung.service.values import BusEntry, Settings
     except ImportError as error:
         raise InputError("schwung serve", f"needs {error.name}", "pip install 'schwung[web]'") from error
+    given = interface is not None or channel is not None
+    if systemd_unit and demo:
+        raise InputError("--systemd-unit", "is for a bus of your own", "Leave --demo out.")
+    if can_log is not None and not given:
+        raise InputError("--can-log", "needs a bus of your own", "Give --interface and --channel.")
     if systemd_unit:
         from schwung.service.systemd import unit
 
@@ -87,7 +92,6 @@ def serve(
 
         begin_log()
     terminal = Terminal(json_output)
-    given = interface is not None or channel is not None
     if demo and given:
         raise InputError("--demo", "brings its own bus", "Leave --interface and --channel out.")
     with ExitStack() as stack:

@@ -72,7 +72,7 @@ class Settings:
     drives: tuple[DriveSeed, ...] = ()
     host: str = "127.0.0.1"
     port: int = DEFAULT_PORT
-    stop_port: int | None = None  # None: the port after `port`; 0: any
+    stop_port: int | None = None  # None: the port after `port`, any where that is any; 0: any
     names: tuple[str, ...] = ()  # further host names under which we are reached
     poll_s: float = 1.0
     workers: int = 1  # computing jobs at a time
