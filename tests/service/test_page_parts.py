@@ -18,7 +18,7 @@ from schwung.service.pages.markup import Safe, problem, si, table, time_left
 from schwung.service.pages.reported import drawings
 from schwung.service.pages.scope import TRACES, Feed, Fresh
 from schwung.service.pages.style import palette_css
-from schwung.service.pages.words import statusword_in_words
+from schwung.service.pages.words import cia402_meaning, cia402_tone, field_text
 
 RATE_HZ = 1000.0
 
@@ -136,9 +136,9 @@ def test_words() -> None:
         "–",
     ]
     assert [time_left(s) for s in (None, 0.2, 30.0, 600.0)] == ["", "1 s left", "30 s left", "10 min left"]
-    assert statusword_in_words(0x0627) == [
-        "ready to switch on", "switched on", "operation enabled", "no quick stop", "remote", "target reached",
-    ]  # fmt: skip
+    assert cia402_tone("Fault") == "unusable"
+    assert "torque" in cia402_meaning("Switched on")
+    assert field_text("speed_max_rad_s3", 2.5) == ("Speed max", "2.5 rad/s³")
     told = problem(RefusedError("bus <1>", "is full", "Use a faster one."))
     assert "bus &lt;1&gt;: is full" in told
     assert "Use a faster one." in told

@@ -60,8 +60,22 @@ def test_the_whole_wizard(page: Any, served: Served) -> None:
     assert "run=" in page.url  # whoever loads it again comes back to this
     page.reload()
     page.get_by_text("The verdict").wait_for(timeout=60_000)
+    _export(page)
     page.goto(f"{served.url}/trail")
-    assert page.get_by_text("Wizard Tester").count() >= 1
+    assert page.get_by_text("Wizard Tester").count() == 3  # moved; asked for the export; what was written
+
+
+def _export(page: Any) -> None:
+    page.click("button:has-text('Go on to the export')")
+    page.get_by_text("What changes in the drive").wait_for()
+    assert page.get_by_text("0x2300:01 Inertia table").count() == 1
+    assert page.get_by_text("kg·m²").count() > 60  # each with its unit
+    write = page.locator("button:has-text('Write into the drive')")
+    assert write.get_attribute("aria-disabled") == "true"
+    page.get_by_label("Your name").fill("Wizard Tester")
+    page.click("text=I have read what will be written")
+    page.click(f"button:has-text('Write into the drive'){ENABLED}")
+    page.get_by_text("read back equal").wait_for()
 
 
 @pytest.mark.parametrize("way", ["pointer", "Escape", "s"])

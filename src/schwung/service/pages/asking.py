@@ -1,4 +1,4 @@
-"""Ask the service for a run, and show here how it goes and what came of it."""
+"""Ask the service for a run, and show here how it goes."""
 
 from __future__ import annotations
 
@@ -19,13 +19,10 @@ class Asked:
     def __init__(self, desk: Desk) -> None:
         self._desk = desk
         self._place: Element | None = None
-        self._show: Callable[[RunView], Any] | None = None
-        self.run: RunView | None = None
 
-    def place(self, show: Callable[[RunView], Any] | None = None) -> None:
-        """Here; `show` adds what came of a run that is done."""
+    def place(self) -> None:
+        """Here."""
         self._place = ui.element("div").classes("sw-column")
-        self._show = show
 
     def ask(self, request: Mapping[str, Any], then: Callable[[RunView], Any] | None = None) -> RunView:
         """Ask; raises what Service.submit raises. `then` is called when it has ended, however it did."""
@@ -38,15 +35,10 @@ class Asked:
         place = self._place
         assert place is not None
         place.clear()
-        self.run = run
 
         def ended(done: RunView) -> None:
-            self.run = done
             if done.state == "done":
                 place.clear()
-                if self._show is not None:
-                    with place:
-                        self._show(done)
             if then is not None:
                 then(done)
 

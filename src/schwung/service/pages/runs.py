@@ -18,6 +18,7 @@ from schwung.service.pages.explaining import show_explanation
 from schwung.service.pages.fields import choice
 from schwung.service.pages.following import show_next
 from schwung.service.pages.markup import Safe, checks, facts, link, moment, problem, table
+from schwung.service.pages.motions import show_motions
 from schwung.service.pages.outcome import show_estimate
 from schwung.service.pages.proposals import show_proposal
 from schwung.service.pages.reported import show_drawings
@@ -175,6 +176,8 @@ def show_result(desk: Desk, run: RunView) -> None:
         with panel("Nodes"):
             html(_nodes(result["nodes"]))
     show_proposal(desk, run)
+    with grid():
+        show_motions(desk, run)
     if not result.get("explanation_id"):
         with grid():
             show_drawings(desk, run, (CURVE,))

@@ -18,11 +18,6 @@ _STATES: Mapping[str, tuple[Tone, str]] = {
     "fault reaction active": ("unusable", "stopping because of a fault"),
     "fault": ("unusable", "power stage off because of a fault"),
 }
-_BITS = (
-    "ready to switch on", "switched on", "operation enabled", "fault", "voltage enabled", "no quick stop",
-    "switch on disabled", "warning", "manufacturer (8)", "remote", "target reached", "internal limit", "mode (12)",
-    "mode (13)", "manufacturer (14)", "manufacturer (15)",
-)  # fmt: skip
 _RUNS: Mapping[str, Tone] = {
     "queued": "",
     "running": "live",
@@ -73,11 +68,6 @@ def cia402_tone(state: str) -> Tone:
 def cia402_meaning(state: str) -> str:
     """What a state means."""
     return _STATES.get(state.lower(), ("", ""))[1]
-
-
-def statusword_in_words(word: int) -> list[str]:
-    """The bits that are set in a CiA 402 statusword (6041), by their names."""
-    return [name for bit, name in enumerate(_BITS) if word >> bit & 1]
 
 
 def run_tag(state: str) -> Safe:

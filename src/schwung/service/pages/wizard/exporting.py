@@ -104,10 +104,10 @@ def _difference(guide: Guide, document: Mapping[str, Any]) -> None:
             html("", "span", "spring")
             word = "Write, and move the machine" if moves else "Write into the drive"
             if document.get("can_start", True):
-                given.button(word, lambda run: _carried_out(guide, run, bool(moves)))
+                given.button(word, lambda run: _carried_out(guide, run))
 
 
-def _carried_out(guide: Guide, run: RunView, moves: bool) -> None:
+def _carried_out(guide: Guide, run: RunView) -> None:
     guide.known.written = run
     guide.refresh()
 
@@ -130,8 +130,7 @@ def _written(guide: Guide, run: RunView) -> None:
         asked = Asked(desk)
         asked.place()
         place = ui.element("div").classes("sw-column")
-    with panel("Live") as head:
-        live = head.parent_slot.parent if head.parent_slot is not None else head
+    with ui.element("div") as live, panel("Live"):
         Scope(scope_url(guide.drive.id), TRACES, 360)
     with actions("The values before are kept with this run: it can be put back from there."):
         button("To the run, and the way back", lambda: go(f"/run/{run.id}"))
