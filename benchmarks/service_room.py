@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import atexit
 import hashlib
 import json
 import select
@@ -99,6 +100,7 @@ class Serving:
         self.process = subprocess.Popen(
             [sys.executable, "-c", _START, *command], stdout=subprocess.PIPE, stderr=self._log
         )
+        atexit.register(self.process.kill)  # nothing is left behind where the benchmark fails
         self.told = self._announced()
         headers = {"Authorization": f"Bearer {self.told['token']}", "Schwung-Who": "benchmark"}
         self.client = httpx.Client(base_url=self.told["url"], headers=headers, timeout=30.0)
