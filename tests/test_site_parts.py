@@ -50,3 +50,19 @@ def test_links_that_leave_the_site_keep_their_words(parts: ModuleType) -> None:
     source = ["[delay.py](../../src/delay.py), [files](../files.md), [names](names.md)"]
     parts.without_links_out(None, "tutorials/page", source)
     assert source == ["delay.py, [files](../files.md), [names](names.md)"]
+
+
+def test_every_page_has_a_place_in_the_site() -> None:
+    pages = {
+        path.relative_to(DOCS).with_suffix("").as_posix()
+        for path in DOCS.rglob("*.md")
+        if "_build" not in path.parts
+    }
+    named: set[str] = {"index", "reference/names", "reference/commands"}
+    for page in DOCS.rglob("*.md"):
+        for tree in re.findall(r"```\{toctree\}\n(.*?)```", page.read_text(encoding="utf-8"), re.DOTALL):
+            for entry in tree.split():
+                if not entry.startswith(":"):
+                    named |= {found for found in pages if (page.parent / entry).resolve() == DOCS / found}
+                    named |= {found for found in pages if entry == "0*" and found.startswith("decisions/0")}
+    assert pages <= named, f"in no toctree: {sorted(pages - named)}"

@@ -170,7 +170,7 @@ def test_what_the_log_does_not_hold_is_asked_for_by_name(logged: Logged, tmp_pat
     path = tmp_path / "late.log"
     silent = ("581#438F60", "581#437660", "581#4BA960", "581#43A960")
     path.write_text("\n".join(line for line in logged.lines() if not any(s in line for s in silent)) + "\n")
-    with pytest.raises(InputError, match=r"encoder resolution.*--position-unit counts="):
+    with pytest.raises(InputError, match=r"node 1: .*encoder resolution.*--position-unit counts="):
         imported(path)
     said = {"position": 2 * np.pi / 1048576}
     with pytest.raises(InputError, match=r"speed unit \(60A9\).*--speed-unit"):

@@ -13,6 +13,7 @@ class Cause:
     name: str
     worth: float  # log evidence that it adds to any set
     named: bool = True
+    scales: tuple[float, ...] = (1.0,)
 
 
 @dataclass
@@ -68,3 +69,11 @@ def test_a_small_name_beside_a_large_one_is_what_the_large_law_is_off_by():
 def test_two_that_are_both_large_both_stand():
     found = stands(Cause("spot", 50_000.0), Cause("friction", 20_000.0))
     assert min(found.names.values()) > 0.95
+
+
+@pytest.mark.parametrize("alone", [True, False])
+def test_a_curve_has_its_name_only_where_it_is_the_only_one(alone):
+    curve = Cause("friction over angle", 14_000.0, scales=(1.0, 0.1))
+    other = [] if alone else [Cause("load over angle", 48_000.0, scales=(1.0, 0.1))]
+    found = stands(curve, *other, Cause("lag", 5000.0))
+    assert (found.names["friction over angle"] > 0.5) is alone

@@ -50,7 +50,7 @@ class ServiceDesk:
         """Ask for a run and wait for its end."""
         return self.ended(self.service.submit({"kind": kind, **request}, who).id)
 
-    def ended(self, run_id: str, within_s: float = 60.0) -> RunView:
+    def ended(self, run_id: str, within_s: float = 110.0) -> RunView:
         """The run, when it has ended."""
         end = time.monotonic() + within_s
         while (run := self.service.run(run_id)).state not in ENDED:

@@ -79,6 +79,17 @@ def test_a_login_sets_a_cookie_that_scripts_and_other_sites_do_not_get(service: 
     assert client.post("/api/machines", json=MACHINE).status_code == 422  # it is heard, and no machine
 
 
+def test_who_somebody_is_may_have_any_letters(service: Service) -> None:
+    client = client_of(service)
+    token = own_token(service.settings.folder)
+    answer = client.get("/login", params={"token": token, "who": "Łukasz; Ω=1"}, follow_redirects=False)
+    assert answer.status_code == 303
+    client.post("/api/release")
+    assert service.trail.entries()[-1].who == "Łukasz; Ω=1"
+    client.post("/api/release", headers={"Schwung-Who": "J%C3%BCrgen%0A"})
+    assert service.trail.entries()[-1].who == "Jürgen"
+
+
 @pytest.mark.parametrize(
     "host", ["evil.example", "127.0.0.1.evil.example", "127.0.0.1:9999", "", "[::1", "a b"]
 )

@@ -106,7 +106,10 @@ def test_stop_ends_what_moves_and_holds_until_it_is_released(desk: ServiceDesk) 
         wanted = {"kind": "commission", "proposal_id": made["proposal_id"], "digest": made["digest"]}
         assert client.post("/api/runs", json=wanted).status_code == 409
         assert client.post("/api/release").json() == {"stopped": False, "who": None, "at": None}
-        assert client.post("/api/runs", json=wanted).status_code == 202
+        again = client.post("/api/runs", json=wanted)
+        assert again.status_code == 202
+        desk.service.cancel(again.json()["id"], "tester")
+        desk.ended(again.json()["id"])
 
 
 def test_stop_has_a_listener_of_its_own_which_knows_its_pages(desk: ServiceDesk) -> None:
@@ -180,6 +183,20 @@ def test_an_archive_opens_anywhere_and_proves_itself(desk: ServiceDesk, story: S
             text = json.dumps(entry, sort_keys=True, ensure_ascii=False).encode()
             assert hashlib.sha256(text).hexdigest() == told
             before = told
+
+
+def test_a_drive_is_known_by_what_it_said_changed_by_name_and_archived_when_free(desk: ServiceDesk) -> None:
+    desk.proposed()
+    with desk.client() as client:
+        drive = client.get(f"/api/drives/{desk.drive_id}").json()
+        assert drive["identity"]["name"] == "Schwung bench drive"
+        renamed = client.patch(f"/api/drives/{drive['id']}", json={"name": "X axis"})
+        assert renamed.json()["name"] == "X axis"
+        for wrong in ({"name": None}, {"profile": "../x"}, {"machine_id": "0" * 16}, {"bus": "other"}):
+            assert client.patch(f"/api/drives/{drive['id']}", json=wrong).status_code in (404, 422)
+        other = client.post("/api/drives", json={"name": "Y", "bus": "bench", "node_id": 9}).json()
+        assert client.delete(f"/api/drives/{other['id']}").status_code == 204
+        assert [one["id"] for one in client.get("/api/drives").json()] == [drive["id"]]
 
 
 def test_two_on_one_drive_go_one_after_the_other(desk: ServiceDesk) -> None:

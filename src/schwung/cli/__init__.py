@@ -33,6 +33,9 @@ from schwung.cli.profile import check, list_, new, show
 from schwung.cli.report import report
 from schwung.cli.reproduce import reproduce
 from schwung.cli.restore import restore
+from schwung.cli.runs import compare, prune
+from schwung.cli.runs import list_ as list_runs
+from schwung.cli.runs import show as show_run
 from schwung.cli.scan import scan
 from schwung.cli.serve import serve
 from schwung.errors import InputError, InterruptedByUser, SchwungError
@@ -137,6 +140,11 @@ profiles = typer.Typer(help="List, show, check and draft device profiles.", rich
 for _subcommand in (list_, show, check, new):
     profiles.command(_name(_subcommand))(_told_interrupts(_subcommand, "profile "))
 app.add_typer(profiles, name="profile")
+
+runs = typer.Typer(help="List, show, compare and prune what a service has kept.", rich_markup_mode="rich")
+for _of_runs in (list_runs, show_run, compare, prune):
+    runs.command(_name(_of_runs))(_told_interrupts(_of_runs, "runs "))
+app.add_typer(runs, name="runs")
 
 batches = typer.Typer(help="Estimate or explain a whole archive of sessions (Dask).", rich_markup_mode="rich")
 for _batched in (_batch.estimate, _batch.explain):

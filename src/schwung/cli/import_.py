@@ -261,10 +261,14 @@ def _from_log(
         raise InputError(option, "means nothing for a CAN log with an EDS", "Leave it out: the log says it.")
     if len(files) != 1:
         raise InputError("schwung import --eds", f"is given {len(files)} logs", "Give one log at a time.")
-    scales = {
-        key: unit(text, key, "rotary").factor  # type: ignore[arg-type]  # a literal
+    units = {
+        key: unit(text, key, "rotary")  # type: ignore[arg-type]  # a literal
         for key, text in said.items()
     }
+    if any(each.effort == "current" for each in units.values()):
+        raise InputError("--torque-unit", "is a current, but a drive reports per mille of its rated torque",
+                         "Write permille=RATED, the motor's rated torque in N·m.")  # fmt: skip
+    scales = {key: each.factor for key, each in units.items()}
     return import_can_log(files[0], LogRecipe(eds, node, channel, profile, scales))
 
 

@@ -74,9 +74,9 @@ def _position(axes: Axes, session: Session, start_s: float, title: str) -> None:
         curve(axes, time, run.position_rad, ESTIMATE if run.role == "reference" else EXCITED)
         if len(session.runs) <= 24:
             motion = run.extra.get("same_motion", number)
-            axes.annotate(f"{number}·m{motion}", (float(time[0]), high), color=MUTED.light, fontsize=7, va="top",
-                          xytext=(2, 0), textcoords="offset points", annotation_clip=True)  # fmt: skip
-    axes.set_ylim(low - 0.05 * (high - low), high + 0.12 * (high - low))
+            axes.annotate(f"{number}·m{motion}", (float(time[0]), high), color=MUTED.light, fontsize=7, va="bottom",
+                          xytext=(2, 2), textcoords="offset points", annotation_clip=True)  # fmt: skip
+    axes.set_ylim(low - 0.05 * (high - low), high + 0.15 * (high - low))
     axes.set_title(f"{title}: {_counted(session)}; position, {unit}")
 
 

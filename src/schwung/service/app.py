@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from typing import Annotated
+from urllib.parse import quote
 
 from fastapi import FastAPI, Query
 from fastapi.responses import RedirectResponse, Response
@@ -20,7 +21,7 @@ def make_app(service: Service, guard: Guard) -> FastAPI:
         title="Schwung",
         version=__version__,
         description="Commission servo drives: measure the load inertia over angle, and write it into the drive.",
-        docs_url="/api/docs",
+        docs_url=None,
         redoc_url=None,
         openapi_url="/api/openapi.json",
     )
@@ -40,7 +41,7 @@ def make_app(service: Service, guard: Guard) -> FastAPI:
         response = RedirectResponse("/", status_code=303)
         response.set_cookie(COOKIE, token, httponly=True, samesite="strict", max_age=90 * 86400)
         if who:
-            response.set_cookie(WHO_COOKIE, who, samesite="strict", max_age=90 * 86400)
+            response.set_cookie(WHO_COOKIE, quote(who), samesite="strict", max_age=90 * 86400)
         return response
 
     @app.get("/metrics", include_in_schema=False)

@@ -22,6 +22,7 @@ import secrets
 from http.cookies import CookieError, SimpleCookie
 from pathlib import Path
 from typing import Any
+from urllib.parse import unquote
 
 from starlette.exceptions import HTTPException
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
@@ -30,10 +31,16 @@ from schwung.errors import InputError
 from schwung.service.values import MAX_BODY_BYTES, MAX_UPLOAD_BYTES, Settings
 
 COOKIE = "schwung_token"
-#: Who somebody says to be, for the trail: header or cookie.
+#: Who somebody says to be, for the trail: header or cookie, percent-encoded (RFC 3986) beyond ASCII.
 WHO_HEADER, WHO_COOKIE = "schwung-who", "schwung_who"
 PROBLEM = "application/problem+json"
 
+#: With every answer: nobody else's page shows ours in a frame, and nobody guesses what a file is.
+_ALWAYS = (
+    (b"x-frame-options", b"SAMEORIGIN"),
+    (b"x-content-type-options", b"nosniff"),
+    (b"referrer-policy", b"no-referrer"),
+)
 _SAFE = ("GET", "HEAD", "OPTIONS")
 _OPEN = ("/api/stop", "/api/health", "/login")
 _TOKEN = re.compile(r"[A-Za-z0-9_-]{32,128}")
@@ -41,17 +48,20 @@ _TOKEN = re.compile(r"[A-Za-z0-9_-]{32,128}")
 
 def own_token(folder: Path) -> str:
     """The token of a data folder, made where there is none. Raises InputError where the file holds none."""
-    path = folder / "token"
-    try:
-        handle = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o600)
-    except FileExistsError:
+    path, made = folder / "token", folder / ".token.new"
+    if path.exists():
         token = path.read_text(encoding="ascii", errors="replace").strip()
         if not _TOKEN.fullmatch(token):
-            raise InputError(str(path), "holds no token", "Remove the file: a new one is made.") from None
+            raise InputError(str(path), "holds no token", "Remove the file: a new one is made.")
         return token
+    token = secrets.token_urlsafe(32)
+    made.unlink(missing_ok=True)
+    handle = os.open(made, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o600)
     with os.fdopen(handle, "w", encoding="ascii") as file:
-        token = secrets.token_urlsafe(32)
         file.write(token + "\n")
+        file.flush()
+        os.fsync(file.fileno())
+    os.replace(made, path)  # there whole or not at all, whatever happens meanwhile
     return token
 
 
@@ -153,7 +163,10 @@ class GuardMiddleware:
 
         async def watched(message: Message) -> None:
             nonlocal begun
-            begun = begun or message["type"] == "http.response.start"
+            if message["type"] == "http.response.start":
+                begun = True
+                message.setdefault("headers", [])
+                message["headers"] = [*message["headers"], *_ALWAYS]
             await send(message)
 
         try:
@@ -212,7 +225,7 @@ def _token_of(headers: dict[str, str]) -> str | None:
 
 
 def _who(headers: dict[str, str]) -> str:
-    told = headers.get(WHO_HEADER) or _cookie(headers, WHO_COOKIE) or ""
+    told = unquote(headers.get(WHO_HEADER) or _cookie(headers, WHO_COOKIE) or "")
     return "".join(c for c in told if c.isprintable())[:60].strip() or "somebody"
 
 

@@ -13,7 +13,7 @@ import threading
 import time
 from collections.abc import Callable, Iterable, Mapping
 from contextlib import nullcontext
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any, Protocol
 
@@ -96,7 +96,15 @@ class Task:
         """The drive of this run, connected. Raises InputError, BusError, DriveError."""
         assert self.lane is not None
         self.check()
-        found = self.lane.connect(self.drive_record)
+        record = self.drive_record
+        found = self.lane.connect(record)
+        identity = asdict(found.drive.identity)
+        if record.identity != identity:
+            self.store.change_drive(record.id, identity=identity)
+            if record.identity is not None:
+                self.note("another drive answers here than before")
+                told = {"was": dict(record.identity), "is": identity}
+                self.trail.add(self.run.who, "another drive", record.id, self.run.id, **told)
         self.check()  # a STOP that came while it was being connected found no brake to pull
         return found
 
@@ -265,10 +273,6 @@ class Jobs:
             return run
         task.cancel()
         return task.view
-
-    def on_drives(self) -> list[RunView]:
-        """Runs that are queued or running on a bus."""
-        return [task.view for task in list(self._tasks.values()) if task.lane is not None]
 
     def cancel_all(self, runs: Iterable[RunView]) -> None:
         """Cancel those of them that still go on."""

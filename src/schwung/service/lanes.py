@@ -7,6 +7,7 @@ is read or set without waiting for it.
 from __future__ import annotations
 
 import contextlib
+import logging
 import queue
 import threading
 import time
@@ -22,6 +23,7 @@ from schwung.service.latch import Brake
 from schwung.service.records import DriveRecord
 from schwung.service.values import BusEntry
 
+_log = logging.getLogger("schwung.service")
 _RETRY_S = 5.0  # a drive that did not answer is asked again after so long
 
 
@@ -195,11 +197,13 @@ class Lane:
             try:
                 job = self._jobs.get(timeout=self._poll_s if self._poll_s > 0 else None)
             except queue.Empty:
-                self._poll()
-                continue
+                job = self._poll
             if job is None:
                 break
-            job()
+            try:
+                job()
+            except Exception:  # a defect in one may not end the lane for all that come
+                _log.exception("bus %s", self.entry.name)
         self._release()
 
     def _poll(self) -> None:

@@ -71,6 +71,10 @@ class PlanRequest(Request):
     repeats: Annotated[int, Field(ge=1, le=50)] = 2
     phases: Annotated[int, Field(ge=1, le=64)] = 1
     also_s: Annotated[list[_Positive], Field(max_length=8)] = []
+    max_jitter_s: _Positive | None = Field(
+        None, description="Tolerated SYNC jitter (p99); default: a tenth of the period."
+    )
+    misses_allowed: Annotated[int, Field(ge=1, le=100, description="Heartbeats that may be missing.")] = 3
     bode_run_id: Id | None = Field(
         None, description="Take frequency, amplitude and fitted machine of this bode run."
     )

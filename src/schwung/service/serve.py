@@ -5,11 +5,14 @@ from __future__ import annotations
 import asyncio
 import contextlib
 import os
+import signal
 import socket
+import threading
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import uvicorn
 
@@ -36,7 +39,7 @@ class Started:
 
 def run(settings: Settings, announce: Callable[[Started], None]) -> None:
     """Serve until SIGINT or SIGTERM. Raises InputError where folder or port are somebody else's."""
-    with only_one(settings.folder):
+    with only_one(settings.folder), undisturbed_ending() as ends:
         token = own_token(settings.folder)
         listening = listen(settings.host, settings.port, "port")
         port: int = listening.getsockname()[1]
@@ -63,6 +66,7 @@ def run(settings: Settings, announce: Callable[[Started], None]) -> None:
                 ):  # how the server hands on the signal that ended it
                     server.run(sockets=[listening])
             finally:
+                ends()
                 stopper.close()
 
 
@@ -93,6 +97,27 @@ class _Told(uvicorn.Server):
         if self._watchdog is not None:
             self._watchdog.close()
         await super().shutdown(sockets)
+
+
+@contextmanager
+def undisturbed_ending() -> Iterator[Callable[[], None]]:
+    """Within: from the call of what is yielded on, signals do nothing: stopping and putting back is not cut short by a
+    second Ctrl-C. It takes seconds, and ends by itself.
+    """
+    before: dict[int, Any] = {}
+
+    def ends() -> None:
+        if threading.current_thread() is threading.main_thread():
+            for name in ("SIGINT", "SIGTERM", "SIGHUP"):
+                if hasattr(signal, name):
+                    number = getattr(signal, name)
+                    before[number] = signal.signal(number, signal.SIG_IGN)
+
+    try:
+        yield ends
+    finally:
+        for number, handler in before.items():
+            signal.signal(number, signal.SIG_DFL if handler is None else handler)
 
 
 @contextmanager

@@ -87,9 +87,9 @@ class Service:
 
     def close(self) -> None:
         """Stop what moves, put parameters back, keep what was recorded."""
-        moving = self._jobs.on_drives()
-        self._jobs.cancel_all(moving)
-        if moving:
+        acting = self._acting()
+        self._jobs.cancel_all(acting)
+        if acting:
             self._pull()
         ended = self._jobs.close(_ENDED_WITHIN_S)
         for lane in self._lanes.values():
@@ -230,12 +230,12 @@ class Service:
     # ── stop ─────────────────────────────────────────────────────────────────────────────────────────────────────
 
     def stop(self, who: str) -> Stopped:
-        """STOP: nothing is begun any more, all drives get a quick stop, what is on a bus is cancelled. From any
+        """STOP: nothing is begun any more, all drives get a quick stop, what moves or writes is cancelled. From any
         thread, never waits for the store, a lane or the event loop, never raises."""
         stopped = Stopped(who, now())
         self.latch.set(stopped)
         self._pull()
-        self._jobs.cancel_all(self._jobs.on_drives())
+        self._jobs.cancel_all(self._acting())
         threading.Thread(
             target=self._note_stop, args=(stopped,), name="schwung stop noted", daemon=True
         ).start()
@@ -247,13 +247,16 @@ class Service:
         self.latch.release()
         self._tell(None)
 
+    def _acting(self) -> list[RunView]:
+        return [run for run in self._jobs.active() if KINDS[run.kind].acts]
+
     def _pull(self, drive_id: str | None = None) -> None:
         for lane in self._lanes.values():
             lane.pull(drive_id)
 
     def _note_stop(self, stopped: Stopped) -> None:
         with contextlib.suppress(Exception):
-            self.trail.add(stopped.who, "stop", detail_at=stopped.at)
+            self.trail.add(stopped.who, "stop", since=stopped.at)
         self._tell(stopped)
 
     # ── drives ───────────────────────────────────────────────────────────────────────────────────────────────────
@@ -268,10 +271,28 @@ class Service:
         if profile is not None:
             require_family(profile)
         record = self.store.add_drive(name, bus, node_id, profile, machine_id, who)
-        self.trail.add(
-            who, "add drive", record.id, detail_name=name, bus=bus, node_id=node_id, profile=profile
-        )
+        self.trail.add(who, "add drive", record.id, name=name, bus=bus, node_id=node_id, profile=profile)
         return record
+
+    def change_drive(self, drive_id: str, who: str, **values: str | None) -> DriveRecord:
+        """Change a drive's name, profile or machine_id. Raises NotFoundError, InputError."""
+        if (machine_id := values.get("machine_id")) is not None:
+            self.store.machine(machine_id)
+        if (profile := values.get("profile")) is not None:
+            require_family(profile)
+        changed = self.store.change_drive(drive_id, **values)
+        self.trail.add(who, "change drive", drive_id, **values)
+        return changed
+
+    def archive_drive(self, drive_id: str, who: str) -> None:
+        """Take a drive from the list; its runs stay. Raises RefusedError while it is needed, NotFoundError."""
+        drive = self.store.drive(drive_id)
+        if self.store.unsettled(drive_id) or any(run.drive_id == drive_id for run in self.active()):
+            raise RefusedError(
+                f"drive {drive.name}", "is busy, or holds what was not put back", "Settle that first."
+            )
+        self.store.change_drive(drive_id, archived=now())
+        self.trail.add(who, "archive drive", drive_id)
 
     def status(self, drive_id: str) -> DriveStatus:
         """What is known of a drive at this moment. Raises NotFoundError."""
@@ -330,9 +351,7 @@ class Service:
             _remove(folder)
             raise
         record = self.store.add_machine(folder, name.strip() or found.name, who)
-        self.trail.add(
-            who, "add machine", detail_name=record.name, machine_id=record.id, sha256=record.sha256
-        )
+        self.trail.add(who, "add machine", name=record.name, machine_id=record.id, sha256=record.sha256)
         return record
 
     # ── being told ───────────────────────────────────────────────────────────────────────────────────────────────

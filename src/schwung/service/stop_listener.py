@@ -10,6 +10,7 @@ import asyncio
 import contextlib
 import json
 import socket
+import sys
 import threading
 import time
 
@@ -22,6 +23,8 @@ from schwung.service.guard import Guard
 from schwung.service.service import Service
 
 _STARTED_WITHIN_S = 10.0
+#: A thread that computes in Python gives way after so long, so that STOP is not behind a queue of them.
+_SWITCH_S = 5e-4
 
 
 def listen(host: str, port: int, what: str) -> socket.socket:
@@ -45,6 +48,7 @@ class StopListener:
 
     def __init__(self, service: Service, guard: Guard, host: str, port: int) -> None:
         self._service, self._guard = service, guard
+        sys.setswitchinterval(_SWITCH_S)
         self._socket = listen(host, port, "STOP's port")
         self.port: int = self._socket.getsockname()[1]
         guard.ports.add(self.port)

@@ -239,6 +239,12 @@ class Store:
         query = f"SELECT * FROM run {where} ORDER BY created DESC, id LIMIT ?"
         return [_run(row) for row in self.rows(query, *wanted.values(), limit)]
 
+    def ids_that_begin(self, table: str, begin: str) -> list[str]:
+        """Ids of runs or estimates that begin so, a few of them; `begin` is hexadecimal."""
+        assert table in ("run", "estimate")
+        rows = self.rows(f"SELECT id FROM {table} WHERE substr(id, 1, ?) = ? LIMIT 9", len(begin), begin)
+        return [str(row["id"]) for row in rows]
+
     def unfinished(self) -> list[RunView]:
         """Runs that are queued or running by their rows: after a start, those that a death has left."""
         return [

@@ -140,7 +140,7 @@ class _Process:
 def _serve(pipe: Connection) -> None:
     """The life of a process: work after work, until nobody is there any more."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is for the service, which ends us
-    with contextlib.suppress(OSError):
+    if hasattr(os, "nice"):
         os.nice(_NICE)
     threading.Thread(target=_end_with_parent, daemon=True).start()
     import schwung.estimation  # noqa: F401, PLC0415  # what most works need, before the first one comes

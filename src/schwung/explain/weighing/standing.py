@@ -21,7 +21,7 @@ from schwung.explain.weighing.search import Pick, Scored, Search, Set
 from schwung.innovations.evidence import block_gains, weigh
 
 #: A law is right to this share of what it does: so much of all that is named is left, at least.
-RIGHT_TO = 0.01
+RIGHT_TO = 0.003
 
 
 @dataclass(frozen=True)
@@ -48,13 +48,23 @@ def standing(search: Search, best: Scored, repeated: Sequence[Candidate]) -> Sta
     names: dict[str, float] = {}
     while picks:
         worth = {pick: _worth(search, picks, pick) for pick in picks}
-        sure = {pick: _sure(search, gain, left) for pick, gain in worth.items()}
+        sure = {p: _sure(search, gain, left + _others(search, worth, p)) for p, gain in worth.items()}
         weakest = min(picks, key=lambda pick: worth[pick])
         if sure[weakest] > 0.5:
             return Standing(left, {**names, **{search.candidate(p).name: sure[p] for p in picks}})
         names[search.candidate(weakest).name] = sure[weakest]
         left, picks = left + max(worth[weakest], 0.0), _without(picks, weakest)
     return Standing(left, names)
+
+
+def _others(search: Search, worth: Mapping[Pick, float], pick: Pick) -> float:
+    """What is left to a curve with a name by the others of the set: with no law to tell them apart, several are one."""
+
+    def is_curve(one: Pick) -> bool:
+        return len(search.candidate(one).scales) > 1
+
+    others = (gain for other, gain in worth.items() if other != pick and is_curve(other))
+    return sum((max(gain, 0.0) for gain in others), 0.0) if is_curve(pick) else 0.0
 
 
 def _sure(search: Search, gain: float, left: float) -> float:

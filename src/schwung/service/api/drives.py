@@ -8,6 +8,7 @@ from fastapi import APIRouter, Request
 from fastapi.responses import PlainTextResponse
 from pydantic import BaseModel, Field
 
+from schwung.errors import InputError
 from schwung.service.api.models import DriveModel, MachineModel
 from schwung.service.requests import Id
 from schwung.service.requests import Request as Asked
@@ -25,6 +26,14 @@ class NewDrive(Asked):
     profile: Annotated[
         str | None, Field(max_length=80, description="A family's name; default: by identity.")
     ] = None
+    machine_id: Id | None = None
+
+
+class DriveChanges(Asked):
+    """What shall be different; what is left out stays."""
+
+    name: _Name | None = None
+    profile: Annotated[str | None, Field(max_length=80)] = None
     machine_id: Id | None = None
 
 
@@ -70,6 +79,18 @@ def router(service: Service, who: Any) -> APIRouter:
             drive.name, drive.bus, drive.node_id, drive.profile, drive.machine_id, who(request)
         )
         return told(added.id)
+
+    @routes.patch("/drives/{drive_id}", summary="Change a drive's name, profile or machine")
+    def change(request: Request, drive_id: Id, changes: DriveChanges) -> DriveModel:
+        given = changes.model_dump(exclude_unset=True)
+        if given.get("name", "") is None:
+            raise InputError("name", "is null", "Give a name, or leave it out.")
+        service.change_drive(drive_id, who(request), **given)
+        return told(drive_id)
+
+    @routes.delete("/drives/{drive_id}", status_code=204, summary="Take a drive from the list; its runs stay")
+    def archive(request: Request, drive_id: Id) -> None:
+        service.archive_drive(drive_id, who(request))
 
     @routes.get("/machines", summary="All machines")
     def machines() -> list[MachineModel]:

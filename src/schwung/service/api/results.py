@@ -13,6 +13,7 @@ from starlette.background import BackgroundTask
 
 from schwung.service.api.models import ResultModel
 from schwung.service.archive import temporary_archive
+from schwung.service.comparison import compare
 from schwung.service.requests import Id
 from schwung.service.service import Service
 
@@ -39,6 +40,21 @@ class TrailCheck(BaseModel):
     entries: int
 
 
+class ComparedModel(BaseModel):
+    """One estimate against the first; `beyond`: share of the angles where both differ by more than their bands
+    allow."""
+
+    estimate_id: str
+    run_id: str
+    created: str
+    verdict: str | None
+    mean_kgm2: float
+    change: float | None
+    largest_kgm2: float | None
+    at_rad: float | None
+    beyond: float | None
+
+
 def router(service: Service, who: Any) -> APIRouter:
     """The routes; `who(request)` tells who asks."""
     routes = APIRouter(prefix="/api", tags=["results"])
@@ -63,6 +79,11 @@ def router(service: Service, who: Any) -> APIRouter:
     @routes.get("/explanations/{explanation_id}", summary="One explanation")
     def explanation(explanation_id: Id) -> ResultModel:
         return ResultModel.of(store.explanation(explanation_id))
+
+    @routes.get("/compare", summary="Estimates against the first of them")
+    def compared(estimate_id: Annotated[list[Id], Query(min_length=2, max_length=50)]) -> list[ComparedModel]:
+        found = compare([store.estimate(one) for one in estimate_id])
+        return [ComparedModel(**asdict(one)) for one in found]
 
     @routes.get("/runs/{run_id}/archive", summary="A run as one zip", response_class=FileResponse)
     def archive(run_id: Id) -> FileResponse:

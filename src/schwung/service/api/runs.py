@@ -53,7 +53,7 @@ def router(service: Service, who: Any) -> APIRouter:
     def content(file_id: Id) -> FileResponse:
         file = service.store.file(file_id)
         path = service.store.file_path(file_id)
-        headers = {"X-Content-Type-Options": "nosniff", "Content-Security-Policy": "sandbox allow-scripts"}
+        headers = {"Content-Security-Policy": "sandbox allow-scripts"}
         return FileResponse(path, media_type=file.media_type, filename=file.name, headers=headers,
                             content_disposition_type="inline")  # fmt: skip
 

@@ -15,6 +15,7 @@ from schwung.commissioning.bode_result import read_bode
 from schwung.commissioning.commission import settings_of
 from schwung.commissioning.preflight import preflight
 from schwung.commissioning.survey import survey
+from schwung.commissioning.ways import MAX_JITTER_SHARE
 from schwung.drivetrain import Simulated, load_machine
 from schwung.errors import InputError, RefusedError
 from schwung.fieldbus.drive import Drive
@@ -54,6 +55,10 @@ def plan(task: Task) -> Mapping[str, Any]:
         repeats=asked.repeats,
         phases=asked.phases,
         also_s=tuple(asked.also_s),
+        max_jitter_share=(
+            MAX_JITTER_SHARE if asked.max_jitter_s is None else asked.max_jitter_s * asked.sample_rate_hz
+        ),
+        misses_allowed=asked.misses_allowed,
     )
     if asked.bode_run_id is not None:
         bode_run = task.store.run(asked.bode_run_id)
