@@ -16,6 +16,8 @@ from schwung.clock import SteppedClock
 from schwung.errors import RefusedError
 from schwung.fieldbus.drive import Drive
 
+_HALTED_WITHIN_S = 5.0
+
 
 @dataclass(frozen=True)
 class Stopped:
@@ -62,6 +64,7 @@ class Brake:
         self.drive, self._halted = drive, halted  # told how long it took from `pull` (s)
         self.pulled_s: float | None = None  # monotonic, when it was pulled last
         self.halted_s: float | None = None  # when the driver's `halt` returned
+        self._pulls = self._done = self._answered = 0  # asked for, carried out, followed by `answer`
         self._wanted = threading.Event()
         self._ended = False
         self._thread = threading.Thread(target=self._run, name="schwung brake", daemon=True)
@@ -70,13 +73,24 @@ class Brake:
     def pull(self) -> None:
         """Quick stop, now; see Drive.halt."""
         self.pulled_s, self.halted_s = time.monotonic(), None
+        self._pulls += 1
         self._wanted.set()
 
     def answer(self) -> bool:
-        """Whether it was pulled since this was asked last, and `halt` has returned: who asks switches the drive off."""
-        if self.halted_s is None:
+        """Whether it was pulled since this was asked last: who asks switches the drive off.
+
+        In the thread of the drive's lane. What was pulled is over when this returns: no halt comes late into what
+        begins afterwards.
+        """
+        if self._pulls == self._answered:
             return False
-        self.halted_s = None
+        end = time.monotonic() + _HALTED_WITHIN_S
+        while self._done < self._pulls and time.monotonic() < end:
+            time.sleep(1e-3)
+        clock = self.drive.clock
+        if isinstance(clock, SteppedClock):
+            clock.sleep(1e-3)  # what was put into its time is carried out now
+        self._answered = self._done
         return True
 
     def close(self) -> None:
@@ -90,6 +104,7 @@ class Brake:
         while True:
             self._wanted.wait()
             self._wanted.clear()
+            pulls = self._pulls
             if self._ended:
                 return
             with contextlib.suppress(
@@ -102,6 +117,6 @@ class Brake:
                     clock.later(0.0, self.drive.halt)
                 else:
                     self.drive.halt()
-            self.halted_s = time.monotonic()
+            self.halted_s, self._done = time.monotonic(), pulls
             if self.pulled_s is not None:
                 self._halted(self.halted_s - self.pulled_s)
