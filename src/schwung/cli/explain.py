@@ -2,16 +2,20 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from schwung.cli.options import Json, Machine
+from schwung.cli.options import Json
 
 if TYPE_CHECKING:
     from schwung.cli.console import Terminal
     from schwung.explain.values import Explanation
+    from schwung.session import Session
+    from schwung.simulators.belief import FmuBelief
 
 _COLOURS = {
     "consistent": "green",
@@ -23,7 +27,16 @@ _COLOURS = {
 
 def explain(
     session: Annotated[Path, typer.Argument(help="The recorded session, *.h5.")],
-    machine: Machine,
+    machine: Annotated[
+        Path | None,
+        typer.Option("-m", "--machine", help="What is believed about the machine: machine.toml."),
+    ] = None,
+    belief: Annotated[
+        Path | None, typer.Option(metavar="FMU", help="Your own simulator as the belief: an FMU, FMI 2 or 3.")
+    ] = None,
+    mapped: Annotated[
+        Path | None, typer.Option("--map", metavar="TOML", help="Which variables of the FMU are which.")
+    ] = None,
     out: Annotated[
         Path, typer.Option(help="Folder for explanation.json, explanation.html and the learned machine.toml.")
     ] = Path("explanation"),
@@ -38,27 +51,46 @@ def explain(
       schwung explain session.h5 -m machine.toml
 
       schwung explain session.h5 -m machine.toml --out monday --json
+
+      schwung explain session.h5 --belief model.fmu --map map.toml
     """
     from schwung.api.folders import make_folder, planned_folder
     from schwung.cli.console import Terminal, json_text, progress_bar
     from schwung.cli.sessions import in_file
     from schwung.commissioning.bode import with_recorded_gains
     from schwung.drivetrain import load_machine, write_machine
+    from schwung.errors import InputError
     from schwung.explain.explain import explain as explain_session
     from schwung.files import replace_file
     from schwung.report.explanation import ExplanationContent, write_explanation
     from schwung.session import read_session
 
     terminal = Terminal(json_output)
+    if (machine is None) == (belief is None):
+        raise InputError(
+            "schwung explain", "needs one belief", "Give -m machine.toml, or --belief model.fmu."
+        )
     recorded = read_session(session)
-    believed = with_recorded_gains(load_machine(machine), recorded)
+    given = load_machine(machine) if machine is not None else None
     folder = planned_folder(out, beside_session=True)
     learned = folder / "machine.toml"
     _keep_beliefs(learned, machine)
     with in_file(session), progress_bar(terminal) as progress:
-        found = explain_session(recorded, believed, progress=progress)
+        if given is not None:
+            believed = with_recorded_gains(given, recorded)
+            found = explain_session(recorded, believed, progress=progress)
+        else:
+            measured = _measured(recorded, belief, mapped, lambda text, share: progress(text, 0.5 * share))
+            believed = with_recorded_gains(measured.machine, recorded)
+            found = explain_session(
+                recorded,
+                believed,
+                twin=measured.twin,
+                progress=lambda text, share: progress(text, 0.5 + 0.5 * share),
+            )
+            found = replace(found, notes=(*found.notes, *measured.notes))
     make_folder(folder)
-    document = found.to_json() | {"session": str(session), "machine": str(machine)}
+    document = found.to_json() | {"session": str(session), "machine": str(machine or belief)}
     replace_file(folder / "explanation.json", json_text(document))
     write_machine(found.machine, learned)
     content = ExplanationContent(
@@ -74,11 +106,26 @@ def explain(
     terminal.result(document)
 
 
-def _keep_beliefs(learned: Path, machine: Path) -> None:
+def _measured(
+    session: Session, belief: Path | None, mapped: Path | None, progress: Callable[[str, float], None]
+) -> FmuBelief:
+    """The FMU as it was played along the session."""
+    from schwung.errors import InputError
+    from schwung.simulators.belief import fmu_belief
+
+    assert belief is not None
+    if mapped is None:
+        remedy = "Give --map map.toml: which of the FMU's variables are torque, position and speed."
+        raise InputError("--belief", "is of no use without a map", remedy)
+    return fmu_belief(session, belief, mapped, progress=progress)
+
+
+def _keep_beliefs(learned: Path, machine: Path | None) -> None:
     """Raise InputError where the learned machine would take the place of the given one, or of a stranger's."""
     from schwung.errors import InputError
 
-    if learned.exists() and (learned.samefile(machine) or not learned.with_name("explanation.json").exists()):
+    same = machine is not None and learned.exists() and learned.samefile(machine)
+    if learned.exists() and (same or not learned.with_name("explanation.json").exists()):
         raise InputError(str(learned), "is a machine file that would be lost", "Choose another --out.")
 
 

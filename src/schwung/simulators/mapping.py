@@ -131,16 +131,16 @@ def ports(given: Map, fmu: Described, place: str) -> Ports:
 
     Raises InputError for variables that the FMU has not, units that nobody gives, and directions that make no sense.
     """
-    found = {name: _port(name, getattr(given, name), fmu, place) for name in QUANTITIES}
     torque, position = _variable(fmu, given.torque.variable, f"{place}: torque"), given.position.variable
-    inverse = torque.causality == "output"
-    wanted = ("input", "output")[inverse], ("output", "input")[inverse]
     if torque.causality not in ("input", "output"):
         raise InputError(
             f"{place}: torque",
             f'"{torque.name}" is neither input nor output of the FMU but {torque.causality}',
             f"Inputs are {_listed(fmu.of('input'))}; outputs {_listed(fmu.of('output'))}.",
         )
+    inverse = torque.causality == "output"
+    wanted = ("input", "output")[inverse], ("output", "input")[inverse]
+    found = {name: _port(name, getattr(given, name), fmu, place) for name in QUANTITIES}
     for name in QUANTITIES[1:]:
         signal = getattr(given, name)
         variable = fmu.variables[signal.variable] if signal is not None else None

@@ -67,6 +67,7 @@ def play(
         failure = folder / "failure.json"
         if failure.exists():
             what = " ".join(json.loads(failure.read_text(encoding="utf-8"))["what"].split())
+            what = what.replace(f"{folder / 'unpacked'}/", "")
             raise InputError(
                 str(fmu),
                 f"failed while it was played: {what[:300].rstrip('.')}",

@@ -14,6 +14,8 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import lru_cache
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -28,6 +30,7 @@ from schwung.errors import InputError
 from schwung.explain import forward
 from schwung.explain.spectrum import Spectrum
 from schwung.motion import Array
+from schwung.simulators.impedance import Response, two_masses_of
 from schwung.simulators.playing import Played
 
 #: The band that is fitted (Hz), and at most this share of the rate at which the FMU was played.
@@ -37,17 +40,18 @@ _MOTION_BAND, _GRID = 3.0, 12.0
 #: Slower than this share of the highest speed, dry friction may hold any torque.
 _STANDSTILL = 0.02
 #: Nodes of the inertia and of the load torque: per rad on the way, and at least and most.
-_NODES_PER_RAD, _FEWEST, _MOST, _TORQUE_NODES = 6.0, 6, 24, 6
-#: Where the search for two masses begins: share of the rotor, anti-resonance over the band, damping ratio.
-_SHARES, _ANTI_RESONANCES, _DAMPING = (0.03, 0.08, 0.15, 0.3, 0.5, 0.75), np.geomspace(0.03, 1.5, 12), 0.03
-#: Starts that are followed, and how much better two masses have to be than one.
-_STARTS, _WORTH = 3, 0.5
+_NODES_PER_RAD, _FEWEST, _MOST, _TORQUE_NODES = 6.0, 6, 36, 6
+#: How much better two masses have to be than one.
+_WORTH = 0.5
 #: Of a rigid machine all of the inertia is the load's, but for this share.
 _ROTOR_OF_RIGID = 0.01
-#: How much bent nodes cost: a weak word for those that are hardly visited.
-_SMOOTH = 1e-5
-#: Evaluations of a fit at most; the share of the band in which two masses still move as one.
-_MOST_STEPS, _SLOW = 15, 1 / 12
+#: What a bend of the nodes by 1 costs, over a misfit of all the torque: a weak word for what is hardly visited; a
+#: tenth of it is the cost of load torque and friction as such.
+_SMOOTH = 5e-3
+#: Lowest line of a response (Hz).
+_LOWEST_HZ = 8.0
+#: Steps of a fit at most.
+_MOST_STEPS = 25
 #: Dry friction above this share of the peak torque is told in the machine.
 _RUBS = 0.01
 #: The motor's peak torque over the highest that the session needed: the FMU says nothing about it.
@@ -99,8 +103,8 @@ class _Shape:
 
     def belief(self, x: Array) -> forward.Belief:
         """The parameters as equations."""
-        inertia = CubicSpline(self.nodes_rad, np.exp(x[self.inertia]))
-        torque = CubicSpline(self.torque_nodes_rad, x[self.torque])
+        inertia = np.tensordot(_splines(tuple(self.nodes_rad)), np.exp(x[self.inertia]), axes=1)
+        torque = np.tensordot(_splines(tuple(self.torque_nodes_rad)), x[self.torque], axes=1)
         rotor, stiffness, damping = np.exp(x[:_VISCOUS])
         return forward.Belief(
             rotor_inertia=float(rotor),
@@ -109,11 +113,17 @@ class _Shape:
             stiffness=0.0 if self.rigid else float(stiffness),
             damping=0.0 if self.rigid else float(damping),
             rigid=self.rigid,
-            inertia_knots=np.ascontiguousarray(inertia.x),
-            inertia_coefficients=np.ascontiguousarray(inertia.c),
-            torque_knots=np.ascontiguousarray(torque.x),
-            torque_coefficients=np.ascontiguousarray(torque.c),
+            inertia_knots=self.nodes_rad,
+            inertia_coefficients=np.ascontiguousarray(inertia),
+            torque_knots=self.torque_nodes_rad,
+            torque_coefficients=np.ascontiguousarray(torque),
         )
+
+
+@lru_cache(8)
+def _splines(nodes_rad: tuple[float, ...]) -> Array:
+    """Coefficients of the cubic spline through values at the nodes, per value: (4, n − 1, n)."""
+    return np.ascontiguousarray(CubicSpline(nodes_rad, np.eye(len(nodes_rad))).c)
 
 
 def stand_in(followed: Sequence[Played], probed: Sequence[Played], name: str, *, held: bool) -> StandIn:
@@ -130,14 +140,10 @@ def stand_in(followed: Sequence[Played], probed: Sequence[Played], name: str, *,
     low, high = _visited(runs)
     nodes = int(np.clip(round(_NODES_PER_RAD * (high - low)), _FEWEST, _MOST))
     rigid = _Shape(np.linspace(low, high, nodes), np.linspace(low, high, _TORQUE_NODES), rigid=True)
-    slow = [_run(one, band * _SLOW, held) for one in followed]
-    one_mass = _fit(slow, rigid, _first(slow, rigid), rigid.fitted)
     flexible = replace(rigid, rigid=False)
-    start = _two_masses(runs[len(followed) :] or runs, flexible, one_mass)
-    fits = [
-        (rigid, _fit(runs, rigid, one_mass, rigid.fitted)),
-        (flexible, _fit(runs, flexible, start, flexible.fitted)),
-    ]
+    one_mass = _level(rigid, np.log(_first(runs)))
+    two_masses = _level(flexible, two_masses_of(_response(runs[: len(probed)], runs[len(followed) :])))
+    fits = [(shape, _fit(runs, shape, start)) for shape, start in ((rigid, one_mass), (flexible, two_masses))]
     left = [_rms(runs, shape, x) for shape, x in fits]
     best, found = fits[1] if left[1] < _WORTH * left[0] else fits[0]
     torque = np.concatenate([run.torque_nm[run.valid] for run in runs])
@@ -185,9 +191,8 @@ def _visited(runs: Sequence[_Run]) -> tuple[float, float]:
     return low, high
 
 
-def _residuals(run: _Run, shape: _Shape, x: Array) -> Array:
-    """The FMU's torque minus what the parameters need, within the band, (n,); nothing where that is not compared."""
-    belief = shape.belief(x)
+def _residuals(run: _Run, belief: forward.Belief, dry_nm: float) -> Array:
+    """The FMU's torque minus what the belief needs, within the band, (n,); nothing where that is not compared."""
     if np.min(belief.inertia_coefficients[3]) <= 0 or not forward.can_follow(
         belief, Effects(), run.motion.step
     ):
@@ -195,36 +200,69 @@ def _residuals(run: _Run, shape: _Shape, x: Array) -> Array:
     motion = run.motion
     needed = forward.coupling_needed(belief, Effects(), motion)
     needed = needed + belief.rotor_inertia * motion.acceleration + belief.motor_friction * motion.speed
-    needed = needed + x[_DRY] * np.sign(motion.speed)
+    needed = needed + dry_nm * np.sign(motion.speed)
     return np.where(run.valid, run.torque_nm - run.spectrum.apply(needed, run.low), 0.0)
 
 
 def _rms(runs: Sequence[_Run], shape: _Shape, x: Array) -> float:
-    squares = sum(float(np.sum(_residuals(run, shape, x) ** 2)) for run in runs)
+    belief, dry = shape.belief(x), float(x[_DRY])
+    squares = sum(float(np.sum(_residuals(run, belief, dry) ** 2)) for run in runs)
     return float(np.sqrt(squares / max(sum(int(run.valid.sum()) for run in runs), 1)))
 
 
-def _first(runs: Sequence[_Run], shape: _Shape) -> Array:
-    """A constant inertia, by torque over acceleration."""
+def _first(runs: Sequence[_Run]) -> float:
+    """Torque over acceleration (kg·m²). Raises InputError where that is no inertia."""
     torque = np.concatenate([run.torque_nm[run.valid] for run in runs])
     alpha = np.concatenate([run.motion.acceleration[run.valid] for run in runs])
     omega = np.concatenate([run.motion.speed[run.valid] for run in runs])
     columns = np.column_stack([alpha, omega, np.sign(omega)])
-    inertia, viscous, dry = np.linalg.lstsq(columns, torque, rcond=None)[0]
+    inertia = float(np.linalg.lstsq(columns, torque, rcond=None)[0][0])
     if not inertia > 0:
         raise InputError(
             "the FMU",
             "asks for less torque the more it is accelerated",
             "Check the signs of torque and motion in the map: one of them has to be -1.",
         )
+    return inertia
+
+
+def _response(plain: Sequence[_Run], shaken: Sequence[_Run]) -> Response:
+    """Torque over speed of the difference between a motion and the same one shaken: friction and load torque cancel."""
+    band = plain[0].spectrum.rate_hz / _GRID
+    longest = max(int(run.valid.sum()) for run in plain)
+    size = 1 << (2 * longest - 1).bit_length()
+    frequency = np.fft.rfftfreq(size, plain[0].motion.step)
+    lines = (frequency > _LOWEST_HZ) & (frequency < 0.9 * band)
+    cross, power = np.zeros(int(lines.sum()), complex), np.zeros(int(lines.sum()))
+    for calm, other in zip(plain, shaken, strict=True):
+        moving = np.flatnonzero(calm.valid)
+        if moving.size < 8:
+            continue
+        part = slice(int(moving[0]), int(moving[-1]) + 1)
+        window = np.hanning(part.stop - part.start)
+        torque = np.fft.rfft(window * (other.torque_nm - calm.torque_nm)[part], size)[lines]
+        speed = np.fft.rfft(window * (other.motion.speed - calm.motion.speed)[part], size)[lines]
+        cross += torque * np.conj(speed)
+        power += np.abs(speed) ** 2
+    impedance = np.asarray(cross / np.maximum(power, 1e-300), dtype=complex)
+    return Response(np.asarray(frequency[lines], dtype=float), impedance, power)
+
+
+def _level(shape: _Shape, logarithms: Array | np.floating[Any]) -> Array:
+    """Parameters of a machine with one inertia at all angles: of all its mass, or of J_r, k, d and J_l."""
     x = np.zeros(shape.torque.stop)
-    x[_ROTOR], x[_VISCOUS], x[_DRY] = np.log(_ROTOR_OF_RIGID * inertia), viscous, dry
-    x[shape.inertia] = np.log(inertia)
+    if shape.rigid:
+        x[_ROTOR] = np.log(_ROTOR_OF_RIGID) + logarithms
+        x[shape.inertia] = logarithms
+    else:
+        values = np.asarray(logarithms)
+        x[: _DAMPER + 1], x[shape.inertia] = values[: _DAMPER + 1], values[_DAMPER + 1]
     return x
 
 
-def _fit(runs: Sequence[_Run], shape: _Shape, start: Array, free: NDArray[np.intp]) -> Array:
-    """The parameters that leave least, from a start; those not free stay."""
+def _fit(runs: Sequence[_Run], shape: _Shape, start: Array) -> Array:
+    """The parameters that leave least, from a start."""
+    free = shape.fitted
     size = max(float(np.sqrt(np.mean(np.concatenate([run.torque_nm for run in runs]) ** 2))), 1e-12)
 
     def whole(values: Array) -> Array:
@@ -234,33 +272,19 @@ def _fit(runs: Sequence[_Run], shape: _Shape, start: Array, free: NDArray[np.int
 
     def cost(values: Array) -> Array:
         x = whole(values)
-        left = np.concatenate([_residuals(run, shape, x)[run.valid] for run in runs])
+        belief, dry = shape.belief(x), float(x[_DRY])
+        left = np.concatenate([_residuals(run, belief, dry)[run.valid] for run in runs])
         bends = (np.diff(x[shape.inertia], 2), np.diff(x[shape.torque], 2) / size)
-        return np.concatenate([left / (size * np.sqrt(left.size)), *(_SMOOTH * bend for bend in bends)])
+        ridge = x[[_DRY, *range(shape.torque.start, shape.torque.stop)]] / size
+        weak = [_SMOOTH * bend for bend in bends]
+        return np.concatenate([left / (size * np.sqrt(left.size)), *weak, 0.1 * _SMOOTH * ridge])
 
     scale = np.where(np.arange(start.size) < _VISCOUS, 1.0, size)
     scale[shape.inertia] = 0.3
-    done = least_squares(cost, start[free], x_scale=scale[free], max_nfev=_MOST_STEPS, ftol=1e-5, xtol=1e-6)
+    done = least_squares(
+        cost, start[free], method="lm", x_scale=scale[free], max_nfev=_MOST_STEPS, ftol=1e-5, xtol=1e-6
+    )
     return whole(done.x)
-
-
-def _two_masses(runs: Sequence[_Run], shape: _Shape, one_mass: Array) -> Array:
-    """The likeliest division of one mass into two on a spring."""
-    total, band = np.exp(one_mass[shape.inertia]), float(runs[0].spectrum.rate_hz) / _GRID
-    tried = []
-    for share in _SHARES:
-        rotor = share * float(total.min())
-        load = total - rotor
-        for place in _ANTI_RESONANCES:
-            x = one_mass.copy()
-            stiffness = float(np.mean(load)) * (2 * np.pi * place * band) ** 2
-            damping = 2 * _DAMPING * np.sqrt(stiffness * float(np.mean(load)))
-            x[: _DAMPER + 1] = np.log([rotor, stiffness, damping])
-            x[shape.inertia] = np.log(load)
-            tried.append((_rms(runs, shape, x), x))
-    tried.sort(key=lambda one: one[0])
-    refined = [_fit(runs, shape, x, np.arange(_DAMPER + 1)) for _, x in tried[:_STARTS]]
-    return min(refined, key=lambda x: _rms(runs, shape, x))
 
 
 def _machine(shape: _Shape, x: Array, name: str, peak_nm: float) -> Machine:
