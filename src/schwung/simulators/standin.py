@@ -103,9 +103,9 @@ class _Shape:
 
     def belief(self, x: Array) -> forward.Belief:
         """The parameters as equations."""
-        inertia = np.tensordot(_splines(tuple(self.nodes_rad)), np.exp(x[self.inertia]), axes=1)
+        inertia = np.tensordot(_splines(tuple(self.nodes_rad)), _exp(x[self.inertia]), axes=1)
         torque = np.tensordot(_splines(tuple(self.torque_nodes_rad)), x[self.torque], axes=1)
-        rotor, stiffness, damping = np.exp(x[:_VISCOUS])
+        rotor, stiffness, damping = _exp(x[:_VISCOUS])
         return forward.Belief(
             rotor_inertia=float(rotor),
             motor_friction=float(x[_VISCOUS]),
@@ -118,6 +118,11 @@ class _Shape:
             torque_knots=self.torque_nodes_rad,
             torque_coefficients=np.ascontiguousarray(torque),
         )
+
+
+def _exp(logarithms: Array) -> Array:
+    """Values of logarithms, which a step of the fit may throw far off."""
+    return np.asarray(np.exp(np.clip(logarithms, -60.0, 60.0)))
 
 
 @lru_cache(8)
@@ -290,7 +295,7 @@ def _fit(runs: Sequence[_Run], shape: _Shape, start: Array) -> Array:
 def _machine(shape: _Shape, x: Array, name: str, peak_nm: float) -> Machine:
     belief = shape.belief(x)
     angle = np.linspace(shape.nodes_rad[0], shape.nodes_rad[-1], 201)
-    inertia = np.maximum(CubicSpline(shape.nodes_rad, np.exp(x[shape.inertia]))(angle), 1e-9)
+    inertia = np.maximum(CubicSpline(shape.nodes_rad, _exp(x[shape.inertia]))(angle), 1e-9)
     torque = CubicSpline(shape.torque_nodes_rad, x[shape.torque])(angle)
     dry = float(x[_DRY])
     rubs = PhysicsTerm.model_validate({"name": "coulomb_friction", "torque_nm": dry})
