@@ -24,18 +24,22 @@ import numpy as np
 from rich.console import Console
 
 from optimise import markdown
+from schwung import (
+    Connection,
+    InertiaTable,
+    LimitWishes,
+    Machine,
+    Wishes,
+    connect,
+    load_machine,
+    read_session,
+)
+from schwung.api.computing import explain
+from schwung.api.optimising import MotionLimits, Playing, Task
 from schwung.cli.console import Terminal
 from schwung.cli.demo import BELIEF
 from schwung.cli.flow import Ending, commission_and_show
-from schwung.cli.playing import Playing, play_and_show
-from schwung.commissioning import LimitWishes, Wishes
-from schwung.commissioning.bode import with_recorded_gains
-from schwung.drivetrain import InertiaTable, Machine, load_machine
-from schwung.explain.explain import explain
-from schwung.fieldbus.canopen import BusOptions
-from schwung.fieldbus.connecting import Connected, connected
-from schwung.optimise.values import MotionLimits, Task
-from schwung.session import read_session
+from schwung.cli.playing import play_and_show
 from schwung_sim.bench import Bench
 
 STROKE_RAD = np.pi
@@ -48,7 +52,7 @@ _channels = count()
 class Room:
     """A bench drive, connected, and a folder."""
 
-    opened: Connected
+    connection: Connection
     folder: Path
 
     def commission(self, **wishes: Any) -> Machine:
@@ -56,7 +60,7 @@ class Room:
         file = self.folder / "machine.toml"
         file.write_text(BELIEF, encoding="utf-8")
         commission_and_show(
-            self.opened.drive, self.opened.profile, load_machine(file),
+            self.connection, load_machine(file),
             Wishes(distance_rad=STROKE_RAD, duration_s=0.25, **wishes), self.folder, silent(),
             confirm=lambda _question: True, ending=Ending(),
         )  # fmt: skip
@@ -67,7 +71,7 @@ class Room:
         out = self.folder / f"played-{next(_channels)}"
         task = Task(0.0, STROKE_RAD, MotionLimits(machine.motor.peak_torque_nm), duration_s=duration_s)
         return play_and_show(
-            self.opened.drive, self.opened.profile, machine, task, LimitWishes(),
+            self.connection, machine, task, LimitWishes(),
             Playing(against, rivals=False), out, silent(), confirm=lambda _question: True,
         ) | {"out": out}  # fmt: skip
 
@@ -79,9 +83,9 @@ def room(plant: str, conceal: str = "", seed: int = 0) -> Iterator[Room]:
     with (
         tempfile.TemporaryDirectory() as folder,
         Bench(plant, conceal=conceal, seed=seed, channel=channel, node_id=1),
-        connected(BusOptions("stepped", channel, 1_000_000), 1, "schwung-bench") as opened,
+        connect("stepped", channel, bitrate=1_000_000, profile="schwung-bench") as connection,
     ):
-        yield Room(opened, Path(folder))
+        yield Room(connection, Path(folder))
 
 
 def silent() -> Terminal:
@@ -160,7 +164,7 @@ def named_physics() -> None:
     with room("two-mass", CONCEALED) as made:
         measured = made.commission(also_s=(0.4,), phases=4)
         session = read_session(made.folder / "session.h5")
-        learned = explain(session, with_recorded_gains(measured, session)).machine
+        learned = explain(session, measured).machine
         print("named:", ", ".join(term.name for term in learned.physics) or "nothing", "\n")
         for duration in (0.4, 0.25):
             for name, machine in (("measured", measured), ("measured and named", learned)):

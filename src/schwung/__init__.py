@@ -28,6 +28,8 @@ _PLACES = {
     ),
     "schwung.api.drives": ("Connection", "connect", "doctor", "scan"),
     "schwung.api.moving": ("Commissioned", "Exported", "Plan", "commission", "export", "plan", "plan_export"),
+    "schwung.api.optimising": ("MotionLimits", "Optimised", "Task", "optimise"),
+    "schwung.api.reports": ("write_report",),
     "schwung.api.values": (
         "Estimate", "Explanation", "InertiaTable", "Machine", "Run", "Session", "Simulated",
     ),

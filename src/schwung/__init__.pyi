@@ -18,6 +18,11 @@ from schwung.api.moving import commission as commission
 from schwung.api.moving import export as export
 from schwung.api.moving import plan as plan
 from schwung.api.moving import plan_export as plan_export
+from schwung.api.optimising import MotionLimits as MotionLimits
+from schwung.api.optimising import Optimised as Optimised
+from schwung.api.optimising import Task as Task
+from schwung.api.optimising import optimise as optimise
+from schwung.api.reports import write_report as write_report
 from schwung.api.values import Estimate as Estimate
 from schwung.api.values import Explanation as Explanation
 from schwung.api.values import InertiaTable as InertiaTable

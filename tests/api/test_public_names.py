@@ -12,12 +12,14 @@ from typing import Any
 
 import numpy as np
 import pytest
+from matplotlib.figure import Figure
 
 import schwung
 from schwung_sim.bench import Bench
 
 ERRORS = [name for name in schwung.__all__ if name.endswith("Error") or name == "InterruptedByUser"]
 NAMES = [name for name in schwung.__all__ if name not in ERRORS and name != "__version__"]
+PAGE = Path(__file__).parents[2] / "docs" / "python.md"
 #: A unit, or the word that there is none.
 UNIT = re.compile(r"\b(rad|kg·m²|Hz|SI|bit/s|units?)\b|N·m|\bs\b")
 #: A shape, or the word that there is none.
@@ -26,24 +28,46 @@ SHAPE = re.compile(r"\(n,\)|\bshapes?\b|\bno arrays\b")
 
 @pytest.fixture(scope="module")
 def world(tmp_path_factory: pytest.TempPathFactory) -> Iterator[dict[str, Any]]:
-    """What the examples take as given: a drive on a virtual bus, and what a commissioning of it has left."""
-    folder, yes = tmp_path_factory.mktemp("api"), lambda _question: True
-    with Bench("two-mass", channel="api", node_id=1):
-        with schwung.connect("stepped", "api") as connection:
-            wishes = schwung.Wishes(distance_rad=3.14, duration_s=0.25, repeats=1)
-            plan = schwung.plan(connection, schwung.example_machine(), wishes)
-            done = schwung.commission(connection, plan, folder / "done", confirm=yes)
-            written = schwung.export(connection, done, confirm=yes)
-        yield {
-            "schwung": schwung,
+    """What the examples take as given: a drive on a virtual bus, and what the page about Python has left."""
+    folder, page = tmp_path_factory.mktemp("api"), PAGE.read_text(encoding="utf-8")
+    (code,) = re.findall(r"```python\n(.*?)```", page, re.DOTALL)
+    assert code.count("\n") <= 41  # everything in 40 lines
+    made: dict[str, Any] = {}
+    with pytest.MonkeyPatch.context() as patch, Bench("two-mass", channel="api", node_id=1):
+        patch.chdir(folder)
+        patch.setenv("MPLBACKEND", "agg")
+        exec(compile(code, str(PAGE), "exec"), made)
+        yield made | {
             "bench": "api",
             "folder": folder,
-            "session_file": done.session_path,
-            "done": done,
-            "written": written,
-            "explanation": schwung.explain(done.session, done.machine),
+            "session_file": made["done"].session_path.absolute(),
             "table": schwung.InertiaTable(np.array([0.0, 1.0, 2.0]), np.array([0.1, 0.3, 0.2])),
         }
+
+
+@pytest.mark.parametrize(
+    "name", ["plan", "done", "written", "session", "former", "explanation", "simulated", "best"]
+)
+def test_values_show_themselves(world: dict[str, Any], name: str) -> None:
+    value = world[name]
+    shown = value._repr_html_()
+    assert shown.startswith('<div class="schwung-value">')
+    assert "<table>" in shown
+    assert "<script" not in shown
+    assert "http" not in shown.replace("http://www.w3.org", "")  # nothing is fetched
+    if name != "written":
+        axes = Figure().subplots()
+        assert value.plot(axes) is axes
+        assert axes.lines
+        assert "<svg" in shown
+    if name != "plan":
+        assert len(value.to_dataframe().columns) > 2
+
+
+def test_without_pandas_one_sentence_says_so(world: dict[str, Any], monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("schwung.api.shown.find_spec", lambda _name: None)
+    with pytest.raises(schwung.InputError, match="needs pandas, not installed here"):
+        world["session"].to_dataframe()
 
 
 def test_the_list_is_the_same_for_people_and_for_type_checkers() -> None:

@@ -5,18 +5,21 @@ from __future__ import annotations
 import gzip
 import subprocess
 import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 
 import can
 import numpy as np
 import pytest
-from bench_machine import desk
+from bench_machine import Desk, desk
 
 from schwung.clock import SteppedBus
 from schwung.commissioning import Commissioned
 from schwung.errors import InputError
 from schwung.estimation import estimate
+from schwung.estimation.denoise import same_motion
 from schwung.fieldbus.canlog import LogRecipe, import_can_log
 from schwung.fieldbus.profile import load_profile
 from schwung.session.imports import Imported
@@ -39,16 +42,22 @@ class Logged:
             return list(reader)
 
 
+@contextmanager
+def logging(room: Desk, path: Path) -> Iterator[None]:
+    """Everything on the desk's bus into a file, as `candump -L` writes it."""
+    tap = SteppedBus(room.bench.channel)
+    with can.CanutilsLogWriter(path, channel="can0") as writer:
+        task = tap.clock.read(tap, writer.on_message_received, lambda error: None)
+        yield
+        task.close()
+    tap.shutdown()
+
+
 @pytest.fixture(scope="module")
 def logged(tmp_path_factory: pytest.TempPathFactory) -> Logged:
     folder = tmp_path_factory.mktemp("logged")
-    with desk(seed=11) as room:
-        tap = SteppedBus(room.bench.channel)
-        with can.CanutilsLogWriter(folder / "candump.log", channel="can0") as writer:
-            task = tap.clock.read(tap, writer.on_message_received, lambda error: None)
-            done = room.commission(folder / "out", repeats=2)
-            task.close()
-        tap.shutdown()
+    with desk(seed=11) as room, logging(room, folder / "candump.log"):
+        done = room.commission(folder / "out", repeats=2)
     return Logged(done, folder / "candump.log")
 
 
@@ -79,6 +88,31 @@ def test_the_log_gives_the_same_runs_and_the_same_table(logged: Logged) -> None:
     assert np.sqrt(np.mean(off**2)) < np.median(table.std_kgm2)
 
 
+@pytest.mark.parametrize("wishes", [{"phases": 4}, {"mode": "pp"}, {"returns": False}], ids=str)
+def test_other_ways_to_commission_are_recognised(tmp_path: Path, wishes: dict[str, object]) -> None:
+    """Four phases close behind each other; strokes on the drive's own profile; one way, with a way home between."""
+    with desk(seed=5) as room, logging(room, tmp_path / "x.log"):
+        own = room.record(tmp_path / "out", **wishes)
+    found = imported(tmp_path / "x.log").session
+    injected = [run.excitation.phase_rad for run in found.excited if run.excitation]
+    wanted = [run.excitation.phase_rad for run in own.excited if run.excitation]
+    np.testing.assert_allclose(np.exp(1j * np.array(injected)), np.exp(1j * np.array(wanted)), atol=1e-3)
+    for run, ours in zip(found.excited, own.excited, strict=True):
+        later = int(
+            np.argmin(
+                [np.sum((ours.position_rad[k : k + 300] - run.position_rad[:300]) ** 2) for k in range(9)]
+            )
+        )
+        size = min(len(run), len(ours) - later)
+        np.testing.assert_allclose(
+            run.position_rad[:size], ours.position_rad[later : later + size], atol=1e-12
+        )
+        assert size > 0.9 * len(ours)
+        alike = [other for other in found.references if len(other) == len(run) and same_motion(other, run)]
+        assert len(alike) == 1  # what is subtracted
+        assert (run.position_demand_rad is None) == (wishes.get("mode") == "pp")
+
+
 @pytest.mark.parametrize("suffix", ["blf", "asc", "trc"])
 def test_every_log_format_gives_the_same_session(logged: Logged, tmp_path: Path, suffix: str) -> None:
     path = tmp_path / f"log.{suffix}"
@@ -91,6 +125,33 @@ def test_every_log_format_gives_the_same_session(logged: Logged, tmp_path: Path,
     for run, same in zip(first.runs, other.runs, strict=True):
         np.testing.assert_array_equal(run.position_rad, same.position_rad)
         assert run.sample_rate_hz == same.sample_rate_hz
+
+
+def test_frames_in_an_mdf_give_the_same_session(logged: Logged, tmp_path: Path) -> None:
+    """As ASAM's bus logging has them."""
+    asammdf = pytest.importorskip("asammdf")
+    kind = [
+        ("BusChannel", "u1"),
+        ("ID", "<u4"),
+        ("IDE", "u1"),
+        ("DLC", "u1"),
+        ("DataLength", "u1"),
+        ("DataBytes", "(8,)u1"),
+    ]
+    messages = [m for m in logged.messages() if not m.is_remote_frame]
+    frames = np.zeros(len(messages), dtype=[(f"CAN_DataFrame.{name}", each) for name, each in kind])
+    for k, message in enumerate(messages):
+        size = len(message.data)
+        padded = list(message.data) + [0] * (8 - size)
+        frames[k] = (1, message.arbitration_id, message.is_extended_id, size, size, padded)
+    stamps = np.array([message.timestamp for message in messages])
+    path = tmp_path / "bus.mf4"
+    with asammdf.MDF(version="4.10") as file:
+        file.append(asammdf.Signal(frames, stamps - stamps[0], name="CAN_DataFrame"))
+        file.save(path)
+    first, other = imported(logged.log).session, imported(path).session
+    for run, same in zip(first.runs, other.runs, strict=True):
+        np.testing.assert_array_equal(run.position_rad, same.position_rad)
 
 
 def test_candump_as_it_prints_and_gzipped(logged: Logged, tmp_path: Path) -> None:
@@ -109,7 +170,7 @@ def test_what_the_log_does_not_hold_is_asked_for_by_name(logged: Logged, tmp_pat
     path = tmp_path / "late.log"
     silent = ("581#438F60", "581#437660", "581#4BA960", "581#43A960")
     path.write_text("\n".join(line for line in logged.lines() if not any(s in line for s in silent)) + "\n")
-    with pytest.raises(InputError, match=r"encoder resolution.*--position-unit counts="):
+    with pytest.raises(InputError, match=r"node 1: .*encoder resolution.*--position-unit counts="):
         imported(path)
     said = {"position": 2 * np.pi / 1048576}
     with pytest.raises(InputError, match=r"speed unit \(60A9\).*--speed-unit"):

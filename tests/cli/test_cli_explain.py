@@ -4,17 +4,17 @@ from __future__ import annotations
 
 import importlib
 import json
-import sys
 from collections.abc import Callable
 from pathlib import Path
-from types import ModuleType, SimpleNamespace
+from types import ModuleType
 from typing import Any
 
 import numpy as np
 import pytest
 
+from schwung.api import computing
+from schwung.api.reports import explanation_note
 from schwung.cli import main
-from schwung.cli.sessions import explanation_note
 from schwung.drivetrain import load_machine, paper_machine, write_machine
 from schwung.errors import InputError
 from schwung.session import SessionWriter
@@ -54,7 +54,7 @@ def answer(monkeypatch: pytest.MonkeyPatch) -> Answer:
                 raise result
             return result
 
-        monkeypatch.setitem(sys.modules, "schwung.explain.explain", SimpleNamespace(explain=explain))
+        monkeypatch.setattr(computing, "explain_session", explain)
 
     return stand_in
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import shlex
 from pathlib import Path
 
 import numpy as np
@@ -101,3 +102,44 @@ def test_help_has_examples(capsys: pytest.CaptureFixture[str]) -> None:
     assert code == 0
     assert "Examples" in out
     assert "data[:,2]" in out
+
+
+def test_a_guess_writes_nothing_but_the_picture_until_it_is_told(
+    capsys: pytest.CaptureFixture[str], tmp_path: Path, recording: Path
+) -> None:
+    out = tmp_path / "s.h5"
+    code, text, _ = invoke(capsys, "import", str(recording), "-o", str(out), "--guess", "--json")
+    assert code == 0
+    assert not out.exists()
+    assert (tmp_path / "s-guess.png").read_bytes().startswith(b"\x89PNG")
+    told = json.loads(text)
+    command = shlex.split(told["proposals"][0]["command"])
+    assert command[:2] == ["schwung", "import"]
+    assert invoke(capsys, *command[1:])[0] == 0
+    first = read_session(out)
+    assert (
+        invoke(capsys, "import", str(recording), "-o", str(tmp_path / "again.h5"), "--guess", "--yes")[0] == 0
+    )
+    again = read_session(tmp_path / "again.h5")
+    assert len(first.runs) == len(again.runs) == 3
+    np.testing.assert_array_equal(first.runs[0].position_rad, again.runs[0].position_rad)
+
+
+def test_each_joint_becomes_a_session(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
+    motion = Motion(distance_rad=1.0, duration_s=0.4, start_time_s=0.2, dwell_s=0.2)
+    angle = np.tile(motion.demand(motion.time(1000.0)).position_rad, 2)
+    rows = [f"{k / 1000},{q},{2 * q},{3 * q},{4 * q}" for k, q in enumerate(angle)]
+    path = tmp_path / "robot.csv"
+    path.write_text("t,q1,tau1,q2,tau2\n" + "\n".join(rows) + "\n")
+    columns = ("--position", "q{joint}", "--torque", "tau{joint}")
+    out = str(tmp_path / "s.h5")
+    assert invoke(capsys, "import", str(path), *columns, "--joint", "1,2", "-o", out)[0] == 0
+    assert read_session(tmp_path / "s-2.h5").runs[0].position_rad.max() == pytest.approx(3.0, rel=1e-6)
+    code, _, error = invoke(
+        capsys, "import", str(path), "--position", "q1", "--torque", "tau1", "--joint", "1"
+    )
+    assert (code, "stands for nothing" in error) == (2, True)
+    code, _, error = invoke(
+        capsys, "import", str(path), *columns, "--joint", "7", "-o", str(tmp_path / "x.h5")
+    )
+    assert (code, "no such column" in error) == (2, True)

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from strangers import STRANGERS, Stranger, belief_of, session_of
 
-import schwung.explain.weighing.round as rounds
+from schwung.explain.weighing import round as rounds
 from schwung.explain.weighing.along import ranges_of
 from schwung.explain.weighing.data import Data
 from schwung.explain.weighing.equations import Acting, equations_of
@@ -16,7 +16,7 @@ from schwung.explain.weighing.weigh import weigh
 from schwung.explain.weighing.work import Work
 from schwung.innovations.effect import Effect, Passed
 from schwung.innovations.evidence import weigh as weigh_columns
-from schwung.innovations.likelihood import first_noise
+from schwung.innovations.likelihood import first_noise, likely_noise
 from schwung.innovations.signals import signals_of
 
 SPOT = Stranger("tight spot", ("local_friction",), spot=(1.2, 2.0, 0.5))
@@ -109,7 +109,24 @@ def test_work_is_counted_and_ends_the_search(monkeypatch):
     assert not work.spent
     work.add(2 * work.most)
     assert work.spent
-    monkeypatch.setattr("schwung.explain.weighing.work.Work.spent", property(lambda self: self.done > 0))
+    monkeypatch.setattr(Work, "spent", property(lambda self: self.done > 0))
     found = weigh(session_of(stranger, 5, every=16, times=(0.25,)), belief_of(stranger))
     assert any("before all was tried" in note for note in found.notes)
     assert found.excess >= 1
+
+
+def test_noise_is_what_repeats_do_not_share(view):
+    """Without the tight spot the equations are far off, the same in both references; the torque's noise is 0.05 N·m."""
+    systems = [equations_of(along, Acting())[0] for along in view.alongs(())[:2]]
+    start, runs = first_noise(view.runs), view.runs[:2]
+    shared = likely_noise(systems, runs, start, 1.0, 4.3)
+    unshared = likely_noise(systems, runs, start, 1.0, 4.3, repeats=[(0, 1)])
+    assert shared.torque_nm > 0.12
+    assert unshared.torque_nm == pytest.approx(0.05, rel=0.35)
+
+
+def test_fewer_samples_tell_sets_less_apart(data):
+    fewer = data.tempered(4.0)
+    which = np.arange(3, 9)
+    np.testing.assert_allclose(fewer.at(which).gram, data.at(which).gram / 4.0)
+    assert fewer.at(which).square == pytest.approx(data.at(which).square / 4.0)

@@ -14,7 +14,8 @@ from schwung.errors import InputError
 from schwung.explain.plausibility import examine
 from schwung.motion import Array
 from schwung.session import Session, read_session
-from schwung.session.imports import import_recordings, make_recipe, repeats, write_session
+from schwung.session.guess import Proposal, propose
+from schwung.session.imports import import_recordings, make_recipe, read_table, repeats, write_session
 
 #: M (kg), Fv (N·s/m), Fc (N), offset (N): Janot, Gautier, Brunot 2019, IDIM-LS with their standard deviations.
 PUBLISHED = np.array([95.1089, 203.5034, 20.3935, -3.1648])
@@ -101,3 +102,35 @@ def test_hsm150_does_not_determine_its_inertia(recordings: RealRecordings) -> No
     assert found.stops == ()
     steps = np.unique(np.round(np.diff(np.unique(session.runs[0].speed_rad_s)), 3))
     assert steps[steps > 0][0] == pytest.approx(0.628, abs=1e-3)  # one count per sample: 2π/10000 rad in 1 ms
+
+
+def guessed(path: Path, **said: object) -> Proposal:
+    found = propose(read_table(path), said)
+    assert len(found) == 1
+    return found[0]
+
+
+def test_emps_is_guessed_but_for_the_units_that_nobody_says(recordings: RealRecordings) -> None:
+    found = guessed(recordings.folder / "emps" / "DATA_EMPS.mat", axis="linear")
+    assert (found.options["position"], found.options["position_demand"]) == ("qm", "qg")
+    assert (found.options["time"], found.options["torque"]) == ("t", "vir")
+    assert found.curves.inertia * 35.15 == pytest.approx(PUBLISHED[0], rel=0.03)  # gtau, which is no column
+    assert "torque_scale" not in found.options
+
+
+def test_the_units_of_hsm150_are_told_by_its_encoder(recordings: RealRecordings) -> None:
+    found = guessed(recordings.folder / "hsm150" / "idf_neg_0.045_1.mat")
+    position = {guess.what: guess for guess in found.guesses}["position"]
+    assert (found.options["position"], found.options["speed"]) == ("data[:,2]", "data[:,3]")
+    assert position.sure
+    assert found.options["position_unit"] == "rad"
+    assert "10000 counts a turn" in position.evidence  # 2500 lines, as the file's own description says
+
+
+@pytest.mark.parametrize("name", ["ddp", "dircol", "sysid"])
+def test_the_pendulum_is_guessed_by_its_noisy_speed(recordings: RealRecordings, name: str) -> None:
+    found = guessed(recordings.folder / "dfki-pendulum" / f"{name}_measured.csv")
+    assert (found.options["position"], found.options["speed"]) == ("position", "velocity")
+    assert (found.options["position_unit"], found.options["speed_unit"]) == ("rad", "rad/s")
+    assert found.options["resample"] is True
+    assert "torque_scale" not in found.options

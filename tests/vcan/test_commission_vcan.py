@@ -142,4 +142,4 @@ def test_in_real_time_the_kernels_ring_brings_the_table_of_the_truth(
     else:
         assert trust["verdict"] == "good", trust["reasons"]
     assert off_rms < 2  # 1 is expected; neighbouring points are off together
-    assert band < 0.02 * np.median(truth)
+    assert band < (0.1 if uneven else 0.02) * np.median(truth)  # which has to be the wider for it

@@ -26,6 +26,8 @@ TARGETS = (
 #: while it waits, and for at least as long as it takes to look.
 SHOWN = "what it shows"
 JUDGING = ("enable", "enable", "motion", "off", "off")
+#: A stop is asked for while the axis turns: on Modbus, where that lasts but a few requests, else too rarely.
+MOVING = "while it moves"
 
 #: What may go wrong, by where it does: each class is as likely as any other, and each kind within it.
 CLASSES = {
@@ -47,7 +49,8 @@ LINE_CLASSES = {
     "answers": ("refused", "unanswered"),
     SHOWN: ("statusword", "unseen-state", "unseen-place"),
     "drive": ("fault", "weak"),
-    "tool": ("kill", "interrupt", "halt", "halt", "halt", "stall-tool"),
+    "tool": ("kill", "interrupt", "halt", "stall-tool"),
+    MOVING: ("halt", "halt", "interrupt"),
 }
 
 #: What kind of drive it is (traits.py), with the value of it; most are as the bench's own.
@@ -58,7 +61,7 @@ TRAITS = (
 
 
 #: How hard a Modbus drive brakes (rad/s²), which is not for us to set.
-LINE_TRAITS = (("", 0.0), ("brakes", 60.0), ("brakes", 200.0))
+LINE_TRAITS = (("", 0.0), ("brakes", 50.0), ("brakes", 50.0), ("brakes", 200.0))
 #: By bus: what may go wrong, and what kinds of drives there are.
 BUSES = {"canopen": (CLASSES, TRAITS), "modbus": (LINE_CLASSES, LINE_TRAITS)}
 
@@ -124,12 +127,14 @@ def draw(seed: int, weights: tuple[float, ...], bus: str = "canopen") -> Scenari
 
 def _incident(chance: random.Random, classes: dict[str, tuple[str, ...]], follows: bool) -> Incident:
     place = chance.choice(list(classes))
-    shown = place == SHOWN
+    shown, moving = place == SHOWN, place == MOVING
+    kind = chance.choice(classes[place])
+    stage = chance.choice(JUDGING) if shown else chance.choices(list(STAGES), list(STAGES.values()))[0]
     return Incident(
-        kind=chance.choice(classes[place]),
-        stage=chance.choice(JUDGING) if shown else chance.choices(list(STAGES), list(STAGES.values()))[0],
+        kind=kind,
+        stage="motion" if moving else stage,
         share=chance.random(),
-        by="waits" if shown else chance.choice(POINTS),
+        by="waits" if shown else "time" if moving else chance.choice(POINTS),
         after_s=10 ** chance.uniform(-4, 0) if follows else None,
         duration_s=10 ** chance.uniform(-1.5 if shown else -2.5, 0.5),
         size=chance.random(),

@@ -32,7 +32,7 @@ HALTED_WITHIN_S = 0.3
 _LOSING = ("drop", "slow", "garble", "deaf", "mute", "unanswered", "unseen-state", "unseen-place")
 _ANSWER_S = 1.2
 #: Faster than this an axis is not let go of, where it has had less time to come to rest than a tool may wait.
-LET_GO_RAD_S, GIVEN_UP_S = 1.0, 2.5
+LET_GO_RAD_S, GIVEN_UP_S = 0.5, 2.5
 
 
 class LineMachine:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -14,9 +14,12 @@ from schwung.commissioning.doctor import Diagnosis, examine_connected
 from schwung.commissioning.doctor_canopen import examine
 from schwung.errors import InputError
 from schwung.fieldbus.canopen import BusOptions
+from schwung.fieldbus.canopen.logged import require_log
 from schwung.fieldbus.connecting import Connected, connected, is_modbus
 from schwung.fieldbus.connecting import scan as scan_bus
 from schwung.fieldbus.found import FoundNode
+
+__all__ = ["BusOptions", "Connection", "connect", "doctor", "is_modbus", "scan", "with_log"]
 
 
 @dataclass(frozen=True)
@@ -41,7 +44,7 @@ class Connection(Shown, Connected):
 
 @contextmanager
 def connect(
-    interface: str | None = None,
+    interface: str | BusOptions | None = None,
     channel: str | None = None,
     *,
     bitrate: int | None = None,
@@ -56,12 +59,12 @@ def connect(
 
     Args:
         interface: python-can's ("socketcan", "pcan", …), "modbus-tcp" or "modbus-rtu"; None: as python-can is
-            configured.
+            configured. Or BusOptions, which hold channel, bit rate and options, too.
         channel: of that interface: "can0", "PCAN_USBBUS1", "/dev/ttyUSB0", "192.168.0.10:502".
         bitrate: bit/s; None: as the interface has it.
         node: CANopen node id or Modbus unit.
         profile: a family's name or the path of a profile.toml; None: by the drive's identity.
-        options: any further option of the interface, e.g. host="127.0.0.1".
+        options: any further option of the interface, e.g. host="127.0.0.1"; and can_log, a file for all frames.
 
     Yields the connection; its drive speaks rad, rad/s and N·m, in arrays of shape (n,).
     Raises InputError where nobody answers or profile and drive disagree, BusError where the bus cannot be opened.
@@ -70,12 +73,12 @@ def connect(
     ...     connection.profile.family
     'schwung-bench'
     """
-    with connected(BusOptions(interface, channel, bitrate, options), node, profile) as opened:
+    with connected(_bus(interface, channel, bitrate, options), node, profile) as opened:
         yield Connection(opened.drive, opened.profile)
 
 
 def scan(
-    interface: str | None = None,
+    interface: str | BusOptions | None = None,
     channel: str | None = None,
     *,
     bitrate: int | None = None,
@@ -97,11 +100,11 @@ def scan(
     >>> [node.name for node in schwung.scan("stepped", bench, nodes=range(1, 3))]
     ['Schwung bench drive']
     """
-    return scan_bus(BusOptions(interface, channel, bitrate, options), nodes, progress)
+    return scan_bus(_bus(interface, channel, bitrate, options), nodes, progress)
 
 
 def doctor(
-    interface: str | None = None,
+    interface: str | BusOptions | None = None,
     channel: str | None = None,
     *,
     bitrate: int | None = None,
@@ -116,7 +119,7 @@ def doctor(
     Args:
         interface, channel, node, profile, options: as `connect` takes them.
         bitrate: bit/s.
-        eds: the vendor's EDS, to compare with the drive; None: the profile's. Of use on CANopen only.
+        eds: the vendor's EDS, to compare with the drive; None: the profile's. On Modbus nobody asks for it.
         progress: told what is being looked at.
 
     Returns checks in words, the gravest first, and `can_start`; there are no arrays, so no shapes, and units are
@@ -126,10 +129,30 @@ def doctor(
     >>> schwung.doctor("stepped", bench).can_start
     True
     """
-    bus = BusOptions(interface, channel, bitrate, options)
+    bus = _bus(interface, channel, bitrate, options)
     tell = progress or (lambda _text: None)
     if is_modbus(bus):
-        if eds is not None:
-            raise InputError("eds", "is of no use on Modbus", "Leave it out.")
         return examine_connected(bus, node, profile, Path(), tell)
     return examine(bus, node, profile, None if eds is None else Path(eds), Path(), tell)
+
+
+def _bus(
+    interface: str | BusOptions | None, channel: str | None, bitrate: int | None, options: dict[str, Any]
+) -> BusOptions:
+    if isinstance(interface, BusOptions):
+        return interface
+    can_log = options.pop("can_log", None)
+    return with_log(BusOptions(interface, channel, bitrate, options), can_log)
+
+
+def with_log(options: BusOptions, path: str | os.PathLike[str] | None) -> BusOptions:
+    """The same bus, all frames of which go into a file (candump's format, BLF or ASC, by its name); None: into none.
+
+    Raises InputError where it cannot be written, or where there are no frames.
+    """
+    if path is None:
+        return options
+    if is_modbus(options):
+        raise InputError("--can-log", "is for CAN; Modbus has no frames of it", "Leave it out.")
+    require_log(Path(path))
+    return replace(options, log=Path(path))

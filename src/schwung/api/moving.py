@@ -14,21 +14,28 @@ from schwung import drivetrain
 from schwung.api.drives import Connection
 from schwung.api.folders import make_folder, planned_folder
 from schwung.api.shown import Shown, as_shown, number
-from schwung.api.values import (
-    Estimate,
-    Machine,
-    Session,
-    estimate_shown,
-    machine_shown,
-    session_shown,
-)
-from schwung.commissioning import Change, Check, Observer, Wishes
+from schwung.api.values import Estimate, Machine, Session, estimate_shown, machine_shown, session_shown
+from schwung.commissioning import Change, Check, ExportChoice, Observer, Wishes, wishes_of
 from schwung.commissioning.commission import settings_of
 from schwung.errors import InputError, RefusedError
 from schwung.session import Run as RecordedRun
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
+
+__all__ = [
+    "Commissioned",
+    "Confirm",
+    "Exported",
+    "Plan",
+    "Silent",
+    "ask",
+    "commission",
+    "export",
+    "plan",
+    "plan_export",
+    "wishes_of",
+]
 
 #: Asked before a machine moves or a drive is written to: gets the question, says whether to go on.
 Confirm = Callable[[str], bool]
@@ -323,7 +330,7 @@ def commission(
 def plan_export(
     connection: Connection,
     table: drivetrain.InertiaTable,
-    form: str | procedure.ExportChoice = "table",
+    form: str | ExportChoice = "table",
     *,
     machine: drivetrain.Machine | None = None,
 ) -> tuple[Change, ...]:
@@ -352,7 +359,7 @@ def plan_export(
 def export(
     connection: Connection,
     found: Commissioned | drivetrain.InertiaTable,
-    form: str | procedure.ExportChoice = "table",
+    form: str | ExportChoice = "table",
     out: str | Path | None = None,
     *,
     machine: drivetrain.Machine | None = None,
@@ -429,7 +436,7 @@ def export(
     return Exported(written.changes, written.backup_path, written.stored, before, after)
 
 
-def _choice(form: str | procedure.ExportChoice) -> procedure.ExportChoice:
+def _choice(form: str | ExportChoice) -> ExportChoice:
     return procedure.parse_choice(form) if isinstance(form, str) else form
 
 

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 from schwung import drivetrain, session
 from schwung.api.shown import Shown, as_shown, number, span
 from schwung.estimation import values as estimation
 from schwung.explain import values as explained
+from schwung.quantities import sentences_of
 from schwung.report.content import LINEAR, ROTARY, Units
 from schwung.report.rows import rows_of
 
@@ -36,9 +38,10 @@ class InertiaTable(Shown, drivetrain.InertiaTable):
     """
 
     def _facts(self) -> Sequence[tuple[str, str]]:
-        yield_std = [] if self.std_kgm2 is None else [("± (1σ)", span(self.std_kgm2, "kg·m²"))]
+        unit = sentences_of(self.effort)("kg·m²")
+        yield_std = [] if self.std_kgm2 is None else [("± (1σ)", span(self.std_kgm2, unit))]
         return [
-            ("load inertia", span(self.inertia_kgm2, "kg·m²")),
+            ("load inertia", span(self.inertia_kgm2, unit)),
             ("load angle", span(self.position_rad, "rad")),
             ("points", str(self.position_rad.size)),
             *yield_std,
@@ -50,8 +53,9 @@ class InertiaTable(Shown, drivetrain.InertiaTable):
         draw_inertia(axes, self, ROTARY)
 
     def _columns(self) -> Mapping[str, Any]:
-        columns = {"position_rad": self.position_rad, "inertia_kgm2": self.inertia_kgm2}
-        return columns if self.std_kgm2 is None else columns | {"std_kgm2": self.std_kgm2}
+        end = "as2_rad" if self.effort == "current" else "kgm2"
+        columns = {"position_rad": self.position_rad, f"inertia_{end}": self.inertia_kgm2}
+        return columns if self.std_kgm2 is None else columns | {f"std_{end}": self.std_kgm2}
 
 
 class Machine(Shown, drivetrain.Machine):
@@ -140,6 +144,7 @@ class Session(Shown, session.Session):
                 "length",
                 f"{number(length, 's')} at {', '.join(sorted({f'{r.sample_rate_hz:g}' for r in self.runs}))} Hz",
             ),
+            *((("torque", "a current, in A: N·m per A is unknown"),) if self.effort == "current" else ()),
             *((("cut short", "; ".join(self.partial_reasons)),) if self.partial_reasons else ()),
         ]
 
@@ -152,6 +157,8 @@ class Session(Shown, session.Session):
         import numpy as np
 
         every = [as_shown(Run, run)._columns() for run in self.runs]
+        if self.effort == "current":
+            every = [{name.replace("_nm", "_a"): each for name, each in own.items()} for own in every]
         names = list(dict.fromkeys(name for columns in every for name in columns))
         counts = [len(run) for run in self.runs]
         absent = [np.full(count, np.nan) for count in counts]
@@ -196,6 +203,15 @@ class Estimate(Shown, estimation.Estimate):
         return self.table._columns()
 
 
+@dataclass(frozen=True)
+class Missed:
+    """RMS of the torque that is missed on some runs, in their unit (N·m or N): name and value each."""
+
+    runs: str
+    unit: str
+    rows: tuple[tuple[str, float], ...]
+
+
 class Explanation(Shown, explained.Explanation):
     """What a belief leaves out of a recording.
 
@@ -212,18 +228,40 @@ class Explanation(Shown, explained.Explanation):
 
     machine: Machine
 
-    def _facts(self) -> Sequence[tuple[str, str]]:
-        from schwung.report.explanation import finding_row, headline
+    @property
+    def headline(self) -> str:
+        """The verdict in one sentence."""
+        from schwung.report.explanation import headline
 
-        linear = self.axis == "linear"
+        return headline(self)
+
+    def rows(self) -> list[tuple[str, str, str, str]]:
+        """The findings in words: physics, parameters with 95 % intervals, where, and what it could be as well."""
+        from schwung.report.explanation import finding_row
+
+        return [finding_row(finding, linear=self.axis == "linear") for finding in self.findings]
+
+    def cautions(self) -> list[str]:
+        """What limits the explanation, each sentence once."""
+        from schwung.report.explanation import separations
+
+        return list(dict.fromkeys((*separations(self), *self.notes)))
+
+    def missed(self) -> Missed:
+        """What was missed on the runs kept aside: by the belief, with the named physics, by the noise alone."""
+        from schwung.report.explanation import runs_text
+
+        rows = [("belief", self.fit.before.torque_rmse_nm)]
+        rows += [("belief + physics", self.fit.after.torque_rmse_nm)] if self.findings else []
+        rows += [("noise floor", self.noise_floor.torque_nm)]
+        return Missed(runs_text(self.fit.heldout_runs), units_of(self.axis).torque, tuple(rows))
+
+    def _facts(self) -> Sequence[tuple[str, str]]:
         unit = units_of(self.axis).torque
         error = f"{number(self.fit.before.torque_rmse_nm)} → {number(self.fit.after.torque_rmse_nm, unit)}"
         return [
-            ("verdict", f"{self.verdict.replace('_', ' ')}: {headline(self)}"),
-            *(
-                (row[0], f"{row[1]} {row[2]}")
-                for row in (finding_row(f, linear=linear) for f in self.findings)
-            ),
+            ("verdict", f"{self.verdict.replace('_', ' ')}: {self.headline}"),
+            *((name, f"{parameters} {where}") for name, parameters, where, _ in self.rows()),
             ("missed on runs kept aside, RMS", error),
             ("noise floor", number(self.noise_floor.torque_nm, unit)),
         ]

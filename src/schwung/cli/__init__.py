@@ -15,10 +15,12 @@ from typing import ParamSpec, TypeVar
 import typer
 
 from schwung import __version__
+from schwung.cli import batch as _batch
 from schwung.cli.backup import backup
 from schwung.cli.bench import bench
 from schwung.cli.bode import bode
 from schwung.cli.commission import commission
+from schwung.cli.convert import convert
 from schwung.cli.demo import demo
 from schwung.cli.diff import diff
 from schwung.cli.doctor import doctor
@@ -31,7 +33,11 @@ from schwung.cli.profile import check, list_, new, show
 from schwung.cli.report import report
 from schwung.cli.reproduce import reproduce
 from schwung.cli.restore import restore
+from schwung.cli.runs import compare, prune
+from schwung.cli.runs import list_ as list_runs
+from schwung.cli.runs import show as show_run
 from schwung.cli.scan import scan
+from schwung.cli.serve import serve
 from schwung.errors import InputError, InterruptedByUser, SchwungError
 
 #: Our matrices are small: a second thread waits longer for the first than it works, ten times so on a busy machine.
@@ -124,7 +130,9 @@ for _command in (
     bode,
     reproduce,
     import_,
+    convert,
     optimise,
+    serve,
 ):
     app.command(_name(_command))(_told_interrupts(_command))
 
@@ -132,6 +140,16 @@ profiles = typer.Typer(help="List, show, check and draft device profiles.", rich
 for _subcommand in (list_, show, check, new):
     profiles.command(_name(_subcommand))(_told_interrupts(_subcommand, "profile "))
 app.add_typer(profiles, name="profile")
+
+runs = typer.Typer(help="List, show, compare and prune what a service has kept.", rich_markup_mode="rich")
+for _of_runs in (list_runs, show_run, compare, prune):
+    runs.command(_name(_of_runs))(_told_interrupts(_of_runs, "runs "))
+app.add_typer(runs, name="runs")
+
+batches = typer.Typer(help="Estimate or explain a whole archive of sessions (Dask).", rich_markup_mode="rich")
+for _batched in (_batch.estimate, _batch.explain):
+    batches.command(_name(_batched))(_told_interrupts(_batched, "batch "))
+app.add_typer(batches, name="batch")
 
 
 def _interrupt(number: int, frame: object) -> None:

@@ -7,10 +7,10 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from schwung.cli.options import Bitrate, BusOption, Channel, Interface, Json, Node, Profile, bus_options
+from schwung.cli.options import Bitrate, BusOption, CanLog, Channel, Interface, Json, Node, Profile, connected
 
 if TYPE_CHECKING:
-    from schwung.commissioning.configuration_files import Format
+    from schwung.api.configurations import Format
 
 
 def backup(
@@ -38,6 +38,7 @@ def backup(
     channel: Channel = None,
     bitrate: Bitrate = None,
     bus: BusOption = None,
+    can_log: CanLog = None,
     node: Node = 1,
     profile: Profile = None,
     json_output: Json = False,
@@ -58,17 +59,14 @@ def backup(
     """  # fmt: skip
     from rich.markup import escape
 
+    from schwung.api.configurations import Skipped, dictionary_of, read_snapshot, save_configuration, select
     from schwung.cli.configurations import canopen_profile, reasons
     from schwung.cli.console import Terminal, observing
-    from schwung.cli.drives import open_drive
-    from schwung.commissioning.backup import read_snapshot
-    from schwung.commissioning.configuration_files import save_configuration
-    from schwung.fieldbus.configuration import Skipped, dictionary_of, select
 
     terminal = Terminal(json_output)
     if file is not None:
         _require_free(file, force)
-    with open_drive(bus_options(interface, channel, bitrate, bus), node, profile) as opened:
+    with connected(interface, channel, bitrate, bus, node, profile, can_log) as opened:
         family, drive = canopen_profile(opened.profile, "backup"), opened.drive
         dictionary = dictionary_of(eds, family, drive.identity, node)
         selection = select(dictionary, family)

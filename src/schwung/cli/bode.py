@@ -12,6 +12,7 @@ from schwung.cli.options import (
     Amplitude,
     Bitrate,
     BusOption,
+    CanLog,
     Channel,
     DryRun,
     FollowingError,
@@ -34,13 +35,16 @@ from schwung.cli.options import (
 )
 
 if TYPE_CHECKING:
+    from schwung.api.responses import (
+        BelievedMachine,
+        BodeFit,
+        BodeWishes,
+        PreparedBode,
+        Proposal,
+        RecordedSession,
+        Stroke,
+    )
     from schwung.cli.console import Terminal
-    from schwung.commissioning.bode import PreparedBode
-    from schwung.commissioning.bode_excitation import BodeWishes
-    from schwung.drivetrain import Machine as DriveTrain
-    from schwung.estimation.bode_values import BodeFit
-    from schwung.estimation.proposal import Proposal, Stroke
-    from schwung.session import Session
 
 _MOTION = "The motion to propose for"
 #: A machine that is measured at several angles is assumed to move between the outer ones in so long (s).
@@ -87,6 +91,7 @@ def bode(
     channel: Channel = None,
     bitrate: Bitrate = None,
     bus: BusOption = None,
+    can_log: CanLog = None,
     node: Node = 1,
     profile: Profile = None,
     json_output: Json = False,
@@ -105,13 +110,11 @@ def bode(
 
       schwung bode -m machine.toml --session schwung-20260101-120000/session.h5 --json
     """  # fmt: skip
+    from schwung import LimitWishes, connect, load_machine
+    from schwung.api.choices import MAX_JITTER_SHARE
     from schwung.api.folders import planned_folder
+    from schwung.api.responses import BodeWishes
     from schwung.cli.console import Terminal
-    from schwung.cli.drives import open_drive
-    from schwung.commissioning import LimitWishes
-    from schwung.commissioning.bode_excitation import BodeWishes
-    from schwung.commissioning.ways import MAX_JITTER_SHARE
-    from schwung.drivetrain import load_machine
     from schwung.errors import InputError
 
     terminal, believed = Terminal(json_output), load_machine(machine)
@@ -135,8 +138,8 @@ def bode(
         max_jitter_share=MAX_JITTER_SHARE if max_jitter is None else max_jitter * rate,
     )
     folder = planned_folder(out)
-    options = bus_options(interface, channel, bitrate, bus)
-    with open_drive(options, node, profile) as opened:
+    options = bus_options(interface, channel, bitrate, bus, can_log)
+    with connect(options, node=node, profile=profile) as opened:
         terminal.result(
             measure_and_show(
                 opened.drive, opened.profile, believed, wishes, folder, terminal,
@@ -160,7 +163,7 @@ def parse_angles(text: str) -> tuple[float, ...]:
 def measure_and_show(
     drive: Any,
     profile: Any,
-    believed: DriveTrain,
+    believed: BelievedMachine,
     wishes: BodeWishes,
     folder: Path,
     terminal: Terminal,
@@ -173,8 +176,8 @@ def measure_and_show(
     Raises RefusedError where preflight or the user say no, and what the procedure raises.
     """
     from schwung.api.folders import make_folder
+    from schwung.api.responses import measure_bode, prepare_bode
     from schwung.cli.console import observing
-    from schwung.commissioning.bode import measure_bode, prepare_bode
     from schwung.errors import RefusedError
 
     prepared = prepare_bode(drive, profile, believed, wishes)
@@ -197,17 +200,15 @@ def measure_and_show(
 
 def _offline(
     terminal: Terminal,
-    believed: DriveTrain,
+    believed: BelievedMachine,
     path: Path,
     out: Path | None,
     distance: float | None,
     duration: float,
 ) -> None:
+    from schwung import read_session
     from schwung.api.folders import output_folder
-    from schwung.commissioning.bode import with_recorded_gains
-    from schwung.estimation.bode import fit_bode
-    from schwung.estimation.response import measured_responses
-    from schwung.session import read_session
+    from schwung.api.responses import fit_bode, measured_responses, with_recorded_gains
 
     session = read_session(path)
     believed = with_recorded_gains(believed, session)
@@ -237,20 +238,26 @@ def _show_plan(terminal: Terminal, prepared: PreparedBode, wishes: BodeWishes) -
 
 def _show(
     terminal: Terminal,
-    session: Session,
+    session: RecordedSession,
     fit: BodeFit,
-    believed: DriveTrain,
+    believed: BelievedMachine,
     folder: Path,
     torque_max_nm: float | None,
     motion: tuple[float | None, float],
     checks: Any,
 ) -> dict[str, Any]:
     """Tables, proposal, files; returns the machine-readable result."""
-    from schwung.cli.console import json_text
-    from schwung.commissioning.bode_result import BODE_FILE, FORMAT, VERSION
-    from schwung.drivetrain import write_machine
-    from schwung.files import replace_file
-    from schwung.report.bode import BodeContent, angle_rows, parameter_rows, write_bode_report
+    from schwung import write_machine
+    from schwung.api.responses import (
+        BODE_FILE,
+        FORMAT,
+        VERSION,
+        BodeContent,
+        angle_rows,
+        parameter_rows,
+        write_bode_report,
+    )
+    from schwung.files import json_text, replace_file
 
     terminal.table(
         "Load inertia at each angle",
@@ -280,7 +287,7 @@ def _show(
 
 def _stroke(fit: BodeFit, distance: float | None, duration: float) -> Stroke | None:
     """The motion to propose for: as given, or between the outer angles; None where there is one angle only."""
-    from schwung.estimation.proposal import Stroke
+    from schwung.api.responses import Stroke
 
     span = fit.angles[-1].position_rad - fit.angles[0].position_rad
     way = distance if distance is not None else span
@@ -288,10 +295,14 @@ def _stroke(fit: BodeFit, distance: float | None, duration: float) -> Stroke | N
 
 
 def _proposal(
-    terminal: Terminal, fit: BodeFit, machine: DriveTrain, torque_max_nm: float | None, stroke: Stroke | None
+    terminal: Terminal,
+    fit: BodeFit,
+    machine: BelievedMachine,
+    torque_max_nm: float | None,
+    stroke: Stroke | None,
 ) -> Proposal | None:
     """The proposal in words; None where the gains are not known, which is said."""
-    from schwung.estimation.proposal import propose
+    from schwung.api.responses import propose
 
     if machine.control is None:
         terminal.say(

@@ -12,6 +12,7 @@ from schwung.cli.options import (
     Amplitude,
     Bitrate,
     BusOption,
+    CanLog,
     Channel,
     DryRun,
     FollowingError,
@@ -30,7 +31,7 @@ from schwung.cli.options import (
     Rate,
     Reference,
     Yes,
-    bus_options,
+    connected,
     export_choice,
     one_of,
     quantity,
@@ -134,6 +135,7 @@ def commission(
     channel: Channel = None,
     bitrate: Bitrate = None,
     bus: BusOption = None,
+    can_log: CanLog = None,
     node: Node = 1,
     profile: Profile = None,
     json_output: Json = False,
@@ -157,15 +159,13 @@ def commission(
 
       schwung commission -m machine.toml --distance 180deg --duration 250ms --sampling trace --injection generator
     """  # fmt: skip
+    from schwung import LimitWishes, Wishes, load_machine
+    from schwung.api.choices import MAX_JITTER_SHARE, InjectionChoice, ModeChoice, SamplingChoice
     from schwung.api.folders import planned_folder
+    from schwung.api.reports import standard_of
+    from schwung.api.responses import with_bode
     from schwung.cli.console import Terminal
-    from schwung.cli.drives import open_drive
     from schwung.cli.flow import Ending, commission_and_show, finish
-    from schwung.cli.sessions import standard_of
-    from schwung.commissioning import LimitWishes, Wishes
-    from schwung.commissioning.bode_result import read_bode
-    from schwung.commissioning.ways import MAX_JITTER_SHARE, InjectionChoice, ModeChoice, SamplingChoice
-    from schwung.drivetrain import load_machine
 
     terminal = Terminal(json_output)
     believed = load_machine(machine)
@@ -190,15 +190,13 @@ def commission(
         misses_allowed=misses,
     )
     if bode is not None:
-        measured = read_bode(bode)
-        wishes, believed = measured.wishes(wishes), measured.machine(believed)
-    standard = standard_of(believed, reference)
-    ending = Ending(choice, store, standard.table, standard.label)
-    options = bus_options(interface, channel, bitrate, bus)
+        told = with_bode(bode, wishes, believed)
+        wishes, believed = told.wishes, told.machine
+    ending = Ending(choice, store, standard_of(believed, reference))
     folder = planned_folder(out)
-    with open_drive(options, node, profile) as opened:
+    with connected(interface, channel, bitrate, bus, node, profile, can_log) as connection:
         result = commission_and_show(
-            opened.drive, opened.profile, believed, wishes, folder, terminal,
+            connection, believed, wishes, folder, terminal,
             confirm=lambda question: yes or terminal.ask(question),
             ending=ending, dry_run=dry_run,
         )  # fmt: skip

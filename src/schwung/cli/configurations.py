@@ -9,20 +9,16 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from pathlib import Path
 
-    from schwung.commissioning.compare import Configuration
-    from schwung.fieldbus.configuration import Skipped
-    from schwung.fieldbus.drive import ParameterValue, RawValue
-    from schwung.fieldbus.eds import EdsFile
-    from schwung.fieldbus.profile import CanopenProfile, DeviceProfile
-    from schwung.fieldbus.si import SiScales
+    from schwung.api.configurations import Configuration, EdsFile, ParameterValue, RawValue, SiScales, Skipped
+    from schwung.api.profiles import CanopenProfile, DeviceProfile
 
 _SHOWN = 6
 
 
 def canopen_profile(profile: DeviceProfile, command: str) -> CanopenProfile:
     """The profile of a CANopen drive. Raises InputError for another one."""
+    from schwung.api.profiles import CanopenProfile
     from schwung.errors import InputError
-    from schwung.fieldbus.profile import CanopenProfile
 
     if not isinstance(profile, CanopenProfile):
         raise InputError(
@@ -35,9 +31,8 @@ def canopen_profile(profile: DeviceProfile, command: str) -> CanopenProfile:
 
 def known_profile(name: str | None, identities: Iterable[dict[str, int]]) -> CanopenProfile | None:
     """The profile as named, else the one that fits an identity; None where nobody knows. Raises InputError."""
-    from schwung.fieldbus.canopen.scan import fitting_profiles
-    from schwung.fieldbus.drive import DriveIdentity
-    from schwung.fieldbus.profile import CanopenProfile, load_canopen_profile
+    from schwung.api.configurations import DriveIdentity, fitting_profiles
+    from schwung.api.profiles import CanopenProfile, load_canopen_profile
 
     if name is not None:
         return load_canopen_profile(name)
@@ -54,7 +49,7 @@ def scales_of(
     profile: CanopenProfile | None, sides: Iterable[Configuration], dictionary: EdsFile | None
 ) -> SiScales:
     """What a count is worth, by what the configurations hold, and the defaults of the EDS where they are silent."""
-    from schwung.fieldbus.si import si_scales
+    from schwung.api.configurations import si_scales
 
     held = [side.by_key() for side in sides]
 
@@ -72,7 +67,7 @@ def scales_of(
 
 def dictionary_of(eds: Path | None, profile: CanopenProfile | None, node_id: int) -> EdsFile | None:
     """The EDS as given, else the profile's."""
-    from schwung.fieldbus.eds import read_eds
+    from schwung.api.configurations import read_eds
 
     path = eds or (profile.eds_path if profile is not None else None)
     return None if path is None else read_eds(path, node_id)
@@ -80,7 +75,7 @@ def dictionary_of(eds: Path | None, profile: CanopenProfile | None, node_id: int
 
 def shown(value: ParameterValue | None) -> str:
     """A raw value as people read it: identifiers and mappings in hexadecimal, as bytes; nothing as a dash."""
-    from schwung.fieldbus.eds import byte_size
+    from schwung.api.configurations import byte_size
 
     if value is None:
         return "–"

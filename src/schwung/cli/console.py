@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import math
 import sys
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
@@ -14,11 +13,12 @@ from rich.markup import escape
 from rich.table import Table
 
 from schwung.errors import RefusedError
+from schwung.files import json_text
 
 if TYPE_CHECKING:
     from rich.progress import Progress, TaskID
 
-    from schwung.drivetrain import InertiaTable
+    from schwung import InertiaTable
 
 _SIGNS = {"ok": "[green]✓[/]", "note": "[cyan]i[/]", "warning": "[yellow]![/]", "stop": "[red]✗[/]"}
 _VERDICTS = {"good": "green", "doubtful": "yellow", "unusable": "red"}
@@ -83,19 +83,6 @@ class Terminal:
         self.say(f"[bold {_VERDICTS.get(verdict, 'white')}]{verdict}[/]: {escape(text)}")
 
 
-def json_text(document: Mapping[str, Any]) -> str:
-    """A document as strict JSON: what is not finite becomes null, what JSON does not know becomes text."""
-    return json.dumps(_strict(document), indent=2, default=str, allow_nan=False)
-
-
-def _strict(value: Any) -> Any:
-    if isinstance(value, Mapping):
-        return {str(key): _strict(item) for key, item in value.items()}
-    if isinstance(value, list | tuple):
-        return [_strict(item) for item in value]
-    return None if isinstance(value, float) and not math.isfinite(value) else value
-
-
 #: Beyond so many turns an angle was likely meant in degrees.
 _MANY_TURNS = 10
 
@@ -130,6 +117,7 @@ class TerminalObserver:
     def phase(self, text: str) -> None:
         """A new phase; the one before is done."""
         self._close()
+        self._progress.start()  # not before: a question may come first
         self._task = self._progress.add_task(escape(text), total=None)
 
     def progress(self, done: int, total: int) -> None:
@@ -148,9 +136,13 @@ class TerminalObserver:
 
 @contextmanager
 def observing(terminal: Terminal) -> Iterator[TerminalObserver]:
-    """A progress display that ends with the block."""
-    with _display(terminal) as progress:
+    """A progress display that begins with the first phase and ends with the block."""
+    progress = _display(terminal)
+    try:
         yield TerminalObserver(terminal, progress)
+    finally:
+        if progress.live.is_started:
+            progress.stop()
 
 
 @contextmanager

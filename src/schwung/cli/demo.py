@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from schwung.cli.options import Json, measured
+from schwung.cli.options import CanLog, Json, bus_options, measured
 
 #: What an engineer would know before the measurement: motor and coupling from the data sheets, a guess of the load.
 BELIEF = """\
@@ -46,6 +46,7 @@ def demo(
             help="Instead of an export: find the best motion with the measured table, and play it.",
         ),
     ] = False,
+    can_log: CanLog = None,
     json_output: Json = False,
 ) -> None:
     """Commission a simulated drive on a virtual CAN bus: scan, plan, preflight, motions, estimate, export, report.
@@ -65,50 +66,47 @@ def demo(
 
     import numpy as np
 
+    from schwung import InertiaTable, LimitWishes, Wishes, connect, load_machine, write_inertia
+    from schwung.api.choices import ExportChoice
     from schwung.api.folders import make_folder, planned_folder
+    from schwung.api.optimising import MotionLimits, Playing, Task, require_optimiser
+    from schwung.api.reports import Standard
     from schwung.cli.console import Terminal
-    from schwung.cli.drives import open_drive
     from schwung.cli.flow import Ending, commission_and_show, finish
-    from schwung.cli.optimise import require_optimiser
-    from schwung.cli.playing import Playing, play_and_show
-    from schwung.commissioning import ExportChoice, LimitWishes, Wishes
-    from schwung.drivetrain import InertiaTable, load_machine, write_inertia_csv
-    from schwung.fieldbus.canopen import BusOptions
+    from schwung.cli.playing import play_and_show
     from schwung.files import replace_file
-    from schwung.optimise.values import MotionLimits, Task
     from schwung_sim.bench import Bench
 
     if optimise:
         require_optimiser()
     terminal = Terminal(json_output)
+    options = bus_options("stepped", "demo", 1_000_000, None, can_log)
     folder = planned_folder(out)
     machine_file = folder / "machine.toml"
     with (
         Bench(plant, conceal=conceal, seed=seed, channel="demo", node_id=1) as bench,
-        open_drive(BusOptions("stepped", "demo", 1_000_000), 1, "schwung-bench") as opened,
+        connect(options, profile="schwung-bench") as connection,
     ):
         make_folder(folder)
         replace_file(machine_file, BELIEF)
         terminal.say(f"A simulated {plant} on a virtual CAN bus; the machine file is {machine_file}")
         angles = np.linspace(0.0, math.pi, 181)
         truth = InertiaTable(angles, bench.plant.true_inertia(angles))
-        write_inertia_csv(truth, folder / "true_inertia.csv")
+        write_inertia(truth, folder / "true_inertia.csv")
         result = commission_and_show(
-            opened.drive,
-            opened.profile,
+            connection,
             load_machine(machine_file),
             Wishes(distance_rad=math.pi, duration_s=duration),
             folder,
             terminal,
             confirm=lambda _question: True,
-            ending=Ending(None if optimise else ExportChoice("table"), True, truth, "true inertia"),
+            ending=Ending(None if optimise else ExportChoice("table"), True, Standard(truth, "true inertia")),
         )
         if optimise:
             measured_machine = load_machine(folder / "measured.toml")
             torque = measured_machine.motor.peak_torque_nm
             result["optimised"] = play_and_show(
-                opened.drive,
-                opened.profile,
+                connection,
                 measured_machine,
                 Task(0.0, math.pi, MotionLimits(torque), duration_s=duration),
                 LimitWishes(),

@@ -8,16 +8,15 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from schwung.cli.options import Bitrate, BusOption, Channel, Interface, Json, Profile, bus_options
+from schwung.cli.options import Bitrate, BusOption, CanLog, Channel, Interface, Json, Profile, bus_options
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
+    from schwung.api.configurations import Comparison, Configuration, Difference, EdsFile
+    from schwung.api.drives import BusOptions
+    from schwung.api.profiles import CanopenProfile
     from schwung.cli.console import Terminal
-    from schwung.commissioning.compare import Comparison, Configuration, Difference
-    from schwung.fieldbus.canopen import BusOptions
-    from schwung.fieldbus.eds import EdsFile
-    from schwung.fieldbus.profile import CanopenProfile
 
 DIFFERENT = 1  # exit code, as diff has it
 
@@ -38,6 +37,7 @@ def diff(
     channel: Channel = None,
     bitrate: Bitrate = None,
     bus: BusOption = None,
+    can_log: CanLog = None,
     node: Annotated[
         int | None,
         typer.Option(
@@ -69,10 +69,9 @@ def diff(
 
       schwung diff axis3.bin axis3.dcf --profile maxon-epos4 --json
     """  # fmt: skip
+    from schwung.api.configurations import compare, load_both
     from schwung.cli.configurations import dictionary_of, known_profile, scales_of
     from schwung.cli.console import Terminal
-    from schwung.commissioning.compare import compare
-    from schwung.commissioning.configuration_files import load_both
     from schwung.errors import InputError
 
     terminal = Terminal(json_output)
@@ -82,7 +81,7 @@ def diff(
     dictionary = dictionary_of(eds, family, node or 1)
     files = load_both([Path(name) for name in (first, second) if name != "drive"], node, dictionary)
     if len(files) == 1:
-        options = bus_options(interface, channel, bitrate, bus)
+        options = bus_options(interface, channel, bitrate, bus, can_log)
         live, family, dictionary = _read(
             options, node or files[0].node_id or 1, profile, eds, files[0], terminal
         )
@@ -112,15 +111,19 @@ def _read(
     terminal: Terminal,
 ) -> tuple[Configuration, CanopenProfile | None, EdsFile | None]:
     """What the drive holds of what the other side has. A Modbus drive has no dictionary: all of it is asked for."""
+    from schwung import connect
+    from schwung.api.configurations import (
+        Selection,
+        fitting_dictionary,
+        from_drive,
+        key_of,
+        read_snapshot,
+        select,
+    )
+    from schwung.api.profiles import CanopenProfile
     from schwung.cli.console import observing
-    from schwung.cli.drives import open_drive
-    from schwung.commissioning.backup import read_snapshot
-    from schwung.commissioning.compare import from_drive, key_of
-    from schwung.commissioning.configuration_files import fitting_dictionary
-    from schwung.fieldbus.configuration import Selection, select
-    from schwung.fieldbus.profile import CanopenProfile
 
-    with open_drive(options, node, profile) as opened:
+    with connect(options, node=node, profile=profile) as opened:
         family, dictionary = None, None
         if isinstance(opened.profile, CanopenProfile):
             family = opened.profile
@@ -142,8 +145,8 @@ def _show(
 ) -> None:
     from rich.markup import escape
 
+    from schwung.api.configurations import ParameterValue
     from schwung.cli.configurations import shown
-    from schwung.fieldbus.drive import ParameterValue
 
     def row(d: Difference) -> tuple[str, ...]:
         held = [None if raw is None else ParameterValue(d.parameter, raw) for raw in (d.first, d.second)]

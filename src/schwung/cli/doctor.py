@@ -8,7 +8,17 @@ from typing import Annotated
 
 import typer
 
-from schwung.cli.options import Bitrate, BusOption, Channel, Interface, Json, Node, Profile, bus_options
+from schwung.cli.options import (
+    Bitrate,
+    BusOption,
+    CanLog,
+    Channel,
+    Interface,
+    Json,
+    Node,
+    Profile,
+    bus_options,
+)
 
 
 def doctor(
@@ -20,6 +30,7 @@ def doctor(
     channel: Channel = None,
     bitrate: Bitrate = None,
     bus: BusOption = None,
+    can_log: CanLog = None,
     node: Node = 1,
     profile: Profile = None,
     json_output: Json = False,
@@ -41,19 +52,14 @@ def doctor(
     """
     from dataclasses import asdict
 
+    from schwung import doctor as examine
     from schwung.cli.console import Terminal, observing
-    from schwung.commissioning.doctor import examine_connected
-    from schwung.commissioning.doctor_canopen import examine
     from schwung.errors import RefusedError
-    from schwung.fieldbus.connecting import is_modbus
 
     terminal = Terminal(json_output)
-    options = bus_options(interface, channel, bitrate, bus)
+    options = bus_options(interface, channel, bitrate, bus, can_log)
     with observing(terminal) as observer:
-        if is_modbus(options):
-            found = examine_connected(options, node, profile, Path(), observer.phase)
-        else:
-            found = examine(options, node, profile, eds, Path(), observer.phase)
+        found = examine(options, node=node, profile=profile, eds=eds, progress=observer.phase)
     shown = [c for c in found.checks if verbose or c.severity != "ok"]
     if shown:
         terminal.checks(((c.name, c.severity, c.text, c.remedy) for c in shown), "Findings")

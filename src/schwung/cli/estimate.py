@@ -39,20 +39,18 @@ def estimate(
 
       schwung estimate session.h5 -m machine.toml --method former --json
     """
+    from schwung import estimate as estimate_session
+    from schwung import load_machine, read_session, write_inertia
     from schwung.api.folders import make_folder, planned_folder
-    from schwung.cli.console import Terminal, describe_table, json_text
-    from schwung.cli.sessions import content_of, in_file, standard_of
-    from schwung.commissioning.bode import with_recorded_gains
-    from schwung.drivetrain import load_machine, write_inertia_csv
+    from schwung.api.reports import content_of, standard_of, write_page
+    from schwung.cli.console import Terminal, describe_table
+    from schwung.cli.sessions import in_file
     from schwung.errors import InputError
-    from schwung.estimation import estimate as estimate_session
-    from schwung.files import replace_file
-    from schwung.report import write_report
-    from schwung.session import read_session
+    from schwung.files import json_text, replace_file
+    from schwung.quantities import document_of, sentences_of
 
     terminal = Terminal(json_output)
     believed, recorded = load_machine(machine), read_session(session)
-    believed = with_recorded_gains(believed, recorded)
     standard = standard_of(believed, reference)
     if inversion not in ("complex", "magnitude"):
         raise InputError("--inversion", f'is "{inversion}"', "Use complex or magnitude.")
@@ -65,15 +63,16 @@ def estimate(
     content = content_of(recorded, believed, found, standard, session.parent)
     reach = content.reach
     make_folder(folder)
-    write_inertia_csv(found.table, folder / "inertia.csv")
-    document = found.to_json() | {
-        "reach": reach and reach.to_json(), "session": str(session), "machine": str(machine),
+    write_inertia(found.table, folder / "inertia.csv")
+    words = sentences_of(recorded.effort)
+    document = document_of(recorded.effort, found.to_json() | {"reach": reach and reach.to_json()}) | {
+        "session": str(session), "machine": str(machine),
     }  # fmt: skip
     replace_file(folder / "estimate.json", json_text(document))
-    write_report(content, folder / "report.html")
-    terminal.say(describe_table(found.table, recorded.axis))
+    write_page(content, folder / "report.html")
+    terminal.say(words(describe_table(found.table, recorded.axis)))
     if reach is not None:
-        terminal.say(reach.text)
-    terminal.verdict(found.trust.verdict, "; ".join(found.trust.reasons))
+        terminal.say(words(reach.text))
+    terminal.verdict(found.trust.verdict, words("; ".join(found.trust.reasons)))
     terminal.say(f"Table: [bold]{folder / 'inertia.csv'}[/]  Report: [bold]{folder / 'report.html'}[/]")
     terminal.result(document)

@@ -10,21 +10,21 @@ import typer
 from schwung.cli.options import (
     Bitrate,
     BusOption,
+    CanLog,
     Channel,
     Interface,
     Json,
     Node,
     Profile,
     Yes,
-    bus_options,
+    connected,
     export_choice,
 )
 
 if TYPE_CHECKING:
+    from schwung import InertiaTable
+    from schwung.api.choices import ExportChoice
     from schwung.cli.console import Terminal
-    from schwung.commissioning import ExportChoice, Exported
-    from schwung.drivetrain import InertiaTable
-    from schwung.session import Run
 
 
 def export(
@@ -71,6 +71,7 @@ def export(
     channel: Channel = None,
     bitrate: Bitrate = None,
     bus: BusOption = None,
+    can_log: CanLog = None,
     node: Node = 1,
     profile: Profile = None,
     json_output: Json = False,
@@ -94,21 +95,14 @@ def export(
 
       schwung export -m explanation/machine.toml --fmu machine.fmu --fmi 3
     """
-    from schwung.api.folders import make_folder, planned_folder
+    from schwung import export as export_table
+    from schwung import load_machine, plan, plan_export, read_inertia, read_session
+    from schwung.api.folders import planned_folder
+    from schwung.api.moving import wishes_of
     from schwung.cli.console import Terminal, describe_table, observing
-    from schwung.cli.drives import open_drive
-    from schwung.cli.flow import show_plan
+    from schwung.cli.flow import show_export, show_plan
     from schwung.cli.models import ModelFiles, write_models
-    from schwung.commissioning import (
-        export_table,
-        export_values,
-        prepare,
-        repeat_reference,
-        wishes_of,
-    )
-    from schwung.drivetrain import load_machine, read_inertia_csv
     from schwung.errors import InputError
-    from schwung.session import read_session
 
     terminal = Terminal(json_output)
     if fmu or modelica or matlab:
@@ -118,77 +112,42 @@ def export(
         raise InputError(
             "schwung export", "no inertia table is given", "Name one, or add --fmu with --machine."
         )
-    inertia, choice = read_inertia_csv(table), export_choice(form)
+    inertia, choice = read_inertia(table), export_choice(form)
     believed = load_machine(machine) if machine else None
-    motor_inertia = believed.motor.inertia_kgm2 if believed is not None else None
     if dcf is not None:
+        motor_inertia = believed.motor.inertia_kgm2 if believed is not None else None
         _write_dcf(dcf, profile, node, inertia, choice, motor_inertia, terminal)
         return
-    if verify is not None and machine is None:
+    if verify is not None and believed is None:
         raise InputError("--verify", "needs a machine file, too", "Give --machine.")
     wishes = wishes_of(read_session(verify)) if verify else None
     folder = planned_folder(out)
     terminal.say(describe_table(inertia))
-    with open_drive(bus_options(interface, channel, bitrate, bus), node, profile) as opened:
-        drive = opened.drive
-        values = export_values(
-            drive.parameter,
-            opened.profile,
-            inertia,
-            choice,
-            read=drive.read,
-            motor_inertia_kgm2=motor_inertia,
-        )
-        rows = [(v.parameter.label, drive.read(v.parameter).raw, v.raw) for v in values]
+    with connected(interface, channel, bitrate, bus, node, profile, can_log) as connection:
+        changes = plan_export(connection, inertia, choice, machine=believed)
+        rows = [(c.parameter.label, c.old, c.new) for c in changes]
         terminal.table("Parameters", ("object", "now", "new"), rows)
         document: dict[str, object] = {
             "parameters": [{"parameter": p, "old": o, "new": n} for p, o, n in rows]
         }
-        prepared = None
+        planned = None
         if wishes is not None and believed is not None:
-            prepared = prepare(drive, opened.profile, believed, wishes)
-            show_plan(terminal, prepared)
-            prepared.preflight.require()
+            planned = plan(connection, believed, wishes)
+            show_plan(terminal, planned)
+            planned.require()
         if dry_run:
             terminal.say("Dry run: nothing was written, nothing moved.")
             terminal.result(document)
             return
-        if not yes:
-            _ask(terminal, moves=prepared is not None)
-        make_folder(folder)
         with observing(terminal) as observer:
-            before = repeat_reference(drive, prepared, folder, "before", observer) if prepared else None
-            observer.phase(f"Writing {len(values)} parameters")
             exported = export_table(
-                drive, opened.profile, inertia, choice,
-                backup_path=folder / "export.backup.json", store=store, motor_inertia_kgm2=motor_inertia,
+                connection, inertia, choice, folder, machine=believed, verify=planned, store=store,
+                confirm=lambda question: yes or terminal.ask(question), observer=observer,
             )  # fmt: skip
-            after = repeat_reference(drive, prepared, folder, "after", observer) if prepared else None
-    document |= _told(terminal, exported, before, after)
+    show_export(terminal, exported)
+    if exported.after is not None:
+        document["export"] = exported.to_json()
     terminal.result(document)
-
-
-def _told(terminal: Terminal, exported: Exported, before: Run | None, after: Run | None) -> dict[str, object]:
-    """Say what was written and, where it was verified, what it was good for; the same for the document."""
-    from schwung.cli.flow import Verification, export_summary, show_verification
-
-    terminal.say(
-        f"{len(exported.changes)} parameters written, read back equal{', stored' if exported.stored else ''}; "
-        f"the old values are in [bold]{exported.backup_path}[/]"
-    )
-    if before is None or after is None:
-        return {}
-    verification = Verification(exported, before, after)
-    show_verification(terminal, verification)
-    return {"export": export_summary(verification)}
-
-
-def _ask(terminal: Terminal, *, moves: bool) -> None:
-    """Raise RefusedError unless the user says yes."""
-    from schwung.errors import RefusedError
-
-    if not terminal.ask(f"Write these parameters{', and move the machine' if moves else ''}?"):
-        raise RefusedError("export", "you said no", "Nothing was written, nothing moved.")
 
 
 def _write_dcf(
@@ -200,18 +159,13 @@ def _write_dcf(
     motor_inertia_kgm2: float | None,
     terminal: Terminal,
 ) -> None:
+    from schwung.api.configurations import write_export
     from schwung.cli.console import describe_table
-    from schwung.commissioning import export_values
     from schwung.errors import InputError
-    from schwung.fieldbus.dcf import dictionary_lookup, write_dcf
-    from schwung.fieldbus.profile import load_canopen_profile
 
     if family is None:
         raise InputError("--dcf", "needs to know the drive family", "Add --profile.")
-    profile = load_canopen_profile(family)
-    lookup = dictionary_lookup(profile.eds_path, node)
-    values = export_values(lookup, profile, table, choice, motor_inertia_kgm2=motor_inertia_kgm2)
-    write_dcf(profile.eds_path, node, values, path)
+    count = write_export(path, family, table, choice, node=node, motor_inertia_kgm2=motor_inertia_kgm2)
     terminal.say(describe_table(table))
-    terminal.say(f"{len(values)} parameters in [bold]{path}[/]")
-    terminal.result({"dcf": str(path), "parameters": len(values)})
+    terminal.say(f"{count} parameters in [bold]{path}[/]")
+    terminal.result({"dcf": str(path), "parameters": count})

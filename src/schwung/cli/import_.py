@@ -10,15 +10,16 @@ import typer
 from schwung.cli.options import Json
 
 if TYPE_CHECKING:
-    from schwung.session import Session
-    from schwung.session.imports import Imported
+    from schwung.api.recordings import Imported, Session
 
-_COLUMNS, _UNITS, _TIME, _RUNS, _CAN = "Columns", "Units", "Time", "Runs", "CAN logs"
+_COLUMNS, _UNITS, _TIME, _RUNS, _CAN, _GUESS = "Columns", "Units", "Time", "Runs", "CAN logs", "Looking first"
+
+_COLUMN_KEYS = ("time", "position", "speed", "torque", "position_demand", "torque_added")
 
 
 def import_(
     files: Annotated[
-        list[Path] | None, typer.Argument(help="CSV, TwinCAT Scope, MAT files; CAN logs.")
+        list[Path] | None, typer.Argument(help="CSV, TwinCAT Scope, MAT, MDF, Parquet; CAN logs.")
     ] = None,
     out: Annotated[Path, typer.Option("-o", "--out", help="The session to write.")] = Path("session.h5"),
     recipe: Annotated[
@@ -149,6 +150,29 @@ def import_(
         str | None,
         typer.Option("-c", "--channel", rich_help_panel=_CAN, help="Which bus, where the log has several."),
     ] = None,
+    guess: Annotated[
+        bool,
+        typer.Option(
+            "--guess", rich_help_panel=_GUESS, help="Propose what is not given, and show why in a picture."
+        ),
+    ] = False,
+    yes: Annotated[
+        bool, typer.Option("-y", "--yes", rich_help_panel=_GUESS, help="Do what is guessed.")
+    ] = False,
+    joint: Annotated[
+        str | None,
+        typer.Option(
+            metavar="NAME",
+            rich_help_panel=_GUESS,
+            help="With --guess, which axis of several. Else what stands for {joint} in columns' names: 1,2,3.",
+        ),
+    ] = None,
+    picture: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="PNG", rich_help_panel=_GUESS, help="Draw what is imported, and what it must satisfy."
+        ),
+    ] = None,
     overwrite: Annotated[bool, typer.Option("--overwrite", help="Replace a session of that name.")] = False,
     json_output: Json = False,
 ) -> None:
@@ -162,12 +186,17 @@ def import_(
 
       schwung import candump.log --eds drive.eds
 
+      schwung import robot.csv --guess
+
+      schwung import robot.csv --position q{joint} --torque tau{joint} --joint 1,2
+
       schwung import --recipe emps.toml --out emps.h5
     """
+    from schwung.api.recordings import import_recordings, log_kind, make_recipe, read_recipe, write_session
     from schwung.cli.console import Terminal
+    from schwung.cli.guess import guess as propose
+    from schwung.cli.guess import picture_of
     from schwung.errors import InputError
-    from schwung.session.imports import import_recordings, make_recipe, read_recipe, write_session
-    from schwung.session.imports.canframes import log_kind
 
     terminal = Terminal(json_output)
     options: dict[str, Any] = {
@@ -194,8 +223,23 @@ def import_(
     files = files or [Path(name) for name in kept.get("files", ())]
     if "dbc" not in kept | given and (logs := [path for path in files if log_kind(path) is not None]):
         raise InputError(str(logs[0]), "is a log of a CAN bus", "Add --eds DRIVE.eds, or --dbc BUS.dbc.")
-    wanted = make_recipe(kept | given, str(recipe) if recipe else "schwung import")
+    place = str(recipe) if recipe else "schwung import"
+    if guess:
+        propose(terminal, files, kept | given, out, joint, yes=yes, overwrite=overwrite)
+        return
+    if joint is not None:
+        for each in joint.split(","):
+            own = _of_joint(kept | given, each.strip())
+            target = out.with_name(f"{out.stem}-{each.strip()}{out.suffix}")
+            made = import_recordings(files, make_recipe(own, place))
+            write_session(made.session, target, overwrite)
+            _show(terminal, made.session, made.notes, target)
+        return
+    wanted = make_recipe(kept | given, place)
     imported = import_recordings(files, wanted)
+    if picture is not None:
+        picture_of(files, kept | given, imported, picture)
+        terminal.say(f"Picture: [bold]{picture}[/]")
     write_session(imported.session, out, overwrite)
     _show(terminal, imported.session, imported.notes, out)
     terminal.result(_document(imported.session, imported.notes, out))
@@ -205,9 +249,8 @@ def _from_log(
     files: list[Path], eds: Path, node: int | None, profile: str | None, given: dict[str, Any]
 ) -> Imported:
     """A CAN log by an EDS. Raises InputError for options that mean nothing there."""
+    from schwung.api.recordings import LogRecipe, import_can_log, unit
     from schwung.errors import InputError
-    from schwung.fieldbus.canlog import LogRecipe, import_can_log
-    from schwung.session.imports.units import unit
 
     said = {
         key: given.pop(f"{key}_unit") for key in ("position", "speed", "torque") if f"{key}_unit" in given
@@ -218,11 +261,30 @@ def _from_log(
         raise InputError(option, "means nothing for a CAN log with an EDS", "Leave it out: the log says it.")
     if len(files) != 1:
         raise InputError("schwung import --eds", f"is given {len(files)} logs", "Give one log at a time.")
-    scales = {
-        key: unit(text, key, "rotary").factor  # type: ignore[arg-type]  # a literal
+    units = {
+        key: unit(text, key, "rotary")  # type: ignore[arg-type]  # a literal
         for key, text in said.items()
     }
+    if any(each.effort == "current" for each in units.values()):
+        raise InputError("--torque-unit", "is a current, but a drive reports per mille of its rated torque",
+                         "Write permille=RATED, the motor's rated torque in N·m.")  # fmt: skip
+    scales = {key: each.factor for key, each in units.items()}
     return import_can_log(files[0], LogRecipe(eds, node, channel, profile, scales))
+
+
+def _of_joint(options: dict[str, Any], joint: str) -> dict[str, Any]:
+    """Options with `{joint}` filled in. Raises InputError where no column's name has it."""
+    from schwung.errors import InputError
+
+    filled = {
+        key: value.replace("{joint}", joint) if isinstance(value, str) and key in _COLUMN_KEYS else value
+        for key, value in options.items()
+    }
+    if filled == options or not joint:
+        raise InputError(
+            "--joint", "stands for nothing", "Write --position 'q{joint}' --torque 'tau{joint}'."
+        )
+    return filled
 
 
 def _excitation(text: str | None) -> dict[str, float] | None:

@@ -22,11 +22,9 @@ def write_models(terminal: Terminal, machine: Path | None, table: Path | None, f
     """Write the machine as every model that is asked for. Raises InputError where one cannot be."""
     from rich.markup import escape
 
-    from schwung.drivetrain import load_machine, read_inertia_csv
+    from schwung import load_machine, read_inertia
+    from schwung.api.simulators import check_fmi, write_fmu, write_matlab, write_modelica
     from schwung.errors import InputError
-    from schwung.simulators.fmu import check_fmi, write_fmu
-    from schwung.simulators.matlab import write_matlab
-    from schwung.simulators.modelica import write_modelica
 
     if not (files.fmu or files.modelica or files.matlab):
         raise InputError(
@@ -39,9 +37,7 @@ def write_models(terminal: Terminal, machine: Path | None, table: Path | None, f
     version = check_fmi(files.fmi)
     believed = load_machine(machine)
     if table is not None:
-        load = believed.load.model_copy(
-            update={"inertia_kgm2": None, "inertia_table": read_inertia_csv(table)}
-        )
+        load = believed.load.model_copy(update={"inertia_kgm2": None, "inertia_table": read_inertia(table)})
         believed = believed.model_copy(update={"load": load})
     document: dict[str, object] = {"machine": str(machine), "physics": [t.name for t in believed.physics]}
     if files.fmu is not None:

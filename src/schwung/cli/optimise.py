@@ -11,6 +11,7 @@ import typer
 from schwung.cli.options import (
     Bitrate,
     BusOption,
+    CanLog,
     Channel,
     DryRun,
     FollowingError,
@@ -24,13 +25,13 @@ from schwung.cli.options import (
     Node,
     Profile,
     Yes,
-    bus_options,
+    connected,
     one_of,
     quantity,
 )
 
 if TYPE_CHECKING:
-    from schwung.optimise.values import Objective
+    from schwung.api.optimising import Objective
 
 _MOTION, _PLAY = "Motion", "On the machine"
 _GOALS = ("copper", "energy", "peak", "vibration")
@@ -119,6 +120,7 @@ def optimise(
     channel: Channel = None,
     bitrate: Bitrate = None,
     bus: BusOption = None,
+    can_log: CanLog = None,
     node: Node = 1,
     profile: Profile = None,
     json_output: Json = False,
@@ -138,22 +140,26 @@ def optimise(
 
       schwung optimise -m measured.toml --distance 180deg --duration 250ms --play -i socketcan -c can0 -n 3
     """
+    from schwung import LimitWishes, load_machine
     from schwung.api.folders import make_folder, planned_folder
-    from schwung.cli.console import Terminal, json_text
-    from schwung.cli.drives import open_drive
-    from schwung.cli.optimised import summary, tell, write_front, write_result
-    from schwung.cli.playing import Playing, play_and_show
-    from schwung.commissioning import LimitWishes
-    from schwung.drivetrain import load_machine
+    from schwung.api.optimising import (
+        MotionLimits,
+        Playing,
+        Task,
+        require_optimiser,
+        write_front,
+        write_optimised,
+    )
+    from schwung.api.optimising import optimise as optimise_task
+    from schwung.cli.console import Terminal
+    from schwung.cli.optimised import tell
+    from schwung.cli.playing import play_and_show
     from schwung.errors import InputError
-    from schwung.files import replace_file
-    from schwung.optimise.values import MotionLimits, Task
+    from schwung.files import json_text, replace_file
 
     if (duration is None) == (not fastest):
         raise InputError("--duration", "is given beside --fastest, or neither is", "Give one of the two.")
     require_optimiser()
-    from schwung.optimise.comparison import optimise as optimise_task
-
     terminal = Terminal(json_output)
     believed = load_machine(machine)
     task = Task(
@@ -181,19 +187,19 @@ def optimise(
         reference: Any = one_of(
             "--against", against, Literal["third", "poly5", "scurve", "cosine", "cycloid"]
         )
-        playing = Playing(reference, repeats, rate, rivals, dry_run)
-        with open_drive(bus_options(interface, channel, bitrate, bus), node, profile) as opened:
+        playing = Playing(reference, repeats, rate, rivals)
+        with connected(interface, channel, bitrate, bus, node, profile, can_log) as connection:
             result = play_and_show(
-                opened.drive, opened.profile, believed, task, wishes, playing, folder, terminal,
-                confirm=lambda question: yes or terminal.ask(question),
+                connection, believed, task, wishes, playing, folder, terminal,
+                confirm=lambda question: yes or terminal.ask(question), dry_run=dry_run,
             )  # fmt: skip
         terminal.result(result)
         return
-    found = optimise_task(believed, task, rivals)
+    found = optimise_task(believed, task, rivals=rivals)
     make_folder(folder)
-    tell(terminal, believed, found)
-    document = summary(believed, found)
-    files = write_result(folder, believed, found, rate, document)
+    tell(terminal, found)
+    document = found.to_json()
+    files = write_optimised(found, folder, rate, document)
     if front:
         document["front"], drawn = write_front(folder, believed, task)
         files += drawn
@@ -222,18 +228,3 @@ def weights_of(text: str) -> dict[Objective, float]:
             )
         weights[name] = weight
     return weights
-
-
-def require_optimiser() -> None:
-    """Raise InputError where the extra is not installed: early, before anything is planned or moved."""
-    from importlib.util import find_spec
-
-    from schwung.errors import InputError
-
-    missing = [name for name in ("casadi", "toppra") if find_spec(name) is None]
-    if missing:
-        raise InputError(
-            "schwung optimise",
-            f"needs {' and '.join(missing)}, not installed here",
-            'Install the extra: pip install "schwung[optimise]".',
-        )

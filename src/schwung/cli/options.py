@@ -2,25 +2,20 @@
 
 from __future__ import annotations
 
-import math
-import re
 from collections.abc import Callable
+from contextlib import AbstractContextManager
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, get_args
 
 import typer
 
-if TYPE_CHECKING:
-    from schwung.commissioning import ExportChoice
-    from schwung.fieldbus.canopen import BusOptions
+from schwung.errors import InputError
+from schwung.quantities import parse_quantity
 
-_UNITS = {
-    "angle": {"rad": 1.0, "mrad": 1e-3, "deg": math.pi / 180, "°": math.pi / 180, "rev": 2 * math.pi},
-    "time": {"s": 1.0, "ms": 1e-3, "us": 1e-6, "µs": 1e-6},
-    "speed": {"rad/s": 1.0, "deg/s": math.pi / 180, "rpm": 2 * math.pi / 60},
-    "torque": {"nm": 1.0, "n·m": 1.0, "mnm": 1e-3},
-    "frequency": {"hz": 1.0, "khz": 1e3},
-}
+if TYPE_CHECKING:
+    from schwung import Connection
+    from schwung.api.choices import ExportChoice
+    from schwung.api.drives import BusOptions
 
 
 def measured(what: str, signed: bool = False) -> Callable[[str], float]:
@@ -28,19 +23,13 @@ def measured(what: str, signed: bool = False) -> Callable[[str], float]:
 
     Raises typer.BadParameter for anything else; unless `signed`, also for zero and below.
     """
-    units = _UNITS[what]
 
     def parse(text: str) -> float:
-        match = re.fullmatch(r"\s*([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)\s*(\D*)", str(text).strip())
-        factor = units.get(match[2].strip().lower() or next(iter(units))) if match else None
-        if match is None or factor is None:
-            raise typer.BadParameter(
-                f'"{text}" is no {what}; write a number, with {" or ".join(units)} behind it.'
-            )
-        value = float(match[1]) * factor
-        if not math.isfinite(value) or not (signed or value > 0):
-            raise typer.BadParameter(f'"{text}" is {"not finite" if value > 0 else "not above zero"}.')
-        return value
+        try:
+            return parse_quantity(text, what, "", signed=signed)
+        except InputError as error:
+            remedy = f"; {error.remedy[0].lower()}{error.remedy[1:]}" if error.remedy else "."
+            raise typer.BadParameter(error.problem + remedy) from None
 
     return parse
 
@@ -52,8 +41,6 @@ def quantity(what: str, metavar: str, text: str, panel: str | None = None, *, si
 
 def one_of(option: str, text: str, choices: Any) -> Any:
     """The text where it is one of the values of a Literal. Raises InputError that lists them."""
-    from schwung.errors import InputError
-
     names = get_args(choices)
     if text not in names:
         raise InputError(option, f'is "{text}"', f"Use {', '.join(names[:-1])} or {names[-1]}.")
@@ -62,7 +49,7 @@ def one_of(option: str, text: str, choices: Any) -> Any:
 
 def export_choice(text: str) -> ExportChoice:
     """table, harmonics, mean, max, host or at=ANGLE, the angle with its unit. Raises InputError for anything else."""
-    from schwung.commissioning import parse_choice
+    from schwung.api.choices import parse_choice
 
     form, _, where = text.partition("=")
     if form == "at" and where:
@@ -87,6 +74,11 @@ BusOption = Annotated[
     list[str] | None,
     typer.Option("--bus", metavar="KEY=VALUE", rich_help_panel="Bus",
                  help="Any further option of the interface, e.g. --bus host=127.0.0.1. Repeatable."),
+]  # fmt: skip
+CanLog = Annotated[
+    Path | None,
+    typer.Option("--can-log", metavar="FILE", rich_help_panel="Bus",
+                 help="Write every frame of the bus there, both ways: .blf, .asc, .log, .csv, .trc, … by its ending."),
 ]  # fmt: skip
 Node = Annotated[
     int,
@@ -145,10 +137,32 @@ MaxJitter = Annotated[
 ]
 
 
-def bus_options(
-    interface: str | None, channel: str | None, bitrate: int | None, extra: list[str] | None
-) -> BusOptions:
-    """The bus as given; what is not given is left to python-can's configuration files and environment."""
-    from schwung.fieldbus.canopen import BusOptions
+def connected(
+    interface: str | None,
+    channel: str | None,
+    bitrate: int | None,
+    extra: list[str] | None,
+    node: int,
+    profile: str | None,
+    can_log: Path | None = None,
+) -> AbstractContextManager[Connection]:
+    """The drive that the options name, for as long as the block lasts."""
+    from schwung import connect
 
-    return BusOptions.from_flags(interface, channel, bitrate, extra or ())
+    return connect(bus_options(interface, channel, bitrate, extra, can_log), node=node, profile=profile)
+
+
+def bus_options(
+    interface: str | None,
+    channel: str | None,
+    bitrate: int | None,
+    extra: list[str] | None,
+    can_log: Path | None = None,
+) -> BusOptions:
+    """The bus as given; what is not given is left to python-can's configuration files and environment.
+
+    Raises InputError for a log that cannot be written.
+    """
+    from schwung.api.drives import BusOptions, with_log
+
+    return with_log(BusOptions.from_flags(interface, channel, bitrate, extra or ()), can_log)

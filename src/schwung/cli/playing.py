@@ -3,21 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from schwung import Connection, LimitWishes, Machine
+    from schwung.api.optimising import Cost, Interval, Played, Playing, Task
     from schwung.cli.console import Terminal
-    from schwung.commissioning import LimitWishes
-    from schwung.commissioning.played import Cost, Interval, Played
-    from schwung.commissioning.playing import PlayPrepared
-    from schwung.drivetrain import Machine
-    from schwung.fieldbus.drive import Drive
-    from schwung.fieldbus.profile import DeviceProfile
-    from schwung.motion import MotionKind
-    from schwung.optimise.values import Task
-    from schwung.session import Run
 
 #: What is told of a motion: words, unit, factor to it, and the value.
 _ROWS: tuple[tuple[str, str, float, str], ...] = (
@@ -33,20 +25,8 @@ _ROWS: tuple[tuple[str, str, float, str], ...] = (
 )
 
 
-@dataclass(frozen=True)
-class Playing:
-    """How the motion shall be played."""
-
-    against: MotionKind = "third"  # kind of the reference motion
-    repeats: int = 3
-    sample_rate_hz: float = 1000.0
-    rivals: bool = True
-    dry_run: bool = False
-
-
 def play_and_show(
-    drive: Drive,
-    profile: DeviceProfile,
+    connection: Connection,
     machine: Machine,
     task: Task,
     wishes: LimitWishes,
@@ -54,92 +34,51 @@ def play_and_show(
     out: Path,
     terminal: Terminal,
     confirm: Callable[[str], bool],
+    dry_run: bool = False,
 ) -> dict[str, Any]:
     """Find the motion from where the axis stands, within the drive's limits, and play it beside the reference.
 
     Returns the machine-readable result. Raises RefusedError where preflight or the user say no, and what finding and
     playing raise.
     """
-    from schwung.api.folders import make_folder
-    from schwung.cli.console import json_text, observing
+    from schwung.api.optimising import plan_play, play, standard_names, write_optimised, write_played
+    from schwung.cli.console import observing
     from schwung.cli.flow import PreflightRefusedError
-    from schwung.cli.optimised import summary, tell, write_result
-    from schwung.commissioning.checks import COMFORT
-    from schwung.commissioning.played import Played, cost_of_run, cost_of_simulated
-    from schwung.commissioning.playing import play, prepare_play, stand_of
+    from schwung.cli.optimised import tell
     from schwung.errors import RefusedError
-    from schwung.files import replace_file
-    from schwung.motion import Motion
-    from schwung.optimise.comparison import STANDARD, optimise, shortest_profile
-    from schwung.optimise.formats import cycle_torque
+    from schwung.files import json_text, replace_file
 
-    stand = stand_of(drive, profile, machine, wishes)
-    limits = replace(
-        task.limits,
-        torque_max_nm=COMFORT * stand.limits.torque_max_nm,  # the controller wants some, too
-        position_min_rad=stand.limits.position_min_rad,
-        position_max_rad=stand.limits.position_max_rad,
-        speed_max_rad_s=COMFORT * stand.limits.speed_max_rad_s,
-    )
-    wanted = replace(task, start_rad=stand.start_rad, limits=limits)
-    found = optimise(machine, wanted, playing.rivals)
-    stroke, back = found.stroke, found.back
-    duration = stroke.duration_s
+    planned = plan_play(connection, machine, task, wishes, playing)
     if task.duration_s is None:
-        duration = shortest_profile(machine, wanted, playing.against)
         terminal.say(
-            f"The {STANDARD[playing.against]} takes {duration * 1e3:.1f} ms within the same limits, "
-            f"the best motion {stroke.duration_s * 1e3:.1f} ms"
+            f"The {standard_names()[playing.against]} takes {planned.reference_duration_s * 1e3:.1f} ms "
+            f"within the same limits, the best motion {planned.found.stroke.duration_s * 1e3:.1f} ms"
         )
-    reference = Motion(kind=playing.against, distance_rad=stroke.distance_rad, duration_s=duration)
-    prepared = prepare_play(
-        drive,
-        profile,
-        stand,
-        reference,
-        stroke.motion(back),
-        lambda motion, time: cycle_torque(stroke, back, motion, time) - stroke.hold_start_nm,
-        repeats=playing.repeats,
-        sample_rate_hz=playing.sample_rate_hz,
-    )
-    tell(terminal, machine, found)
-    terminal.checks((c.name, c.severity, c.text, c.remedy) for c in prepared.preflight.checks)
-    result: dict[str, Any] = summary(machine, found) | {"reference_duration_s": duration}
-    result |= {"preflight": [vars(check) for check in prepared.preflight.checks]}
+    tell(terminal, planned.found)
+    terminal.checks((c.name, c.severity, c.text, c.remedy) for c in planned.checks)
+    result = planned.to_json()
     try:
-        prepared.preflight.require()
+        planned.prepared.preflight.require()
     except RefusedError as refusal:
         raise PreflightRefusedError(refusal, result) from None
-    if playing.dry_run:
+    if dry_run:
         terminal.say("Dry run: nothing was changed, nothing moved.")
         return result
-    if not confirm("The machine will move. Is it clear?"):
-        raise RefusedError("optimise --play", "you said no", "Nothing was changed, nothing moved.")
-    make_folder(out)
     with observing(terminal) as observer:
-        recorded = play(drive, prepared, out, observer)
-    plan = prepared.plan
-    assert plan.optimised is not None
-    before, after = prepared.predicted
-    played = Played(
-        reference=tuple(cost_of_run(run, machine) for run in recorded.runs[0::2]),
-        optimised=tuple(cost_of_run(run, machine) for run in recorded.runs[1::2]),
-        predicted_reference=cost_of_simulated(before, plan.motion, machine),
-        predicted_optimised=cost_of_simulated(after, plan.optimised, machine),
-    )
-    result["played"] = tell_played(terminal, played, playing.against)
-    files = write_result(out, machine, found, playing.sample_rate_hz, result)
-    files += _pictures(out, prepared, recorded.runs[0], recorded.runs[1], playing.against)
+        played = play(connection, planned, out, confirm=confirm, observer=observer)
+    result["played"] = tell_played(terminal, played.costs, playing.against)
+    files = write_optimised(planned.found, out, playing.sample_rate_hz, result)
+    files += write_played(planned, played, out)
     result["files"] = {path.name: str(path) for path in [*files, out / "played.h5"]}
     replace_file(out / "optimised.json", json_text(result))
     terminal.say(f"Motion, tables, cams and pictures: [bold]{out}[/]")
     return result
 
 
-def tell_played(terminal: Terminal, played: Played, against: MotionKind) -> dict[str, Any]:
+def tell_played(terminal: Terminal, played: Played, against: str) -> dict[str, Any]:
     """Measured beside predicted, for people and, as returned, for machines."""
-    from schwung.commissioning.played import interval
-    from schwung.optimise.comparison import STANDARD
+
+    from schwung.api.optimising import interval, standard_names
 
     rows, document = [], {}
     for words, unit, factor, name in _ROWS:
@@ -168,7 +107,7 @@ def tell_played(terminal: Terminal, played: Played, against: MotionKind) -> dict
         }
     terminal.table(
         "Played: measured ± 95 %, in brackets as predicted",
-        ("", STANDARD[against], "optimised", "saved"),
+        ("", standard_names()[against], "optimised", "saved"),
         rows,
     )
     return {"against": against, "repeats": len(played.reference), **document}
@@ -187,32 +126,3 @@ def _half(half: float | None, mean: float, factor: float) -> str:
     if half is None:
         return ""
     return f" ± {half * factor:.2g}" if half > 1e-9 * abs(mean) else " ± 0"
-
-
-def _pictures(
-    out: Path, prepared: PlayPrepared, reference: Run, optimised: Run, against: MotionKind
-) -> list[Path]:
-    """Both motions as recorded over time, with what was predicted, and over the angle."""
-    from schwung.files import replace_file
-    from schwung.optimise.comparison import STANDARD
-    from schwung.report.optimised import Shown, played_angle_figure, played_figure
-    from schwung.report.style import to_png
-
-    pairs = []
-    names = (f"{STANDARD[against]}, measured", "optimised, measured")
-    for name, run, simulated in zip(names, (reference, optimised), prepared.predicted, strict=True):
-        motion = run.motion
-        assert motion is not None
-        begin, end = motion.start_time_s - 0.02, motion.start_time_s + motion.duration_s + motion.dwell_s
-        pair = []
-        for made in (run, simulated):
-            shown = (made.time_s >= begin) & (made.time_s <= end)
-            time = made.time_s[shown] - motion.start_time_s
-            pair.append(
-                Shown(name, time, made.position_rad[shown], made.speed_rad_s[shown], made.torque_nm[shown])
-            )
-        pairs.append((pair[0], pair[1]))
-    figures = {"played.png": played_figure(pairs), "played-angle.png": played_angle_figure(pairs)}
-    for name, figure in figures.items():
-        replace_file(out / name, to_png(figure))
-    return [out / name for name in figures]

@@ -10,8 +10,8 @@ import typer
 from schwung.cli.options import Json
 
 if TYPE_CHECKING:
+    from schwung.api.profiles import DeviceProfile
     from schwung.cli.console import Terminal
-    from schwung.fieldbus.profile import DeviceProfile
 
 Family = Annotated[str, typer.Argument(metavar="FAMILY|FILE", help="A family's name or a profile.toml.")]
 _NODE = 1  # COB-IDs of an EDS are counted from a node; which one does not matter here
@@ -24,8 +24,8 @@ def list_(json_output: Json = False) -> None:
 
       schwung profile list
     """
+    from schwung.api.profiles import list_profiles
     from schwung.cli.console import Terminal
-    from schwung.fieldbus.profile import list_profiles
 
     terminal = Terminal(json_output)
     profiles = list_profiles()
@@ -47,8 +47,8 @@ def show(family: Family, json_output: Json = False) -> None:
     """
     from rich.markup import escape
 
+    from schwung.api.profiles import CAPABILITIES, load_profile
     from schwung.cli.console import Terminal
-    from schwung.fieldbus.profile import CAPABILITIES, load_profile
 
     terminal = Terminal(json_output)
     profile = load_profile(family)
@@ -88,11 +88,10 @@ def check(
 
       schwung profile check maxon-epos4 --eds EPOS4.eds
     """
+    from schwung.api.configurations import read_eds
+    from schwung.api.profiles import CanopenProfile, check_profile, load_profile
     from schwung.cli.console import Terminal
     from schwung.errors import InputError
-    from schwung.fieldbus.eds import read_eds
-    from schwung.fieldbus.profile import CanopenProfile, load_profile
-    from schwung.fieldbus.profile.check import check_profile
 
     terminal = Terminal(json_output)
     profile = load_profile(file)
@@ -145,10 +144,10 @@ def new(
     """
     from rich.markup import escape
 
+    from schwung.api.configurations import read_eds
+    from schwung.api.profiles import draft_profile
     from schwung.cli.console import Terminal
     from schwung.errors import InputError
-    from schwung.fieldbus.eds import read_eds
-    from schwung.fieldbus.profile.draft import draft_profile
     from schwung.files import replace_file
 
     terminal = Terminal(json_output)

@@ -28,12 +28,10 @@ def report(
 
       schwung report session.h5 -m machine.toml --out monday.html --figures pictures
     """
+    from schwung import estimate, load_machine, read_session
+    from schwung.api.reports import content_of, save_figures, standard_of, write_page
     from schwung.cli.console import Terminal
-    from schwung.cli.sessions import content_of, in_file, standard_of
-    from schwung.drivetrain import load_machine
-    from schwung.estimation import estimate
-    from schwung.report import save_figures, write_report
-    from schwung.session import read_session
+    from schwung.cli.sessions import in_file
 
     terminal = Terminal(json_output)
     believed, recorded = load_machine(machine), read_session(session)
@@ -41,7 +39,7 @@ def report(
     with in_file(session):
         found = estimate(recorded, believed)
     content = content_of(recorded, believed, found, standard, session.parent)
-    write_report(content, out)
+    write_page(content, out)
     files = save_figures(content, figures) if figures else []
     terminal.say(f"Report: [bold]{out}[/]")
     terminal.result({"report": str(out), "figures": [str(file) for file in files]})

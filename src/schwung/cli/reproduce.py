@@ -32,9 +32,9 @@ def reproduce(
     """
     from rich.markup import escape
 
+    from schwung.api.reproduction import Reproduced
+    from schwung.api.reproduction import reproduce as reproduce_all
     from schwung.cli.console import Terminal
-    from schwung.report.reproduction import Reproduced
-    from schwung.report.reproduction import reproduce as reproduce_all
 
     terminal = Terminal(json_output)
 

@@ -7,21 +7,13 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from schwung.cli.options import (
-    Bitrate,
-    BusOption,
-    Channel,
-    Interface,
-    Json,
-    bus_options,
-)
+from schwung.cli.options import Bitrate, BusOption, CanLog, Channel, Interface, Json, bus_options
 
 if TYPE_CHECKING:
+    from schwung.api.configurations import Configuration, Written
+    from schwung.api.drives import BusOptions
     from schwung.cli.console import Terminal
-    from schwung.commissioning.backup import Written
-    from schwung.commissioning.compare import Configuration
     from schwung.errors import DriveError
-    from schwung.fieldbus.canopen import BusOptions
 
 
 def restore(
@@ -54,6 +46,7 @@ def restore(
     channel: Channel = None,
     bitrate: Bitrate = None,
     bus: BusOption = None,
+    can_log: CanLog = None,
     node: Annotated[
         int | None, typer.Option("-n", "--node", min=1, max=247, help="Default: the node that was backed up.")
     ] = None,
@@ -76,14 +69,14 @@ def restore(
 
       schwung restore axis3.dcf -i socketcan -c can0 -n 3 --store
     """
+    from schwung.api.configurations import load_configuration
     from schwung.cli.configurations import dictionary_of, known_profile
     from schwung.cli.console import Terminal
-    from schwung.commissioning.configuration_files import load_configuration
 
     terminal = Terminal(json_output)
     dictionary = dictionary_of(eds, known_profile(profile, ()), node or 1)
     wanted = load_configuration(file, node, dictionary)
-    options = bus_options(interface, channel, bitrate, bus)
+    options = bus_options(interface, channel, bitrate, bus, can_log)
     if wanted.kind == "backup":
         given = interface is not None or channel is not None
         _put_back(file, force, options, given, node, profile, terminal, dry_run)
@@ -107,10 +100,9 @@ def _put_back(
     """The old values of a *.backup.json."""
     from rich.markup import escape
 
-    from schwung.cli.drives import open_drive
-    from schwung.commissioning import read_backup, restore_backup
-    from schwung.commissioning.journal import first_values
-    from schwung.fieldbus.canopen import BusOptions
+    from schwung import connect
+    from schwung.api.configurations import first_values, read_backup, restore_backup
+    from schwung.api.drives import BusOptions
 
     content = read_backup(file)
     if content.restored and not force:
@@ -123,7 +115,11 @@ def _put_back(
     known = record.get("bus") or {}
     if not given and "interface" in known:
         options = BusOptions(
-            known["interface"], known.get("channel"), known.get("bitrate"), known.get("extra") or {}
+            known["interface"],
+            known.get("channel"),
+            known.get("bitrate"),
+            known.get("extra") or {},
+            options.log,
         )
     was, family = record.get("identity") or {}, record.get("profile")
     if dry_run:
@@ -134,7 +130,7 @@ def _put_back(
         terminal.say("Dry run: nothing was written.")
         terminal.result({"restored": 0, "would_restore": len(planned)})
         return
-    with open_drive(options, node or int(was.get("node_id", 1)), profile or family) as opened:
+    with connect(options, node=node or int(was.get("node_id", 1)), profile=profile or family) as opened:
         values = restore_backup(opened.drive, file, force)
     terminal.table("Put back", ("object", "value"), ((v.parameter.label, v.raw) for v in values))
     terminal.say(f"{len(values)} parameters put back.")
@@ -157,16 +153,21 @@ def _configure(
     """Bring a drive to a configuration."""
     from rich.markup import escape
 
+    from schwung import connect
+    from schwung.api.configurations import (
+        ParameterJournal,
+        fitting_dictionary,
+        for_this_drive,
+        plan_restore,
+        require_power_off,
+        write_plan,
+    )
     from schwung.api.folders import make_folder, planned_folder
     from schwung.cli.configurations import canopen_profile, cells, reasons, scales_of
     from schwung.cli.console import observing
-    from schwung.cli.drives import open_drive
-    from schwung.commissioning.backup import plan_restore, require_power_off, write_plan
-    from schwung.commissioning.configuration_files import fitting_dictionary, for_this_drive
-    from schwung.commissioning.journal import ParameterJournal
 
     folder = planned_folder(out)
-    with open_drive(options, node, profile) as opened:
+    with connect(options, node=node, profile=profile) as opened:
         drive = opened.drive
         family = canopen_profile(opened.profile, "restore")
         dictionary = fitting_dictionary(wanted, eds, family, drive.identity, node)

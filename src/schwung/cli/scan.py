@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from schwung.cli.options import Bitrate, BusOption, Channel, Interface, Json, bus_options
+from schwung.cli.options import Bitrate, BusOption, CanLog, Channel, Interface, Json, bus_options
 
 
 def scan(
@@ -15,6 +15,7 @@ def scan(
     channel: Channel = None,
     bitrate: Bitrate = None,
     bus: BusOption = None,
+    can_log: CanLog = None,
     nodes: Annotated[
         str, typer.Option("--nodes", metavar="FIRST-LAST", help="Node ids that are asked.")
     ] = "1-127",
@@ -34,10 +35,10 @@ def scan(
 
       schwung scan -i modbus-rtu -c /dev/ttyUSB0 -b 115200 --bus parity=N --nodes 1-8
     """
+    from schwung import scan as scan_all
+    from schwung.api.drives import is_modbus
     from schwung.cli.console import Terminal, observing
     from schwung.errors import InputError
-    from schwung.fieldbus.connecting import is_modbus
-    from schwung.fieldbus.connecting import scan as scan_all
 
     first, _, last = nodes.partition("-")
     if (
@@ -47,10 +48,10 @@ def scan(
         raise InputError("--nodes", f'"{nodes}" is no range of node ids', "Write for instance --nodes 1-16.")
     wanted = range(int(first), int(last or first) + 1)
     terminal = Terminal(json_output)
-    options = bus_options(interface, channel, bitrate, bus)
+    options = bus_options(interface, channel, bitrate, bus, can_log)
     with observing(terminal) as observer:
         observer.phase(f"Asking nodes {wanted[0]} to {wanted[-1]}")
-        found = scan_all(options, wanted, progress=observer.progress)
+        found = scan_all(options, nodes=wanted, progress=observer.progress)
     if not found:
         what = "bit rate and parity" if is_modbus(options) else "bit rate"
         terminal.say(f"No node answered. Is the bus powered and terminated, and the {what} right?")

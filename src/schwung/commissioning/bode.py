@@ -20,7 +20,7 @@ from schwung.commissioning.bode_excitation import (
     grid_of,
 )
 from schwung.commissioning.checks import Check, share_check
-from schwung.commissioning.commission import control_of, read_gains, settings_of
+from schwung.commissioning.commission import KeptSession, control_of, read_gains, settings_of
 from schwung.commissioning.creep import creep_of
 from schwung.commissioning.guarding import guard_checks, guard_of, hardest_stop, travel_of
 from schwung.commissioning.journal import Change, ParameterJournal
@@ -139,6 +139,21 @@ def measure_bode(
     Raises RefusedError, DriveError, InterruptedByUser as `record` does, InputError where the recording allows no fit
     (it is kept).
     """
+    kept = record_bode(drive, prepared, out, observer, max_jitter_share)
+    observer.phase("Fitting the responses")
+    session = read_session(kept.session_path)
+    fit = fit_bode(measured_responses(session), prepared.machine)
+    return MeasuredBode(prepared, kept.session_path, session, kept.recorded, fit, kept.changes)
+
+
+def record_bode(
+    drive: Drive,
+    prepared: PreparedBode,
+    out: Path,
+    observer: Observer,
+    max_jitter_share: float = MAX_JITTER_SHARE,
+) -> KeptSession:
+    """The part of `measure_bode` that needs the drive: move, inject, record; raises as `record` does."""
     path = out / "session.h5"
     journal = ParameterJournal(drive, out / "setup.backup.json", drive.describe())
     recorded = record(
@@ -153,10 +168,7 @@ def measure_bode(
         runs=prepared.runs,
         source="schwung bode",
     )
-    observer.phase("Fitting the responses")
-    session = read_session(path)
-    fit = fit_bode(measured_responses(session), prepared.machine)
-    return MeasuredBode(prepared, path, session, recorded, fit, journal.changes)
+    return KeptSession(path, recorded, journal.changes)
 
 
 def with_recorded_gains(machine: Machine, session: Session) -> Machine:

@@ -267,6 +267,39 @@ def carry_out(
     Raises RefusedError, DriveError, InterruptedByUser as `record` does, InputError where the recording allows no
     estimate (it is kept).
     """
+    kept = record_prepared(drive, prepared, out, observer, max_jitter_share)
+    observer.phase("Estimating the load inertia")
+    session = read_session(kept.session_path)
+    found = estimate(session, prepared.machine)
+    return Commissioned(
+        prepared=prepared,
+        session_path=kept.session_path,
+        session=session,
+        recorded=kept.recorded,
+        estimate=found,
+        reach=reach_of(session, prepared.machine, found),
+        contrast=contrast_of(session, prepared.machine),
+        changes=kept.changes,
+    )
+
+
+@dataclass(frozen=True, eq=False)
+class KeptSession:
+    """What was recorded, where it lies, and which parameters were changed for it."""
+
+    session_path: Path
+    recorded: Recorded
+    changes: tuple[Change, ...]
+
+
+def record_prepared(
+    drive: Drive,
+    prepared: Prepared,
+    out: Path,
+    observer: Observer,
+    max_jitter_share: float = MAX_JITTER_SHARE,
+) -> KeptSession:
+    """The part of `carry_out` that needs the drive: move and record; raises as `record` does."""
     session_path = out / "session.h5"
     journal = ParameterJournal(drive, out / "setup.backup.json", drive.describe())
     recorded = record(
@@ -279,19 +312,7 @@ def carry_out(
         settings=settings_of(prepared.plan) | control_of(prepared.machine),
         max_jitter_share=max_jitter_share,
     )
-    observer.phase("Estimating the load inertia")
-    session = read_session(session_path)
-    found = estimate(session, prepared.machine)
-    return Commissioned(
-        prepared=prepared,
-        session_path=session_path,
-        session=session,
-        recorded=recorded,
-        estimate=found,
-        reach=reach_of(session, prepared.machine, found),
-        contrast=contrast_of(session, prepared.machine),
-        changes=journal.changes,
-    )
+    return KeptSession(session_path, recorded, journal.changes)
 
 
 def contrast_of(session: Session, machine: Machine) -> Estimate | None:

@@ -107,6 +107,9 @@ def export_values(
     motor and load in one number. Raises InputError where the profile has no such target ("this profile can't do
     that, because …"), where one of the two is missing, or where a value does not fit its object.
     """
+    if table.effort == "current":
+        raise InputError("inertia table", "is in A·s²/rad: how many N·m an ampere makes is unknown",
+                         "Multiply it by the motor's N·m per ampere, and name its column inertia_kgm2.")  # fmt: skip
     export = profile.export
     if choice.form == "table":
         if export.table is None:
@@ -136,6 +139,47 @@ def export_values(
             )
         inertia += motor_inertia_kgm2
     return _scalar_values(lookup, export.scalar, inertia, read)
+
+
+@dataclass(frozen=True)
+class Worth:
+    """What one count of a parameter is worth."""
+
+    scale: float
+    unit: str
+
+
+def worth_of(profile: DeviceProfile, parameter: Parameter) -> Worth | None:
+    """The worth of a parameter that an export writes; None where the profile does not say it, or the drive holds it."""
+    export, here = profile.export, (parameter.index, parameter.subindex)
+
+    def is_at(ref: ObjectRef | None) -> bool:
+        return ref is not None and here == (ref.index, ref.subindex)
+
+    found: Worth | None = None
+    if export.table is not None:
+        if parameter.index == export.table.values.index and parameter.subindex > 0:
+            found = Worth(export.table.scale_kgm2, "kg·m²")
+        elif is_at(export.table.start) or is_at(export.table.step):
+            found = Worth(export.table.angle_scale_rad, "rad")
+        elif is_at(export.table.count):
+            found = Worth(1.0, "points")
+    if (
+        found is None
+        and export.scalar is not None
+        and is_at(export.scalar.object)
+        and export.scalar.per is None
+    ):
+        found = Worth(export.scalar.scale_kgm2, "kg·m²")
+    if found is None and export.harmonics is not None:
+        harmonics = export.harmonics
+        if parameter.index == harmonics.amplitudes.index and parameter.subindex > 0:
+            found = Worth(harmonics.amplitude_scale_kgm2, "kg·m²")
+        elif parameter.index == harmonics.phases.index and parameter.subindex > 0:
+            found = Worth(harmonics.phase_scale_rad, "rad")
+        elif is_at(harmonics.offset.object):
+            found = Worth(harmonics.offset.scale, "kg·m²")
+    return found
 
 
 def _denied(profile: DeviceProfile, capability: CapabilityName, remedy: str) -> InputError:

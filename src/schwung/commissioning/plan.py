@@ -218,6 +218,7 @@ def make_plan(
     Raises InputError where a wish cannot be met by any motion (too few samples per period, PP with a profile that
     drives do not have).
     """
+    machine.require_torque("a commissioning")
     reasons = []
     _require_sense(distance_rad, duration_s, kind, sample_rate_hz, frequency_hz, amplitude_nm, repeats)
     for further in also_s:

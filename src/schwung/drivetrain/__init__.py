@@ -16,6 +16,7 @@ from schwung.drivetrain.machine import (
     Machine,
     Motor,
     load_machine,
+    machine_files,
     paper_machine,
     write_machine,
 )
@@ -36,6 +37,7 @@ __all__ = [
     "anti_resonance_hz",
     "disturbance_to_position_ratio",
     "load_machine",
+    "machine_files",
     "paper_machine",
     "read_inertia_csv",
     "read_load_torque_csv",

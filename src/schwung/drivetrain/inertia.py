@@ -16,6 +16,7 @@ from scipy.interpolate import PchipInterpolator
 from schwung.errors import InputError
 from schwung.files import replace_file
 from schwung.motion import Array
+from schwung.quantities import Effort
 
 
 @dataclass(frozen=True, eq=False)
@@ -29,6 +30,7 @@ class InertiaTable:
     position_rad: Array
     inertia_kgm2: Array
     std_kgm2: Array | None = None
+    effort: Effort = "torque"  # "current": inertias are in A·s²/rad, and N·m per A is unknown
 
     def __post_init__(self) -> None:
         n = self.position_rad.size
@@ -103,13 +105,32 @@ class LoadTorqueTable:
 
 
 #: Magnitudes beyond these are mistakes of unit (degrees would pass: a stroke may be many turns).
-_HIGHEST = {"position_rad": 1e6, "inertia_kgm2": 1e5, "std_kgm2": 1e5, "load_torque_nm": 1e6}
+_HIGHEST = {
+    "position_rad": 1e6, "inertia_kgm2": 1e5, "std_kgm2": 1e5, "load_torque_nm": 1e6, "inertia_as2_rad": 1e6,
+    "std_as2_rad": 1e6,
+}  # fmt: skip
+#: Columns of a table of which nobody knows how many N·m an ampere makes: A·s²/rad.
+_IN_AMPERES = ("inertia_as2_rad", "std_as2_rad")
 
 
 def read_inertia_csv(path: str | Path) -> InertiaTable:
     """Read `inertia.csv` (files.md). Raises InputError that names the file, the line and the remedy."""
-    columns = _read_columns(Path(path), ("position_rad", "inertia_kgm2"), ("std_kgm2",))
+    path = Path(path)
+    if _is_in_amperes(path):
+        columns = _read_columns(path, ("position_rad", _IN_AMPERES[0]), (_IN_AMPERES[1],))
+        inertia, std = columns[_IN_AMPERES[0]], columns.get(_IN_AMPERES[1])
+        return InertiaTable(columns["position_rad"], inertia, std, "current")
+    columns = _read_columns(path, ("position_rad", "inertia_kgm2"), ("std_kgm2",))
     return InertiaTable(columns["position_rad"], columns["inertia_kgm2"], columns.get("std_kgm2"))
+
+
+def _is_in_amperes(path: Path) -> bool:
+    """Whether a table's header says that its inertias are those of a current."""
+    try:
+        with path.open(encoding="utf-8-sig", errors="replace") as file:
+            return _IN_AMPERES[0] in [name.strip() for name in file.readline().split(",")]
+    except (OSError, ValueError):
+        return False  # the reader says what is wrong
 
 
 def read_load_torque_csv(path: str | Path) -> LoadTorqueTable:
@@ -120,9 +141,10 @@ def read_load_torque_csv(path: str | Path) -> LoadTorqueTable:
 
 def write_inertia_csv(table: InertiaTable, path: str | Path) -> None:
     """Write `inertia.csv` (files.md), all at once and without loss of digits."""
-    columns = {"position_rad": table.position_rad, "inertia_kgm2": table.inertia_kgm2}
+    inertia, std = _IN_AMPERES if table.effort == "current" else ("inertia_kgm2", "std_kgm2")
+    columns = {"position_rad": table.position_rad, inertia: table.inertia_kgm2}
     if table.std_kgm2 is not None:
-        columns["std_kgm2"] = table.std_kgm2
+        columns[std] = table.std_kgm2
     _write_columns(Path(path), columns)
 
 
@@ -180,7 +202,9 @@ def _cell(place: str, name: str, cell: str) -> float:
         value = float(cell)
     except ValueError:
         value = math.nan
-    lowest = {"inertia_kgm2": np.nextafter(0, 1), "std_kgm2": 0.0}.get(name, -_HIGHEST[name])
+    positive = np.nextafter(0, 1)
+    least = {"inertia_kgm2": positive, "inertia_as2_rad": positive, "std_kgm2": 0.0, "std_as2_rad": 0.0}
+    lowest = least.get(name, -_HIGHEST[name])
     if not lowest <= value <= _HIGHEST[name]:
         wanted = {"inertia_kgm2": "a positive number in kg·m²", "std_kgm2": "a number from 0 up in kg·m²"}
         raise InputError(place, f"{name} is {cell.strip()!r}",

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import tomllib
 from collections.abc import Mapping
+from dataclasses import replace
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -37,6 +38,7 @@ from schwung.drivetrain.physics_term import PhysicsTerm
 from schwung.errors import InputError
 from schwung.files import replace_file
 from schwung.motion import Array
+from schwung.quantities import Effort
 
 #: Ends of attribute names, longest first, and the unit each stands for.
 _UNITS = {
@@ -209,6 +211,8 @@ class Machine(_Table):
     load: Load = Load()
     control: Control | None = None
     physics: Annotated[tuple[PhysicsTerm, ...], Field(strict=False)] = ()
+    effort: Effort = "torque"
+    """"current": the file is in A instead of N·m throughout, inertias in A·s²/rad; N·m per A is unknown."""
 
     @model_validator(mode="after")
     def _plausible(self) -> Machine:
@@ -224,6 +228,14 @@ class Machine(_Table):
             )
         check_physics(self.physics, rigid=self.coupling is None)
         return self
+
+    def require_torque(self, what: str) -> None:
+        """Raise InputError where the machine is in A: `what` needs N·m."""
+        if self.effort == "current":
+            raise InputError(
+                f'machine "{self.name}"', f'is in A (effort = "current"), and {what} needs N·m',
+                "Multiply what has A in its unit by the motor's N·m per ampere, and drop effort.",
+            )  # fmt: skip
 
     @property
     def load_inertia(self) -> InertiaTable | float | None:
@@ -281,20 +293,17 @@ def paper_machine() -> Machine:
 def load_machine(path: str | Path) -> Machine:
     """Read `machine.toml` and the tables that it names (files.md). Raises InputError for every defect."""
     path = Path(path)
-    try:
-        data = tomllib.loads(path.read_text(encoding="utf-8"))
-    except OSError as error:
-        reason = (error.strerror or str(error)).lower()
-        raise InputError(str(path), f"cannot be read: {reason}", "Give the path of a machine.toml.") from None
-    except UnicodeDecodeError:
-        raise InputError(str(path), "is not UTF-8 text", "Give the path of a machine.toml.") from None
-    except (ValueError, RecursionError) as error:
-        raise InputError(str(path), f"is not TOML: {error}", "Correct that line.") from None
+    data = _read_toml(path)
     load = data.get("load")
     if isinstance(load, dict):
         if "viscous_friction" not in load:
             raise InputError(f"{path}: load.viscous_friction", "is missing", "Add it to [load] in N·m·s/rad.")
         _read_tables(load, path)
+        table = load.get("inertia_table")
+        if isinstance(table, InertiaTable) and table.effort != data.get("effort", "torque"):
+            unit = "A·s²/rad" if table.effort == "current" else "kg·m²"
+            raise InputError(f"{path}: load.inertia_table", f"is in {unit}, the machine file is not",
+                             'A machine in A says effort = "current" at its top.')  # fmt: skip
     try:
         return Machine.model_validate(data, by_alias=True, by_name=False)
     except InputError as error:
@@ -303,9 +312,35 @@ def load_machine(path: str | Path) -> Machine:
         raise _explained(error, path) from None
 
 
+def machine_files(path: str | Path) -> tuple[Path, ...]:
+    """The machine file and the tables that it names: all that its content depends on.
+
+    Raises InputError where the file cannot be read; whether its tables are there is for `load_machine` to say.
+    """
+    path = Path(path)
+    load = _read_toml(path).get("load")
+    tables = [load.get(key) for key in _TABLES] if isinstance(load, dict) else []
+    return (path, *(path.parent / name for name in tables if isinstance(name, str) and name))
+
+
+def _read_toml(path: Path) -> dict[str, Any]:
+    try:
+        return tomllib.loads(path.read_text(encoding="utf-8"))
+    except OSError as error:
+        reason = (error.strerror or str(error)).lower()
+        raise InputError(str(path), f"cannot be read: {reason}", "Give the path of a machine.toml.") from None
+    except UnicodeDecodeError:
+        raise InputError(str(path), "is not UTF-8 text", "Give the path of a machine.toml.") from None
+    except (ValueError, RecursionError) as error:
+        raise InputError(str(path), f"is not TOML: {error}", "Correct that line.") from None
+
+
+_TABLES = {"inertia_table": read_inertia_csv, "torque_table": read_load_torque_csv}
+
+
 def _read_tables(load: dict[str, Any], path: Path) -> None:
     """Replace the names of tables by the tables; names are relative to the machine file."""
-    for key, read in (("inertia_table", read_inertia_csv), ("torque_table", read_load_torque_csv)):
+    for key, read in _TABLES.items():
         if key not in load:
             continue
         if not isinstance(load[key], str) or not load[key]:
@@ -350,9 +385,12 @@ def write_machine(machine: Machine, path: str | Path) -> None:
     data = machine.model_dump(by_alias=True, exclude_none=True, exclude=tables)
     if not machine.physics:
         del data["physics"]
+    if machine.effort == "torque":
+        del data["effort"]
     if machine.load.inertia_table is not None:
         data["load"]["inertia_table"] = f"{path.stem}_inertia.csv"
-        write_inertia_csv(machine.load.inertia_table, path.with_name(data["load"]["inertia_table"]))
+        table = replace(machine.load.inertia_table, effort=machine.effort)
+        write_inertia_csv(table, path.with_name(data["load"]["inertia_table"]))
     if machine.load.torque_table is not None:
         data["load"]["torque_table"] = f"{path.stem}_load_torque.csv"
         write_load_torque_csv(machine.load.torque_table, path.with_name(data["load"]["torque_table"]))

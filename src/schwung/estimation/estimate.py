@@ -15,6 +15,7 @@ from schwung.estimation.sdft import samples_per_window
 from schwung.estimation.table import Combined, combine, combine_tables
 from schwung.estimation.trust import judge
 from schwung.estimation.values import Denoised, Estimate, Inversion, Trace, Trust
+from schwung.session.effort import require_alike
 from schwung.session.model import Session
 
 __all__ = ["Denoised", "Estimate", "Trace", "Trust", "estimate"]
@@ -38,13 +39,14 @@ def estimate(
     notes say why. `inversion`: "complex" or "magnitude", where the method inverts. `frequency_hz`: of one excitation;
     None: all, each with the weight it deserves. `points`: of the table, at most. `remove_delay`: look for a delay of
     speed behind torque and remove it where it is significant, which the notes say. On a linear axis every quantity has
-    its linear counterpart: m, m/s, N, kg.
+    its linear counterpart: m, m/s, N, kg; where the session's effort is a current, A and A·s²/rad.
 
     Raises InputError, naming run, problem and remedy: reference or phase missing, runs that do not align, too few
     samples per period, sine too weak, torque of the wrong sign or without the injected part.
     """
     if inversion not in ("complex", "magnitude"):
         raise InputError("inversion", f'there is no "{inversion}"', 'Use "complex" or "magnitude".')
+    require_alike(session, machine)
     ready = prepared(session)
     excited, frequency = excited_at(ready, frequency_hz)
     task = Task(ready, excited, machine, frequency, inversion, session, points)
@@ -64,7 +66,8 @@ def estimate(
         elif leaves_much(task, windowed=bool(found.denoised)):
             found, said = _narrower_of(found, choice.method, task)
             notes += said
-    return replace(found, notes=notes + found.notes)
+    table = replace(found.table, effort=session.effort)
+    return replace(found, table=table, notes=notes + found.notes)
 
 
 def _by(how: Method, task: Task) -> Estimate:

@@ -31,6 +31,7 @@ from schwung.explain.values import (
     NoiseFloor,
     Verdict,
 )
+from schwung.session.effort import require_alike
 from schwung.session.model import Session
 
 #: RMS over the floor: explained up to the first (on the runs kept aside for the proof), at the floor for all that a
@@ -71,6 +72,7 @@ def explain(
     """
     tell = progress or (lambda _text, _share: None)
     tell("Looking at the recordings", 0.0)
+    require_alike(session, machine)
     doubts = examine(session, machine)
     doubts.require(session.source or "session")
     curve = measured(machine)

@@ -95,7 +95,7 @@ def _modbus(
         )
     link = ModbusLink(line, unit, profile.modbus, clock=clock, line=bench)
     try:
-        drive = ModbusDrive(link, profile, bus=vars(options))
+        drive = ModbusDrive(link, profile, bus=options.named())
     except BaseException:
         link.close()
         raise

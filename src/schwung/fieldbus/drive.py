@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
-from typing import Any, Literal, Protocol
+from typing import Any, Literal, Protocol, runtime_checkable
 
 import numpy as np
 from numpy.typing import NDArray
@@ -243,6 +243,29 @@ class Recording:
         0.0  # of a trace: when row 0 was sampled, on the clock on which setpoint k is due at k / rate
     )
     sampling: Sampling = "sync"
+
+
+@dataclass(frozen=True, eq=False)
+class LiveSamples:
+    """A piece of a motion while it goes on, one row per SYNC, (n,); what has not come is NaN. `motion` counts motions,
+    `time_s` is the motion's own."""
+
+    motion: int
+    time_s: Array
+    position_rad: Array
+    speed_rad_s: Array
+    torque_nm: Array
+    position_demand_rad: Array
+    torque_added_nm: Array
+
+
+@runtime_checkable
+class Watched(Protocol):
+    """A drive whose motion can be watched."""
+
+    def live(self) -> LiveSamples | None:
+        """What came since it was last asked for; None: nothing. For one watcher, from any thread."""
+        ...
 
 
 #: Called with the number of samples done and the number of samples in all.

@@ -151,6 +151,24 @@ def deviance_of(
     return float(logs + count * np.log(squares / count)) if scaled else float(logs + squares)
 
 
+def unshared_deviance_of(
+    systems: Sequence[Equations], runs: Sequence[Signals], noise: Noise, repeats: Sequence[Sequence[int]]
+) -> float:
+    """−2 log likelihood of what repeats of a motion do not share; `repeats`: groups of two runs or more.
+
+    Whatever physics the equations lack is the same in all of a group, and in the difference of their innovations gone.
+    """
+    logs = squares = 0.0
+    for group in repeats:
+        passed = [kernel.filtered(problem_of(systems[i], noise, runs[i])) for i in group]
+        count = min(one.error.shape[0] for one in passed)
+        errors = np.stack([one.error[:count] / np.sqrt(one.variance[:count]) for one in passed])
+        share = len(group) / (len(group) - 1)
+        squares += share * float(np.sum((errors - np.mean(errors, axis=0)) ** 2))
+        logs += float(sum(np.sum(np.log(one.variance[:count])) for one in passed))
+    return logs + squares if np.isfinite(logs + squares) else float(np.finfo(float).max)
+
+
 def likely_noise(
     systems: Sequence[Equations],
     runs: Sequence[Signals],
@@ -160,12 +178,13 @@ def likely_noise(
     *,
     whole: bool = False,
     coarsest: float = np.inf,
+    repeats: Sequence[Sequence[int]] = (),
 ) -> Noise:
     """The sizes of noise that make the innovations most likely.
 
     `reach`: how far off they may be (log); `span_rad`: the range of angles; `whole`: a part of the torque's noise may
     go with the torque; then the first size is that of its whole, and an angle divides it. `coarsest`: no angle is
-    noisier than that (rad).
+    noisier than that (rad). `repeats`: groups of runs that repeat a motion; noise is then what they do not share.
     """
     finest = max(FINEST * span_rad, 0.5 * max(run.count_rad for run in runs) / np.sqrt(12))
     usual = float(np.sqrt(np.mean(np.concatenate([run.load_nm for run in runs]) ** 2))) if whole else 0.0
@@ -179,6 +198,8 @@ def likely_noise(
         return Noise(max(even, _LEAST_EVEN * torque), speed, position, share)
 
     def cost(place: Array) -> float:
+        if repeats:
+            return unshared_deviance_of(systems, runs, noise_of(place), repeats)
         return deviance_of(systems, runs, noise_of(place), scaled=False)
 
     torque, further = start.torque_nm, []

@@ -69,6 +69,7 @@ def optimise(machine: Machine, task: Task, rivals: bool = True) -> Comparison:
 
     Raises InputError and NoMotionError as `best_stroke`.
     """
+    machine.require_torque("the best motion")
     stroke, back = there_and_back(machine, task)
     require_followed(machine, task, stroke)
     ours = contender(machine, task, "optimised", follow(machine, stroke.motion(), task.start_rad))

@@ -17,7 +17,15 @@ Objective = Literal["copper", "energy", "peak", "vibration", "fastest"]
 
 @dataclass(frozen=True)
 class MotionLimits:
-    """Within what a motion has to stay; None: no limit. Window and speed hold for motor and load alike."""
+    """Within what a motion has to stay; None: no limit. Window and speed hold for motor and load alike.
+
+    Attributes, numbers without a shape: `torque_max_nm` (N·m), `position_min_rad` and `position_max_rad` (rad),
+    `speed_max_rad_s` (rad/s), `jerk_max_rad_s3` (rad/s³), `following_error_rad` (rad). Raises InputError for a limit
+    that is not above zero.
+
+    >>> schwung.MotionLimits(torque_max_nm=40.0, speed_max_rad_s=60.0).jerk_max_rad_s3 is None
+    True
+    """
 
     torque_max_nm: float
     position_min_rad: float | None = None
@@ -40,7 +48,10 @@ class Task:
     `weights`: what is minimised, each divided by what the fifth-order polynomial has of it. `duration_s` None: as fast
     as the limits allow; `weights` are then not asked. `payloads_kgm2`: load inertias on top of the machine's, all of
     which the motion has to keep its limits with. `band_sigmas`: likewise with the whole table so many of its standard
-    deviations higher and lower. Raises InputError where that is no task.
+    deviations higher and lower. Numbers without a shape, in rad, s and kg·m². Raises InputError where that is no task.
+
+    >>> schwung.Task(0.0, 3.14, schwung.MotionLimits(torque_max_nm=40.0), duration_s=0.2).ends_rad
+    (0.0, 3.14)
     """
 
     start_rad: float

@@ -14,7 +14,8 @@ from schwung.errors import InputError
 from schwung.estimation.reach import Reach
 from schwung.estimation.values import Estimate
 from schwung.motion import Array
-from schwung.session import Run, Session
+from schwung.quantities import Effort
+from schwung.session import Axis, Run, Session
 
 
 class CheckRow(Protocol):
@@ -108,6 +109,16 @@ class Units:
 
 ROTARY = Units("rad", "rad/s", "N·m", "kg·m²", "angle", "torque", "inertia")
 LINEAR = Units("m", "m/s", "N", "kg", "position", "force", "mass")
+#: The same of sessions of which nobody knows how many N·m an ampere makes.
+ROTARY_CURRENT = Units("rad", "rad/s", "A", "A·s²/rad", "angle", "current", "inertia")
+LINEAR_CURRENT = Units("m", "m/s", "A", "A·s²/m", "position", "current", "mass")
+
+
+def units_of(axis: Axis, effort: Effort) -> Units:
+    """Units and words of an axis whose torques are that, or currents."""
+    if effort == "current":
+        return LINEAR_CURRENT if axis == "linear" else ROTARY_CURRENT
+    return LINEAR if axis == "linear" else ROTARY
 
 
 @dataclass(frozen=True, eq=False)
@@ -137,7 +148,7 @@ class ReportContent:
     @property
     def units(self) -> Units:
         """Units and words of this axis."""
-        return LINEAR if self.session.axis == "linear" else ROTARY
+        return units_of(self.session.axis, self.session.effort)
 
     @property
     def shown_run(self) -> Run | None:

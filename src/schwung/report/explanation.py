@@ -13,7 +13,8 @@ from matplotlib.figure import Figure
 
 from schwung.drivetrain.machine import Machine
 from schwung.explain.values import Explanation, Finding, Located, Quantity
-from schwung.report.content import LINEAR, ROTARY, Units
+from schwung.quantities import sentences_of
+from schwung.report.content import LINEAR, ROTARY, Units, units_of
 from schwung.report.explanation_terms import coupling_figure, term_figure
 from schwung.report.explanation_words import View, told_apart_by, words_of
 from schwung.report.figures_explanation import (
@@ -84,7 +85,7 @@ class ExplanationContent:
     @property
     def units(self) -> Units:
         """Units and words of this axis."""
-        return LINEAR if self.explanation.axis == "linear" else ROTARY
+        return units_of(self.explanation.axis, self.believed.effort)
 
     @property
     def linear(self) -> bool:
@@ -111,7 +112,7 @@ def render_explanation(content: ExplanationContent) -> str:
         section("The learned machine", _machine_file(content)),
         "<footer>Written by Schwung. This file needs nothing else: keep it, mail it, print it.</footer>",
     ]
-    return page(content.title, parts)
+    return sentences_of(content.believed.effort)(page(content.title, parts))
 
 
 def _header(content: ExplanationContent) -> str:

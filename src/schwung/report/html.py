@@ -12,6 +12,7 @@ import numpy as np
 from schwung.errors import InputError
 from schwung.estimation.values import Estimate
 from schwung.files import replace_file
+from schwung.quantities import sentences_of
 from schwung.report.content import ReportContent, deviation
 from schwung.report.pictures import Picture, pictures
 from schwung.report.rows import rows_of
@@ -64,7 +65,7 @@ def render(content: ReportContent) -> str:
         *_tables(content),
         "<footer>Written by Schwung. This file needs nothing else: keep it, mail it, print it.</footer>",
     ]
-    return page(content.title, parts)
+    return sentences_of(content.session.effort)(page(content.title, parts))
 
 
 def page(title: str, parts: Iterable[str]) -> str:

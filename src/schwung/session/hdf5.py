@@ -25,6 +25,7 @@ from pydantic import BaseModel, ValidationError
 from schwung.errors import InputError, SchwungError
 from schwung.files import replace_file
 from schwung.motion import Array, Excitation, Motion, MotionKind
+from schwung.quantities import Effort
 from schwung.session.model import Axis, PartialRun, Run, Session
 
 _Model = TypeVar("_Model", bound=BaseModel)
@@ -36,7 +37,7 @@ _UNITS: dict[str, dict[str, str]] = {
     "rotary": {"position": "rad", "speed": "rad/s", "torque": "N·m"},
     "linear": {"position": "m", "speed": "m/s", "torque": "N"},
 }
-_FIELDS = {
+FIELDS = {
     "time": "time_s",
     "position": "position_rad",
     "speed": "speed_rad_s",
@@ -50,13 +51,15 @@ _RANGE = {"time": 1e6, "position": 1e7, "speed": 1e5, "torque": 1e7}
 _MAX_RATE_HZ = 1e7
 _ATTRIBUTE_CHARACTERS = 15_000  # HDF5 holds attributes up to 64 KiB; UTF-8 takes up to 4 bytes per character
 _RUN_ATTRIBUTES = ("role", "repeat", "sample_rate_hz", "motion", "excitation")
-_ROOT_ATTRIBUTES = ("format", "version", "created", "source", "axis", "drive")
+_ROOT_ATTRIBUTES = ("format", "version", "created", "source", "axis", "drive", "effort")
 
 
-def unit_of(dataset: str, axis: Axis = "rotary") -> str:
+def unit_of(dataset: str, axis: Axis = "rotary", effort: Effort = "torque") -> str:
     """The unit in which the file holds a dataset, as written in its `unit` attribute."""
     if dataset == "time":
         return "s"
+    if effort == "current" and _quantity(dataset) == "torque":
+        return "A"
     return _UNITS[axis][_quantity(dataset)]
 
 
@@ -104,18 +107,23 @@ def _read_root(file: h5py.File, root: str) -> Session:
     if axis not in _UNITS:
         raise InputError(f"{root}@axis", f'is "{axis}"', 'Use "rotary" or "linear".')
     known: Axis = "linear" if axis == "linear" else "rotary"
+    effort = _text(file, "effort", root) if "effort" in file.attrs else "torque"
+    if effort not in ("torque", "current"):
+        raise InputError(f"{root}@effort", f'is "{effort}"', 'Use "torque" or "current".')
+    made_of: Effort = "current" if effort == "current" else "torque"
     drive = _json(file, "drive", root) if "drive" in file.attrs else None
     runs = file.get("run")
     if not isinstance(runs, h5py.Group):
         raise InputError(f"{root}run", "is missing", "A session holds its runs in /run/0000, /run/0001, …")
     return Session(
-        runs=tuple(_read_run(runs, name, known, root) for name in _numbered(runs)),
+        runs=tuple(_read_run(runs, name, known, made_of, root) for name in _numbered(runs)),
         created=created,
         source=_text(file, "source", root),
         axis=known,
         drive=drive,
         partial_reasons=_partial_reasons(file),
         extra=_extra_attributes(file, _ROOT_ATTRIBUTES),
+        effort=made_of,
     )
 
 
@@ -130,7 +138,7 @@ def _partial_reasons(file: h5py.File) -> tuple[str, ...]:
     return tuple(str(_plain(group[name].attrs.get("reason", "no reason given"))) for name in _numbered(group))
 
 
-def _read_run(runs: h5py.Group, name: str, axis: Axis, root: str) -> Run:
+def _read_run(runs: h5py.Group, name: str, axis: Axis, effort: Effort, root: str) -> Run:
     place = f"{root}run/{name}"
     group = runs.get(name)
     if not isinstance(group, h5py.Group):
@@ -152,13 +160,13 @@ def _read_run(runs: h5py.Group, name: str, axis: Axis, root: str) -> Run:
         raise InputError(f"{place}@excitation", f"{excitation.frequency_hz:g} Hz is not seen at {rate:g} Hz",
                          "Correct frequency_hz or sample_rate_hz.")  # fmt: skip
     arrays = {
-        field: _dataset(group, dataset, axis, place)
-        for dataset, field in _FIELDS.items()
+        field: _dataset(group, dataset, unit_of(dataset, axis, effort), place)
+        for dataset, field in FIELDS.items()
         if dataset in _REQUIRED or dataset in group
     }
     extra = _extra_attributes(group, _RUN_ATTRIBUTES)
     for key, item in group.items():
-        if key not in _FIELDS and isinstance(item, h5py.Dataset):
+        if key not in FIELDS and isinstance(item, h5py.Dataset):
             extra[key] = _parsed(item[()])
     motion = None
     if _is_foreign(group, place):  # kept as it is, for what it tells: which runs repeat the same
@@ -187,13 +195,13 @@ def _is_foreign(group: h5py.Group, place: str) -> bool:
     return isinstance(kind, str) and kind not in get_args(MotionKind)
 
 
-def _dataset(group: h5py.Group, name: str, axis: Axis, place: str) -> Array:
+def _dataset(group: h5py.Group, name: str, wanted: str, place: str) -> Array:
     """One dataset as float64 (n,); lengths and finiteness are checked by Run."""
     where = f"{place}/{name}"
     item = group.get(name)
     if not isinstance(item, h5py.Dataset):
         raise InputError(where, "is missing", "A run needs time, position, speed and torque.")
-    unit, wanted = _plain(item.attrs.get("unit", "")), unit_of(name, axis)
+    unit = _plain(item.attrs.get("unit", ""))
     if unit != wanted:
         said = f'unit is "{unit}"' if unit else "has no unit attribute"
         raise InputError(where, f'{said}, expected "{wanted}"',
@@ -290,13 +298,14 @@ class SessionWriter:
         source: str,
         drive: Mapping[str, Any] | None = None,
         axis: Axis = "rotary",
+        effort: Effort = "torque",
         created: str | None = None,
         overwrite: bool = False,
     ) -> None:
         self.path = Path(path)
         if self.path.exists() and not overwrite:
             raise InputError(str(self.path), "exists already", "Choose another name, or ask to overwrite it.")
-        self._axis = axis
+        self._axis, self._effort = axis, effort
         # a name of its own: HDF5 refuses to open one name twice, even in memory
         self._image = h5py.File(f"session-{uuid4().hex}", "w", driver="core", backing_store=False)
         self._image.attrs.update(
@@ -306,6 +315,8 @@ class SessionWriter:
             source=source,
             axis=axis,
         )
+        if effort != "torque":
+            self._image.attrs["effort"] = effort
         if drive is not None:
             self._image.attrs["drive"] = json.dumps(dict(drive), ensure_ascii=False)
         self._runs = self._image.create_group("run")
@@ -354,7 +365,7 @@ class SessionWriter:
                 group.attrs[name] = value.model_dump_json(exclude_none=True)
         for name, values in run.datasets().items():
             dataset = group.create_dataset(name, data=np.asarray(values, dtype=np.float64))
-            dataset.attrs["unit"] = unit_of(name, self._axis)
+            dataset.attrs["unit"] = unit_of(name, self._axis, self._effort)
         for key, value in run.extra.items():
             _write_extra(group, key, value)
 

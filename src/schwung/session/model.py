@@ -10,6 +10,7 @@ import numpy as np
 
 from schwung.errors import InputError
 from schwung.motion import Array, Excitation, Motion
+from schwung.quantities import Effort
 
 Role = Literal["reference", "excited"]
 Axis = Literal["rotary", "linear"]
@@ -24,8 +25,8 @@ SAME_PERIOD = 0.01
 class Run:
     """One recorded motion; every array is (n,), float64, finite, on a uniform time base, 0 at the trigger.
 
-    On a linear axis the same fields hold m, m/s and N. Raises InputError, naming the dataset and the sample,
-    where that does not hold.
+    On a linear axis the same fields hold m, m/s and N; where a session's effort is a current, torques are in A. Raises
+    InputError, naming the dataset and the sample, where that does not hold.
     """
 
     role: Role
@@ -147,6 +148,7 @@ class Session:
     drive: Mapping[str, Any] | None = None
     partial_reasons: tuple[str, ...] = ()  # why each recording that was cut short was
     extra: Mapping[str, Any] = field(default_factory=dict)  # further attributes of the file
+    effort: Effort = "torque"  # "current": torques are in A, and N·m per A is unknown
 
     @property
     def references(self) -> tuple[Run, ...]:

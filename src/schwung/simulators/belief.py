@@ -70,6 +70,12 @@ def fmu_belief(
     """
     tell = progress or (lambda _text, _share: None)
     tell("Reading the FMU", 0.0)
+    if session.effort != "torque":
+        raise InputError(
+            "session",
+            "holds currents in A, and an FMU speaks of torques",
+            "Import it with its torque constant.",
+        )
     described = describe(fmu)
     of = ports(read_map(mapped), described, str(mapped))
     crude = _crude(session)

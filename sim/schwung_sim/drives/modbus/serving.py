@@ -6,8 +6,6 @@ from __future__ import annotations
 import asyncio
 import contextlib
 import os
-import pty
-import tty
 from abc import ABC, abstractmethod
 from collections.abc import Callable
 
@@ -149,6 +147,13 @@ class SerialServing(Serving):
 
     def __init__(self, server: ModbusServer, bitrate: int | None = None) -> None:
         super().__init__(server)
+        try:
+            import pty  # not on Windows
+            import tty
+        except ImportError:
+            raise BenchError(
+                "serial line", "this system has no pseudo-terminals", "Serve Modbus TCP instead."
+            ) from None
         self._end, self._tool_end = pty.openpty()
         tty.setraw(self._tool_end)
         self.tool = os.ttyname(self._tool_end)

@@ -7,7 +7,7 @@ round, for fresh memory is dear. What two columns have in common is worked out w
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -34,6 +34,14 @@ class Atom:
     where: slice
     refined: float | None = None  # log of the share of the shapes that are as good as this one
     spread: Shape = ()  # standard deviations of the shape's numbers
+
+    def tempered(self, ratio: float) -> Atom:
+        """As so many times fewer samples would tell its shape."""
+        if self.refined is None:
+            return self
+        wider = len(self.shape) / 2 * float(np.log(ratio))
+        deviations = tuple(float(np.sqrt(ratio)) * deviation for deviation in self.spread)
+        return replace(self, refined=min(0.0, self.refined + wider), spread=deviations)
 
 
 @dataclass(eq=False)
@@ -77,6 +85,18 @@ class Data:
         wheres = data._stored([(candidates[index], shape) for index, shape in every])
         data.atoms = [Atom(index, shape, where) for (index, shape), where in zip(every, wheres, strict=True)]
         return data
+
+    def tempered(self, ratio: float) -> Data:
+        """As so many times fewer samples would tell."""
+        return replace(
+            self,
+            excess=self.excess * ratio,
+            statistics=self.statistics.tempered(ratio),
+            met=self.met.copy(),
+            atoms=[atom.tempered(ratio) for atom in self.atoms],
+            causes=list(self.causes),
+            errors=dict(self.errors),
+        )
 
     @property
     def work(self) -> Work:

@@ -22,6 +22,8 @@ from schwung.motion import Array
 ROUNDS = 10
 #: Noise that moves by more than this (log), about what was found, is looked at again.
 RENEWED = 0.05
+#: How far off the noise may be, once it was found (log).
+KNOWN = 0.3
 #: Causes of one shape that are smooth along any motion, and so are present where the noise is found.
 SMOOTH = ("torque_constant", "torque_lag", "measurement_delay", "coupling_stiffness", "coupling_damping")
 
@@ -53,7 +55,7 @@ class Growth:
         nothing = [absent(self.candidates[i]) for i in self.always]
         at = settled(self.wide.seen(view), nothing, self._weighing)
         picks: tuple[tuple[Atom, float], ...] = ()
-        growing = True
+        growing, fresh = True, False  # whether the noise was looked at since something was found
         for _ in range(ROUNDS):
             search = self._search(at)
             if search.data.work.spent:
@@ -64,11 +66,11 @@ class Growth:
                 taken = self._further(search, start, at)
                 if taken is not None:
                     best, at = taken
-                    picks = _kept(search, best)
+                    picks, fresh = _kept(search, best), False
                     continue
-                growing = self._renewed(at)
+                growing = not fresh and self._renewed(at)
                 if growing:
-                    at = settled(self.wide.seen(at.about.view), at.members, self._weighing)
+                    at, fresh = settled(self.wide.seen(at.about.view), at.members, self._weighing), True
                     continue
             best = search.best(start.picks)
             if {search.index(p) for p in best.picks} == {search.index(p) for p in start.picks}:
@@ -107,7 +109,8 @@ class Growth:
     def _renewed(self, at: Settled) -> bool:
         """Whether noise found about what is present differs: far from the truth, noise had to be taken for what a
         linear model could not do."""
-        nearer = wide_fit(at.about.view, everything(self.candidates, at.members), self.wide.noise, self.train)
+        members = everything(self.candidates, at.members)
+        nearer = wide_fit(at.about.view, members, self.wide.noise, self.train, KNOWN)
         moved = nearer.noise.moved_from(self.wide.noise)
         self.wide = nearer
         return moved > RENEWED

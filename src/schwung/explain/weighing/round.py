@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field, replace
+from typing import TypeVar
 
 import numpy as np
 
@@ -22,12 +23,13 @@ from schwung.innovations.statistics import Statistics, colour
 from schwung.motion import Array
 from schwung.session.model import Run
 
-#: Runs that the sizes of noise are found from, at most.
+#: Runs, or pairs of runs of one motion, that the sizes of noise are found from, at most.
 FEW = 3
 #: Innovations further apart than this are taken as independent (s).
 STRETCH_S = 0.02
 
 
+T = TypeVar("T")
 #: A candidate in one of its shapes.
 Cause = tuple[Candidate, Shape]
 
@@ -44,6 +46,7 @@ class View:
     dry_nm: float | None = (
         None  # dry friction that leaves open where the shaft sticks; None: that of what is present
     )
+    repeats: Sequence[Sequence[int]] = ()  # runs of each motion and injection
     work: Work = field(default_factory=Work)  # that was done since the session was first looked at
 
     def alongs(self, members: Sequence[Member]) -> list[Along]:
@@ -99,6 +102,11 @@ class Linearised:
         """Σ2n of some runs."""
         return sum(self.passed[run].samples for run in runs)
 
+    def stretches(self, runs: Sequence[int]) -> list[slice]:
+        """Where each of some runs is, one behind another."""
+        ends = np.cumsum([self.passed[run].samples for run in runs]).tolist()
+        return [slice(start, end) for start, end in zip([0, *ends[:-1]], ends, strict=True)]
+
     def whiten(self, causes: Iterable[Cause], runs: Sequence[int], rows: Array) -> None:
         """Write causes as the innovations of some runs show them, one run behind another, to `rows` (Σp, Σ2n)."""
         causes, across = list(causes), 0
@@ -130,16 +138,24 @@ def linearised(view: View, members: Sequence[Member], noise: Noise, reach: float
     alongs = view.alongs(members)
     made = [equations_of(where, acting(view, where, members)) for where in alongs]
     if reach is not None:
-        few = np.unique(np.round(np.linspace(0, len(made) - 1, FEW)).astype(int))
+        pairs = _few([group for group in view.repeats if len(group) > 1])
+        few = [i for pair in pairs for i in pair[:2]] or _few(range(len(made)))
         equations: list[Equations] = [made[i][0] for i in few]
         these, span = [view.runs[i] for i in few], view.ranges.span_rad
-        noise = likely_noise(equations, these, noise, reach, span, whole=True)
+        places = [(2 * i, 2 * i + 1) for i in range(len(pairs))]
+        noise = likely_noise(equations, these, noise, reach, span, whole=True, repeats=places)
     passed = [
         Passed.of(equations, steps, noise, run)
         for (equations, steps), run in zip(made, view.runs, strict=True)
     ]
     view.work.add(LINEARISED * sum(one.samples for one in passed))
     return Linearised(view, alongs, passed, noise)
+
+
+def _few(every: Sequence[T]) -> list[T]:
+    """A few of these, evenly spread."""
+    places = np.unique(np.round(np.linspace(0, len(every) - 1, FEW))) if every else ()
+    return [every[int(place)] for place in places]
 
 
 def resmoothed(view: View, members: Sequence[Member], noise: Noise) -> View:
@@ -181,6 +197,8 @@ class Wide:
 
 #: Passes of noise, coefficients and states at most; settled, where no size of noise moves by more than this (log).
 _PASSES, _SETTLED = 6, 0.05
+#: Of repeats the noise does not depend on what else is known.
+_PASSES_OF_REPEATS = 2
 #: How far off the sizes of noise may be in the next pass (log).
 _REACHES = (0.1, 1.0)
 #: Sizes of all curves are found by so many steps of their fixed point (MacKay), within these.
@@ -189,10 +207,15 @@ _SIZING, _SMALLEST, _LARGEST = 12, 1e-4, 10.0
 _STEPS, _HALVINGS, _AT_REST = 12, 4, 0.1
 
 
-def wide_fit(view: View, candidates: Sequence[Member], noise: Noise, train: Sequence[int]) -> Wide:
-    """Fit the belief with all of these present. `candidates` begin with the coefficients they have."""
-    members, view, reach = list(candidates), replace(view, dry_nm=None), 1.0
-    for number in range(_PASSES):
+def wide_fit(
+    view: View, candidates: Sequence[Member], noise: Noise, train: Sequence[int], reach: float = 1.0
+) -> Wide:
+    """Fit the belief with all of these present. `candidates` begin with the coefficients they have; `reach`: how far
+    off the noise may be (log).
+    """
+    members, view = list(candidates), replace(view, dry_nm=None)
+    passes = _PASSES_OF_REPEATS if any(len(group) > 1 for group in view.repeats) else _PASSES
+    for number in range(passes):
         about = linearised(view, members, noise, reach)
         moved, noise = about.noise.moved_from(noise), about.noise
         reach = float(np.clip(moved, *_REACHES))
@@ -202,7 +225,7 @@ def wide_fit(view: View, candidates: Sequence[Member], noise: Noise, train: Sequ
         data = Statistics.of(rows.T, target)
         found = _sized(data, members)
         members, view, torques = _nearer(about, members, found.coefficients - present, train)
-        if moved < _SETTLED or number == _PASSES - 1:
+        if moved < _SETTLED or number == passes - 1:
             break
         view = replace(view, torques_nm=torques)
     excess = excess_of(rows, target - found.coefficients @ rows, about, train)
@@ -327,13 +350,22 @@ def target_of(about: Linearised, members: Sequence[Member], runs: Sequence[int])
 
 
 def excess_of(rows: Array, rest: Array, about: Linearised, train: Sequence[int]) -> float:
-    """How much more than white noise's the scores of these columns (P, Σ2n) vary, at least 1: the median column's."""
-    every, at = [], 0
-    for i in train:
-        stretch = 2 * max(round(STRETCH_S / about.view.runs[i].step_s), 1)
-        mine = slice(at, at + about.passed[i].samples)
-        every.append(colour(rows[:, mine].T, rest[mine], stretch))
-        at = mine.stop
+    """How much more than white noise's the scores of these columns (P, Σ2n) vary, at least 1: the median column's.
+
+    Of what repeats do not share, where there are repeats: what they share is no noise.
+    """
+    wheres, every = dict(zip(train, about.stretches(train), strict=True)), []
+    groups = [[i for i in group if i in wheres] for group in about.view.repeats]
+    groups = [group for group in groups if len(group) > 1]
+    for group in groups or [[i] for i in train]:
+        length = min(about.passed[i].samples for i in group)
+        heads = [slice(wheres[i].start, wheres[i].start + length) for i in group]
+        rests = np.stack([rest[head] for head in heads])
+        if groups:
+            rests = (rests - np.mean(rests, axis=0)) * np.sqrt(len(group) / (len(group) - 1))
+        for i, head, own in zip(group, heads, rests, strict=True):
+            stretch = 2 * max(round(STRETCH_S / about.view.runs[i].step_s), 1)
+            every.append(colour(rows[:, head].T, own, stretch))
     return max(1.0, float(np.median(np.mean(every, axis=0))))
 
 

@@ -296,6 +296,13 @@ class Search:
                 if less.log + gain > best.log - _HOPELESS and not self.data.work.spent:
                     self._with(others, instead)
 
+    def tempered(self, ratio: float) -> Search:
+        """The same sets as so many times fewer samples would tell them apart."""
+        other = Search(self.data.tempered(ratio), self.always)
+        for scored in self.table.values():
+            other.sized(other.score(scored.picks))
+        return other
+
     def shares(self) -> list[tuple[float, Scored]]:
         """Every visited kind of set with its probability, the most probable first."""
         sets = sorted(self.table.values(), key=lambda scored: -scored.log)

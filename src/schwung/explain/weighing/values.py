@@ -28,11 +28,12 @@ class Named:
 
 @dataclass(frozen=True)
 class Unnamed:
-    """A curve over a coordinate that no name stands for."""
+    """What the motion follows over a coordinate and no name stands for."""
 
     coordinate: str
     probability: float
     torque_nm: float  # root mean square along the runs
+    like: str = ""  # the name whose law comes near; empty: a curve
 
 
 @dataclass(frozen=True)
@@ -44,6 +45,12 @@ class Proof:
     before: float  # root mean square of the innovations over the noise's: of the belief, of what is published
     after: float
 
+    @property
+    def taken(self) -> float:
+        """Share of what the belief misses beyond the noise (variance) that is missed no longer; 1: there was none."""
+        beyond = self.before**2 - 1
+        return 1.0 if beyond <= 0 else min(1.0, 1 - max(self.after**2 - 1, 0.0) / beyond)
+
 
 @dataclass(frozen=True)
 class Weighed:
@@ -54,7 +61,7 @@ class Weighed:
     runner_up: tuple[str, ...]  # the second most probable set
     runner_up_probability: float
     noise: Noise
-    excess: float  # variance of the scores over white noise's: the likelihood is tempered by it
+    excess: float  # the likelihood is tempered by it: colour of the noise, and physics that has no name
     proof: Proof | None
     notes: tuple[str, ...] = ()
 

@@ -2,25 +2,28 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 
 from schwung.drivetrain.machine import Machine
 from schwung.explain.proof import split
 from schwung.explain.weighing.along import ranges_of
-from schwung.explain.weighing.candidate import Candidate
+from schwung.explain.weighing.candidate import NATURAL, Candidate
 from schwung.explain.weighing.data import Atom
 from schwung.explain.weighing.growth import Grown, Growth, everything, slices
 from schwung.explain.weighing.known import known
+from schwung.explain.weighing.repeated import repeated
 from schwung.explain.weighing.round import View, wide_fit
 from schwung.explain.weighing.search import Scored, Search
+from schwung.explain.weighing.standing import Standing, standing
 from schwung.explain.weighing.values import Named, Parameter, Proof, Unnamed, Weighed
 from schwung.explain.weighing.vocabulary import vocabulary
 from schwung.innovations.evidence import weigh as weigh_columns
 from schwung.innovations.likelihood import first_noise
 from schwung.innovations.signals import signals_of
 from schwung.motion import Array
+from schwung.session.imports import repeats
 from schwung.session.model import Session
 
 #: What causes show within (Hz); injections above widen it.
@@ -43,51 +46,74 @@ def weigh(session: Session, machine: Machine) -> Weighed:
     runs = [signals_of(run, machine, band, 0.0) for run in session.runs]
     of = ranges_of(runs, machine, STICKING, band)
     torques = tuple(run.drive.smooth(run.time_s) for run in runs)
-    view = View(session.runs, tuple(runs), known(machine, of.low_rad, of.high_rad), of, torques)
+    belief = known(machine, of.low_rad, of.high_rad)
+    view = View(session.runs, tuple(runs), belief, of, torques, repeats=_repeats(session))
     candidates = vocabulary(of, view.known)
     always = tuple(i for i, c in enumerate(candidates) if c.name.startswith("usual"))
+    beside = repeated(session.runs, NATURAL * of.peak_torque_nm)
     wide = wide_fit(view, everything(candidates, ()), first_noise(runs), train)
     grown = Growth(candidates, always, train, wide).grown(view)
-    return _told(grown, parts.heldout)
+    return _told(grown, standing(grown.search, grown.best, beside), parts.heldout)
 
 
-def _told(outcome: Grown, heldout: Sequence[int]) -> Weighed:
+def _repeats(session: Session) -> list[tuple[int, ...]]:
+    """Runs of each motion and injection; copies of one run, as a simulation without noise makes them, show no noise."""
+    return [
+        group
+        for group in repeats(session)
+        if not any(
+            np.array_equal(session.runs[group[0]].torque_nm, session.runs[i].torque_nm) for i in group[1:]
+        )
+    ]
+
+
+def _told(outcome: Grown, stands: Standing, heldout: Sequence[int]) -> Weighed:
     search, data = outcome.search, outcome.data
-    shares = search.shares()
-    names: dict[str, float] = {}
-    curves: dict[str, float] = {}
-    for share, scored in shares:
-        inside = {search.candidate(pick) for pick in scored.picks}
-        for name in {c.name for c in inside if c.named}:
-            names[name] = names.get(name, 0.0) + share
-        for name in {c.name for c in inside if not c.named}:
-            curves[name] = curves.get(name, 0.0) + share
-    told = [
-        Named(name, p, _parameters(search, name))
-        for name, p in sorted(names.items(), key=lambda pair: -pair[1])
-        if p >= TOLD and not _at_bound(search, name)
-    ]
-    ends = [name for name, p in names.items() if p >= TOLD and _at_bound(search, name)]
-    unnamed = [
-        Unnamed(name, p, _rms(search, name))
-        for name, p in sorted(curves.items(), key=lambda pair: -pair[1])
-        if p >= TOLD
-    ]
+    sure = search.tempered(stands.tempering)
+    shares = sure.shares()
+    likely = {name: p * stands.names.get(name, 1.0) for name, p in _probabilities(sure).items()}
+    names = {c.name: likely[c.name] for c in data.candidates if c.named and likely.get(c.name, 0.0) >= TOLD}
+    told = [Named(name, p, _parameters(sure, name)) for name, p in names.items() if not _at_bound(sure, name)]
+    ends = [name for name in names if _at_bound(sure, name)]
     told.sort(key=lambda one: (-round(one.probability, 2), -_worth(search, outcome.best, one.name)))
     second = shares[1] if len(shares) > 1 else (0.0, outcome.best)
     return Weighed(
         names=tuple(told),
-        unnamed=tuple(unnamed),
+        unnamed=_unnamed(search, likely),
         runner_up=tuple(sorted(search.candidate(pick).name for pick in second[1].picks)),
         runner_up_probability=second[0],
         noise=data.about.noise,
-        excess=data.excess,
+        excess=data.excess * stands.tempering,
         proof=_proof(outcome, heldout) if heldout else None,
         notes=(
             *(f"{name} only fits at the end of its range, and is not named" for name in sorted(ends)),
             *((_UNFINISHED,) if data.work.spent else ()),
         ),
     )
+
+
+def _probabilities(search: Search) -> dict[str, float]:
+    """Of every cause, over all sets."""
+    found: dict[str, float] = {}
+    for share, scored in search.shares():
+        for name in {search.candidate(pick).name for pick in scored.picks}:
+            found[name] = found.get(name, 0.0) + share
+    return found
+
+
+def _unnamed(search: Search, names: Mapping[str, float]) -> tuple[Unnamed, ...]:
+    """What describes the motion without being a name, the most probable first: curves, and names that are only like it.
+
+    `names`: probabilities that a name is right; what is more probable by the description alone is not named.
+    """
+    found = []
+    for name, p in _probabilities(search).items():
+        candidate = next(c for c in search.data.candidates if c.name == name)
+        more = p - names.get(name, 0.0) if candidate.named else p
+        if more >= TOLD:
+            like = name if candidate.named else ""
+            found.append(Unnamed(candidate.coordinate, more, _rms(search, name), like))
+    return tuple(sorted(found, key=lambda one: -one.probability))
 
 
 def _worth(search: Search, best: Scored, name: str) -> float:

@@ -38,7 +38,7 @@ def recognise_injection(counts: Array, rate_hz: float, count_nm: float) -> Injec
         return None
     first, last = int(on[0]), int(on[-1])
     own = counts[first : last + 1]
-    frequency = _strongest(own, rate_hz)
+    frequency = strongest_hz(own, rate_hz)
     if frequency is None:
         return None
     period = rate_hz / frequency
@@ -78,7 +78,7 @@ class _Sine:
         return np.asarray(self.amplitude * np.sin(2 * np.pi * self.frequency * time + self.phase))
 
 
-def _strongest(counts: Array, rate_hz: float) -> float | None:
+def strongest_hz(counts: Array, rate_hz: float) -> float | None:
     """The frequency (Hz) of the strongest line, by a padded spectrum and a parabola through its peak."""
     windowed = (counts - counts.mean()) * np.hanning(counts.size)
     spectrum = np.abs(np.fft.rfft(windowed, 8 * counts.size))

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from schwung.fieldbus import cia402
-from schwung.fieldbus.canlog.injection import Injection, recognise_injection, recognise_motion
+from schwung.fieldbus.canlog.injection import Injection, recognise_injection, recognise_motion, strongest_hz
 from schwung.motion import Array, Excitation, Motion
 from schwung.session import Run
 from schwung.session.imports.motions import Piece, moving_sections, returning, stretches
@@ -19,11 +19,14 @@ _FEWEST_ROWS = 32
 _REST_S = (
     0.03  # a demand that stands still for less is within a motion (motions.py has the same for positions)
 )
-_QUIET_S = 0.05  # the injection is over when it was 0 for so long: half a period of the slowest that is of use, 10 Hz
+_QUIET_S = 0.05  # an injection of no frequency is over when it was 0 for so long; else for half a period
 _WAIT_S = 1.0  # so much rest is kept before and after a motion at most
 _FEWEST_STEPS = 8  # a demand that changes in fewer steps is a target, not a path
 #: A motion of less than this share of the longest is an approach or a trial, not the motion that was measured.
 _SMALL_SHARE = 0.25
+_TOLD_S = 0.3  # a drive sets off so long after it was given a target, at the latest
+#: There and back are one motion where both take as long, within this share, and the rest between them is no longer.
+_AS_LONG = 0.05
 
 
 @dataclass(frozen=True, eq=False)
@@ -120,10 +123,62 @@ def _sections(signals: Signals, bounds: Piece) -> list[_Section]:
         found = _commanded(counts, signals.rate_hz)
         path = counts * signals.count_rad if found else path
     if not found:
+        path = _without_ripple(path, _period(signals, bounds))
         found = list(moving_sections(path, signals.rate_hz))
-    groups = returning(path, found)
     shift = bounds.start
-    return [_Section(Piece(group[0].start + shift, group[-1].stop + shift), bounds) for group in groups]
+    sections = [
+        _Section(Piece(group[0].start + shift, group[-1].stop + shift), bounds)
+        for group in _mirrored(returning(path, found))
+    ]
+    for section in sections:
+        told = _told_before(signals, section)
+        if told is not None:
+            section.moves = Piece(told, section.moves.stop)
+    return sections
+
+
+def _told_before(signals: Signals, section: _Section) -> int | None:
+    """When a target was given that the axis went to on its own profile, the row before; None where a path was."""
+    counts = signals.demand_counts
+    if counts is None:
+        return None
+    first = max(section.bounds.start, section.moves.start - round(_TOLD_S * signals.rate_hz))
+    steps = first + np.flatnonzero(np.diff(counts[first : section.moves.start + 1]))
+    jumps = np.count_nonzero(np.diff(counts[section.moves.start : section.moves.stop])) < _FEWEST_STEPS
+    return int(steps[-1]) if steps.size and jumps else None
+
+
+def _mirrored(groups: Sequence[tuple[Piece, ...]]) -> Iterator[tuple[Piece, ...]]:
+    """Strokes there and back as one where they mirror each other; a way home at another speed is another motion."""
+    for group in groups:
+        there, back = group[0], group[-1]
+        alike = abs(len(there) - len(back)) <= max(3, _AS_LONG * len(there))
+        if alike and back.start - there.stop <= len(there):
+            yield group
+        else:
+            yield from ((each,) for each in group)
+
+
+def _period(signals: Signals, bounds: Piece) -> int:
+    """The period (rows) of what is injected in a stretch; 0 where nothing is."""
+    if signals.added_counts is None:
+        return 0
+    own = np.nan_to_num(signals.added_counts[bounds.start : bounds.stop])
+    on = np.flatnonzero(own)
+    if on.size < _FEWEST_STEPS:
+        return 0
+    frequency = strongest_hz(own[on[0] : on[-1] + 1], signals.rate_hz)
+    return 0 if not frequency else round(signals.rate_hz / frequency)
+
+
+def _without_ripple(path: Array, period: int) -> Array:
+    """A path (n,), averaged over a period of what is injected into it."""
+    if period < 2 or path.size < 2 * period:
+        return path
+    padded = np.concatenate(
+        (np.full(period // 2, path[0]), path, np.full(period - 1 - period // 2, path[-1]))
+    )
+    return np.asarray(np.convolve(padded, np.ones(period) / period, "valid"))
 
 
 def _commanded(counts: Array, rate_hz: float) -> list[Piece]:
@@ -148,9 +203,10 @@ def _injected(signals: Signals, sections: Sequence[_Section]) -> tuple[list[_Sec
     counts = signals.added_counts
     if counts is None:
         return list(sections), 0
-    quiet = max(2, round(_QUIET_S * signals.rate_hz))
     kept, odd = [], 0
     for section in sections:
+        half = _period(signals, section.bounds) // 2
+        quiet = half + 1 if half else max(2, round(_QUIET_S * signals.rate_hz))
         own = np.where(np.isfinite(counts), counts, 0.0)
         own[: section.bounds.start] = own[section.bounds.stop :] = 0.0
         spans: list[Piece] = []
@@ -205,8 +261,11 @@ def _alike(signals: Signals, sections: Sequence[_Section]) -> list[list[_Section
         key = str(k).encode()
         if signals.demand_counts is not None:
             own = signals.demand_counts[section.moves.start : section.moves.stop + 1]
-            if np.all(np.isfinite(own)) and own.size > _FEWEST_STEPS and np.ptp(own) > 0:
+            steps = np.flatnonzero(np.diff(own))
+            if np.all(np.isfinite(own)) and steps.size >= _FEWEST_STEPS:
                 key = own.tobytes()
+            elif np.all(np.isfinite(own)) and steps.size:  # targets, and when
+                key = repr([(int(step), float(own[step + 1])) for step in steps]).encode()
         groups.setdefault(key, []).append(section)
     return list(groups.values())
 
@@ -239,12 +298,17 @@ def _run(signals: Signals, section: _Section, extra: dict[str, Any]) -> Run:
         position_rad=np.ascontiguousarray(position),
         speed_rad_s=np.gradient(position, 1 / signals.rate_hz) if speed is None else speed[span].copy(),
         torque_nm=signals.torque[span].copy(),
-        position_demand_rad=_whole(signals.demand, span),
+        position_demand_rad=_whole(signals.demand, span) if _is_path(signals.demand_counts, span) else None,
         torque_added_nm=_whole(signals.added, span),
         motion=section.motion,
         excitation=excitation,
         extra=extra | {"source_start_s": float(signals.time_s[section.begin])},
     )
+
+
+def _is_path(counts: Array | None, span: slice) -> bool:
+    """Whether a demand is a path, or a target that is given at once."""
+    return counts is not None and int(np.count_nonzero(np.diff(counts[span]))) >= _FEWEST_STEPS
 
 
 def _whole(values: Array | None, span: slice) -> Array | None:

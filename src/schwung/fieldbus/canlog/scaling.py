@@ -94,12 +94,16 @@ def logged_drive(
         )
         notes.append(f"units by profile {profile.family}: {why}")
     read = integer_reader(objects, file)
-    scales = read_scales(_told(profile, read, said, mapped), read)
+    scales = read_scales(_told(profile, read, said, mapped, objects.node_id), read)
     return LoggedDrive(identity, profile, scales, tuple(notes))
 
 
 def _told(
-    profile: CanopenProfile, read: ReadInteger, said: Mapping[str, float], mapped: frozenset[Key]
+    profile: CanopenProfile,
+    read: ReadInteger,
+    said: Mapping[str, float],
+    mapped: frozenset[Key],
+    node_id: int,
 ) -> CanopenProfile:
     """The profile with what the user said, without what is not in the log; each quantity tried by itself, so that the
     error names the right option."""
@@ -131,8 +135,10 @@ def _told(
             )
         except InputError as error:
             raise InputError(
-                f"{name} of node", f"{error.problem}: nobody read it in this log", _FLAGS[name]
+                f"{name} of node {node_id}", f"{error.problem}: nobody read it in this log", _FLAGS[name]
             ) from None
         if quantity.unit == "user":
-            raise InputError(f"{name} of node", f"its unit is the user's ({quantity.hint})", _FLAGS[name])
+            raise InputError(
+                f"{name} of node {node_id}", f"its unit is the user's ({quantity.hint})", _FLAGS[name]
+            )
     return told

@@ -9,12 +9,14 @@ import socket
 import subprocess
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
+from pathlib import Path
 from typing import Any
 
 import can
 from can.util import cast_from_string, load_config
 
 from schwung.errors import BusError, InputError
+from schwung.fieldbus.canopen.logged import LoggedBus
 
 _SO_RCVBUFFORCE = 33  # asm-generic/socket.h; not in the socket module
 _RECEIVE_BYTES = 4 << 20
@@ -33,6 +35,16 @@ class BusOptions:
     channel: str | None = None
     bitrate: int | None = None
     extra: Mapping[str, Any] = field(default_factory=dict)  # further keys of the interface: host, port, fd, …
+    log: Path | None = None  # where every frame is written to, while the bus is open
+
+    def named(self) -> dict[str, Any]:
+        """What names the bus, JSON-ready: that it was logged is none of it."""
+        return {
+            "interface": self.interface,
+            "channel": self.channel,
+            "bitrate": self.bitrate,
+            "extra": dict(self.extra),
+        }
 
     @classmethod
     def from_flags(
@@ -83,7 +95,10 @@ def _sentence(error: Exception) -> str:
 
 
 def open_bus(options: BusOptions) -> can.BusABC:
-    """Open the bus. Raises InputError for a wrong option and BusError for an adapter that is not there or down."""
+    """Open the bus, logged where that is wanted.
+
+    Raises InputError for a wrong option and BusError for an adapter that is not there or down.
+    """
     config = options.resolve()
     if config.pop("receive_own_messages", None):
         # Frames of ours that came back would look like another master's.
@@ -103,7 +118,13 @@ def open_bus(options: BusOptions) -> can.BusABC:
             "Is the adapter plugged in, its driver installed and the interface up?",
         ) from error
     _widen(bus)
-    return bus
+    if options.log is None:
+        return bus
+    try:
+        return LoggedBus(bus, options.log)
+    except BaseException:
+        bus.shutdown()
+        raise
 
 
 def _require_server(config: Mapping[str, Any], where: str) -> None:

@@ -20,6 +20,7 @@ from schwung.fieldbus.canopen.nmt import BEATS_PER_LIMIT, HeartbeatProducer, Nod
 from schwung.fieldbus.canopen.operation import Operation
 from schwung.fieldbus.canopen.scan import read_identity
 from schwung.fieldbus.canopen.sdo import SdoChannel
+from schwung.fieldbus.canopen.traffic import Traffic
 from schwung.fieldbus.drive import (
     Acquisition,
     BusLoad,
@@ -27,6 +28,7 @@ from schwung.fieldbus.drive import (
     DriveIdentity,
     DriveLimits,
     DriveState,
+    LiveSamples,
     Parameter,
     ParameterValue,
     Progress,
@@ -73,7 +75,7 @@ class CanopenDrive:
         self._layouts = pdo.layouts(profile, self._lookup, node_id)
         self._heartbeat: HeartbeatProducer | None = None
         self._played: list[Parameter] = []  # what playing changes, and puts back by itself
-        self._link = Link(bus)
+        self._link = Link(bus, bit_rate or ASSUMED_BIT_RATE)
         self.clock = self._link.clock
         try:
             self._monitor = NodeMonitor(self._link, node_id)
@@ -188,7 +190,7 @@ class CanopenDrive:
                 "name": self._link.name,
                 "bit_rate": self._bit_rate or ASSUMED_BIT_RATE,
                 "bit_rate_known": self._bit_rate is not None,
-                **(vars(self._bus_options) if self._bus_options is not None else {}),
+                **(self._bus_options.named() if self._bus_options is not None else {}),
             },
             "sync": self._operation.producer_name,
         }
@@ -295,6 +297,15 @@ class CanopenDrive:
         cannot be given; on any trouble the drive is stopped and the error has the partial `recording`.
         """
         return self._operation.play(setpoints, progress)
+
+    @property
+    def traffic(self) -> Traffic:
+        """See Counted."""
+        return self._link.traffic
+
+    def live(self) -> LiveSamples | None:
+        """See Watched.live."""
+        return self._operation.live.take()
 
     def halt(self) -> None:
         """Quick stop by RPDO and by SDO, torque offset 0. Never raises; from any thread."""

@@ -14,6 +14,8 @@ import can
 
 from schwung.clock import clock_of
 from schwung.errors import BusError
+from schwung.fieldbus.canopen.bus import ASSUMED_BIT_RATE
+from schwung.fieldbus.canopen.traffic import Traffic
 
 FrameCallback = Callable[[can.Message], None]
 _SEND_PAUSES_S = (0.0005, 0.001, 0.002, 0.004, 0.008, 0.016, 0.032)  # 64 ms in all
@@ -41,8 +43,9 @@ class Frame(can.Message):
 class Link:
     """The bus with a reader. Does not own the bus: `close` ends the reading only."""
 
-    def __init__(self, bus: can.BusABC) -> None:
+    def __init__(self, bus: can.BusABC, bits_per_s: float = ASSUMED_BIT_RATE) -> None:
         self.bus, self.clock = bus, clock_of(bus)
+        self.traffic = Traffic(bits_per_s)
         self._callbacks: dict[int, tuple[FrameCallback, ...]] = {}
         self._watchers: tuple[FrameCallback, ...] = ()
         self.on_failure: Callable[[BusError], None] | None = None  # reading failed, or bus-off was reported
@@ -74,6 +77,7 @@ class Link:
         try:
             with self._send_lock:
                 self.bus.send(frame)
+                self.traffic.send(len(frame.data))
             return True
         except (can.CanError, OSError) as error:
             first = error
@@ -86,6 +90,7 @@ class Link:
             try:
                 with self._send_lock:
                     self.bus.send(frame)
+                    self.traffic.send(len(frame.data))
                 return True
             except (can.CanError, OSError) as error:
                 first = error
@@ -114,6 +119,7 @@ class Link:
         self._reader.close()
 
     def _receive(self, message: can.Message) -> None:
+        self.traffic.receive(len(message.data))
         if message.is_error_frame:
             self._error_frame(message)
         elif not message.is_remote_frame:

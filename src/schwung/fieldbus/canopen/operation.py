@@ -14,6 +14,7 @@ from schwung.fieldbus.canopen import diagnosis, nmt, playback
 from schwung.fieldbus.canopen.cyclic import Cyclic, chosen
 from schwung.fieldbus.canopen.dialogue import Dialogue
 from schwung.fieldbus.canopen.link import Link
+from schwung.fieldbus.canopen.live import LiveTap
 from schwung.fieldbus.canopen.own_means import Around, Lookup, OwnMeans
 from schwung.fieldbus.canopen.pdo import Layouts
 from schwung.fieldbus.canopen.recorder import Recorder
@@ -63,6 +64,7 @@ class Operation:
         self._link, self._clock, self._sdo = link, link.clock, sdo
         self._monitor, self._profile = monitor, profile
         self._layouts, self._sync, self._counter, self._lookup = layouts, sync, counter, lookup
+        self.live = LiveTap(profile, layouts, read_scales)
         self._dialogue = Dialogue(sdo, monitor, profile)
         self._place = self._dialogue.place
         self._scales: Scales | None = None
@@ -198,12 +200,16 @@ class Operation:
         """Trouble of whatever kind leaves it to the caller to stop the drive, where that has not been done."""
         acquisition, pp = cyclic.acquisition, cyclic.acquisition.mode == "pp"
         recorder = Recorder(len(self._layouts.tpdos))
+        self.live.begin(recorder, playable, acquisition.sample_rate_hz)
         with own.acting(self._require_untroubled):
             error = self._run(cyclic, playable.frames, playable.after, recorder, progress)
         recording = playback.build(
             recorder, playable, self._profile, self._layouts, own.scales, cyclic.producer.name,
             acquisition.sample_rate_hz, setpoints.position_rad if pp else None,
         )  # fmt: skip
+        self._link.traffic.motion(
+            recorder.sync_times, recording.timing.period_s, recording.position_rad.size, recording.lost.size
+        )
         refused = playback.unacknowledged(recording, setpoints.moves) if pp and error is None else None
         if refused is not None:
             self._stopping.quick_stop()

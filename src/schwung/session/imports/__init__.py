@@ -1,8 +1,9 @@
-"""Recordings from elsewhere (CSV, TwinCAT Scope, MATLAB) -> a session."""
+"""Recordings from elsewhere (CSV, TwinCAT Scope, MATLAB, MDF, Parquet, CAN logs) -> a session."""
 
-from schwung.session.imports.build import Imported, import_recordings, read_table, write_session
+from schwung.session.imports.build import Imported, import_recordings, read_table
 from schwung.session.imports.motions import motion_identity, repeats
 from schwung.session.imports.recipe import Recipe, make_recipe, read_recipe
+from schwung.session.writing import write_session
 
 __all__ = [
     "Imported",

@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-import os
 import re
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
@@ -14,14 +13,16 @@ import numpy as np
 
 from schwung.errors import InputError
 from schwung.motion import Array
-from schwung.session.hdf5 import SessionWriter
+from schwung.quantities import Effort
 from schwung.session.imports.canframes import log_kind
 from schwung.session.imports.clock import Clock, read_clock, resample
 from schwung.session.imports.dbc import read_by_dbc
+from schwung.session.imports.foreign import read_mdf, read_parquet
 from schwung.session.imports.matlab import read_matlab
 from schwung.session.imports.motions import Piece, cut, with_repeats
 from schwung.session.imports.recipe import Recipe
-from schwung.session.imports.signals import derive_speed, unwrap
+from schwung.session.imports.rows import unwrap_angles, whole, without_gaps
+from schwung.session.imports.signals import derive_speed
 from schwung.session.imports.table import Column, Table, bare_name
 from schwung.session.imports.text import read_text
 from schwung.session.imports.units import Quantity, Unit, axis_of, header_unit, unit, unit_in_name
@@ -67,11 +68,14 @@ class _Recording:
     signals: dict[str, Array]
     extra: dict[str, Any] = field(default_factory=dict)
     notes: list[str] = field(default_factory=list)
+    effort: Effort = "torque"
 
 
 def read_table(path: Path, dbc: Path | None = None, channel: str | None = None) -> Table:
-    """The columns of a CSV, TwinCAT Scope or MAT file, or of a CAN log by a DBC. Raises InputError where it is none,
-    or not there."""
+    """The columns of a CSV, TwinCAT Scope, MAT, MDF or Parquet file, or of a CAN log by a DBC.
+
+    Raises InputError where it is none, or not there.
+    """
     if not path.is_file():
         raise InputError(str(path), "there is no such file", "Check the path.")
     try:
@@ -84,6 +88,10 @@ def read_table(path: Path, dbc: Path | None = None, channel: str | None = None) 
         raise InputError(str(path), "is empty", "Give a file with samples.")
     if path.suffix.lower() == ".mat" or head.startswith((b"MATLAB", b"\x89HDF")):
         return read_matlab(path)
+    if head.startswith(b"PAR1"):
+        return read_parquet(path)
+    if head.startswith(b"MDF ") and dbc is None:
+        return read_mdf(path)
     if dbc is not None:
         return read_by_dbc(path, dbc, channel)
     if log_kind(path) is not None:
@@ -104,10 +112,12 @@ def import_recordings(files: Sequence[Path], recipe: Recipe) -> Imported:
     runs: list[Run] = []
     notes: list[str] = []
     created: str | None = None
+    efforts: dict[Effort, Path] = {}
     for path in files:
         table = read_table(path, Path(recipe.dbc) if recipe.dbc else None, recipe.channel)
         created = created or table.created
         for recording in _recordings(table, recipe, axis):
+            efforts[recording.effort] = path
             found, how = _runs(recording, recipe)
             runs += found
             place = f"{recording.place}: " if len(files) > 1 else ""
@@ -118,6 +128,9 @@ def import_recordings(files: Sequence[Path], recipe: Recipe) -> Imported:
         notes.append(
             f"the runs are sampled at different rates ({listed} Hz): they are not compared with each other"
         )
+    if len(efforts) > 1:
+        raise InputError(str(efforts["current"]), f"is in A, {efforts['torque']} in N·m",
+                         "Give --torque-unit A=N·m per ampere, or import them one by one.")  # fmt: skip
     numbered = with_repeats(runs)
     notes += _repeat_notes(numbered)
     session = Session(
@@ -125,29 +138,9 @@ def import_recordings(files: Sequence[Path], recipe: Recipe) -> Imported:
         created=created or datetime.now(UTC).isoformat(timespec="seconds"),
         source=f"imported from {', '.join(path.name for path in files)} ({_described(recipe)})",
         axis=axis,
+        effort=next(iter(efforts)),
     )
     return Imported(session, tuple(dict.fromkeys(notes)))
-
-
-def write_session(session: Session, path: Path, overwrite: bool = False) -> None:
-    """Write a session file whole or not at all. Raises InputError where it exists already or cannot be written."""
-    if path.exists() and not overwrite:
-        raise InputError(str(path), "exists already", "Choose another --out, or add --overwrite.")
-    unfinished = path.with_name(f".{path.name}.{os.getpid()}.import")
-    try:
-        writer = SessionWriter(
-            unfinished, source=session.source, created=session.created, drive=session.drive, axis=session.axis,
-            overwrite=True,
-        )  # fmt: skip
-        try:
-            with writer:
-                for run in session.runs:
-                    writer.append(run)
-        except InputError as error:
-            raise InputError(str(path), error.problem, error.remedy) from error
-        os.replace(unfinished, path)
-    finally:
-        unfinished.unlink(missing_ok=True)
 
 
 def _axis(recipe: Recipe) -> Axis:
@@ -169,68 +162,57 @@ def _recordings(table: Table, recipe: Recipe, axis: Axis) -> list[_Recording]:
         for name in _QUANTITIES
         if (wanted := getattr(recipe, name)) is not None
     }
-    signals = {}
+    signals: dict[str, Array] = {}
+    taken: dict[str, Unit] = {}
     for name, column in columns.items():
-        factor = _factor(table, column, name, recipe, axis, notes)
-        signals[name] = _whole(column, table.path) * factor
-    if axis == "rotary" and recipe.unwrap:
-        _unwrap(signals, notes)
+        taken[name] = _taken_in(table, column, name, recipe, axis, notes)
+        values = column.values if recipe.resample else whole(column, table.path)
+        signals[name] = values * taken[name].factor
+    effort = _effort(taken, table.path, notes)
     times = _times(table, columns, recipe, notes)
+    if times is not None and recipe.resample:
+        signals, times = without_gaps(signals, times, table.path, notes)
+    if axis == "rotary" and recipe.unwrap:
+        unwrap_angles(signals, notes)
     if times is None:
         rate = recipe.rate
         if rate is None:
             raise InputError(str(table.path), "has no time that could be found",
                              "Name it with --time, or give --rate HZ.")  # fmt: skip
         _same_length(signals, table.path)
-        return [_Recording(str(table.path), rate, 0.0, signals, {"source_file": table.path.name}, notes)]
-    return _timed(table, columns, signals, times, recipe, notes)
+        source = {"source_file": table.path.name}
+        return [_Recording(str(table.path), rate, 0.0, signals, source, notes, effort)]
+    return [replace(each, effort=effort) for each in _timed(table, columns, signals, times, recipe, notes)]
 
 
-def _factor(table: Table, column: Column, name: str, recipe: Recipe, axis: Axis, notes: list[str]) -> float:
+def _taken_in(table: Table, column: Column, name: str, recipe: Recipe, axis: Axis, notes: list[str]) -> Unit:
     """What a column's numbers are multiplied with: the scale, and the unit as said, as in the file, or SI."""
     quantity = _QUANTITIES[name]
     scale = table.number(getattr(recipe, f"{quantity}_scale"), f"--{quantity}-scale")
     said: str | None = getattr(recipe, f"{quantity}_unit")
     if said is not None:
-        return scale * unit(said, quantity, axis).factor
+        told = unit(said, quantity, axis)
+        return replace(told, factor=scale * told.factor)
     found: Unit | None = header_unit(column.unit, quantity, axis) or unit_in_name(column.name, quantity, axis)
-    if found is not None and scale == 1.0:
+    if found is not None and abs(scale) == 1.0:  # another scale makes SI of it
         notes.append(f"{name} is taken in {found.text}, as the file says")
-        return found.factor
+        return replace(found, factor=scale * found.factor)
     if column.unit and found is None:
         notes.append(f'{name}: the file says unit "{column.unit}", taken as {_SI[axis][quantity]}')
-    return scale
+    return Unit(_SI[axis][quantity], scale)
 
 
-def _whole(column: Column, path: Path) -> Array:
-    """A column that is finite throughout. Raises InputError, naming the line, where it is not."""
-    values = np.asarray(column.values, dtype=np.float64)
-    bad = np.flatnonzero(~np.isfinite(values))
-    if values.size == 0:
-        raise InputError(f"{path}: {column.name}", "holds no samples", "Choose another column.")
-    if bad.size:
-        at = int(bad[0])
-        where = f"line {column.first_line + at}" if column.first_line is not None else f"sample {at}"
-        what = "is empty" if np.isnan(values[at]) else f"is {values[at]}"
-        raise InputError(f"{path}: {column.name}, {where}", f"{what} ({bad.size} such samples)",
-                         "Cut the recording before it; missing samples are not made up.")  # fmt: skip
-    return values
-
-
-def _unwrap(signals: dict[str, Array], notes: list[str]) -> None:
-    for name in ("position", "position_demand"):
-        if name not in signals:
-            continue
-        found = unwrap(signals[name])
-        if found.wraps:
-            signals[name] = found.position
-            notes.append(
-                f"{name} jumped by a whole turn {found.wraps} times (first at sample {found.first}): unwrapped"
-            )
-    position, demand = signals["position"], signals.get("position_demand")
-    if demand is not None and demand.size == position.size:  # each was within a turn of its own
-        apart = float(np.median(demand - position))
-        signals["position_demand"] = demand - 2 * np.pi * np.rint(apart / (2 * np.pi))
+def _effort(units: Mapping[str, Unit], path: Path, notes: list[str]) -> Effort:
+    """What the torques are. Raises InputError where one is a torque and the other a current."""
+    efforts = {name: each.effort for name, each in units.items() if _QUANTITIES[name] == "torque"}
+    if len(set(efforts.values())) > 1:
+        listed = ", ".join(f"{name} a {effort}" for name, effort in efforts.items())
+        raise InputError(str(path), f"its torques do not go together: {listed}",
+                         "Give --torque-unit A=N·m per ampere.")  # fmt: skip
+    effort = efforts["torque"]
+    if effort == "current":
+        notes.append("torque is a current and stays one, in A: how many N·m an ampere makes is unknown")
+    return effort
 
 
 def _times(
@@ -254,7 +236,7 @@ def _times(
     factor = unit(said, "time", "rotary").factor if said else found.factor if found else 1.0
     if found and not said:
         notes.append(f"time is taken in {found.text}, as the file says")
-    time = _whole(column, table.path) * factor
+    time = (column.values if recipe.resample else whole(column, table.path)) * factor
     return dict.fromkeys(columns, time)
 
 

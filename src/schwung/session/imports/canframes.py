@@ -1,4 +1,4 @@
-"""Logs of a CAN bus: candump in both its formats, ASC, BLF and TRC through python-can; also gzipped."""
+"""Logs of a CAN bus: candump in both its formats, ASC, BLF, TRC through python-can, MDF4; also gzipped."""
 
 from __future__ import annotations
 
@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from schwung.errors import InputError
 from schwung.motion import Array
+from schwung.session.interchange import mdf
 
 EXTENDED = 1 << 31  # set in `can_id` of a frame with a 29-bit identifier
 _GZIP = b"\x1f\x8b"
@@ -68,27 +69,29 @@ class _Collected:
         self.channel.append(channel)
 
 
-def log_kind(path: Path) -> str | None:
-    """What kind of CAN log a file is, by its first bytes; None where it is none, or cannot be read."""
+def log_kind(path: Path, bus_logging: bool = False) -> str | None:
+    """What kind of CAN log a file is, by its first bytes; None where it is none, or cannot be read.
+
+    An MDF holds signals as a rule; with `bus_logging` it is taken for one that holds frames.
+    """
     try:
         with _opened(path) as file:
             head = file.read(_HEAD_BYTES)
     except (OSError, EOFError):
         return None
-    if head.startswith(b"LOGG"):
-        return "BLF"
     text = head.decode("utf-8", errors="replace").lstrip("\ufeff")
     first = next((line.strip() for line in text.splitlines() if line.strip()), "")
-    if _LOGGED.match(first) or _PRINTED.match(first):
-        return "candump"
-    if ";$FILEVERSION" in text:
-        return "TRC"
-    if first.lower().startswith("date ") and re.search(
-        r"^\s*base\s+(hex|dec)", text, re.MULTILINE | re.IGNORECASE
-    ):
-        return "ASC"
+    asc = first.lower().startswith("date ") and re.search(r"^\s*base\s+(hex|dec)", text, re.M | re.I)
+    signs = {
+        "BLF": head.startswith(b"LOGG"),
+        "MDF4": head.startswith(b"MDF ") and bus_logging,
+        "candump": _LOGGED.match(first) or _PRINTED.match(first),
+        "TRC": ";$FILEVERSION" in text,
+        "ASC": asc,
+    }
     suffixes = [suffix.lower() for suffix in path.suffixes if suffix.lower() != ".gz"]
-    return suffixes[-1][1:].upper() if suffixes and suffixes[-1] in _SUFFIXES else None
+    by_name = suffixes[-1][1:].upper() if suffixes and suffixes[-1] in _SUFFIXES else None
+    return next((kind for kind, there in signs.items() if there), by_name)
 
 
 def read_frames(path: Path, channel: str | None = None) -> Frames:
@@ -96,14 +99,16 @@ def read_frames(path: Path, channel: str | None = None) -> Frames:
     or that holds several buses of which none is named."""
     if not path.is_file():
         raise InputError(str(path), "there is no such file", "Check the path.")
-    kind = log_kind(path)
+    kind = log_kind(path, bus_logging=True)
     if kind is None:
         raise InputError(
-            str(path), "is no CAN log that is known", "Give a log of candump, or ASC, BLF or TRC."
+            str(path), "is no CAN log that is known", "Give a log of candump, or ASC, BLF, TRC or MDF4."
         )
     found = _Collected([], [], [], [], [])
     if kind == "candump":
         _read_candump(path, found)
+    elif kind == "MDF4":
+        _read_mdf(path, found)
     else:
         _read_by_library(path, kind, found)
     channels = sorted(set(found.channel))
@@ -182,10 +187,33 @@ def _lines(path: Path) -> Iterator[str]:
         raise InputError(str(path), f"cannot be read to its end ({error})", "Copy it again.") from None
 
 
+def _read_mdf(path: Path, found: _Collected) -> None:
+    """Frames of ASAM's bus logging: structures CAN_DataFrame, with ID, IDE, DataLength and DataBytes."""
+    with mdf.opened(path) as file:
+        for group in range(len(file.groups)):
+            names = {channel.name for channel in file.groups[group].channels}
+            if "CAN_DataFrame.ID" not in names or not file.groups[group].channel_group.cycles_nr:
+                continue
+
+            def part(name: str, group: int = group) -> Any:
+                return file.get(f"CAN_DataFrame.{name}", group=group)
+
+            identifier = part("ID")
+            extended = part("IDE").samples if "CAN_DataFrame.IDE" in names else identifier.samples > 0x7FF
+            length = part("DataLength" if "CAN_DataFrame.DataLength" in names else "DLC").samples
+            data = part("DataBytes").samples
+            bus = part("BusChannel").samples if "CAN_DataFrame.BusChannel" in names else [0] * len(data)
+            ids = (identifier.samples.astype(np.int64) & 0x1FFFFFFF) | np.where(extended, EXTENDED, 0)
+            for k, stamp in enumerate(identifier.timestamps.tolist()):
+                found.add(stamp, int(ids[k]), bytes(data[k][: length[k]]), k + 1, str(bus[k]))
+
+
 def _read_by_library(path: Path, kind: str, found: _Collected) -> None:
     import can  # noqa: PLC0415  (slow to import, and most imports are tables)
 
-    makers: dict[str, Callable[..., Any]] = {"BLF": can.BLFReader, "ASC": can.ASCReader, "TRC": can.TRCReader}
+    makers: dict[str, Callable[..., Any]] = {
+        "BLF": can.BLFReader, "ASC": can.ASCReader, "TRC": can.TRCReader
+    }  # fmt: skip
     number = 0
     try:
         with _opened(path) as raw:

@@ -60,8 +60,9 @@ def read_clock(time_s: Array, place: str) -> Clock:
     if np.any(step <= 0) and not rounded:
         at = int(np.flatnonzero(step <= 0)[0]) + 1
         what = "stands still" if step[at - 1] == 0 else "runs backwards"
+        remedy = "Add --resample to drop such stamps" if step[at - 1] == 0 else "Cut the recording there"
         raise InputError(place, f"{what} at sample {at} ({time_s[at]:.9g} s after {time_s[at - 1]:.9g} s)",
-                         "Cut the recording there, or leave --time out and give --rate.")  # fmt: skip
+                         f"{remedy}, or leave --time out and give --rate.")  # fmt: skip
     pieces: tuple[slice, ...] = (slice(0, time_s.size),)
     if not rounded:
         usual = float(np.median(step))

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import csv
+import gzip
 import re
+import zlib
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -12,6 +14,7 @@ import numpy as np
 
 from schwung.errors import InputError
 from schwung.motion import Array
+from schwung.session.imports.stamps import read_stamps
 from schwung.session.imports.table import Column, Table
 from schwung.session.imports.twincat import is_scope_header, scope_table
 
@@ -59,10 +62,22 @@ def _decoded(path: Path) -> str:
     except OSError as error:
         reason = (error.strerror or str(error)).lower()
         raise InputError(str(path), f"cannot be read: {reason}", "Check the path.") from None
+    if data.startswith(b"\x1f\x8b"):
+        try:
+            data = gzip.decompress(data)
+        except (OSError, EOFError, zlib.error):
+            raise InputError(str(path), "is a damaged gzip file", "Copy it again.") from None
     if data.startswith((b"\xff\xfe", b"\xfe\xff")):
         return data.decode("utf-16", errors="replace")
+    zeros = [
+        data[k:4096:2].count(0) for k in (0, 1)
+    ]  # UTF-16 without its mark: every other byte of digits is 0
+    if max(zeros) > 0.4 * min(len(data) / 2, 2048) and min(zeros) == 0:
+        return data.decode("utf-16-le" if zeros[1] else "utf-16-be", errors="replace")
     if b"\0" in data[:4096]:
-        raise InputError(str(path), "is neither text nor a MAT file", "Export it as CSV or MAT.")
+        raise InputError(
+            str(path), "is neither text nor a MAT, MDF or Parquet file", "Export it as one of them."
+        )
     try:
         return data.decode("utf-8-sig")
     except UnicodeDecodeError:
@@ -162,7 +177,14 @@ def _numbers(path: Path, lines: Sequence[str], layout: Layout) -> Array:
                 return np.asarray(values, dtype=np.float64)
     read = _Body(path, lines, layout)
     none = np.full(len(read), np.nan)
-    return np.column_stack([none if read.is_text(k) else read.column(k) for k in range(layout.columns)])
+
+    def column(k: int) -> Array:
+        if not read.is_text(k):
+            return read.column(k)
+        stamps = read_stamps(read.cells(k))
+        return none if stamps is None else stamps
+
+    return np.column_stack([column(k) for k in range(layout.columns)])
 
 
 def _without_end(values: Array) -> Array:
@@ -189,6 +211,10 @@ class _Body:
         """Whether column k holds text (a state, a date) as far as its first and last cells say."""
         ends = [cells[k] for _, cells in (self._rows[0], self._rows[-1]) if k < len(cells) and cells[k]]
         return bool(ends) and not _numbers_in(ends, self._layout.decimal_comma)
+
+    def cells(self, k: int) -> list[str]:
+        """The cells of column k as they are written."""
+        return [cells[k].strip('"') if k < len(cells) else "" for _, cells in self._rows]
 
     def column(self, k: int, base: bool = False) -> Array:
         """Column k (n,), NaN where a cell is empty; with `base` whole numbers count from the first (file times).

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from typing import Literal
 
 from schwung.errors import InputError
+from schwung.quantities import Effort
 from schwung.session.model import Axis
 
 Quantity = Literal["time", "position", "speed", "torque"]
@@ -45,12 +46,17 @@ _SPELLINGS = {
 }  # fmt: skip
 
 
+#: Units of a current that stays one.
+_CURRENTS = {"a": 1.0, "ma": 1e-3, "arms": 1.0, "amp": 1.0, "ampere": 1.0}
+
+
 @dataclass(frozen=True)
 class Unit:
     """A unit as it was understood: what was written, and the factor to SI."""
 
     text: str
     factor: float
+    effort: Effort = "torque"  # "current": amperes, of which nobody says how many N·m they make
 
 
 def _plain(text: str) -> str:
@@ -64,6 +70,8 @@ def unit(text: str, quantity: Quantity, axis: Axis) -> Unit:
 
     Raises InputError, naming the units that there are, for anything else.
     """
+    if quantity == "torque" and (current := _CURRENTS.get(_plain(text))) is not None:
+        return Unit(text, current, "current")
     name, _, number = text.partition("=")
     wanted = _WITH_NUMBER[quantity]
     key = _plain(name)
@@ -76,7 +84,9 @@ def unit(text: str, quantity: Quantity, axis: Axis) -> Unit:
     other: Axis = "linear" if axis == "rotary" else "rotary"
     if key in _UNITS[other][quantity]:
         raise InputError(place, f'"{text}" belongs to a {other} axis', f"Add --axis {other}.")
-    listed = ", ".join([*known, *(f"{each}=NUMBER" for each in wanted)])
+    listed = ", ".join(
+        [*known, *(f"{each}=NUMBER" for each in wanted), *(["A"] if quantity == "torque" else [])]
+    )
     raise InputError(place, f'"{text}" is no unit of {quantity}', f"Use one of {listed}.")
 
 
@@ -110,5 +120,7 @@ def unit_in_name(name: str, quantity: Quantity, axis: Axis) -> Unit | None:
 def header_unit(text: str, quantity: Quantity, axis: Axis) -> Unit | None:
     """A unit from a file's header, `° (Angle)` as TwinCAT writes it included; None for what is not understood."""
     key = _plain(text.partition("(")[0])
+    if quantity == "torque" and key in _CURRENTS:
+        return Unit(text.partition("(")[0].strip(), _CURRENTS[key], "current")
     factor = _UNITS[axis][quantity].get(key)
     return None if factor is None else Unit(text.partition("(")[0].strip(), factor)

@@ -1,25 +1,39 @@
 """What the drive reports: true torque against reported, times, the encoder.
 
-gain (g − 1)·T        lag −τ T' (the true torque comes later)        filter +τ T' (the reported one does)
-drop −s |T| T/T_peak        ripple s T sin nθ        saturation clip(T, ±L) − T        speed late −δ (α − φ α')
+gain (g − 1)·T        lag −τ F T' (the true torque comes later)        filter +τ T' (the reported one does)
+drop −s |T| T/T_peak        ripple s T sin nθ        saturation clip(T, ±L) − T        speed late −δ F α
+F = 1/(1 + φ d/dt): with φ = τ a filter's lag, with φ = τ/2 a delay, exactly for any τ (Padé)
 eccentricity a sin(θ + φ) in the angle, its rate in the speed
 """
 
 from __future__ import annotations
 
 import numpy as np
+from scipy.signal import lfilter, lfilter_zi
 
 from schwung.explain.weighing.along import Along, Ranges
 from schwung.explain.weighing.candidate import Candidate, Shape, column, grid
 from schwung.explain.weighing.vocabulary.load import polar
 from schwung.innovations.effect import Effect
+from schwung.motion import Array
 
 #: Standard deviations (s): of delays and lags that are a defect, of the filter that torque and speed share in any
 #: drive, and of the times by which each of the two is off it.
 DEFECT_S, USUAL_S, APART_S = 1e-3, 3e-4, 5e-5
-#: How a late signal bends: what goes with its second derivative over what goes with the first (s); half of the delay
-#: for a delay, the time constant or nothing for a filter.
-BENDS_S, BEND_STEP_S, BEND_S = np.linspace(-2e-4, 6e-4, 9), 1e-4, 1e-3
+#: How a late signal bends (s): half of the delay for a delay, the time constant or nothing for a filter.
+BENDS_S = np.concatenate([np.linspace(-2e-4, 6e-4, 9), np.geomspace(9e-4, 5e-3, 6)])
+BEND_STEP_S, LEAST_BEND_S, MOST_BEND_S = 1e-4, -1e-3, 2e-2
+
+
+def _bent(along: Along, values: Array, time_s: float) -> Array:
+    """Through a first-order filter (bilinear), backwards where its time is negative; at rest before."""
+    step, later = along.run.step_s, abs(time_s)
+    signal = values if time_s >= 0 else values[::-1]
+    first = lfilter_zi([step, step], [step + 2 * later, step - 2 * later]) * signal[0] if later > 0 else None
+    if first is None:
+        return values
+    bent, _ = lfilter([step, step], [step + 2 * later, step - 2 * later], signal, zi=first)
+    return np.asarray(bent if time_s >= 0 else bent[::-1])
 
 
 def _gain(along: Along, _shape: Shape) -> Effect:
@@ -27,7 +41,7 @@ def _gain(along: Along, _shape: Shape) -> Effect:
 
 
 def _later(along: Along, shape: Shape) -> Effect:
-    return Effect(column(-along.torque_rate + shape[0] * along.torque_bend))
+    return Effect(column(-_bent(along, along.torque_rate, shape[0])))
 
 
 def _earlier(along: Along, shape: Shape) -> Effect:
@@ -35,7 +49,7 @@ def _earlier(along: Along, shape: Shape) -> Effect:
 
 
 def _speed_later(along: Along, shape: Shape) -> Effect:
-    return Effect(speed=column(-along.acceleration + shape[0] * along.jerk))
+    return Effect(speed=column(-_bent(along, along.acceleration, shape[0])))
 
 
 def _clipped(along: Along, shape: Shape) -> Effect:
@@ -66,13 +80,13 @@ def reporting(of: Ranges, share: float) -> list[Candidate]:
         Candidate("torque_constant", _gain, (share,), lambda c, _: {"gain": 1 + c[0]}, coordinate="torque"),
         Candidate("torque_lag", _later, (DEFECT_S,), lambda c, _: {"time_constant_s": c[0]}, positive=(0,),
                   shapes=grid(BENDS_S), spacing=(BEND_STEP_S,), logarithmic=(False,),
-                  bounds=((-BEND_S, BEND_S),), coordinate="frequency"),
+                  bounds=((LEAST_BEND_S, MOST_BEND_S),), coordinate="frequency"),
         Candidate("torque_filter", _earlier, (DEFECT_S,), lambda c, _: {"time_constant_s": c[0]},
                   positive=(0,), shapes=grid(BENDS_S), spacing=(BEND_STEP_S,), logarithmic=(False,),
-                  bounds=((-BEND_S, BEND_S),), coordinate="frequency"),
+                  bounds=((LEAST_BEND_S, MOST_BEND_S),), coordinate="frequency"),
         Candidate("measurement_delay", _speed_later, (DEFECT_S,), lambda c, _: {"delay_s": c[0]},
                   positive=(0,), shapes=grid(BENDS_S), spacing=(BEND_STEP_S,), logarithmic=(False,),
-                  bounds=((-BEND_S, BEND_S),), coordinate="acceleration"),
+                  bounds=((LEAST_BEND_S, MOST_BEND_S),), coordinate="acceleration"),
         Candidate("torque_constant_drop", drop, (share,), lambda c, _: {"share_at_peak": c[0]}, positive=(0,),
                   coordinate="torque"),
         Candidate("torque_ripple", _ripple, (share, share),

@@ -1,0 +1,43 @@
+"""Files from outside: they get our names, are bounded (guard.py), and are read in a process of its own."""
+
+from __future__ import annotations
+
+import json
+from typing import Annotated, Any, Literal
+
+from fastapi import APIRouter, Form, Request, Response, UploadFile
+
+from schwung.errors import InputError
+from schwung.service.api.models import RunModel
+from schwung.service.requests import Id
+from schwung.service.service import Service
+
+
+def router(service: Service, who: Any) -> APIRouter:
+    """The routes; `who(request)` tells who asks."""
+    routes = APIRouter(prefix="/api", tags=["runs"])
+
+    @routes.post("/imports", status_code=202, summary="Bring a file: a session, a recording, a configuration")
+    def bring(
+        request: Request,
+        response: Response,
+        file: UploadFile,
+        what: Annotated[Literal["session", "recording", "configuration"], Form()] = "session",
+        options: Annotated[
+            str, Form(max_length=20_000, description="Of a recording: keys of a recipe, as JSON.")
+        ] = "{}",
+        machine_id: Annotated[Id | None, Form()] = None,
+        drive_id: Annotated[Id | None, Form()] = None,
+    ) -> RunModel:
+        """A run of the kind `import`: its result has `session_id`, or of a configuration `file_id`."""
+        try:
+            told = json.loads(options)
+        except (ValueError, RecursionError) as error:
+            raise InputError("options", "is not JSON", "Send an object, e.g. {}.") from error
+        if not isinstance(told, dict):
+            raise InputError("options", "is no object", "Send an object, e.g. {}.")
+        run = service.bring(file.file, file.filename or "", what, told, machine_id, drive_id, who(request))
+        response.headers["Location"] = f"/api/runs/{run.id}"
+        return RunModel.of(run)
+
+    return routes

@@ -1,0 +1,123 @@
+"""The steps of a commissioning, what is known so far, and the way between them."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from html import escape
+from typing import Any
+
+from fastapi import Request
+from nicegui import ui
+
+from schwung.errors import SchwungError
+from schwung.service.pages.desk import Desk, frame, html, set_address
+from schwung.service.pages.markup import problem
+from schwung.service.records import DriveRecord
+from schwung.service.values import RunView
+
+STEPS = ("Connect", "Check", "Plan", "Confirm", "Run", "Result", "Export")
+CONNECT, CHECK, PLAN, CONFIRM, RUN, RESULT, EXPORT = range(7)
+
+
+@dataclass
+class Known:
+    """What the steps leave for each other."""
+
+    machine_id: str | None = None
+    checked: RunView | None = None
+    wishes: dict[str, Any] = field(default_factory=dict)  # the texts of the form
+    planned: RunView | None = None
+    run: RunView | None = None
+    written: RunView | None = None
+
+    @property
+    def plan(self) -> Mapping[str, Any]:
+        """The plan's document; empty where there is none yet."""
+        return (self.planned.result if self.planned is not None else None) or {}
+
+
+class Guide:
+    """One commissioning at one page. It keeps nothing that the store lacks, but wishes that were not asked for yet."""
+
+    def __init__(self, desk: Desk, drive: DriveRecord) -> None:
+        self.desk, self.drive = desk, drive
+        self.known = Known(machine_id=drive.machine_id)
+        self.step = CONNECT
+        self._failed = False
+        self._client = ui.context.client  # steps are built by what they replace
+        self._bar = html("", "ol", "sw-steps").props('aria-label="steps"')
+        self._place = ui.element("div").classes("sw-column")
+
+    def go(self, step: int) -> None:
+        """Show a step."""
+        self.step, self._failed = step, False
+        self._show_bar()
+        self._place.clear()
+        with self._place:
+            _builders()[step](self)
+        run = self.known.run
+        keeps = step >= RUN and run is not None
+        set_address(
+            self._client,
+            f"/commission/{self.drive.id}" + (f"?run={run.id}" if keeps and run is not None else ""),
+        )
+
+    def refresh(self) -> None:
+        """Show the same step anew."""
+        self.go(self.step)
+
+    def fail(self) -> None:
+        """Mark the step as one that did not go well."""
+        self._failed = True
+        self._show_bar()
+
+    def _show_bar(self) -> None:
+        items = []
+        for n, name in enumerate(STEPS):
+            kind = (
+                "failed"
+                if n == self.step and self._failed
+                else "now"
+                if n == self.step
+                else "done"
+                if n < self.step
+                else ""
+            )
+            mark = "✓" if kind == "done" else "!" if kind == "failed" else str(n + 1)
+            now = ' aria-current="step"' if n == self.step else ""
+            items.append(f'<li class="{kind}"{now}><span class="n">{mark}</span>{escape(name)}</li>')
+        self._bar.set_content("".join(items))
+
+
+def _builders() -> tuple[Callable[[Guide], None], ...]:
+    from schwung.service.pages.wizard import after, before, exporting, planning  # noqa: PLC0415  # each knows the guide
+
+    return (
+        before.connect,
+        before.check,
+        planning.plan,
+        before.confirm,
+        after.run,
+        after.result,
+        exporting.export,
+    )
+
+
+def commissioning(desk: Desk, request: Request) -> None:
+    """The page: a new commissioning, or with ?run= the one that goes on or has ended."""
+    try:
+        drive = desk.service.store.drive(request.path_params["drive_id"])
+        run_id = request.query_params.get("run")
+        run = desk.service.run(run_id) if run_id else None
+    except SchwungError as error:
+        with frame(desk, "Commission", "/"):
+            html(problem(error))
+        return
+    with frame(desk, f"Commission {drive.name}", "/", f"{drive.bus}, node {drive.node_id}"):
+        guide = Guide(desk, drive)
+        if run is not None and run.kind == "commission" and run.drive_id == drive.id:
+            guide.known.run = run
+            guide.go(RUN if run.state != "done" else RESULT)
+        else:
+            guide.go(CONNECT)

@@ -1,0 +1,93 @@
+"""Runs that compute from what is stored."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from schwung.errors import InputError
+from schwung.service.jobs import Task
+from schwung.service.work.computing import (
+    estimate_session,
+    explain_session,
+    import_session,
+    optimise_motion,
+    session_summary,
+)
+
+
+def estimate(task: Task) -> Mapping[str, Any]:
+    """See EstimateRequest."""
+    asked, store = task.request, task.store
+    session = store.session(asked.session_id)
+    machine_id = _machine_of(asked.machine_id or session.machine_id)
+    found = task.compute(
+        estimate_session, session=store.session_path(session.id), machine=store.machine_path(machine_id),
+        folder=task.folder, method=asked.method, inversion=asked.inversion, frequency_hz=asked.frequency_hz,
+        points=asked.points,
+    )  # fmt: skip
+    kept = store.add_estimate(task.run, session.id, found["verdict"], found["document"])
+    return {"estimate_id": kept.id, "session_id": session.id, "verdict": found["verdict"]}
+
+
+def explain(task: Task) -> Mapping[str, Any]:
+    """See ExplainRequest."""
+    asked, store = task.request, task.store
+    session = store.session(asked.session_id)
+    machine_id = _machine_of(asked.machine_id or session.machine_id)
+    found = task.compute(
+        explain_session, session=store.session_path(session.id), machine=store.machine_path(machine_id),
+        folder=task.folder,
+    )  # fmt: skip
+    kept = store.add_explanation(task.run, session.id, found["verdict"], found["document"])
+    return {"explanation_id": kept.id, "session_id": session.id, "verdict": found["verdict"]}
+
+
+def optimise(task: Task) -> Mapping[str, Any]:
+    """See OptimiseRequest."""
+    document = task.compute(
+        optimise_motion, machine=chosen_machine(task), folder=task.folder, asked=task.request.model_dump(),
+        sample_rate_hz=task.request.sample_rate_hz,
+    )  # fmt: skip
+    return {"optimised": document}
+
+
+def chosen_machine(task: Task) -> Path:
+    """The machine as an estimate has measured it, or as believed. Raises InputError where neither or both are named."""
+    asked, store = task.request, task.store
+    if (asked.estimate_id is None) == (asked.machine_id is None):
+        raise InputError("estimate_id", "and machine_id: exactly one is needed", "Name what was measured.")
+    if asked.estimate_id is not None:
+        return store.run_folder(store.estimate(asked.estimate_id).run_id) / "measured.toml"
+    return store.machine_path(asked.machine_id)
+
+
+def import_file(task: Task) -> Mapping[str, Any]:
+    """See ImportRequest."""
+    asked, store = task.request, task.store
+    path = task.folder / asked.name
+    if asked.what == "configuration":
+        store.take_files(task.run.id)
+        return {"file_id": next(file.id for file in store.files(task.run.id) if file.name == asked.name)}
+    summary = task.compute(
+        import_session, path=path, what=asked.what, options=asked.options, folder=task.folder
+    )
+    session = store.add_session(task.run, summary)
+    return {"session_id": session.id, **summary}
+
+
+def salvage(task: Task) -> Mapping[str, Any]:
+    """See SalvageRequest. The session belongs to the run that recorded it."""
+    store = task.store
+    run = store.run(task.request.run_id)
+    path = store.run_folder(run.id) / "session.h5"
+    summary = task.compute(session_summary, session=path)
+    session = store.add_session(run, summary)
+    return {"session_id": session.id, **summary}
+
+
+def _machine_of(machine_id: str | None) -> str:
+    if machine_id is None:
+        raise InputError("machine_id", "is missing, and the session names none", "Name the machine.")
+    return machine_id

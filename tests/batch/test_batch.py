@@ -1,0 +1,201 @@
+"""An archive on Dask's workers: what is missing is done, what is done is kept, and no file ends it."""
+
+from __future__ import annotations
+
+import csv
+import json
+import os
+import shutil
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from cli_running import RIGID_MACHINE, invoke
+from distributed import Client, LocalCluster
+from report_samples import session
+
+import schwung.batch.run
+from schwung.batch import Item, Results, Wish, items_of, run_batch
+from schwung.batch.archive import key_of
+from schwung.batch.cluster import outcomes, workers
+from schwung.batch.picture import drift_figure, left_out_figure
+from schwung.batch.summary import Row
+from schwung.drivetrain import InertiaTable, paper_machine, write_machine
+from schwung.errors import InputError
+from schwung.report.style import to_png
+from schwung.session import SessionWriter
+
+DENOISED = Wish("estimate", "denoised")
+
+
+def put_session(folder: Path, created: str, name: str = "session.h5") -> Path:
+    """A session recorded at that date, with the machine file beside it."""
+    folder.mkdir(parents=True, exist_ok=True)
+    recorded = replace(session(), created=created)
+    with SessionWriter(folder / name, source=recorded.source, created=created) as writer:
+        for run in recorded.runs:
+            writer.append(run)
+    write_machine(paper_machine(), folder / "machine.toml")
+    return folder / name
+
+
+@pytest.fixture(scope="module")
+def archive(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Two sessions of one machine, and beside them what is none, or has no machine."""
+    folder = tmp_path_factory.mktemp("archive")
+    put_session(folder / "older", "2024-01-02T00:00:00+00:00")
+    put_session(folder / "newer", "2025-01-02T00:00:00+00:00")
+    (folder / "newer" / "rubbish.h5").write_bytes(b"no HDF5 at all")
+    (folder / "alone").mkdir()
+    shutil.copy(folder / "older" / "session.h5", folder / "alone" / "session.h5")
+    return folder
+
+
+@pytest.fixture
+def in_process(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Dask's own scheduler and worker, in this process: nothing is to be started."""
+
+    @contextmanager
+    def threads(*_: object) -> Iterator[Client]:
+        with (
+            LocalCluster(1, threads_per_worker=1, processes=False, dashboard_address=None) as cluster,
+            Client(cluster, set_as_default=False) as client,
+        ):
+            yield client
+
+    monkeypatch.setattr(schwung.batch.run, "workers", threads)
+
+
+def test_patterns_name_sessions_once_and_no_verification(archive: Path, tmp_path: Path) -> None:
+    (archive / "older" / "verification.h5").write_bytes(b"")
+    items = items_of([str(archive), f"{archive}/*/session.h5"], None)
+    assert len(items) == 4
+    assert {item.machine and item.machine.name for item in items} == {"machine.toml", None}
+    with pytest.raises(InputError, match="names no session file"):
+        items_of([str(tmp_path / "*.h5")], None)
+
+
+def test_a_key_is_of_contents_and_wish(archive: Path, tmp_path: Path) -> None:
+    there = archive / "older"
+    item = Item(there / "session.h5", there / "machine.toml")
+    moved = Item(tmp_path / "other.h5", tmp_path / "machine.toml")
+    shutil.copy(item.session, moved.session)
+    for file in there.glob("machine*"):
+        shutil.copy(file, tmp_path)
+    assert key_of(moved, DENOISED) == key_of(item, DENOISED)
+    assert key_of(item, Wish("explain")) != key_of(item, DENOISED)
+    table = tmp_path / "machine_inertia.csv"
+    table.write_text(table.read_text() + "\n")
+    assert key_of(moved, DENOISED) != key_of(item, DENOISED)  # the tables of a machine belong to it
+
+
+@pytest.mark.usefixtures("in_process")
+def test_a_second_call_does_what_is_missing_and_no_file_ends_it(archive: Path, tmp_path: Path) -> None:
+    items, results = items_of([str(archive)], None), Results(tmp_path)
+    first = run_batch(items, DENOISED, results)
+    assert [row.file.name for row in first.failures] == ["session.h5", "rubbish.h5"]
+    assert "Give --machine" in first.failures[0].error
+    assert "is not a readable HDF5 file" in first.failures[1].error
+    good = [row for row in first.rows if not row.error]
+    assert [row.created[:4] for row in good] == ["2024", "2025"]
+    assert good[1].drift == pytest.approx(0.0)
+    assert good[0].inertia_min_kgm2 == pytest.approx(0.055, rel=0.1)  # of the plant that was recorded
+    assert good[0].deviation_kgm2 is not None
+    files = sorted(tmp_path.glob("*.json"))
+    assert len(files) == 2
+    stamp, whole = files[1].stat().st_mtime_ns, files[0].read_text()
+    files[0].write_text(whole[: len(whole) // 2])  # as somebody's copy that was cut short
+    second = run_batch(items, DENOISED, results)
+    assert second.found == 1
+    assert files[1].stat().st_mtime_ns == stamp
+    assert files[0].read_text() == whole
+    assert run_batch(items, DENOISED, results, again=True).found == 0
+    assert files[1].stat().st_mtime_ns > stamp
+
+
+@pytest.mark.usefixtures("in_process")
+def test_an_interrupt_keeps_what_is_done(archive: Path, tmp_path: Path) -> None:
+    def after_the_first(text: str, _share: float) -> None:
+        if text.startswith("Sessions, 1 "):
+            raise KeyboardInterrupt
+
+    items = items_of([f"{archive}/*er/session.h5"], None)
+    stopped = run_batch(items, DENOISED, Results(tmp_path), progress=after_the_first)
+    assert (len(stopped.rows), stopped.missing) == (1, 1)
+    assert run_batch(items, DENOISED, Results(tmp_path)).found == 1
+
+
+def test_a_lost_worker_is_told_and_a_deadly_session_given_up(archive: Path) -> None:
+    told: list[str] = []
+    item = Item(archive / "older" / "session.h5", archive / "older" / "machine.toml")
+    with workers(None, 1, told.append) as client:
+        assert client.submit(os.getpid).result() != os.getpid()
+        client.submit(os._exit, 1, key="deadly").exception()
+        (told_of,) = [outcome for _, _, outcome in outcomes(client, [(item, "another key")], DENOISED)]
+    assert "was lost; what it was doing is done again" in told[0]
+    assert "is not what it was" in str(told_of.error)  # and the worker that took its place has worked
+
+
+@pytest.mark.usefixtures("in_process")
+def test_the_command(archive: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    out = tmp_path / "out"
+    code, printed, said = invoke(
+        capsys, "batch", "estimate", str(archive), "--method", "denoised", "--out", str(out), "--json"
+    )
+    assert code == 1
+    assert "2 of 4 sessions gave no result" in said
+    document = json.loads(printed)
+    assert document["exit_code"] == 1
+    assert len(document["sessions"]) == 4
+    rows = list(csv.DictReader((out / "summary.csv").open()))
+    assert [bool(row["error"]) for row in rows] == [False, False, True, True]
+    assert float(rows[0]["inertia_max_kgm2"]) == document["sessions"][0]["inertia_max_kgm2"]
+    assert len(list(out.glob("*.png"))) == 1
+
+
+@pytest.mark.usefixtures("in_process")
+def test_explained(archive: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    out = tmp_path / "out"
+    code, _, said = invoke(
+        capsys, "batch", "explain", str(archive / "older" / "session.h5"), "--out", str(out)
+    )
+    assert code in (0, 1)  # one motion of each kind may be too few to explain: then the table says so
+    row = next(csv.DictReader((out / "summary.csv").open()))
+    assert bool(row["verdict"]) != bool(row["error"]), said
+
+
+def test_wishes_that_cannot_be_are_refused_before_anything(
+    archive: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    machine = tmp_path / "m.toml"
+    machine.write_text(RIGID_MACHINE + "\n[nonsense")
+    for wrong, sentence in (
+        (("-m", str(machine)), "is not TOML"),
+        (("--method", "guess"), "guess"),
+        (("--inversion", "guess"), "guess"),
+        (("--scheduler", "tcp://127.0.0.1:9", "--jobs", "2"), "scheduler has its own"),
+    ):
+        out = tmp_path / "out"
+        code, _, said = invoke(capsys, "batch", "estimate", str(archive), "--out", str(out), *wrong)
+        assert code == 2
+        assert sentence in said
+        assert not out.exists()
+
+
+def test_pictures_can_be_drawn_of_any_row() -> None:
+    angle = np.linspace(0.0, 3.0, 20)
+    rows = [
+        Row(Path("a.h5"), f"2024-0{month}-01", "linear", "m $1$", verdict, inertia_mean_kgm2=month / 10,
+            curve=InertiaTable(angle, 0 * angle + month / 10, 0 * angle + 0.01))
+        for month, verdict in ((1, "good"), (2, "doubtful"), (3, "unusable"))
+    ]  # fmt: skip
+    assert to_png(drift_figure(rows)).startswith(b"\x89PNG")
+    explained = [
+        replace(row, physics=physics)
+        for row, physics in zip(rows, ("", "backlash, cogging", "cogging"), strict=True)
+    ]
+    assert to_png(left_out_figure(explained)).startswith(b"\x89PNG")
+    assert to_png(left_out_figure(explained[:1])).startswith(b"\x89PNG")

@@ -1,0 +1,128 @@
+"""What strangers install: no extra is needed to begin with, and nothing that Windows and macOS lack.
+
+The wheel itself is built, installed and run by `benchmarks/package.py --check`.
+"""
+
+import re
+import subprocess
+import sys
+import tomllib
+from pathlib import Path
+
+import schwung
+
+ROOT = Path(__file__).parent.parent
+PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
+
+#: Modules that some platform lacks, and names of the socket module that only Linux has.
+ELSEWHERE_ABSENT = (
+    "fcntl",
+    "termios",
+    "tty",
+    "pty",
+    "resource",
+    "pwd",
+    "grp",
+    "crypt",
+    "syslog",
+    "winreg",
+    "msvcrt",
+)
+WITHOUT_PLATFORM = f"""
+import importlib, pkgutil, signal, socket, sys
+
+class Absent:
+    def find_spec(self, name, path=None, target=None):
+        frame = sys._getframe(1)
+        while "importlib" in frame.f_code.co_filename:
+            frame = frame.f_back
+        if name in {ELSEWHERE_ABSENT!r} and frame.f_globals.get("__name__", "").startswith("schwung"):
+            raise ModuleNotFoundError(name + " is not there on every platform", name=name)
+
+for name in {ELSEWHERE_ABSENT!r}:
+    sys.modules.pop(name, None)
+for name in [n for n in dir(socket) if n.startswith(("AF_CAN", "PF_CAN", "CAN_"))]:
+    delattr(socket, name)
+for name in ("SIGHUP", "SIGALRM", "setitimer", "pthread_sigmask"):
+    delattr(signal, name)
+sys.meta_path.insert(0, Absent())
+import schwung, schwung_sim
+for package in (schwung, schwung_sim):
+    for module in pkgutil.walk_packages(package.__path__, package.__name__ + "."):
+        if not module.name.endswith("__main__"):
+            importlib.import_module(module.name)
+"""
+#: Commands, the package that each needs, and the extra that brings it.
+NEEDING = {
+    "demo": "bench",
+    "optimise -m m.toml --distance 1 --duration 0.2": "optimise",
+    "serve": "web",
+    "batch estimate .": "batch",
+    "import x.log --dbc y.dbc --position a --speed b --torque c": "logs",
+}
+WITHOUT_EXTRAS = f"""
+import importlib.util, sys
+EXTRAS = {{"mujoco", "casadi", "toppra", "fmpy", "cantools", "asammdf", "pyarrow", "nicegui", "fastapi", "uvicorn",
+          "distributed", "dask", "pandas"}}
+there = importlib.util.find_spec
+def absent(name, package=None):
+    return None if name.partition(".")[0] in EXTRAS else there(name, package)
+importlib.util.find_spec = absent
+class Absent:
+    def find_spec(self, name, path=None, target=None):
+        if name.partition(".")[0] in EXTRAS:
+            raise ModuleNotFoundError(f"No module named {{name!r}}", name=name)
+sys.meta_path.insert(0, Absent())
+from schwung.cli import main
+for command in {list(NEEDING)!r}:
+    try:
+        main(command.split())
+    except SystemExit as ended:
+        print("exit code", ended.code, file=sys.stderr)
+"""
+
+
+def _python(code: str, folder: Path) -> subprocess.CompletedProcess[str]:
+    return subprocess.run(
+        [sys.executable, "-c", code], cwd=folder, capture_output=True, text=True, check=False
+    )
+
+
+def test_nothing_is_imported_that_windows_or_macos_lack(tmp_path: Path) -> None:
+    done = _python(WITHOUT_PLATFORM, tmp_path)
+    assert done.returncode == 0, done.stderr
+
+
+def test_a_command_that_needs_an_extra_says_which(tmp_path: Path) -> None:
+    (tmp_path / "x.log").write_text("(0.0) can0 181#0102030405060708\n")
+    (tmp_path / "y.dbc").touch()
+    done = _python(WITHOUT_EXTRAS, tmp_path)
+    assert "Traceback" not in done.stderr
+    sentences = [line for line in done.stderr.splitlines() if line.startswith("Error: ")]
+    assert len(sentences) == len(NEEDING), done.stderr
+    for sentence, (command, extra) in zip(sentences, NEEDING.items(), strict=True):
+        assert f"schwung[{extra}]" in sentence, (command, sentence)
+    assert done.stderr.count("exit code 2") == len(NEEDING)
+
+
+def test_the_core_needs_no_heavy_library() -> None:
+    core = {re.split(r"[><=,\[]", need)[0] for need in PROJECT["dependencies"]}
+    assert not core & {
+        "mujoco",
+        "casadi",
+        "toppra",
+        "nicegui",
+        "fmpy",
+        "asammdf",
+        "pandas",
+        "distributed",
+        "sphinx",
+    }
+
+
+def test_version_changelog_and_citation_agree() -> None:
+    assert PROJECT["version"] == schwung.__version__
+    assert f"\n## {schwung.__version__}" in (ROOT / "CHANGELOG.md").read_text(encoding="utf-8")
+    citation = (ROOT / "CITATION.cff").read_text(encoding="utf-8")
+    assert f"\nversion: {schwung.__version__}\n" in citation
+    assert f"\nlicense: {PROJECT['license']['text']}\n" in citation
