@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from schwung.cli.options import Json, Machine
+from schwung.cli.options import Json
 
 if TYPE_CHECKING:
     from schwung import Explanation
@@ -24,7 +24,16 @@ _COLOURS = {
 
 def explain(
     session: Annotated[Path, typer.Argument(help="The recorded session, *.h5.")],
-    machine: Machine,
+    machine: Annotated[
+        Path | None,
+        typer.Option("-m", "--machine", help="What is believed about the machine: machine.toml."),
+    ] = None,
+    belief: Annotated[
+        Path | None, typer.Option(metavar="FMU", help="Your own simulator as the belief: an FMU, FMI 2 or 3.")
+    ] = None,
+    mapped: Annotated[
+        Path | None, typer.Option("--map", metavar="TOML", help="Which variables of the FMU are which.")
+    ] = None,
     out: Annotated[
         Path, typer.Option(help="Folder for explanation.json, explanation.html and the learned machine.toml.")
     ] = Path("explanation"),
@@ -39,28 +48,41 @@ def explain(
       schwung explain session.h5 -m machine.toml
 
       schwung explain session.h5 -m machine.toml --out monday --json
+
+      schwung explain session.h5 --belief model.fmu --map map.toml
     """
     from schwung import load_machine, read_session
     from schwung.api.computing import explain as explain_session
     from schwung.api.folders import make_folder, planned_folder
     from schwung.api.reports import write_explanation
+    from schwung.api.simulators import explain_against
     from schwung.cli.console import Terminal, progress_bar
     from schwung.cli.sessions import in_file
+    from schwung.errors import InputError
     from schwung.files import json_text, replace_file
     from schwung.quantities import document_of, sentences_of
 
     terminal = Terminal(json_output)
-    recorded, believed = read_session(session), load_machine(machine)
+    if (machine is None) == (belief is None):
+        raise InputError(
+            "schwung explain", "needs one belief", "Give -m machine.toml, or --belief model.fmu."
+        )
+    recorded = read_session(session)
+    believed = load_machine(machine) if machine is not None else None
     folder = planned_folder(out, beside_session=True)
     learned = folder / "machine.toml"
     _keep_beliefs(learned, machine)
     with in_file(session), progress_bar(terminal) as progress:
-        found = explain_session(recorded, believed, progress=progress)
+        if believed is not None:
+            found = explain_session(recorded, believed, progress=progress)
+        else:
+            against = explain_against(recorded, *_with_map(belief, mapped), progress=progress)
+            found, believed = against.explanation, against.stand_in
     make_folder(folder)
     words = sentences_of(recorded.effort)
     document = document_of(recorded.effort, found.to_json()) | {
         "session": str(session),
-        "machine": str(machine),
+        "machine": str(machine or belief),
     }
     replace_file(folder / "explanation.json", json_text(document))
     write_explanation(found, recorded, believed, folder)
@@ -69,11 +91,23 @@ def explain(
     terminal.result(document)
 
 
-def _keep_beliefs(learned: Path, machine: Path) -> None:
+def _with_map(belief: Path | None, mapped: Path | None) -> tuple[Path, Path]:
+    """The FMU and its map. Raises InputError where there is no map."""
+    from schwung.errors import InputError
+
+    assert belief is not None
+    if mapped is None:
+        remedy = "Give --map map.toml: which of the FMU's variables are torque, position and speed."
+        raise InputError("--belief", "is of no use without a map", remedy)
+    return belief, mapped
+
+
+def _keep_beliefs(learned: Path, machine: Path | None) -> None:
     """Raise InputError where the learned machine would take the place of the given one, or of a stranger's."""
     from schwung.errors import InputError
 
-    if learned.exists() and (learned.samefile(machine) or not learned.with_name("explanation.json").exists()):
+    same = machine is not None and learned.exists() and learned.samefile(machine)
+    if learned.exists() and (same or not learned.with_name("explanation.json").exists()):
         raise InputError(str(learned), "is a machine file that would be lost", "Choose another --out.")
 
 

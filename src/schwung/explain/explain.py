@@ -21,7 +21,7 @@ from schwung.explain.residual import Residuals, Unknowns
 from schwung.explain.scale import scale_note
 from schwung.explain.search import CONSISTENT, Found, Progress, reduced
 from schwung.explain.sharpened import sharpened
-from schwung.explain.signals import Prepared, prepare
+from schwung.explain.signals import Prepared, prepare, prepare_twin
 from schwung.explain.timing import Shift, Times, shift
 from schwung.explain.values import (
     Explanation,
@@ -60,10 +60,14 @@ OF_ACCELERATION = (
 )  # fmt: skip
 
 
-def explain(session: Session, machine: Machine, *, progress: Progress | None = None) -> Explanation:
+def explain(
+    session: Session, machine: Machine, *, twin: Session | None = None, progress: Progress | None = None
+) -> Explanation:
     """Say what the belief leaves out of a recorded session.
 
-    `progress`: told what is being done, and the share that is done, 0…1. Raises InputError where the session cannot be
+    `twin`: what a simulator did along the very runs, sample for sample, for which the machine stands in: what the
+    machine misses of the twin is not missed of the recording, so that the simulator is what is judged. `progress`: told
+    what is being done, and the share that is done, 0…1. Raises InputError where the session cannot be
     what it says (units, signs, wraps), or has nothing that could be compared.
     """
     tell = progress or (lambda _text, _share: None)
@@ -78,6 +82,8 @@ def explain(session: Session, machine: Machine, *, progress: Progress | None = N
     parts = parts.usable(prepared)
     tell("Simulating the belief (at its first use it is compiled)", 0.02)
     residuals = Residuals(prepared, believed)
+    if twin is not None:
+        residuals.take_off(prepare_twin(twin, prepared))
     numbers = range(len(session.runs))
     noise = whitener(prepared, believed, residuals.all(numbers, Unknowns()), parts.seen)
     if curve is not None:

@@ -129,6 +129,7 @@ class Residuals:
         self._lightest_kgm2 = float(np.min(self.belief.inertia_coefficients[3]))
         self._tables: dict[int, Array] = {}  # what a measured inertia may be off, per run
         self._softs: dict[int, _Soft | None] = {}
+        self._beside: dict[int, Array] = {}  # what the machine misses of a twin, per run
         self._settled = Effects()
         visited = [signals.position_rad[signals.considered] for signals in prepared.runs]
         angles = np.concatenate([*visited, prepared.runs[0].position_rad[:1]])
@@ -250,7 +251,7 @@ class Residuals:
             asked = np.stack([self._asked(run, unknowns[row]) for row in rows])
             gains = np.stack([self._gain(run, unknowns[row]) for row in rows])
             reported = np.stack([self._reported(run, unknowns[row]) for row in rows])
-            compared = reported - of.spectrum.apply(asked, gains)
+            compared = reported - of.spectrum.apply(asked, gains) - self._beside.get(run, 0.0)
             for row, lag in enumerate(unknowns[row].effects.torque_lag_s for row in rows):
                 if lag > 0:
                     compared[row] = of.spectrum.apply(compared[row], self._calm(of.spectrum, lag))
@@ -315,6 +316,14 @@ class Residuals:
         result._couplings, result._motors = (Memory(_KEPT * len(self.runs)) for _ in range(2))
         result.runs = tuple(_shaken(of, more) for of, more in zip(self.runs, drawn, strict=True))
         return result
+
+    def take_off(self, twin: Prepared) -> None:
+        """From now on leave out what the machine misses of a twin, which a simulator made of each run (N·m)."""
+        alike = Residuals(twin, self.machine)
+        for run, of in enumerate(alike.runs):
+            missed = of.torque_nm - of.spectrum.apply(alike._asked(run, Unknowns()), of.low)
+            self._beside[run] = np.asarray(missed)
+        self._softs.clear()
 
     def soften(self, belief: Measured, floor_nm: float) -> None:
         """From now on count as noise what the belief's inertia may be off: shrink its directions to the floor.

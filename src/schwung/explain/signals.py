@@ -108,6 +108,7 @@ class Prepared:
     bend_std_s2: float = SURE_S2
     seen_bend_s2: float = 0.0  # of the speed's filter, by the recordings alone
     seen_bend_std_s2: float = np.inf
+    samples: tuple[int, ...] = ()  # of each recorded run
 
 
 def differences_noise(values: Array) -> float:
@@ -195,7 +196,34 @@ def prepare(session: Session, machine: Machine, seen: Sequence[int] | None = Non
         bend_std_s2=UNLIKE_SPEED * filtered.bend_s2 + max(filtered.bend_std_s2, SURE_S2),
         seen_bend_s2=filtered.seen_s2,
         seen_bend_std_s2=filtered.seen_std_s2,
+        samples=tuple(len(run) for run in session.runs),
     )
+
+
+def prepare_twin(twin: Session, prepared: Prepared) -> Prepared:
+    """What a simulator did along the recorded runs, on their grid and in their band: it reports at once, unfiltered.
+
+    Raises InputError where it is not run for run, sample for sample.
+    """
+    if [len(run) for run in twin.runs] != [int(size) for size in prepared.samples]:
+        raise InputError("twin", "has other runs than the recording", "Play it along every run.")
+    factor = round(prepared.source_rate_hz / prepared.rate_hz)
+    runs = []
+    for run, recorded in zip(twin.runs, prepared.runs, strict=True):
+        position, speed, acceleration = _moved(run, prepared.noise, prepared.band_hz, SpeedFilter())
+        at, nothing = slice(None, None, factor), np.zeros_like(recorded.torque_nm)
+        runs.append(
+            replace(
+                recorded,
+                position_rad=position[at],
+                speed_rad_s=speed[at],
+                acceleration_rad_s2=acceleration[at],
+                torque_nm=_anti_aliased(run.torque_nm, factor, prepared.source_rate_hz)[at],
+                added_nm=nothing,
+                jumps_nm=nothing,
+            )
+        )
+    return replace(prepared, runs=tuple(runs), bend_s2=0.0)
 
 
 def lasting(moving: NDArray[np.bool_], samples: int) -> NDArray[np.bool_]:

@@ -1,0 +1,304 @@
+"""An FMU as the belief: what it leaves out of a recording is named as with a machine file; strangers' FMUs, too.
+
+Recordings are the virtual machine room's, or simulated and given noise; the FMUs are our own exports, or small ones in
+C that `foreign_fmus.py` writes in other units and signs.
+"""
+
+from __future__ import annotations
+
+import json
+import re
+import shutil
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from schwung.cli import main
+from schwung.drivetrain import InertiaTable, Machine, load_machine, simulate, write_machine
+from schwung.drivetrain.machine import Control, Coupling, Load, Motor
+from schwung.drivetrain.physics_term import PhysicsTerm
+from schwung.errors import InputError
+from schwung.explain.explain import explain
+from schwung.explain.residual import Residuals, Unknowns
+from schwung.explain.signals import prepare, prepare_twin
+from schwung.explain.values import Explanation
+from schwung.motion import Array, Excitation, Motion
+from schwung.session import Run, Session, SessionWriter, read_session
+from schwung.simulators.belief import fmu_belief
+from schwung.simulators.fmu import write_fmu
+from schwung_sim.sealed import CaseWishes, draw_case, read_labels, write_case
+
+pytest.importorskip("fmpy")
+foreign = pytest.importorskip("foreign_fmus")
+pytestmark = pytest.mark.skipif(
+    not any(shutil.which(name) for name in ("cc", "gcc", "clang")), reason="no C compiler"
+)
+
+OURS = """\
+[torque]
+variable = "torque"
+[position]
+variable = "motor_angle"
+[speed]
+variable = "motor_speed"
+[start]
+position = "start_angle_rad"
+"""
+TWO_MASSES = """\
+[torque]
+variable = "tau"
+sign = -1
+[position]
+variable = "phi"
+[speed]
+variable = "n"
+unit = "rpm"
+"""
+INVERSE = """\
+[torque]
+variable = "tau"
+[position]
+variable = "a"
+[speed]
+variable = "w"
+[acceleration]
+variable = "alpha"
+"""
+BROKEN = """\
+[torque]
+variable = "tau"
+[position]
+variable = "phi"
+[speed]
+variable = "w"
+"""
+
+
+def against(session: Session, fmu: Path, mapped: str) -> tuple[Machine, Explanation]:
+    """The stand-in, and what the FMU leaves out."""
+    place = fmu.with_name("map.toml")
+    place.write_text(mapped, encoding="utf-8")
+    belief = fmu_belief(session, fmu, place)
+    return belief.machine, explain(session, belief.machine, twin=belief.twin)
+
+
+def drawn(folder: Path, seed: int, **wishes: Any) -> tuple[Session, Machine, dict[str, Any]]:
+    """A recorded session of the virtual machine room, the belief, and what it conceals."""
+    write_case(draw_case(seed, CaseWishes(**wishes)), folder, "0000")
+    place = folder / "sessions" / "0000"
+    (label,) = read_labels(folder)
+    return read_session(place / "session.h5"), load_machine(place / "machine.toml"), dict(label)
+
+
+def machine_of(plant: Any, *, rigid: bool = False) -> Machine:
+    """The machine of a foreign FMU, under a controller."""
+    angle = np.linspace(-0.5, 3.5, 401)
+    table = InertiaTable(angle, plant.base + plant.swing * np.sin(angle) ** 2)
+    return Machine(
+        name="foreign",
+        motor=Motor(inertia_kgm2=plant.rotor, viscous_friction_nms=0.0, peak_torque_nm=233.0),
+        coupling=None if rigid else Coupling(stiffness_nm_rad=plant.k, damping_nms=plant.d),
+        load=Load(inertia_table=table),
+        control=Control(
+            position_gain_per_s=60.0, speed_gain_nms=7.0, speed_integral_time_s=8e-3, sample_rate_hz=8000.0
+        ),
+    )
+
+
+def recorded(machine: Machine) -> Session:
+    """A stroke to and fro without and with injection, at 1 kHz, with noise."""
+    chance = np.random.default_rng(5)
+    motion = Motion(
+        kind="poly5", distance_rad=3.0, duration_s=0.25, start_time_s=0.05, returns=True, dwell_s=0.05
+    )
+    ticks = np.arange(8 * 670) / 8000
+    sine = Excitation(frequency_hz=50, amplitude_nm=25.0)
+    runs = []
+    for role, excitation in (("reference", None), ("excited", sine)):
+        moved = simulate(
+            machine, motion.demand(ticks), ticks, None if excitation is None else sine.torque(ticks)
+        )
+        noise = chance.standard_normal((3, ticks.size))
+        runs.append(
+            Run(
+                role=role,  # type: ignore[arg-type]
+                repeat=0,
+                sample_rate_hz=1000.0,
+                time_s=ticks[::8],
+                position_rad=(moved.position_rad + 2e-6 * noise[0])[::8],
+                speed_rad_s=(moved.speed_rad_s + 0.02 * noise[1])[::8],
+                torque_nm=(moved.torque_nm + 0.1 * noise[2])[::8],
+                motion=motion,
+                excitation=excitation,
+            )
+        )
+    return Session(runs=tuple(runs), created="2026-01-01T00:00:00Z", source="test")
+
+
+def missed(session: Session, machine: Machine, twin: Session | None = None) -> Array:
+    """What a belief misses of every run, one after the other (N·m)."""
+    prepared = prepare(session, machine)
+    residuals = Residuals(prepared, machine)
+    if twin is not None:
+        residuals.take_off(prepare_twin(twin, prepared))
+    numbers = range(len(session.runs))
+    return np.concatenate([residuals.residual(run, Unknowns())[residuals.valid(run)] for run in numbers])
+
+
+def test_friction_and_payload_are_named_against_an_fmu_as_with_a_machine_file(tmp_path: Path) -> None:
+    session, believed, label = drawn(tmp_path, 501, kind="two", among=("stribeck_friction", "load_inertia"))
+    session = replace(
+        session, runs=tuple(session.runs[i] for i in (0, 2, 5, 7, 10, 12))
+    )  # each motion, both roles
+    fmu = write_fmu(believed, tmp_path / "model.fmu", fmi=3).path
+    stand_in, found = against(session, fmu, OURS)
+    assert stand_in.coupling is not None
+    assert believed.coupling is not None
+    assert stand_in.coupling.stiffness_nm_rad == pytest.approx(believed.coupling.stiffness_nm_rad, rel=0.02)
+    hidden = {effect["physics"]: effect["parameters"] for effect in label["effects"]}
+    named = {finding.physics: finding.parameters for finding in found.findings}
+    assert found.verdict == "explained"
+    assert set(named) == set(hidden) == {"stribeck_friction", "load_inertia"}
+    for key in ("coulomb_torque_nm", "breakaway_torque_nm"):
+        assert named["stribeck_friction"][key].value == pytest.approx(
+            hidden["stribeck_friction"][key], rel=0.05
+        )
+    assert named["load_inertia"]["scale"].value == pytest.approx(hidden["load_inertia"]["scale"], rel=0.005)
+
+
+def test_the_commands_of_the_page_for_users(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """docs/simulators.md from end to end, with its map: the learned FMU misses nothing of the session it came from."""
+    page = (Path(__file__).parents[2] / "docs" / "simulators.md").read_text(encoding="utf-8")
+    commands = re.findall(r"^    schwung (.*)$", page, re.M)
+    (mapped,) = re.findall(r"^```toml\n(.*?)^```", page, re.M | re.S)
+    monkeypatch.chdir(tmp_path)
+    session, believed, _ = drawn(tmp_path / "drawn", 401, among=("coulomb_friction",))
+    with SessionWriter("session.h5", source="test") as writer:
+        for run in session.runs[::3]:  # of each of three motions one without and one with injection
+            writer.append(run)
+    write_machine(believed, "machine.toml")
+    Path("map.toml").write_text(mapped, encoding="utf-8")
+    for command in commands:
+        with pytest.raises(SystemExit) as ended:
+            main([*command.split(), "--json"])
+        told = capsys.readouterr()
+        assert not ended.value.code, told.err
+    assert {"machine.fmu", "machine3.fmu", "Machine.mo", "machine.m"} <= {
+        one.name for one in tmp_path.iterdir()
+    }
+    learned, document = json.loads(Path("explanation/explanation.json").read_text()), json.loads(told.out)
+    assert [finding["physics"] for finding in learned["findings"]] == ["coulomb_friction"]
+    assert document["verdict"] == "consistent"
+    assert document["fit"]["before"]["torque_rmse_nm"] < 1.2 * learned["fit"]["after"]["torque_rmse_nm"]
+    assert any("stand-in" in note for note in document["notes"])
+    assert load_machine("against/machine.toml").coupling is not None
+
+
+@pytest.mark.parametrize("more", [(), ("-m", "machine.toml")])
+def test_one_belief_is_wanted_and_a_map_with_an_fmu(
+    more: tuple[str, ...], ours: Path, capsys: pytest.CaptureFixture[str], short: Session, tmp_path: Path
+) -> None:
+    with SessionWriter(tmp_path / "session.h5", source="test") as writer:
+        writer.append(short.runs[0])
+    with pytest.raises(SystemExit) as ended:
+        main(["explain", str(tmp_path / "session.h5"), "--belief", str(ours), *more])
+    assert ended.value.code == 2
+    assert ("one belief" if more else "without a map") in capsys.readouterr().err
+
+
+#: What the FMUs' recordings conceal: so the twin has to stay by the recording although the torque would drive it away.
+RUBS = PhysicsTerm.model_validate({"name": "coulomb_friction", "torque_nm": 4.0})
+
+
+def test_a_stranger_s_model_exchange_in_degrees_and_rpm_the_other_way_round(tmp_path: Path) -> None:
+    plant = foreign.Plant()
+    fmu, machine = foreign.two_masses(tmp_path, plant), machine_of(plant)
+    session = recorded(machine.model_copy(update={"physics": (RUBS,)}))
+    (tmp_path / "map.toml").write_text(TWO_MASSES, encoding="utf-8")
+    belief = fmu_belief(session, fmu, tmp_path / "map.toml")
+    assert belief.machine.coupling is not None
+    assert belief.machine.coupling.stiffness_nm_rad == pytest.approx(plant.k, rel=0.02)
+    assert belief.machine.motor.inertia_kgm2 == pytest.approx(plant.rotor, rel=0.02)
+    told, ours = missed(session, belief.machine, belief.twin), missed(session, machine)
+    assert np.std(ours) > 3
+    assert np.std(told - ours) < 0.02
+
+
+def test_an_inverse_fmu_is_asked_for_its_torque(tmp_path: Path) -> None:
+    plant = foreign.Plant()
+    fmu, machine = foreign.inverse(tmp_path, plant), machine_of(plant, rigid=True)
+    session = recorded(machine.model_copy(update={"physics": (RUBS,)}))
+    (tmp_path / "map.toml").write_text(INVERSE, encoding="utf-8")
+    belief = fmu_belief(session, fmu, tmp_path / "map.toml")
+    told, ours = missed(session, belief.machine, belief.twin), missed(session, machine)
+    assert np.std(ours) > 3
+    assert np.std(told - ours) < 0.02
+
+
+@pytest.fixture(scope="module")
+def short() -> Session:
+    """A session that is quickly played."""
+    session = recorded(machine_of(foreign.Plant()))
+    return replace(session, runs=session.runs[:1])
+
+
+@pytest.fixture(scope="module")
+def ours(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """An FMU of our own."""
+    return write_fmu(machine_of(foreign.Plant()), tmp_path_factory.mktemp("ours") / "model.fmu").path
+
+
+@pytest.mark.parametrize(
+    ("changed", "said"),
+    [
+        (("motor_angle", "motor_angel"), 'no variable "motor_angel". Did you mean "motor_angle"'),
+        (('variable = "torque"', 'variable = "load_speed"\nunit = "N.m"'), "where the torque is its output"),
+        (('variable = "torque"', 'variable = "motor_inertia_kgm2"'), "neither input nor output"),
+        (("[start]", "[begin]"), "begin: is not known"),
+        (('variable = "motor_speed"', 'variable = "motor_speed"\nunit = "deg"'), "no unit of speed"),
+        (('variable = "motor_angle"', 'variable = "motor_angle"\nsign = -1'), "moves"),
+        (('variable = "motor_angle"', 'variable = "motor_speed"'), "says nothing of a position"),
+        (('[torque]\nvariable = "torque"', ""), "torque: is missing"),
+        (("[torque]", "[torque"), "is not TOML"),
+        (("[start]", '[solver]\ninterface = "model-exchange"\n[start]'), "which the FMU has not"),
+        (("[start]", "[parameters]\nmotor_inertia = 1.0\n[start]"), 'Did you mean "motor_inertia_kgm2"'),
+    ],
+)
+def test_a_wrong_map_is_told(
+    changed: tuple[str, str], said: str, short: Session, ours: Path, tmp_path: Path
+) -> None:
+    assert changed[0] in OURS
+    place = tmp_path / "map.toml"
+    place.write_text(OURS.replace(*changed), encoding="utf-8")
+    with pytest.raises(InputError, match=r".") as raised:
+        fmu_belief(short, ours, place)
+    assert said in str(raised.value)
+
+
+def test_an_fmu_that_crashes_or_gives_no_numbers_is_one_sentence(short: Session, tmp_path: Path) -> None:
+    for how, said in (
+        (foreign.CRASH, "crashed while it was played (SIGSEGV)"),
+        (foreign.NO_NUMBER, "no numbers"),
+    ):
+        with pytest.raises(InputError, match=r".") as raised:
+            against(short, foreign.broken(tmp_path, how), BROKEN)
+        assert said in str(raised.value)
+
+
+def test_what_is_no_fmu_or_none_for_this_computer_is_told(
+    short: Session, ours: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    import fmpy  # noqa: PLC0415
+
+    (tmp_path / "text.fmu").write_text("no zip", encoding="utf-8")
+    for fmu, said in ((tmp_path / "text.fmu", "not a zip"), (tmp_path / "none.fmu", "is not there")):
+        with pytest.raises(InputError, match=said):
+            against(short, fmu, OURS)
+    monkeypatch.setattr(fmpy, "platform", "win64")
+    with pytest.raises(InputError, match=r"this computer is win64\. It has its C sources"):
+        against(short, ours, OURS)
