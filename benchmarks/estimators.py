@@ -80,10 +80,10 @@ class _Timed:
 def score(case: Case, entered: tuple[Entrant, ...], folder: Path) -> list[Score]:
     """All who entered for one case."""
     session = session_of(case, folder)
-    return [_score(case, entrant, entrant.given(session)) for entrant in entered]
+    return [_score(case, entrant, entrant.given(session), folder) for entrant in entered]
 
 
-def _score(case: Case, entrant: Entrant, session: Session) -> Score:
+def _score(case: Case, entrant: Entrant, session: Session, folder: Path) -> Score:
     head = {**asdict(case), **asdict(entrant)}
     condition = CONDITIONS[case.condition]
     machine = believed(session, condition.clip is not None)
@@ -96,7 +96,9 @@ def _score(case: Case, entrant: Entrant, session: Session) -> Score:
     try:
         table = estimate(session, machine, method=entrant.method).table
     except SchwungError as refusal:
-        return Score(**head, refused=str(refusal))
+        return Score(
+            **head, refused=str(refusal).replace(f"{folder}{os.sep}", "")
+        )  # nobody's path in a table
     finally:
         whole = time.process_time() - started
         METHODS[entrant.method] = watch._method
