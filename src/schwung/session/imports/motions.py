@@ -30,6 +30,7 @@ _WHOLE_CYCLE, _PART_CYCLE = (
     0.9,
     0.25,
 )  # of a cycle: what is left at the end counts as one; is a run of its own
+_STILL = "no motion found, kept as one run"
 _THERE_AND_BACK = 2  # strokes of one motion
 _NOISES = 6  # times its white noise a position seldom is off
 
@@ -94,33 +95,29 @@ def cut(position: Array, sample_rate_hz: float, split: str, piece_s: float | Non
     if split == "none":
         return Pieces((whole,), "kept as one run")
     sections = moving_sections(position, sample_rate_hz)
-    found = strokes(position, sections)
     if split == "reverse":
-        if len(found) < 2:
-            return Pieces((whole,), "it never reverses, kept as one run")
-        groups = [(each,) for each in found]
-        return Pieces(
-            _with_rests(groups, position, sample_rate_hz), f"{len(found)} strokes between reversals"
-        )
-    if len(sections) > 1:
+        groups = [(each,) for each in strokes(position, sections)]
+        how = f"{len(groups)} strokes between reversals"
+    else:
         groups = returning(position, sections) if split == "auto" else [(each,) for each in sections]
-        if len(groups) > 1:
-            return Pieces(
-                _with_rests(groups, position, sample_rate_hz), f"{len(groups)} motions between rests"
-            )
+        how = f"{len(groups)} motions between rests"
+    if len(groups) > 1:
+        return Pieces(_with_rests(groups, position, sample_rate_hz), how)
     if split == "auto" and len(sections) == 1:
-        period = cycle(position[sections[0].start : sections[0].stop])
-        if period:
-            cycles = _cycles(
-                len(sections[0]), period, f"cycles of {period / sample_rate_hz:.6g} s, no rest between"
-            )
-            first = sections[0].start
-            return Pieces(tuple(Piece(p.start + first, p.stop + first) for p in cycles.pieces), cycles.how)
-    if len(sections) == 1 and len(found) > _THERE_AND_BACK:
-        return Pieces(
-            (whole,), f"one motion without rest, of {len(found)} strokes that `--split reverse` makes runs of"
-        )
-    return Pieces((whole,), "one motion" if sections else "no motion found, kept as one run")
+        return _without_rest(position, sections[0], sample_rate_hz)
+    return Pieces((whole,), f"one {'stroke' if split == 'reverse' else 'motion'}" if groups else _STILL)
+
+
+def _without_rest(position: Array, section: Piece, sample_rate_hz: float) -> Pieces:
+    """A path without rests: its cycles, where it repeats itself."""
+    period = cycle(position[section.start : section.stop])
+    if period:
+        found = _cycles(len(section), period, f"cycles of {period / sample_rate_hz:.6g} s, no rest between")
+        first = section.start
+        return Pieces(tuple(Piece(p.start + first, p.stop + first) for p in found.pieces), found.how)
+    count = len(strokes(position, [section]))
+    runs = f" without rest, of {count} strokes that `--split reverse` makes runs of"
+    return Pieces((Piece(0, position.size),), f"one motion{runs if count > _THERE_AND_BACK else ''}")
 
 
 def strokes(position: Array, sections: Sequence[Piece]) -> tuple[Piece, ...]:
