@@ -95,6 +95,7 @@ def cut(position: Array, sample_rate_hz: float, split: str, piece_s: float | Non
     if split == "none":
         return Pieces((whole,), "kept as one run")
     sections = moving_sections(position, sample_rate_hz)
+    groups: list[tuple[Piece, ...]]
     if split == "reverse":
         groups = [(each,) for each in strokes(position, sections)]
         how = f"{len(groups)} strokes between reversals"
