@@ -107,7 +107,7 @@ def fmu_belief(
         machine=found.machine,
         twin=twin,
         stand_in=found,
-        notes=_notes(described, found),
+        notes=_notes(described, of, found),
     )
 
 
@@ -311,11 +311,18 @@ def _require_near(described: Described, twins: Sequence[Played], prepared: Prepa
             )
 
 
-def _notes(described: Described, found: StandIn) -> tuple[str, ...]:
+def _notes(described: Described, of: Ports, found: StandIn) -> tuple[str, ...]:
     notes = [
         f'the belief is the FMU "{described.name}" as it was played; the machine file is a stand-in, measured of it: '
         "inertia, coupling and load torque, with the named physics"
     ]
+    mapped = {port.name for port in (of.torque, of.position, of.speed, of.acceleration) if port is not None}
+    left = [name for name in described.of("input") if name not in mapped and name not in of.parameters]
+    if left:
+        notes.append(
+            f"nobody says what the FMU's input{'s' * (len(left) > 1)} {', '.join(left)} should be: at the start value "
+            "all along, unless [parameters] of the map give another"
+        )
     if found.left_out_nm > WORTH_A_WORD * found.torque_nm:
         share = found.left_out_nm / found.torque_nm
         notes.append(
