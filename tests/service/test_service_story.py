@@ -173,7 +173,7 @@ def test_the_log_of_a_commissioning_is_a_session_too(desk: ServiceDesk, story: S
     recorded = desk.service.store.session(desk.service.store.estimate(story.estimate_id).session_id or "")
     assert run.result is not None
     assert run.result["excited"] >= recorded.document["excited"]
-    assert run.result["duration_s"] >= recorded.document["duration_s"]
+    assert run.result["duration_s"] > 0.9 * recorded.document["duration_s"]  # the log's rests are cut
 
 
 def test_an_export_is_shown_confirmed_written_and_can_be_put_back(desk: ServiceDesk, story: Story) -> None:
