@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from schwung.commissioning import ExportChoice, export_values, read_backup, restore_backup
+from schwung.commissioning import ExportChoice, export_table, export_values, read_backup, restore_backup
 from schwung.commissioning.backup import Written, plan_restore, read_snapshot, require_power_off, write_plan
 from schwung.commissioning.compare import Comparison, Configuration, Difference, compare, from_drive, key_of
 from schwung.commissioning.configuration_files import (
@@ -15,6 +15,7 @@ from schwung.commissioning.configuration_files import (
     load_configuration,
     save_configuration,
 )
+from schwung.commissioning.export import Worth, worth_of
 from schwung.commissioning.journal import ParameterJournal, first_values
 from schwung.drivetrain import InertiaTable
 from schwung.fieldbus.canopen.scan import fitting_profiles
@@ -31,6 +32,7 @@ __all__ = [
     "Difference",
     "DriveIdentity",
     "EdsFile",
+    "ExportChoice",
     "Format",
     "ParameterJournal",
     "ParameterValue",
@@ -38,10 +40,13 @@ __all__ = [
     "Selection",
     "SiScales",
     "Skipped",
+    "Worth",
     "Written",
     "byte_size",
     "compare",
     "dictionary_of",
+    "export_table",
+    "export_values",
     "first_values",
     "fitting_dictionary",
     "fitting_profiles",
@@ -59,6 +64,7 @@ __all__ = [
     "save_configuration",
     "select",
     "si_scales",
+    "worth_of",
     "write_export",
     "write_plan",
 ]

@@ -40,11 +40,12 @@ def guess(
         if len(proposals) > 1:
             terminal.say(f"[bold]Axis {number + 1} of {len(proposals)}: {escape(proposal.name)}[/]")
         _show(terminal, proposal)
+        _show_runs(terminal, imported)
         terminal.say(f"Picture: [bold]{escape(str(picture))}[/]")
-        command = proposal.command(str(path), str(target))
+        command = proposal.command(str(path), str(target), carried)
         if not yes:
             terminal.say(f"Nothing is written yet. This does it, and so does --yes:\n  {escape(command)}")
-        documents.append(_document(proposal, command, picture))
+        documents.append(_document(proposal, command, picture) | {"cut": list(imported.cut)})
     if yes:
         for imported, target in imports:
             write_session(imported.session, target, overwrite)
@@ -104,6 +105,14 @@ def _show(terminal: Terminal, proposal: Proposal) -> None:
         terminal.say(f"  {escape(guess.evidence)}")
         if guess.alternatives:
             terminal.say(f"  or else: {escape('; '.join(guess.alternatives))}")
+
+
+def _show_runs(terminal: Terminal, imported: Imported) -> None:
+    from rich.markup import escape
+
+    terminal.say("[bold]runs[/]")
+    for told in imported.cut:
+        terminal.say(f"  {escape(told)}")
 
 
 def _document(proposal: Proposal, command: str, picture: Path) -> dict[str, Any]:

@@ -17,8 +17,8 @@ from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any, Protocol
 
+from schwung.api.drives import Connected
 from schwung.errors import DriveError, InputError, InterruptedByUser, SchwungError
-from schwung.fieldbus.connecting import Connected
 from schwung.service.audit import Trail
 from schwung.service.lanes import Lane
 from schwung.service.proposals import Proposals

@@ -22,8 +22,8 @@ from typing import Any, BinaryIO, Self
 
 from pydantic import ValidationError
 
+from schwung.api.drives import Drive
 from schwung.errors import InputError, RefusedError, SchwungError
-from schwung.fieldbus.drive import Drive
 from schwung.service.audit import Trail
 from schwung.service.jobs import Jobs, Shared
 from schwung.service.lanes import DriveStatus, Lane
@@ -377,7 +377,7 @@ class Service:
 
 def require_family(profile: str) -> None:
     """Raise InputError where there is no device profile of that name: no path is taken for one."""
-    from schwung.fieldbus.profile import list_profiles  # noqa: PLC0415
+    from schwung.api.profiles import list_profiles  # noqa: PLC0415
 
     families = [found.family for found in list_profiles()]
     if profile not in families:

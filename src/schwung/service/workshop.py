@@ -143,7 +143,7 @@ def _serve(pipe: Connection) -> None:
     if hasattr(os, "nice"):
         os.nice(_NICE)
     threading.Thread(target=_end_with_parent, daemon=True).start()
-    import schwung.estimation  # noqa: F401, PLC0415  # what most works need, before the first one comes
+    import schwung.api.computing  # noqa: F401, PLC0415  # what most works need, before the first one comes
 
     while True:
         try:

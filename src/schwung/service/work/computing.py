@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING, Any
 from schwung.service.workshop import Tell
 
 if TYPE_CHECKING:
-    from schwung.drivetrain import Machine
-    from schwung.optimise.values import Task
+    from schwung.api.optimising import Task
+    from schwung.api.values import Machine
 
 
 def estimate_session(
@@ -28,13 +28,16 @@ def estimate_session(
 
     beside: what else estimate.json shall say, e.g. the plan and the checks of a commissioning, which the report shows.
     """
+    from schwung.api.computing import (  # noqa: PLC0415
+        estimate,
+        load_machine,
+        read_session,
+        write_inertia,
+        write_machine,
+    )
     from schwung.api.reports import content_of, standard_of, write_page  # noqa: PLC0415
-    from schwung.commissioning.bode import with_recorded_gains  # noqa: PLC0415
-    from schwung.drivetrain import load_machine, write_inertia_csv, write_machine  # noqa: PLC0415
-    from schwung.estimation import estimate  # noqa: PLC0415
-    from schwung.estimation.reach import reach_of  # noqa: PLC0415
+    from schwung.api.responses import with_recorded_gains  # noqa: PLC0415
     from schwung.files import json_text, replace_file  # noqa: PLC0415
-    from schwung.session import read_session  # noqa: PLC0415
 
     tell("Estimating the load inertia", 0.0)
     recorded = read_session(session)
@@ -43,24 +46,23 @@ def estimate_session(
         recorded, believed, method=method, inversion="magnitude" if inversion == "magnitude" else "complex",
         frequency_hz=frequency_hz, points=points,
     )  # fmt: skip
-    reach = reach_of(recorded, believed, found)
-    write_inertia_csv(found.table, folder / "inertia.csv")
+    write_inertia(found.table, folder / "inertia.csv")
     load = believed.load.model_copy(
         update={"inertia_kgm2": None, "inertia_table": found.table, "trust": found.trust.verdict}
     )
     write_machine(believed.model_copy(update={"load": load}), folder / "measured.toml")
-    document = found.to_json() | {"reach": reach and reach.to_json()}
+    replace_file(folder / "estimate.json", json_text(beside or {}))  # the report shows its checks
+    content = content_of(recorded, believed, found, standard_of(believed, None), folder)
+    document = found.to_json() | {"reach": content.reach and content.reach.to_json()}
     replace_file(folder / "estimate.json", json_text((beside or {}) | document))
     tell("Writing the report", 0.0)
-    write_page(
-        content_of(recorded, believed, found, standard_of(believed, None), folder), folder / "report.html"
-    )
+    write_page(content, folder / "report.html")
     return {"verdict": found.trust.verdict, "document": document}
 
 
 def session_summary(*, session: Path, tell: Tell) -> dict[str, Any]:
     """What a recording holds, in numbers. Raises InputError where it is none of ours."""
-    from schwung.session import read_session  # noqa: PLC0415
+    from schwung.api.computing import read_session  # noqa: PLC0415
 
     tell("Reading the recording", 0.0)
     found = read_session(session)
@@ -78,12 +80,10 @@ def session_summary(*, session: Path, tell: Tell) -> dict[str, Any]:
 
 def explain_session(*, session: Path, machine: Path, folder: Path, tell: Tell) -> dict[str, Any]:
     """Explain; explanation.json, machine.toml (learned) and explanation.html into `folder`. Raises InputError."""
+    from schwung.api.computing import explain, load_machine, read_session  # noqa: PLC0415
     from schwung.api.reports import write_explanation  # noqa: PLC0415
-    from schwung.commissioning.bode import with_recorded_gains  # noqa: PLC0415
-    from schwung.drivetrain import load_machine  # noqa: PLC0415
-    from schwung.explain.explain import explain  # noqa: PLC0415
+    from schwung.api.responses import with_recorded_gains  # noqa: PLC0415
     from schwung.files import json_text, replace_file  # noqa: PLC0415
-    from schwung.session import read_session  # noqa: PLC0415
 
     recorded = read_session(session)
     believed = with_recorded_gains(load_machine(machine), recorded)
@@ -108,15 +108,20 @@ def fit_bode_session(
 
     Raises InputError where the recording allows no fit.
     """
-    from schwung.commissioning.bode import with_recorded_gains  # noqa: PLC0415
-    from schwung.commissioning.bode_result import BODE_FILE, FORMAT, VERSION  # noqa: PLC0415
-    from schwung.drivetrain import load_machine, write_machine  # noqa: PLC0415
-    from schwung.estimation.bode import fit_bode  # noqa: PLC0415
-    from schwung.estimation.proposal import Stroke, propose  # noqa: PLC0415
-    from schwung.estimation.response import measured_responses  # noqa: PLC0415
+    from schwung.api.computing import load_machine, read_session, write_machine  # noqa: PLC0415
+    from schwung.api.responses import (  # noqa: PLC0415
+        BODE_FILE,
+        FORMAT,
+        VERSION,
+        BodeContent,
+        Stroke,
+        fit_bode,
+        measured_responses,
+        propose,
+        with_recorded_gains,
+        write_bode_report,
+    )
     from schwung.files import json_text, replace_file  # noqa: PLC0415
-    from schwung.report.bode import BodeContent, write_bode_report  # noqa: PLC0415
-    from schwung.session import read_session  # noqa: PLC0415
 
     tell("Fitting the responses", 0.0)
     recorded = read_session(session)
@@ -142,8 +147,8 @@ def optimise_motion(
 ) -> dict[str, Any]:
     """Find the best motion of `task_of(machine, asked)`; setpoints, cams and pictures into `folder`. Raises
     InputError."""
+    from schwung.api.computing import load_machine  # noqa: PLC0415
     from schwung.api.optimising import optimise, write_optimised  # noqa: PLC0415
-    from schwung.drivetrain import load_machine  # noqa: PLC0415
     from schwung.files import json_text, replace_file  # noqa: PLC0415
 
     tell("Finding the motion", 0.0)
@@ -157,7 +162,7 @@ def optimise_motion(
 
 def task_of(machine: Machine, asked: dict[str, Any]) -> Task:
     """What is asked of a motion, by the fields of OptimiseRequest. Raises InputError where that is no task."""
-    from schwung.optimise.values import MotionLimits, Task  # noqa: PLC0415
+    from schwung.api.optimising import MotionLimits, Task  # noqa: PLC0415
 
     limits = dict(asked["limits"])
     torque = limits.pop("torque_max_nm") or machine.motor.peak_torque_nm
@@ -180,8 +185,8 @@ def import_session(
     `what`: "session", one of ours; "recording", a CSV, TwinCAT Scope, MAT, MDF or Parquet file with the options of a
     recipe. Raises InputError that names what is wrong; a file that points to other files is refused.
     """
+    from schwung.api.recordings import import_recordings, make_recipe, write_session  # noqa: PLC0415
     from schwung.errors import InputError, SchwungError  # noqa: PLC0415
-    from schwung.session.imports import import_recordings, make_recipe, write_session  # noqa: PLC0415
 
     tell("Reading the file", 0.0)
     target = folder / "session.h5"

@@ -7,16 +7,19 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
-from schwung.commissioning.backup import read_snapshot
-from schwung.commissioning.configuration_files import Format, save_configuration
-from schwung.commissioning.doctor import Diagnosis, examine_connected
-from schwung.commissioning.doctor_canopen import examine
+from schwung.api.configurations import (
+    Format,
+    Skipped,
+    dictionary_of,
+    read_snapshot,
+    save_configuration,
+    select,
+)
+from schwung.api.drives import ENERGISED, Diagnosis
+from schwung.api.drives import doctor as examine
+from schwung.api.drives import scan as scan_bus
+from schwung.api.profiles import CanopenProfile, DeviceProfile
 from schwung.errors import InputError
-from schwung.fieldbus.configuration import Skipped, dictionary_of, select
-from schwung.fieldbus.connecting import is_modbus
-from schwung.fieldbus.connecting import scan as scan_bus
-from schwung.fieldbus.drive import ENERGISED
-from schwung.fieldbus.profile import CanopenProfile, DeviceProfile
 from schwung.service.jobs import Task
 
 _NAMES: dict[Format, str] = {"dcf": "drive.dcf", "concise": "drive.bin", "backup": "drive.backup.json"}
@@ -30,7 +33,7 @@ def scan(task: Task) -> Mapping[str, Any]:
         raise InputError("first", f"{asked.first} is after last, {asked.last}", "Give the smaller one first.")
     task.phase(f"Asking nodes {asked.first} to {asked.last}")
     with lane.released():
-        found = scan_bus(lane.entry.options, range(asked.first, asked.last + 1), task.progress)
+        found = scan_bus(lane.entry.options, nodes=range(asked.first, asked.last + 1), progress=task.progress)
     return {"nodes": [asdict(node) for node in found]}
 
 
@@ -38,12 +41,8 @@ def doctor(task: Task) -> Mapping[str, Any]:
     """See DoctorRequest."""
     record, lane = task.drive_record, task.lane
     assert lane is not None
-    options, nowhere = lane.entry.options, task.folder
     with lane.released():
-        if is_modbus(options):
-            found = examine_connected(options, record.node_id, record.profile, nowhere, task.phase)
-        else:
-            found = examine(options, record.node_id, record.profile, None, nowhere, task.phase)
+        found = examine(lane.entry.options, node=record.node_id, profile=record.profile, progress=task.phase)
     return _diagnosis(found)
 
 
