@@ -1,4 +1,4 @@
-"""Kernels: compiled when they are first called, anew with any file that they take code from, and plain without numba."""
+"""Kernels: compiled when first called, anew with any file that they take code from, and plain without numba."""
 
 from __future__ import annotations
 
