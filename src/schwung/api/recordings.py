@@ -92,13 +92,15 @@ _GUESSED = (
 
 @dataclass(frozen=True, eq=False)
 class Guessed:
-    """How one axis of a file seems to want to be imported, and what that makes of it."""
+    """How one axis of a file seems to want to be imported, and what that makes of it; `carried`: options that are not
+    guessed and go along."""
 
     proposal: Proposal
     imported: Imported
+    carried: Mapping[str, Any]
 
     def to_json(self) -> dict[str, Any]:
-        """Name, guesses with their evidence, and what should be confirmed."""
+        """Name, guesses with their evidence, what should be confirmed, and how the recording is cut into runs."""
         return {
             "name": self.proposal.name,
             "guesses": [
@@ -114,6 +116,7 @@ class Guessed:
                 for guess in self.proposal.guesses
             ],
             "questions": list(self.proposal.questions),
+            "cut": list(self.imported.cut),
         }
 
 
@@ -130,7 +133,11 @@ def guess_imports(path: Path, given: Mapping[str, Any], joint: str | None = None
         proposals = (_chosen(proposals, joint),)
     carried = {key: value for key, value in given.items() if key not in _GUESSED}
     return tuple(
-        Guessed(one, import_recordings([path], make_recipe(carried | one.options, "schwung import --guess")))
+        Guessed(
+            one,
+            import_recordings([path], make_recipe(carried | one.options, "schwung import --guess")),
+            carried,
+        )
         for one in proposals
     )
 

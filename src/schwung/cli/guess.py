@@ -35,8 +35,9 @@ def guess(
         if len(guessed) > 1:
             terminal.say(f"[bold]Axis {number + 1} of {len(guessed)}: {escape(proposal.name)}[/]")
         _show(terminal, proposal)
+        _show_runs(terminal, imported)
         terminal.say(f"Picture: [bold]{escape(str(picture))}[/]")
-        command = proposal.command(str(path), str(target))
+        command = proposal.command(str(path), str(target), one.carried)
         if not yes:
             terminal.say(f"Nothing is written yet. This does it, and so does --yes:\n  {escape(command)}")
         documents.append(one.to_json() | {"command": command, "picture": str(picture)})
@@ -74,3 +75,11 @@ def _show(terminal: Terminal, proposal: Proposal) -> None:
         terminal.say(f"  {escape(guess.evidence)}")
         if guess.alternatives:
             terminal.say(f"  or else: {escape('; '.join(guess.alternatives))}")
+
+
+def _show_runs(terminal: Terminal, imported: Imported) -> None:
+    from rich.markup import escape
+
+    terminal.say("[bold]runs[/]")
+    for told in imported.cut:
+        terminal.say(f"  {escape(told)}")

@@ -108,7 +108,7 @@ def import_(
         typer.Option(
             metavar="HOW",
             rich_help_panel=_RUNS,
-            help="auto: motions between rests, there and back together, or cycles; rest; none; 6.24s.",
+            help="auto: motions between rests, there and back together, or cycles; rest; reverse; none; 6.24s.",
         ),
     ] = None,
     role: Annotated[

@@ -14,7 +14,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from schwung.drivetrain.compiled import inlined
+from schwung.compiled import inlined
 from schwung.drivetrain.inertia import LoadTorqueTable
 from schwung.drivetrain.physics_term import PhysicsTerm
 from schwung.errors import InputError
