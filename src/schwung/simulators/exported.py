@@ -14,7 +14,8 @@ from schwung.drivetrain import plant
 from schwung.drivetrain.inertia import InertiaTable, LoadTorqueTable
 from schwung.drivetrain.learned import shaft_torque
 from schwung.drivetrain.machine import Machine
-from schwung.drivetrain.physics import PHYSICS, Effects, check_physics, effects_of, load_torque_table
+from schwung.drivetrain.physics import PHYSICS, Effects, check_physics, effects_of
+from schwung.drivetrain.residual import load_torque_table
 from schwung.errors import InputError
 from schwung.motion import Array, Demand
 
