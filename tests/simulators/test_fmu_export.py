@@ -40,7 +40,7 @@ def played(path: Path, torque_nm: np.ndarray, start: dict[str, float]) -> Any:
 
 def test_every_term_is_played() -> None:
     named = {term.name for case in CASES.values() for term in case.machine.physics}
-    assert named == set(PHYSICS)
+    assert named == set(PHYSICS) - {"torque_filter"}  # which is of the report alone
 
 
 @needs_compiler
@@ -48,7 +48,7 @@ def test_every_term_is_played() -> None:
 @pytest.mark.parametrize("name", CASES)
 def test_the_motion_is_that_of_our_own_simulation(name: str, fmi: FmiVersion, tmp_path: Path) -> None:
     case = CASES[name]
-    ours = machines.simulated(case)
+    ours = machines.simulated(case, 8 if name == "rigid, curves" else None)  # corners of friction, met more finely
     written = write_fmu(case.machine, tmp_path / "machine.fmu", fmi=fmi, start_rad=machines.START_RAD)
     assert written.platform
     start = {"session_share": case.share, "motion_start_s": machines.leaves_rest_s()}

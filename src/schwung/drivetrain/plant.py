@@ -108,20 +108,35 @@ def _inertia_curve(
     else:
         angles, values = np.array([0.0, 1.0]), np.array([believed, believed])
     true = effects.inertia_scale * values + effects.inertia_delta_kgm2
-    points = residual.inertia_points(machine.physics)
+    curve = _curve(angles, true)
+    points = np.unique(residual.inertia_points(machine.physics))
     if points.size:
-        known, everywhere = _curve(angles, true), np.union1d(angles, points)
-        if not isinstance(believed, InertiaTable):
-            everywhere = points
-        true = np.array([kernel.value_and_slope(known, float(angle))[0] for angle in everywhere])
-        angles, true = everywhere, true + residual.inertia_added(machine.physics, everywhere)
+        curve = _sum(curve, _curve(points, residual.inertia_added(machine.physics, points)))
+        true = curve.coefficients[3]
     if not np.min(true) > 0:
         raise InputError(
             "physics.inertia_profile" if points.size else "physics.load_inertia",
             f"makes the load's inertia {np.min(true):g} kg·m²",
             "Correct what is added, or the inertia that it is added to.",
         )
-    return _curve(angles, true)
+    return curve
+
+
+def _sum(one: kernel.Curve, other: kernel.Curve) -> kernel.Curve:
+    """Both, exactly: between the knots of either, each is one cubic, and constant beyond its own."""
+    knots = np.union1d(one.knots, other.knots)
+    total = np.zeros((4, knots.size - 1))
+    for curve in (one, other):
+        middle = (knots[1:] + knots[:-1]) / 2
+        inside = (middle > curve.knots[0]) & (middle < curve.knots[-1])
+        piece = np.clip(np.searchsorted(curve.knots, middle) - 1, 0, curve.knots.size - 2)
+        a, b, c, d = curve.coefficients[:, piece]
+        u = np.where(inside, knots[:-1] - curve.knots[piece], 0.0)
+        moved = np.stack([a, 3 * a * u + b, (3 * a * u + 2 * b) * u + c, ((a * u + b) * u + c) * u + d])
+        ends = [kernel.value_and_slope(curve, float(end))[0] for end in (curve.knots[0], curve.knots[-1])]
+        beyond = np.where(middle <= curve.knots[0], ends[0], ends[1])
+        total += np.where(inside, moved, np.stack([0 * u, 0 * u, 0 * u, beyond]))
+    return kernel.Curve(knots, np.ascontiguousarray(total))
 
 
 def rest(plant: kernel.Plant, motor_angle: float) -> tuple[kernel.State, float]:
