@@ -29,6 +29,16 @@ NOT_PLANNED = (
     "measurement_delay",
     "encoder_eccentricity",
     "extra_compliance",
+    "friction_over_angle",
+    "viscous_drift",
+    "load_dependent_friction",
+    "load_side_friction",
+    "direction_dependent_load",
+    "offset_drift",
+    "torque_constant_drop",
+    "torque_ripple",
+    "torque_filter",
+    "residual",
 )
 
 
