@@ -10,7 +10,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from schwung.drivetrain.compiled import compiled, inlined
+from schwung.compiled import compiled, inlined
 from schwung.drivetrain.kernel import Cascade, Curve, Inputs, Plant, command, value_and_slope
 from schwung.drivetrain.physics import Effects, coupling_torque, load_torque, motor_torque, third_torque
 from schwung.motion import Array

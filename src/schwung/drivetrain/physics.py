@@ -13,7 +13,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from schwung.drivetrain.compiled import inlined
+from schwung.compiled import inlined
 from schwung.drivetrain.physics_term import PhysicsTerm
 from schwung.drivetrain.residual import inertia_points, law_of, load_torque_table, residuals_of
 from schwung.errors import InputError

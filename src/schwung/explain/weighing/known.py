@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from schwung.drivetrain.compiled import compiled
+from schwung.compiled import compiled
 from schwung.drivetrain.inertia import InertiaTable, LoadTorqueTable
 from schwung.drivetrain.machine import Coupling, Load, Machine
 from schwung.drivetrain.physics import Effects, effects_of, load_torque, motor_torque
