@@ -11,6 +11,7 @@ from page_process import NODE, Served
 
 import schwung
 
+sync_api = pytest.importorskip("playwright.sync_api")
 ENABLED = ":not([aria-disabled])"
 EDS = Path(__file__).parents[3] / "device_profiles" / "schwung-bench" / "schwung-bench.eds"
 
@@ -47,7 +48,7 @@ def test_a_drive_is_found_added_changed_and_taken_away(page: Any, served: Served
         page.get_by_label("To node").fill("3")
         page.click(f"button:has-text('Scan the bus'){ENABLED}")
         page.click(f"button:has-text('Take node {NODE}')")
-        assert page.get_by_label("Name", exact=True).input_value() == "Schwung bench drive"
+        sync_api.expect(page.get_by_label("Name", exact=True)).to_have_value("Schwung bench drive")
         page.click("button:has-text('Add the drive')")
         page.get_by_role("heading", name="This drive", exact=True).wait_for()
         page.get_by_label("Name", exact=True).fill("Pusher <3>")
