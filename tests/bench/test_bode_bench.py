@@ -11,9 +11,9 @@ from schwung.commissioning.bode import (
     MeasuredBode,
     measure_bode,
     prepare_bode,
-    with_recorded_gains,
 )
 from schwung.commissioning.bode_excitation import BodeWishes
+from schwung.commissioning.preflight import with_recorded_gains
 from schwung.drivetrain import Coupling, Machine
 from schwung.errors import DriveError, RefusedError
 from schwung.estimation.response import measured_responses

@@ -7,9 +7,10 @@ from pathlib import Path
 
 from schwung.api.values import Machine, machine_shown
 from schwung.commissioning import Wishes
-from schwung.commissioning.bode import PreparedBode, measure_bode, prepare_bode, with_recorded_gains
+from schwung.commissioning.bode import PreparedBode, measure_bode, prepare_bode
 from schwung.commissioning.bode_excitation import BodeWishes
 from schwung.commissioning.bode_result import BODE_FILE, FORMAT, VERSION, read_bode
+from schwung.commissioning.preflight import with_recorded_gains
 from schwung.drivetrain import Machine as BelievedMachine
 from schwung.estimation.bode import fit_bode
 from schwung.estimation.bode_values import BodeFit

@@ -8,7 +8,7 @@ from typing import Any
 
 from schwung import __version__
 from schwung.batch.archive import Item, Wish, key_of
-from schwung.commissioning.bode import with_recorded_gains
+from schwung.commissioning.preflight import with_recorded_gains
 from schwung.drivetrain import InertiaTable, Machine, load_machine
 from schwung.errors import SchwungError
 from schwung.estimation import estimate

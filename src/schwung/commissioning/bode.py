@@ -171,18 +171,6 @@ def record_bode(
     return KeptSession(path, recorded, journal.changes)
 
 
-def with_recorded_gains(machine: Machine, session: Session) -> Machine:
-    """The machine with the gains that the session's drive had, where the file has none and the session says."""
-    recorded = ((session.drive or {}).get("settings") or {}).get("control")
-    if machine.control is not None or not isinstance(recorded, dict):
-        return machine
-    gains = {name: value for name, value in recorded.items() if isinstance(value, float)}
-    try:
-        return with_control(machine, gains)
-    except InputError:
-        return machine
-
-
 # ── where, and in which order ────────────────────────────────────────────────────────────────────────────────────
 
 

@@ -335,3 +335,15 @@ def with_control(machine: Machine, gains: dict[str, float]) -> Machine:
     except ValueError as error:
         raise InputError("drive gains", str(error), "Give [control] in the machine file.") from error
     return machine.model_copy(update={"control": control})
+
+
+def with_recorded_gains(machine: Machine, session: Session) -> Machine:
+    """The machine with the gains that the session's drive had, where the file has none and the session says."""
+    recorded = ((session.drive or {}).get("settings") or {}).get("control")
+    if machine.control is not None or not isinstance(recorded, dict):
+        return machine
+    gains = {name: value for name, value in recorded.items() if isinstance(value, float)}
+    try:
+        return with_control(machine, gains)
+    except InputError:
+        return machine

@@ -29,7 +29,7 @@ def estimate_session(
     beside: what else estimate.json shall say, e.g. the plan and the checks of a commissioning, which the report shows.
     """
     from schwung.api.reports import content_of, standard_of, write_page  # noqa: PLC0415
-    from schwung.commissioning.bode import with_recorded_gains  # noqa: PLC0415
+    from schwung.commissioning.preflight import with_recorded_gains  # noqa: PLC0415
     from schwung.drivetrain import load_machine, write_inertia_csv, write_machine  # noqa: PLC0415
     from schwung.estimation import estimate  # noqa: PLC0415
     from schwung.estimation.reach import reach_of  # noqa: PLC0415
@@ -79,7 +79,7 @@ def session_summary(*, session: Path, tell: Tell) -> dict[str, Any]:
 def explain_session(*, session: Path, machine: Path, folder: Path, tell: Tell) -> dict[str, Any]:
     """Explain; explanation.json, machine.toml (learned) and explanation.html into `folder`. Raises InputError."""
     from schwung.api.reports import write_explanation  # noqa: PLC0415
-    from schwung.commissioning.bode import with_recorded_gains  # noqa: PLC0415
+    from schwung.commissioning.preflight import with_recorded_gains  # noqa: PLC0415
     from schwung.drivetrain import load_machine  # noqa: PLC0415
     from schwung.explain.explain import explain  # noqa: PLC0415
     from schwung.files import json_text, replace_file  # noqa: PLC0415
@@ -108,8 +108,8 @@ def fit_bode_session(
 
     Raises InputError where the recording allows no fit.
     """
-    from schwung.commissioning.bode import with_recorded_gains  # noqa: PLC0415
     from schwung.commissioning.bode_result import BODE_FILE, FORMAT, VERSION  # noqa: PLC0415
+    from schwung.commissioning.preflight import with_recorded_gains  # noqa: PLC0415
     from schwung.drivetrain import load_machine, write_machine  # noqa: PLC0415
     from schwung.estimation.bode import fit_bode  # noqa: PLC0415
     from schwung.estimation.proposal import Stroke, propose  # noqa: PLC0415
