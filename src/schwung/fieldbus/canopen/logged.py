@@ -17,6 +17,7 @@ from can.io.logger import MESSAGE_WRITERS
 from can.io.player import MESSAGE_READERS
 
 from schwung.clock import clock_of
+from schwung.clock.python_can import with_mf4
 from schwung.errors import InputError
 
 _WRITE_EVERY_S = 0.05
@@ -59,6 +60,8 @@ class LoggedBus(can.BusABC):
         self._clock = clock_of(inner)
         self._noted: deque[tuple[float, bool, can.Message]] = deque()  # stamp, whether received, frame
         self._trouble: Exception | None = None
+        if path.suffix.lower() == ".mf4":
+            with_mf4()
         try:
             self._writer: MessageWriter = can.Logger(self.log_path)
         except (can.CanError, OSError, ValueError, ImportError) as error:
