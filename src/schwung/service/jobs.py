@@ -108,7 +108,7 @@ class Task:
         self.check()  # a STOP that came while it was being connected found no brake to pull
         return found
 
-    def compute(self, function: Compute, **arguments: Any) -> Any:
+    def compute(self, function: Compute, *, alone: bool = False, **arguments: Any) -> Any:
         """Run `function(**arguments, tell=…)` in a process of its own; see Workshop.run."""
         self.check()
 
@@ -117,7 +117,7 @@ class Task:
                 self._begin(text)
             self._share(share)
 
-        return self._workshop.run(function, arguments, tell, self._cancelled_while_it_goes_on)
+        return self._workshop.run(function, arguments, tell, self._cancelled_while_it_goes_on, alone=alone)
 
     def warm(self) -> None:
         """Something will be computed soon."""

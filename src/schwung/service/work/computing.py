@@ -88,7 +88,7 @@ def explain_session(*, session: Path, machine: Path, folder: Path, tell: Tell) -
     recorded = read_session(session)
     believed = with_recorded_gains(load_machine(machine), recorded)
     found = explain(recorded, believed, progress=tell)
-    document = found.to_json()
+    document = found.to_json() | {"headline": found.headline, "cautions": found.cautions()}
     replace_file(folder / "explanation.json", json_text(document))
     write_explanation(found, recorded, believed, folder)
     return {"verdict": found.verdict, "document": document}
@@ -148,14 +148,18 @@ def optimise_motion(
     """Find the best motion of `task_of(machine, asked)`; setpoints, cams and pictures into `folder`. Raises
     InputError."""
     from schwung.api.computing import load_machine  # noqa: PLC0415
-    from schwung.api.optimising import optimise, write_optimised  # noqa: PLC0415
+    from schwung.api.optimising import optimise, write_front, write_optimised  # noqa: PLC0415
     from schwung.files import json_text, replace_file  # noqa: PLC0415
 
     tell("Finding the motion", 0.0)
     believed = load_machine(machine)
-    found = optimise(believed, task_of(believed, asked), rivals=asked["rivals"])
+    task = task_of(believed, asked)
+    found = optimise(believed, task, rivals=asked["rivals"])
     document = found.to_json()
     write_optimised(found, folder, sample_rate_hz, document)
+    if asked["front"]:
+        tell("Finding the Pareto front", 0.0)
+        document["front"], _ = write_front(folder, believed, task)
     replace_file(folder / "optimised.json", json_text(document))
     return document
 
@@ -172,63 +176,38 @@ def task_of(machine: Machine, asked: dict[str, Any]) -> Task:
         limits=MotionLimits(torque_max_nm=torque, jerk_max_rad_s3=asked["jerk_max_rad_s3"], **limits),
         duration_s=asked["duration_s"],
         weights=asked["weights"],
+        regeneration=asked["regeneration"],
         payloads_kgm2=(0.0, *asked["payloads_kgm2"]),
         band_sigmas=2.0 if asked["robust"] else 0.0,
     )
 
 
-def import_session(
-    *, path: Path, what: str, options: dict[str, Any], folder: Path, tell: Tell
+def work_through(
+    *,
+    items: list[tuple[Path, Path | None]],
+    kind: str,
+    wish: dict[str, Any],
+    jobs: int | None,
+    folder: Path,
+    tell: Tell,
 ) -> dict[str, Any]:
-    """A file from outside becomes session.h5 in `folder`, checked; returns what it holds.
-
-    `what`: "session", one of ours; "recording", a CSV, TwinCAT Scope, MAT, MDF or Parquet file with the options of a
-    recipe. Raises InputError that names what is wrong; a file that points to other files is refused.
-    """
-    from schwung.api.recordings import import_recordings, make_recipe, write_session  # noqa: PLC0415
-    from schwung.errors import InputError, SchwungError  # noqa: PLC0415
-
-    tell("Reading the file", 0.0)
-    target = folder / "session.h5"
-    try:
-        if what == "session":
-            _refuse_links(path)
-            summary = session_summary(session=path, tell=tell)
-            path.replace(target)
-            return summary
-        imported = import_recordings([path], make_recipe(options, "upload"))
-        write_session(imported.session, target, overwrite=False)
-    except SchwungError as error:
-        hidden = f"{folder}/"
-        place, problem, remedy = (
-            text.replace(hidden, "") for text in (error.place, error.problem, error.remedy)
-        )
-        raise InputError(place, problem, remedy) from error
-    return session_summary(session=target, tell=tell) | {"notes": list(imported.notes)}
-
-
-def _refuse_links(path: Path) -> None:
-    """Raise InputError for an HDF5 file that would have us read others: external links, external or virtual storage."""
-    import h5py  # noqa: PLC0415
-
+    """Estimate or explain many sessions, pairs of session and machine; summary and pictures into `folder`.
+    Raises InputError where Dask is not installed."""
     from schwung.errors import InputError  # noqa: PLC0415
 
-    remedy = "Send a file that Schwung wrote."
     try:
-        with h5py.File(path, "r") as file:
-            groups = [file]
-            while groups:
-                group = groups.pop()
-                for name in group:
-                    link = group.get(name, getlink=True)
-                    if not isinstance(link, h5py.HardLink):
-                        raise InputError(
-                            f"session: {group.name}", f"has a link, {name}, to elsewhere", remedy
-                        )
-                    item = group[name]
-                    if isinstance(item, h5py.Group):
-                        groups.append(item)
-                    elif isinstance(item, h5py.Dataset) and (item.external or item.is_virtual):
-                        raise InputError(f"session: {item.name}", "is stored in another file", remedy)
-    except (OSError, RuntimeError, KeyError, ValueError) as error:
-        raise InputError("session", "is no HDF5 file, or damaged", remedy) from error
+        from schwung.batch import Item, Results, Wish, run_batch, write_summary  # noqa: PLC0415
+        from schwung.batch.picture import write_pictures  # noqa: PLC0415
+        from schwung.batch.summary import document_of  # noqa: PLC0415
+    except ImportError:
+        raise InputError("batch", "needs Dask", "Install it: pip install 'schwung[batch]'.") from None
+    wanted = Wish("explain") if kind == "explain" else Wish("estimate", **wish)
+    tell("Starting the workers", 0.0)
+    (folder / "results").mkdir()
+    done = run_batch(
+        [Item(session, machine) for session, machine in items], wanted, Results(folder / "results"), jobs=jobs,
+        progress=tell, tell=lambda sentence: tell(sentence, 0.0),
+    )  # fmt: skip
+    write_summary(done.rows, wanted.kind, folder)
+    write_pictures(done.rows, wanted.kind, folder)
+    return {"batch": document_of(done.rows, wanted.kind)}
