@@ -165,6 +165,31 @@ def test_candump_as_it_prints_and_gzipped(logged: Logged, tmp_path: Path) -> Non
     assert len(imported(path).session.runs) == len(imported(logged.log).session.runs)
 
 
+def test_stamps_may_be_dates_or_steps_and_a_clock_may_be_set(logged: Logged, tmp_path: Path) -> None:
+    """candump -t A, -t z and -t d; and a computer whose clock was set amid the log."""
+    frames = [line.split(" ", 1) for line in logged.lines()]
+    stamps = np.array([float(stamp.strip("()")) for stamp, _ in frames])
+    dates = [str(stamp).replace("T", " ") for stamp in (stamps * 1e6).round().astype("datetime64[us]")]
+    set_back = np.where(np.arange(stamps.size) < stamps.size // 2, stamps, stamps - 500)
+    whole = imported(logged.log).session
+    for written, same in (
+        ([f"{stamp:.6f}" for stamp in stamps - stamps[0]], True),
+        ([f"{step:.6f}" for step in np.diff(stamps, prepend=stamps[0])], True),
+        (dates, True),
+        ([f"{stamp:.6f}" for stamp in set_back], False),
+    ):
+        path = tmp_path / "stamped.log"
+        lines = [f"({stamp}) {frame}" for stamp, (_, frame) in zip(written, frames, strict=True)]
+        path.write_text("\n".join(lines) + "\n")
+        found = imported(path)
+        assert any(f"{0 if same else 1} interruptions" in note for note in found.notes), written[:2]
+        assert len(found.session.runs[0]) == len(whole.runs[0])
+        assert not same or len(found.session.runs) == len(whole.runs)
+    path.write_text("\n".join(f"(0.000000) {frame}" for _, frame in frames) + "\n")
+    with pytest.raises(InputError, match="do not grow"):
+        imported(path)
+
+
 def test_what_the_log_does_not_hold_is_asked_for_by_name(logged: Logged, tmp_path: Path) -> None:
     """Nobody read 608F, 6076 and 60A9: without answers to SDO reads of them nobody knows what a count is worth."""
     path = tmp_path / "late.log"

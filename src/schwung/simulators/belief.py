@@ -209,7 +209,7 @@ def _probes(session: Session, prepared: Prepared, jobs: Sequence[Job], of: Ports
         phases = np.pi * np.arange(lines.size) ** 2 / lines.size  # Schroeder: no peaks
         each = push * np.sqrt(2 / lines.size)
         time = job.step_s * np.arange(job.angle_rad.size)
-        fade = _faded(time)
+        fade = _faded(np.asarray(time, dtype=float))
         if not of.inverse:
             sine = np.sin(np.outer(time[:-1] + job.step_s / 2, lines) + phases)
             result.append(replace(job, torque_nm=job.torque_nm + each * fade[:-1] * sine.sum(axis=1)))
