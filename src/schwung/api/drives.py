@@ -17,9 +17,24 @@ from schwung.fieldbus.canopen import BusOptions
 from schwung.fieldbus.canopen.logged import require_log
 from schwung.fieldbus.connecting import Connected, connected, is_modbus
 from schwung.fieldbus.connecting import scan as scan_bus
+from schwung.fieldbus.drive import ENERGISED, Drive, DriveState
 from schwung.fieldbus.found import FoundNode
 
-__all__ = ["BusOptions", "Connection", "connect", "doctor", "is_modbus", "scan", "with_log"]
+__all__ = [
+    "ENERGISED",
+    "BusOptions",
+    "Connected",
+    "Connection",
+    "Diagnosis",
+    "Drive",
+    "DriveState",
+    "connect",
+    "connected",
+    "doctor",
+    "is_modbus",
+    "scan",
+    "with_log",
+]
 
 
 @dataclass(frozen=True)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from schwung.report.style import PALETTE
+from schwung.api.looks import PALETTE
 
 STATIC = Path(__file__).parent / "static"
 #: Where the browser finds them.
