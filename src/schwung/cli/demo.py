@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from schwung.cli.options import CanLog, Json, bus_options, measured
+from schwung.cli.options import CanLog, Json, bus_options, measured, require_plant
 
 #: What an engineer would know before the measurement: motor and coupling from the data sheets, a guess of the load.
 BELIEF = """\
@@ -75,10 +75,12 @@ def demo(
     from schwung.cli.flow import Ending, commission_and_show, finish
     from schwung.cli.playing import play_and_show
     from schwung.files import replace_file
-    from schwung_sim.bench import Bench
 
+    require_plant("schwung demo", plant)
     if optimise:
         require_optimiser()
+    from schwung_sim.bench import Bench
+
     terminal = Terminal(json_output)
     options = bus_options("stepped", "demo", 1_000_000, None, can_log)
     folder = planned_folder(out)
