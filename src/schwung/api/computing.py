@@ -22,12 +22,12 @@ from schwung.api.values import (
     machine_shown,
     session_shown,
 )
-from schwung.commissioning.bode import with_recorded_gains
 from schwung.drivetrain import FeedForward
 from schwung.estimation import Inversion
 from schwung.estimation import estimate as estimate_session
 from schwung.explain.explain import explain as explain_session
 from schwung.motion import Excitation, Motion
+from schwung.session.gains import with_recorded_gains
 
 
 def read_session(path: str | os.PathLike[str]) -> Session:

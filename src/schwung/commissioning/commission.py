@@ -11,7 +11,7 @@ from schwung.commissioning.host_played import HostPlayed
 from schwung.commissioning.journal import Change, ParameterJournal
 from schwung.commissioning.limits import LimitWishes, limits_of
 from schwung.commissioning.plan import Plan, PlannedRun, make_plan
-from schwung.commissioning.preflight import Preflight, preflight, with_control
+from schwung.commissioning.preflight import Preflight, preflight
 from schwung.commissioning.procedure import Observer, Recorded, record
 from schwung.commissioning.survey import MAX_BUS_LOAD, Survey, survey
 from schwung.commissioning.ways import (
@@ -25,6 +25,7 @@ from schwung.commissioning.ways import (
     require_phases,
 )
 from schwung.drivetrain import FeedForward, Machine
+from schwung.drivetrain.gains import with_control
 from schwung.errors import InputError, RefusedError, SchwungError
 from schwung.estimation import Estimate, estimate
 from schwung.estimation.reach import Reach, reach_of
