@@ -17,6 +17,7 @@ from can.io.logger import MESSAGE_WRITERS
 from can.io.player import MESSAGE_READERS
 
 from schwung.clock import clock_of
+from schwung.clock.python_can import with_mf4
 from schwung.errors import InputError
 from schwung.extras import require
 
@@ -62,6 +63,7 @@ class LoggedBus(can.BusABC):
         self._trouble: Exception | None = None
         if self.log_path.suffix.lower() == ".mf4":
             require(f"CAN log {path}", "logs", "asammdf")
+            with_mf4()
         try:
             self._writer: MessageWriter = can.Logger(self.log_path)
         except (can.CanError, OSError, ValueError, ImportError) as error:
