@@ -14,8 +14,16 @@ import numpy as np
 from schwung.explain.weighing.candidate import Candidate
 from schwung.explain.weighing.data import Atom, Data
 from schwung.explain.weighing.present import Member
-from schwung.explain.weighing.round import Settled, View, Weighing, Wide, settled, wide_fit
-from schwung.explain.weighing.search import Pick, Scored, Search
+from schwung.explain.weighing.round import (
+    Settled,
+    View,
+    Weighing,
+    Wide,
+    settled,
+    settled_beyond,
+    wide_fit,
+)
+from schwung.explain.weighing.search import MOST, Pick, Scored, Search
 from schwung.motion import Array
 
 #: Rounds of linearising about what was found, at most.
@@ -38,6 +46,7 @@ class Grown:
     data: Data
     search: Search
     best: Scored
+    nothing: Settled  # the belief with what is always there
 
 
 @dataclass(eq=False)
@@ -52,8 +61,8 @@ class Growth:
 
     def grown(self, view: View) -> Grown:
         """From nothing but what is always there."""
-        nothing = [absent(self.candidates[i]) for i in self.always]
-        at = settled(self.wide.seen(view), nothing, self._weighing)
+        always = [absent(self.candidates[i]) for i in self.always]
+        at = settled(self.wide.seen(view), always, self._weighing)
         picks: tuple[tuple[Atom, float], ...] = ()
         growing, fresh = True, False  # whether the noise was looked at since something was found
         for _ in range(ROUNDS):
@@ -80,7 +89,8 @@ class Growth:
         else:
             search = self._search(at)
             best = search.best(_carried(search.data, picks))
-        return Grown(search.data, search, best)
+        nothing = settled(self.wide.seen(view), always, self._weighing)
+        return Grown(search.data, search, best, nothing)
 
     @property
     def _weighing(self) -> Weighing:
@@ -95,12 +105,15 @@ class Growth:
 
     def _further(self, search: Search, start: Scored, at: Settled) -> tuple[Scored, Settled] | None:
         """The best set of one cause more, at rest; None where none is more probable than the one at hand."""
+        if len(start.picks) >= MOST:
+            return None
         offered = [one for one in search.offered(start.picks) if one.log > start.log]
         offered.sort(key=lambda one: -one.log)
         best, top = None, at.log + search.prior(start.picks)
         for one in offered[:_TRIED]:
-            members = _from(at.members, members_of(search, one, self.candidates))
-            tried = settled(at.about.view, members, self._weighing)
+            members = members_of(search, one, self.candidates)
+            promised = [m.coefficients for m in members]
+            tried = settled_beyond(at.about, _from(at.members, members), promised, self._weighing)
             log = tried.log + search.prior(one.picks)
             if log > top:
                 best, top = (one, tried), log
