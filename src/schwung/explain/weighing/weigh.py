@@ -73,7 +73,9 @@ def _told(outcome: Grown, stands: Standing, heldout: Sequence[int]) -> Weighed:
     search, data = outcome.search, outcome.data
     sure = search.tempered(stands.tempering)
     shares = sure.shares()
-    likely = {name: p * stands.names.get(name, 1.0) for name, p in _probabilities(sure).items()}
+    named = {c.name for c in data.candidates if c.named}
+    likely = {name: p for name, p in _probabilities(sure).items() if p >= TOLD}
+    likely = {name: p * stands.of(search, name) if name in named else p for name, p in likely.items()}
     names = {c.name: likely[c.name] for c in data.candidates if c.named and likely.get(c.name, 0.0) >= TOLD}
     told = [Named(name, p, _parameters(sure, name)) for name, p in names.items() if not _at_bound(sure, name)]
     ends = [name for name in names if _at_bound(sure, name)]
