@@ -82,7 +82,7 @@ class Room:
         other = self._end()
         other.stepped.wire.ends.remove(other.stepped)  # it only talks
         self.weather.names[self.bench.bus.stepped] = "drive"
-        self.weather.on_frame = self._on_frame
+        self.weather.on_frame, self.weather.on_way = self._on_frame, self.monitor.under_way
         self.bench.bus.stepped.wire.weather = self.weather
         self.side, self.tool_bus = self.connect()
         self.tool_bus.on_received = self.monitor.reached

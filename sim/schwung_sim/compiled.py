@@ -11,7 +11,10 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any, TypeVar, cast
 
-import numba
+try:
+    import numba
+except ImportError:  # plain Python then: the same numbers, later
+    numba = None
 
 F = TypeVar("F", bound=Callable[..., Any])
 
@@ -39,10 +42,12 @@ _STAMP = _stamp()
 
 
 def compiled(function: F) -> F:
-    """Compile with numba, cached on disk.
+    """Compile with numba where it is installed, cached on disk.
 
     The stamp is set through numba's private `_cache_file`; a numba without it merely has the coarser cache.
     """
+    if numba is None:
+        return function
     dispatcher = cast(F, numba.njit(cache=True, error_model="numpy")(function))
     cache_file: Any = getattr(getattr(dispatcher, "_cache", None), "_cache_file", None)
     if hasattr(cache_file, "_source_stamp"):

@@ -273,3 +273,20 @@ def test_an_axis_that_stands_may_be_held_in_quick_stop() -> None:
     stage.machine.operating = False
     stage.pass_time(1.0)
     assert stage.rules == []
+
+
+@pytest.mark.parametrize(("late_s", "rules"), [(0.07, []), (0.02, ["re-enabled"])])
+def test_a_word_that_was_late_on_the_wire_may_come_after_the_stop_that_was_said_since(
+    late_s: float, rules: list[str]
+) -> None:
+    stage = Stage()
+    stage.enable()
+    late = can.Message(arbitration_id=0x203, data=struct.pack("<Hih", 0x0F, 0, 0), is_extended_id=False)
+    stage.monitor.heard("tool", late)
+    stage.monitor.under_way("drive", late, (late_s,))
+    stage.rpdo(0x02)
+    stage.stop()
+    stage.pass_time(0.06)
+    stage.machine.energised = stage.machine.operating = True
+    stage.pass_time(0.01)
+    assert stage.rules == rules

@@ -10,8 +10,9 @@ import pytest
 import tomli_w
 
 from schwung.drivetrain.machine import Machine, load_machine, paper_machine, write_machine
-from schwung.drivetrain.physics import PHYSICS, Effects, effects_of, load_torque_table
+from schwung.drivetrain.physics import PHYSICS, Effects, effects_of
 from schwung.drivetrain.physics_term import PhysicsTerm
+from schwung.drivetrain.residual import load_torque_table
 from schwung.drivetrain.simulation import simulate
 from schwung.errors import InputError
 from schwung.motion import Motion
@@ -62,7 +63,7 @@ def _full(name: str) -> dict[str, Any]:
 
 
 def test_all_names_of_the_contract() -> None:
-    assert list(PHYSICS) == list(CONTRACT)
+    assert [name for name in PHYSICS if name in CONTRACT] == list(CONTRACT)
 
 
 @pytest.mark.parametrize("name", CONTRACT)

@@ -50,6 +50,12 @@ class Case:
     close: tuple[float, float] = SMOOTH
 
 
+#: What the bench does not conceal: test_residual_terms.py holds these against the balance of momentum.
+BALANCED = (
+    "friction_over_angle", "viscous_drift", "load_dependent_friction", "load_side_friction", "direction_dependent_load",
+    "offset_drift", "torque_constant_drop", "torque_ripple", "torque_filter", "inertia_profile", "residual",
+)  # fmt: skip
+
 CASES = {
     "coulomb_friction": Case({"torque_nm": 5.0}, DRY),
     "stribeck_friction": Case(
@@ -152,7 +158,7 @@ def _apart(truth: Truth, made: Simulated) -> tuple[float, float]:
 
 
 def test_there_is_a_case_for_every_term() -> None:
-    assert list(CASES) == list(PHYSICS)
+    assert list(CASES) == [name for name in PHYSICS if name not in BALANCED]
     assert len(CASES) == 24
 
 

@@ -56,6 +56,13 @@ def test_emps_is_cut_into_the_cycles_of_its_reference(recordings: RealRecordings
     np.testing.assert_allclose(session.runs[1].position_demand_rad, demand, atol=1e-12)
 
 
+def test_emps_is_cut_into_strokes_where_it_reverses(recordings: RealRecordings) -> None:
+    said = {"axis": "linear", "time": "t", "position": "qm", "torque": "vir", "torque_scale": "gtau"}
+    path = recordings.folder / "emps" / "DATA_EMPS.mat"
+    strokes = import_recordings([path], make_recipe({**said, "split": "reverse"})).session
+    assert repeats(strokes) == ((0, 2, 4, 6), (1, 3, 5, 7))  # there and back
+
+
 def test_cycles_with_pulses_are_no_repeats_of_those_without(recordings: RealRecordings) -> None:
     files = [recordings.folder / "emps" / name for name in ("DATA_EMPS.mat", "DATA_EMPS_PULSES.mat")]
     recipe = make_recipe(

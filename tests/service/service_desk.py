@@ -25,9 +25,9 @@ STROKE = {"distance_rad": 3.14, "duration_s": 0.25, "repeats": 1}
 ADDRESS = "http://127.0.0.1:8737"
 
 
-def settings_for(folder: Path, channel: str = "", **more: Any) -> Settings:
-    """Settings with one stepped bus and a drive on it, or without any bus."""
-    buses = (BusEntry("bench", BusOptions("stepped", channel, 1_000_000)),) if channel else ()
+def settings_for(folder: Path, channel: str = "", log: Path | None = None, **more: Any) -> Settings:
+    """Settings with one stepped bus and a drive on it, or without any bus; `log`: of all its frames."""
+    buses = (BusEntry("bench", BusOptions("stepped", channel, 1_000_000, log=log)),) if channel else ()
     drives = (
         (DriveSeed("Bench axis", "bench", 1, "schwung-bench", BELIEF, "Slider-crank"),) if channel else ()
     )
@@ -84,10 +84,12 @@ class ServiceDesk:
 
 
 @contextmanager
-def service_desk(folder: Path, plant: str = "two-mass", **bench: Any) -> Iterator[ServiceDesk]:
+def service_desk(
+    folder: Path, plant: str = "two-mass", log: Path | None = None, **bench: Any
+) -> Iterator[ServiceDesk]:
     """A running service with its bench; both end with the block."""
-    channel = f"service {next(_channels)}"
+    channel = f"service-{next(_channels)}"
     with Bench(plant, channel=channel, node_id=1, **bench) as machine_room:
-        settings = settings_for(folder, channel)
+        settings = settings_for(folder, channel, log)
         with Service(settings) as service:
             yield ServiceDesk(service, Guard(settings, own_token(folder)), machine_room)

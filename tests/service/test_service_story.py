@@ -9,6 +9,7 @@ import time
 import zipfile
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any
 
 import httpx
@@ -20,11 +21,13 @@ from schwung.service.stop_listener import StopListener
 from schwung.service.values import RunView
 
 HOST = {"host": "127.0.0.1:8737"}
+LOG = "bus.log"
+EDS = Path(__file__).parents[2] / "device_profiles" / "schwung-bench" / "schwung-bench.eds"
 
 
 @pytest.fixture(scope="module")
 def desk(tmp_path_factory: pytest.TempPathFactory) -> Iterator[ServiceDesk]:
-    with service_desk(tmp_path_factory.mktemp("service")) as made:
+    with service_desk(tmp_path_factory.mktemp("service"), log=tmp_path_factory.mktemp("log") / LOG) as made:
         yield made
 
 
@@ -143,7 +146,34 @@ def test_looking_changes_nothing_and_tells_much(desk: ServiceDesk) -> None:
     back = desk.ask("propose_restore", drive_id=desk.drive_id, file_id=file.id)
     assert back.result is not None, back.error
     assert back.result["changes"] == []
+    apart = desk.ask("diff", drive_id=desk.drive_id, file_id=file.id)
+    assert apart.result is not None, apart.error
+    assert apart.result["diff"]["different"] == []
+    assert apart.result["diff"]["equal"] == kept.result["parameters"]
     assert desk.service.status(desk.drive_id).connected
+
+
+def test_the_log_of_a_commissioning_is_a_session_too(desk: ServiceDesk, story: Story) -> None:
+    desk.ask("scan", bus="bench", first=5, last=5)  # the bus is closed for it, and the log with it
+    log = desk.service.settings.buses[0].options.log
+    assert log is not None
+    with desk.client() as client:
+
+        def brought(path: Path, **form: str) -> RunView:
+            answer = client.post("/api/imports", files={"file": (path.name, path.read_bytes())}, data=form)
+            return desk.ended(answer.json()["id"])
+
+        alone = brought(log, what="can_log")
+        assert alone.error is not None
+        assert "EDS" in alone.error["remedy"]
+        eds = brought(EDS, what="eds")
+        assert eds.result is not None
+        run = brought(log, what="can_log", eds_file_id=eds.result["file_id"])
+    assert run.state == "done", run.error
+    recorded = desk.service.store.session(desk.service.store.estimate(story.estimate_id).session_id or "")
+    assert run.result is not None
+    assert run.result["excited"] >= recorded.document["excited"]
+    assert run.result["duration_s"] > 0.9 * recorded.document["duration_s"]  # the log's rests are cut
 
 
 def test_an_export_is_shown_confirmed_written_and_can_be_put_back(desk: ServiceDesk, story: Story) -> None:

@@ -80,6 +80,45 @@ def test_a_cycle_without_rest_is_found_to_the_sample() -> None:
     assert [len(piece) for piece in cut(noisy(position), RATE, "auto").pieces] == [1327] * 4
 
 
+def swings(targets: list[float], durations_s: list[float]) -> Array:
+    """Half cosines from one target to the next: it is at rest nowhere, and reverses everywhere."""
+    parts, level = [], 0.0
+    for target, duration in zip(targets, durations_s, strict=True):
+        share = np.arange(round(duration * RATE)) / round(duration * RATE)
+        parts.append(level + (target - level) * (1 - np.cos(np.pi * share)) / 2)
+        level = target
+    return np.concatenate(parts)
+
+
+def test_strokes_without_rest_are_cut_where_they_reverse() -> None:
+    durations = [0.5, 0.4, 0.5, 0.4, 0.3, 0.45, 0.5, 0.4]
+    path = swings([2.0, 0.0, 2.0, 0.0, 1.2, 0.0, 2.0, 0.0], durations)
+    pieces = cut(noisy(path), RATE, "reverse")
+    ends = np.rint(np.cumsum(durations) * RATE)
+    assert [piece.stop for piece in pieces.pieces] == pytest.approx(ends, abs=5)
+    assert pieces.how == "8 strokes between reversals"
+    smooth = np.gradient(np.gradient(path, 1 / RATE), 1 / RATE)
+    runs = with_repeats(
+        [
+            run_of(noisy(path)[each.start : each.stop], smooth[each.start : each.stop])
+            for each in pieces.pieces
+        ]
+    )
+    motions = [run.extra["same_motion"] for run in runs]
+    assert motions[2] == motions[0] == motions[6] != motions[1] == motions[3] == motions[7]
+    assert motions.count(motions[4]) == motions.count(motions[5]) == 1
+    assert "8 strokes that `--split reverse`" in cut(noisy(path), RATE, "auto").how
+
+
+def test_neither_tremor_nor_noise_nor_standstill_is_a_reversal() -> None:
+    time = np.arange(2000) / RATE
+    tremor = 2 * time + 0.005 * np.sin(2 * np.pi * 30 * time)
+    for never in (3 * time, noisy(tremor), noisy(1e-6 * time), np.zeros(2000)):
+        assert len(cut(never, RATE, "reverse").pieces) == 1
+    rested = cut(noisy(joined(stroke(2.0, 0.4, 0.2), stroke(-2.0, 0.4, 0.2))), RATE, "reverse")
+    assert rested.pieces[0].stop == pytest.approx(800, abs=25)  # amid the rest
+
+
 def test_a_motion_that_never_repeats_has_no_cycle() -> None:
     time = np.arange(4000) / RATE
     assert cycle(np.sin(2 * np.pi * 0.6 * time**1.7)) is None

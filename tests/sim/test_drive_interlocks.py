@@ -156,6 +156,21 @@ def test_enabling_is_taken_back_while_the_brake_opens(monkeypatch: pytest.Monkey
     assert rig.state == SWITCHED_ON
 
 
+@pytest.mark.parametrize("option", [2, 3])
+def test_a_connection_that_is_lost_while_the_brake_opens_keeps_the_drive_from_operation(option: int) -> None:
+    """6007 as Disable voltage or Quick stop: both lead out of Switched on (CiA 402-2, transitions 9 and 10)."""
+    rig = Rig(faults="brake=0.15")
+    rig.write(0x6007, 0, option, 2)
+    for word in (SHUTDOWN, SWITCH_ON, ENABLE):
+        rig.control(word)
+    rig.sync()
+    assert rig.axis.energised
+    rig.give(0x000, bytes((0x82, 0)))
+    rig.sync(300)
+    assert rig.state == SWITCH_ON_DISABLED
+    assert not rig.axis.energised
+
+
 def test_no_move_is_left_over_when_the_brake_opens_again() -> None:
     rig = Rig(faults="brake=0.05")
     rig.write(0x6060, 0, 1, 1)

@@ -51,6 +51,24 @@ SHAFT = (
     PhysicsTerm(name="extra_compliance", inertia_kgm2=0.01, stiffness_nm_rad=9000.0, damping_nms=1.0),
     PhysicsTerm(name="inertia_profile_shift", shift_rad=0.05),
 )
+#: What is learned as a curve, and names of the same vocabulary.
+CURVES = (
+    PhysicsTerm(name="friction_over_angle", table=[[0.0, 1.0], [1.0, 2.0], [3.0, 1.5]]),
+    PhysicsTerm(name="viscous_drift", change_nms=0.1),
+    PhysicsTerm(name="load_dependent_friction", share=0.05),
+    PhysicsTerm(name="direction_dependent_load", table=[[0.0, 1.0, 2.0], [1.5, 2.0, -1.0], [3.0, 0.0, 1.0]]),
+    PhysicsTerm(name="offset_drift", change_nm=2.0),
+    PhysicsTerm(name="torque_constant_drop", share_at_peak=0.05, peak_nm=80.0),
+    PhysicsTerm(name="torque_ripple", order=4.0, share=0.04, phase_rad=0.5),
+    PhysicsTerm(name="inertia_profile", table=[[0.0, 0.02], [1.0, -0.01], [2.0, 0.01], [3.0, 0.0]]),
+    PhysicsTerm(name="residual", coordinate="speed", table=[[0.0, -0.2, 0.3], [10.0, -3.0, 3.0], [30.0, 2.0, 1.0]]),
+    PhysicsTerm(name="residual", coordinate="torque", table=[[0.0, 0.0, 1.0], [90.0, -4.0, 3.0]]),
+    PhysicsTerm(name="residual", coordinate="run", table=[[0.0, 0.0, 1.0], [1.0, -2.0, 0.0]]),
+    PhysicsTerm(name="residual", coordinate="acceleration", table=[[-2e3, 3.0], [0.0, 0.5], [2e3, -4.0]]),
+    PhysicsTerm(name="residual", coordinate="time_in_motion", table=[[0.0, 0.0], [0.05, 3.0], [0.1, 1.0]]),
+    PhysicsTerm(name="residual", like="cogging", order=9.0, amplitude_nm=0.5, phase_rad=0.1),
+)  # fmt: skip
+BEHIND = (PhysicsTerm(name="load_side_friction", torque_nm=2.0),)
 LATE = (PhysicsTerm(name="measurement_delay", delay_s=3.3e-4),)
 
 
@@ -69,11 +87,14 @@ def cases() -> dict[str, Case]:
     load = Load(viscous_friction_nms=0.1, inertia_table=InertiaTable(angle, slider_crank_inertia(angle)))
     plain = plain.model_copy(update={"load": load})
     rigid = plain.model_copy(update={"coupling": None, "physics": LATE})
+    geared = plain.model_copy(update={"coupling": None, "physics": CURVES})
     return {
         "plain": Case(plain),
         "friction": Case(plain.model_copy(update={"physics": FRICTION}), share=0.4),
         "shaft": Case(plain.model_copy(update={"physics": SHAFT})),
         "rigid, read late": Case(rigid),
+        "curves": Case(plain.model_copy(update={"physics": (*CURVES, *BEHIND)}), share=0.5),
+        "rigid, curves": Case(geared, share=0.5),
     }
 
 

@@ -21,6 +21,8 @@ from schwung.simulators.fmu import FmiVersion, write_fmu
 CASES = machines.cases()
 #: The round trip's tolerance is the issue's; what is measured is near 1e-13.
 CLOSE = 1e-6
+#: Steps per tick where ours and the FMU would choose differently (by the peak torque, by the torque at hand).
+STEPS = {"rigid, curves": 2}
 needs_compiler = pytest.mark.skipif(
     not any(shutil.which(name) for name in ("cc", "gcc", "clang")), reason="no C compiler"
 )
@@ -40,7 +42,7 @@ def played(path: Path, torque_nm: np.ndarray, start: dict[str, float]) -> Any:
 
 def test_every_term_is_played() -> None:
     named = {term.name for case in CASES.values() for term in case.machine.physics}
-    assert named == set(PHYSICS)
+    assert named == set(PHYSICS) - {"torque_filter"}  # which is of the report alone
 
 
 @needs_compiler
@@ -48,7 +50,7 @@ def test_every_term_is_played() -> None:
 @pytest.mark.parametrize("name", CASES)
 def test_the_motion_is_that_of_our_own_simulation(name: str, fmi: FmiVersion, tmp_path: Path) -> None:
     case = CASES[name]
-    ours = machines.simulated(case)
+    ours = machines.simulated(case, STEPS.get(name))
     written = write_fmu(case.machine, tmp_path / "machine.fmu", fmi=fmi, start_rad=machines.START_RAD)
     assert written.platform
     start = {"session_share": case.share, "motion_start_s": machines.leaves_rest_s()}

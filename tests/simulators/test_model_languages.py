@@ -24,7 +24,7 @@ from schwung.simulators.modelica import write_modelica
 CASES = machines.cases()
 CLOSE = 1e-6
 #: Runge-Kutta steps per sample, here as in our simulation: dry friction and play have corners that each step meets.
-STEPS = {"plain": 2, "friction": 8, "shaft": 5, "rigid, read late": 2}
+STEPS = {"plain": 2, "friction": 8, "shaft": 5, "rigid, read late": 2, "curves": 8, "rigid, curves": 8}
 #: Samples that are compared: plain Python steps through them.
 SAMPLES = 400
 
@@ -159,7 +159,7 @@ printf('%.17g %.17g\\n', read');
 
 
 @pytest.mark.skipif(shutil.which("octave-cli") is None, reason="no octave-cli")
-@pytest.mark.parametrize("name", ["friction", "shaft"])
+@pytest.mark.parametrize("name", ["friction", "shaft", "curves"])
 def test_the_matlab_function_moves_as_our_simulation(name: str, tmp_path: Path) -> None:
     case, samples = CASES[name], 150
     ours = machines.simulated(case, STEPS[name])

@@ -24,7 +24,7 @@ from __future__ import annotations
 
 import struct
 import zlib
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from typing import Any, Protocol
 
@@ -45,8 +45,8 @@ CATCHING_UP_S = 0.3
 FOREIGN_S = 0.1
 #: So long a drive that left operation by itself may be led back by words that were under way, or in its own queue.
 NOTICED_S = 0.1
-#: So long a word that enables may lie in a drive's queue, also where a stop has been said since: no longer than the
-#: slowest of them looks at its words.
+#: So long a word that enables may lie in a drive's queue after it has come, also where a stop has been said since: no
+#: longer than the slowest of them looks at its words.
 QUEUED_S = 0.02
 #: Another's heartbeat is there as long as it comes this often.
 SHARED_FOR_S = 1.0
@@ -172,7 +172,8 @@ class Monitor:
         self._rested_rad: tuple[float, float] | None = (
             None  # between which angles it was since it had to rest
         )
-        self._foreign_s = self._left_by_itself_s = self._enabling_s = float("-inf")
+        self._foreign_s = self._left_by_itself_s = float("-inf")
+        self._enabling_s = float("-inf")  # when the last word that enables has come, or will, to the drive
         self._others_beat_s = float(
             "-inf"
         )  # heard by the drive; and by the tool, the last and the first of them
@@ -230,6 +231,12 @@ class Monitor:
             if now - self._noticeable_s > SHARED_FOR_S:
                 self._noticeable_since_s = now
             self._noticeable_s = now
+
+    def under_way(self, to: str, message: can.Message, delays: Sequence[float]) -> None:
+        """A frame will come to `to` after so many seconds: a word that was late overtakes nobody's stop on purpose."""
+        rpdo = message.arbitration_id == self._rpdo and len(message.data) == 8
+        if to == "drive" and delays and rpdo and message.data[0] & 0x0F == 0x0F:
+            self._enabling_s = max(self._enabling_s, self.now() + max(delays))
 
     def look(self) -> None:
         """A millisecond has passed."""
@@ -323,7 +330,7 @@ class Monitor:
         if word in (0x00, 0x02) and 0x0F in self._climbed:
             self._stopped = True
         if enables:
-            self._enabling_s = self.now()
+            self._enabling_s = max(self._enabling_s, self.now())
         self._climbed.add(word & 0x0F)
         self._said.add(word & 0x0F)
         return enables

@@ -47,6 +47,9 @@ class Weather:
         self.on_frame: Callable[[str, can.Message], None] | None = (
             None  # called with every frame and its sender
         )
+        self.on_way: Callable[[str, can.Message, Sequence[float]], None] | None = (
+            None  # and with who will get it, after which times
+        )
         self._node_id, self._now = node_id, now
         self._last: can.Message | None = None
         self._arrived_s: dict[
@@ -62,6 +65,13 @@ class Weather:
                 self.on_frame(name, message)
         if end not in self.names:
             return ()
+        delays = self._delays(name, end, message)
+        if self.on_way is not None:
+            self.on_way(self.names[end], message, delays)
+        return delays
+
+    def _delays(self, name: str, end: Any, message: can.Message) -> Sequence[float]:
+        """After which times it arrives there."""
         if not self.squalls:
             return self._in_turn(end, message.arbitration_id, 0.0) if self._arrived_s else CALM
         kinds = {"all", f"to {self.names[end]}", f"from {name}", self.kind_of(message.arbitration_id, name)}

@@ -218,11 +218,11 @@ class PowerStage:
     def connection_lost(self) -> bool:
         """The reaction of 6007; true where it is a fault, which the caller reports."""
         option = self._dictionary.number(0x6007)
-        if option == 2:
-            if self.state not in (Power.FAULT, Power.FAULT_REACTION_ACTIVE):
-                self._off(Power.SWITCH_ON_DISABLED)
-        elif option == 3 and self.state is Power.OPERATION_ENABLED:
-            self.quick_stop()
+        if self.state not in (Power.FAULT, Power.FAULT_REACTION_ACTIVE):
+            if option == 2:
+                self._disable_voltage()
+            elif option == 3:
+                self._quick_stop_command()  # also while a brake still opens: that is not operation yet
         return option == 1 and self.energised
 
     def power_off(self) -> None:

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from schwung.commissioning import ExportChoice, export_values, read_backup, restore_backup
+from schwung.commissioning import ExportChoice, export_table, export_values, read_backup, restore_backup
 from schwung.commissioning.backup import Written, plan_restore, read_snapshot, require_power_off, write_plan
-from schwung.commissioning.compare import Comparison, Configuration, Difference, compare, from_drive, key_of
+from schwung.commissioning.compare import Comparison, Configuration, Difference
 from schwung.commissioning.configuration_files import (
     Format,
     fitting_dictionary,
@@ -15,39 +15,37 @@ from schwung.commissioning.configuration_files import (
     load_configuration,
     save_configuration,
 )
+from schwung.commissioning.export import Worth, worth_of
 from schwung.commissioning.journal import ParameterJournal, first_values
 from schwung.drivetrain import InertiaTable
-from schwung.fieldbus.canopen.scan import fitting_profiles
-from schwung.fieldbus.configuration import Selection, Skipped, dictionary_of, select
+from schwung.fieldbus.configuration import Skipped, dictionary_of, select
 from schwung.fieldbus.dcf import dictionary_lookup, write_dcf
-from schwung.fieldbus.drive import DriveIdentity, ParameterValue, RawValue
+from schwung.fieldbus.drive import ParameterValue, RawValue
 from schwung.fieldbus.eds import EdsFile, byte_size, read_eds
 from schwung.fieldbus.profile import load_canopen_profile
-from schwung.fieldbus.si import SiScales, si_scales
+from schwung.fieldbus.si import SiScales
 
 __all__ = [
     "Comparison",
     "Configuration",
     "Difference",
-    "DriveIdentity",
     "EdsFile",
+    "ExportChoice",
     "Format",
     "ParameterJournal",
     "ParameterValue",
     "RawValue",
-    "Selection",
     "SiScales",
     "Skipped",
+    "Worth",
     "Written",
     "byte_size",
-    "compare",
     "dictionary_of",
+    "export_table",
+    "export_values",
     "first_values",
     "fitting_dictionary",
-    "fitting_profiles",
     "for_this_drive",
-    "from_drive",
-    "key_of",
     "load_both",
     "load_configuration",
     "plan_restore",
@@ -58,7 +56,7 @@ __all__ = [
     "restore_backup",
     "save_configuration",
     "select",
-    "si_scales",
+    "worth_of",
     "write_export",
     "write_plan",
 ]

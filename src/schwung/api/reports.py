@@ -10,8 +10,7 @@ from typing import Any
 
 from schwung.api.moving import Commissioned, Exported
 from schwung.commissioning import Change, Check, contrast_of, following_error, read_backup
-from schwung.commissioning.bode import with_recorded_gains
-from schwung.drivetrain import InertiaTable, Machine, read_inertia_csv, write_machine
+from schwung.drivetrain import InertiaTable, Machine, deviation, read_inertia_csv, write_machine
 from schwung.errors import SchwungError
 from schwung.estimation import Estimate
 from schwung.estimation.reach import reach_of
@@ -20,10 +19,8 @@ from schwung.fieldbus.drive import RawValue
 from schwung.files import json_text, replace_file
 from schwung.report import ChangeRow, FollowingError, ReportContent, SyncRow, save_figures
 from schwung.report import write_report as write_page
-from schwung.report.content import deviation
-from schwung.report.explanation import ExplanationContent
-from schwung.report.explanation import write_explanation as write_explanation_page
 from schwung.session import Run, Session, read_session
+from schwung.session.gains import with_recorded_gains
 
 __all__ = [
     "Standard",
@@ -121,6 +118,9 @@ def write_explanation(found: Explanation, session: Session, believed: Machine, f
 
     Raises InputError where they cannot be written.
     """
+    from schwung.report.explanation import ExplanationContent
+    from schwung.report.explanation import write_explanation as write_explanation_page
+
     learned = folder / "machine.toml"
     write_machine(found.machine, learned)
     content = ExplanationContent(

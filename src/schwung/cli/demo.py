@@ -69,15 +69,16 @@ def demo(
     from schwung import InertiaTable, LimitWishes, Wishes, connect, load_machine, write_inertia
     from schwung.api.choices import ExportChoice
     from schwung.api.folders import make_folder, planned_folder
-    from schwung.api.optimising import MotionLimits, Playing, Task, require_optimiser
     from schwung.api.reports import Standard
     from schwung.cli.console import Terminal
     from schwung.cli.flow import Ending, commission_and_show, finish
-    from schwung.cli.playing import play_and_show
     from schwung.files import replace_file
     from schwung_sim.bench import Bench
 
     if optimise:
+        from schwung.api.optimising import MotionLimits, Playing, Task, require_optimiser
+        from schwung.cli.playing import play_and_show
+
         require_optimiser()
     terminal = Terminal(json_output)
     options = bus_options("stepped", "demo", 1_000_000, None, can_log)

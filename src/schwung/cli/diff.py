@@ -4,18 +4,14 @@ from __future__ import annotations
 
 import sys
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from schwung.cli.options import Bitrate, BusOption, CanLog, Channel, Interface, Json, Profile, bus_options
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
-
-    from schwung.api.configurations import Comparison, Configuration, Difference, EdsFile
-    from schwung.api.drives import BusOptions
-    from schwung.api.profiles import CanopenProfile
+    from schwung.api.configurations import Comparison, Configuration, Difference
     from schwung.cli.console import Terminal
 
 DIFFERENT = 1  # exit code, as diff has it
@@ -69,9 +65,16 @@ def diff(
 
       schwung diff axis3.bin axis3.dcf --profile maxon-epos4 --json
     """  # fmt: skip
-    from schwung.api.configurations import compare, load_both
-    from schwung.cli.configurations import dictionary_of, known_profile, scales_of
-    from schwung.cli.console import Terminal
+    from schwung import connect
+    from schwung.api.comparing import (
+        compared,
+        comparison_document,
+        dictionary_of,
+        held_by_drive,
+        known_profile,
+    )
+    from schwung.api.configurations import load_both
+    from schwung.cli.console import Terminal, observing
     from schwung.errors import InputError
 
     terminal = Terminal(json_output)
@@ -82,62 +85,19 @@ def diff(
     files = load_both([Path(name) for name in (first, second) if name != "drive"], node, dictionary)
     if len(files) == 1:
         options = bus_options(interface, channel, bitrate, bus, can_log)
-        live, family, dictionary = _read(
-            options, node or files[0].node_id or 1, profile, eds, files[0], terminal
-        )
-        sides = (live, files[0]) if first == "drive" else (files[0], live)
+        at = node or files[0].node_id or 1
+        with connect(options, node=at, profile=profile) as opened, observing(terminal) as observer:
+            live = held_by_drive(opened, files[0], eds, at, observer.phase, observer.progress)
+        family, dictionary = live.family, live.dictionary
+        held = live.configuration
+        sides = (held, files[0]) if first == "drive" else (files[0], held)
     else:
         sides = (files[0], files[1])
-        family = family or known_profile(None, (dict(side.identity) for side in sides))
-        dictionary = dictionary or dictionary_of(None, family, node or 1)
-    found = compare(*sides, scales_of(family, sides, dictionary))
-    if not found.equal and not found.differences:
-        raise InputError(
-            f"{sides[0].source}, {sides[1].source}", "have no parameter in common that can be compared",
-            "Are they of the same kind of drive?",
-        )  # fmt: skip
+    found = compared(sides, family, dictionary, node or 1)
     _show(terminal, sides, found, everything)
-    terminal.result(_document(sides, found))
+    terminal.result(comparison_document(sides, found))
     if found.differences:
         sys.exit(DIFFERENT)
-
-
-def _read(
-    options: BusOptions,
-    node: int,
-    profile: str | None,
-    eds: Path | None,
-    other: Configuration,
-    terminal: Terminal,
-) -> tuple[Configuration, CanopenProfile | None, EdsFile | None]:
-    """What the drive holds of what the other side has. A Modbus drive has no dictionary: all of it is asked for."""
-    from schwung import connect
-    from schwung.api.configurations import (
-        Selection,
-        fitting_dictionary,
-        from_drive,
-        key_of,
-        read_snapshot,
-        select,
-    )
-    from schwung.api.profiles import CanopenProfile
-    from schwung.cli.console import observing
-
-    with connect(options, node=node, profile=profile) as opened:
-        family, dictionary = None, None
-        if isinstance(opened.profile, CanopenProfile):
-            family = opened.profile
-            dictionary = fitting_dictionary(other, eds, family, opened.drive.identity, node)
-            known = select(dictionary, family).wanted
-        else:
-            known = tuple(v.parameter for v in other.values if v.parameter.space == "register")
-        asked = {key_of(value.parameter) for value in other.values}
-        wanted = tuple(parameter for parameter in known if key_of(parameter) in asked)
-        with observing(terminal) as observer:
-            observer.phase(f"Reading {len(wanted)} parameters of node {node}")
-            snapshot = read_snapshot(opened.drive.read, Selection(wanted, (), 0, 0), observer.progress)
-        identity = opened.drive.identity
-    return from_drive(f"node {node}: {identity.name or 'drive'}", snapshot.values, node), family, dictionary
 
 
 def _show(
@@ -169,27 +129,3 @@ def _show(
         f"{len(found.differences)} differ, {found.equal} are equal; "
         f"{len(found.only_first)} only in A, {len(found.only_second)} only in B."
     )
-
-
-def _document(sides: tuple[Configuration, Configuration], found: Comparison) -> dict[str, Any]:
-    from schwung.cli.configurations import for_json
-
-    def entries(rows: Sequence[Difference]) -> list[dict[str, Any]]:
-        return [
-            {
-                "index": f"0x{d.parameter.index:04X}", "subindex": d.parameter.subindex, "name": d.parameter.name,
-                "type": d.parameter.type, "a": for_json(d.first), "b": for_json(d.second),
-                "a_si": d.first_si and d.first_si.value, "b_si": d.second_si and d.second_si.value,
-                "unit": (d.first_si and d.first_si.unit) or (d.second_si and d.second_si.unit),
-            }
-            for d in rows
-        ]  # fmt: skip
-
-    return {
-        "a": {"source": sides[0].source, "kind": sides[0].kind},
-        "b": {"source": sides[1].source, "kind": sides[1].kind},
-        "different": entries(found.differences),
-        "equal": found.equal,
-        "only_in_a": entries(found.only_first),
-        "only_in_b": entries(found.only_second),
-    }

@@ -17,34 +17,30 @@ def guess(
     """Propose an import for each axis in a file; with `yes`, do it. Raises InputError for what cannot be guessed."""
     from rich.markup import escape
 
-    from schwung.api.recordings import draw_import, propose, read_table, write_session
+    from schwung.api.recordings import draw_import, guess_imports, write_session
     from schwung.errors import InputError
 
     if len(files) != 1:
         raise InputError("--guess", f"is given {len(files)} files", "Give one file at a time.")
     path = files[0]
-    dbc = given.get("dbc")
-    table = read_table(path, Path(dbc) if dbc else None, given.get("channel"))
-    proposals = propose(table, given)
-    if joint is not None:
-        proposals = (_chosen(proposals, joint),)
-    carried = {key: value for key, value in given.items() if key not in _GUESSED}
+    guessed = guess_imports(path, given, joint)
     documents: list[dict[str, Any]] = []
     imports: list[tuple[Imported, Path]] = []
-    for number, proposal in enumerate(proposals):
-        target = out if len(proposals) == 1 else _named(out, proposal.name)
-        imported = _imported(path, proposal, carried)
+    for number, one in enumerate(guessed):
+        proposal, imported = one.proposal, one.imported
+        target = out if len(guessed) == 1 else _named(out, proposal.name)
         imports.append((imported, target))
         picture = target.with_name(f"{target.stem}-guess.png")
         draw_import(proposal, imported.session, path.name, picture)
-        if len(proposals) > 1:
-            terminal.say(f"[bold]Axis {number + 1} of {len(proposals)}: {escape(proposal.name)}[/]")
+        if len(guessed) > 1:
+            terminal.say(f"[bold]Axis {number + 1} of {len(guessed)}: {escape(proposal.name)}[/]")
         _show(terminal, proposal)
+        _show_runs(terminal, imported)
         terminal.say(f"Picture: [bold]{escape(str(picture))}[/]")
-        command = proposal.command(str(path), str(target))
+        command = proposal.command(str(path), str(target), one.carried)
         if not yes:
             terminal.say(f"Nothing is written yet. This does it, and so does --yes:\n  {escape(command)}")
-        documents.append(_document(proposal, command, picture))
+        documents.append(one.to_json() | {"command": command, "picture": str(picture)})
     if yes:
         for imported, target in imports:
             write_session(imported.session, target, overwrite)
@@ -52,13 +48,6 @@ def guess(
     terminal.result(
         {"proposals": documents, "written": [str(target) for _, target in imports] if yes else []}
     )
-
-
-#: Options that the proposal says itself; the others of the user go along.
-_GUESSED = (
-    "time", "position", "speed", "torque", "position_demand", "time_unit", "position_unit", "speed_unit", "torque_unit",
-    "position_scale", "speed_scale", "torque_scale", "axis", "rate",
-)  # fmt: skip
 
 
 def picture_of(files: list[Path], given: dict[str, Any], imported: Imported, picture: Path) -> None:
@@ -76,24 +65,6 @@ def _named(out: Path, joint: str) -> Path:
     return out.with_name(f"{out.stem}-{plain}{out.suffix}")
 
 
-def _chosen(proposals: tuple[Proposal, ...], joint: str) -> Proposal:
-    from schwung.errors import InputError
-
-    named = [proposal for proposal in proposals if proposal.name == joint]
-    if named:
-        return named[0]
-    if joint.isdigit() and 1 <= int(joint) <= len(proposals):
-        return proposals[int(joint) - 1]
-    listed = ", ".join(f"{k} ({proposal.name})" for k, proposal in enumerate(proposals, start=1))
-    raise InputError(f"--joint {joint}", "there is no such axis in the file", f"There are: {listed}.")
-
-
-def _imported(path: Path, proposal: Proposal, carried: dict[str, Any]) -> Imported:
-    from schwung.api.recordings import import_recordings, make_recipe
-
-    return import_recordings([path], make_recipe(carried | proposal.options, "schwung import --guess"))
-
-
 def _show(terminal: Terminal, proposal: Proposal) -> None:
     from rich.markup import escape
 
@@ -106,22 +77,9 @@ def _show(terminal: Terminal, proposal: Proposal) -> None:
             terminal.say(f"  or else: {escape('; '.join(guess.alternatives))}")
 
 
-def _document(proposal: Proposal, command: str, picture: Path) -> dict[str, Any]:
-    return {
-        "name": proposal.name,
-        "guesses": [
-            {
-                "what": guess.what,
-                "column": guess.column,
-                "unit": guess.unit,
-                "evidence": guess.evidence,
-                "alternatives": list(guess.alternatives),
-                "sure": guess.sure,
-                "options": dict(guess.options),
-            }
-            for guess in proposal.guesses
-        ],
-        "questions": list(proposal.questions),
-        "command": command,
-        "picture": str(picture),
-    }
+def _show_runs(terminal: Terminal, imported: Imported) -> None:
+    from rich.markup import escape
+
+    terminal.say("[bold]runs[/]")
+    for told in imported.cut:
+        terminal.say(f"  {escape(told)}")

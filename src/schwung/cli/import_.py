@@ -10,7 +10,7 @@ import typer
 from schwung.cli.options import Json
 
 if TYPE_CHECKING:
-    from schwung.api.recordings import Imported, Session
+    from schwung.api.recordings import Session
 
 _COLUMNS, _UNITS, _TIME, _RUNS, _CAN, _GUESS = "Columns", "Units", "Time", "Runs", "CAN logs", "Looking first"
 
@@ -108,7 +108,7 @@ def import_(
         typer.Option(
             metavar="HOW",
             rich_help_panel=_RUNS,
-            help="auto: motions between rests, there and back together, or cycles; rest; none; 6.24s.",
+            help="auto: motions between rests, there and back together, or cycles; rest; reverse; none; 6.24s.",
         ),
     ] = None,
     role: Annotated[
@@ -192,7 +192,14 @@ def import_(
 
       schwung import --recipe emps.toml --out emps.h5
     """
-    from schwung.api.recordings import import_recordings, log_kind, make_recipe, read_recipe, write_session
+    from schwung.api.recordings import (
+        import_log,
+        import_recordings,
+        log_kind,
+        make_recipe,
+        read_recipe,
+        write_session,
+    )
     from schwung.cli.console import Terminal
     from schwung.cli.guess import guess as propose
     from schwung.cli.guess import picture_of
@@ -209,7 +216,7 @@ def import_(
     }  # fmt: skip
     given = {key: value for key, value in options.items() if value is not None}
     if eds is not None:
-        logged = _from_log(files or [], eds, node, profile, given)
+        logged = import_log(files or [], eds, node, profile, given)
         write_session(logged.session, out, overwrite)
         _show(terminal, logged.session, logged.notes, out)
         terminal.result(_document(logged.session, logged.notes, out))
@@ -243,33 +250,6 @@ def import_(
     write_session(imported.session, out, overwrite)
     _show(terminal, imported.session, imported.notes, out)
     terminal.result(_document(imported.session, imported.notes, out))
-
-
-def _from_log(
-    files: list[Path], eds: Path, node: int | None, profile: str | None, given: dict[str, Any]
-) -> Imported:
-    """A CAN log by an EDS. Raises InputError for options that mean nothing there."""
-    from schwung.api.recordings import LogRecipe, import_can_log, unit
-    from schwung.errors import InputError
-
-    said = {
-        key: given.pop(f"{key}_unit") for key in ("position", "speed", "torque") if f"{key}_unit" in given
-    }
-    channel = given.pop("channel", None)
-    if given:
-        option = "--" + next(iter(given)).replace("_", "-")
-        raise InputError(option, "means nothing for a CAN log with an EDS", "Leave it out: the log says it.")
-    if len(files) != 1:
-        raise InputError("schwung import --eds", f"is given {len(files)} logs", "Give one log at a time.")
-    units = {
-        key: unit(text, key, "rotary")  # type: ignore[arg-type]  # a literal
-        for key, text in said.items()
-    }
-    if any(each.effort == "current" for each in units.values()):
-        raise InputError("--torque-unit", "is a current, but a drive reports per mille of its rated torque",
-                         "Write permille=RATED, the motor's rated torque in N·m.")  # fmt: skip
-    scales = {key: each.factor for key, each in units.items()}
-    return import_can_log(files[0], LogRecipe(eds, node, channel, profile, scales))
 
 
 def _of_joint(options: dict[str, Any], joint: str) -> dict[str, Any]:

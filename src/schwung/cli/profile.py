@@ -89,7 +89,7 @@ def check(
       schwung profile check maxon-epos4 --eds EPOS4.eds
     """
     from schwung.api.configurations import read_eds
-    from schwung.api.profiles import CanopenProfile, check_profile, load_profile
+    from schwung.api.profiles import CanopenProfile, check_profile, left_to_you, load_profile
     from schwung.cli.console import Terminal
     from schwung.errors import InputError
 
@@ -107,7 +107,7 @@ def check(
         rows = ((f"line {w.line}", f"[{w.section}]", f"{w.problem}. {w.remedy}") for w in warnings)
         terminal.table(f"Odd in {path}", ("", "section", "finding"), rows)
     _show_findings(terminal, findings, f"{profile.family} against {path}" if path else profile.family)
-    left = _left_to_you(profile)
+    left = left_to_you(profile)
     if left:
         terminal.table("Left to you: units that whoever has the machine gives", ("", "hint"), left.items())
     errors = sum(1 for finding in findings if finding.severity == "error")
@@ -183,17 +183,6 @@ def _quantities(profile: DeviceProfile) -> list[tuple[str, str, str, str]]:
             unit = f"{quantity.scale:.6g} per count" if quantity.unit == "literal" else quantity.unit
             rows.append((name, str(quantity.object), unit, profile.sources.get(f"quantities.{name}", "")))
     return rows
-
-
-def _left_to_you(profile: DeviceProfile) -> dict[str, str]:
-    """Quantities without a unit, and what it takes to give one."""
-    q = profile.quantities
-    named = {name: getattr(q, name) for name in type(q).model_fields}
-    return {
-        f"quantities.{name}": quantity.hint or "give its scale"
-        for name, quantity in named.items()
-        if quantity is not None and quantity.unit == "user"
-    }
 
 
 def _show_findings(terminal: Terminal, findings: Any, title: str) -> None:

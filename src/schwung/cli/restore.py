@@ -69,8 +69,8 @@ def restore(
 
       schwung restore axis3.dcf -i socketcan -c can0 -n 3 --store
     """
+    from schwung.api.comparing import dictionary_of, known_profile
     from schwung.api.configurations import load_configuration
-    from schwung.cli.configurations import dictionary_of, known_profile
     from schwung.cli.console import Terminal
 
     terminal = Terminal(json_output)
@@ -154,6 +154,7 @@ def _configure(
     from rich.markup import escape
 
     from schwung import connect
+    from schwung.api.comparing import scales_of
     from schwung.api.configurations import (
         ParameterJournal,
         fitting_dictionary,
@@ -163,7 +164,7 @@ def _configure(
         write_plan,
     )
     from schwung.api.folders import make_folder, planned_folder
-    from schwung.cli.configurations import canopen_profile, cells, reasons, scales_of
+    from schwung.cli.configurations import canopen_profile, cells, reasons
     from schwung.cli.console import observing
 
     folder = planned_folder(out)

@@ -11,7 +11,7 @@ from schwung.commissioning.host_played import HostPlayed
 from schwung.commissioning.journal import Change, ParameterJournal
 from schwung.commissioning.limits import LimitWishes, limits_of
 from schwung.commissioning.plan import Plan, PlannedRun, make_plan
-from schwung.commissioning.preflight import Preflight, preflight, with_control
+from schwung.commissioning.preflight import Preflight, preflight
 from schwung.commissioning.procedure import Observer, Recorded, record
 from schwung.commissioning.survey import MAX_BUS_LOAD, Survey, survey
 from schwung.commissioning.ways import (
@@ -25,6 +25,7 @@ from schwung.commissioning.ways import (
     require_phases,
 )
 from schwung.drivetrain import FeedForward, Machine
+from schwung.drivetrain.gains import with_control
 from schwung.errors import InputError, RefusedError, SchwungError
 from schwung.estimation import Estimate, estimate
 from schwung.estimation.reach import Reach, reach_of
@@ -165,19 +166,36 @@ def renewed(drive: Drive, profile: DeviceProfile, prepared: Prepared) -> Prepare
     Between planning and moving may lie as long as somebody looks at the plan. Raises RefusedError where the axis has
     been moved further than its following error allows: what was looked at is another motion then.
     """
-    seen, before = survey(drive, prepared.plan), prepared.survey
+    seen = require_there(drive, prepared.plan, prepared.survey)
     moved = abs(seen.state.position_rad - prepared.plan.start_position_rad)
-    if moved > prepared.plan.limits.following_error_rad:
+    if (
+        moved == 0 and seen.limits == prepared.survey.limits
+    ):  # its state is looked at again before it is switched on
+        return prepared
+    return prepare(drive, profile, prepared.machine, prepared.wishes)
+
+
+def rechecked(drive: Drive, prepared: Prepared) -> Prepared:
+    """The very same plan, with checks for the drive as it is now: for what was confirmed by its digest. Raises
+    RefusedError as `renewed`."""
+    seen = require_there(drive, prepared.plan, prepared.survey)
+    checked = preflight(prepared.plan, prepared.machine, seen, prepared.feed_forward)
+    return replace(prepared, survey=seen, preflight=checked)
+
+
+def require_there(drive: Drive, plan: Plan, before: Survey) -> Survey:
+    """What the drive says now. Raises RefusedError where it is another drive than `before`, or the axis stands further
+    from where the plan starts than its following error allows."""
+    seen = survey(drive, plan)
+    if not abs(seen.state.position_rad - plan.start_position_rad) <= plan.limits.following_error_rad:
         raise RefusedError(
             "plan",
-            f"starts at {prepared.plan.start_position_rad:.4g} rad, the axis stands at {seen.state.position_rad:.4g}",
+            f"starts at {plan.start_position_rad:.4g} rad, the axis stands at {seen.state.position_rad:.4g}",
             "Plan anew, and look at that.",
         )
     if seen.identity != before.identity:
         raise RefusedError("plan", "was made for another drive", "Plan anew with this one.")
-    if moved == 0 and seen.limits == before.limits:  # its state is looked at again before it is switched on
-        return prepared
-    return prepare(drive, profile, prepared.machine, prepared.wishes)
+    return seen
 
 
 def _standing(drive: Drive, profile: DeviceProfile) -> float:

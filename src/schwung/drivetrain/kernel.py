@@ -10,7 +10,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from schwung.drivetrain.compiled import compiled
+from schwung.compiled import compiled
 from schwung.motion import Array
 
 

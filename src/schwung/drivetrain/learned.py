@@ -10,10 +10,30 @@ from typing import NamedTuple
 
 import numpy as np
 
-from schwung.drivetrain.compiled import compiled, inlined
+from schwung.compiled import compiled, inlined
 from schwung.drivetrain.kernel import Cascade, Curve, Inputs, Plant, command, value_and_slope
 from schwung.drivetrain.physics import Effects, coupling_torque, load_torque, motor_torque, third_torque
 from schwung.motion import Array
+
+
+class Sided(NamedTuple):
+    """Torque (N·m) over a coordinate where the machine moves forward, and where backward."""
+
+    forward: Curve
+    backward: Curve
+
+
+class Curves(NamedTuple):
+    """Learned torques that are tables, `drivetrain/residual.py`."""
+
+    any: bool
+    position: Sided
+    speed: Sided
+    torque: Sided
+    run: Sided
+    load_position: Sided
+    acceleration: Curve
+    time_in_motion: Curve
 
 
 class Learned(NamedTuple):
@@ -22,6 +42,7 @@ class Learned(NamedTuple):
     plant: Plant
     effects: Effects
     load_table: Curve  # learned load torque, beside the plant's own
+    curves: Curves
     smoothing: float  # speed within which dry friction changes sign (rad/s)
     leaves_rest: float  # when the motion begins (s)
     share: float  # how far through the session the run is, 0…1
@@ -39,6 +60,24 @@ class Masses(NamedTuple):
 
 
 @inlined
+def sided(table: Sided, x: float, direction: float) -> float:
+    """A learned torque (N·m) at a coordinate, the direction of motion −1…1."""
+    if direction >= 0.0:
+        return value_and_slope(table.forward, x)[0] * direction
+    return -value_and_slope(table.backward, x)[0] * direction
+
+
+@inlined
+def accelerated(curve: Curve, torque: float, inertia: float) -> float:
+    """Acceleration a (rad/s²) with inertia·a = torque + curve(a), the curve less steep than that: Newton."""
+    a = torque / inertia
+    for _ in range(8):
+        value, slope = value_and_slope(curve, a)
+        a += (torque + value - inertia * a) / max(inertia - slope, 0.1 * inertia)
+    return a
+
+
+@inlined
 def _rates(machine: Learned, state: Masses, torque: float, time: float) -> Masses:
     """Time derivative of the state: method.md (1), (A7), with everything that was learned."""
     plant, e = machine.plant, machine.effects
@@ -53,6 +92,19 @@ def _rates(machine: Learned, state: Masses, torque: float, time: float) -> Masse
         load -= passed
         third = passed / e.third_inertia_kgm2
     motor = torque - plant.motor_friction * state.motor_speed
+    ahead = float(np.tanh(state.motor_speed / machine.smoothing))
+    load_ahead = float(np.tanh(state.load_speed / machine.smoothing))
+    load -= e.load_coulomb_nm * load_ahead
+    curves = machine.curves
+    if curves.any:
+        motor += sided(curves.position, state.motor_angle, ahead)
+        motor += sided(curves.speed, abs(state.motor_speed), ahead)
+        motor += sided(curves.torque, abs(torque), ahead)
+        motor += sided(curves.run, machine.share, ahead)
+        load += sided(curves.load_position, state.load_angle, load_ahead)
+        load += value_and_slope(curves.time_in_motion, time - machine.leaves_rest)[0]
+    if e.ripple_share != 0.0:
+        motor += torque * e.ripple_share * np.sin(e.ripple_order * state.motor_angle + e.ripple_phase_rad)
     motor += motor_torque(
         e,
         state.motor_angle,
@@ -63,7 +115,9 @@ def _rates(machine: Learned, state: Masses, torque: float, time: float) -> Masse
         machine.smoothing,
     )
     if plant.rigid:
-        both = (motor + load) / (plant.rotor_inertia + inertia)
+        lost = e.carried_share * ahead * inertia  # |carried| is inertia times |acceleration|
+        whole = plant.rotor_inertia + inertia + (lost if motor + load > 0.0 else -lost)
+        both = accelerated(curves.acceleration, motor + load, whole) if curves.any else (motor + load) / whole
         return Masses(state.motor_speed, both, state.load_speed, both, state.third_speed, third)
     shaft = coupling_torque(
         e,
@@ -72,11 +126,12 @@ def _rates(machine: Learned, state: Masses, torque: float, time: float) -> Masse
         state.motor_angle - state.load_angle,
         state.motor_speed - state.load_speed,
     )
+    load += shaft
     return Masses(
         state.motor_speed,
-        (motor - shaft) / plant.rotor_inertia,
+        (motor - shaft - e.carried_share * abs(shaft) * ahead) / plant.rotor_inertia,
         state.load_speed,
-        (load + shaft) / inertia,
+        accelerated(curves.acceleration, load, inertia) if curves.any else load / inertia,
         state.third_speed,
         third,
     )
@@ -97,7 +152,17 @@ def _moved(state: Masses, rates: Masses, by: float) -> Masses:
 @inlined
 def shaft_torque(e: Effects, reported: float) -> float:
     """What a torque that the drive reports makes of itself on the shaft, once its current loop has settled (N·m)."""
-    return min(max(e.torque_gain * reported, -e.torque_limit_nm), e.torque_limit_nm)
+    true = (e.torque_gain - e.torque_drop * abs(reported) / e.torque_drop_at_nm) * reported
+    return min(max(true, -e.torque_limit_nm), e.torque_limit_nm)
+
+
+def reported_torque(e: Effects, on_shaft: float) -> float:
+    """The torque (N·m) that a drive has to report for one on the shaft; as near as it comes."""
+    drop = e.torque_drop / e.torque_drop_at_nm
+    if drop == 0.0:
+        return on_shaft / e.torque_gain
+    root = np.sqrt(max(e.torque_gain**2 - 4.0 * drop * abs(on_shaft), 0.0))
+    return float(np.sign(on_shaft) * (e.torque_gain - root) / (2.0 * drop))
 
 
 @compiled

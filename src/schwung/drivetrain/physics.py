@@ -9,14 +9,13 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
 
-from schwung.drivetrain.compiled import inlined
-from schwung.drivetrain.inertia import LoadTorqueTable
+from schwung.compiled import inlined
 from schwung.drivetrain.physics_term import PhysicsTerm
+from schwung.drivetrain.residual import inertia_points, law_of, load_torque_table, residuals_of
 from schwung.errors import InputError
 
 
@@ -39,6 +38,10 @@ class Effects(NamedTuple):
     viscous_nms: float = 0.0
     viscous_difference_nms: float = 0.0  # of the viscous coefficient, positive direction minus negative
     drag_nms2: float = 0.0
+    viscous_drift_nms: float = 0.0  # of the viscous coefficient, from first run to last
+    offset_drift_nm: float = 0.0  # of the offset likewise
+    carried_share: float = 0.0  # friction over the torque that the shaft carries
+    load_coulomb_nm: float = 0.0  # dry friction behind the coupling
     load_amplitude_nm: float = 0.0  # × sin(θ_l + phase), on the load
     load_phase_rad: float = 0.0
     offset_nm: float = 0.0
@@ -53,7 +56,15 @@ class Effects(NamedTuple):
     cogging_amplitude_nm: float = 0.0  # × sin(order·θ + phase)
     cogging_phase_rad: float = 0.0
     torque_gain: float = 1.0  # true over reported
+    torque_drop: float = (
+        0.0  # of the torque constant, as a share at `torque_drop_at_nm`, in proportion to the torque
+    )
+    torque_drop_at_nm: float = 1.0
+    ripple_share: float = 0.0  # torque × share·sin(order·θ + phase)
+    ripple_order: float = 1.0
+    ripple_phase_rad: float = 0.0
     torque_lag_s: float = 0.0
+    torque_filter_s: float = 0.0  # of what is reported alone
     torque_limit_nm: float = np.inf
     speed_delay_s: float = 0.0
     eccentricity_rad: float = 0.0  # reported angle = θ + amplitude·sin(θ + phase)
@@ -107,7 +118,11 @@ PHYSICS: Mapping[str, Mapping[str, Key]] = {
         "torque_negative_nm": Key("coulomb_negative_nm", "N·m"),
         "coefficient_difference_nms": Key("viscous_difference_nms", "N·m·s/rad", optional=0.0),
     },
+    "friction_over_angle": {},
     "viscous_friction": {"coefficient_nms": Key("viscous_nms", "N·m·s/rad")},
+    "viscous_drift": {"change_nms": Key("viscous_drift_nms", "N·m·s/rad")},
+    "load_dependent_friction": {"share": Key("carried_share", "", _NOT_NEGATIVE, highest=0.9)},
+    "load_side_friction": {"torque_nm": Key("load_coulomb_nm", "N·m", _NOT_NEGATIVE)},
     "quadratic_drag": {"coefficient_nms2": Key("drag_nms2", "N·m·s²/rad²")},
     "local_friction": {
         "torque_nm": Key("local_friction_nm", "N·m"),
@@ -123,7 +138,9 @@ PHYSICS: Mapping[str, Mapping[str, Key]] = {
         "amplitude_nm": Key("load_amplitude_nm", "N·m"),
         "phase_rad": Key("load_phase_rad", "rad"),
     },
+    "direction_dependent_load": {},
     "torque_offset": {"torque_nm": Key("offset_nm", "N·m")},
+    "offset_drift": {"change_nm": Key("offset_drift_nm", "N·m")},
     "load_event": {
         "time_s": Key("event_time_s", "s"),
         "duration_s": Key("event_duration_s", "s", _POSITIVE),
@@ -141,6 +158,16 @@ PHYSICS: Mapping[str, Mapping[str, Key]] = {
         "phase_rad": Key("cogging_phase_rad", "rad"),
     },
     "torque_constant": {"gain": Key("torque_gain", "", _POSITIVE, highest=100.0)},
+    "torque_constant_drop": {
+        "share_at_peak": Key("torque_drop", "", _NOT_NEGATIVE, highest=0.5),
+        "peak_nm": Key("torque_drop_at_nm", "N·m", _POSITIVE),
+    },
+    "torque_ripple": {
+        "order": Key("ripple_order", "1/rev", _POSITIVE),
+        "share": Key("ripple_share", "", -0.9, highest=0.9),
+        "phase_rad": Key("ripple_phase_rad", "rad"),
+    },
+    "torque_filter": {"time_constant_s": Key("torque_filter_s", "s", _NOT_NEGATIVE, highest=1.0)},
     "torque_lag": {"time_constant_s": Key("torque_lag_s", "s", _NOT_NEGATIVE, highest=1.0)},
     "torque_saturation": {"limit_nm": Key("torque_limit_nm", "N·m", _POSITIVE)},
     "measurement_delay": {"delay_s": Key("speed_delay_s", "s", _NOT_NEGATIVE, highest=1.0)},
@@ -162,10 +189,18 @@ PHYSICS: Mapping[str, Mapping[str, Key]] = {
         "scale": Key("inertia_scale", "", _POSITIVE, optional=1.0),
     },
     "inertia_profile_shift": {"shift_rad": Key("inertia_shift_rad", "rad")},
+    "inertia_profile": {},
+    "residual": {},
 }
 
 #: Terms that change the coupling, and so need one.
-_OF_COUPLING = ("backlash", "coupling_stiffness", "coupling_damping", "nonlinear_stiffness")
+_OF_COUPLING = (
+    "backlash",
+    "coupling_stiffness",
+    "coupling_damping",
+    "nonlinear_stiffness",
+    "load_side_friction",
+)
 
 #: Fields that several terms add to; the others are set by one term alone.
 _ADDED = ("coulomb_positive_nm", "coulomb_negative_nm", "viscous_nms", "offset_nm", "inertia_delta_kgm2")
@@ -175,8 +210,10 @@ def check_physics(terms: Sequence[PhysicsTerm], rigid: bool) -> None:
     """Raises InputError for terms that make no sense, alone, together, or on a machine without a coupling."""
     effects_of(terms)
     load_torque_table(terms)
+    residuals_of(terms)
+    inertia_points(terms)
     for term in terms:
-        if rigid and term.name in _OF_COUPLING:
+        if rigid and law_of(term) in _OF_COUPLING:
             raise InputError(
                 f"physics.{term.name}",
                 "needs a coupling, and the machine has none",
@@ -184,30 +221,8 @@ def check_physics(terms: Sequence[PhysicsTerm], rigid: bool) -> None:
             )
 
 
-def load_torque_table(terms: Sequence[PhysicsTerm]) -> LoadTorqueTable | None:
-    """The learned load torque that is given as a table of pairs (rad, N·m); None without one.
-
-    Raises InputError for what is no such table, and for two of them.
-    """
-    tables = [t.parameters["table"] for t in terms if t.name == "load_torque" and "table" in t.parameters]
-    if not tables:
-        return None
-    place = "physics.load_torque"
-    if len(tables) > 1:
-        raise InputError(place, "has two tables", "Add them up in one.")
-    rows = tables[0] if isinstance(tables[0], list | tuple) else []
-    pairs = [row for row in rows if isinstance(row, list | tuple) and len(row) == 2]
-    numbers = all(isinstance(x, int | float) and not isinstance(x, bool) for row in pairs for x in row)
-    if len(rows) < 2 or len(pairs) < len(rows) or not numbers or not np.all(np.isfinite(pairs)):
-        raise InputError(place, "table is not made of pairs of numbers", "Write [[rad, N·m], [rad, N·m], …].")
-    if any(left[0] >= right[0] for left, right in pairwise(pairs)):
-        raise InputError(place, "the angles of its table do not increase", "Sort the pairs, drop duplicates.")
-    angles, torques = np.array(pairs, dtype=float).T
-    return LoadTorqueTable(angles, torques)
-
-
 def effects_of(terms: Sequence[PhysicsTerm]) -> Effects:
-    """All terms together. Tables of load_torque are not among them (`load_torque_table`).
+    """All terms together. Tables are not among them (`residuals_of`, `load_torque_table`, `inertia_added`).
 
     Raises InputError that names term and key for an unknown name, a missing or impossible number, or a term given
     twice that cannot be added to itself.
@@ -224,12 +239,11 @@ def effects_of(terms: Sequence[PhysicsTerm]) -> Effects:
 
 
 def _fields(term: PhysicsTerm) -> dict[str, float]:
-    keys = PHYSICS.get(term.name)
+    law = law_of(term)
+    keys = PHYSICS.get(law)
     if keys is None:
-        raise InputError(
-            f"physics.{term.name}", "is not a known physics term", f"There are {', '.join(PHYSICS)}."
-        )
-    if term.name == "load_torque" and "table" in term.parameters:
+        raise InputError(f"physics.{law}", "is not a known physics term", f"There are {', '.join(PHYSICS)}.")
+    if law == "load_torque" and "table" in term.parameters:
         if "amplitude_nm" in term.parameters:
             raise InputError("physics.load_torque", "has amplitude_nm beside table", "Keep one of the two.")
         return {}
@@ -244,7 +258,7 @@ def _fields(term: PhysicsTerm) -> dict[str, float]:
             values["coulomb_positive_nm"] = values["coulomb_negative_nm"] = value
         else:
             values[key.field] = value
-    if term.name == "stribeck_friction":
+    if law == "stribeck_friction":
         values["stribeck_rise_nm"] -= values["coulomb_positive_nm"]
     return values
 
@@ -294,6 +308,7 @@ def motor_torque(
     dry friction changes sign (rad/s).
     """
     torque = e.offset_nm - (e.viscous_nms + e.drag_nms2 * abs(speed)) * speed
+    torque += share * (e.offset_drift_nm - e.viscous_drift_nms * speed)
     torque -= 0.5 * e.viscous_difference_nms * abs(speed)
     torque -= dry_friction(e, angle, speed, share) * float(np.tanh(speed / smoothing))
     if e.cogging_amplitude_nm != 0.0:

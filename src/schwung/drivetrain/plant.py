@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+
 import numpy as np
 from scipy.interpolate import PchipInterpolator
 from scipy.optimize import brentq
 
-from schwung.drivetrain import kernel, learned, physics
+from schwung.drivetrain import kernel, learned, physics, residual
 from schwung.drivetrain.inertia import InertiaTable
 from schwung.drivetrain.machine import Machine
 from schwung.errors import InputError
@@ -50,17 +52,34 @@ def learned_of(
     machine: Machine, plant: kernel.Plant, ticks: Array, demand: Demand, share: float
 ) -> learned.Learned:
     """The plant with all its learned terms; demand and its instants `ticks` (s) say when the motion begins."""
-    table = physics.load_torque_table(machine.physics)
+    table = residual.load_torque_table(machine.physics)
     moving = (demand.position_rad != demand.position_rad[0]) | (demand.speed_rad_s != 0)
     leaves_rest = float(ticks[max(int(np.argmax(moving)) - 1, 0)]) if np.any(moving) else np.inf
     return learned.Learned(
         plant=plant,
         effects=physics.effects_of(machine.physics),
         load_table=_constant(0.0) if table is None else _curve(table.position_rad, table.load_torque_nm),
+        curves=_curves(residual.residuals_of(machine.physics)),
         smoothing=SMOOTHING_RAD_S,
         leaves_rest=leaves_rest,
         share=share,
     )
+
+
+def _curves(tables: Mapping[residual.Over, residual.Residual]) -> learned.Curves:
+    """The learned torques that are tables; what there is none of is nothing anywhere."""
+    nothing = _constant(0.0)
+
+    def sided(over: residual.Over) -> learned.Sided:
+        one = tables.get(over)
+        if one is None:
+            return learned.Sided(nothing, nothing)
+        return learned.Sided(_curve(one.x, one.forward_nm), _curve(one.x, one.backward_nm))
+
+    return learned.Curves(
+        bool(tables), sided("position"), sided("speed"), sided("torque"), sided("run"), sided("load_position"),
+        sided("acceleration").forward, sided("time_in_motion").forward,
+    )  # fmt: skip
 
 
 def _curve(position: Array, values: Array) -> kernel.Curve:
@@ -89,13 +108,35 @@ def _inertia_curve(
     else:
         angles, values = np.array([0.0, 1.0]), np.array([believed, believed])
     true = effects.inertia_scale * values + effects.inertia_delta_kgm2
+    curve = _curve(angles, true)
+    points = np.unique(residual.inertia_points(machine.physics))
+    if points.size:
+        curve = _sum(curve, _curve(points, residual.inertia_added(machine.physics, points)))
+        true = curve.coefficients[3]
     if not np.min(true) > 0:
         raise InputError(
-            "physics.load_inertia",
+            "physics.inertia_profile" if points.size else "physics.load_inertia",
             f"makes the load's inertia {np.min(true):g} kg·m²",
-            "Correct delta_kgm2, or the inertia that it is added to.",
+            "Correct what is added, or the inertia that it is added to.",
         )
-    return _curve(angles, true)
+    return curve
+
+
+def _sum(one: kernel.Curve, other: kernel.Curve) -> kernel.Curve:
+    """Both, exactly: between the knots of either, each is one cubic, and constant beyond its own."""
+    knots = np.union1d(one.knots, other.knots)
+    total = np.zeros((4, knots.size - 1))
+    for curve in (one, other):
+        middle = (knots[1:] + knots[:-1]) / 2
+        inside = (middle > curve.knots[0]) & (middle < curve.knots[-1])
+        piece = np.clip(np.searchsorted(curve.knots, middle) - 1, 0, curve.knots.size - 2)
+        a, b, c, d = curve.coefficients[:, piece]
+        u = np.where(inside, knots[:-1] - curve.knots[piece], 0.0)
+        moved = np.stack([a, 3 * a * u + b, (3 * a * u + 2 * b) * u + c, ((a * u + b) * u + c) * u + d])
+        ends = [kernel.value_and_slope(curve, float(end))[0] for end in (curve.knots[0], curve.knots[-1])]
+        beyond = np.where(middle <= curve.knots[0], ends[0], ends[1])
+        total += np.where(inside, moved, np.stack([0 * u, 0 * u, 0 * u, beyond]))
+    return kernel.Curve(knots, np.ascontiguousarray(total))
 
 
 def rest(plant: kernel.Plant, motor_angle: float) -> tuple[kernel.State, float]:
@@ -120,6 +161,9 @@ def learned_rest(machine: learned.Learned, read_angle: float) -> tuple[learned.M
     def load_torque(angle: float) -> float:
         table = kernel.value_and_slope(plant.load_torque, angle)[0]
         table += kernel.value_and_slope(machine.load_table, angle)[0]
+        if machine.curves.any:
+            table += kernel.value_and_slope(machine.curves.time_in_motion, -np.inf)[0]
+            table += kernel.value_and_slope(machine.curves.acceleration, 0.0)[0]
         return table + physics.load_torque(e, angle, -np.inf)
 
     def pull(angle: float) -> float:
@@ -140,10 +184,12 @@ def learned_rest(machine: learned.Learned, read_angle: float) -> tuple[learned.M
                     "Check it, the learned stiffness, and the load torque.",
                 )
         load_angle = brentq(pull, motor_angle, motor_angle + towards * wound, xtol=1e-15)
-    held = -load_torque(load_angle) - e.offset_nm
+    held = -load_torque(load_angle) - e.offset_nm - machine.share * e.offset_drift_nm
     held -= e.cogging_amplitude_nm * np.sin(e.cogging_order * motor_angle + e.cogging_phase_rad)
     state = learned.Masses(motor_angle, 0.0, load_angle, 0.0, load_angle, 0.0)
-    return state, float(held) / e.torque_gain
+    if e.ripple_share:
+        held /= 1.0 + e.ripple_share * np.sin(e.ripple_order * motor_angle + e.ripple_phase_rad)
+    return state, learned.reported_torque(e, float(held))
 
 
 def substeps(machine: Machine, plant: kernel.Plant, period: float, top_speed: float, share: float) -> int:
@@ -168,6 +214,8 @@ def substeps(machine: Machine, plant: kernel.Plant, period: float, top_speed: fl
     if e.cogging_amplitude_nm != 0:
         ripple = np.sqrt(abs(e.cogging_amplitude_nm) * e.cogging_order**2 / moved)
         fastest = max(fastest, ripple, e.cogging_order * top_speed)
+    if e.ripple_share != 0:
+        fastest = max(fastest, e.ripple_order * top_speed)
     if e.periodic_amplitude_nm != 0:
         fastest = max(fastest, 2 * np.pi * e.periodic_frequency_hz)
     rubbing = (
@@ -175,7 +223,13 @@ def substeps(machine: Machine, plant: kernel.Plant, period: float, top_speed: fl
         + max(e.viscous_nms + 0.5 * abs(e.viscous_difference_nms), 0.0)
         + 2.0 * abs(e.drag_nms2) * top_speed
     )
-    rubbing = (rubbing + _dry_level(e, share) / SMOOTHING_RAD_S) / moved
+    curves = residual.residuals_of(machine.physics)
+    dry = _dry_level(e, share) + e.carried_share * machine.motor.peak_torque_nm
+    behind = e.load_coulomb_nm + (curves["load_position"].highest_nm if "load_position" in curves else 0.0)
+    directed = (one for over, one in curves.items() if over not in (*residual.UNDIRECTED, "load_position"))
+    rubbing += (dry + sum(one.highest_nm for one in directed)) / SMOOTHING_RAD_S
+    rubbing += share * max(e.viscous_drift_nms, 0.0)
+    rubbing = max(rubbing / moved, behind / SMOOTHING_RAD_S / lightest)
     needed = int(np.ceil(max(period * fastest / step, period * rubbing / _FRICTION_STEP, 1.0)))
     if needed > _MAX_SUBSTEPS:
         raise InputError(

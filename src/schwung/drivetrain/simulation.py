@@ -18,7 +18,7 @@ from scipy.interpolate import CubicSpline
 from schwung.drivetrain import kernel, learned, plant
 from schwung.drivetrain.inertia import InertiaTable
 from schwung.drivetrain.machine import Machine
-from schwung.drivetrain.physics import check_physics
+from schwung.drivetrain.physics import check_physics, effects_of
 from schwung.errors import InputError
 from schwung.motion import Array, Demand
 
@@ -168,6 +168,7 @@ def simulate(
             "Leave their number to the simulation.",
         )
     clipped = torques[:, 0] != torques[:, 1]
+    reported = _filtered(torques[:, 0], effects_of(machine.physics).torque_filter_s / period)
     tick = np.floor(in_ticks + _ON_TICK).astype(np.int64)  # whose torque acts at each instant
     on_ticks = np.allclose(in_ticks, tick, rtol=0, atol=_ON_TICK)
     states = states[tick] if on_ticks else CubicSpline(ticks, states)(time)
@@ -176,11 +177,23 @@ def simulate(
         demand_position_rad=demand.position_rad + start_rad,
         position_rad=states[:, 0],
         speed_rad_s=states[:, 1],
-        torque_nm=torques[tick, 0],
+        torque_nm=reported[tick],
         load_position_rad=states[:, 2],
         load_speed_rad_s=states[:, 3],
         clipped=np.logical_or.reduceat(clipped, tick),
     )
+
+
+def _filtered(torque: Array, ticks: float) -> Array:
+    """What a drive reports of held torques (n,) through a first-order filter of so many ticks; as they are with 0."""
+    if ticks <= 0:
+        return torque
+    decay = float(np.exp(-1.0 / ticks))
+    later = np.append(torque[0], torque[:-1])  # what acted until each tick
+    from scipy.signal import lfilter  # noqa: PLC0415  (slow to import, and only a filtered torque needs it)
+
+    reported, _ = lfilter([1.0 - decay], [1.0, -decay], later, zi=[decay * torque[0]])
+    return np.asarray(reported)
 
 
 def _check_arrays(demand: Demand, time: Array, torque_added: Array) -> None:

@@ -26,9 +26,9 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
+from schwung.compiled import compiled
 from schwung.drivetrain.machine import Machine
 from schwung.errors import InputError
 from schwung.estimation.sdft import ComplexArray, samples_per_window
@@ -166,7 +166,7 @@ def _two_mass(machine: Machine, frequency_hz: float) -> tuple[complex, complex, 
     return rotor, shaft, machine.load.viscous_friction_nms + 0j, s
 
 
-@njit(cache=True, error_model="numpy")
+@compiled
 def push_sample(
     turn: ComplexArray,
     model: ComplexArray,
@@ -218,7 +218,7 @@ def push_sample(
     return (behind_shaft - model[5]) / model[6], amplitude, abs(torque_phasor)
 
 
-@njit(cache=True, error_model="numpy")
+@compiled
 def _push_block(
     turn: ComplexArray,
     model: ComplexArray,

@@ -21,7 +21,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from scipy.interpolate import CubicSpline, PchipInterpolator
 
-from schwung.drivetrain.compiled import compiled, inlined
+from schwung.compiled import compiled, inlined
 from schwung.drivetrain.inertia import InertiaTable
 from schwung.drivetrain.kernel import Curve, value_and_slope
 from schwung.drivetrain.machine import Machine

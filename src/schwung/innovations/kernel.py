@@ -10,8 +10,8 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 
+from schwung.compiled import compiled, compiled_fastmath
 from schwung.motion import Array
 
 #: Terms of the Taylor series, and the largest |eigenvalue| × step that it is used for; longer steps are doublings.
@@ -54,7 +54,7 @@ class Filtered(NamedTuple):
     covariance: Array  # (n, s, s)
 
 
-@njit(cache=True, error_model="numpy")
+@compiled
 def _product(left: Array, right: Array) -> Array:
     """left·right; small matrices are faster without BLAS."""
     result = np.zeros((left.shape[0], right.shape[1]))
@@ -65,7 +65,7 @@ def _product(left: Array, right: Array) -> Array:
     return result
 
 
-@njit(cache=True, error_model="numpy")
+@compiled
 def _exponentials(shaft: Shaft, inertia: float, duration: float) -> tuple[Array, Array, Array, Array]:
     """e^{Ah} and ∫e^{A(h−t)}B tⁱ dt, i = 0, 1, 2, over one interval h; B: torque on motor, on load."""
     size = 2 if shaft.rigid else 4
@@ -104,7 +104,7 @@ def _exponentials(shaft: Shaft, inertia: float, duration: float) -> tuple[Array,
     return moved, _product(first, inputs), _product(second, inputs), _product(third, inputs)
 
 
-@njit(cache=True, error_model="numpy")
+@compiled
 def steps(shaft: Shaft, inertia: Array, duration: float) -> Array:
     """For every interval, side by side (m, s, s + 6): the transition, and what torques add, on motor and load each.
 
@@ -121,7 +121,7 @@ def steps(shaft: Shaft, inertia: Array, duration: float) -> Array:
     return result
 
 
-@njit(cache=True, error_model="numpy")
+@compiled
 def steps_of_each(shaft: Shaft, coupling: Array, inertia: Array, duration: float) -> Array:
     """`steps` where the shaft's stiffness and damping, `coupling` (m, 2), differ from interval to interval."""
     result = np.empty((inertia.size, 4, 10))
@@ -138,7 +138,7 @@ def steps_of_each(shaft: Shaft, coupling: Array, inertia: Array, duration: float
     return result
 
 
-@njit(cache=True, error_model="numpy")
+@compiled
 def _times(matrix: Array, vector: Array, added: Array, result: Array) -> Array:
     """matrix·vector + added, by way of `result`; written into `vector`."""
     for i in range(vector.size):
@@ -149,7 +149,7 @@ def _times(matrix: Array, vector: Array, added: Array, result: Array) -> Array:
     return vector
 
 
-@njit(cache=True, error_model="numpy")
+@compiled
 def _carried(phi: Array, p: Array, half: Array, noise: Array, power: float) -> None:
     """p becomes Φ p Φᵀ + noise·noiseᵀ·power; small matrices are faster without BLAS."""
     size = p.shape[0]
@@ -166,7 +166,7 @@ def _carried(phi: Array, p: Array, half: Array, noise: Array, power: float) -> N
             p[j, i] = p[i, j]
 
 
-@njit(cache=True, error_model="numpy")
+@compiled
 def filtered(system: System) -> Filtered:
     """Kalman's filter."""
     transition, forcing, noise, power = system.transition, system.forcing, system.noise, system.power
@@ -200,14 +200,14 @@ def filtered(system: System) -> Filtered:
     return Filtered(errors, spreads, gains, states, covariances)
 
 
-@njit(cache=True, error_model="numpy")
+@compiled
 def deviance(system: System) -> tuple[float, float]:
     """Σ log of the innovations' variances, and Σ innovation²/variance."""
     result = filtered(system)
     return np.sum(np.log(result.variance)), np.sum(result.error**2 / result.variance)
 
 
-@njit(cache=True, error_model="numpy")
+@compiled
 def smoothed(transition: Array, result: Filtered) -> Array:
     """States given all samples, (n, s): Bryson and Frazier's form, which inverts no covariance."""
     count, size = result.state.shape
@@ -225,7 +225,7 @@ def smoothed(transition: Array, result: Filtered) -> Array:
     return states
 
 
-@njit(cache=True, error_model="numpy", fastmath=True)
+@compiled_fastmath
 def whitened(transition: Array, result: Filtered, columns: Array, reported: Array) -> Array:
     """∂(predicted samples)/∂parameters as the filter sees them, over the innovations' deviation; (2n, P).
 
@@ -258,7 +258,7 @@ def whitened(transition: Array, result: Filtered, columns: Array, reported: Arra
     return rows
 
 
-@njit(cache=True, error_model="numpy")
+@compiled
 def closed_loop(transition: Array, result: Filtered, inputs: Array) -> Array:
     """What `responses` needs of each sample, side by side, (n, 44); fewer than four states are filled up with zeros.
 
@@ -287,7 +287,7 @@ def closed_loop(transition: Array, result: Filtered, inputs: Array) -> Array:
     return packed
 
 
-@njit(cache=True, error_model="numpy", fastmath=True)
+@compiled_fastmath
 def _push(
     a: Array, b: Array, c: Array, d: Array, starts: Array, ends: Array, here: Array, ahead: Array
 ) -> None:
@@ -302,7 +302,7 @@ def _push(
         d[i] += s3 * start + e3 * end
 
 
-@njit(cache=True, error_model="numpy", fastmath=True)
+@compiled_fastmath
 def _turn(tile: Array, rows: Array, down: int, across: int) -> None:
     """Write the transpose of `tile` to `rows` from [down, across] on."""
     for i in range(tile.shape[1]):
@@ -310,7 +310,7 @@ def _turn(tile: Array, rows: Array, down: int, across: int) -> None:
             rows[down + i, across + j] = tile[j, i]
 
 
-@njit(cache=True, error_model="numpy", fastmath=True)
+@compiled_fastmath
 def responses(
     packed: Array, parts: tuple[Array, Array, Array, Array], rows: Array, down: int, across: int
 ) -> None:
@@ -364,7 +364,7 @@ def responses(
             _turn(tile[: at + 2], rows, down, across + 2 * (k - k % TILE))
 
 
-@njit(cache=True, error_model="numpy", fastmath=True)
+@compiled_fastmath
 def add_outer(result: Array, left: Array, right: Array) -> None:
     """Add to `result` (m, s, c) the outer product of each row of `left` (m, s) and of `right` (m, c).
 
@@ -378,7 +378,7 @@ def add_outer(result: Array, left: Array, right: Array) -> None:
                     result[k, i, c] += left[k, i] * factor
 
 
-@njit(cache=True, error_model="numpy", fastmath=True)
+@compiled_fastmath
 def cholesky(matrix: Array) -> Array:
     """Lower factor of a positive definite matrix (P, P); NaN where it is none. One thread, no wait for others."""
     factor = matrix.copy()
@@ -392,7 +392,7 @@ def cholesky(matrix: Array) -> Array:
     return factor
 
 
-@njit(cache=True, error_model="numpy")
+@compiled
 def driven(transition: Array, forcing: Array, values: Array) -> Array:
     """States (n, s) of x⁺ = transition·x + forcing·value from rest, one per value (n,)."""
     states = np.zeros((values.size, transition.shape[0]))

@@ -11,8 +11,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from schwung.compiled import compiled
 from schwung.drivetrain import Machine, learned, physics, plant
-from schwung.drivetrain.compiled import compiled
 from schwung.drivetrain.kernel import value_and_slope
 from schwung.motion import Array, Demand, Motion
 

@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from schwung.drivetrain import InertiaTable, Machine, kernel, physics, plant
+from schwung.drivetrain import InertiaTable, Machine, kernel, physics, plant, residual
 from schwung.drivetrain.physics import Effects
 from schwung.errors import InputError
 from schwung.motion import Array
@@ -29,6 +29,16 @@ NOT_PLANNED = (
     "measurement_delay",
     "encoder_eccentricity",
     "extra_compliance",
+    "friction_over_angle",
+    "viscous_drift",
+    "load_dependent_friction",
+    "load_side_friction",
+    "direction_dependent_load",
+    "offset_drift",
+    "torque_constant_drop",
+    "torque_ripple",
+    "torque_filter",
+    "residual",
 )
 
 
@@ -172,7 +182,7 @@ def _heavier(model: Model, added: Callable[[Array, float], Array], by: float) ->
 
 def _model(machine: Machine, ends_rad: tuple[float, float], mean_speed_rad_s: float, limit: float) -> Model:
     body, effects = plant.plant_of(machine, None), physics.effects_of(machine.physics)
-    learned = physics.load_torque_table(machine.physics)
+    learned = residual.load_torque_table(machine.physics)
     wound = 0.0 if body.rigid else 2 * limit / body.stiffness
     beyond = wound + 0.02 * abs(ends_rad[1] - ends_rad[0])
     low, high = min(ends_rad) - beyond, max(ends_rad) + beyond

@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from schwung.drivetrain import InertiaTable
+from schwung.api.values import InertiaTable
 from schwung.errors import InputError
 from schwung.service.records import ResultRecord
 

@@ -17,8 +17,8 @@ from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any, Protocol
 
+from schwung.api.drives import Connected
 from schwung.errors import DriveError, InputError, InterruptedByUser, SchwungError
-from schwung.fieldbus.connecting import Connected
 from schwung.service.audit import Trail
 from schwung.service.lanes import Lane
 from schwung.service.proposals import Proposals
@@ -108,7 +108,7 @@ class Task:
         self.check()  # a STOP that came while it was being connected found no brake to pull
         return found
 
-    def compute(self, function: Compute, **arguments: Any) -> Any:
+    def compute(self, function: Compute, *, alone: bool = False, **arguments: Any) -> Any:
         """Run `function(**arguments, tell=…)` in a process of its own; see Workshop.run."""
         self.check()
 
@@ -117,7 +117,7 @@ class Task:
                 self._begin(text)
             self._share(share)
 
-        return self._workshop.run(function, arguments, tell, self._cancelled_while_it_goes_on)
+        return self._workshop.run(function, arguments, tell, self._cancelled_while_it_goes_on, alone=alone)
 
     def warm(self) -> None:
         """Something will be computed soon."""

@@ -15,10 +15,9 @@ from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass, replace
 
-from schwung.clock import SteppedClock
+from schwung.api.drives import Connected, Drive, DriveState, connected
+from schwung.api.watching import SteppedClock
 from schwung.errors import DriveError, SchwungError
-from schwung.fieldbus.connecting import Connected, connected
-from schwung.fieldbus.drive import Drive, DriveState
 from schwung.service.latch import Brake
 from schwung.service.records import DriveRecord
 from schwung.service.values import BusEntry

@@ -12,9 +12,9 @@ import time
 from collections.abc import Callable
 from dataclasses import dataclass
 
-from schwung.clock import SteppedClock
+from schwung.api.drives import Drive
+from schwung.api.watching import SteppedClock
 from schwung.errors import RefusedError
-from schwung.fieldbus.drive import Drive
 
 _HALTED_WITHIN_S = 5.0
 

@@ -17,8 +17,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from schwung.fieldbus.drive import Drive, LiveSamples, Watched
-from schwung.motion import Array
+from schwung.api.drives import Drive
+from schwung.api.watching import Array, LiveSamples, Watched
 
 _log = logging.getLogger("schwung.service")
 

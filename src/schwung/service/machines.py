@@ -8,7 +8,8 @@ from pathlib import Path
 
 import tomli_w
 
-from schwung.drivetrain import Machine, load_machine
+from schwung.api.computing import load_machine
+from schwung.api.values import Machine
 from schwung.errors import InputError, SchwungError
 from schwung.files import replace_file
 

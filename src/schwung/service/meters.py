@@ -24,8 +24,8 @@ from prometheus_client.core import CounterMetricFamily, GaugeMetricFamily, Histo
 from prometheus_client.metrics_core import Metric
 from prometheus_client.registry import Collector
 
-from schwung.fieldbus.canopen.traffic import JITTER_EDGES_S, Counted, Traffic
-from schwung.fieldbus.drive import Drive
+from schwung.api.drives import Drive
+from schwung.api.watching import JITTER_EDGES_S, Counted, Traffic
 
 #: Upper edges of the classes of STOP's latency (s); what is asked for is 0.1 s at the 99th percentile.
 _STOP_EDGES_S = (0.001, 0.002, 0.005, 0.01, 0.02, 0.05, 0.1, 0.2, 0.5, 1.0)

@@ -22,6 +22,15 @@ MEDIA_TYPES = {
     ".tnc": "text/plain; charset=utf-8",
     ".txt": "text/plain; charset=utf-8",
     ".st": "text/plain; charset=utf-8",
+    ".md": "text/markdown; charset=utf-8",
+    ".eds": "text/plain; charset=utf-8",
+    ".dbc": "text/plain; charset=utf-8",
+    ".log": "text/plain; charset=utf-8",
+    ".asc": "text/plain; charset=utf-8",
+    ".trc": "text/plain; charset=utf-8",
+    ".blf": "application/octet-stream",
+    ".mf4": "application/octet-stream",
+    ".parquet": "application/octet-stream",
 }
 
 

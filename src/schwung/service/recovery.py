@@ -8,7 +8,7 @@ or before somebody declines. The same is noted of a run that ended badly while w
 
 from __future__ import annotations
 
-from schwung.commissioning import read_backup
+from schwung.api.configurations import read_backup
 from schwung.errors import SchwungError
 from schwung.service.audit import Trail
 from schwung.service.requests import Request, SalvageRequest, SecureRequest

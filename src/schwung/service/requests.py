@@ -5,12 +5,9 @@ Units are SI and in the names. Ids are the store's; there is no path among the f
 
 from __future__ import annotations
 
-from pathlib import PurePosixPath
 from typing import Annotated, Any, Literal
 
 from pydantic import BaseModel, ConfigDict, Field, TypeAdapter
-
-from schwung.errors import InputError
 
 Id = Annotated[str, Field(pattern=r"^[0-9a-f]{16}$", description="An id as the service gave it.")]
 Digest = Annotated[
@@ -94,6 +91,7 @@ class DoctorRequest(Request):
 
     kind: Literal["doctor"]
     drive_id: Id
+    eds_file_id: Id | None = Field(None, description="The vendor's EDS, uploaded; default: the profile's.")
 
 
 class BackupRequest(Request):
@@ -191,10 +189,20 @@ class OptimiseRequest(Request):
     weights: dict[Literal["copper", "energy", "peak", "vibration"], Annotated[float, Field(ge=0, lt=1e9)]] = {
         "copper": 1.0
     }
+    regeneration: bool = Field(True, description="Whether braking gives energy back.")
     payloads_kgm2: Annotated[list[_Positive], Field(max_length=8)] = []
     robust: bool = False
     rivals: bool = True
     sample_rate_hz: Annotated[float, Field(ge=50, le=8000)] = 1000.0
+
+
+class OptimiseWithFrontRequest(OptimiseRequest):
+    """Find the motion that costs the least, within every limit of motor and load, with a measured table."""
+
+    front: bool = Field(
+        False,
+        description="The Pareto front, too: over time without a duration, else between two objectives.",
+    )
 
 
 class ProposePlayRequest(OptimiseRequest):
@@ -204,6 +212,78 @@ class ProposePlayRequest(OptimiseRequest):
     drive_id: Id
     against: Literal["third", "poly5", "scurve", "cosine", "cycloid"] = "third"
     repeats: Annotated[int, Field(ge=1, le=50)] = 3
+
+
+class DiffRequest(Request):
+    """Which parameters differ between a file and a drive, or another file. Reads only."""
+
+    kind: Literal["diff"]
+    file_id: Id = Field(description="A DCF, EDS, concise DCF or backup: of a run, or uploaded.")
+    drive_id: Id | None = None
+    second_file_id: Id | None = Field(None, description="Instead of a drive.")
+    eds_file_id: Id | None = Field(
+        None, description="Names and types; default: a DCF's own, else the profile's."
+    )
+    profile: Annotated[str | None, Field(max_length=80)] = None
+
+
+class ImportAsRequest(Request):
+    """Make a session of a file that was uploaded, with the columns as somebody has confirmed them."""
+
+    kind: Literal["import_as"]
+    file_id: Id
+    options: dict[str, Any] = Field({}, description="Keys of a recipe.")
+    guess: bool = Field(False, description="Propose what the options leave open; import nothing yet.")
+    dbc_file_id: Id | None = None
+    drive_id: Id | None = None
+    machine_id: Id | None = None
+
+
+class ConvertRequest(Request):
+    """A session in a format of other tools, without loss."""
+
+    kind: Literal["convert"]
+    session_id: Id
+    form: Literal["mf4", "parquet"]
+
+
+class CheckProfileRequest(Request):
+    """Does an EDS bear out what a device profile says?"""
+
+    kind: Literal["check_profile"]
+    family: Annotated[str, Field(max_length=80)]
+    eds_file_id: Id | None = Field(None, description="The vendor's, uploaded; default: the profile's.")
+
+
+class DraftProfileRequest(Request):
+    """Draft the device profile of a family from an EDS, and say what could not be found in it."""
+
+    kind: Literal["draft_profile"]
+    eds_file_id: Id
+    family: Annotated[str | None, Field(pattern=r"^[a-z0-9][a-z0-9-]{0,60}$")] = None
+
+
+class BatchRequest(Request):
+    """Estimate or explain many stored sessions anew, each with its machine; one bad file never ends it."""
+
+    kind: Literal["batch"]
+    work: Literal["estimate", "explain"] = "estimate"
+    session_ids: Annotated[list[Id], Field(max_length=10_000)] = Field([], description="Empty: all.")
+    machine_id: Id | None = Field(
+        None, description="Of all sessions; default: the machine that each was recorded with."
+    )
+    method: Annotated[str, Field(max_length=40)] = "auto"
+    inversion: Literal["complex", "magnitude"] = "complex"
+    frequency_hz: _Positive | None = None
+    points: Annotated[int, Field(ge=4, le=1000)] | None = None
+    jobs: Annotated[int, Field(ge=1, le=64)] | None = None
+
+
+class ReproduceRequest(Request):
+    """The paper's figures and Table 2 from its simulated machine, beside what it reports."""
+
+    kind: Literal["reproduce"]
+    what: Annotated[list[Annotated[str, Field(max_length=20)]], Field(max_length=20)] = ["all"]
 
 
 class Confirmed(Request):
@@ -255,43 +335,22 @@ AnyRequest = Annotated[
     | ProposeBodeRequest
     | ProposeExportRequest
     | ProposeRestoreRequest
-    | OptimiseRequest
+    | OptimiseWithFrontRequest
     | ProposePlayRequest
     | CommissionRequest
     | BodeRequest
     | PlayRequest
     | ExportRequest
-    | RestoreRequest,
+    | RestoreRequest
+    | DiffRequest
+    | ImportAsRequest
+    | ConvertRequest
+    | CheckProfileRequest
+    | DraftProfileRequest
+    | BatchRequest
+    | ReproduceRequest,
     Field(discriminator="kind"),
 ]
-
-
-class ImportRequest(Request):
-    """A file that came from outside and lies in the run's folder; asked for by an upload, never by name."""
-
-    kind: Literal["import"]
-    what: Literal["session", "recording", "configuration"]
-    name: str  # of the file in the run's folder; ours
-    machine_id: Id | None = None
-    drive_id: Id | None = None
-    options: dict[str, Any] = {}
-
-
-#: Suffixes that a file from outside may have, and the name that it gets.
-_IMPORTS = {
-    "session": {".h5": "upload.h5"},
-    "recording": {suffix: f"recording{suffix}" for suffix in (".csv", ".txt", ".mat", ".mf4", ".parquet")},
-    "configuration": {".dcf": "drive.dcf", ".bin": "drive.bin", ".json": "drive.backup.json"},
-}
-
-
-def import_name(what: str, name: str) -> str:
-    """Our name for a file from outside. Raises InputError where its suffix does not belong to what it shall be."""
-    known = _IMPORTS[what]
-    suffix = PurePosixPath(name.replace("\\", "/")).suffix.lower()
-    if suffix not in known:
-        raise InputError("file", f"has a suffix that no {what} has", f"Send one of: {', '.join(known)}.")
-    return known[suffix]
 
 
 class SalvageRequest(Request):

@@ -22,9 +22,11 @@ from typing import Any, BinaryIO, Self
 
 from pydantic import ValidationError
 
+from schwung.api.drives import Drive
 from schwung.errors import InputError, RefusedError, SchwungError
-from schwung.fieldbus.drive import Drive
 from schwung.service.audit import Trail
+from schwung.service.families import require_family
+from schwung.service.incoming import ImportRequest, import_name, require_no_files
 from schwung.service.jobs import Jobs, Shared
 from schwung.service.lanes import DriveStatus, Lane
 from schwung.service.latch import Latch, Stopped
@@ -33,7 +35,7 @@ from schwung.service.meters import Meters
 from schwung.service.proposals import Proposals
 from schwung.service.records import DriveRecord
 from schwung.service.recovery import has_recording, note_left, recover
-from schwung.service.requests import Confirmed, ImportRequest, SalvageRequest, import_name, parse_request
+from schwung.service.requests import Confirmed, SalvageRequest, parse_request
 from schwung.service.store import NotFoundError, Store, now
 from schwung.service.values import RunView, Settings
 from schwung.service.work import KINDS
@@ -63,7 +65,8 @@ class Service:
         store = self.store
         self._looks: dict[str, Callable[[str], object]] = {  # what a request may name has to be there
             "machine_id": store.machine, "session_id": store.session, "estimate_id": store.estimate,
-            "file_id": store.file, "bode_run_id": store.run, "run_id": store.run,
+            "file_id": store.file, "bode_run_id": store.run, "run_id": store.run, "second_file_id": store.file,
+            "eds_file_id": store.file, "dbc_file_id": store.file,
         }  # fmt: skip
         self.live = Live(self._connected_drives)
         self.meters = Meters(self._named_drives, self.store.count_runs)
@@ -135,18 +138,15 @@ class Service:
         if isinstance(asked, Confirmed):
             made = self.proposals.look(asked.proposal_id, kind_name, asked.digest)
             drive_id, machine_id = made.drive_id, made.machine_id
-        for name, look in self._looks.items():
-            if (wanted := getattr(asked, name, None)) is not None:
-                look(wanted)
+        self._look_for(asked)
         drive = None if drive_id is None else self.store.drive(drive_id)
         if kind.acts and kind_name != "restore" and drive is not None and self.store.unsettled(drive.id):
             raise RefusedError(
                 f"drive {drive.name}", "holds parameters that an interrupted run has changed",
                 "Put them back (propose_restore, restore), or decline that, first.",
             )  # fmt: skip
-        lane = None
-        if kind.on_bus:
-            lane = self._lane(asked.bus if drive is None else drive.bus)
+        bus = getattr(asked, "bus", None) if drive is None else drive.bus
+        lane = self._lane(bus) if kind.on_bus and bus is not None else None
         if drive is not None and machine_id is None:
             machine_id = drive.machine_id
         run = self.store.add_run(asked.kind, asked.model_dump(mode="json"), who, drive_id, machine_id)
@@ -154,30 +154,31 @@ class Service:
             self.trail.add(who, asked.kind, drive_id, run.id, request=run.request)
         return self._jobs.submit(run, asked, kind.work, lane)
 
-    def bring(
-        self, content: BinaryIO, name: str, what: str, options: Mapping[str, Any], machine_id: str | None,
-        drive_id: str | None, who: str,
-    ) -> RunView:  # fmt: skip
-        """Accept a file from outside, as a run of the kind "import". `name` tells its form by its suffix and no more.
+    def _look_for(self, asked: Any) -> None:
+        """Raise NotFoundError where a request names what is not there."""
+        for name, look in self._looks.items():
+            if (wanted := getattr(asked, name, None)) is not None:
+                look(wanted)
 
-        Raises InputError for a suffix that does not belong to `what`, or options that name files; NotFoundError.
+    def bring(self, content: BinaryIO, name: str, told: Mapping[str, Any], who: str) -> RunView:
+        """Accept a file from outside, as a run of the kind "import". `name` tells its form by its suffix and no more;
+        `told`: the fields of ImportRequest.
+
+        Raises InputError for a suffix that does not belong to what it shall be, or options that name files;
+        NotFoundError.
         """
-        own_name = import_name(what, name)
-        if taken := {"files", "dbc"} & set(options):
-            raise InputError(
-                f"options.{min(taken)}", "names files, which nobody may from here", "Leave it out."
-            )
-        if machine_id is not None:
-            self.store.machine(machine_id)
-        if drive_id is not None:
-            self.store.drive(drive_id)
         asked = ImportRequest.model_validate(
-            {"kind": "import", "what": what, "name": own_name, "machine_id": machine_id, "drive_id": drive_id,
-             "options": dict(options)}
-        )  # fmt: skip
-        run = self.store.add_run("import", asked.model_dump(mode="json"), who, drive_id, machine_id)
+            {**told, "kind": "import", "name": import_name(told["what"], name)}
+        )
+        require_no_files(asked.options)
+        self._look_for(asked)
+        if asked.drive_id is not None:
+            self.store.drive(asked.drive_id)
+        run = self.store.add_run(
+            "import", asked.model_dump(mode="json"), who, asked.drive_id, asked.machine_id
+        )
         try:
-            with (self.store.run_folder(run.id) / own_name).open("wb") as target:
+            with (self.store.run_folder(run.id) / asked.name).open("wb") as target:
                 shutil.copyfileobj(content, target)
         except OSError as error:
             self.store.end_run(run.id, "failed", None, {"type": "InputError", "text": "could not be kept"})
@@ -373,15 +374,6 @@ class Service:
                 listener(change)
             except Exception:
                 _log.exception("a listener failed")
-
-
-def require_family(profile: str) -> None:
-    """Raise InputError where there is no device profile of that name: no path is taken for one."""
-    from schwung.fieldbus.profile import list_profiles  # noqa: PLC0415
-
-    families = [found.family for found in list_profiles()]
-    if profile not in families:
-        raise InputError("profile", "there is no such family", f"There are: {', '.join(families)}.")
 
 
 def _remove(folder: Path) -> None:

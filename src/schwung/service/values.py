@@ -9,8 +9,8 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Literal
 
+from schwung.api.drives import BusOptions
 from schwung.errors import InputError
-from schwung.fieldbus.canopen import BusOptions
 
 RunState = Literal["queued", "running", "done", "failed", "cancelled", "interrupted"]
 #: States that nothing follows.

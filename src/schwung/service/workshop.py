@@ -51,9 +51,16 @@ class Workshop:
                 self._idle.append(_Process(self._context))
 
     def run(
-        self, function: Compute, arguments: Mapping[str, Any], tell: Tell, cancelled: Callable[[], bool]
+        self,
+        function: Compute,
+        arguments: Mapping[str, Any],
+        tell: Tell,
+        cancelled: Callable[[], bool],
+        *,
+        alone: bool = False,
     ) -> Any:
-        """Run `function(**arguments, tell=…)` elsewhere and wait for it.
+        """Run `function(**arguments, tell=…)` elsewhere and wait for it. `alone`: in a process that ends with it,
+        and may have processes of its own.
 
         Raises what it raises where that is a SchwungError, KeyboardInterrupt when `cancelled` says so, ComputeError
         else.
@@ -61,7 +68,8 @@ class Workshop:
         with self._lock:
             if self._closed:
                 raise KeyboardInterrupt
-            process = self._idle.pop() if self._idle else _Process(self._context)
+            idle = self._idle and not alone
+            process = self._idle.pop() if idle else _Process(self._context, alone=alone)
             self._busy.add(process)
         keep = False
         try:
@@ -74,7 +82,7 @@ class Workshop:
         finally:
             with self._lock:
                 self._busy.discard(process)
-                keep = keep and not self._closed and not self._idle
+                keep = keep and not alone and not self._closed and not self._idle
                 if keep:
                     self._idle.append(process)
             if not keep:
@@ -91,10 +99,10 @@ class Workshop:
 
 
 class _Process:
-    def __init__(self, context: Any) -> None:
+    def __init__(self, context: Any, *, alone: bool = False) -> None:
         self._ours, theirs = context.Pipe()
         self._process: BaseProcess = context.Process(
-            target=_serve, args=(theirs,), name="schwung compute", daemon=True
+            target=_serve, args=(theirs,), name="schwung compute", daemon=not alone
         )
         self._process.start()
         theirs.close()
@@ -143,7 +151,7 @@ def _serve(pipe: Connection) -> None:
     if hasattr(os, "nice"):
         os.nice(_NICE)
     threading.Thread(target=_end_with_parent, daemon=True).start()
-    import schwung.estimation  # noqa: F401, PLC0415  # what most works need, before the first one comes
+    import schwung.api.computing  # noqa: F401, PLC0415  # what most works need, before the first one comes
 
     while True:
         try:

@@ -19,6 +19,11 @@ _GROUPS = (
     ("stribeck_rise_nm", "stribeck_speed_rad_s", "stribeck_exponent"),
     ("local_friction_nm", "local_centre_rad", "local_width_rad", "local_sharpness"),
     ("drift_nm", "drift_settling", "session_share"),
+    ("viscous_drift_nms", "session_share"),
+    ("offset_drift_nm", "session_share"),
+    ("torque_drop", "torque_drop_at_nm"),
+    ("ripple_share", "ripple_order", "ripple_phase_rad"),
+    ("torque_filter_s",),
     ("load_amplitude_nm", "load_phase_rad"),
     ("event_peak_nm", "event_time_s", "event_duration_s", "event_sharpness", "motion_start_s"),
     ("periodic_amplitude_nm", "periodic_frequency_hz", "periodic_phase_rad"),
@@ -69,9 +74,10 @@ def equations(told: Exported) -> Equations:
         ),
         *([Equation("dry", f"max({dry}, 0)", "dry friction's level, N.m")] if dry else []),
         Equation("friction", _friction(here, bool(dry)), "of the motor, N.m"),
-        *_ripple(here),
-        Equation("inertia", _inertia(here, "value"), "of the load at its angle, kg.m2"),
-        Equation("inertia_slope", _inertia(here, "slope"), "kg.m2/rad"),
+        *_ways(told, here),
+        *_ripple(told, here),
+        Equation("inertia", _inertia(told, here, "value"), "of the load at its angle, kg.m2"),
+        Equation("inertia_slope", _inertia(told, here, "slope"), "kg.m2/rad"),
         Equation("outside", _outside(told, here), "what acts on the load, N.m"),
         *_third(here),
         *_moving(told, here, e),
@@ -101,18 +107,42 @@ def _present(told: Exported) -> frozenset[str]:
     for group in _GROUPS:
         if getattr(e, group[0]) != 0:
             here |= set(group)
+    here -= {"torque_filter_s"}  # of the report alone
+    here |= (
+        {"session_share"} if told.has("residual_run_forward") or told.has("residual_run_backward") else set()
+    )
+    here |= {"motion_start_s"} if told.has("residual_time_in_motion") else set()
     here |= {"motor_inertia_kgm2", "motor_viscous_friction_nms", "load_viscous_friction_nms"}
     if not told.rigid:
         here |= {"coupling_stiffness_nm_rad", "coupling_damping_nms"}
     if told.value("load_torque_nm") != 0:
         here |= {"load_torque_nm"}
-    if _dry(frozenset(here)):
+    if _dry(frozenset(here)) or _gated(told) or {"carried_share", "load_coulomb_nm"} & here:
         here |= {"smoothing_rad_s"}
     return frozenset(here)
 
 
+_GATED = ("position", "speed", "torque", "run", "load_position")
+
+
+def _gated(told: Exported) -> list[str]:
+    """Coordinates of the learned tables that ask for the direction of motion."""
+    return [
+        over
+        for over in _GATED
+        if told.has(f"residual_{over}_forward") or told.has(f"residual_{over}_backward")
+    ]
+
+
+def _sided(over: str, where: str, way: str) -> str:
+    forward, backward = f"residual_{over}_forward_rows", f"residual_{over}_backward_rows"
+    return f"curve_value({forward}, {where})*max({way}, 0) + curve_value({backward}, {where})*max(-{way}, 0)"
+
+
 def _shaft_torque(here: frozenset[str]) -> list[Equation]:
     wanted = "torque_gain*torque" if "torque_gain" in here else "torque"
+    if "torque_drop" in here:
+        wanted += " - torque_drop*abs(torque)*torque/torque_drop_at_nm"
     if "torque_limit_nm" in here:
         wanted = f"min(max({wanted}, -torque_limit_nm), torque_limit_nm)"
     if "torque_lag_s" not in here:
@@ -138,6 +168,7 @@ def _dry(here: frozenset[str]) -> str:
 
 def _friction(here: frozenset[str], dry: bool) -> str:
     viscous = ["motor_viscous_friction_nms", *(["viscous_nms"] if "viscous_nms" in here else [])]
+    viscous += ["session_share*viscous_drift_nms"] if "viscous_drift_nms" in here else []
     viscous += ["drag_nms2*abs(motor_speed)"] if "drag_nms2" in here else []
     text = f"({' + '.join(viscous)})*motor_speed" if len(viscous) > 1 else f"{viscous[0]}*motor_speed"
     if "viscous_difference_nms" in here:
@@ -145,8 +176,29 @@ def _friction(here: frozenset[str], dry: bool) -> str:
     return text + (" + dry*tanh(motor_speed/smoothing_rad_s)" if dry else "")
 
 
-def _ripple(here: frozenset[str]) -> list[Equation]:
+def _ways(told: Exported, here: frozenset[str]) -> list[Equation]:
+    """Directions of motion, where they are asked for."""
+    gated = _gated(told)
+    lines = []
+    if "carried_share" in here or set(gated) - {"load_position"}:
+        lines.append(Equation("way", "tanh(motor_speed/smoothing_rad_s)", "direction of the motor, -1 to 1"))
+    if "load_coulomb_nm" in here or "load_position" in gated:
+        lines.append(Equation("load_way", "tanh(load_speed/smoothing_rad_s)", "direction of the load"))
+    return lines
+
+
+def _ripple(told: Exported, here: frozenset[str]) -> list[Equation]:
     parts = ["offset_nm"] if "offset_nm" in here else []
+    parts += ["session_share*offset_drift_nm"] if "offset_drift_nm" in here else []
+    if "ripple_share" in here:
+        parts.append("acting*ripple_share*sin(ripple_order*motor_angle + ripple_phase_rad)")
+    where = {
+        "position": "motor_angle",
+        "speed": "abs(motor_speed)",
+        "torque": "abs(acting)",
+        "run": "session_share",
+    }
+    parts += [_sided(over, where[over], "way") for over in _gated(told) if over in where]
     if "cogging_amplitude_nm" in here:
         parts.append("cogging_amplitude_nm*sin(cogging_order*motor_angle + cogging_phase_rad)")
     if "periodic_amplitude_nm" in here:
@@ -155,11 +207,13 @@ def _ripple(here: frozenset[str]) -> list[Equation]:
     return [Equation("ripple", " + ".join(parts), "what else acts on the motor, N.m")] if parts else []
 
 
-def _inertia(here: frozenset[str], what: str) -> str:
+def _inertia(told: Exported, here: frozenset[str], what: str) -> str:
     at = "load_angle + inertia_shift_rad" if "inertia_shift_rad" in here else "load_angle"
     text = f"curve_{what}(inertia_rows, {at})"
     if "inertia_scale" in here:
         text = f"inertia_scale*{text}"
+    if told.has("inertia_added"):
+        text += f" + curve_{what}(inertia_added_rows, load_angle)"
     return f"{text} + inertia_delta_kgm2" if what == "value" and "inertia_delta_kgm2" in here else text
 
 
@@ -174,7 +228,12 @@ def _outside(told: Exported, here: frozenset[str]) -> str:
     if "event_peak_nm" in here:
         since = "(time - motion_start_s - event_time_s)/event_duration_s"
         parts.append(f"event_peak_nm*bump({since}, event_sharpness)")
-    return " + ".join(parts) or "0"
+    if told.has("residual_time_in_motion"):
+        parts.append("curve_value(residual_time_in_motion_rows, time - motion_start_s)")
+    if "load_position" in _gated(told):
+        parts.append(_sided("load_position", "load_angle", "load_way"))
+    resisted = " - load_coulomb_nm*load_way" if "load_coulomb_nm" in here else ""
+    return (" + ".join(parts) or "0") + resisted
 
 
 def _third(here: frozenset[str]) -> list[Equation]:
@@ -191,12 +250,30 @@ def _third(here: frozenset[str]) -> list[Equation]:
 
 
 def _moving(told: Exported, here: frozenset[str], e: Effects) -> list[Equation]:
-    motor = "acting - friction" + (" + ripple" if _ripple(here) else "")
+    motor = "acting - friction" + (" + ripple" if _ripple(told, here) else "")
     load = "outside - load_viscous_friction_nms*load_speed - 0.5*inertia_slope*load_speed^2"
     load += " - passed" if "third_inertia_kgm2" in here else ""
     angle = Equation("motor_angle", "motor_speed", derivative=True)
+    curved = told.has("residual_acceleration")
+
+    def divided(torque: str, inertia: str) -> str:
+        if curved:
+            return f"accelerated(residual_acceleration_rows, {torque}, {inertia})"
+        return f"({torque})/{inertia if inertia.isidentifier() else f'({inertia})'}"
+
+    if told.rigid and "carried_share" in here:
+        return [
+            Equation("both", f"{motor} + {load}", "on motor and load, N.m"),
+            Equation(
+                "lost",
+                "sided(both, carried_share, -carried_share)*way*inertia",
+                "of gears, as an inertia",
+            ),
+            angle,
+            Equation("motor_speed", divided("both", "motor_inertia_kgm2 + inertia + lost"), derivative=True),
+        ]
     if told.rigid:
-        both = f"({motor} + {load})/(motor_inertia_kgm2 + inertia)"
+        both = divided(f"{motor} + {load}", "motor_inertia_kgm2 + inertia")
         return [angle, Equation("motor_speed", both, derivative=True)]
     k = "stiffness_nm_rad" if e.stiffness_nm_rad > 0 else "coupling_stiffness_nm_rad"
     d = "damping_nms" if e.damping_nms >= 0 else "coupling_damping_nms"
@@ -204,12 +281,13 @@ def _moving(told: Exported, here: frozenset[str], e: Effects) -> list[Equation]:
     shaft = f"{k}*twist + {d}*twist_speed" + ("" if cubic == "0" else f" + {cubic}*twist^3")
     if "gap_rad" in here:
         shaft = f"push(twist, twist_speed, {k}, {d}, {cubic}, gap_rad)"
+    lost = " - carried_share*abs(shaft)*way" if "carried_share" in here else ""
     return [
         Equation("twist", "motor_angle - load_angle", "of the coupling, rad"),
         Equation("twist_speed", "motor_speed - load_speed", "rad/s"),
         Equation("shaft", shaft, "torque of the coupling, N.m"),
         angle,
-        Equation("motor_speed", f"({motor} - shaft)/motor_inertia_kgm2", derivative=True),
+        Equation("motor_speed", f"({motor} - shaft{lost})/motor_inertia_kgm2", derivative=True),
         Equation("load_angle", "load_speed", derivative=True),
-        Equation("load_speed", f"({load} + shaft)/inertia", derivative=True),
+        Equation("load_speed", divided(f"{load} + shaft", "inertia"), derivative=True),
     ]

@@ -14,7 +14,15 @@ from schwung.drivetrain import plant
 from schwung.drivetrain.inertia import InertiaTable, LoadTorqueTable
 from schwung.drivetrain.learned import shaft_torque
 from schwung.drivetrain.machine import Machine
-from schwung.drivetrain.physics import PHYSICS, Effects, check_physics, effects_of, load_torque_table
+from schwung.drivetrain.physics import PHYSICS, Effects, check_physics, effects_of
+from schwung.drivetrain.residual import (
+    OVER,
+    UNDIRECTED,
+    inertia_added,
+    inertia_points,
+    load_torque_table,
+    residuals_of,
+)
 from schwung.errors import InputError
 from schwung.motion import Array, Demand
 
@@ -64,6 +72,8 @@ class Exported:
     inertia: Array
     load_torque: Array
     learned_load_torque: Array
+    inertia_added: Array
+    residuals: Mapping[str, Array]  # residual_<coordinate>, with _forward and _backward where that matters
     at_rest: Mapping[
         str, float
     ]  # every state at the start angle, and `acting`, the torque that holds it there
@@ -75,7 +85,13 @@ class Exported:
             "inertia": self.inertia,
             "load_torque": self.load_torque,
             "learned_load_torque": self.learned_load_torque,
+            "inertia_added": self.inertia_added,
+            **self.residuals,
         }
+
+    def has(self, table: str) -> bool:
+        """Whether a table does anything."""
+        return bool(np.any(self.tables[table][:, 1]))
 
     def value(self, name: str) -> float:
         """The value of one parameter."""
@@ -114,6 +130,8 @@ def exported(machine: Machine, start_rad: float | None = None) -> Exported:
         inertia=_level(constant) if table is None else _rows(table.position_rad, table.inertia_kgm2),
         load_torque=_torque_rows(given),
         learned_load_torque=_torque_rows(found),
+        inertia_added=_added(machine),
+        residuals=_residuals(machine),
         at_rest={name: float(value) for name, value in masses._asdict().items()} | {"acting": float(acting)},
     )
 
@@ -177,6 +195,8 @@ _WORDS = {
     "torque_gain": "torque_constant: torque on the shaft over torque reported",
     "stiffness_nm_rad": "coupling_stiffness: in place of the believed one; 0: that",
     "damping_nms": "coupling_damping: in place of the believed one; negative: that",
+    "carried_share": "load_dependent_friction: share of the torque that the shaft carries",
+    "torque_filter_s": "torque_filter: of what the drive reports; has no part in this model",
     "inertia_shift_rad": "inertia_profile_shift: the inertia is the table's at angle + shift",
     "event_time_s": "load_event: after motion_start_s",
     "eccentricity_rad": "encoder_eccentricity: reported angle = angle + amplitude sin(angle + phase)",
@@ -193,6 +213,25 @@ def _origin(field: str) -> str:
         or (one.field == "coulomb" and field in ("coulomb_positive_nm", "coulomb_negative_nm"))
     ]
     return ", ".join(found) or field
+
+
+def _added(machine: Machine) -> Array:
+    """What learned profiles add to the inertia."""
+    points = np.unique(inertia_points(machine.physics))
+    return _rows(points, inertia_added(machine.physics, points)) if points.size else _level(0.0)
+
+
+def _residuals(machine: Machine) -> dict[str, Array]:
+    """Learned torques that are tables, zero where there is none."""
+    found, tables = residuals_of(machine.physics), {}
+    for over in OVER:
+        one = found.get(over)
+        ends = ("",) if over in UNDIRECTED else ("_forward", "_backward")
+        for end in ends:
+            values = None if one is None else one.backward_nm if end == "_backward" else one.forward_nm
+            rows = _level(0.0) if one is None or values is None else _rows(one.x, values)
+            tables[f"residual_{over}{end}"] = rows
+    return tables
 
 
 def _level(value: float) -> Array:

@@ -42,6 +42,15 @@ function [u, c] = piece(rows, angle)
   c = [(a(3) + b(3) - 2*secant)/width^2, (3*secant - 2*a(3) - b(3))/width, a(3), a(2)];
 end
 """,
+    "accelerated": """\
+function a = accelerated(rows, torque, inertia)
+% Acceleration a with inertia*a = torque + curve(a): Newton.
+  a = torque/inertia;
+  for i = 1:8
+    a = a + (torque + curve_value(rows, a) - inertia*a)/max(inertia - curve_slope(rows, a), 0.1*inertia);
+  end
+end
+""",
     "bump": """\
 function height = bump(share, sharpness)
 % 1 in the middle of 0..1, 0 at the ends and beyond: a raised cosine to a power.

@@ -83,6 +83,23 @@ _FUNCTIONS = {
     end if;
   end curve_slope;
 """,
+    "accelerated": """\
+  function accelerated "Acceleration a with inertia*a = torque + curve(a): Newton"
+    input Real rows[:, 3];
+    input Real torque;
+    input Real inertia;
+    output Real a;
+  protected
+    Integer step;
+  algorithm
+    a := torque/inertia;
+    step := 0;
+    while step < 8 loop
+      a := a + (torque + curve_value(rows, a) - inertia*a)/max(inertia - curve_slope(rows, a), 0.1*inertia);
+      step := step + 1;
+    end while;
+  end accelerated;
+""",
     "bump": """\
   function bump "1 in the middle of 0..1, 0 at the ends and beyond: a raised cosine to a power"
     input Real share;

@@ -15,8 +15,8 @@ from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 
+from schwung.compiled import compiled
 from schwung.drivetrain.inertia import InertiaTable
 from schwung.drivetrain.machine import Machine
 from schwung.estimation.inversion import two_mass_response
@@ -181,7 +181,7 @@ def _sensitivity(machine: Machine, frequency_hz: float, inertia_kgm2: float) -> 
     return float(abs(response[2] - response[0])) / 0.02, float(abs(response[1]))
 
 
-@njit(cache=True, error_model="numpy")
+@compiled
 def _slope(state: Array, torque: float, p: Params, out: Array) -> None:
     """Time derivative of speeds and wind-up, into `out`."""
     load_inertia = math.exp(state[LOG_INERTIA])
@@ -197,7 +197,7 @@ def _slope(state: Array, torque: float, p: Params, out: Array) -> None:
     out[TWIST] = state[ROTOR] - state[LOAD]
 
 
-@njit(cache=True, error_model="numpy")
+@compiled
 def advance(state: Array, before: float, after: float, p: Params, out: Array, work: Array) -> None:
     """One sample on, torque going straight from `before` to `after`; Runge-Kutta, fourth order.
 
@@ -223,7 +223,7 @@ def advance(state: Array, before: float, after: float, p: Params, out: Array, wo
             out[k] += h / 6 * (work[0, k] + 2 * work[1, k] + 2 * work[2, k] + work[3, k])
 
 
-@njit(cache=True, error_model="numpy")
+@compiled
 def _speed(torque: Array, log_inertia: Array, p: Params) -> Array:
     """The rotor's speed (n,) from rest, with ln J_l (n,) as given, straight torque between samples."""
     state, after, work = np.zeros(STATES), np.empty(STATES), np.empty((5, STATES))

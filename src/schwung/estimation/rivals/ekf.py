@@ -12,8 +12,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numba import njit
 
+from schwung.compiled import compiled
 from schwung.estimation.rivals.augmented import (
     LOG_INERTIA,
     ROTOR,
@@ -37,7 +37,7 @@ class ExtendedKalman(AugmentedKalman):
         return np.asarray(_filter(*run.arguments))
 
 
-@njit(cache=True, error_model="numpy")
+@compiled
 def _filter(
     torque: Array, speed: Array, start: Array, covariance: Array, process: Array, variance: float, p: Params
 ) -> Array:
@@ -77,7 +77,7 @@ def _filter(
     return found
 
 
-@njit(cache=True, error_model="numpy")
+@compiled
 def _sandwich(matrix: Array, covariance: Array, half: Array) -> None:
     """covariance ← matrix · covariance · matrixᵀ, kept symmetric; `half` is scratch."""
     for a in range(STATES):

@@ -15,8 +15,8 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numba import njit
 
+from schwung.compiled import compiled
 from schwung.estimation.inversion import invert_complex, invert_magnitude
 from schwung.estimation.methods import Outcome, Task
 from schwung.estimation.rivals.common import age_s, labelled, memory_s, started
@@ -83,7 +83,7 @@ def steady_gain(turn_rad: Array, keep: float, samples: int) -> ComplexArray:
     return np.asarray(gain[: turn_rad.size] + 1j * gain[turn_rad.size :])
 
 
-@njit(cache=True, error_model="numpy")
+@compiled
 def _filter(values: Array, turn: Array, gain_real: Array, gain_imaginary: Array) -> Array:
     """Predict by turning each state, correct by the gain; the last oscillator's state, (n, 2)."""
     count = turn.size

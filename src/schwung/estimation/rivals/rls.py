@@ -11,8 +11,8 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numba import njit
 
+from schwung.compiled import compiled
 from schwung.estimation.methods import Outcome, Task
 from schwung.estimation.rivals.common import age_s, labelled, memory_s, started
 from schwung.estimation.rivals.loadside import load_side
@@ -55,7 +55,7 @@ def recursive_least_squares(regressors: Array, values: Array, forgetting: float)
     return np.asarray(_recursion(regressors / scale, values, forgetting) / scale)
 
 
-@njit(cache=True, error_model="numpy")
+@compiled
 def _recursion(regressors: Array, values: Array, forgetting: float) -> Array:
     n, p = regressors.shape
     found = np.zeros((n, p))

@@ -12,8 +12,8 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from numba import njit
 
+from schwung.compiled import compiled
 from schwung.estimation.rivals.augmented import (
     LOG_INERTIA,
     ROTOR,
@@ -39,7 +39,7 @@ class SigmaPoint(AugmentedKalman):
         return np.asarray(_filter(*run.arguments))
 
 
-@njit(cache=True, error_model="numpy")
+@compiled
 def _filter(
     torque: Array, speed: Array, start: Array, covariance: Array, process: Array, variance: float, p: Params
 ) -> Array:
@@ -70,7 +70,7 @@ def _filter(
     return found
 
 
-@njit(cache=True, error_model="numpy")
+@compiled
 def _moments(points: Array, process: Array, mean: Array, covariance: Array) -> None:
     """Mean and covariance of the points, into `mean` and `covariance`; the process noise is added."""
     for a in range(STATES):
@@ -84,7 +84,7 @@ def _moments(points: Array, process: Array, mean: Array, covariance: Array) -> N
                 covariance[a, b] += (points[k, a] - mean[a]) * (points[k, b] - mean[b]) / POINTS
 
 
-@njit(cache=True, error_model="numpy")
+@compiled
 def _square_root(covariance: Array, root: Array) -> None:
     """Lower Cholesky factor; a direction without any variance (rounding may make it negative) gets none."""
     for a in range(STATES):

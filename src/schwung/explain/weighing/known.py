@@ -6,10 +6,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from schwung.drivetrain.compiled import compiled
+from schwung.compiled import compiled
 from schwung.drivetrain.inertia import InertiaTable, LoadTorqueTable
 from schwung.drivetrain.machine import Coupling, Load, Machine
-from schwung.drivetrain.physics import Effects, effects_of, load_torque, load_torque_table, motor_torque
+from schwung.drivetrain.physics import Effects, effects_of, load_torque, motor_torque
+from schwung.drivetrain.residual import load_torque_table
 from schwung.explain.weighing.along import Along
 from schwung.innovations.effect import Effect
 from schwung.motion import Array

@@ -121,7 +121,7 @@ def open_bus(options: BusOptions) -> can.BusABC:
     if options.log is None:
         return bus
     try:
-        return LoggedBus(bus, options.log)
+        return LoggedBus(bus, options.log, str(config.get("channel") or ""))
     except BaseException:
         bus.shutdown()
         raise

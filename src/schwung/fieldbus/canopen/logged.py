@@ -17,6 +17,7 @@ from can.io.logger import MESSAGE_WRITERS
 from can.io.player import MESSAGE_READERS
 
 from schwung.clock import clock_of
+from schwung.clock.python_can import with_mf4
 from schwung.errors import InputError
 
 _WRITE_EVERY_S = 0.05
@@ -53,11 +54,14 @@ class LoggedBus(can.BusABC):
     A log that cannot be written on, as on a full disk, disturbs nothing: it is told when the bus is shut down.
     """
 
-    def __init__(self, inner: can.BusABC, path: Path) -> None:
-        self._inner, self.log_path = inner, free_name(path)
+    def __init__(self, inner: can.BusABC, path: Path, channel: str = "") -> None:
+        # what we send names no channel, and readers would take it for another bus
+        self._inner, self.log_path, self._named = inner, free_name(path), "_".join(channel.split()) or None
         self._clock = clock_of(inner)
         self._noted: deque[tuple[float, bool, can.Message]] = deque()  # stamp, whether received, frame
         self._trouble: Exception | None = None
+        if path.suffix.lower() == ".mf4":
+            with_mf4()
         try:
             self._writer: MessageWriter = can.Logger(self.log_path)
         except (can.CanError, OSError, ValueError, ImportError) as error:
@@ -110,7 +114,7 @@ class LoggedBus(can.BusABC):
             if self._trouble is not None:
                 continue
             try:
-                self._writer.on_message_received(_stamped(frame, stamp_s, is_rx))
+                self._writer.on_message_received(_stamped(frame, stamp_s, is_rx, self._named))
             except (OSError, ValueError, can.CanError) as error:
                 self._trouble = error
 
@@ -132,14 +136,14 @@ class LoggedBus(can.BusABC):
         under_way.add_note(str(told))
 
 
-def _stamped(frame: can.Message, stamp_s: float, is_rx: bool) -> can.Message:
+def _stamped(frame: can.Message, stamp_s: float, is_rx: bool, channel: str | None) -> can.Message:
     return can.Message(
         timestamp=stamp_s,
         is_rx=is_rx,
         arbitration_id=frame.arbitration_id,
         data=frame.data,
         dlc=frame.dlc,
-        channel=frame.channel,
+        channel=channel or frame.channel,
         is_extended_id=frame.is_extended_id,
         is_remote_frame=frame.is_remote_frame,
         is_error_frame=frame.is_error_frame,

@@ -5,11 +5,14 @@ from __future__ import annotations
 from typing import Annotated, Any
 
 from fastapi import APIRouter, Request
+from fastapi import Path as PathField
 from fastapi.responses import PlainTextResponse
 from pydantic import BaseModel, Field
 
+from schwung.api.profiles import CAPABILITIES, DeviceProfile, left_to_you, list_profiles, load_profile
 from schwung.errors import InputError
 from schwung.service.api.models import DriveModel, MachineModel
+from schwung.service.families import require_family
 from schwung.service.requests import Id
 from schwung.service.requests import Request as Asked
 from schwung.service.service import Service
@@ -44,6 +47,51 @@ class NewMachine(Asked):
     toml: Annotated[str, Field(max_length=262_144)]
     inertia_table: Annotated[str | None, Field(max_length=2_000_000, description="CSV")] = None
     torque_table: Annotated[str | None, Field(max_length=2_000_000, description="CSV")] = None
+
+
+class ProfileModel(BaseModel):
+    """A family of drives; `verified`: on hardware, or on the bench only."""
+
+    family: str
+    name: str
+    protocol: str
+    verified: str
+
+    @classmethod
+    def of(cls, profile: DeviceProfile) -> ProfileModel:
+        """As told."""
+        return cls(
+            family=profile.family, name=profile.name, protocol=profile.protocol, verified=profile.verified
+        )
+
+
+class CapabilityModel(BaseModel):
+    """What a family offers, or why not."""
+
+    name: str
+    offered: bool
+    reason: str
+
+
+class FamilyModel(BaseModel):
+    """A family in full: its profile.toml as JSON, its capabilities, and the units that are left to the user."""
+
+    profile: dict[str, Any]
+    capabilities: list[CapabilityModel]
+    left_to_you: dict[str, str]
+
+    @classmethod
+    def of(cls, profile: DeviceProfile) -> FamilyModel:
+        """As told."""
+        offered = {name: profile.offers(name) for name in CAPABILITIES}
+        return cls(
+            profile=profile.model_dump(mode="json"),
+            capabilities=[
+                CapabilityModel(name=name, offered=yes, reason="" if yes else profile.reason(name))
+                for name, yes in offered.items()
+            ],
+            left_to_you=left_to_you(profile),
+        )
 
 
 class BusModel(BaseModel):
@@ -91,6 +139,17 @@ def router(service: Service, who: Any) -> APIRouter:
     @routes.delete("/drives/{drive_id}", status_code=204, summary="Take a drive from the list; its runs stay")
     def archive(request: Request, drive_id: Id) -> None:
         service.archive_drive(drive_id, who(request))
+
+    @routes.get("/profiles", summary="Device profiles: families of drives")
+    def profiles() -> list[ProfileModel]:
+        return [ProfileModel.of(one) for one in list_profiles()]
+
+    @routes.get(
+        "/profiles/{family}", summary="One family: what it can, in which units, and where each fact is from"
+    )
+    def profile(family: Annotated[str, PathField(max_length=80)]) -> FamilyModel:
+        require_family(family)
+        return FamilyModel.of(load_profile(family))
 
     @routes.get("/machines", summary="All machines")
     def machines() -> list[MachineModel]:

@@ -16,7 +16,7 @@ from typing import Annotated, Any
 import numpy as np
 from fastapi import APIRouter, Query, WebSocket, WebSocketDisconnect
 
-from schwung.motion import Array
+from schwung.api.watching import Array
 from schwung.service.api.models import DriveModel, RunModel, StoppedModel
 from schwung.service.lanes import DriveStatus
 from schwung.service.latch import Stopped

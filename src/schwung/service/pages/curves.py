@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from schwung.motion import Array
+from schwung.api.watching import Array
 from schwung.service.pages.diagrams import band, diagram, limit, line, panel
 
 #: Colours of several runs beside each other; theme.css has them for both themes.

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from schwung.motion import Array
+from schwung.api.watching import Array
 
 #: What a frame is: columns that go on, or that begin anew. See scope.js, which reads them.
 CONTINUED, BEGUN = 1, 2

@@ -8,8 +8,8 @@ from typing import Any
 import numpy as np
 from nicegui.element import Element
 
-from schwung.motion import Array
-from schwung.report.style import thin
+from schwung.api.looks import thin
+from schwung.api.watching import Array
 
 #: Points of a curve beyond which smallest and largest stand for their neighbours.
 MOST_POINTS = 2400

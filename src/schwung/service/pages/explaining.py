@@ -6,9 +6,7 @@ from collections.abc import Mapping
 from html import escape
 from typing import Any
 
-from schwung.report.explanation import label_of
-from schwung.report.explanation_words import words_of
-from schwung.report.figures_explanation import probability
+from schwung.api.looks import label_of, probability, words_of
 from schwung.service.pages.desk import Desk, grid, html, panel
 from schwung.service.pages.markup import Safe, muted, numbers, percent, si, table, verdict
 from schwung.service.pages.reported import show_drawings
@@ -32,7 +30,7 @@ def show_explanation(desk: Desk, found: ResultRecord) -> None:
     with grid():
         show_drawings(desk, desk.service.run(found.run_id))
     left = document.get("remainder") or ()
-    notes = [*(one["text"] for one in left), *document.get("notes", ())]
+    notes = [*(one["text"] for one in left), *document.get("cautions", document.get("notes", ()))]
     if notes:
         with panel("What is left, and what would help"):
             html("<ul>" + "".join(f"<li>{escape(note)}</li>" for note in notes) + "</ul>", "div", "sw-body")

@@ -16,7 +16,7 @@ from typing import Any, Protocol
 import numpy as np
 from fastapi import APIRouter, WebSocket, WebSocketDisconnect
 
-from schwung.motion import Array
+from schwung.api.watching import Array
 from schwung.service.live import KEPT_ROWS
 from schwung.service.pages.decimation import BEGUN, CONTINUED, Columns, Decimator, frame
 from schwung.service.service import Service

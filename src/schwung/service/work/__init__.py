@@ -6,15 +6,26 @@ from dataclasses import dataclass
 
 from schwung.service.jobs import Work
 from schwung.service.work.configuring import export, propose_export, propose_restore, restore
-from schwung.service.work.estimating import estimate, explain, import_file, optimise, salvage
-from schwung.service.work.looking import backup, doctor, reset_fault, scan, secure
+from schwung.service.work.estimating import (
+    batch,
+    check_profile,
+    draft_profile,
+    estimate,
+    explain,
+    optimise,
+    reproduce,
+    salvage,
+)
+from schwung.service.work.importing import convert, import_as, import_file
+from schwung.service.work.looking import backup, diff, doctor, reset_fault, scan, secure
 from schwung.service.work.moving import bode, commission, plan, propose_bode
 from schwung.service.work.playing import play, propose_play
 
 
 @dataclass(frozen=True)
 class Kind:
-    """A kind of run. `on_bus`: in its drive's lane; `acts`: moves or writes, so that a STOP forbids it."""
+    """A kind of run. `on_bus`: in the lane of the bus or drive that it names; `acts`: moves or writes, so that a STOP
+    forbids it."""
 
     work: Work
     on_bus: bool = False
@@ -40,6 +51,13 @@ KINDS = {
     "optimise": Kind(optimise),
     "propose_play": Kind(propose_play, on_bus=True),
     "play": Kind(play, on_bus=True, acts=True),
+    "batch": Kind(batch),
+    "diff": Kind(diff, on_bus=True),
     "import": Kind(import_file),
+    "import_as": Kind(import_as),
+    "convert": Kind(convert),
+    "check_profile": Kind(check_profile),
+    "draft_profile": Kind(draft_profile),
+    "reproduce": Kind(reproduce),
     "salvage": Kind(salvage),
 }

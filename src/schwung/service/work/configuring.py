@@ -7,30 +7,40 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from schwung.commissioning import (
+from schwung.api.computing import load_machine, read_inertia, read_session
+from schwung.api.configurations import (
     ExportChoice,
     ParameterJournal,
-    Prepared,
+    ParameterValue,
+    RawValue,
+    Worth,
     export_table,
     export_values,
+    first_values,
+    fitting_dictionary,
+    for_this_drive,
+    load_configuration,
+    plan_restore,
+    read_backup,
+    require_power_off,
+    restore_backup,
+    worth_of,
+    write_plan,
+)
+from schwung.api.drives import Drive
+from schwung.api.stages import (
+    Prepared,
     following_error_rms,
     prepare,
-    read_backup,
+    rechecked,
     repeat_reference,
-    restore_backup,
     wishes_of,
 )
-from schwung.commissioning.backup import plan_restore, require_power_off, write_plan
-from schwung.commissioning.configuration_files import fitting_dictionary, for_this_drive, load_configuration
-from schwung.commissioning.export import Worth, worth_of
-from schwung.commissioning.journal import first_values
-from schwung.drivetrain import InertiaTable, Machine, load_machine, read_inertia_csv
+from schwung.api.values import InertiaTable, Machine
 from schwung.errors import DriveError, InputError, RefusedError
-from schwung.fieldbus.drive import Drive, ParameterValue, RawValue
 from schwung.service.jobs import Task
 from schwung.service.work.looking import canopen
-from schwung.service.work.moving import looked_at_again, plan_document
-from schwung.session import read_session
+from schwung.service.work.moving import plan_document
 
 _FILES = (".dcf", ".bin", ".json")
 
@@ -57,7 +67,7 @@ def propose_export(task: Task) -> Mapping[str, Any]:
     if (asked.form == "at") != (asked.at_rad is not None):
         raise InputError("at_rad", 'belongs to form "at", and to no other', "Give both or neither.")
     folder = store.run_folder(estimate.run_id)
-    table, machine = read_inertia_csv(folder / "inertia.csv"), load_machine(folder / "measured.toml")
+    table, machine = read_inertia(folder / "inertia.csv"), load_machine(folder / "measured.toml")
     choice = ExportChoice(asked.form, asked.at_rad)
     task.phase("Reading what the drive holds")
     found = task.connect()
@@ -101,7 +111,7 @@ def export(task: Task) -> Mapping[str, Any]:
     _require_unchanged(drive, proposed.rows)
     before = after = None
     if verify is not None:
-        verify = looked_at_again(drive, verify)
+        verify = rechecked(drive, verify)
         verify.preflight.require()
         before = repeat_reference(drive, verify, task.folder, "before", task)
     task.phase(f"Writing {len(proposed.rows)} parameters")

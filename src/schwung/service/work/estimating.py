@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -11,10 +12,11 @@ from schwung.service.jobs import Task
 from schwung.service.work.computing import (
     estimate_session,
     explain_session,
-    import_session,
     optimise_motion,
     session_summary,
+    work_through,
 )
+from schwung.service.work.reading import check_family, draft_family, reproduce_paper
 
 
 def estimate(task: Task) -> Mapping[str, Any]:
@@ -63,18 +65,49 @@ def chosen_machine(task: Task) -> Path:
     return store.machine_path(asked.machine_id)
 
 
-def import_file(task: Task) -> Mapping[str, Any]:
-    """See ImportRequest."""
+def batch(task: Task) -> Mapping[str, Any]:
+    """See BatchRequest. What a session gives stands in the summary; sessions without a machine are failures there."""
     asked, store = task.request, task.store
-    path = task.folder / asked.name
-    if asked.what == "configuration":
-        store.take_files(task.run.id)
-        return {"file_id": next(file.id for file in store.files(task.run.id) if file.name == asked.name)}
-    summary = task.compute(
-        import_session, path=path, what=asked.what, options=asked.options, folder=task.folder
+    sessions = [store.session(one) for one in asked.session_ids] or store.results("session", limit=10_000)
+    if not sessions:
+        raise InputError(
+            "session_ids", "there is no session yet", "Commission a drive, or import a recording."
+        )
+    items = []
+    for session in sessions:
+        machine_id = asked.machine_id or session.machine_id
+        machine = None if machine_id is None else store.machine_path(machine_id)
+        assert session.file_id is not None
+        items.append((store.run_folder(session.run_id) / store.file(session.file_id).name, machine))
+    wish = {"method": asked.method, "inversion": asked.inversion, "frequency_hz": asked.frequency_hz,
+            "points": asked.points}  # fmt: skip
+    found = task.compute(
+        work_through, items=items, kind=asked.work, wish=wish, jobs=asked.jobs, folder=task.folder, alone=True
     )
-    session = store.add_session(task.run, summary)
-    return {"session_id": session.id, **summary}
+    shown: dict[str, Any] = json.loads(json.dumps(found).replace(f"{store.folder}/", ""))
+    return shown
+
+
+def reproduce(task: Task) -> Mapping[str, Any]:
+    """See ReproduceRequest."""
+    found: dict[str, Any] = task.compute(reproduce_paper, what=list(task.request.what), folder=task.folder)
+    return found
+
+
+def check_profile(task: Task) -> Mapping[str, Any]:
+    """See CheckProfileRequest."""
+    asked = task.request
+    eds = None if asked.eds_file_id is None else task.store.file_path(asked.eds_file_id)
+    found: dict[str, Any] = task.compute(check_family, family=asked.family, eds=eds)
+    return found
+
+
+def draft_profile(task: Task) -> Mapping[str, Any]:
+    """See DraftProfileRequest."""
+    asked = task.request
+    eds = task.store.file_path(asked.eds_file_id)
+    found: dict[str, Any] = task.compute(draft_family, eds=eds, family=asked.family, folder=task.folder)
+    return found
 
 
 def salvage(task: Task) -> Mapping[str, Any]:

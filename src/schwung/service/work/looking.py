@@ -3,21 +3,31 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
-from schwung.commissioning.backup import read_snapshot
-from schwung.commissioning.configuration_files import Format, save_configuration
-from schwung.commissioning.doctor import Diagnosis, examine_connected
-from schwung.commissioning.doctor_canopen import examine
+from schwung.api.comparing import compared, comparison_document, held_by_drive, known_profile
+from schwung.api.comparing import dictionary_of as dictionary_for
+from schwung.api.configurations import (
+    Format,
+    Skipped,
+    dictionary_of,
+    load_both,
+    read_snapshot,
+    save_configuration,
+    select,
+)
+from schwung.api.drives import ENERGISED, Connection
+from schwung.api.drives import doctor as examine
+from schwung.api.drives import scan as scan_bus
+from schwung.api.profiles import CanopenProfile, DeviceProfile
 from schwung.errors import InputError
-from schwung.fieldbus.configuration import Skipped, dictionary_of, select
-from schwung.fieldbus.connecting import is_modbus
-from schwung.fieldbus.connecting import scan as scan_bus
-from schwung.fieldbus.drive import ENERGISED
-from schwung.fieldbus.profile import CanopenProfile, DeviceProfile
+from schwung.service.families import require_family
 from schwung.service.jobs import Task
+
+if TYPE_CHECKING:
+    from schwung.api.drives import Diagnosis
 
 _NAMES: dict[Format, str] = {"dcf": "drive.dcf", "concise": "drive.bin", "backup": "drive.backup.json"}
 
@@ -30,7 +40,7 @@ def scan(task: Task) -> Mapping[str, Any]:
         raise InputError("first", f"{asked.first} is after last, {asked.last}", "Give the smaller one first.")
     task.phase(f"Asking nodes {asked.first} to {asked.last}")
     with lane.released():
-        found = scan_bus(lane.entry.options, range(asked.first, asked.last + 1), task.progress)
+        found = scan_bus(lane.entry.options, nodes=range(asked.first, asked.last + 1), progress=task.progress)
     return {"nodes": [asdict(node) for node in found]}
 
 
@@ -38,12 +48,11 @@ def doctor(task: Task) -> Mapping[str, Any]:
     """See DoctorRequest."""
     record, lane = task.drive_record, task.lane
     assert lane is not None
-    options, nowhere = lane.entry.options, task.folder
+    eds = None if task.request.eds_file_id is None else task.store.file_path(task.request.eds_file_id)
     with lane.released():
-        if is_modbus(options):
-            found = examine_connected(options, record.node_id, record.profile, nowhere, task.phase)
-        else:
-            found = examine(options, record.node_id, record.profile, None, nowhere, task.phase)
+        found = examine(
+            lane.entry.options, node=record.node_id, profile=record.profile, eds=eds, progress=task.phase
+        )
     return _diagnosis(found)
 
 
@@ -80,6 +89,36 @@ def backup(task: Task) -> Mapping[str, Any]:
         "parameters": len(snapshot.values) - len(left_out),
         "left_out": [{"object": s.parameter.label, "because": s.reason} for s in skipped],
     }
+
+
+def diff(task: Task) -> Mapping[str, Any]:
+    """See DiffRequest."""
+    asked, store = task.request, task.store
+    if (asked.drive_id is None) == (asked.second_file_id is None):
+        raise InputError(
+            "drive_id", "and second_file_id: exactly one is needed", "Name what to compare with."
+        )
+    if asked.profile is not None:
+        require_family(asked.profile)
+    record = task.drive_record if asked.drive_id is not None else None
+    node = None if record is None else record.node_id
+    family = known_profile(asked.profile, ())
+    eds = None if asked.eds_file_id is None else store.file_path(asked.eds_file_id)
+    paths = [
+        store.file_path(one, check=True) for one in (asked.file_id, asked.second_file_id) if one is not None
+    ]
+    dictionary = dictionary_for(eds, family, node or 1)
+    files = load_both(paths, node, dictionary)
+    second = files[-1]
+    if record is not None:
+        found = task.connect()
+        live = held_by_drive(
+            Connection(found.drive, found.profile), files[0], eds, record.node_id, task.phase, task.progress
+        )
+        second, family, dictionary = live.configuration, live.family, live.dictionary
+    # where they lie is nobody's business
+    sides = replace(files[0], source=paths[0].name), replace(second, source=Path(second.source).name)
+    return {"diff": comparison_document(sides, compared(sides, family, dictionary, node or 1))}
 
 
 def canopen(profile: DeviceProfile) -> CanopenProfile:

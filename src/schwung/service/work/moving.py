@@ -3,22 +3,30 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
-from schwung.commissioning import LimitWishes, Plan, Prepared, Survey, Wishes, prepare, record_prepared
-from schwung.commissioning.bode import PreparedBode, prepare_bode, record_bode
-from schwung.commissioning.bode_excitation import BodeWishes
-from schwung.commissioning.bode_result import read_bode
-from schwung.commissioning.commission import settings_of
-from schwung.commissioning.preflight import preflight
-from schwung.commissioning.survey import survey
-from schwung.commissioning.ways import MAX_JITTER_SHARE
-from schwung.drivetrain import Simulated, load_machine
-from schwung.errors import InputError, RefusedError
-from schwung.fieldbus.drive import Drive
+from schwung.api.computing import load_machine
+from schwung.api.responses import with_bode
+from schwung.api.stages import (
+    MAX_JITTER_SHARE,
+    BodeWishes,
+    LimitWishes,
+    Prepared,
+    PreparedBode,
+    Simulated,
+    Wishes,
+    prepare,
+    prepare_bode,
+    rechecked,
+    record_bode,
+    record_prepared,
+    require_there,
+    settings_of,
+)
+from schwung.errors import InputError
 from schwung.service.jobs import Task
 from schwung.service.work.computing import estimate_session, fit_bode_session, session_summary
 
@@ -62,8 +70,8 @@ def plan(task: Task) -> Mapping[str, Any]:
     )
     if asked.bode_run_id is not None:
         bode_run = task.store.run(asked.bode_run_id)
-        measured = read_bode(task.store.run_folder(bode_run.id))
-        wishes, machine = measured.wishes(wishes), measured.machine(machine)
+        use = with_bode(task.store.run_folder(bode_run.id), wishes, machine)
+        wishes, machine = use.wishes, use.machine
     task.phase("Reading the drive, simulating the motion")
     found = task.connect()
     prepared = prepare(found.drive, found.profile, machine, wishes)
@@ -80,7 +88,7 @@ def commission(task: Task) -> Mapping[str, Any]:
     planned: Planned = made.content
     task.phase("Looking at the drive again")
     drive = task.connect().drive
-    prepared = looked_at_again(drive, planned.prepared)
+    prepared = rechecked(drive, planned.prepared)
     prepared.preflight.require()
     task.warm()
     kept = record_prepared(drive, prepared, task.folder, task, prepared.max_jitter_share)
@@ -157,7 +165,7 @@ def bode(task: Task) -> Mapping[str, Any]:
     prepared = planned.prepared
     prepared.preflight.require()
     drive = task.connect().drive
-    _require_there(drive, prepared.plan, prepared.survey)
+    require_there(drive, prepared.plan, prepared.survey)
     task.warm()
     kept = record_bode(drive, prepared, task.folder, task)
     session = task.store.add_session(task.run, task.compute(session_summary, session=kept.session_path))
@@ -174,30 +182,6 @@ def _machine_of(task: Task) -> str:
     if machine_id is None:
         raise InputError("machine_id", "is missing, and the drive has none", "Name the machine.")
     return machine_id
-
-
-def _require_there(drive: Drive, plan: Plan, before: Survey) -> Survey:
-    """Raise RefusedError where it is another drive, or the axis stands elsewhere than where the plan starts, by
-    more than its following error."""
-    seen = survey(drive, plan)
-    if seen.identity != before.identity:
-        raise RefusedError("plan", "was made for another drive", "Plan anew with this one.")
-    if not abs(seen.state.position_rad - plan.start_position_rad) <= plan.limits.following_error_rad:
-        raise RefusedError(
-            "plan",
-            f"starts at {plan.start_position_rad:.4g} rad, the axis stands at {seen.state.position_rad:.4g}",
-            "Plan anew, and look at that.",
-        )
-    return seen
-
-
-def looked_at_again(drive: Drive, prepared: Prepared) -> Prepared:
-    """The same plan, with checks for the drive as it is now. Raises RefusedError where it is another drive, or the axis
-    stands elsewhere than where the plan starts, by more than its following error."""
-    plan = prepared.plan
-    seen = _require_there(drive, plan, prepared.survey)
-    checked = preflight(plan, prepared.machine, seen, prepared.feed_forward)
-    return replace(prepared, survey=seen, preflight=checked)
 
 
 def plan_document(prepared: Prepared) -> dict[str, Any]:

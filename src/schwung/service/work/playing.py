@@ -6,11 +6,11 @@ from collections.abc import Mapping
 from dataclasses import asdict
 from typing import Any
 
+from schwung.api.computing import load_machine
 from schwung.api.drives import Connection
 from schwung.api.optimising import PlannedPlay, Playing, plan_play, write_optimised, write_played
 from schwung.api.optimising import play as play_planned
-from schwung.commissioning import LimitWishes
-from schwung.drivetrain import load_machine
+from schwung.api.stages import LimitWishes
 from schwung.files import json_text, replace_file
 from schwung.service.jobs import Task
 from schwung.service.work.computing import task_of

@@ -63,12 +63,22 @@ class Proposal:
         """What should be confirmed, since the file itself does not settle it."""
         return tuple(f"{guess.what}: {guess.evidence}" for guess in self.guesses if not guess.sure)
 
-    def command(self, path: str, out: str) -> str:
-        """The very command that does it."""
+    def command(self, path: str, out: str, given: Mapping[str, Any] | None = None) -> str:
+        """The very command that does it, with what the user gives besides."""
         words = ["schwung", "import", path, "-o", out]
-        for key, value in self.options.items():
-            words += [f"--{key.replace('_', '-')}"] + ([] if value is True else [str(value)])
+        for key, value in (self.options | dict(given or {})).items():
+            words += _option(key, value)
         return shlex.join(words)
+
+
+def _option(key: str, value: Any) -> list[str]:
+    """An option as it is written; a sine is numbers after each other."""
+    flag = f"--{key.replace('_', '-')}"
+    if isinstance(value, bool):
+        return [flag if value else flag.replace("--", "--no-", 1)]
+    if isinstance(value, Mapping):
+        return [flag, ",".join(f"{number:g}" for number in value.values())]
+    return [flag, str(value)]
 
 
 @dataclass(frozen=True, eq=False)

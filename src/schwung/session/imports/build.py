@@ -52,10 +52,12 @@ _SI: dict[Axis, dict[Quantity, str]] = {
 
 @dataclass(frozen=True, eq=False)
 class Imported:
-    """A session from elsewhere, and everything about it that somebody should know (sentences)."""
+    """A session from elsewhere, and everything about it that somebody should know (sentences). `cut`: of these, how it
+    was cut into runs, and which of them repeat one motion."""
 
     session: Session
     notes: tuple[str, ...]
+    cut: tuple[str, ...] = ()
 
 
 @dataclass
@@ -111,6 +113,7 @@ def import_recordings(files: Sequence[Path], recipe: Recipe) -> Imported:
     axis = _axis(recipe)
     runs: list[Run] = []
     notes: list[str] = []
+    ways: list[str] = []
     created: str | None = None
     efforts: dict[Effort, Path] = {}
     for path in files:
@@ -122,6 +125,7 @@ def import_recordings(files: Sequence[Path], recipe: Recipe) -> Imported:
             runs += found
             place = f"{recording.place}: " if len(files) > 1 else ""
             notes += [f"{place}{note}" for note in (*recording.notes, how)]
+            ways.append(f"{place}{how}")
     rates = sorted({run.sample_rate_hz for run in runs})
     if len(rates) > 1:
         listed = ", ".join(f"{rate:g}" for rate in rates)
@@ -132,7 +136,8 @@ def import_recordings(files: Sequence[Path], recipe: Recipe) -> Imported:
         raise InputError(str(efforts["current"]), f"is in A, {efforts['torque']} in N·m",
                          "Give --torque-unit A=N·m per ampere, or import them one by one.")  # fmt: skip
     numbered = with_repeats(runs)
-    notes += _repeat_notes(numbered)
+    told = _repeat_notes(numbered)
+    notes += told
     session = Session(
         runs=numbered,
         created=created or datetime.now(UTC).isoformat(timespec="seconds"),
@@ -140,7 +145,7 @@ def import_recordings(files: Sequence[Path], recipe: Recipe) -> Imported:
         axis=axis,
         effort=next(iter(efforts)),
     )
-    return Imported(session, tuple(dict.fromkeys(notes)))
+    return Imported(session, tuple(dict.fromkeys(notes)), (*ways, *told))
 
 
 def _axis(recipe: Recipe) -> Axis:

@@ -30,6 +30,9 @@ _WHOLE_CYCLE, _PART_CYCLE = (
     0.9,
     0.25,
 )  # of a cycle: what is left at the end counts as one; is a run of its own
+_STILL = "no motion found, kept as one run"
+_THERE_AND_BACK = 2  # strokes of one motion
+_NOISES = 6  # times its white noise a position seldom is off
 
 
 @dataclass(frozen=True)
@@ -83,7 +86,8 @@ def cut(position: Array, sample_rate_hz: float, split: str, piece_s: float | Non
     """Cut a recording, (n,) position, into runs.
 
     `rest`: each rest-to-rest motion. `auto`: likewise, a motion and the one that brings it back together; where
-    there is no rest but the path repeats itself, its cycles. `none`: one. With `piece_s`, pieces of that length.
+    there is no rest but the path repeats itself, its cycles. `reverse`: each stroke from one reversal to the next,
+    whether it rests there or not. `none`: one. With `piece_s`, pieces of that length.
     """
     whole = Piece(0, position.size)
     if piece_s is not None:
@@ -91,21 +95,73 @@ def cut(position: Array, sample_rate_hz: float, split: str, piece_s: float | Non
     if split == "none":
         return Pieces((whole,), "kept as one run")
     sections = moving_sections(position, sample_rate_hz)
-    if len(sections) > 1:
+    groups: list[tuple[Piece, ...]]
+    if split == "reverse":
+        groups = [(each,) for each in strokes(position, sections)]
+        how = f"{len(groups)} strokes between reversals"
+    else:
         groups = returning(position, sections) if split == "auto" else [(each,) for each in sections]
-        if len(groups) > 1:
-            return Pieces(
-                _with_rests(groups, position, sample_rate_hz), f"{len(groups)} motions between rests"
-            )
+        how = f"{len(groups)} motions between rests"
+    if len(groups) > 1:
+        return Pieces(_with_rests(groups, position, sample_rate_hz), how)
     if split == "auto" and len(sections) == 1:
-        period = cycle(position[sections[0].start : sections[0].stop])
-        if period:
-            found = _cycles(
-                len(sections[0]), period, f"cycles of {period / sample_rate_hz:.6g} s, no rest between"
-            )
-            first = sections[0].start
-            return Pieces(tuple(Piece(p.start + first, p.stop + first) for p in found.pieces), found.how)
-    return Pieces((whole,), "one motion" if sections else "no motion found, kept as one run")
+        return _without_rest(position, sections[0], sample_rate_hz)
+    return Pieces((whole,), f"one {'stroke' if split == 'reverse' else 'motion'}" if groups else _STILL)
+
+
+def _without_rest(position: Array, section: Piece, sample_rate_hz: float) -> Pieces:
+    """A path without rests: its cycles, where it repeats itself."""
+    period = cycle(position[section.start : section.stop])
+    if period:
+        found = _cycles(len(section), period, f"cycles of {period / sample_rate_hz:.6g} s, no rest between")
+        first = section.start
+        return Pieces(tuple(Piece(p.start + first, p.stop + first) for p in found.pieces), found.how)
+    count = len(strokes(position, [section]))
+    runs = f" without rest, of {count} strokes that `--split reverse` makes runs of"
+    return Pieces((Piece(0, position.size),), f"one motion{runs if count > _THERE_AND_BACK else ''}")
+
+
+def strokes(position: Array, sections: Sequence[Piece]) -> tuple[Piece, ...]:
+    """From one reversal of a path, (n,) position, to the next, within its moving sections.
+
+    It reverses where it turns back by 2 % of its range, and beyond its noise: a tremor is none. Where it rests, it does
+    so in the middle of the rest. The first and the last may have begun before the recording, or end after it.
+    """
+    if not sections:
+        return ()
+    start, stop = sections[0].start, sections[-1].stop
+    path = position[start:stop]
+    noise = _NOISES * white_noise(path)
+    turns = _reversals(path, max(_MOTION_SHARE * float(np.ptp(path)), 2 * noise))
+    bounds = [start]
+    for turn in turns:
+        away = np.abs(path - path[turn]) > noise
+        before, after = np.flatnonzero(away[:turn]), np.flatnonzero(away[turn:])
+        low = int(before[-1]) + 1 if before.size else 0
+        high = turn + int(after[0]) - 1 if after.size else path.size - 1
+        bounds.append(start + (low + high) // 2)
+    return tuple(Piece(a, b) for a, b in pairwise([*bounds, stop]))
+
+
+def _reversals(path: Array, least: float) -> list[int]:
+    """Samples at which a path (n,) is furthest before it turns back by at least so much."""
+    slope = np.sign(np.diff(path))
+    moving = np.flatnonzero(slope)
+    extremes = moving[np.flatnonzero(np.diff(slope[moving]))] + 1
+    found: list[int] = []
+    top = bottom = way = (
+        0  # where it was highest and lowest since the last turn; way 1: it rises, −1: it falls
+    )
+    for at in (*extremes.tolist(), path.size - 1):
+        top = at if path[at] > path[top] else top
+        bottom = at if path[at] < path[bottom] else bottom
+        if way >= 0 and path[top] - path[at] >= least:
+            found += [top] if way else []
+            way, top, bottom = -1, at, at
+        elif way <= 0 and path[at] - path[bottom] >= least:
+            found += [bottom] if way else []
+            way, top, bottom = 1, at, at
+    return found
 
 
 def returning(position: Array, sections: Sequence[Piece]) -> list[tuple[Piece, ...]]:

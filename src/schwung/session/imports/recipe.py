@@ -14,7 +14,7 @@ from schwung.errors import InputError
 from schwung.motion import Excitation
 from schwung.session.model import Axis, Role
 
-SPLITS = ("auto", "rest", "none")
+SPLITS = ("auto", "rest", "reverse", "none")
 
 
 class Recipe(BaseModel):
@@ -71,7 +71,7 @@ class Recipe(BaseModel):
             seconds = 0.0
         if not 0 < seconds < 1e6:
             raise InputError(
-                "--split", f'is "{self.split}"', "Use auto, rest, none, or a time such as 6.24s."
+                "--split", f'is "{self.split}"', "Use auto, rest, reverse, none, or a time such as 6.24s."
             )
         return seconds
 

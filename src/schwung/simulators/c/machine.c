@@ -43,13 +43,19 @@ static Point load_inertia(const double *p, double angle) {
     Point point = CURVE(INERTIA, angle + p[INERTIA_SHIFT_RAD]);
     point.value = p[INERTIA_SCALE] * point.value + p[INERTIA_DELTA_KGM2];
     point.slope *= p[INERTIA_SCALE];
+    const Point added = CURVE(INERTIA_ADDED, angle);
+    point.value += added.value;
+    point.slope += added.slope;
     return point;
 }
 
 static double lightest_load(const double *p) {
     double lightest = INERTIA[0][1];
     for (size_t i = 1; i < sizeof INERTIA / sizeof INERTIA[0]; i++) lightest = smaller(lightest, INERTIA[i][1]);
-    return p[INERTIA_SCALE] * lightest + p[INERTIA_DELTA_KGM2];
+    double added = INERTIA_ADDED[0][1];
+    for (size_t i = 1; i < sizeof INERTIA_ADDED / sizeof INERTIA_ADDED[0]; i++)
+        added = smaller(added, INERTIA_ADDED[i][1]);
+    return p[INERTIA_SCALE] * lightest + p[INERTIA_DELTA_KGM2] + added;
 }
 
 static double stiffness(const double *p) {
@@ -73,6 +79,29 @@ static double drift(const double *p) {
     return p[DRIFT_NM] * expm1(-settling * share) / expm1(-settling);
 }
 
+/* Learned torques that are tables, one for each direction of motion (-1..1). */
+#define SIDED(rows, x, way)                                                                                           \
+    ((way) >= 0.0 ? CURVE(rows##_FORWARD, x).value * (way) : -CURVE(rows##_BACKWARD, x).value * (way))
+
+#define HIGHEST(rows) larger(highest(rows##_FORWARD, (int)(sizeof rows##_FORWARD / sizeof rows##_FORWARD[0])),       \
+                             highest(rows##_BACKWARD, (int)(sizeof rows##_BACKWARD / sizeof rows##_BACKWARD[0])))
+
+static double highest(const double (*rows)[3], int count) {
+    double most = 0.0;
+    for (int i = 0; i < count; i++) most = larger(most, fabs(rows[i][1]));
+    return most;
+}
+
+/* Acceleration a with inertia a = torque + curve(a): Newton. */
+static double accelerated(double torque, double inertia) {
+    double a = torque / inertia;
+    for (int i = 0; i < 8; i++) {
+        const Point point = CURVE(RESIDUAL_ACCELERATION, a);
+        a += (torque + point.value - inertia * a) / larger(inertia - point.slope, 0.1 * inertia);
+    }
+    return a;
+}
+
 /* Level of dry friction on the motor: direction, drift, Stribeck, a tight spot that comes back every turn. */
 static double dry_friction(const double *p, double angle, double speed) {
     double level = speed > 0.0 ? p[COULOMB_POSITIVE_NM] : p[COULOMB_NEGATIVE_NM];
@@ -91,6 +120,7 @@ static double dry_friction(const double *p, double angle, double speed) {
 /* What friction and disturbances add to the motor's torque. */
 static double motor_torque(const double *p, double angle, double speed, double time) {
     double torque = p[OFFSET_NM] - (p[VISCOUS_NMS] + p[DRAG_NMS2] * fabs(speed)) * speed;
+    torque += p[SESSION_SHARE] * (p[OFFSET_DRIFT_NM] - p[VISCOUS_DRIFT_NMS] * speed);
     torque -= 0.5 * p[VISCOUS_DIFFERENCE_NMS] * fabs(speed);
     torque -= dry_friction(p, angle, speed) * tanh(speed / p[SMOOTHING_RAD_S]);
     if (p[COGGING_AMPLITUDE_NM] != 0.0)
@@ -104,6 +134,7 @@ static double motor_torque(const double *p, double angle, double speed, double t
 /* What acts on the load from outside: tables and a sine over its angle, and one event (motion_time: since the start). */
 static double load_torque(const double *p, double angle, double motion_time) {
     double torque = p[LOAD_TORQUE_NM] + CURVE(LOAD_TORQUE, angle).value + CURVE(LEARNED_LOAD_TORQUE, angle).value;
+    torque += CURVE(RESIDUAL_TIME_IN_MOTION, motion_time).value;
     if (p[LOAD_AMPLITUDE_NM] != 0.0) torque += p[LOAD_AMPLITUDE_NM] * sin(angle + p[LOAD_PHASE_RAD]);
     if (p[EVENT_PEAK_NM] != 0.0)
         torque += p[EVENT_PEAK_NM]
@@ -131,14 +162,21 @@ static Masses rates(const double *p, Masses s, double torque, double time) {
         load -= passed;
         r.third_speed = passed / p[THIRD_INERTIA_KGM2];
     }
-    const double motor = torque - p[MOTOR_VISCOUS_FRICTION_NMS] * s.motor_speed
-                         + motor_torque(p, s.motor_angle, s.motor_speed, time);
+    double motor = torque - p[MOTOR_VISCOUS_FRICTION_NMS] * s.motor_speed
+                   + motor_torque(p, s.motor_angle, s.motor_speed, time);
+    const double ahead = tanh(s.motor_speed / p[SMOOTHING_RAD_S]), load_ahead = tanh(s.load_speed / p[SMOOTHING_RAD_S]);
+    motor += SIDED(RESIDUAL_POSITION, s.motor_angle, ahead) + SIDED(RESIDUAL_SPEED, fabs(s.motor_speed), ahead);
+    motor += SIDED(RESIDUAL_TORQUE, fabs(torque), ahead) + SIDED(RESIDUAL_RUN, p[SESSION_SHARE], ahead);
+    motor += torque * p[RIPPLE_SHARE] * sin(p[RIPPLE_ORDER] * s.motor_angle + p[RIPPLE_PHASE_RAD]);
+    load += SIDED(RESIDUAL_LOAD_POSITION, s.load_angle, load_ahead) - p[LOAD_COULOMB_NM] * load_ahead;
     if (RIGID) {
-        r.motor_speed = r.load_speed = (motor + load) / (p[MOTOR_INERTIA_KGM2] + inertia.value);
+        const double lost = p[CARRIED_SHARE] * ahead * inertia.value;
+        const double whole = p[MOTOR_INERTIA_KGM2] + inertia.value + (motor + load > 0.0 ? lost : -lost);
+        r.motor_speed = r.load_speed = accelerated(motor + load, whole);
     } else {
         const double shaft = coupling_torque(p, s.motor_angle - s.load_angle, s.motor_speed - s.load_speed);
-        r.motor_speed = (motor - shaft) / p[MOTOR_INERTIA_KGM2];
-        r.load_speed = (load + shaft) / inertia.value;
+        r.motor_speed = (motor - shaft - p[CARRIED_SHARE] * fabs(shaft) * ahead) / p[MOTOR_INERTIA_KGM2];
+        r.load_speed = accelerated(load + shaft, inertia.value);
     }
     return r;
 }
@@ -155,7 +193,16 @@ static Masses moved(Masses s, Masses r, double by) {
 
 /* What a torque that the drive reports makes of itself on the shaft, once its current loop has settled. */
 static double shaft_torque(const double *p, double reported) {
-    return smaller(larger(p[TORQUE_GAIN] * reported, -p[TORQUE_LIMIT_NM]), p[TORQUE_LIMIT_NM]);
+    const double gain = p[TORQUE_GAIN] - p[TORQUE_DROP] * fabs(reported) / p[TORQUE_DROP_AT_NM];
+    return smaller(larger(gain * reported, -p[TORQUE_LIMIT_NM]), p[TORQUE_LIMIT_NM]);
+}
+
+/* What the drive reports for a torque on the shaft, as near as it comes. */
+static double reported_torque(const double *p, double held) {
+    const double drop = p[TORQUE_DROP] / p[TORQUE_DROP_AT_NM], gain = p[TORQUE_GAIN];
+    if (drop == 0.0) return held / gain;
+    const double root = sqrt(larger(gain * gain - 4.0 * drop * fabs(held), 0.0));
+    return (held < 0.0 ? -1.0 : 1.0) * (gain - root) / (2.0 * drop);
 }
 
 /* Steps over a duration, from the fastest thing that the machine does. */
@@ -179,12 +226,17 @@ static double steps_needed(const Machine *m, double duration) {
         const double order = p[COGGING_ORDER];
         fastest = larger(fastest, larger(sqrt(fabs(p[COGGING_AMPLITUDE_NM]) * order * order / mass), order * speed));
     }
+    if (p[RIPPLE_SHARE] != 0.0) fastest = larger(fastest, p[RIPPLE_ORDER] * speed);
     if (p[PERIODIC_AMPLITUDE_NM] != 0.0) fastest = larger(fastest, TWO_PI * p[PERIODIC_FREQUENCY_HZ]);
     double dry = larger(p[COULOMB_POSITIVE_NM], p[COULOMB_NEGATIVE_NM]) + drift(p);
     dry = larger(dry + larger(p[STRIBECK_RISE_NM], 0.0) + larger(p[LOCAL_FRICTION_NM], 0.0), 0.0);
     double rubbing = p[MOTOR_VISCOUS_FRICTION_NMS] + 2.0 * fabs(p[DRAG_NMS2]) * speed;
     rubbing += larger(p[VISCOUS_NMS] + 0.5 * fabs(p[VISCOUS_DIFFERENCE_NMS]), 0.0);
-    rubbing = (rubbing + dry / p[SMOOTHING_RAD_S]) / mass;
+    rubbing += p[SESSION_SHARE] * larger(p[VISCOUS_DRIFT_NMS], 0.0);
+    dry += HIGHEST(RESIDUAL_POSITION) + HIGHEST(RESIDUAL_SPEED) + HIGHEST(RESIDUAL_TORQUE) + HIGHEST(RESIDUAL_RUN);
+    dry += p[CARRIED_SHARE] * fabs(p[TORQUE]);
+    const double behind = HIGHEST(RESIDUAL_LOAD_POSITION) + p[LOAD_COULOMB_NM];
+    rubbing = larger((rubbing + dry / p[SMOOTHING_RAD_S]) / mass, behind / p[SMOOTHING_RAD_S] / lightest);
     const double step = p[GAP_RAD] > 0.0 ? CONTACT_STEP : COUPLING_STEP;
     const double needed = larger(duration * fastest / step, duration * rubbing / FRICTION_STEP);
     return ceil(larger(larger(needed, duration / LONGEST_STEP), 1.0));
@@ -198,6 +250,7 @@ static const char *impossible(const double *p) {
     if (!RIGID && !(stiffness(p) > 0.0)) return "coupling_stiffness_nm_rad is not positive";
     if (!(p[SMOOTHING_RAD_S] > 0.0)) return "smoothing_rad_s is not positive";
     if (!(p[TORQUE_GAIN] > 0.0)) return "torque_gain is not positive";
+    if (!(p[TORQUE_DROP_AT_NM] > 0.0)) return "torque_drop_at_nm is not positive";
     if (!(p[TORQUE_LAG_S] >= 0.0 && p[SPEED_DELAY_S] >= 0.0)) return "torque_lag_s or speed_delay_s is negative";
     if (!(fabs(p[ECCENTRICITY_RAD]) <= 0.5)) return "eccentricity_rad is beyond 0.5";
     return NULL;
@@ -246,16 +299,21 @@ void machine_reset(Machine *m) {
     memcpy(m->value, START, sizeof m->value);
 }
 
+/* What acts on the load at rest, before anything moves. */
+static double resting_load(const double *p, double angle) {
+    return load_torque(p, angle, -1e300) + CURVE(RESIDUAL_ACCELERATION, 0.0).value;
+}
+
 /* What would turn the load from this angle on, the motor standing. */
 static double pull(const double *p, double motor_angle, double load_angle) {
-    return load_torque(p, load_angle, -1e300) + coupling_torque(p, motor_angle - load_angle, 0.0);
+    return resting_load(p, load_angle) + coupling_torque(p, motor_angle - load_angle, 0.0);
 }
 
 static const char *wind_up(const double *p, double motor_angle, double *load_angle) {
     const double begin = pull(p, motor_angle, motor_angle), towards = begin > 0.0 ? 1.0 : -1.0;
     *load_angle = motor_angle;
     if (RIGID || begin == 0.0) return NULL;
-    double near = 0.0, far = 0.5 * p[GAP_RAD] + 1e-3 * fabs(load_torque(p, motor_angle, -1e300)) / stiffness(p);
+    double near = 0.0, far = 0.5 * p[GAP_RAD] + 1e-3 * fabs(resting_load(p, motor_angle)) / stiffness(p);
     while (pull(p, motor_angle, motor_angle + towards * far) * towards > 0.0) {
         far *= 2.0;
         if (far > 100.0) return "coupling_stiffness_nm_rad is too low to bear the load's torque";
@@ -279,9 +337,10 @@ const char *machine_rest(Machine *m, double time) {
     if (wrong) return wrong;
     m->time = time;
     m->state = (Masses){angle, 0.0, load, 0.0, load, 0.0};
-    double held = -load_torque(p, load, -1e300) - p[OFFSET_NM];
+    double held = -resting_load(p, load) - p[OFFSET_NM] - p[SESSION_SHARE] * p[OFFSET_DRIFT_NM];
     held -= p[COGGING_AMPLITUDE_NM] * sin(p[COGGING_ORDER] * angle + p[COGGING_PHASE_RAD]);
-    m->acting = shaft_torque(p, held / p[TORQUE_GAIN]);
+    held /= 1.0 + p[RIPPLE_SHARE] * sin(p[RIPPLE_ORDER] * angle + p[RIPPLE_PHASE_RAD]);
+    m->acting = shaft_torque(p, reported_torque(p, held));
     m->past_first = m->past_count = 0;
     remember(m);
     m->initialised = 1;

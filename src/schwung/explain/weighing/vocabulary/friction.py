@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from schwung.drivetrain.compiled import compiled
+from schwung.compiled import compiled
 from schwung.explain.weighing.along import Along, Ranges
 from schwung.explain.weighing.candidate import LADDER, NATURAL, Candidate, Curve, Shape, column, grid
 from schwung.explain.weighing.known import Known

@@ -1,0 +1,216 @@
+"""Learned curves and the terms that the bench does not conceal: the balance of momentum, written here anew.
+
+Of motor and load together the coupling's torque cancels: J_r ω_m + J_l ω_l grows by all outer torques' integral.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+import pytest
+
+from schwung.drivetrain import load_machine, write_machine
+from schwung.drivetrain.machine import Load, Machine, paper_machine
+from schwung.drivetrain.physics_term import PhysicsTerm
+from schwung.drivetrain.residual import Residual, residuals_of
+from schwung.drivetrain.simulation import Simulated, simulate
+from schwung.errors import InputError
+from schwung.motion import Array, Motion
+
+RATE, SHARE, INERTIA = 8000.0, 0.5, 0.1
+#: Beginning and end of a straight line as a table, and a bend that a cubic between points has to keep.
+ANGLES, SPEEDS = np.linspace(0.0, 3.0, 13), np.linspace(0.0, 40.0, 21)
+ROWS = np.stack([ANGLES, 2.0 + np.sin(ANGLES), -3.0 - np.cos(ANGLES)], 1).tolist()
+FAST = np.stack([SPEEDS, -0.2 * np.sqrt(SPEEDS + 1), 0.1 * SPEEDS], 1).tolist()
+TIMES = np.linspace(0.0, 0.4, 81)
+EVENTS = np.stack([TIMES, 4 * np.sin(9 * TIMES)], 1).tolist()
+
+Acts = Callable[[Simulated, Array], Array]
+ahead: Acts = lambda s, _: np.tanh(s.speed_rad_s / 0.02)  # noqa: E731
+load_ahead: Acts = lambda s, _: np.tanh(s.load_speed_rad_s / 0.02)  # noqa: E731
+
+
+def either(forward: Array, backward: Array, way: Array) -> Array:
+    """By direction."""
+    return np.asarray(forward * np.maximum(way, 0) + backward * np.maximum(-way, 0))
+
+
+def on_angle(angle: Array, way: Array) -> Array:
+    """What ROWS say."""
+    return either(2 + np.sin(angle), -3 - np.cos(angle), way)
+
+
+CASES: dict[str, tuple[dict[str, Any], Acts]] = {
+    "friction over the angle": (
+        {"name": "friction_over_angle", "table": [row[:2] for row in ROWS]},
+        lambda s, t: -(2 + np.sin(s.position_rad)) * ahead(s, t),
+    ),
+    "drift of viscosity": (
+        {"name": "viscous_drift", "change_nms": 0.4},
+        lambda s, t: -0.4 * SHARE * s.speed_rad_s,
+    ),
+    "drift of the offset": (
+        {"name": "offset_drift", "change_nm": 6.0},
+        lambda s, t: np.full(t.size, 6.0 * SHARE),
+    ),
+    "friction behind the coupling": (
+        {"name": "load_side_friction", "torque_nm": 5.0},
+        lambda s, t: -5.0 * load_ahead(s, t),
+    ),
+    "direction-dependent load": (
+        {"name": "direction_dependent_load", "table": ROWS},
+        lambda s, t: on_angle(s.load_position_rad, load_ahead(s, t)),
+    ),
+    "torque constant that fades": (
+        {"name": "torque_constant_drop", "share_at_peak": 0.1, "peak_nm": 100.0},
+        lambda s, t: -0.1 * np.abs(s.torque_nm) * s.torque_nm / 100,
+    ),
+    "ripple": (
+        {"name": "torque_ripple", "order": 6.0, "share": 0.05, "phase_rad": 0.3},
+        lambda s, t: s.torque_nm * 0.05 * np.sin(6 * s.position_rad + 0.3),
+    ),
+    "residual over position": (
+        {"name": "residual", "coordinate": "position", "table": ROWS},
+        lambda s, t: on_angle(s.position_rad, ahead(s, t)),
+    ),
+    "residual over speed": (
+        {"name": "residual", "coordinate": "speed", "table": FAST},
+        lambda s, t: either(
+            -0.2 * np.sqrt(np.abs(s.speed_rad_s) + 1), 0.1 * np.abs(s.speed_rad_s), ahead(s, t)
+        ),
+    ),
+    "residual over torque": (
+        {"name": "residual", "coordinate": "torque", "table": [[0, 0, 0], [200, -20, 10]]},
+        lambda s, t: either(-0.1 * np.abs(s.torque_nm), 0.05 * np.abs(s.torque_nm), ahead(s, t)),
+    ),
+    "residual over runs": (
+        {"name": "residual", "coordinate": "run", "table": [[0, 0, 0], [1, -4, 6]]},
+        lambda s, t: either(-2.0, 3.0, ahead(s, t)),
+    ),
+    "residual over time": (
+        {"name": "residual", "coordinate": "time_in_motion", "table": EVENTS},
+        lambda s, t: 4 * np.sin(9 * np.clip(t - 0.02, 0, 0.4)),
+    ),
+    "residual like a law": (
+        {"name": "residual", "like": "viscous_friction", "coefficient_nms": 0.3},
+        lambda s, t: -0.3 * s.speed_rad_s,
+    ),
+}  # fmt: skip
+
+
+def machine_with(*terms: dict[str, Any], rigid: bool = False) -> Machine:
+    """The paper's drive train with a level inertia."""
+    paper = paper_machine()
+    physics = tuple(PhysicsTerm.model_validate(term) for term in terms)
+    return paper.model_copy(
+        update={
+            "coupling": None if rigid else paper.coupling,
+            "load": Load(viscous_friction_nms=0.1, inertia_kgm2=INERTIA),
+            "physics": physics,
+        }
+    )
+
+
+def moved(machine: Machine) -> tuple[Simulated, Array]:
+    """There and back, at every tick."""
+    motion = Motion(distance_rad=2.5, duration_s=0.2, start_time_s=0.02, returns=True, dwell_s=0.02)
+    time = np.arange(0.0, 0.45, 1 / RATE)
+    return simulate(machine, motion.demand(time), time, start_rad=0.2, session_share=SHARE), time
+
+
+def balance(made: Simulated, time: Array, acts: Array, inertia: Array | float = INERTIA) -> float:
+    """The largest momentum (N·m·s) that is not accounted for, over the largest that there is."""
+    outer = -0.2 * made.speed_rad_s - 0.1 * made.load_speed_rad_s + acts
+    grown = np.concatenate([[0.0], np.cumsum((outer[1:] + outer[:-1]) / 2)]) / RATE
+    driven = np.concatenate([[0.0], np.cumsum(made.torque_nm[:-1])]) / RATE
+    momentum = 0.012 * made.speed_rad_s + inertia * made.load_speed_rad_s
+    return float(np.max(np.abs(momentum - momentum[0] - grown - driven)) / np.max(np.abs(momentum)))
+
+
+@pytest.mark.parametrize("rigid", [False, True])
+@pytest.mark.parametrize("name", CASES)
+def test_momentum_grows_by_what_the_term_says(name: str, rigid: bool) -> None:
+    term, acts = CASES[name]
+    if rigid and term["name"] == "load_side_friction":
+        pytest.skip("there is nothing to be behind")
+    made, time = moved(machine_with(term, rigid=rigid))
+    acting = acts(made, time)
+    assert balance(made, time, acting) < 3e-4
+    assert balance(made, time, np.zeros(time.size)) > 1e-2
+
+
+@pytest.mark.parametrize("rigid", [False, True])
+def test_gear_loss_is_a_share_of_what_the_shaft_carries(rigid: bool) -> None:
+    made, time = moved(machine_with({"name": "load_dependent_friction", "share": 0.1}, rigid=rigid))
+    carried = INERTIA * np.gradient(made.load_speed_rad_s, time) + (
+        0 if rigid else 0.1 * made.load_speed_rad_s
+    )
+    lost = -0.1 * np.abs(carried) * ahead(made, time)
+    assert balance(made, time, lost) < 3e-3  # acceleration jumps with the held torque
+    assert balance(made, time, 0 * lost) > 0.05
+
+
+@pytest.mark.parametrize("rigid", [False, True])
+def test_torque_over_acceleration_is_solved_for(rigid: bool) -> None:
+    line = [[-3000.0, 90.0], [0.0, 0.0], [3000.0, -90.0]]  # −0.03 α: an inertia
+    made, time = moved(
+        machine_with({"name": "residual", "coordinate": "acceleration", "table": line}, rigid=rigid)
+    )
+    assert balance(made, time, np.zeros(time.size), INERTIA + 0.03) < 3e-4
+    assert balance(made, time, np.zeros(time.size)) > 0.1
+
+
+def test_a_profile_adds_to_the_inertia() -> None:
+    angle = np.linspace(-0.5, 3.5, 81)
+    table = np.stack([angle, 0.05 * np.sin(2 * angle)], 1).tolist()
+    made, time = moved(machine_with({"name": "inertia_profile", "table": table}))
+    turned, speed = made.load_position_rad, made.load_speed_rad_s
+    half = 0.5 * 0.1 * np.cos(2 * turned) * speed**2
+    assert balance(made, time, half, INERTIA + 0.05 * np.sin(2 * turned)) < 3e-4
+
+
+def test_a_filter_of_what_is_reported_changes_nothing_else() -> None:
+    plain, _ = moved(machine_with())
+    made, _ = moved(machine_with({"name": "torque_filter", "time_constant_s": 1e-3}))
+    assert made.position_rad == pytest.approx(plain.position_rad, abs=1e-9)
+    decay = np.exp(-1 / 8)
+    wanted = (1 - decay) * plain.torque_nm[1000] + decay * made.torque_nm[1000]
+    assert made.torque_nm[1001] == pytest.approx(wanted)
+
+
+def test_two_over_one_coordinate_add_up_and_survive_writing(tmp_path: Any) -> None:
+    one, two = CASES["residual over position"][0], CASES["friction over the angle"][0]
+    write_machine(machine_with(one, two), tmp_path / "machine.toml")
+    table = residuals_of(load_machine(tmp_path / "machine.toml").physics)["position"]
+    assert isinstance(table, Residual)
+    assert table.at(np.array([0.5]), np.array([1.0])) == pytest.approx([0.0], abs=1e-9)
+    assert table.at(np.array([0.5]), np.array([-1.0])) == pytest.approx(
+        [2 + np.sin(0.5) - 3 - np.cos(0.5)], abs=1e-3
+    )
+
+
+@pytest.mark.parametrize(
+    ("term", "sentence"),
+    [
+        (
+            {"coordinate": "colour", "table": ROWS},
+            "coordinate is 'colour'. It has to be one of position, speed",
+        ),
+        ({"table": ROWS}, "coordinate is None"),
+        ({"coordinate": "speed", "table": [[0, 1, 2]]}, "not made of rows of numbers"),
+        ({"coordinate": "speed", "table": [[0, 1, 2], [1, 2]]}, "not made of rows of numbers"),
+        ({"coordinate": "speed", "table": [[1, 1, 2], [0, 2, 3]]}, "do not increase"),
+        ({"coordinate": "acceleration", "table": ROWS}, "two directions over acceleration"),
+        ({"like": "dahl"}, "not a known physics term"),
+        ({"like": "coulomb_friction"}, "torque_nm is None"),
+    ],
+)
+def test_what_is_no_residual_is_told(term: dict[str, Any], sentence: str, tmp_path: Any) -> None:
+    good = machine_with({"name": "residual", "coordinate": "speed", "table": FAST})
+    write_machine(good, tmp_path / "machine.toml")
+    bad = PhysicsTerm.model_validate({"name": "residual", **term})
+    write_machine(good.model_copy(update={"physics": (bad,)}), tmp_path / "machine.toml")
+    with pytest.raises(InputError, match=sentence):
+        load_machine(tmp_path / "machine.toml")
