@@ -404,7 +404,7 @@ def driven(transition: Array, forcing: Array, values: Array) -> Array:
     return states
 
 
-@njit(cache=True, error_model="numpy")
+@compiled
 def spline_slopes(values: Array, step: float) -> Array:
     """Slopes (n, c) at evenly spaced knots of the cubic splines through values (n, c), n ≥ 4, "not a knot" at the ends.
 
@@ -431,7 +431,7 @@ def spline_slopes(values: Array, step: float) -> Array:
     return result
 
 
-@njit(cache=True, error_model="numpy")
+@compiled
 def spline_at(values: Array, slopes: Array, start: float, step: float, places: Array) -> Array:
     """Cubic splines with values and slopes (n, c) at knots from `start` on, at places (m,), (m, c)."""
     result = np.empty((places.size, values.shape[1]))
