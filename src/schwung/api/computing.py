@@ -25,7 +25,6 @@ from schwung.api.values import (
 from schwung.drivetrain import FeedForward
 from schwung.estimation import Inversion
 from schwung.estimation import estimate as estimate_session
-from schwung.explain.explain import explain as explain_session
 from schwung.motion import Excitation, Motion
 from schwung.session.gains import with_recorded_gains
 
@@ -182,6 +181,8 @@ def explain(
     >>> explanation.fit.before.torque_rmse_nm < 1.5 * explanation.noise_floor.torque_nm
     True
     """
+    from schwung.explain.explain import explain as explain_session
+
     return explanation_shown(
         explain_session(session, with_recorded_gains(machine, session), progress=progress)
     )

@@ -19,8 +19,6 @@ from schwung.fieldbus.drive import RawValue
 from schwung.files import json_text, replace_file
 from schwung.report import ChangeRow, FollowingError, ReportContent, SyncRow, save_figures
 from schwung.report import write_report as write_page
-from schwung.report.explanation import ExplanationContent
-from schwung.report.explanation import write_explanation as write_explanation_page
 from schwung.session import Run, Session, read_session
 from schwung.session.gains import with_recorded_gains
 
@@ -120,6 +118,9 @@ def write_explanation(found: Explanation, session: Session, believed: Machine, f
 
     Raises InputError where they cannot be written.
     """
+    from schwung.report.explanation import ExplanationContent
+    from schwung.report.explanation import write_explanation as write_explanation_page
+
     learned = folder / "machine.toml"
     write_machine(found.machine, learned)
     content = ExplanationContent(
