@@ -3,9 +3,9 @@
     python benchmarks/service_scope.py --seconds 60
 
 The service with its pages and Chromium are processes of their own; instead of a drive, samples of a made-up motion
-come at 1 kHz by the wall clock, so that a computer that is too busy for a motion can still be measured. Their time is the
-computer's own clock, which the page's is, too: at each picture the newest sample shown is held against it. Processor
-time is all that the processes used meanwhile, divided by the pictures; beside it, what the page takes without samples.
+come at 1 kHz by the wall clock, so that a computer that is too busy for a motion can still be measured. The page goes
+by the same clock: at each picture the newest sample shown is held against it. Processor time is all that the
+processes used meanwhile, divided by the pictures; beside it, what they take without samples.
 
 Prints every tenth of the time what it has counted, and compares memory of the service, of all of the browser, and
 of the page's own objects after a collection: the last third against the middle one. Exit code 1 where it grows.
