@@ -42,8 +42,9 @@ _STANDSTILL = 0.02
 #: Nodes of the inertia at first, per rad on the way, at least and most; and of the load torque.
 _NODES_PER_RAD, _FEWEST, _MOST, _TORQUE_NODES = 6.0, 6, 36, 6
 #: Nodes are doubled while that leaves less than the first share of what was left, and more than the second of all the
-#: torque is left; up to so many. Fitted at once, so many nodes find no way to where the phase of the swinging is right.
-_STILL_BETTER, _NOTHING_LEFT, _FINEST = 0.8, 1e-3, 300
+#: torque is left (the twin takes it off again); up to so many. Fitted at once, so many nodes find no way to where the
+#: phase of the swinging is right.
+_STILL_BETTER, _NOTHING_LEFT, _FINEST = 0.8, 5e-3, 300
 #: How much better two masses have to be than one.
 _WORTH = 0.5
 #: Of a rigid machine all of the inertia is the load's, but for this share.

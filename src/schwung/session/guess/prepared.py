@@ -144,7 +144,7 @@ def prepare(table: Table, time: TimeFound, rate: float | None) -> Prepared:
     sizes = [column.values.size for column in data]
     if not data or max(sizes) < _FEWEST:
         raise InputError(str(table.path), "has too few samples to guess from", f"{_FEWEST} are the least.")
-    if not any(np.ptp(numbers) > 0 for column in data if (numbers := _numbers(column)).size):
+    if not any(np.ptp(values) > 0 for column in data if (values := _numbers(column)).size):
         raise InputError(str(table.path), "has no column that ever changes", "Record a motion.")
     clock: Clock | None = None
     dropped = 0

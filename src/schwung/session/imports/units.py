@@ -126,8 +126,8 @@ def unit_in_name(name: str, quantity: Quantity, axis: Axis) -> Unit | None:
 def is_unit(text: str) -> bool:
     """Whether this is a unit of anything that a recording holds."""
     key = _plain(text.partition("(")[0])
-    tables = [table for axis in _UNITS.values() for table in (*axis.values(), _CURRENTS)]
-    return key in ("-", "v") or any(key in table for table in (*tables, *_WITH_NUMBER.values()))
+    known = {"-", "v", *_CURRENTS}.union(*(table for axis in _UNITS.values() for table in axis.values()))
+    return key in known.union(*_WITH_NUMBER.values())
 
 
 def header_unit(text: str, quantity: Quantity, axis: Axis) -> Unit | None:
