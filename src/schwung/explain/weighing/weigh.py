@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
@@ -37,10 +39,33 @@ _UNFINISHED = "the search ended before all was tried: probabilities are those of
 TOLD = 0.01
 
 
+@dataclass(frozen=True, eq=False)
+class Posterior:
+    """A session weighed: what is told of it, and what the next motion is chosen by."""
+
+    grown: Grown
+    stands: Standing
+    sure: Search  # the sets, weighed by what stands out
+    heldout: tuple[int, ...]
+
+    @cached_property
+    def told(self) -> Weighed:
+        """In names, probabilities and parameters."""
+        return _told(self.grown, self.stands, self.sure, self.heldout)
+
+
 def weigh(session: Session, machine: Machine) -> Weighed:
     """Say what the belief leaves out, with probabilities; raises InputError where the inertia is unknown."""
-    parts = split(session)
-    train = parts.seen if parts.heldout else tuple(range(len(session.runs)))
+    return posterior_of(session, machine).told
+
+
+def posterior_of(session: Session, machine: Machine, heldout: Sequence[int] | None = None) -> Posterior:
+    """The same with all that was weighed. `heldout`: runs for the proof; None: as `split` chooses them.
+
+    Raises InputError where the inertia is unknown.
+    """
+    heldout = split(session).heldout if heldout is None else tuple(heldout)
+    train = tuple(run for run in range(len(session.runs)) if run not in heldout)
     exciting = [run.excitation.frequency_hz for run in session.runs if run.excitation]
     band = max([BAND_HZ, *(BEYOND_INJECTION * f for f in exciting)])
     runs = [signals_of(run, machine, band, 0.0) for run in session.runs]
@@ -53,7 +78,8 @@ def weigh(session: Session, machine: Machine) -> Weighed:
     beside = repeated(session.runs, NATURAL * of.peak_torque_nm)
     wide = wide_fit(view, everything(candidates, ()), first_noise(runs), train)
     grown = Growth(candidates, always, train, wide).grown(view)
-    return _told(grown, standing(grown.search, grown.best, beside), parts.heldout)
+    stands = standing(grown.search, grown.best, beside)
+    return Posterior(grown, stands, grown.search.tempered(stands.tempering), tuple(heldout))
 
 
 def _repeats(session: Session) -> list[tuple[int, ...]]:
@@ -67,9 +93,8 @@ def _repeats(session: Session) -> list[tuple[int, ...]]:
     ]
 
 
-def _told(outcome: Grown, stands: Standing, heldout: Sequence[int]) -> Weighed:
+def _told(outcome: Grown, stands: Standing, sure: Search, heldout: Sequence[int]) -> Weighed:
     search, data = outcome.search, outcome.data
-    sure = search.tempered(stands.tempering)
     shares = sure.shares()
     likely = {name: p * stands.names.get(name, 1.0) for name, p in _probabilities(sure).items()}
     names = {c.name: likely[c.name] for c in data.candidates if c.named and likely.get(c.name, 0.0) >= TOLD}
