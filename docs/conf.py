@@ -48,6 +48,7 @@ nb_execution_in_temp = True
 nb_merge_streams = True
 
 default_role = "code"
+nitpicky = True  # a reference that leads nowhere is a warning, and so an error
 autodoc_member_order = "bysource"
 autodoc_typehints = "none"  # the signature has them
 napoleon_google_docstring = True

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import gzip
+import re
 import subprocess
 import sys
 from collections.abc import Iterator
@@ -194,6 +195,31 @@ def test_stamps_may_be_dates_or_steps_and_a_clock_may_be_set(logged: Logged, tmp
     assert found.session.runs
     with pytest.raises(InputError, match="do not grow"):
         imported(rewritten(["0.000000"] * stamps.size))
+
+
+def test_a_linear_axis_is_in_m_and_n_and_its_feed_is_asked_for(logged: Logged) -> None:
+    said: dict[str, float] = {}
+    for name, told in (
+        ("position", "whose feed"),
+        ("torque", "permille=250"),
+        ("speed", "--speed-unit um/s"),
+    ):
+        with pytest.raises(InputError, match=told):
+            imported(logged.log, said=said, axis="linear")
+        said[name] = {"position": 1e-6, "speed": 1e-6, "torque": 0.25}[name]
+    found = imported(logged.log, said=said, axis="linear")
+    assert found.session.axis == "linear"
+    assert any("position 1e-06 m" in note and "torque 0.25 N" in note for note in found.notes)
+
+
+def test_positions_that_are_sent_on_events_are_refused(logged: Logged, tmp_path: Path) -> None:
+    path = tmp_path / "events.log"
+    lines = logged.lines()
+    told = [re.sub(r"#2F(0[0-3])180201", r"#2F\g<1>1802FF", line) for line in lines]
+    assert told != lines
+    path.write_text("\n".join(told) + "\n")
+    with pytest.raises(InputError, match="sent on events"):
+        imported(path)
 
 
 def test_what_the_log_does_not_hold_is_asked_for_by_name(logged: Logged, tmp_path: Path) -> None:

@@ -21,7 +21,7 @@ from schwung.session.imports import (
     write_session,
 )
 from schwung.session.imports.canframes import log_kind
-from schwung.session.imports.units import unit
+from schwung.session.imports.units import axis_of, unit
 from schwung.session.interchange import FORMATS, read_any, write_any
 
 __all__ = [
@@ -67,20 +67,23 @@ def import_log(
         key: options.pop(f"{key}_unit") for key in ("position", "speed", "torque") if f"{key}_unit" in options
     }
     channel = options.pop("channel", None)
+    axis = options.pop("axis", None) or axis_of(said.get("position", "")) or "rotary"
+    if axis not in ("rotary", "linear"):
+        raise InputError("--axis", f'is "{axis}"', "Use rotary or linear.")
     if options:
         option = "--" + next(iter(options)).replace("_", "-")
         raise InputError(option, "means nothing for a CAN log with an EDS", "Leave it out: the log says it.")
     if len(files) != 1:
         raise InputError("schwung import --eds", f"is given {len(files)} logs", "Give one log at a time.")
     units = {
-        key: unit(text, key, "rotary")  # type: ignore[arg-type]  # a literal
+        key: unit(text, key, axis)  # type: ignore[arg-type]  # literals
         for key, text in said.items()
     }
     if any(each.effort == "current" for each in units.values()):
         raise InputError("--torque-unit", "is a current, but a drive reports per mille of its rated torque",
                          "Write permille=RATED, the motor's rated torque in N·m.")  # fmt: skip
     scales = {key: each.factor for key, each in units.items()}
-    return import_can_log(files[0], LogRecipe(eds, node, channel, profile, scales))
+    return import_can_log(files[0], LogRecipe(eds, node, channel, profile, scales, axis))
 
 
 #: Options that a guess says itself; the others of the user go along.

@@ -62,7 +62,7 @@ class Excitation(BaseModel):
 
     @property
     def phasors_nm(self) -> NDArray[np.complex128]:
-        """Amplitude and phase of each line: `torque` is the real part of Σ phasor·exp(j2πft), (m,) complex."""
+        """Amplitude and phase of each line, (m,) complex; `torque` is the real part of Σ phasor·exp(j2πft)."""
         if self.frequencies_hz and self.amplitudes_nm and self.phases_rad:
             amplitude, phase = np.array(self.amplitudes_nm), np.array(self.phases_rad)
         else:

@@ -200,7 +200,7 @@ class Motion(BaseModel):
 
     @property
     def total_s(self) -> float:
-        """Length of a run: the last dwell included (s)."""
+        """Length of a run, the last dwell included (s)."""
         return self.end_s + self.dwell_s
 
     @property

@@ -22,6 +22,7 @@ from schwung.session import Session
 from schwung.session.imports import Imported
 from schwung.session.imports.canframes import Frames, read_frames
 from schwung.session.imports.motions import with_repeats
+from schwung.session.model import Axis
 
 _STATUSWORD: Key = (0x6041, 0)
 #: Where a quantity of CiA 402 may be besides where the profile looks for it, the best first.
@@ -36,13 +37,15 @@ _ALSO: Mapping[str, tuple[Key, ...]] = {
 
 @dataclass(frozen=True)
 class LogRecipe:
-    """How to read a log. `said`: SI per count by quantity ("position", "speed", "torque"), where the user says it."""
+    """How to read a log. `said`: SI per count by quantity ("position", "speed", "torque"), where the user says it; on a
+    linear axis in m, m/s and N."""
 
     eds: Path
     node_id: int | None = None
     channel: str | None = None
     profile: str | None = None
     said: Mapping[str, float] = field(default_factory=dict)
+    axis: Axis = "rotary"
 
 
 def import_can_log(path: Path, recipe: LogRecipe) -> Imported:
@@ -62,7 +65,7 @@ def import_can_log(path: Path, recipe: LogRecipe) -> Imported:
         for pdo in reader.mappings(frame)
         for entry in pdo.entries
     )
-    drive = logged_drive(objects, file, recipe.profile, recipe.said, mapped)
+    drive = logged_drive(objects, file, recipe.profile, recipe.said, mapped, recipe.axis)
     sources = _sources(drive.profile, mapped)
     for name in ("position", "torque"):
         if name not in sources:
@@ -91,7 +94,7 @@ def import_can_log(path: Path, recipe: LogRecipe) -> Imported:
     notes = [
         f"read as {frames.kind}: {len(frames)} frames, node {node}, {len(objects.of)} objects seen in SDO transfers",
         *drive.notes,
-        _units_note(drive, sources),
+        _units_note(drive, sources, recipe.axis),
         *(f"{name} is {label(key)}, by {rows.origin.get(key, 'no frame')}" for name, key in sources.items()),
         f"SYNC: {rows.rate_hz:g} Hz, {int(rows.piece[-1])} interruptions",
         *(
@@ -107,6 +110,7 @@ def import_can_log(path: Path, recipe: LogRecipe) -> Imported:
         created=_created(frames),
         source=f"imported from {path.name} ({frames.kind} log, {recipe.eds.name}, node {node})",
         drive=_described(drive, file, objects, rows),
+        axis=recipe.axis,
     )
     return Imported(session, tuple(notes))
 
@@ -188,11 +192,12 @@ def _signals(rows: Rows, sources: Mapping[str, Key], drive: LoggedDrive) -> Sign
     )
 
 
-def _units_note(drive: LoggedDrive, sources: Mapping[str, Key]) -> str:
+def _units_note(drive: LoggedDrive, sources: Mapping[str, Key], axis: Axis) -> str:
     scales = drive.scales
-    worth = [f"position {scales.position_rad:.6g} rad", f"torque {scales.torque_nm:.6g} N·m"]
+    length, force = ("rad", "N·m") if axis == "rotary" else ("m", "N")
+    worth = [f"position {scales.position_rad:.6g} {length}", f"torque {scales.torque_nm:.6g} {force}"]
     if "speed" in sources:
-        worth.insert(1, f"speed {scales.speed_rad_s:.6g} rad/s")
+        worth.insert(1, f"speed {scales.speed_rad_s:.6g} {length}/s")
     return f"one count is worth: {', '.join(worth)}"
 
 

@@ -28,6 +28,10 @@ _SYNC_ID = 0x080
 #: An interval between SYNCs that is longer than so many periods: SYNCs, or frames of the log, are missing between.
 _GAP_PERIODS = 1.5
 _FEWEST_SYNCS = 16
+#: Transmission types of CiA 301 from here on: when something happens, or a timer ends.
+_ON_EVENTS = 0xFE
+#: What has to be sampled at SYNC: a state may come when it changes.
+_SAMPLED = frozenset({(0x6064, 0), (0x6063, 0), (0x606C, 0), (0x6077, 0)})
 
 Key = tuple[int, int]  # index and sub-index
 
@@ -50,6 +54,7 @@ class PdoMapping:
     number: int
     can_id: int
     entries: tuple[Mapped, ...]
+    on_events: bool = False  # the log shows that it was set up to be sent on events, not with SYNC
 
     @property
     def bits(self) -> int:
@@ -137,7 +142,9 @@ class PdoReader:
             first += bits
         if not entries or first > 64:
             return None
-        return PdoMapping(direction, number, cob_id & _MASK_ID, tuple(entries))
+        kind = self._objects.at(communication, 2, frame)
+        on_events = kind is not None and int.from_bytes(kind, "little") >= _ON_EVENTS
+        return PdoMapping(direction, number, cob_id & _MASK_ID, tuple(entries), on_events)
 
     def _signed(self, key: Key) -> bool:
         found = self._file.find(*key)
@@ -254,6 +261,7 @@ def _extracted(words: NDArray[np.uint64], entry: Mapped) -> Array:
 
 def _streams(frames: Frames, reader: PdoReader, wanted: Callable[[Key], bool]) -> list[_Stream]:
     streams: dict[tuple[str, int], _Stream] = {}
+    unasked: dict[int, PdoMapping] = {}
     by_id: dict[int, NDArray[np.int64]] = {}
     for can_id in np.unique(frames.can_id).tolist():
         by_id[can_id] = np.flatnonzero(frames.can_id == can_id)
@@ -269,12 +277,31 @@ def _streams(frames: Frames, reader: PdoReader, wanted: Callable[[Key], bool]) -
             mapping = next((each for each in mappings if each.can_id == can_id), None)
             if mapping is None or not any(wanted(entry.key) for entry in mapping.entries):
                 continue
+            if mapping.on_events and any(wanted(key) for key in _SAMPLED & {e.key for e in mapping.entries}):
+                unasked[int(own[0])] = mapping
+                continue
             _check_sizes(frames, own, mapping)
             stream = streams.setdefault((mapping.direction, can_id),
                                         _Stream(mapping.direction, mapping.name, [], [], wanted))  # fmt: skip
             stream.frames += own.tolist()
             stream.chunks.append((mapping, [frames.data[k] for k in own]))
-    return list(streams.values())
+    found = list(streams.values())
+    _require_sampled(frames, found, unasked)
+    return found
+
+
+def _require_sampled(frames: Frames, streams: Sequence[_Stream], unasked: Mapping[int, PdoMapping]) -> None:
+    """Raise InputError where position or torque came on events only."""
+    asked = {entry.key for stream in streams for mapping, _ in stream.chunks for entry in mapping.entries}
+    for first, mapping in unasked.items():
+        left = [label(entry.key) for entry in mapping.entries if entry.key in _SAMPLED - asked]
+        if left:
+            raise InputError(
+                frames.place(first),
+                f"{mapping.name} with {', '.join(left)} is sent on events (transmission type 254 or 255): nothing says "
+                "when it was sampled",
+                "Set its transmission type to 1 and log again, or read it with --dbc BUS.dbc and --resample.",
+            )
 
 
 def _check_sizes(frames: Frames, own: NDArray[np.int64], mapping: PdoMapping) -> None:

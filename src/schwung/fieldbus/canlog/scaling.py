@@ -13,6 +13,7 @@ from schwung.fieldbus.drive import DriveIdentity
 from schwung.fieldbus.eds import EdsFile
 from schwung.fieldbus.profile import CanopenProfile, Quantity, load_canopen_profile
 from schwung.fieldbus.units import ReadInteger, Scales, read_scales
+from schwung.session.model import Axis
 
 STANDARD = "generic-cia402"
 #: What to give where the log does not tell what a count is worth.
@@ -20,6 +21,12 @@ _FLAGS = {
     "position": "Say how many counts make a turn of the motor: --position-unit counts=4096.",
     "speed": "Say what a count is: --speed-unit rpm, or --speed-unit counts/s=4096.",
     "torque": "Say the motor's rated torque in N·m: --torque-unit permille=3.2.",
+}
+#: The same of a linear axis, whose feed no log tells.
+_LINEAR_FLAGS = {
+    "position": "Say how far a count is: --position-unit um, or --position-unit counts=1000000 per metre.",
+    "speed": "Say what a count is: --speed-unit um/s, or --speed-unit counts/s=1000000 per metre.",
+    "torque": "Say the motor's rated force in N: --torque-unit permille=250.",
 }
 _QUANTITIES = ("position", "speed", "torque")
 
@@ -74,6 +81,7 @@ def logged_drive(
     family: str | None,
     said: Mapping[str, float],
     mapped: frozenset[Key],
+    axis: Axis = "rotary",
 ) -> LoggedDrive:
     """Who it is and what its counts are worth. `family`: a profile by name; else that of the drive's identity, else
     CiA 402's own objects. `said`: SI per count by quantity, from the user, which comes first.
@@ -94,8 +102,26 @@ def logged_drive(
         )
         notes.append(f"units by profile {profile.family}: {why}")
     read = integer_reader(objects, file)
+    if axis == "linear":
+        _require_said(profile, said, mapped, objects.node_id)
     scales = read_scales(_told(profile, read, said, mapped, objects.node_id), read)
     return LoggedDrive(identity, profile, scales, tuple(notes))
+
+
+def _require_said(
+    profile: CanopenProfile, said: Mapping[str, float], mapped: frozenset[Key], node_id: int
+) -> None:
+    for name in _QUANTITIES:
+        quantity: Quantity | None = getattr(profile.quantities, name)
+        if quantity is None or name in said:
+            continue
+        if name == "speed" and (quantity.object.index, quantity.object.subindex) not in mapped:
+            continue
+        raise InputError(
+            f"{name} of node {node_id}",
+            "is that of a linear axis, whose feed is not in the log",
+            _LINEAR_FLAGS[name],
+        )
 
 
 def _told(
