@@ -46,12 +46,12 @@ class Guide:
         self.step = CONNECT
         self._failed = False
         self._client = ui.context.client  # steps are built by what they replace
-        self._bar = html("", "ol", "sw-steps").props('aria-label="steps"')
+        self._bar = html("", "ol", "sw-steps").props('aria-label="steps" tabindex="-1"')
         self._place = ui.element("div").classes("sw-column")
 
     def go(self, step: int) -> None:
         """Show a step."""
-        self.step, self._failed = step, False
+        before, self.step, self._failed = self.step, step, False
         self._show_bar()
         self._place.clear()
         with self._place:
@@ -62,6 +62,10 @@ class Guide:
             self._client,
             f"/commission/{self.drive.id}" + (f"?run={run.id}" if keeps and run is not None else ""),
         )
+        if (
+            before != step
+        ):  # what had the focus is gone: the next Tab goes on here, not at the page's beginning
+            self._client.run_javascript(f"document.getElementById('{self._bar.html_id}')?.focus()")
 
     def refresh(self) -> None:
         """Show the same step anew."""
