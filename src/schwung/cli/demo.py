@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from schwung.cli.options import CanLog, Json, bus_options, measured
+from schwung.cli.options import CanLog, Json, bus_options, measured, require_plant
 
 #: What an engineer would know before the measurement: motor and coupling from the data sheets, a guess of the load.
 BELIEF = """\
@@ -73,13 +73,15 @@ def demo(
     from schwung.cli.console import Terminal
     from schwung.cli.flow import Ending, commission_and_show, finish
     from schwung.files import replace_file
-    from schwung_sim.bench import Bench
 
+    require_plant("schwung demo", plant)
     if optimise:
         from schwung.api.optimising import MotionLimits, Playing, Task, require_optimiser
         from schwung.cli.playing import play_and_show
 
         require_optimiser()
+    from schwung_sim.bench import Bench
+
     terminal = Terminal(json_output)
     options = bus_options("stepped", "demo", 1_000_000, None, can_log)
     folder = planned_folder(out)

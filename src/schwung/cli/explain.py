@@ -37,6 +37,15 @@ def explain(
     out: Annotated[
         Path, typer.Option(help="Folder for explanation.json, explanation.html and the learned machine.toml.")
     ] = Path("explanation"),
+    next_plan: Annotated[
+        Path | None,
+        typer.Option(
+            "--next",
+            metavar="PLAN",
+            help="Choose the motion that best tells apart what is still confused, within the session's limits, and "
+            "write it there, for schwung commission --plan.",
+        ),
+    ] = None,
     json_output: Json = False,
 ) -> None:
     """Locate where a recording departs from the belief, name the physics left out, and prove it on runs kept aside.
@@ -50,6 +59,8 @@ def explain(
       schwung explain session.h5 -m machine.toml --out monday --json
 
       schwung explain session.h5 --belief model.fmu --map map.toml
+
+      schwung explain session.h5 -m machine.toml --next next.json
     """
     from schwung import load_machine, read_session
     from schwung.api.computing import explain as explain_session
@@ -57,6 +68,7 @@ def explain(
     from schwung.api.reports import write_explanation
     from schwung.api.simulators import explain_against
     from schwung.cli.console import Terminal, progress_bar
+    from schwung.cli.next_motion import next_and_show
     from schwung.cli.sessions import in_file
     from schwung.errors import InputError
     from schwung.files import json_text, replace_file
@@ -67,8 +79,13 @@ def explain(
         raise InputError(
             "schwung explain", "needs one belief", "Give -m machine.toml, or --belief model.fmu."
         )
+    if next_plan is not None and machine is None:
+        raise InputError(
+            "--next", "simulates the motion, which an FMU's belief cannot", "Give -m machine.toml."
+        )
     recorded = read_session(session)
     believed = load_machine(machine) if machine is not None else None
+    terminal.tell_slow()
     folder = planned_folder(out, beside_session=True)
     learned = folder / "machine.toml"
     _keep_beliefs(learned, machine)
@@ -88,6 +105,8 @@ def explain(
     write_explanation(found, recorded, believed, folder)
     _tell(terminal, found, words)
     terminal.say(f"Explanation: [bold]{folder / 'explanation.html'}[/]  Learned machine: [bold]{learned}[/]")
+    if next_plan is not None:
+        document["next"] = next_and_show(terminal, recorded, believed, next_plan)
     terminal.result(document)
 
 

@@ -145,7 +145,7 @@ def _predicted(
 
     By the method of the injection alone: it judges ripple and motion, and it answers at once.
     """
-    runs = [_sampled(planned, plan, made) for planned, made in simulated]
+    runs = [sampled_run(planned, plan, made) for planned, made in simulated]
     method = "multiphase" if plan.phases > 1 else "denoised"
     try:
         return estimate(Session(tuple(runs), created="", source="simulated"), machine, method=method)
@@ -153,7 +153,7 @@ def _predicted(
         return None
 
 
-def _sampled(planned: PlannedRun, plan: Plan, simulated: Simulated) -> Run:
+def sampled_run(planned: PlannedRun, plan: Plan, simulated: Simulated) -> Run:
     """The simulated run as a drive reports it: angle and speed at SYNC, torque of the tick before it."""
     at_sync = slice(FINER, None, FINER)
     before_sync = slice(FINER - 1, -1, FINER)

@@ -10,6 +10,8 @@ from scipy.interpolate import CubicSpline
 from schwung.errors import InputError
 from schwung.innovations import kernel
 from schwung.innovations.signals import Signals
+from schwung.innovations.splines import interpolated
+from schwung.innovations.values import Shaft
 from schwung.motion import Array
 
 #: Inertias at which a step is worked out; between them it is interpolated (relative error below 1e-7).
@@ -32,7 +34,7 @@ class Steps:
     by_damping: Array
 
     @classmethod
-    def of(cls, shaft: kernel.Shaft, inertia: Array, step_s: float, *, slopes: bool) -> Steps:
+    def of(cls, shaft: Shaft, inertia: Array, step_s: float, *, slopes: bool) -> Steps:
         """Steps of the given inertias (m,); without `slopes` the derivatives are empty.
 
         Raises InputError where the numbers run away, as a fit's do to signals that belong to no such machine.
@@ -40,7 +42,7 @@ class Steps:
         logs = np.log(inertia)
         nodes = np.linspace(logs.min() - 1e-3, logs.max() + 1e-3, _NODES)
 
-        def table(which: kernel.Shaft) -> Array:
+        def table(which: Shaft) -> Array:
             return np.asarray(kernel.steps(which, np.exp(nodes), step_s))
 
         def by(name: str) -> Array:
@@ -48,24 +50,26 @@ class Steps:
                 table(shaft._replace(**{name: getattr(shaft, name) * np.exp(d)}))
                 for d in (_DIFFERENCE, -_DIFFERENCE)
             ]
-            return np.asarray(CubicSpline(nodes, (ends[0] - ends[1]) / (2 * _DIFFERENCE))(logs))
+            return at((ends[0] - ends[1]) / (2 * _DIFFERENCE))
+
+        def at(values: Array) -> Array:
+            return interpolated(values, nodes[0], nodes[1] - nodes[0], logs)
 
         stepped = table(shaft)
         if not np.all(np.isfinite(stepped)):
             raise no_such_machine()
-        curve = CubicSpline(nodes, stepped)
-        transition, inputs = np.split(curve(logs), [-6], axis=2)
+        transition, inputs = np.split(at(stepped), [-6], axis=2)
         none = np.empty(0)
         if not slopes:
             return cls(transition, inputs, none, none, none)
-        by_inertia = curve(logs, 1)
+        by_inertia = CubicSpline(nodes, stepped)(logs, 1)
         if shaft.rigid:
             none = np.zeros_like(by_inertia)
             return cls(transition, inputs, by_inertia, none, none)
         return cls(transition, inputs, by_inertia, by("stiffness"), by("damping"))
 
     @classmethod
-    def of_each(cls, shaft: kernel.Shaft, coupling: Array, inertia: Array, step_s: float) -> Steps:
+    def of_each(cls, shaft: Shaft, coupling: Array, inertia: Array, step_s: float) -> Steps:
         """Steps of a coupling whose stiffness and damping (m, 2) are others in each, exactly; without derivatives."""
         transition, inputs = np.split(kernel.steps_of_each(shaft, coupling, inertia, step_s), [-6], axis=2)
         none = np.empty(0)

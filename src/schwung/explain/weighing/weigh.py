@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
@@ -13,8 +15,9 @@ from schwung.explain.weighing.candidate import NATURAL, Candidate
 from schwung.explain.weighing.data import Atom
 from schwung.explain.weighing.growth import Grown, Growth, everything, slices
 from schwung.explain.weighing.known import known
+from schwung.explain.weighing.present import Member
 from schwung.explain.weighing.repeated import repeated
-from schwung.explain.weighing.round import View, wide_fit
+from schwung.explain.weighing.round import Linearised, View, target_of, wide_fit
 from schwung.explain.weighing.search import Scored, Search
 from schwung.explain.weighing.standing import Standing, standing
 from schwung.explain.weighing.values import Named, Parameter, Proof, Unnamed, Weighed
@@ -22,6 +25,7 @@ from schwung.explain.weighing.vocabulary import vocabulary
 from schwung.innovations.evidence import weigh as weigh_columns
 from schwung.innovations.likelihood import first_noise
 from schwung.innovations.signals import signals_of
+from schwung.innovations.statistics import Statistics
 from schwung.motion import Array
 from schwung.session.imports import repeats
 from schwung.session.model import Session
@@ -37,10 +41,33 @@ _UNFINISHED = "the search ended before all was tried: probabilities are those of
 TOLD = 0.01
 
 
+@dataclass(frozen=True, eq=False)
+class Posterior:
+    """A session weighed: what is told of it, and what the next motion is chosen by."""
+
+    grown: Grown
+    stands: Standing
+    sure: Search  # the sets, weighed by what stands out
+    heldout: tuple[int, ...]
+
+    @cached_property
+    def told(self) -> Weighed:
+        """In names, probabilities and parameters."""
+        return _told(self.grown, self.stands, self.sure, self.heldout)
+
+
 def weigh(session: Session, machine: Machine) -> Weighed:
     """Say what the belief leaves out, with probabilities; raises InputError where the inertia is unknown."""
-    parts = split(session)
-    train = parts.seen if parts.heldout else tuple(range(len(session.runs)))
+    return posterior_of(session, machine).told
+
+
+def posterior_of(session: Session, machine: Machine, heldout: Sequence[int] | None = None) -> Posterior:
+    """The same with all that was weighed. `heldout`: runs for the proof; None: as `split` chooses them.
+
+    Raises InputError where the inertia is unknown.
+    """
+    heldout = split(session).heldout if heldout is None else tuple(heldout)
+    train = tuple(run for run in range(len(session.runs)) if run not in heldout)
     exciting = [run.excitation.frequency_hz for run in session.runs if run.excitation]
     band = max([BAND_HZ, *(BEYOND_INJECTION * f for f in exciting)])
     runs = [signals_of(run, machine, band, 0.0) for run in session.runs]
@@ -53,7 +80,8 @@ def weigh(session: Session, machine: Machine) -> Weighed:
     beside = repeated(session.runs, NATURAL * of.peak_torque_nm)
     wide = wide_fit(view, everything(candidates, ()), first_noise(runs), train)
     grown = Growth(candidates, always, train, wide).grown(view)
-    return _told(grown, standing(grown.search, grown.best, beside), parts.heldout)
+    stands = standing(grown.search, grown.best, beside)
+    return Posterior(grown, stands, grown.search.tempered(stands.tempering), tuple(heldout))
 
 
 def _repeats(session: Session) -> list[tuple[int, ...]]:
@@ -67,11 +95,12 @@ def _repeats(session: Session) -> list[tuple[int, ...]]:
     ]
 
 
-def _told(outcome: Grown, stands: Standing, heldout: Sequence[int]) -> Weighed:
+def _told(outcome: Grown, stands: Standing, sure: Search, heldout: Sequence[int]) -> Weighed:
     search, data = outcome.search, outcome.data
-    sure = search.tempered(stands.tempering)
     shares = sure.shares()
-    likely = {name: p * stands.names.get(name, 1.0) for name, p in _probabilities(sure).items()}
+    named = {c.name for c in data.candidates if c.named}
+    likely = {name: p for name, p in _probabilities(sure).items() if p >= TOLD}
+    likely = {name: p * stands.of(search, name) if name in named else p for name, p in likely.items()}
     names = {c.name: likely[c.name] for c in data.candidates if c.named and likely.get(c.name, 0.0) >= TOLD}
     told = [Named(name, p, _parameters(sure, name)) for name, p in names.items() if not _at_bound(sure, name)]
     ends = [name for name in names if _at_bound(sure, name)]
@@ -185,13 +214,26 @@ def _rms(search: Search, name: str) -> float:
 
 
 def _proof(outcome: Grown, heldout: Sequence[int]) -> Proof:
-    """The best set's and the bare belief's predictions of the motions kept aside."""
-    data, search = outcome.data, outcome.search
-    logs, missed = [], []
-    for picks in ((), outcome.best.picks):
-        which, deviations = search.columns(picks)
-        seen, aside = data.at(which), data.aside(which, heldout)
-        fitted, both = weigh_columns(seen, deviations), weigh_columns(seen + aside, deviations)
-        logs.append(both.log_evidence - fitted.log_evidence)
-        missed.append(float(np.sqrt(aside.missed(fitted.coefficients) / aside.count)))
-    return Proof(tuple(heldout), (logs[1] - logs[0]) / aside.count, *missed)
+    """The best set's and the bare belief's predictions of the motions kept aside, each linearised about itself."""
+    data, (which, deviations) = outcome.data, outcome.search.columns(outcome.best.picks)
+    log, after = _predicted(data.at(which), data.aside(which, heldout), deviations)
+    bare, members = outcome.nothing.about, outcome.nothing.members
+    seen, aside = (
+        _statistics(about, members, runs).tempered(data.excess)
+        for about, runs in ((bare, data.train), (bare.beside(heldout), heldout))
+    )
+    belief, before = _predicted(seen, aside, np.concatenate([m.deviations for m in members]))
+    return Proof(tuple(heldout), (log - belief) / aside.count, before, after)
+
+
+def _predicted(seen: Statistics, aside: Statistics, deviations: Array) -> tuple[float, float]:
+    """Log predictive likelihood of runs aside, and what is missed there over the noise (root mean square)."""
+    fitted, both = weigh_columns(seen, deviations), weigh_columns(seen + aside, deviations)
+    missed = float(np.sqrt(aside.missed(fitted.coefficients) / aside.count))
+    return both.log_evidence - fitted.log_evidence, missed
+
+
+def _statistics(about: Linearised, members: Sequence[Member], runs: Sequence[int]) -> Statistics:
+    """Of the members' columns on some runs."""
+    rows = about.whitened([(m.candidate.about(m.coefficients), m.shape) for m in members], runs)
+    return Statistics.of(rows.T, target_of(about, members, runs))
