@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -11,7 +12,7 @@ from schwung.explain.proof import split
 from schwung.explain.weighing.along import ranges_of
 from schwung.explain.weighing.candidate import NATURAL, Candidate
 from schwung.explain.weighing.data import Atom
-from schwung.explain.weighing.growth import Grown, Growth, everything, slices
+from schwung.explain.weighing.growth import NOISE_SHARE, Grown, Growth, Progress, everything, slices
 from schwung.explain.weighing.known import known
 from schwung.explain.weighing.repeated import repeated
 from schwung.explain.weighing.round import View, wide_fit
@@ -37,8 +38,25 @@ _UNFINISHED = "the search ended before all was tried: probabilities are those of
 TOLD = 0.01
 
 
+@dataclass(frozen=True, eq=False)
+class Outcome:
+    """All that was found: the sets, how far their names stand out, and what it was found from."""
+
+    view: View
+    growth: Growth
+    grown: Grown
+    stands: Standing
+    heldout: tuple[int, ...]
+
+
 def weigh(session: Session, machine: Machine) -> Weighed:
     """Say what the belief leaves out, with probabilities; raises InputError where the inertia is unknown."""
+    outcome = outcome_of(session, machine)
+    return told(outcome.grown, outcome.stands, outcome.heldout)
+
+
+def outcome_of(session: Session, machine: Machine, tell: Progress = lambda _text, _share: None) -> Outcome:
+    """Search all sets; `tell`: what is being done, and the share of the session's work that is done, 0…1."""
     parts = split(session)
     train = parts.seen if parts.heldout else tuple(range(len(session.runs)))
     exciting = [run.excitation.frequency_hz for run in session.runs if run.excitation]
@@ -49,11 +67,13 @@ def weigh(session: Session, machine: Machine) -> Weighed:
     belief = known(machine, of.low_rad, of.high_rad)
     view = View(session.runs, tuple(runs), belief, of, torques, repeats=_repeats(session))
     candidates = vocabulary(of, view.known)
+    tell("Finding the noise", NOISE_SHARE / 2)
     always = tuple(i for i, c in enumerate(candidates) if c.name.startswith("usual"))
     beside = repeated(session.runs, NATURAL * of.peak_torque_nm)
     wide = wide_fit(view, everything(candidates, ()), first_noise(runs), train)
-    grown = Growth(candidates, always, train, wide).grown(view)
-    return _told(grown, standing(grown.search, grown.best, beside), parts.heldout)
+    growth = Growth(candidates, always, train, wide, tell=tell)
+    grown = growth.grown(view)
+    return Outcome(view, growth, grown, standing(grown.search, grown.best, beside), parts.heldout)
 
 
 def _repeats(session: Session) -> list[tuple[int, ...]]:
@@ -67,7 +87,7 @@ def _repeats(session: Session) -> list[tuple[int, ...]]:
     ]
 
 
-def _told(outcome: Grown, stands: Standing, heldout: Sequence[int]) -> Weighed:
+def told(outcome: Grown, stands: Standing, heldout: Sequence[int]) -> Weighed:
     search, data = outcome.search, outcome.data
     sure = search.tempered(stands.tempering)
     shares = sure.shares()
