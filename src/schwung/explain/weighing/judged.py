@@ -1,7 +1,7 @@
 """The proof of a machine file: what belief and file, each as it is read, miss on runs that were not fitted.
 
-Nothing of the file is fitted again. The usual timing of a drive, which no file says, is found about each of the two from
-the runs that were fitted.
+Nothing of the file is fitted again. The usual timing of a drive, which no file says, is found about each of the two
+from the runs that were fitted.
 """
 
 from __future__ import annotations

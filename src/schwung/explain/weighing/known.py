@@ -85,15 +85,13 @@ def _where(curve: Residual, along: Along) -> tuple[Array, Array]:
     """The curve's coordinate along a run, and the direction of motion."""
     if curve.over == "load_position":
         return along.load_angle, along.load_direction
-    coordinate = {
-        "position": lambda: along.angle,
-        "speed": lambda: np.abs(along.speed),
-        "torque": lambda: np.abs(along.torque),
-        "run": lambda: np.full_like(along.speed, along.share),
-        "acceleration": lambda: along.load_acceleration,
-        "time_in_motion": lambda: along.motion_time_s,
-    }[curve.over]
-    return coordinate(), along.direction
+    if curve.over == "run":
+        return np.full_like(along.speed, along.share), along.direction
+    if curve.over in ("speed", "torque"):
+        return np.abs(along.speed if curve.over == "speed" else along.torque), along.direction
+    if curve.over == "acceleration":
+        return along.load_acceleration, along.direction
+    return (along.angle if curve.over == "position" else along.motion_time_s), along.direction
 
 
 @compiled
@@ -136,10 +134,5 @@ def known(machine: Machine, low_rad: float, high_rad: float) -> Known:
             torque_table=load.torque_table,
         )
     plain = machine.model_copy(update={"coupling": coupling, "load": load, "physics": ()})
-    return Known(
-        plain,
-        e,
-        load_torque_table(machine.physics),
-        not machine.physics,
-        tuple(residuals_of(machine.physics).values()),
-    )
+    curves = tuple(residuals_of(machine.physics).values())
+    return Known(plain, e, load_torque_table(machine.physics), not machine.physics, curves)

@@ -109,8 +109,6 @@ _SUMS = {
     "nonlinear_stiffness": ("cubic_nm_rad3",),
     "inertia_profile_shift": ("shift_rad",),
 }
-#: What was found is the whole.
-_REPLACED = ("coupling_stiffness", "coupling_damping")
 #: Amplitude and phase of a sine, and what else has to be alike for two to be one.
 _SINES = {
     "load_torque": ("amplitude_nm", ()),
@@ -135,33 +133,33 @@ def _merged(law: str, had: Mapping[str, Any], new: Mapping[str, Any]) -> _Parame
     """The numbers of two terms of one law as one's; None where one cannot say both."""
     if "table" in new:
         return {"table": _added_tables(had["table"], new["table"], TABLES[law])}
-    if law in _REPLACED:
-        return dict(new)
-    if law in _SUMS:
-        if law == "friction_drift" and had.get("settling", 0.0) != 0.0:
-            return None
-        return {key: had[key] + new[key] for key in _SUMS[law]}
     if law in _SINES:
         amplitude, alike = _SINES[law]
-        if not _same(law, alike, had, new):
-            return None
         both = sum(one[amplitude] * np.exp(1j * one.get("phase_rad", 0.0)) for one in (had, new))
-        return {amplitude: float(np.abs(both)), "phase_rad": float(np.angle(both))}
-    if law in _SHAPED:
-        alike, summed = _SHAPED[law]
-        return {key: had[key] + new[key] for key in summed} if _same(law, alike, had, new) else None
-    if law == "torque_constant":
-        return {"gain": had["gain"] + new["gain"] - 1}
-    if law == "torque_constant_drop":
-        return {
-            "share_at_peak": had["share_at_peak"] + new["share_at_peak"] * had["peak_nm"] / new["peak_nm"]
-        }
-    if law == "torque_saturation":
-        return {"limit_nm": min(had["limit_nm"], new["limit_nm"])}
-    if law == "load_inertia":
-        scale, delta = had.get("scale", 1.0), had.get("delta_kgm2", 0.0)
-        return {"scale": scale * new.get("scale", 1.0), "delta_kgm2": delta + new.get("delta_kgm2", 0.0)}
-    return None
+        merged = {amplitude: float(np.abs(both)), "phase_rad": float(np.angle(both))}
+        return merged if _same(law, alike, had, new) else None
+    alike, summed = _SHAPED.get(law, ((), _SUMS.get(law, ())))
+    if not _same(law, alike, had, new) or (law == "friction_drift" and had.get("settling", 0.0) != 0.0):
+        return None
+    return {key: had[key] + new[key] for key in summed} or _changed(law, had, new)
+
+
+def _changed(law: str, had: Mapping[str, Any], new: Mapping[str, Any]) -> _Parameters | None:
+    """Of laws whose numbers do not add up."""
+    scale, delta = had.get("scale", 1.0), had.get("delta_kgm2", 0.0)
+    drop = new.get("share_at_peak", 0.0) / new.get("peak_nm", 1.0)
+    changes: dict[str, Callable[[], _Parameters]] = {
+        "coupling_stiffness": lambda: dict(new),
+        "coupling_damping": lambda: dict(new),
+        "torque_constant": lambda: {"gain": had["gain"] + new["gain"] - 1},
+        "torque_constant_drop": lambda: {"share_at_peak": had["share_at_peak"] + drop * had["peak_nm"]},
+        "torque_saturation": lambda: {"limit_nm": min(had["limit_nm"], new["limit_nm"])},
+        "load_inertia": lambda: {
+            "scale": scale * new.get("scale", 1.0),
+            "delta_kgm2": delta + new.get("delta_kgm2", 0.0),
+        },
+    }
+    return changes[law]() if law in changes else None
 
 
 def _scale_added(terms: list[PhysicsTerm], scale: float) -> None:
