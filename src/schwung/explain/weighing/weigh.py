@@ -16,7 +16,7 @@ from schwung.explain.weighing.growth import NOISE_SHARE, Grown, Growth, Progress
 from schwung.explain.weighing.known import known
 from schwung.explain.weighing.repeated import repeated
 from schwung.explain.weighing.round import View, wide_fit
-from schwung.explain.weighing.search import Scored, Search
+from schwung.explain.weighing.search import Pick, Scored, Search
 from schwung.explain.weighing.standing import Standing, standing
 from schwung.explain.weighing.values import Named, Parameter, Proof, Unnamed, Weighed
 from schwung.explain.weighing.vocabulary import vocabulary
@@ -149,14 +149,19 @@ def _parameters(search: Search, name: str) -> dict[str, Parameter]:
             candidate = search.candidate(pick)
             if candidate.name != name:
                 continue
-            atom = search.data.atoms[pick.atom]
-            centre = scored.found.coefficients[where]
-            moved = _spread(candidate, centre, scored.found.covariance[where, where], atom)
-            return {
-                key: Parameter(float(v), float(v - 1.96 * moved[key]), float(v + 1.96 * moved[key]))
-                for key, v in candidate.keys(centre, atom.shape).items()
-            }
+            return parameters_of(search, scored, pick, where)
     return {}
+
+
+def parameters_of(search: Search, scored: Scored, pick: Pick, where: slice) -> dict[str, Parameter]:
+    """Of one cause of a set, whose coefficients are at these places."""
+    candidate, atom = search.candidate(pick), search.data.atoms[pick.atom]
+    centre = scored.found.coefficients[where]
+    moved = _spread(candidate, centre, scored.found.covariance[where, where], atom)
+    return {
+        key: Parameter(float(v), float(v - 1.96 * moved[key]), float(v + 1.96 * moved[key]))
+        for key, v in candidate.keys(centre, atom.shape).items()
+    }
 
 
 def _spread(candidate: Candidate, centre: Array, covariance: Array, atom: Atom) -> dict[str, float]:
@@ -182,12 +187,16 @@ def _at_bound(search: Search, name: str) -> bool:
     """Whether the most probable set that holds a name has its shape at the end of what is tried."""
     for _, scored in search.shares():
         for pick in scored.picks:
-            candidate = search.candidate(pick)
-            if candidate.name == name:
-                shape = search.data.atoms[pick.atom].shape
-                ends = zip(shape, candidate.bounds, strict=bool(candidate.bounds))
-                return any(min(v - low, high - v) <= _END * (high - low) for v, (low, high) in ends)
+            if search.candidate(pick).name == name:
+                return at_bound(search, pick)
     return False
+
+
+def at_bound(search: Search, pick: Pick) -> bool:
+    """Whether a shape is at the end of what is tried."""
+    candidate, shape = search.candidate(pick), search.data.atoms[pick.atom].shape
+    ends = zip(shape, candidate.bounds, strict=bool(candidate.bounds))
+    return any(min(v - low, high - v) <= _END * (high - low) for v, (low, high) in ends)
 
 
 def _rms(search: Search, name: str) -> float:
