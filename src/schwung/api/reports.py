@@ -16,6 +16,7 @@ from schwung.errors import SchwungError
 from schwung.estimation import Estimate
 from schwung.estimation.reach import reach_of
 from schwung.explain.values import Explanation
+from schwung.explain.weighing.publication import Published
 from schwung.fieldbus.drive import RawValue
 from schwung.files import json_text, replace_file
 from schwung.report import ChangeRow, FollowingError, ReportContent, SyncRow, save_figures
@@ -23,6 +24,8 @@ from schwung.report import write_report as write_page
 from schwung.report.content import deviation
 from schwung.report.explanation import ExplanationContent
 from schwung.report.explanation import write_explanation as write_explanation_page
+from schwung.report.probabilities import ProbabilitiesContent
+from schwung.report.probabilities import write_probabilities as write_probabilities_page
 from schwung.session import Run, Session, read_session
 
 __all__ = [
@@ -33,6 +36,7 @@ __all__ = [
     "standard_of",
     "write_explanation",
     "write_page",
+    "write_probabilities",
     "write_report",
     "write_results",
 ]
@@ -133,6 +137,23 @@ def write_explanation(found: Explanation, session: Session, believed: Machine, f
     write_explanation_page(content, folder / "explanation.html")
 
 
+def write_probabilities(found: Published, session: Session, believed: Machine, folder: Path) -> None:
+    """The same of an answer with probabilities.
+
+    Raises InputError where they cannot be written.
+    """
+    learned = folder / "machine.toml"
+    write_machine(found.machine, learned)
+    content = ProbabilitiesContent(
+        title=f"{believed.name}: what the belief leaves out",
+        published=found,
+        believed=believed,
+        session=session,
+        machine_file=learned.read_text(encoding="utf-8"),
+    )
+    write_probabilities_page(content, folder / "explanation.html")
+
+
 def content_of_commissioned(
     done: Commissioned, standard: Standard, exported: Exported | None = None
 ) -> ReportContent:
@@ -205,6 +226,8 @@ def explanation_note(folder: Path) -> tuple[str, ...]:
     for place in (folder, folder / "explanation"):
         try:
             found = json.loads((place / "explanation.json").read_text(encoding="utf-8"))
+            if found["format"] == "schwung-probabilities":
+                return (f"Explained: {found['headline']} (see {place / 'explanation.html'}).",)
             if found["format"] == "schwung-explanation":
                 verdict = str(found["verdict"]).replace("_", " ")
                 return (

@@ -106,13 +106,16 @@ def _told(
 ) -> Formula:
     factors = _solved(x, y, scale, chosen, number)
     plain = [name for name in chosen if name in _PLAIN]
-    parts = [_term(float(a), name.replace("x", letter)) for a, name in zip(factors, plain, strict=False)]
+    positive = bool(np.min(x) >= 0)
+    called = [name.replace("|x|", "x" if positive else "|x|").replace("x", letter) for name in plain]
+    parts = [_term(float(a), name) for a, name in zip(factors, called, strict=False)]
     if _WAVE in chosen:
         size, phase = float(np.hypot(*factors[-2:])), float(-np.arctan2(factors[-1], factors[-2]))
         sign = "+" if phase >= 0 else "−"
         parts.append(_term(size, f"cos({number:.4g}·{letter} {sign} {abs(phase):.3g})"))
     if _DECAY in chosen:
-        parts.append(_term(float(factors[-1]), f"exp(−|{letter}|/{number:.3g})"))
+        far = letter if positive else f"|{letter}|"
+        parts.append(_term(float(factors[-1]), f"exp(−{far}/{number:.3g})"))
     text = " ".join(parts).removeprefix("+ ")
     missed = _missed(x, y, scale, chosen, number)
 

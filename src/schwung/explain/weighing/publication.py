@@ -12,6 +12,7 @@ from schwung.explain.weighing.drawn import Drawn
 from schwung.explain.weighing.values import Proof
 from schwung.innovations.likelihood import Noise
 from schwung.motion import Array
+from schwung.quantities import Effort
 from schwung.session.model import Axis
 
 #: What is more probable than this is told by its name.
@@ -28,6 +29,7 @@ class Name:
     probability: float
     parameters: Mapping[str, Quantity]
     in_file: bool  # by this name
+    formula: str = ""  # of a curve, as good as it on runs that were not fitted
 
 
 @dataclass(frozen=True, eq=False)
@@ -60,7 +62,7 @@ class Published:
     """The answer as it is published. `runners_up`: sets of names with their probabilities, the best first."""
 
     axis: Axis
-    effort: str
+    effort: Effort
     names: tuple[Name, ...]
     curves: tuple[Curve, ...]
     runners_up: tuple[tuple[tuple[str, ...], float], ...]
@@ -112,6 +114,7 @@ class Published:
                     "physics": one.physics,
                     "probability": one.probability,
                     "in_file": one.in_file,
+                    "formula": one.formula or None,
                     "parameters": {
                         key: {"value": q.value, "unit": q.unit, "ci95": q.ci95}
                         for key, q in one.parameters.items()

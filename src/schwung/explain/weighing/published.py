@@ -37,7 +37,11 @@ from schwung.session.model import Session
 #: The share of the work that the search takes.
 _SEARCH = 0.85
 #: Units of the coordinates; the direction of motion has none.
-_UNITS: Mapping[str, str] = {**UNITS, "direction": "", "frequency": "Hz"}
+_UNITS: Mapping[str, str] = {
+    **{str(over): unit for over, unit in UNITS.items()},
+    "direction": "",
+    "frequency": "Hz",
+}
 _LETTERS = {"position": "θ", "load_position": "θ", "speed": "|ω|", "torque": "|T|", "acceleration": "α",
             "time_in_motion": "t", "run": "r"}  # fmt: skip
 
@@ -90,7 +94,7 @@ class _Publishing:
     def __init__(self, session: Session, machine: Machine, outcome: Outcome, tell: Progress) -> None:
         self.session, self.machine, self.outcome, self.tell = session, machine, outcome, tell
         self.weighed: Weighed = told(outcome.grown, outcome.stands, outcome.heldout)
-        self.search: Search = outcome.grown.search.tempered(outcome.stands.tempering)
+        self.search: Search = outcome.grown.search
         self.set = self._set()
 
     def published(self, notes: Sequence[str]) -> Published:
@@ -115,11 +119,11 @@ class _Publishing:
         return Published(
             axis=self.session.axis,
             effort=self.session.effort,
-            names=self._names(causes),
+            names=self._names(causes, formulated),
             curves=self._curves(causes, formulated),
             runners_up=self._runners_up(),
             noise=self.weighed.noise,
-            excess=self.weighed.excess,
+            excess=self.outcome.grown.data.excess,
             proof=self._proof(before, after),
             shown=self._shown(before, after),
             machine=machine,
@@ -128,7 +132,7 @@ class _Publishing:
 
     def _set(self) -> Scored:
         """The most probable set without a parameter at its bound."""
-        shares = self.search.shares()
+        shares = self.search.shares()  # tempered by what has no name, they would leave out what has none
         sound = (one for _, one in shares if not any(at_bound(self.search, pick) for pick in one.picks))
         return next(sound, self.search.score(()))
 
@@ -182,14 +186,17 @@ class _Publishing:
         )
         return max(every, default=0.0)
 
-    def _names(self, causes: Sequence[_Cause]) -> tuple[Name, ...]:
+    def _names(
+        self, causes: Sequence[_Cause], formulated: Mapping[Pick, tuple[Formula, float]]
+    ) -> tuple[Name, ...]:
         inside = {cause.found.law: cause for cause in causes if cause.found.law != "residual"}
         result = []
         for one in self.weighed.names:
             cause = inside.get(one.name)
             given: Mapping[str, Parameter] = one.parameters
             if cause is not None:
-                given = parameters_of(self.search, self.set, cause.pick, cause.where)
+                told_values = parameters_of(self.search, self.set, cause.pick, cause.where)
+                given = {key: _wider(value, given.get(key)) for key, value in told_values.items()}
             quantities = {
                 key: Quantity(q.value, self._unit(one.name, key), (q.low, q.high)) for key, q in given.items()
             }
@@ -197,7 +204,9 @@ class _Publishing:
                 rows = tuple(tuple(row) for row in cause.found.parameters["table"])
                 quantities["table"] = Quantity(rows, unit_on("N·m", self.session.axis), None)
             in_file = cause is not None and cause.found.named
-            result.append(Name(one.name, one.probability, quantities, in_file))
+            formula = formulated.get(cause.pick) if cause is not None else None
+            text = formula[0].text if formula is not None else ""
+            result.append(Name(one.name, one.probability, quantities, in_file, text))
         return tuple(result)
 
     def _unit(self, law: str, key: str) -> str:
@@ -230,10 +239,10 @@ class _Publishing:
     ) -> tuple[Formula, float] | None:
         """The shortest formula that predicts the runs kept aside as well as the curve."""
         curve = cause.curve
-        if curve is None or cause.found.law != "residual":
+        if curve is None or "table" not in cause.found.parameters:
             return None
         for formula, shape in _formulas(curve):
-            instead = replace(cause.found, parameters=_residual(shape))
+            instead = Found("residual", False, _residual(shape), {})
             every = [instead if one is cause else one.found for one in causes]
             tried = judged(self.outcome, _smooth(learned(self.machine, every)), self.outcome.heldout)
             if as_good(tried, after):
@@ -243,12 +252,17 @@ class _Publishing:
     def _told(self, cause: _Cause, formulated: Mapping[Pick, tuple[Formula, float]]) -> Found:
         """With its formula as a remark: what is simulated is the table."""
         had = {term.parameters.get("coordinate") for term in self.machine.physics}
-        if cause.pick not in formulated or cause.found.parameters.get("coordinate") in had:
+        if (
+            cause.found.law != "residual"
+            or cause.pick not in formulated
+            or cause.found.parameters.get("coordinate") in had
+        ):
             return cause.found
         return replace(cause.found, beside={**cause.found.beside, "formula": formulated[cause.pick][0].text})
 
     def _runners_up(self) -> tuple[tuple[tuple[str, ...], float], ...]:
-        shares = [(share, one) for share, one in self.search.shares() if share >= 0.01][:4]
+        tempered = self.search.tempered(self.outcome.stands.tempering)
+        shares = [(share, one) for share, one in tempered.shares() if share >= 0.01][:4]
         return tuple(
             (tuple(sorted(self.search.candidate(pick).name for pick in one.picks)), share)
             for share, one in shares
@@ -283,6 +297,14 @@ class _Publishing:
                 "torque_filter is of what the drive reports: simulations report it, exported models leave it out"
             )
         return notes
+
+
+def _wider(one: Parameter, other: Parameter | None) -> Parameter:
+    """A value with the wider of two intervals: how sure it is beside what has no name."""
+    if other is None or other.high - other.low <= one.high - one.low:
+        return one
+    half = (other.high - other.low) / 2
+    return Parameter(one.value, one.value - half, one.value + half)
 
 
 def _residual(curve: Drawn) -> dict[str, Any]:
