@@ -24,7 +24,7 @@ __version__ = "0.1.0"
 _PLACES = {
     "schwung.api.computing": (
         "estimate", "example_machine", "explain", "load_machine", "read_inertia", "read_session", "simulate",
-        "weigh", "write_inertia", "write_machine",
+        "write_inertia", "write_machine",
     ),
     "schwung.api.drives": ("Connection", "connect", "doctor", "scan"),
     "schwung.api.moving": ("Commissioned", "Exported", "Plan", "commission", "export", "plan", "plan_export"),
@@ -32,8 +32,8 @@ _PLACES = {
     "schwung.api.reports": ("write_report",),
     "schwung.api.values": (
         "Estimate", "Explanation", "InertiaTable", "Machine", "Run", "Session", "Simulated",
-        "Weighed",
     ),
+    "schwung.api.weighing": ("Weighed", "weigh"),
     "schwung.commissioning": ("Check", "LimitWishes", "Observer", "Wishes"),
     "schwung.errors": (
         "BusError", "DriveError", "DriveFaultError", "InputError", "InterruptedByUser", "NodeLostError",

@@ -5,7 +5,6 @@ from schwung.api.computing import load_machine as load_machine
 from schwung.api.computing import read_inertia as read_inertia
 from schwung.api.computing import read_session as read_session
 from schwung.api.computing import simulate as simulate
-from schwung.api.computing import weigh as weigh
 from schwung.api.computing import write_inertia as write_inertia
 from schwung.api.computing import write_machine as write_machine
 from schwung.api.drives import Connection as Connection
@@ -31,7 +30,8 @@ from schwung.api.values import Machine as Machine
 from schwung.api.values import Run as Run
 from schwung.api.values import Session as Session
 from schwung.api.values import Simulated as Simulated
-from schwung.api.values import Weighed as Weighed
+from schwung.api.weighing import Weighed as Weighed
+from schwung.api.weighing import weigh as weigh
 from schwung.commissioning import Check as Check
 from schwung.commissioning import LimitWishes as LimitWishes
 from schwung.commissioning import Observer as Observer

@@ -38,6 +38,15 @@ def compiled_fastmath(function: F) -> F:
     return _kernel(function, fastmath=True)
 
 
+def compiled_or(plain: F, *, fastmath: bool = False) -> Callable[[F], F]:
+    """`compiled`, or without numba another function of the same arguments and values, which works on whole arrays."""
+
+    def choose(function: F) -> F:
+        return _kernel(function, fastmath=fastmath) if IS_FAST else plain
+
+    return choose
+
+
 def _kernel(function: F, **options: bool) -> F:
     return cast(F, Kernel(cast(FunctionType, function), options)) if IS_FAST else function
 

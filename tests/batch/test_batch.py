@@ -6,6 +6,8 @@ import csv
 import json
 import os
 import shutil
+import subprocess
+import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import replace
@@ -199,3 +201,10 @@ def test_pictures_can_be_drawn_of_any_row() -> None:
     ]
     assert to_png(left_out_figure(explained)).startswith(b"\x89PNG")
     assert to_png(left_out_figure(explained[:1])).startswith(b"\x89PNG")
+
+
+def test_what_estimates_loads_no_pictures_and_no_bus() -> None:
+    heavy = ("matplotlib", "can", "schwung.fieldbus")
+    look = f"import sys, schwung.batch.work; print([name for name in {heavy} if name in sys.modules])"
+    done = subprocess.run([sys.executable, "-c", look], capture_output=True, text=True, check=True)
+    assert done.stdout.strip() == "[]"  # every worker would wait for them

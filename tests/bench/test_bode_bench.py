@@ -11,13 +11,13 @@ from schwung.commissioning.bode import (
     MeasuredBode,
     measure_bode,
     prepare_bode,
-    with_recorded_gains,
 )
 from schwung.commissioning.bode_excitation import BodeWishes
 from schwung.drivetrain import Coupling, Machine
 from schwung.errors import DriveError, RefusedError
 from schwung.estimation.response import measured_responses
 from schwung.session import read_session
+from schwung.session.gains import with_recorded_gains
 
 CHANGED = [(0x6060, 0), (0x1016, 1), (0x1017, 0), (0x1400, 2), (0x1600, 0), (0x1A00, 1), (0x6007, 0)]
 

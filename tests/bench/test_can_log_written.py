@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import itertools
+import subprocess
+import sys
 from collections import Counter
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -60,6 +62,24 @@ def commission(log: Path, out: Path, *, interrupt: bool = False) -> list[can.Mes
 def read_back(path: Path) -> list[can.Message]:
     with can.LogReader(path) as reader:
         return list(reader)
+
+
+def test_a_log_may_be_an_mf4_file_though_its_library_is_loaded_late(tmp_path: Path) -> None:
+    pytest.importorskip("asammdf")
+    code = """
+import sys
+from schwung.clock import SteppedBus
+from schwung.fieldbus.canopen.logged import LoggedBus
+import can
+assert "asammdf" not in sys.modules
+bus = LoggedBus(SteppedBus(), __import__("pathlib").Path(sys.argv[1]))
+bus.send(can.Message(arbitration_id=0x601, data=[0x40, 0x41, 0x60, 0], is_extended_id=False))
+bus.shutdown()
+"""
+    subprocess.run([sys.executable, "-c", code, str(tmp_path / "bus.mf4")], check=True)
+    assert [(m.arbitration_id, bytes(m.data)) for m in read_back(tmp_path / "bus.mf4")] == [
+        (0x601, bytes([0x40, 0x41, 0x60, 0]))
+    ]
 
 
 def test_every_frame_of_a_commissioning_is_in_the_log(tmp_path: Path) -> None:

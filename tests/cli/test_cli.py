@@ -23,6 +23,32 @@ def test_help_loads_nothing_heavy() -> None:
         assert f"'{heavy}'" not in loaded
 
 
+def test_commissioning_loads_only_what_it_needs() -> None:
+    """Its first second is imports: what explains, Modbus, optional libraries and window systems stay away."""
+    code = (
+        "import sys, schwung, schwung.cli.flow; from schwung_sim.plants import slider_crank;"
+        "schwung.connect, schwung.load_machine, schwung.write_inertia; print(*sys.modules)"
+    )
+    loaded = set(
+        subprocess.run(
+            [sys.executable, "-c", code], capture_output=True, text=True, check=True
+        ).stdout.split()
+    )
+    assert {"can", "mujoco", "matplotlib.figure", "schwung.commissioning.commission"} <= loaded
+    unneeded = {
+        "asammdf",
+        "pandas",
+        "pyarrow",
+        "pymodbus",
+        "canopen",
+        "glfw",
+        "matplotlib.pyplot",
+        "schwung.optimise",
+    }
+    unneeded |= {"scipy.stats", "scipy.signal", "schwung.explain.explain", "schwung.report.explanation"}
+    assert not unneeded & loaded
+
+
 @pytest.mark.parametrize(
     "command", ["", "demo", "scan", "commission", "estimate", "export", "restore", "report", "bench"]
 )

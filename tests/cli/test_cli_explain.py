@@ -12,7 +12,6 @@ from typing import Any
 import numpy as np
 import pytest
 
-from schwung.api import computing
 from schwung.api.reports import explanation_note
 from schwung.cli import main
 from schwung.drivetrain import load_machine, paper_machine, write_machine
@@ -54,7 +53,7 @@ def answer(monkeypatch: pytest.MonkeyPatch) -> Answer:
                 raise result
             return result
 
-        monkeypatch.setattr(computing, "explain_session", explain)
+        monkeypatch.setattr(importlib.import_module("schwung.explain.explain"), "explain", explain)
 
     return stand_in
 

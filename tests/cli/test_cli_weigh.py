@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from schwung.api import computing
+from schwung.api import weighing
 from schwung.api.reports import explanation_note
 from schwung.cli import main
 from schwung.drivetrain import load_machine, paper_machine, write_machine
@@ -81,7 +81,7 @@ def _run(
             raise result
         return result
 
-    monkeypatch.setattr(computing, "publish", stand_in)
+    monkeypatch.setattr(weighing, "publish", stand_in)
     arguments = ["explain", str(places / "session.h5"), "-m", str(places / "belief.toml"), "--weigh", *more]
     with pytest.raises(SystemExit) as ended:
         main(arguments)
@@ -96,7 +96,7 @@ def test_it_tells_names_curves_and_proof_and_writes_all_three(
     code, text, _ = _run(capsys, monkeypatch, places, answer(), "--out", str(out))
     assert code == 0
     said = " ".join(text.split())
-    for words in ("torque offset (98%)", "over speed without a name", "2.00 N·m", "backlash", "20 %", "sign ω",
+    for words in ("torque offset (98 %)", "over speed without a name", "2.00 N·m", "backlash", "20 %", "sign ω",
                   "6 σ", "1.01 σ", "the <first> note"):  # fmt: skip
         assert words in said
     document = json.loads((out / "explanation.json").read_text())
@@ -105,7 +105,7 @@ def test_it_tells_names_curves_and_proof_and_writes_all_three(
     page = (out / "explanation.html").read_text()
     assert page.count("<svg") == 3  # bars, before and after, the curve
     assert "&lt;first&gt;" in page
-    assert "torque offset (98%)" in explanation_note(out)[0]
+    assert "torque offset (98 %)" in explanation_note(out)[0]
 
 
 def test_json_is_the_document_alone(

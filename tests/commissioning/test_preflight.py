@@ -12,9 +12,10 @@ from schwung.commissioning import LimitWishes, Plan, Preflight, Survey
 from schwung.commissioning.checks import worst
 from schwung.commissioning.limits import limits_of
 from schwung.commissioning.plan import make_plan
-from schwung.commissioning.preflight import preflight, with_control
+from schwung.commissioning.preflight import preflight
 from schwung.commissioning.survey import drive_checks, survey
 from schwung.drivetrain import FeedForward
+from schwung.drivetrain.gains import with_control
 from schwung.errors import InputError, RefusedError
 from schwung.fieldbus.drive import BusLoad, Capability, DriveState, Resolution
 from schwung.fieldbus.profile import load_profile

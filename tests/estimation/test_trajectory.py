@@ -17,6 +17,7 @@ from schwung.innovations.likelihood import Noise
 from schwung.innovations.signals import LOSS_STD
 from schwung.innovations.signals import thinned as thinned_run
 from schwung.innovations.splines import Basis
+from schwung.innovations.values import Shaft
 from schwung.motion import Excitation, Motion
 from schwung.session import Run, Session
 
@@ -239,7 +240,7 @@ def test_what_auto_takes_errs_no_more_than_one_and_a_half_times_the_bound(
 
 def test_a_step_is_exact():
     """Against scipy's integration of the same equations, torques a parabola over the step."""
-    shaft = kernel.Shaft(0.012, 0.2, 0.1, 24963.0, 8.62, False)
+    shaft = Shaft(0.012, 0.2, 0.1, 24963.0, 8.62, False)
     inertia, duration = 0.09, 1e-3
     torque = np.array([5.0, -2.0, 9.0, 1.0, 0.7, 0.3])  # start, end, height; motor and load each
     first = np.array([0.2, 3.0, 1e-3, 2.5])

@@ -3,10 +3,10 @@
 import numpy as np
 import pytest
 
-from schwung.innovations import kernel
 from schwung.innovations.steps import Steps
+from schwung.innovations.values import Shaft
 
-SHAFT = kernel.Shaft(0.004, 0.01, 0.02, 9000.0, 1.9, False)
+SHAFT = Shaft(0.004, 0.01, 0.02, 9000.0, 1.9, False)
 INERTIA = np.linspace(0.02, 0.03, 40)
 
 

@@ -63,7 +63,7 @@ def make_plant(name: str, conceal: str | Concealed = "", seed: int = 0, **option
             from schwung_sim.plants.slider_crank import SliderCrankPlant
         except ImportError as error:
             raise BenchError(
-                "plant slider-crank", f"needs MuJoCo ({error})", 'Install it: pip install "schwung[bench]".'
+                "plant slider-crank", "needs MuJoCo, not installed here", 'Run pip install "schwung[bench]".'
             ) from error
         return SliderCrankPlant(concealed=concealed, seed=seed, **options)
     raise BenchError("plant", f'there is none called "{name}"', f"There are {', '.join(PLANTS)}.")

@@ -6,12 +6,12 @@ import ctypes
 from pathlib import Path
 from typing import Any
 
-import mujoco
 from llvmlite import ir
 from numba import types
 from numba.extending import intrinsic
 
 from schwung_sim.errors import BenchError
+from schwung_sim.plants.engine import mujoco
 
 _LIBRARIES = ("libmujoco*.so*", "libmujoco*.dylib", "mujoco.dll")
 

@@ -17,13 +17,13 @@ import math
 from dataclasses import dataclass, field
 from typing import Any
 
-import mujoco
 import numpy as np
 
 from schwung_sim.errors import BenchError
 from schwung_sim.plants.concealed import Concealed, Scale
 from schwung_sim.plants.crank_kernel import CRANK, MOTOR, CrankKernel, one_tick
 from schwung_sim.plants.effects import PARAMETERS, STATE
+from schwung_sim.plants.engine import mujoco
 from schwung_sim.plants.native import step_address
 from schwung_sim.plants.profile import Array
 from schwung_sim.plants.two_mass import TICK_S, TwoMassMachine

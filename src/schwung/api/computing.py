@@ -17,20 +17,16 @@ from schwung.api.values import (
     Machine,
     Session,
     Simulated,
-    Weighed,
     estimate_shown,
     explanation_shown,
     machine_shown,
     session_shown,
-    weighed_shown,
 )
-from schwung.commissioning.bode import with_recorded_gains
 from schwung.drivetrain import FeedForward
 from schwung.estimation import Inversion
 from schwung.estimation import estimate as estimate_session
-from schwung.explain.explain import explain as explain_session
-from schwung.explain.weighing.published import publish
 from schwung.motion import Excitation, Motion
+from schwung.session.gains import with_recorded_gains
 
 
 def read_session(path: str | os.PathLike[str]) -> Session:
@@ -185,34 +181,11 @@ def explain(
     >>> explanation.fit.before.torque_rmse_nm < 1.5 * explanation.noise_floor.torque_nm
     True
     """
+    from schwung.explain.explain import explain as explain_session
+
     return explanation_shown(
         explain_session(session, with_recorded_gains(machine, session), progress=progress)
     )
-
-
-def weigh(
-    session: recording.Session,
-    machine: drivetrain.Machine,
-    *,
-    progress: Callable[[str, float], None] | None = None,
-) -> Weighed:
-    """Say how probable it is, of each physics there is a name for, that a belief leaves it out of a recording.
-
-    Beside `explain`, which it is to replace: one likelihood of the samples, names by their evidence, and what has no
-    name as a curve over its coordinate. The learned machine is written, read back, and so proven on runs kept aside.
-
-    Args:
-        session: as `read_session` gives it; arrays (n,), rad, rad/s, N·m.
-        machine: the belief; what its [[physics]] says is known, and never named again.
-        progress: told what is being done and the share that is done of all, 0…1.
-
-    Returns names with probabilities and 95 % intervals, unnamed curves, runners-up, proof, and the learned machine.
-    Raises InputError where the session cannot be what it says (units, signs, wraps), or the inertia is unknown.
-
-    >>> weighed.proof.after < 1.2
-    True
-    """
-    return weighed_shown(publish(session, with_recorded_gains(machine, session), progress=progress))
 
 
 def simulate(

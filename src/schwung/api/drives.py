@@ -7,11 +7,9 @@ from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from schwung.api.shown import Shown
-from schwung.commissioning.doctor import Diagnosis, examine_connected
-from schwung.commissioning.doctor_canopen import examine
 from schwung.errors import InputError
 from schwung.fieldbus.canopen import BusOptions
 from schwung.fieldbus.canopen.logged import require_log
@@ -19,6 +17,9 @@ from schwung.fieldbus.connecting import Connected, connected, is_modbus
 from schwung.fieldbus.connecting import scan as scan_bus
 from schwung.fieldbus.drive import ENERGISED, Drive, DriveState
 from schwung.fieldbus.found import FoundNode
+
+if TYPE_CHECKING:
+    from schwung.commissioning.doctor import Diagnosis
 
 __all__ = [
     "ENERGISED",
@@ -144,6 +145,9 @@ def doctor(
     >>> schwung.doctor("stepped", bench).can_start
     True
     """
+    from schwung.commissioning.doctor import examine_connected
+    from schwung.commissioning.doctor_canopen import examine
+
     bus = _bus(interface, channel, bitrate, options)
     tell = progress or (lambda _text: None)
     if is_modbus(bus):

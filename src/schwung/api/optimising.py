@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from importlib.util import find_spec
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -21,7 +20,8 @@ from schwung.commissioning.checks import COMFORT, Check
 from schwung.commissioning.played import Cost, Interval, Played, cost_of_run, cost_of_simulated, interval
 from schwung.commissioning.playing import PlayPrepared, prepare_play, stand_of
 from schwung.commissioning.playing import play as play_motions
-from schwung.errors import InputError, RefusedError
+from schwung.errors import RefusedError
+from schwung.extras import require
 from schwung.files import replace_file
 from schwung.motion import Motion, MotionKind
 from schwung.optimise.values import MotionLimits, Objective, Task
@@ -136,13 +136,7 @@ def _optimised(machine: drivetrain.Machine, found: Comparison) -> Optimised:
 
 def require_optimiser() -> None:
     """Raise InputError where the extra is not installed: early, before anything is planned or moved."""
-    missing = [name for name in ("casadi", "toppra") if find_spec(name) is None]
-    if missing:
-        raise InputError(
-            "schwung optimise",
-            f"needs {' and '.join(missing)}, not installed here",
-            'Install the extra: pip install "schwung[optimise]".',
-        )
+    require("schwung optimise", "optimise")
 
 
 def optimise(machine: drivetrain.Machine, task: Task, *, rivals: bool = True) -> Optimised:

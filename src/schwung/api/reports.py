@@ -10,23 +10,17 @@ from typing import Any
 
 from schwung.api.moving import Commissioned, Exported
 from schwung.commissioning import Change, Check, contrast_of, following_error, read_backup
-from schwung.commissioning.bode import with_recorded_gains
-from schwung.drivetrain import InertiaTable, Machine, read_inertia_csv, write_machine
+from schwung.drivetrain import InertiaTable, Machine, deviation, read_inertia_csv, write_machine
 from schwung.errors import SchwungError
 from schwung.estimation import Estimate
 from schwung.estimation.reach import reach_of
 from schwung.explain.values import Explanation
-from schwung.explain.weighing.publication import Published
 from schwung.fieldbus.drive import RawValue
 from schwung.files import json_text, replace_file
 from schwung.report import ChangeRow, FollowingError, ReportContent, SyncRow, save_figures
 from schwung.report import write_report as write_page
-from schwung.report.content import deviation
-from schwung.report.explanation import ExplanationContent
-from schwung.report.explanation import write_explanation as write_explanation_page
-from schwung.report.probabilities import ProbabilitiesContent
-from schwung.report.probabilities import write_probabilities as write_probabilities_page
 from schwung.session import Run, Session, read_session
+from schwung.session.gains import with_recorded_gains
 
 __all__ = [
     "Standard",
@@ -36,7 +30,6 @@ __all__ = [
     "standard_of",
     "write_explanation",
     "write_page",
-    "write_probabilities",
     "write_report",
     "write_results",
 ]
@@ -125,6 +118,9 @@ def write_explanation(found: Explanation, session: Session, believed: Machine, f
 
     Raises InputError where they cannot be written.
     """
+    from schwung.report.explanation import ExplanationContent
+    from schwung.report.explanation import write_explanation as write_explanation_page
+
     learned = folder / "machine.toml"
     write_machine(found.machine, learned)
     content = ExplanationContent(
@@ -135,23 +131,6 @@ def write_explanation(found: Explanation, session: Session, believed: Machine, f
         machine_file=learned.read_text(encoding="utf-8"),
     )
     write_explanation_page(content, folder / "explanation.html")
-
-
-def write_probabilities(found: Published, session: Session, believed: Machine, folder: Path) -> None:
-    """The same of an answer with probabilities.
-
-    Raises InputError where they cannot be written.
-    """
-    learned = folder / "machine.toml"
-    write_machine(found.machine, learned)
-    content = ProbabilitiesContent(
-        title=f"{believed.name}: what the belief leaves out",
-        published=found,
-        believed=believed,
-        session=session,
-        machine_file=learned.read_text(encoding="utf-8"),
-    )
-    write_probabilities_page(content, folder / "explanation.html")
 
 
 def content_of_commissioned(

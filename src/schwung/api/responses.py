@@ -7,7 +7,7 @@ from pathlib import Path
 
 from schwung.api.values import Machine, machine_shown
 from schwung.commissioning import Wishes
-from schwung.commissioning.bode import PreparedBode, measure_bode, prepare_bode, with_recorded_gains
+from schwung.commissioning.bode import PreparedBode, measure_bode, prepare_bode
 from schwung.commissioning.bode_excitation import BodeWishes
 from schwung.commissioning.bode_result import BODE_FILE, FORMAT, VERSION, read_bode
 from schwung.drivetrain import Machine as BelievedMachine
@@ -17,6 +17,7 @@ from schwung.estimation.proposal import Proposal, Stroke, propose
 from schwung.estimation.response import measured_responses
 from schwung.report.bode import BodeContent, angle_rows, parameter_rows, write_bode_report
 from schwung.session import Session as RecordedSession
+from schwung.session.gains import with_recorded_gains
 
 __all__ = [
     "BODE_FILE",

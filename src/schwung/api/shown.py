@@ -15,6 +15,7 @@ from zlib import crc32
 import numpy as np
 
 from schwung.errors import InputError
+from schwung.extras import MissingLibraryError
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -52,9 +53,7 @@ class Shown:
         """As a pandas DataFrame: names carry their units. Raises InputError where pandas is not installed."""
         columns = self._columns()
         if find_spec("pandas") is None:
-            raise InputError(
-                "to_dataframe", "needs pandas, not installed here", "Install it: pip install pandas."
-            )
+            raise MissingLibraryError("to_dataframe", "pandas", "pandas")
         import pandas
 
         return pandas.DataFrame(dict(columns))

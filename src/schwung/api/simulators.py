@@ -8,8 +8,8 @@ from dataclasses import dataclass, replace
 
 from schwung import session as recording
 from schwung.api.values import Explanation, Machine, explanation_shown, machine_shown
-from schwung.commissioning.bode import with_recorded_gains
 from schwung.explain.explain import explain
+from schwung.session.gains import with_recorded_gains
 from schwung.simulators.belief import fmu_belief
 from schwung.simulators.fmu import check_fmi, write_fmu
 from schwung.simulators.matlab import write_matlab

@@ -10,7 +10,6 @@ from schwung import drivetrain, session
 from schwung.api.shown import Shown, as_shown, number, span
 from schwung.estimation import values as estimation
 from schwung.explain import values as explained
-from schwung.explain.weighing import publication as weighing
 from schwung.quantities import sentences_of
 from schwung.report.content import LINEAR, ROTARY, Units
 from schwung.report.rows import rows_of
@@ -284,57 +283,6 @@ class Explanation(Shown, explained.Explanation):
         }
 
 
-class Weighed(Shown, weighing.Published):
-    """How probable each physics is that a belief leaves out of a recording.
-
-    Attributes: `names` (each with `physics`, `probability`, 0…1, `parameters` with unit and 95 % interval), `curves`
-    (what has no name: `coordinate`, `torque_nm`, `drawn` with arrays (n,) of N·m, `formula`), `runners_up` (sets of
-    names), `noise` (N·m, rad/s, rad), `proof` (on runs kept aside, in deviations of the noise, before and after),
-    `machine` (the belief with what was learned). `to_json()`: the document of explanation.json.
-
-    Raises InputError where `weigh` does.
-
-    >>> weighed.headline
-    'the belief leaves out nothing that this session tells from noise'
-    """
-
-    machine: Machine
-
-    @property
-    def tone(self) -> str:
-        """How good the answer is by its proof: "good", "doubtful" or "unusable"."""
-        from schwung.report.probabilities import tone_of
-
-        return tone_of(self)
-
-    def tables(self) -> list[tuple[str, tuple[str, ...], list[tuple[str, ...]]]]:
-        """Everything in words: title, heads of the columns, and rows of each table."""
-        from schwung.report.probabilities import tables
-
-        return tables(self)
-
-    def _facts(self) -> Sequence[tuple[str, str]]:
-        rows = [(row[0], "; ".join(row[1:])) for _, _, rows in self.tables() for row in rows]
-        return [("in short", self.headline), *rows]
-
-    def _draw(self, axes: Axes) -> None:
-        from schwung.report.axes import draw_weighed
-
-        draw_weighed(axes, self, units_of(self.axis))
-
-    def _columns(self) -> Mapping[str, Any]:
-        rows = [(one, key, q) for one in self.names for key, q in one.parameters.items()]
-        return {
-            "physics": [one.physics for one, _, _ in rows],
-            "probability": [one.probability for one, _, _ in rows],
-            "parameter": [key for _, key, _ in rows],
-            "value": [q.value for _, _, q in rows],
-            "unit": [q.unit for _, _, q in rows],
-            "low": [None if q.ci95 is None else q.ci95[0] for _, _, q in rows],
-            "high": [None if q.ci95 is None else q.ci95[1] for _, _, q in rows],
-        }
-
-
 class Simulated(Shown, drivetrain.Simulated):
     """What the simulated drive would report.
 
@@ -382,11 +330,6 @@ def session_shown(recorded: session.Session) -> Session:
 def estimate_shown(found: estimation.Estimate) -> Estimate:
     """An estimate from below, with its table."""
     return as_shown(Estimate, found, table=as_shown(InertiaTable, found.table))
-
-
-def weighed_shown(found: weighing.Published) -> Weighed:
-    """An answer from below, with its machine."""
-    return as_shown(Weighed, found, machine=machine_shown(found.machine))
 
 
 def explanation_shown(found: explained.Explanation) -> Explanation:

@@ -1,19 +1,25 @@
 """Workers: processes of this computer, or those of a Dask scheduler by its address.
 
 One process does one session at a time, in one thread: what a session kills is that session's work alone, and the
-linear algebra of small matrices gains nothing from a second thread.
+linear algebra of small matrices gains nothing from a second thread. On Linux a worker is a fork of a process that has
+nothing but the libraries: they are imported once, and while the archive is looked through.
 """
 
 from __future__ import annotations
 
 import logging
+import multiprocessing
 import os
+import signal
+import sys
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import CancelledError
 from contextlib import contextmanager
+from multiprocessing import forkserver
 from typing import Any
 
 import dask
+import distributed.utils
 from distributed import Client, Future, LocalCluster, as_completed
 from distributed.scheduler import KilledWorker
 
@@ -25,12 +31,21 @@ from schwung.errors import InputError
 Tell = Callable[[str], None]
 
 _PATIENCE_S = 10.0
+_ONE_THREAD = dict.fromkeys(("OMP_NUM_THREADS", "MKL_NUM_THREADS", "OPENBLAS_NUM_THREADS"), "1")
+_FORKS = sys.platform == "linux"  # elsewhere the system's own libraries do not outlive a fork
 _SETTINGS = {
     "distributed.scheduler.allowed-failures": 1,  # a session with which two workers died is not tried again
     "distributed.scheduler.worker-saturation": 1.0,  # no session waits on a worker that another one kills
-    "distributed.nanny.pre-spawn-environ": dict.fromkeys(
-        ("OMP_NUM_THREADS", "MKL_NUM_THREADS", "OPENBLAS_NUM_THREADS"), 1
-    ),
+    "distributed.nanny.pre-spawn-environ": _ONE_THREAD,
+    "distributed.worker.multiprocessing-method": "forkserver" if _FORKS else "spawn",
+    # What Dask does beside the work, for a dashboard that is not there: it would cost a tenth of the processors.
+    "distributed.worker.profile.enabled": False,
+    "distributed.worker.memory.monitor-interval": "1s",
+    "distributed.scheduler.work-stealing": False,  # nothing waits on a worker
+    "distributed.scheduler.active-memory-manager.start": False,
+    "distributed.admin.tick.interval": "1s",
+    "distributed.admin.tick.cycle": "1s",
+    "distributed.admin.system-monitor.interval": "5s",
     # Ctrl-C reaches every process of a terminal; the one that was started ends the others.
     "distributed.worker.preload": ["import signal\nsignal.signal(signal.SIGINT, signal.SIG_IGN)\n"],
     "distributed.admin.system-monitor.gil.enabled": False,
@@ -44,6 +59,24 @@ def cores() -> int:
     return os.cpu_count() or 1
 
 
+def begin_start() -> None:
+    """Have the libraries of this computer's workers loaded; returns at once, and does nothing the second time."""
+    if not _FORKS:
+        return
+    # Dask would have the fork server load pandas as well, and this process with it.
+    distributed.utils._forkserver_preload_set = True
+    context = multiprocessing.get_context("forkserver")
+    context.set_forkserver_preload(["distributed.nanny", "schwung.batch.work"])
+    os.environ.update(
+        _ONE_THREAD
+    )  # read when the libraries are loaded; the nanny's own setting comes too late for that
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})  # inherited: Ctrl-C is not for workers
+    try:
+        forkserver.ensure_running()
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)
+
+
 @contextmanager
 def workers(scheduler: str | None, jobs: int, tell: Tell) -> Iterator[Client]:
     """Workers for the block: `jobs` processes of this computer, or those of a scheduler.
@@ -53,6 +86,7 @@ def workers(scheduler: str | None, jobs: int, tell: Tell) -> Iterator[Client]:
     """
     with dask.config.set(_SETTINGS):
         if scheduler is None:
+            begin_start()
             with (
                 LocalCluster(
                     n_workers=jobs,

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 from schwung import __version__
 from schwung.batch.archive import Item, Wish, key_of
-from schwung.batch.cluster import Tell, cores, outcomes, workers
+from schwung.batch.cluster import Tell, begin_start, cores, outcomes, workers
 from schwung.batch.results import Results
 from schwung.batch.summary import Row, rows_of
 from schwung.batch.work import Outcome, failed
@@ -59,6 +59,8 @@ def run_batch(
                 continue
             if not again and (kept := results.find(keys[item])) is not None:
                 done[item] = kept
+            elif scheduler is None:
+                begin_start()
         found = sum(outcome.error is None for outcome in done.values())
         _tell_of_versions(done.values(), tell)
         work = [(item, keys[item]) for item in items if item not in done]

@@ -8,12 +8,11 @@ from typing import Any
 
 from schwung import __version__
 from schwung.batch.archive import Item, Wish, key_of
-from schwung.commissioning.bode import with_recorded_gains
-from schwung.drivetrain import InertiaTable, Machine, load_machine
+from schwung.drivetrain import InertiaTable, Machine, deviation, load_machine
 from schwung.errors import SchwungError
 from schwung.estimation import estimate
-from schwung.report.content import deviation
 from schwung.session import Session, read_session
+from schwung.session.gains import with_recorded_gains
 
 
 @dataclass(frozen=True, eq=False)

@@ -75,8 +75,9 @@ def estimate(
       schwung batch estimate /archive --scheduler tcp://10.0.0.5:8786 --json
     """
     from schwung.cli.options import one_of
+    from schwung.extras import require
 
-    require_dask()
+    require("schwung batch", "batch")
     from schwung.api.choices import AUTO, Inversion, method_named
     from schwung.batch import Wish
 
@@ -105,18 +106,12 @@ def explain(
 
       schwung batch explain 'line-*/**/session.h5' -m machine.toml --scheduler tcp://10.0.0.5:8786
     """
-    require_dask()
+    from schwung.extras import require
+
+    require("schwung batch", "batch")
     from schwung.batch import Wish
 
     _carry_out(patterns, machine, out, Wish("explain"), scheduler, jobs, again, json_output)
-
-
-def require_dask() -> None:
-    """Raise InputError where Dask is not installed."""
-    from importlib.util import find_spec
-
-    if find_spec("distributed") is None:
-        raise InputError("batch", "needs Dask", "Install it: pip install 'schwung[batch]'.")
 
 
 def _carry_out(

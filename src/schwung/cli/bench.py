@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from schwung.cli.options import Bitrate, BusOption, Channel, Interface, Json, Node, bus_options
+from schwung.cli.options import Bitrate, BusOption, Channel, Interface, Json, Node, bus_options, require_plant
 
 if TYPE_CHECKING:
     from schwung.cli.console import Terminal
@@ -81,6 +81,8 @@ def bench(
     """  # fmt: skip
     from schwung.cli.console import Terminal
     from schwung.errors import InputError
+
+    require_plant("schwung bench", plant)
     from schwung_sim.bench import Bench
 
     terminal = Terminal(json_output)

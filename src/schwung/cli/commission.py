@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 from typing import Annotated
 
@@ -36,6 +37,7 @@ from schwung.cli.options import (
     one_of,
     quantity,
 )
+from schwung.errors import InputError
 
 _MOTION = "Motion"
 
@@ -43,9 +45,20 @@ _MOTION = "Motion"
 def commission(
     machine: Machine,
     distance: Annotated[
-        float, quantity("angle", "RAD", "Stroke, signed; e.g. 180deg.", _MOTION, signed=True)
-    ],
-    duration: Annotated[float, quantity("time", "S", "Time of one stroke; e.g. 250ms.", _MOTION)],
+        float | None, quantity("angle", "RAD", "Stroke, signed; e.g. 180deg.", _MOTION, signed=True)
+    ] = None,
+    duration: Annotated[
+        float | None, quantity("time", "S", "Time of one stroke; e.g. 250ms.", _MOTION)
+    ] = None,
+    plan: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="PLAN",
+            help="In place of --distance, --duration and the injection: what schwung explain --next has written, "
+            "within its limits.",
+            rich_help_panel=_MOTION,
+        ),
+    ] = None,
     profile_kind: Annotated[
         str, typer.Option(help="third, poly5, scurve or cosine.", rich_help_panel=_MOTION)
     ] = "third",
@@ -128,6 +141,17 @@ def commission(
     ] = None,
     store: Annotated[bool, typer.Option(help="Save an export in the drive's memory (1010).")] = True,
     reference: Reference = None,
+    until_explained: Annotated[
+        bool,
+        typer.Option(
+            "--until-explained",
+            help="Go on with the motions that best tell apart what the recording leaves confused, until one answer has "
+            "95 % or the budget is spent; no estimate, no export.",
+        ),
+    ] = False,
+    budget: Annotated[
+        int, typer.Option(help="Further motions for --until-explained, at most; an experiment takes two.")
+    ] = 12,
     out: Out = None,
     dry_run: DryRun = False,
     yes: Yes = False,
@@ -158,35 +182,56 @@ def commission(
       schwung commission -m machine.toml --distance 180deg --duration 250ms --also 400ms -i socketcan -c can0 -n 3
 
       schwung commission -m machine.toml --distance 180deg --duration 250ms --sampling trace --injection generator
+
+      schwung commission -m measured.toml --distance 180deg --duration 250ms --until-explained --budget 8
+
+      schwung commission -m measured.toml --plan next.json
     """  # fmt: skip
     from schwung import LimitWishes, Wishes, load_machine
     from schwung.api.choices import MAX_JITTER_SHARE, InjectionChoice, ModeChoice, SamplingChoice
+    from schwung.api.experiments import read_plan, require_budget, tighter
     from schwung.api.folders import planned_folder
     from schwung.api.reports import standard_of
     from schwung.api.responses import with_bode
     from schwung.cli.console import Terminal
     from schwung.cli.flow import Ending, commission_and_show, finish
+    from schwung.cli.next_motion import until_explained_and_show
 
+    if until_explained:
+        require_budget(budget)
+    if until_explained and export:
+        raise InputError(
+            "--export", "belongs to an estimate", "Leave out --until-explained, or export later."
+        )
     terminal = Terminal(json_output)
     believed = load_machine(machine)
     choice = export_choice(export) if export else None
-    wishes = Wishes(
-        distance_rad=distance,
-        duration_s=duration,
-        limits=LimitWishes(min_position, max_position, max_speed, max_torque, following_error),
-        kind=profile_kind,
-        returns=not one_way,
+    limits = LimitWishes(min_position, max_position, max_speed, max_torque, following_error)
+    if plan is not None:
+        _alone(distance, duration, frequency, amplitude, bode, also)
+        wanted = read_plan(plan)
+        wanted = replace(wanted, limits=tighter(wanted.limits, limits))
+    else:
+        wanted = Wishes(
+            distance_rad=_needed("--distance", distance),
+            duration_s=_needed("--duration", duration),
+            limits=limits,
+            kind=profile_kind,
+            returns=not one_way,
+            sample_rate_hz=rate,
+            frequency_hz=frequency,
+            amplitude_nm=amplitude,
+            repeats=repeats,
+            phases=phases,
+            also_s=tuple(also or ()),
+        )
+    wishes = replace(
+        wanted,
         mode=one_of("--mode", mode, ModeChoice),
         sampling=one_of("--sampling", sampling, SamplingChoice),
         injecting=one_of("--injection", injection, InjectionChoice),
-        sample_rate_hz=rate,
         trace_rate_hz=trace_rate,
-        frequency_hz=frequency,
-        amplitude_nm=amplitude,
-        repeats=repeats,
-        phases=phases,
-        also_s=tuple(also or ()),
-        max_jitter_share=MAX_JITTER_SHARE if max_jitter is None else max_jitter * rate,
+        max_jitter_share=MAX_JITTER_SHARE if max_jitter is None else max_jitter * wanted.sample_rate_hz,
         misses_allowed=misses,
     )
     if bode is not None:
@@ -195,9 +240,33 @@ def commission(
     ending = Ending(choice, store, standard_of(believed, reference))
     folder = planned_folder(out)
     with connected(interface, channel, bitrate, bus, node, profile, can_log) as connection:
-        result = commission_and_show(
-            connection, believed, wishes, folder, terminal,
-            confirm=lambda question: yes or terminal.ask(question),
-            ending=ending, dry_run=dry_run,
-        )  # fmt: skip
+
+        def agreed(question: str) -> bool:
+            return yes or terminal.ask(question)
+
+        if until_explained:
+            result = until_explained_and_show(
+                connection, believed, wishes, folder, terminal, agreed, budget, dry_run
+            )
+        else:
+            result = commission_and_show(
+                connection, believed, wishes, folder, terminal, agreed, ending, dry_run
+            )
     finish(terminal, result)
+
+
+def _needed(option: str, value: float | None) -> float:
+    """Raise InputError where neither the option nor a plan says it."""
+    if value is None:
+        raise InputError(option, "is missing", "Give it, or --plan with what `schwung explain --next` wrote.")
+    return value
+
+
+def _alone(*given: object) -> None:
+    """Raise InputError where a plan is not the only one to say which motion is made."""
+    if any(value is not None for value in given):
+        raise InputError(
+            "--plan",
+            "says stroke, time and injection already",
+            "Leave out --distance, --duration, --also, --frequency, --amplitude and --bode.",
+        )

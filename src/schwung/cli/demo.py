@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from schwung.cli.options import CanLog, Json, bus_options, measured
+from schwung.cli.options import CanLog, Json, bus_options, measured, require_plant
 
 #: What an engineer would know before the measurement: motor and coupling from the data sheets, a guess of the load.
 BELIEF = """\
@@ -69,16 +69,19 @@ def demo(
     from schwung import InertiaTable, LimitWishes, Wishes, connect, load_machine, write_inertia
     from schwung.api.choices import ExportChoice
     from schwung.api.folders import make_folder, planned_folder
-    from schwung.api.optimising import MotionLimits, Playing, Task, require_optimiser
     from schwung.api.reports import Standard
     from schwung.cli.console import Terminal
     from schwung.cli.flow import Ending, commission_and_show, finish
-    from schwung.cli.playing import play_and_show
     from schwung.files import replace_file
+
+    require_plant("schwung demo", plant)
+    if optimise:
+        from schwung.api.optimising import MotionLimits, Playing, Task, require_optimiser
+        from schwung.cli.playing import play_and_show
+
+        require_optimiser()
     from schwung_sim.bench import Bench
 
-    if optimise:
-        require_optimiser()
     terminal = Terminal(json_output)
     options = bus_options("stepped", "demo", 1_000_000, None, can_log)
     folder = planned_folder(out)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
@@ -47,6 +47,15 @@ def explain(
             help="Names with probabilities, by one likelihood, and curves for what has no name; or the former way.",
         ),
     ] = WEIGHS,
+    next_plan: Annotated[
+        Path | None,
+        typer.Option(
+            "--next",
+            metavar="PLAN",
+            help="Choose the motion that best tells apart what is still confused, within the session's limits, and "
+            "write it there, for schwung commission --plan.",
+        ),
+    ] = None,
     json_output: Json = False,
 ) -> None:
     """Locate where a recording departs from the belief, name the physics left out, and prove it on runs kept aside.
@@ -62,6 +71,8 @@ def explain(
       schwung explain session.h5 -m machine.toml --out monday --json
 
       schwung explain session.h5 --belief model.fmu --map map.toml
+
+      schwung explain session.h5 -m machine.toml --next next.json
     """
     from schwung import load_machine, read_session
     from schwung.api.computing import explain as explain_session
@@ -69,6 +80,7 @@ def explain(
     from schwung.api.reports import write_explanation
     from schwung.api.simulators import explain_against
     from schwung.cli.console import Terminal, progress_bar
+    from schwung.cli.next_motion import next_and_show
     from schwung.cli.sessions import in_file
     from schwung.errors import InputError
     from schwung.files import json_text, replace_file
@@ -82,13 +94,20 @@ def explain(
     if weigh and belief is not None:
         remedy = "Give -m machine.toml, or leave --weigh out."
         raise InputError("--weigh", "needs a machine file, and an FMU is none", remedy)
+    if next_plan is not None and machine is None:
+        raise InputError(
+            "--next", "simulates the motion, which an FMU's belief cannot", "Give -m machine.toml."
+        )
     recorded = read_session(session)
     believed = load_machine(machine) if machine is not None else None
     folder = planned_folder(out, beside_session=True)
     learned = folder / "machine.toml"
     _keep_beliefs(learned, machine)
     if weigh and believed is not None and machine is not None:
-        _weigh(terminal, recorded, believed, (session, machine), folder)
+        document = _weigh(terminal, recorded, believed, (session, machine), folder)
+        if next_plan is not None:
+            document["next"] = next_and_show(terminal, recorded, believed, next_plan)
+        terminal.result(document)
         return
     with in_file(session), progress_bar(terminal) as progress:
         if believed is not None:
@@ -106,16 +125,18 @@ def explain(
     write_explanation(found, recorded, believed, folder)
     _tell(terminal, found, words)
     terminal.say(f"Explanation: [bold]{folder / 'explanation.html'}[/]  Learned machine: [bold]{learned}[/]")
+    if next_plan is not None:
+        document["next"] = next_and_show(terminal, recorded, believed, next_plan)
     terminal.result(document)
 
 
 def _weigh(
     terminal: Terminal, recorded: Session, believed: Machine, places: tuple[Path, Path], folder: Path
-) -> None:
+) -> dict[str, Any]:
     """The same by probabilities; `places`: of session and belief."""
-    from schwung.api.computing import weigh as weigh_session
     from schwung.api.folders import make_folder
-    from schwung.api.reports import write_probabilities
+    from schwung.api.weighing import weigh as weigh_session
+    from schwung.api.weighing import write_probabilities
     from schwung.cli.console import progress_bar
     from schwung.cli.sessions import in_file
     from schwung.files import json_text, replace_file
@@ -131,7 +152,7 @@ def _weigh(
     _tell_weighed(terminal, found, recorded.effort)
     page, learned = folder / "explanation.html", folder / "machine.toml"
     terminal.say(f"Explanation: [bold]{page}[/]  Learned machine: [bold]{learned}[/]")
-    terminal.result(document)
+    return document
 
 
 def _tell_weighed(terminal: Terminal, found: Weighed, effort: Effort) -> None:

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any, get_args
 import typer
 
 from schwung.errors import InputError
+from schwung.extras import require
 from schwung.quantities import parse_quantity
 
 if TYPE_CHECKING:
@@ -55,6 +56,11 @@ def export_choice(text: str) -> ExportChoice:
     if form == "at" and where:
         text = f"at={measured('angle', signed=True)(where)!r}"
     return parse_choice(text)
+
+
+def require_plant(place: str, plant: str) -> None:
+    """Raise MissingLibraryError where a simulated drive with this plant needs what is not installed."""
+    require(place, "bench", *(("numba",) if plant == "two-mass" else ()))
 
 
 Interface = Annotated[

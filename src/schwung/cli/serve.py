@@ -8,7 +8,16 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from schwung.cli.options import Bitrate, BusOption, CanLog, Channel, Interface, Json, bus_options
+from schwung.cli.options import (
+    Bitrate,
+    BusOption,
+    CanLog,
+    Channel,
+    Interface,
+    Json,
+    bus_options,
+    require_plant,
+)
 
 if TYPE_CHECKING:
     from schwung.service.values import BusEntry, DriveSeed
@@ -70,12 +79,14 @@ def serve(
 
     from schwung.cli.console import Terminal
     from schwung.errors import InputError
+    from schwung.extras import require
 
-    try:
-        from schwung.service.serve import Started, run
-        from schwung.service.values import BusEntry, Settings
-    except ImportError as error:
-        raise InputError("schwung serve", f"needs {error.name}", "pip install 'schwung[web]'") from error
+    require("schwung serve", "web")
+    if demo:
+        require_plant("schwung serve --demo", plant)
+    from schwung.service.serve import Started, run
+    from schwung.service.values import BusEntry, Settings
+
     given = interface is not None or channel is not None
     if systemd_unit and demo:
         raise InputError("--systemd-unit", "is for a bus of your own", "Leave --demo out.")

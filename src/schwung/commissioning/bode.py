@@ -26,11 +26,12 @@ from schwung.commissioning.guarding import guard_checks, guard_of, hardest_stop,
 from schwung.commissioning.journal import Change, ParameterJournal
 from schwung.commissioning.limits import Limits, limits_of
 from schwung.commissioning.plan import AMPLITUDE_SHARE, Plan, PlannedRun, believed_inertia_range
-from schwung.commissioning.preflight import Preflight, simulated_run, with_control
+from schwung.commissioning.preflight import Preflight, simulated_run
 from schwung.commissioning.procedure import Observer, Recorded, record
 from schwung.commissioning.survey import Survey, bus_checks, drive_checks, survey
 from schwung.commissioning.ways import MAX_JITTER_SHARE
 from schwung.drivetrain import FeedForward, Machine, Simulated, anti_resonance_hz, resonance_hz
+from schwung.drivetrain.gains import with_control
 from schwung.errors import InputError
 from schwung.estimation.bode import fit_bode
 from schwung.estimation.bode_values import BodeFit
@@ -169,18 +170,6 @@ def record_bode(
         source="schwung bode",
     )
     return KeptSession(path, recorded, journal.changes)
-
-
-def with_recorded_gains(machine: Machine, session: Session) -> Machine:
-    """The machine with the gains that the session's drive had, where the file has none and the session says."""
-    recorded = ((session.drive or {}).get("settings") or {}).get("control")
-    if machine.control is not None or not isinstance(recorded, dict):
-        return machine
-    gains = {name: value for name, value in recorded.items() if isinstance(value, float)}
-    try:
-        return with_control(machine, gains)
-    except InputError:
-        return machine
 
 
 # ── where, and in which order ────────────────────────────────────────────────────────────────────────────────────

@@ -11,7 +11,7 @@ from schwung.commissioning.host_played import HostPlayed
 from schwung.commissioning.journal import Change, ParameterJournal
 from schwung.commissioning.limits import LimitWishes, limits_of
 from schwung.commissioning.plan import Plan, PlannedRun, make_plan
-from schwung.commissioning.preflight import Preflight, preflight, with_control
+from schwung.commissioning.preflight import Preflight, preflight
 from schwung.commissioning.procedure import Observer, Recorded, record
 from schwung.commissioning.survey import MAX_BUS_LOAD, Survey, survey
 from schwung.commissioning.ways import (
@@ -25,6 +25,7 @@ from schwung.commissioning.ways import (
     require_phases,
 )
 from schwung.drivetrain import FeedForward, Machine
+from schwung.drivetrain.gains import with_control
 from schwung.errors import InputError, RefusedError, SchwungError
 from schwung.estimation import Estimate, estimate
 from schwung.estimation.reach import Reach, reach_of
@@ -41,7 +42,8 @@ class Wishes:
     `kind` ("third", "poly5", "scurve" or "cosine"), `returns`, `frequency_hz` (Hz) and `amplitude_nm` (N·m) of the
     injected torque, `repeats`, `phases` (1 or 4), `also_s` (s, further times of the stroke), `sample_rate_hz` (Hz), and
     how drive and bus are used: `mode`, `sampling`, `injecting`, `trace_rate_hz` (Hz), `max_jitter_share` of the period,
-    `misses_allowed` heartbeats. Raises nothing itself: `plan` raises InputError for wishes that nobody can fulfil.
+    `misses_allowed` heartbeats; `start_rad` (rad) where the axis has to stand. Raises nothing itself: `plan` raises
+    InputError for wishes that nobody can fulfil.
 
     >>> schwung.Wishes(distance_rad=3.14, duration_s=0.25, phases=4).limits.torque_max_nm is None
     True
@@ -65,6 +67,7 @@ class Wishes:
     max_jitter_share: float = MAX_JITTER_SHARE
     misses_allowed: int = MISSES_ALLOWED  # heartbeats, on both sides
     because: tuple[str, ...] = ()  # where wishes come from that nobody typed
+    start_rad: float | None = None  # where the axis has to stand; None: wherever it does
 
 
 @dataclass(frozen=True, eq=False)
@@ -120,7 +123,8 @@ def prepare(
     """Plan and check; reads the drive, changes nothing, moves nothing. `timing`: see `choose_way`; None: it is measured
     where it matters.
 
-    Raises InputError where limits or beliefs are missing; what preflight finds is in the result.
+    Raises InputError where limits or beliefs are missing, RefusedError where the axis stands elsewhere than wished;
+    what preflight finds is in the result.
     """
     gains = read_gains(drive, profile)
     machine = with_control(machine, gains)
@@ -151,12 +155,24 @@ def prepare(
         generator=profile.generator,
         misses_allowed=wishes.misses_allowed,
     )
+    _require_start(plan, wishes)
     one_way = (ONE_WAY,) if wishes.returns and not way.returns else ()
     plan = replace(plan, reasons=(*way.reasons, *one_way, *wishes.because, *plan.reasons))
     forward = FeedForward(speed_share=gains.get("speed_feed_forward", 0.0))
     seen = survey(drive, plan)
     checked = preflight(plan, machine, seen, forward)
     return Prepared(plan, machine, seen, checked, forward, wishes)
+
+
+def _require_start(plan: Plan, wishes: Wishes) -> None:
+    """Raise RefusedError where the axis stands further from where it has to than its following error allows."""
+    wanted, stands = wishes.start_rad, plan.start_position_rad
+    if wanted is not None and not abs(stands - wanted) <= plan.limits.following_error_rad:
+        raise RefusedError(
+            "plan",
+            f"starts at {wanted:.4g} rad, the axis stands at {stands:.4g}",
+            "Move the axis there, or have a plan made for where it stands.",
+        )
 
 
 def renewed(drive: Drive, profile: DeviceProfile, prepared: Prepared) -> Prepared:

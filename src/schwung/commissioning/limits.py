@@ -52,6 +52,21 @@ class LimitWishes:
     following_error_rad: float | None = None
 
 
+def tighter(one: LimitWishes, other: LimitWishes) -> LimitWishes:
+    """What both allow."""
+
+    def least(a: float | None, b: float | None) -> float | None:
+        return min(_known(a, b), default=None)
+
+    return LimitWishes(
+        max(_known(one.position_min_rad, other.position_min_rad), default=None),
+        least(one.position_max_rad, other.position_max_rad),
+        least(one.speed_max_rad_s, other.speed_max_rad_s),
+        least(one.torque_max_nm, other.torque_max_nm),
+        least(one.following_error_rad, other.following_error_rad),
+    )
+
+
 def limits_of(wishes: LimitWishes, drive: DriveLimits, machine: Machine) -> Limits:
     """The tighter of what the user allows, what the drive enforces and what the motor can.
 

@@ -24,12 +24,12 @@ from schwung.commissioning.preflight import (
     motion_checks,
     simulated_run,
     standing_checks,
-    with_control,
 )
 from schwung.commissioning.procedure import Observer, Recorded, record
 from schwung.commissioning.survey import survey
 from schwung.commissioning.ways import MAX_JITTER_SHARE
 from schwung.drivetrain import FeedForward, InertiaTable, Machine, Simulated
+from schwung.drivetrain.gains import with_control
 from schwung.errors import InputError
 from schwung.fieldbus.drive import Drive
 from schwung.fieldbus.profile import DeviceProfile

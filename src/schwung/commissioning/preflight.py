@@ -17,8 +17,8 @@ from schwung.commissioning.guarding import guard_checks, hardest_stop
 from schwung.commissioning.plan import Plan, PlannedRun, believed_inertia_range
 from schwung.commissioning.runs import on_trace_clock
 from schwung.commissioning.survey import Survey, bus_checks, drive_checks
-from schwung.drivetrain import Control, FeedForward, Machine, Simulated, simulate
-from schwung.errors import InputError, RefusedError, SchwungError
+from schwung.drivetrain import FeedForward, Machine, Simulated, simulate
+from schwung.errors import RefusedError, SchwungError
 from schwung.estimation import Estimate, estimate
 from schwung.fieldbus.drive import Resolution
 from schwung.session import Run, Session
@@ -145,7 +145,7 @@ def _predicted(
 
     By the method of the injection alone: it judges ripple and motion, and it answers at once.
     """
-    runs = [_sampled(planned, plan, made) for planned, made in simulated]
+    runs = [sampled_run(planned, plan, made) for planned, made in simulated]
     method = "multiphase" if plan.phases > 1 else "denoised"
     try:
         return estimate(Session(tuple(runs), created="", source="simulated"), machine, method=method)
@@ -153,7 +153,7 @@ def _predicted(
         return None
 
 
-def _sampled(planned: PlannedRun, plan: Plan, simulated: Simulated) -> Run:
+def sampled_run(planned: PlannedRun, plan: Plan, simulated: Simulated) -> Run:
     """The simulated run as a drive reports it: angle and speed at SYNC, torque of the tick before it."""
     at_sync = slice(FINER, None, FINER)
     before_sync = slice(FINER - 1, -1, FINER)
@@ -313,25 +313,3 @@ def _trust(
         f"{trust.verdict}: MIV {trust.miv_kgm2:.3g} kg·m²{dpr}, deviation {deviation:.2g} rad",
         "" if trust.verdict == "good" else "; ".join(trust.reasons),
     )
-
-
-def with_control(machine: Machine, gains: dict[str, float]) -> Machine:
-    """The machine with the gains that the drive holds, where the file has none.
-
-    Raises InputError where neither knows them: the motion could not be simulated before it is made.
-    """
-    if machine.control is not None:
-        return machine
-    wanted = ("position_gain", "speed_gain", "speed_integral_time")
-    if any(key not in gains for key in wanted):
-        machine.required_control()
-    try:
-        control = Control(
-            position_gain_per_s=gains["position_gain"],
-            speed_gain_nms=gains["speed_gain"],
-            speed_integral_time_s=gains["speed_integral_time"],
-            sample_rate_hz=gains.get("sample_rate", 8000.0),
-        )
-    except ValueError as error:
-        raise InputError("drive gains", str(error), "Give [control] in the machine file.") from error
-    return machine.model_copy(update={"control": control})

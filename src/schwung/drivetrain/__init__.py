@@ -1,8 +1,10 @@
 """What a machine is: parameters, inertia over angle, frequency response, fast simulation. Beliefs, not truths."""
 
 from schwung.drivetrain.inertia import (
+    Deviation,
     InertiaTable,
     LoadTorqueTable,
+    deviation,
     read_inertia_csv,
     read_load_torque_csv,
     slider_crank_inertia,
@@ -26,6 +28,7 @@ from schwung.drivetrain.simulation import FeedForward, Simulated, simulate
 __all__ = [
     "Control",
     "Coupling",
+    "Deviation",
     "Electrical",
     "FeedForward",
     "InertiaTable",
@@ -35,6 +38,7 @@ __all__ = [
     "Motor",
     "Simulated",
     "anti_resonance_hz",
+    "deviation",
     "disturbance_to_position_ratio",
     "load_machine",
     "machine_files",

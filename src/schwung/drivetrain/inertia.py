@@ -65,6 +65,26 @@ class InertiaTable:
         return PchipInterpolator(self.position_rad, self.inertia_kgm2)
 
 
+@dataclass(frozen=True)
+class Deviation:
+    """How far an estimated table is from a reference over the angles that both have (kg·m²)."""
+
+    rmse_kgm2: float
+    max_kgm2: float
+
+
+def deviation(table: InertiaTable, reference: InertiaTable | None) -> Deviation | None:
+    """Compare at the table's own points; None where there is no reference or no angle in common."""
+    if reference is None:
+        return None
+    position = table.position_rad
+    shared = (position >= reference.position_rad[0]) & (position <= reference.position_rad[-1])
+    if not shared.any():
+        return None
+    error = table.inertia_kgm2[shared] - reference.at(position[shared])
+    return Deviation(float(np.sqrt(np.mean(error**2))), float(np.max(np.abs(error))))
+
+
 def slider_crank_inertia(
     position_rad: Array, base_kgm2: float = 0.055, swing_kgm2: float = 0.105, ratio: float = 0.25
 ) -> Array:

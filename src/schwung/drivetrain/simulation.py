@@ -14,7 +14,6 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
-from scipy.signal import lfilter
 
 from schwung.drivetrain import kernel, learned, plant
 from schwung.drivetrain.inertia import InertiaTable
@@ -191,6 +190,8 @@ def _filtered(torque: Array, ticks: float) -> Array:
         return torque
     decay = float(np.exp(-1.0 / ticks))
     later = np.append(torque[0], torque[:-1])  # what acted until each tick
+    from scipy.signal import lfilter  # noqa: PLC0415  (slow to import, and only a filtered torque needs it)
+
     reported, _ = lfilter([1.0 - decay], [1.0, -decay], later, zi=[decay * torque[0]])
     return np.asarray(reported)
 

@@ -20,6 +20,7 @@ from schwung.innovations.likelihood import Equations
 from schwung.innovations.signals import Signals
 from schwung.innovations.splines import Basis
 from schwung.innovations.steps import Steps, bulge, no_such_machine, off_middle
+from schwung.innovations.values import Shaft
 from schwung.motion import Array
 
 #: No machine has an inertia whose logarithm is so large.
@@ -105,11 +106,11 @@ class Model:
     layout: Layout
     sticking_rad_s: float
 
-    def shaft(self, parameters: Array) -> kernel.Shaft:
+    def shaft(self, parameters: Array) -> Shaft:
         """The coupling and the inertias and frictions that are not asked for."""
         motor, coupling = self.machine.motor, self.machine.coupling
         k, b = (coupling.stiffness_nm_rad, coupling.damping_nms) if coupling else (0.0, 0.0)
-        return kernel.Shaft(
+        return Shaft(
             motor.inertia_kgm2,
             motor.viscous_friction_nms,
             self.machine.load.viscous_friction_nms,

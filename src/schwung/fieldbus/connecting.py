@@ -8,6 +8,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 from schwung.clock import Clock, WallClock
 from schwung.errors import InputError
@@ -15,15 +16,10 @@ from schwung.fieldbus.canopen import BusOptions, CanopenDrive, bit_rate, open_bu
 from schwung.fieldbus.canopen import match_profile as match_node
 from schwung.fieldbus.drive import Drive, Progress
 from schwung.fieldbus.found import FoundNode
-from schwung.fieldbus.modbus import (
-    Line,
-    ModbusDrive,
-    ModbusLink,
-    match_profile,
-    modbus_options,
-    scan_units,
-)
 from schwung.fieldbus.profile import DeviceProfile, ModbusProfile, load_canopen_profile, load_profile
+
+if TYPE_CHECKING:
+    from schwung.fieldbus.modbus import Line
 
 
 @dataclass(frozen=True)
@@ -79,6 +75,13 @@ def _canopen(options: BusOptions, node_id: int, profile_name: str | None) -> Ite
 def _modbus(
     options: BusOptions, unit: int, profile_name: str | None, clock: Clock, bench: Line | None
 ) -> Iterator[Connected]:
+    from schwung.fieldbus.modbus import (  # noqa: PLC0415  (slow to import, and most drives are on CAN)
+        ModbusDrive,
+        ModbusLink,
+        match_profile,
+        modbus_options,
+    )
+
     line = modbus_options(options.interface or "", options.channel, options.bitrate, options.extra)
     profile = (
         load_profile(profile_name) if profile_name else match_profile(line, unit, clock=clock, line=bench)
@@ -110,6 +113,8 @@ def scan(
 ) -> tuple[FoundNode, ...]:
     """Who is on the bus. Reads only. Raises InputError, BusError."""
     if is_modbus(options):
+        from schwung.fieldbus.modbus import modbus_options, scan_units  # noqa: PLC0415  (as above)
+
         line = modbus_options(options.interface or "", options.channel, options.bitrate, options.extra)
         return scan_units(line, nodes, progress, clock=WallClock())
     bus = open_bus(options)

@@ -17,6 +17,7 @@ from schwung.innovations import kernel
 from schwung.innovations.likelihood import Equations, Noise, problem_of
 from schwung.innovations.signals import Signals
 from schwung.innovations.steps import Steps
+from schwung.innovations.values import Filtered
 from schwung.motion import Array
 
 
@@ -62,7 +63,7 @@ class Passed:
 
     equations: Equations
     steps: Steps
-    result: kernel.Filtered
+    result: Filtered
 
     @classmethod
     def of(cls, equations: Equations, steps: Steps, noise: Noise, run: Signals) -> Passed:

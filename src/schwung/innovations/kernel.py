@@ -7,51 +7,15 @@ matrix exponentials, exact for any stiffness.
 
 from __future__ import annotations
 
-from typing import NamedTuple
-
 import numpy as np
 
-from schwung.compiled import compiled, compiled_fastmath
+from schwung.compiled import compiled, compiled_fastmath, compiled_or
+from schwung.innovations import plain
+from schwung.innovations.values import REACH, TERMS, Filtered, Shaft, System
 from schwung.motion import Array
 
-#: Terms of the Taylor series, and the largest |eigenvalue| × step that it is used for; longer steps are doublings.
-_TERMS, _REACH = 10, 0.5
 #: Samples whose rows are turned at once, from one after another to one column after another.
 TILE = 16
-
-
-class Shaft(NamedTuple):
-    """What does not change along a trajectory; SI."""
-
-    rotor_inertia: float
-    motor_friction: float
-    load_friction: float
-    stiffness: float
-    damping: float
-    rigid: bool
-
-
-class System(NamedTuple):
-    """x⁺ = Φx + forcing + noise·w, of which the first two states are measured."""
-
-    transition: Array  # (n − 1, s, s)
-    forcing: Array  # (n − 1, s)
-    noise: Array  # (n − 1, s)
-    power: Array  # (n − 1,) variance of w
-    measured: Array  # (n, 2)
-    variances: Array  # (2,) of the measurements
-    first: Array  # (s,) the state at first, and how well it is known
-    spread: Array  # (s,)
-
-
-class Filtered(NamedTuple):
-    """What the filter leaves behind: per sample k the two scalar updates (position, then speed)."""
-
-    error: Array  # (n, 2) innovations
-    variance: Array  # (n, 2) theirs
-    gain: Array  # (n, 2, s)
-    state: Array  # (n, s) after both updates
-    covariance: Array  # (n, s, s)
 
 
 @compiled
@@ -85,11 +49,11 @@ def _exponentials(shaft: Shaft, inertia: float, duration: float) -> tuple[Array,
         mobility = 1.0 / rotor + 1.0 / inertia
         fastest = max(np.sqrt(k * mobility), b * mobility)
         fastest += shaft.motor_friction / rotor + shaft.load_friction / inertia
-    doublings = max(0, int(np.ceil(np.log2(max(fastest * duration / _REACH, 1e-9)))))
+    doublings = max(0, int(np.ceil(np.log2(max(fastest * duration / REACH, 1e-9)))))
     h = duration / 2**doublings
     moved, term = np.eye(size), np.eye(size)
     first, second, third = np.zeros((size, size)), np.zeros((size, size)), np.zeros((size, size))
-    for i in range(_TERMS):  # term = (Ah)^i / i!
+    for i in range(TERMS):  # term = (Ah)^i / i!
         first += term * (h / (i + 1))
         second += term * (h * h / ((i + 1) * (i + 2)))
         third += term * (2.0 * h * h * h / ((i + 1) * (i + 2) * (i + 3)))
@@ -104,7 +68,7 @@ def _exponentials(shaft: Shaft, inertia: float, duration: float) -> tuple[Array,
     return moved, _product(first, inputs), _product(second, inputs), _product(third, inputs)
 
 
-@compiled
+@compiled_or(plain.steps)
 def steps(shaft: Shaft, inertia: Array, duration: float) -> Array:
     """For every interval, side by side (m, s, s + 6): the transition, and what torques add, on motor and load each.
 
@@ -121,7 +85,7 @@ def steps(shaft: Shaft, inertia: Array, duration: float) -> Array:
     return result
 
 
-@compiled
+@compiled_or(plain.steps_of_each)
 def steps_of_each(shaft: Shaft, coupling: Array, inertia: Array, duration: float) -> Array:
     """`steps` where the shaft's stiffness and damping, `coupling` (m, 2), differ from interval to interval."""
     result = np.empty((inertia.size, 4, 10))
@@ -166,7 +130,7 @@ def _carried(phi: Array, p: Array, half: Array, noise: Array, power: float) -> N
             p[j, i] = p[i, j]
 
 
-@compiled
+@compiled_or(plain.filtered)
 def filtered(system: System) -> Filtered:
     """Kalman's filter."""
     transition, forcing, noise, power = system.transition, system.forcing, system.noise, system.power
@@ -225,7 +189,7 @@ def smoothed(transition: Array, result: Filtered) -> Array:
     return states
 
 
-@compiled_fastmath
+@compiled_or(plain.whitened, fastmath=True)
 def whitened(transition: Array, result: Filtered, columns: Array, reported: Array) -> Array:
     """∂(predicted samples)/∂parameters as the filter sees them, over the innovations' deviation; (2n, P).
 
@@ -364,7 +328,7 @@ def responses(
             _turn(tile[: at + 2], rows, down, across + 2 * (k - k % TILE))
 
 
-@compiled_fastmath
+@compiled_or(plain.add_outer, fastmath=True)
 def add_outer(result: Array, left: Array, right: Array) -> None:
     """Add to `result` (m, s, c) the outer product of each row of `left` (m, s) and of `right` (m, c).
 
@@ -378,7 +342,7 @@ def add_outer(result: Array, left: Array, right: Array) -> None:
                     result[k, i, c] += left[k, i] * factor
 
 
-@compiled_fastmath
+@compiled_or(plain.cholesky, fastmath=True)
 def cholesky(matrix: Array) -> Array:
     """Lower factor of a positive definite matrix (P, P); NaN where it is none. One thread, no wait for others."""
     factor = matrix.copy()

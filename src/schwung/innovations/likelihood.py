@@ -14,6 +14,7 @@ from scipy.optimize import minimize
 
 from schwung.innovations import kernel
 from schwung.innovations.signals import FINEST, Signals
+from schwung.innovations.values import System
 from schwung.motion import Array
 
 #: Dry friction is smoothed within this share of the peak speed; up to a few times that its sign is open.
@@ -94,7 +95,7 @@ def resmoothed(model: Model, runs: Sequence[Signals], parameters: Array, noise: 
     )
 
 
-def problem_of(equations: Equations, noise: Noise, run: Signals) -> kernel.System:
+def problem_of(equations: Equations, noise: Noise, run: Signals) -> System:
     """The filter's problem: equations, sizes of noise, and a first state that is known a little."""
     speed = 0.1 * float(np.ptp(run.states[:, 1])) + noise.speed_rad_s
     position = 1e-3 * float(np.ptp(run.position_rad)) + noise.position_rad
@@ -102,7 +103,7 @@ def problem_of(equations: Equations, noise: Noise, run: Signals) -> kernel.Syste
     if noise.torque_share > 0:
         power = power + (noise.torque_share * run.load_nm) ** 2
     shaft = [position, speed] if run.rigid else [position, speed, position, speed]
-    return kernel.System(
+    return System(
         equations.transition,
         equations.forcing,
         equations.noise,

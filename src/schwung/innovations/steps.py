@@ -10,6 +10,7 @@ from scipy.interpolate import CubicSpline
 from schwung.errors import InputError
 from schwung.innovations import kernel
 from schwung.innovations.signals import Signals
+from schwung.innovations.values import Shaft
 from schwung.motion import Array
 
 #: Inertias at which a step is worked out; between them it is interpolated (relative error below 1e-7).
@@ -32,7 +33,7 @@ class Steps:
     by_damping: Array
 
     @classmethod
-    def of(cls, shaft: kernel.Shaft, inertia: Array, step_s: float, *, slopes: bool) -> Steps:
+    def of(cls, shaft: Shaft, inertia: Array, step_s: float, *, slopes: bool) -> Steps:
         """Steps of the given inertias (m,); without `slopes` the derivatives are empty.
 
         Raises InputError where the numbers run away, as a fit's do to signals that belong to no such machine.
@@ -40,7 +41,7 @@ class Steps:
         logs = np.log(inertia)
         nodes = np.linspace(logs.min() - 1e-3, logs.max() + 1e-3, _NODES)
 
-        def table(which: kernel.Shaft) -> Array:
+        def table(which: Shaft) -> Array:
             return np.asarray(kernel.steps(which, np.exp(nodes), step_s))
 
         def by(name: str) -> Array:
@@ -65,7 +66,7 @@ class Steps:
         return cls(transition, inputs, by_inertia, by("stiffness"), by("damping"))
 
     @classmethod
-    def of_each(cls, shaft: kernel.Shaft, coupling: Array, inertia: Array, step_s: float) -> Steps:
+    def of_each(cls, shaft: Shaft, coupling: Array, inertia: Array, step_s: float) -> Steps:
         """Steps of a coupling whose stiffness and damping (m, 2) are others in each, exactly; without derivatives."""
         transition, inputs = np.split(kernel.steps_of_each(shaft, coupling, inertia, step_s), [-6], axis=2)
         none = np.empty(0)

@@ -156,25 +156,5 @@ class ReportContent:
         return next(iter((*self.session.excited, *self.session.runs)), None)
 
 
-@dataclass(frozen=True)
-class Deviation:
-    """How far an estimated table is from a reference over the angles that both have (kg·m²)."""
-
-    rmse_kgm2: float
-    max_kgm2: float
-
-
-def deviation(table: InertiaTable, reference: InertiaTable | None) -> Deviation | None:
-    """Compare at the table's own points; None where there is no reference or no angle in common."""
-    if reference is None:
-        return None
-    position = table.position_rad
-    shared = (position >= reference.position_rad[0]) & (position <= reference.position_rad[-1])
-    if not shared.any():
-        return None
-    error = table.inertia_kgm2[shared] - reference.at(position[shared])
-    return Deviation(_rms(error), float(np.max(np.abs(error))))
-
-
 def _rms(values: Array) -> float:
     return float(np.sqrt(np.mean(values**2)))

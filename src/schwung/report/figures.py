@@ -8,11 +8,11 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from schwung.drivetrain.inertia import InertiaTable
+from schwung.drivetrain.inertia import InertiaTable, deviation
 from schwung.estimation.trust import RELATIVE_MIV
 from schwung.estimation.values import Denoised, Estimate, Trace
 from schwung.motion import Array
-from schwung.report.content import FollowingError, ReportContent, Units, deviation
+from schwung.report.content import FollowingError, ReportContent, Units
 from schwung.report.style import (
     DASHED,
     DOUBTFUL,

@@ -6,7 +6,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from schwung.explain.weighing.publication import NAMED, Before, Curve, Published
+from schwung.explain.weighing.publication import NAMED, Before, Curve, Published, percent
 from schwung.motion import Array
 from schwung.report.content import Units
 from schwung.report.explanation_words import words_of
@@ -49,7 +49,7 @@ def probabilities_figure(of: Published) -> Figure:
     axes.barh(places, [100 * p for _, p, _ in bars], color=[colour.light for *_, colour in bars], height=0.62)
     for place, (_, p, _) in zip(places, bars, strict=True):
         axes.annotate(
-            f"{100 * p:.0f} %", (100 * p, float(place)), xytext=(4, 0), textcoords="offset points", va="center",
+            percent(p), (100 * p, float(place)), xytext=(4, 0), textcoords="offset points", va="center",
             color=INK.light,
         )  # fmt: skip
     axes.axvline(100 * NAMED, color=MUTED.light, linestyle=DASHED, linewidth=1)

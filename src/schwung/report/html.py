@@ -9,11 +9,12 @@ from pathlib import Path
 
 import numpy as np
 
+from schwung.drivetrain.inertia import deviation
 from schwung.errors import InputError
 from schwung.estimation.values import Estimate
 from schwung.files import replace_file
 from schwung.quantities import sentences_of
-from schwung.report.content import ReportContent, deviation
+from schwung.report.content import ReportContent
 from schwung.report.pictures import Picture, pictures
 from schwung.report.rows import rows_of
 from schwung.report.style import css_variables, to_svg

@@ -9,10 +9,11 @@ from pathlib import Path
 import numpy as np
 from matplotlib.figure import Figure
 
+from schwung.drivetrain.inertia import deviation
 from schwung.errors import InputError
 from schwung.estimation.values import Estimate
 from schwung.report import figures
-from schwung.report.content import ReportContent, deviation
+from schwung.report.content import ReportContent
 from schwung.report.style import to_png
 from schwung.session import Run
 

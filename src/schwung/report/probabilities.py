@@ -8,7 +8,7 @@ from html import escape
 from pathlib import Path
 
 from schwung.drivetrain.machine import Machine
-from schwung.explain.weighing.publication import NAMED, Curve, Published
+from schwung.explain.weighing.publication import NAMED, Curve, Published, percent
 from schwung.quantities import sentences_of
 from schwung.report.content import Units, units_of
 from schwung.report.explanation import parameter_lines, runs_text
@@ -101,11 +101,6 @@ _WORTH = 0.05
 _COLOURED = 1.05
 NAME_HEAD = ("physics", "probability", "parameters (95 %)", "machine.toml")
 CURVE_HEAD = ("over", "probability", "torque, RMS", "what is known of it", "machine.toml")
-
-
-def percent(p: float) -> str:
-    """A probability: whole per cents, but never quite all or nothing."""
-    return "> 99 %" if p > 0.995 else "< 1 %" if p < 0.01 else f"{100 * p:.0f} %"
 
 
 def name_rows(of: Published) -> list[tuple[str, str, str, str]]:

@@ -233,6 +233,7 @@ class ImportAsRequest(Request):
     kind: Literal["import_as"]
     file_id: Id
     options: dict[str, Any] = Field({}, description="Keys of a recipe.")
+    guess: bool = Field(False, description="Propose what the options leave open; import nothing yet.")
     dbc_file_id: Id | None = None
     drive_id: Id | None = None
     machine_id: Id | None = None

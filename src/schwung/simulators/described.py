@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any, Literal
 
 from schwung.errors import InputError
+from schwung.extras import require
 
 Interface = Literal["co-simulation", "model-exchange"]
 
@@ -45,12 +46,9 @@ class Described:
 def describe(path: str | Path) -> Described:
     """Read an FMU's description. Raises InputError for what is no FMU, or none that can be played on this computer."""
     path = Path(path)
-    try:
-        import fmpy  # heavy, and an extra  # noqa: PLC0415
-    except ImportError:
-        raise InputError(
-            "--belief", "needs FMPy to play an FMU", 'Install it: pip install "schwung[fmi]".'
-        ) from None
+    require("--belief with an FMU", "fmi")
+    import fmpy  # heavy, and an extra  # noqa: PLC0415
+
     if not path.is_file():
         raise InputError(str(path), "is not there", "Give the path of an FMU.")
     if not zipfile.is_zipfile(path):

@@ -92,7 +92,8 @@ class Served:
         }
         request = urllib.request.Request(self.url + path, data, headers, method=method)
         with urllib.request.urlopen(request, timeout=30) as answer:
-            return json.loads(answer.read())
+            content = answer.read()
+        return json.loads(content) if content else None
 
     def ended(self, run_id: str, within_s: float = 60.0) -> Any:
         """A run, when it has ended."""

@@ -9,9 +9,9 @@ import numpy as np
 from schwung.drivetrain.machine import Machine
 from schwung.explain.weighing.along import Along
 from schwung.explain.weighing.vocabulary.load import inertia_of
-from schwung.innovations import kernel
 from schwung.innovations.likelihood import Equations
 from schwung.innovations.steps import Steps, bulge, off_middle
+from schwung.innovations.values import Shaft
 from schwung.motion import Array
 
 #: A coupling that carries nothing within its play still has this share of its stiffness.
@@ -42,11 +42,11 @@ class Acting:
         )
 
 
-def shaft_of(machine: Machine) -> kernel.Shaft:
+def shaft_of(machine: Machine) -> Shaft:
     """The coupling, and the inertias and frictions beside it."""
     motor, coupling = machine.motor, machine.coupling
     k, b = (coupling.stiffness_nm_rad, coupling.damping_nms) if coupling else (0.0, 0.0)
-    return kernel.Shaft(
+    return Shaft(
         motor.inertia_kgm2,
         motor.viscous_friction_nms,
         machine.load.viscous_friction_nms,

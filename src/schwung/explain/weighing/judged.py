@@ -15,7 +15,7 @@ from schwung.drivetrain.machine import Machine
 from schwung.explain.weighing.growth import absent
 from schwung.explain.weighing.known import known
 from schwung.explain.weighing.round import View, Weighing, settled
-from schwung.explain.weighing.weigh import Outcome
+from schwung.explain.weighing.weigh import Posterior
 from schwung.innovations.effect import Passed
 from schwung.motion import Array
 
@@ -56,7 +56,7 @@ class Judged:
         return sum(shown.innovations.size for shown in self.runs)
 
 
-def judged(outcome: Outcome, machine: Machine, runs: Sequence[int]) -> Judged:
+def judged(outcome: Posterior, machine: Machine, runs: Sequence[int]) -> Judged:
     """Judge a machine, as it was read, on some runs."""
     growth, of = outcome.growth, outcome.view.ranges
     view = replace(outcome.view, known=known(machine, of.low_rad, of.high_rad))

@@ -19,6 +19,13 @@ from schwung.session.model import Axis
 NAMED = 0.5
 #: Innovations below so many times the noise's show nothing.
 _FLOOR = 1.02
+#: Beyond it a probability is told as more than 99 %.
+_ALL = 0.99
+
+
+def percent(p: float) -> str:
+    """A probability in words: whole per cents, but never quite all or nothing."""
+    return "> 99 %" if p > _ALL else "< 1 %" if p < 1 - _ALL else f"{100 * p:.0f} %"
 
 
 @dataclass(frozen=True, eq=False)
@@ -77,10 +84,12 @@ class Published:
     def headline(self) -> str:
         """In one sentence."""
         likely = [
-            f"{one.physics.replace('_', ' ')} ({one.probability:.0%})" for one in self.names if one.in_file
+            f"{one.physics.replace('_', ' ')} ({percent(one.probability)})"
+            for one in self.names
+            if one.in_file
         ]
         curves = [
-            f"a torque over {one.coordinate.replace('_', ' ')} without a name ({one.probability:.0%})"
+            f"a torque over {one.coordinate.replace('_', ' ')} without a name ({percent(one.probability)})"
             for one in self.curves
             if one.probability > NAMED
         ]

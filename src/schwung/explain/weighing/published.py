@@ -29,7 +29,7 @@ from schwung.explain.weighing.learned import Found, learned, table
 from schwung.explain.weighing.publication import NAMED, Before, Curve, Name, Published
 from schwung.explain.weighing.search import Pick, Scored, Search
 from schwung.explain.weighing.values import Parameter, Proof, Weighed
-from schwung.explain.weighing.weigh import Outcome, at_bound, outcome_of, parameters_of, told
+from schwung.explain.weighing.weigh import Posterior, at_bound, parameters_of, posterior_of
 from schwung.motion import Array
 from schwung.session.effort import require_alike
 from schwung.session.model import Session
@@ -57,8 +57,10 @@ def publish(session: Session, machine: Machine, *, progress: Progress | None = N
     require_alike(session, machine)
     doubts = examine(session, machine)
     doubts.require(session.source or "session")
-    outcome = outcome_of(
-        session, _smooth(machine), lambda text, share: tell(text, 0.02 + (_SEARCH - 0.02) * share)
+    outcome = posterior_of(
+        session,
+        _smooth(machine),
+        tell=lambda text, share: tell(text, 0.02 + (_SEARCH - 0.02) * share),
     )
     tell("Writing the machine, and proving what was written", _SEARCH)
     return _Publishing(session, machine, outcome, tell).published(doubts.notes)
@@ -91,9 +93,9 @@ class _Cause:
 class _Publishing:
     """An outcome on its way to people."""
 
-    def __init__(self, session: Session, machine: Machine, outcome: Outcome, tell: Progress) -> None:
+    def __init__(self, session: Session, machine: Machine, outcome: Posterior, tell: Progress) -> None:
         self.session, self.machine, self.outcome, self.tell = session, machine, outcome, tell
-        self.weighed: Weighed = told(outcome.grown, outcome.stands, outcome.heldout)
+        self.weighed: Weighed = outcome.told
         self.search: Search = outcome.grown.search
         self.set = self._set()
 
@@ -261,8 +263,7 @@ class _Publishing:
         return replace(cause.found, beside={**cause.found.beside, "formula": formulated[cause.pick][0].text})
 
     def _runners_up(self) -> tuple[tuple[tuple[str, ...], float], ...]:
-        tempered = self.search.tempered(self.outcome.stands.tempering)
-        shares = [(share, one) for share, one in tempered.shares() if share >= 0.01][:4]
+        shares = [(share, one) for share, one in self.outcome.sure.shares() if share >= 0.01][:4]
         return tuple(
             (tuple(sorted(self.search.candidate(pick).name for pick in one.picks)), share)
             for share, one in shares

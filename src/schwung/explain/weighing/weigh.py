@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
@@ -39,26 +40,41 @@ TOLD = 0.01
 
 
 @dataclass(frozen=True, eq=False)
-class Outcome:
-    """All that was found: the sets, how far their names stand out, and what it was found from."""
+class Posterior:
+    """A session weighed: what is told of it, and what the next motion is chosen by."""
 
-    view: View
-    growth: Growth
     grown: Grown
     stands: Standing
+    sure: Search  # the sets, weighed by what stands out
     heldout: tuple[int, ...]
+    view: View
+    growth: Growth
+
+    @cached_property
+    def told(self) -> Weighed:
+        """In names, probabilities and parameters."""
+        return _told(self.grown, self.stands, self.sure, self.heldout)
 
 
 def weigh(session: Session, machine: Machine) -> Weighed:
     """Say what the belief leaves out, with probabilities; raises InputError where the inertia is unknown."""
-    outcome = outcome_of(session, machine)
-    return told(outcome.grown, outcome.stands, outcome.heldout)
+    return posterior_of(session, machine).told
 
 
-def outcome_of(session: Session, machine: Machine, tell: Progress = lambda _text, _share: None) -> Outcome:
-    """Search all sets; `tell`: what is being done, and the share of the session's work that is done, 0…1."""
-    parts = split(session)
-    train = parts.seen if parts.heldout else tuple(range(len(session.runs)))
+def posterior_of(
+    session: Session,
+    machine: Machine,
+    heldout: Sequence[int] | None = None,
+    tell: Progress = lambda _text, _share: None,
+) -> Posterior:
+    """The same with all that was weighed.
+
+    `heldout`: runs for the proof; None: as `split` chooses them. `tell`: what is being done, and the share of it, 0…1.
+
+    Raises InputError where the inertia is unknown.
+    """
+    heldout = split(session).heldout if heldout is None else tuple(heldout)
+    train = tuple(run for run in range(len(session.runs)) if run not in heldout)
     exciting = [run.excitation.frequency_hz for run in session.runs if run.excitation]
     band = max([BAND_HZ, *(BEYOND_INJECTION * f for f in exciting)])
     runs = [signals_of(run, machine, band, 0.0) for run in session.runs]
@@ -73,7 +89,9 @@ def outcome_of(session: Session, machine: Machine, tell: Progress = lambda _text
     wide = wide_fit(view, everything(candidates, ()), first_noise(runs), train)
     growth = Growth(candidates, always, train, wide, tell=tell)
     grown = growth.grown(view)
-    return Outcome(view, growth, grown, standing(grown.search, grown.best, beside), parts.heldout)
+    stands = standing(grown.search, grown.best, beside)
+    sure = grown.search.tempered(stands.tempering)
+    return Posterior(grown, stands, sure, tuple(heldout), view, growth)
 
 
 def _repeats(session: Session) -> list[tuple[int, ...]]:
@@ -87,9 +105,8 @@ def _repeats(session: Session) -> list[tuple[int, ...]]:
     ]
 
 
-def told(outcome: Grown, stands: Standing, heldout: Sequence[int]) -> Weighed:
+def _told(outcome: Grown, stands: Standing, sure: Search, heldout: Sequence[int]) -> Weighed:
     search, data = outcome.search, outcome.data
-    sure = search.tempered(stands.tempering)
     shares = sure.shares()
     likely = {name: p * stands.names.get(name, 1.0) for name, p in _probabilities(sure).items()}
     names = {c.name: likely[c.name] for c in data.candidates if c.named and likely.get(c.name, 0.0) >= TOLD}

@@ -416,13 +416,12 @@ class CanopenDrive:
         place = f"node {self.node_id}"
         identity = read_identity(self._sdo, self._link.name)
         expected = self.profile.identity
-        described = self._eds.dictionary.device_information
         for what, want, have in (
             ("vendor id", expected and expected.vendor_id, identity.vendor_id),
             ("product code", expected and expected.product_code, identity.product_code),
             ("revision", expected and expected.revision, identity.revision),
-            ("vendor id (EDS)", described.vendor_number, identity.vendor_id),
-            ("product code (EDS)", described.product_number, identity.product_code),
+            ("vendor id (EDS)", self._eds.device_number("VendorNumber"), identity.vendor_id),
+            ("product code (EDS)", self._eds.device_number("ProductNumber"), identity.product_code),
         ):
             if expected is not None and want is not None and want != have:
                 raise InputError(

@@ -17,7 +17,9 @@ from can.io.logger import MESSAGE_WRITERS
 from can.io.player import MESSAGE_READERS
 
 from schwung.clock import clock_of
+from schwung.clock.python_can import with_mf4
 from schwung.errors import InputError
+from schwung.extras import require
 
 _WRITE_EVERY_S = 0.05
 #: An adapter whose stamps are further off the clock counts from an instant of its own, and is not taken at its word.
@@ -59,6 +61,9 @@ class LoggedBus(can.BusABC):
         self._clock = clock_of(inner)
         self._noted: deque[tuple[float, bool, can.Message]] = deque()  # stamp, whether received, frame
         self._trouble: Exception | None = None
+        if self.log_path.suffix.lower() == ".mf4":
+            require(f"CAN log {path}", "logs", "asammdf")
+            with_mf4()
         try:
             self._writer: MessageWriter = can.Logger(self.log_path)
         except (can.CanError, OSError, ValueError, ImportError) as error:

@@ -117,10 +117,7 @@ def _examine(link: Link, node: int, monitor: NodeMonitor) -> FoundNode | None:
         fitting = fitting_profiles(identity)
         offered: tuple[Capability, ...] = ()
         if fitting:
-            dictionary = eds.load_dictionary(fitting[0].eds_path, node)
-
-            def lookup(index: int, subindex: int) -> Parameter | None:
-                return eds.find_parameter(dictionary, index, subindex)
+            lookup = eds.read_eds(fitting[0].eds_path, node).find
 
             def read(index: int, subindex: int) -> int | None:
                 parameter = lookup(index, subindex)

@@ -8,10 +8,7 @@ import logging
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
-
-import canopen
-from canopen.objectdictionary.eds import import_eds
+from typing import TYPE_CHECKING, Any
 
 from schwung.errors import InputError
 from schwung.fieldbus.drive import Parameter
@@ -22,6 +19,9 @@ from schwung.fieldbus.eds.render import decimal_reals, render
 from schwung.fieldbus.eds.repair import Repair
 from schwung.fieldbus.eds.types import TYPE_NAMES
 
+if TYPE_CHECKING:
+    import canopen
+
 logging.getLogger("canopen").addHandler(logging.NullHandler())  # our errors say it better, and once
 
 _MOST_BYTES = 32 << 20
@@ -29,14 +29,26 @@ _MOST_BYTES = 32 << 20
 
 @dataclass(frozen=True, eq=False)
 class EdsFile:
-    """A file as read: canopen's dictionary (not to be changed), the description it was made from, what was odd."""
+    """A file as read: the description of all that it holds, canopen's dictionary (not to be changed), what was odd."""
 
     path: Path
     node_id: int
-    dictionary: canopen.ObjectDictionary
     description: Description
     warnings: tuple[EdsWarning, ...]
     unusable: Mapping[tuple[int, int], EdsWarning]
+
+    @functools.cached_property
+    def dictionary(self) -> canopen.ObjectDictionary:
+        """canopen's, made from the description when it is first asked for: that takes as long as reading the file."""
+        from canopen.objectdictionary.eds import import_eds  # noqa: PLC0415  (seldom needed)
+
+        text = render(self.description, configured=True, node_id=self.node_id, write=decimal_reals)
+        return import_eds(io.StringIO(text), self.node_id)
+
+    def device_number(self, name: str) -> int | None:
+        """A number of the section DeviceInfo, as "VendorNumber"; None where the file does not say it."""
+        text = self.description.device_info.get(name)
+        return None if text is None else int(text, 0)
 
     def variable(self, index: int, subindex: int = 0) -> Variable | None:
         """All that the file says about an object; None where it has none that can be used."""
@@ -88,11 +100,8 @@ def _read(content: bytes, path: Path, node_id: int) -> EdsFile:
         trouble = next(iter(repair.unusable.values()), warnings[0] if warnings else None)
         place = f"{path}:{trouble.line}" if trouble is not None and trouble.line else f"{path}:1"
         raise InputError(place, "describes no object that can be used", "Give the drive's EDS file.")
-    dictionary = import_eds(
-        io.StringIO(render(description, configured=True, node_id=node_id, write=decimal_reals)), node_id
-    )
     ordered = tuple(sorted(warnings, key=lambda warning: warning.line))
-    return EdsFile(path, node_id, dictionary, description, ordered, repair.unusable)
+    return EdsFile(path, node_id, description, ordered, repair.unusable)
 
 
 def load_dictionary(path: Path, node_id: int) -> canopen.ObjectDictionary:

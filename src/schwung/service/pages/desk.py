@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Awaitable, Callable, Iterator
+from collections.abc import Callable, Coroutine, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from html import escape
@@ -26,6 +26,7 @@ _ROOMS = (
     ("/runs", "Runs"),
     ("/compare", "Compare"),
     ("/machines", "Machines"),
+    ("/files", "Files"),
     ("/trail", "Audit trail"),
 )
 _LOGO = (
@@ -171,7 +172,7 @@ def button(word: str, handler: Handler, kind: str = "", *, enabled: bool = True,
             return
         try:
             result = handler()
-            if isinstance(result, Awaitable):
+            if isinstance(result, Coroutine):  # no dialog: to await one is to open it
                 await result
         except SchwungError as error:
             show_problem(error)

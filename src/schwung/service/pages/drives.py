@@ -4,23 +4,17 @@ from __future__ import annotations
 
 import math
 import time
-from functools import partial
-from typing import Any
 
 from fastapi import Request
 from nicegui import ui
 
-from schwung.quantities import parse_quantity
 from schwung.service.lanes import DriveStatus
-from schwung.service.pages.confirming import NOT_LOGGED_IN
+from schwung.service.pages.at_rest import show_changes, show_look, show_more, show_unsettled
 from schwung.service.pages.desk import LOOK_S, Desk, button, frame, go, grid, html, panel, state_tag
 from schwung.service.pages.diagrams import Scope
-from schwung.service.pages.fields import line_of_text
 from schwung.service.pages.markup import (
     Safe,
-    facts,
     link,
-    moment,
     muted,
     numbers,
     problem,
@@ -33,7 +27,6 @@ from schwung.service.pages.scope import TRACES, scope_url
 from schwung.service.pages.words import cia402_meaning
 from schwung.service.records import DriveRecord
 from schwung.service.values import RunView
-from schwung.service.work import KINDS
 
 _SHOWN_RUNS = 12
 
@@ -41,7 +34,9 @@ _SHOWN_RUNS = 12
 def overview(desk: Desk, _request: Request) -> None:
     """All drives."""
     with frame(desk, "Drives", "/", _buses(desk)):
-        with panel("Drives on the bus"):
+        with panel("Drives on the bus") as head:
+            with head:
+                html(link("/add", "Add a drive"), "span")
             listed = html("")
         with panel("Going on and lately done") as head:
             with head:
@@ -94,7 +89,7 @@ def _drives_table(desk: Desk) -> Safe:
             )
         )
     heads = ("Drive", "Place", "State", "Position, rad", "Doing", "")
-    return table(heads, rows, (3,), "No drive yet. Start the service with a bus, or with --demo.")
+    return table(heads, rows, (3,), "No drive yet: add one that is on the bus.")
 
 
 def _address(run: RunView) -> str:
@@ -117,7 +112,7 @@ def one(desk: Desk, request: Request) -> None:
             html(problem(error))
         return
     with frame(desk, drive.name, "/", f"{drive.bus}, node {drive.node_id}"):
-        _unsettled(desk, drive)
+        show_unsettled(desk, drive)
         with grid():
             with panel("State", "w12") as head:
                 with head:
@@ -125,10 +120,11 @@ def one(desk: Desk, request: Request) -> None:
                 live = html("")
             with panel("Live", "w8"):
                 Scope(scope_url(drive_id), TRACES, 420)
-            with ui.element("div").classes("w4 sw-column"):
-                _actions(desk, drive)
-        with panel("Runs of this drive"):
-            done = html("")
+            show_look(desk, drive)
+            show_more(desk, drive)
+            with panel("Runs of this drive", "w8"):
+                done = html("")
+            show_changes(desk, drive)
     shown = ["", ""]
 
     def look() -> None:
@@ -181,69 +177,3 @@ def _inputs(inputs: int | None) -> str:
         return "not told"
     hit = [name for bit, name in ((0, "negative"), (1, "positive"), (3, "interlock")) if inputs >> bit & 1]
     return ", ".join(hit) or "free"
-
-
-def _unsettled(desk: Desk, drive: DriveRecord) -> None:
-    """An interrupted run has left changed parameters behind."""
-    for left in desk.service.store.unsettled(drive.id):
-        with ui.element("div").classes("sw-problem sw-row").props('role="alert"'):
-            html(
-                f"<b>This drive holds parameters of an interrupted run ({moment(left.created)} UTC).</b>"
-                f"It takes nothing but restoring them. {left.found or ''}"
-            )
-            if "propose_restore" in KINDS:
-                request = {"kind": "propose_restore", "drive_id": drive.id, "unsafe_id": left.id}
-                button("Show what would be put back", partial(_ask, desk, request), enabled=desk.may_act)
-            html(link(f"/run/{left.run_id}", "That run"), "span")
-
-
-_ACTIONS = (
-    (
-        "doctor",
-        "Check the drive",
-        "What is missing before it can be commissioned, and how to mend it. Reads only.",
-    ),
-    ("backup", "Back up its parameters", "Every object that can be read, as a file (DCF). Reads only."),
-)
-
-
-def _actions(desk: Desk, drive: DriveRecord) -> None:
-    with panel("At rest", "w4"), ui.element("div").classes("sw-body sw-column"):
-        machine = desk.service.store.machine(drive.machine_id).name if drive.machine_id else "none"
-        html(facts((("Machine", machine), ("Profile", drive.profile or "by identity"))))
-        for kind, name, told in _ACTIONS:
-            if kind in KINDS:
-                with ui.element("div"):
-                    request = {"kind": kind, "drive_id": drive.id}
-                    button(name, partial(_ask, desk, request), enabled=desk.may_act, why=NOT_LOGGED_IN)
-                    html(told, "div", "muted")
-        if "propose_bode" in KINDS:
-            _frequency_response(desk, drive)
-        if "reset_fault" in KINDS:
-            with ui.element("div"):
-                request = {"kind": "reset_fault", "drive_id": drive.id}
-                button(
-                    "Acknowledge a fault",
-                    partial(_ask, desk, request),
-                    enabled=desk.may_act,
-                    why=NOT_LOGGED_IN,
-                )
-                html("The power stage stays off.", "div", "muted")
-
-
-def _frequency_response(desk: Desk, drive: DriveRecord) -> None:
-    def propose() -> None:
-        parts = (where.value or "").split(",")
-        angles = [parse_quantity(part, "angle", "Frequency response at", signed=True) for part in parts]
-        _ask(desk, {"kind": "propose_bode", "drive_id": drive.id, "angles_rad": angles})
-
-    with ui.element("div").classes("sw-column"):
-        where = line_of_text(
-            "Frequency response at", "0, 90deg, 180deg", "Angles at which it stands; plans only."
-        )
-        with ui.element("div"):
-            button("Plan the frequency response", propose, enabled=desk.may_act, why=NOT_LOGGED_IN)
-
-
-def _ask(desk: Desk, request: dict[str, Any]) -> None:
-    go(f"/run/{desk.service.submit(request, desk.who).id}")

@@ -30,7 +30,7 @@ def show_explanation(desk: Desk, found: ResultRecord) -> None:
     with grid():
         show_drawings(desk, desk.service.run(found.run_id))
     left = document.get("remainder") or ()
-    notes = [*(one["text"] for one in left), *document.get("notes", ())]
+    notes = [*(one["text"] for one in left), *document.get("cautions", document.get("notes", ()))]
     if notes:
         with panel("What is left, and what would help"):
             html("<ul>" + "".join(f"<li>{escape(note)}</li>" for note in notes) + "</ul>", "div", "sw-body")

@@ -14,7 +14,14 @@ from schwung.service.records import MachineRecord
 from schwung.service.values import ENDED, RunView
 from schwung.service.work import KINDS
 
-_CONFIGURATIONS = ("drive.dcf", "drive.bin", "drive.backup.json", "export.backup.json", "restore.backup.json")
+_CONFIGURATIONS = (
+    "drive.dcf",
+    "drive.eds",
+    "drive.bin",
+    "drive.backup.json",
+    "export.backup.json",
+    "restore.backup.json",
+)
 _MEASURED = "measured"
 _FINDS = ("commission", "estimate")
 
@@ -23,7 +30,9 @@ def show_next(desk: Desk, run: RunView) -> None:
     """Everything that can be asked for with what this run has led to; nothing where it has led to nothing."""
     result = run.result or {}
     kept = [file for file in desk.service.store.files(run.id) if file.name in _CONFIGURATIONS]
-    explains = bool(result.get("session_id")) and run.kind in (*_FINDS, "import") and "explain" in KINDS
+    explains = (
+        bool(result.get("session_id")) and run.kind in (*_FINDS, "import", "import_as") and "explain" in KINDS
+    )
     optimises = bool(result.get("estimate_id")) and run.kind in _FINDS and "optimise" in KINDS
     if run.state not in ENDED or not (explains or optimises or (kept and run.drive_id)):
         return
@@ -42,7 +51,13 @@ def show_next(desk: Desk, run: RunView) -> None:
                 )
                 for file in kept:
                     request = {"kind": "propose_restore", "drive_id": run.drive_id, "file_id": file.id}
-                    _button(desk, f"Compare {file.name}", partial(_ask, desk, request))
+                    if file.name != "drive.eds":
+                        _button(desk, f"Put back {file.name} …", partial(_ask, desk, request))
+                    _button(
+                        desk,
+                        f"Show what differs from {file.name}",
+                        partial(_ask, desk, request | {"kind": "diff"}),
+                    )
 
 
 def _button(desk: Desk, word: str, handler: Any) -> None:
@@ -66,8 +81,18 @@ def _explaining(desk: Desk, run: RunView) -> None:
         beliefs = measured | machines
         belief = choice("Against", beliefs, next(iter(beliefs), None))
         _button(desk, "Explain the difference", explain)
-        again = {"kind": "estimate", "session_id": result["session_id"]}
-        _button(desk, "Estimate once more", partial(_ask, desk, again))
+
+        def again() -> None:
+            machine_id = belief.value if belief.value in machines else None
+            _ask(desk, {"kind": "estimate", "session_id": result["session_id"], "machine_id": machine_id})
+
+        _button(desk, "Estimate once more", again)
+        form = choice("For other tools", {"mf4": "MDF 4", "parquet": "Parquet"}, "mf4")
+        _button(
+            desk,
+            "Write the session so",
+            lambda: _ask(desk, {"kind": "convert", "session_id": result["session_id"], "form": form.value}),
+        )
 
 
 def _keep_measured(desk: Desk, run: RunView) -> MachineRecord:

@@ -33,7 +33,7 @@ def show_motions(desk: Desk, run: RunView) -> None:
         with panel("Motions beside each other", aside=told):
             html(motions_table(motions))
     for file in desk.service.store.files(run.id):
-        if file.name.endswith(".png"):
+        if file.name.endswith(".png") and not file.name.startswith("guess_"):
             name = file.name.removesuffix(".png").replace("_", " ").capitalize()
             with panel(name, "w6"):
                 picture = f'<img src="/api/files/{file.id}" alt="{escape(name)}" loading="lazy">'

@@ -10,7 +10,7 @@ from nicegui import ui
 
 from schwung import __version__
 from schwung.service.guard import Guard
-from schwung.service.pages import comparing, drives, machines, runs, trail
+from schwung.service.pages import adding, comparing, drives, files, machines, runs, trail
 from schwung.service.pages.desk import Desk
 from schwung.service.pages.scope import scope_routes
 from schwung.service.pages.style import STATIC, STATIC_URL, head_html, stop_html
@@ -45,6 +45,8 @@ def mount_pages(app: FastAPI, service: Service, guard: Guard, stop_port: int | N
     page("/run/{run_id}", runs.one)
     page("/compare", comparing.compare)
     page("/machines", machines.overview)
+    page("/add", adding.add_drive)
+    page("/files", files.overview)
     page("/trail", trail.overview)
     ui.run_with(
         app, title="Schwung", favicon=_FAVICON, dark=None, tailwind=False, show_welcome_message=False,

@@ -17,12 +17,14 @@ from schwung.service.pages.diagrams import Diagram, Scope
 from schwung.service.pages.explaining import show_explanation
 from schwung.service.pages.fields import choice
 from schwung.service.pages.following import show_next
+from schwung.service.pages.guessing import show_by_hand, show_guess
 from schwung.service.pages.markup import Safe, checks, facts, link, moment, problem, table
 from schwung.service.pages.motions import show_motions
 from schwung.service.pages.outcome import show_estimate
 from schwung.service.pages.proposals import show_proposal
 from schwung.service.pages.reported import show_drawings
 from schwung.service.pages.scope import TRACES, scope_url
+from schwung.service.pages.told import show_told
 from schwung.service.pages.watching import Watched
 from schwung.service.pages.words import field_text, kind_name, run_tag, verdict_tag
 from schwung.service.values import ENDED, RunView
@@ -175,6 +177,9 @@ def show_result(desk: Desk, run: RunView) -> None:
     if "nodes" in result:
         with panel("Nodes"):
             html(_nodes(result["nodes"]))
+    show_told(desk, run)
+    show_guess(desk, run)
+    show_by_hand(desk, run)
     show_proposal(desk, run)
     with grid():
         show_motions(desk, run)

@@ -25,6 +25,7 @@ def head_html(version: str) -> str:
         f"<style>{palette_css()}</style>"
         f'<link rel="stylesheet" href="{STATIC_URL}/theme.css?{version}">'
         f'<script src="{STATIC_URL}/panels.js?{version}"></script>'
+        f'<script src="{STATIC_URL}/upload.js?{version}"></script>'
     )
 
 

@@ -48,6 +48,13 @@ _KINDS = {
     "propose_restore": "Restore, proposed",
     "reset_fault": "Fault reset",
     "import": "Import",
+    "import_as": "Import with confirmed columns",
+    "diff": "Configurations compared",
+    "convert": "Session in another format",
+    "check_profile": "Device profile checked",
+    "draft_profile": "Device profile drafted",
+    "batch": "The archive worked through",
+    "reproduce": "The paper's figures",
 }
 VERDICTS: Mapping[str, tuple[Tone, str]] = {
     "good": ("good", "good"),

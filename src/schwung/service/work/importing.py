@@ -36,6 +36,9 @@ def import_as(task: Task) -> Mapping[str, Any]:
     if run.kind != "import" or path.name != run.request["name"] or run.request["what"] in (*KEPT, "session"):
         raise InputError(f"file {path.name}", "is no recording that was uploaded", "Upload it first.")
     options = _with_dbc(task, asked.options, asked.dbc_file_id or run.request["dbc_file_id"])
+    if asked.guess:
+        found: dict[str, Any] = task.compute(guess_columns, path=path, options=options, folder=task.folder)
+        return {"file_id": asked.file_id, **found}
     return _taken_in(task, path, "recording", options, None)
 
 

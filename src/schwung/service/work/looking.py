@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import asdict, replace
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from schwung.api.comparing import compared, comparison_document, held_by_drive, known_profile
 from schwung.api.comparing import dictionary_of as dictionary_for
@@ -18,13 +18,16 @@ from schwung.api.configurations import (
     save_configuration,
     select,
 )
-from schwung.api.drives import ENERGISED, Connection, Diagnosis
+from schwung.api.drives import ENERGISED, Connection
 from schwung.api.drives import doctor as examine
 from schwung.api.drives import scan as scan_bus
 from schwung.api.profiles import CanopenProfile, DeviceProfile
 from schwung.errors import InputError
 from schwung.service.families import require_family
 from schwung.service.jobs import Task
+
+if TYPE_CHECKING:
+    from schwung.api.drives import Diagnosis
 
 _NAMES: dict[Format, str] = {"dcf": "drive.dcf", "concise": "drive.bin", "backup": "drive.backup.json"}
 

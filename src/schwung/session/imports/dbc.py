@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from schwung.errors import InputError
+from schwung.extras import require
 from schwung.session.imports.canframes import EXTENDED, Frames, read_frames
 from schwung.session.imports.table import Column, Table
 
@@ -39,10 +40,9 @@ def read_by_dbc(path: Path, dbc: Path, channel: str | None = None) -> Table:
 
 
 def _database(dbc: Path) -> Any:
-    try:
-        import cantools  # noqa: PLC0415  (an extra, and slow to import)
-    except ImportError:
-        raise InputError("--dbc", "needs cantools", "pip install 'schwung[logs]'.") from None
+    require("--dbc", "logs", "cantools")
+    import cantools  # noqa: PLC0415  (an extra, and slow to import)
+
     if not dbc.is_file():
         raise InputError(str(dbc), "there is no such file", "Give an existing DBC.")
     try:

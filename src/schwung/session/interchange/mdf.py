@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 
 from schwung.errors import InputError
+from schwung.extras import require
 from schwung.files import replace_file
 from schwung.motion import Array
 from schwung.session.hdf5 import unit_of
@@ -25,10 +26,9 @@ _DEFLATE = 2  # asammdf's number of it, with transposition
 
 def library() -> Any:
     """asammdf. Raises InputError where it is not installed."""
-    try:
-        import asammdf  # noqa: PLC0415  (an extra, and slow to import)
-    except ImportError:
-        raise InputError("MDF", "needs asammdf", "pip install 'schwung[logs]'.") from None
+    require("MDF", "logs", "asammdf")
+    import asammdf  # noqa: PLC0415  (an extra, and slow to import)
+
     return asammdf
 
 

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from schwung.errors import InputError
+from schwung.extras import require
 from schwung.files import replace_file
 from schwung.motion import Array
 from schwung.session.hdf5 import FIELDS, unit_of
@@ -21,11 +22,10 @@ _RUN = "run"
 
 def library() -> tuple[Any, Any]:
     """pyarrow and its Parquet. Raises InputError where it is not installed."""
-    try:
-        import pyarrow  # noqa: PLC0415  (an extra, and slow to import)
-        from pyarrow import parquet  # noqa: PLC0415
-    except ImportError:
-        raise InputError("Parquet", "needs pyarrow", "pip install 'schwung[logs]'.") from None
+    require("Parquet", "logs", "pyarrow")
+    import pyarrow  # noqa: PLC0415  (an extra, and slow to import)
+    from pyarrow import parquet  # noqa: PLC0415
+
     return pyarrow, parquet
 
 

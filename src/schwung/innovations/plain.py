@@ -1,0 +1,135 @@
+"""The innermost of the trajectory fit without numba: what `kernel.py` does entry by entry, in whole matrices."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from schwung.innovations.values import REACH, TERMS, Filtered, Shaft, System
+from schwung.motion import Array
+
+
+def steps(shaft: Shaft, inertia: Array, duration: float) -> Array:
+    """As `kernel.steps`."""
+    coupling = np.broadcast_to([shaft.stiffness, shaft.damping], (inertia.size, 2))
+    return steps_of_each(shaft, coupling, inertia, duration)
+
+
+def steps_of_each(shaft: Shaft, coupling: Array, inertia: Array, duration: float) -> Array:
+    """As `kernel.steps_of_each`, of a rigid machine as well: all that need as many doublings side by side."""
+    rates, inputs, fastest = _rates(shaft, coupling[:, 0], coupling[:, 1], inertia)
+    doublings = np.maximum(0, np.ceil(np.log2(np.maximum(fastest * duration / REACH, 1e-9)))).astype(int)
+    size = rates.shape[1]
+    result = np.empty((inertia.size, size, size + 6))
+    for count in np.unique(doublings):
+        these = doublings == count
+        moved, first, second, third = _exponentials(rates[these], duration, int(count))
+        first, second, third = first @ inputs[these], second @ inputs[these], third @ inputs[these]
+        start, end = first - second / duration, second / duration
+        height = 4.0 * (second - third / duration) / duration
+        result[these] = np.concatenate([moved, start, end, height], axis=2)
+    return result
+
+
+def _rates(shaft: Shaft, k: Array, b: Array, inertia: Array) -> tuple[Array, Array, Array]:
+    """A (m, s, s) and B (m, s, 2) of dx/dt = Ax + B·torques, and the highest |eigenvalue| or more (m,)."""
+    size, rotor = 2 if shaft.rigid else 4, shaft.rotor_inertia
+    rates, inputs = np.zeros((inertia.size, size, size)), np.zeros((inertia.size, size, 2))
+    rates[:, 0, 1] = 1.0
+    if shaft.rigid:
+        total = rotor + inertia
+        fastest = (shaft.motor_friction + shaft.load_friction) / total
+        rates[:, 1, 1] = -fastest
+        inputs[:, 1, :] = (1.0 / total)[:, None]
+        return rates, inputs, fastest
+    rates[:, 1, 1], rates[:, 1, 2], rates[:, 1, 3] = (
+        -(b + shaft.motor_friction) / rotor,
+        -k / rotor,
+        b / rotor,
+    )
+    rates[:, 2, 1], rates[:, 2, 3] = 1.0, -1.0
+    rates[:, 3, 1], rates[:, 3, 2] = b / inertia, k / inertia
+    rates[:, 3, 3] = -(b + shaft.load_friction) / inertia
+    inputs[:, 1, 0], inputs[:, 3, 1] = 1.0 / rotor, 1.0 / inertia
+    mobility = 1.0 / rotor + 1.0 / inertia
+    fastest = np.maximum(np.sqrt(k * mobility), b * mobility)
+    return rates, inputs, fastest + shaft.motor_friction / rotor + shaft.load_friction / inertia
+
+
+def _exponentials(rates: Array, duration: float, doublings: int) -> tuple[Array, Array, Array, Array]:
+    """e^{Ah} and ∫e^{A(h−t)} tⁱ dt, i = 0, 1, 2, (m, s, s) each, over h = `duration`."""
+    h = duration / 2**doublings
+    moved = np.broadcast_to(np.eye(rates.shape[1]), rates.shape).copy()
+    term = moved.copy()
+    first, second, third = np.zeros_like(rates), np.zeros_like(rates), np.zeros_like(rates)
+    for i in range(TERMS):  # term = (Ah)^i / i!
+        first += term * (h / (i + 1))
+        second += term * (h * h / ((i + 1) * (i + 2)))
+        third += term * (2.0 * h * h * h / ((i + 1) * (i + 2) * (i + 3)))
+        term = term @ rates * (h / (i + 1))
+        moved += term
+    for _ in range(doublings):
+        third = moved @ third + third + 2.0 * h * second + h * h * first
+        second = moved @ second + second + h * first
+        first = moved @ first + first
+        moved = moved @ moved
+        h *= 2.0
+    return moved, first, second, third
+
+
+def filtered(system: System) -> Filtered:
+    """As `kernel.filtered`. The state stands beside its covariance, as one more column: both move and learn alike."""
+    count, size = system.measured.shape[0], system.first.size
+    errors, spreads, gains = np.empty((count, 2)), np.empty((count, 2)), np.empty((count, 2, size))
+    both = np.empty((count, size, size + 1))
+    across = np.zeros((count - 1, size + 1, size + 1))
+    across[:, :size, :size] = np.swapaxes(system.transition, 1, 2)
+    across[:, size, size] = 1.0
+    added = np.empty((count - 1, size, size + 1))
+    added[:, :, :size] = system.noise[:, :, None] * (system.noise * system.power[:, None])[:, None, :]
+    added[:, :, size] = system.forcing
+    measured, variances = system.measured.tolist(), system.variances.tolist()
+    here = np.column_stack([np.diag(system.spread**2), system.first])
+    covariance = here[:, :size]
+    for k in range(count):
+        if k > 0:
+            here = system.transition[k - 1] @ here @ across[k - 1] + added[k - 1]
+            covariance = here[:, :size]
+            covariance[:] = (covariance + covariance.T) / 2
+        for m in range(2):
+            row = here[m].copy()
+            row[size] -= measured[k][m]
+            spread = row[m] + variances[m]
+            gain = gains[k, m] = row[:size] / spread
+            here -= gain[:, None] * row
+            here[m, m] = max(gain[m] * variances[m], 1e-300)  # Joseph's form, cheaply, as there
+            errors[k, m], spreads[k, m] = -row[size], spread
+        both[k] = here
+    return Filtered(errors, spreads, gains, both[:, :, size].copy(), both[:, :, :size].copy())
+
+
+def whitened(transition: Array, result: Filtered, columns: Array, reported: Array) -> Array:
+    """As `kernel.whitened`."""
+    count, size = result.state.shape
+    rows = np.empty((count, 2, columns.shape[2]))
+    x = np.zeros((size, columns.shape[2]))
+    for k in range(count):
+        if k > 0:
+            x = transition[k - 1] @ x + columns[k - 1]
+        for m in range(2):
+            rows[k, m] = x[m] + reported[k, m]
+            x -= result.gain[k, m][:, None] * rows[k, m]
+    rows /= np.sqrt(result.variance)[:, :, None]
+    return rows.reshape(2 * count, -1)
+
+
+def add_outer(result: Array, left: Array, right: Array) -> None:
+    """As `kernel.add_outer`."""
+    result += left[:, :, None] * right[:, None, :]
+
+
+def cholesky(matrix: Array) -> Array:
+    """As `kernel.cholesky`."""
+    try:
+        return np.asarray(np.linalg.cholesky(matrix))
+    except np.linalg.LinAlgError:
+        return np.full_like(matrix, np.nan)

@@ -1,0 +1,44 @@
+"""What the filter takes and leaves behind, as plain numbers and arrays."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+from schwung.motion import Array
+
+#: Terms of the Taylor series, and the largest |eigenvalue| × step that it is used for; longer steps are doublings.
+TERMS, REACH = 10, 0.5
+
+
+class Shaft(NamedTuple):
+    """What does not change along a trajectory; SI."""
+
+    rotor_inertia: float
+    motor_friction: float
+    load_friction: float
+    stiffness: float
+    damping: float
+    rigid: bool
+
+
+class System(NamedTuple):
+    """x⁺ = Φx + forcing + noise·w, of which the first two states are measured."""
+
+    transition: Array  # (n − 1, s, s)
+    forcing: Array  # (n − 1, s)
+    noise: Array  # (n − 1, s)
+    power: Array  # (n − 1,) variance of w
+    measured: Array  # (n, 2)
+    variances: Array  # (2,) of the measurements
+    first: Array  # (s,) the state at first, and how well it is known
+    spread: Array  # (s,)
+
+
+class Filtered(NamedTuple):
+    """What the filter leaves behind: per sample k the two scalar updates (position, then speed)."""
+
+    error: Array  # (n, 2) innovations
+    variance: Array  # (n, 2) theirs
+    gain: Array  # (n, 2, s)
+    state: Array  # (n, s) after both updates
+    covariance: Array  # (n, s, s)

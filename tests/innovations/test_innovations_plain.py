@@ -1,0 +1,74 @@
+"""What runs without numba says what the compiled kernels say."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+import pytest
+
+from schwung.innovations import kernel, plain
+from schwung.innovations.values import Shaft, System
+
+SHAFTS = {
+    "flexible": Shaft(0.012, 0.2, 0.1, 24963.0, 8.62, False),
+    "rigid": Shaft(0.012, 0.2, 0.1, 0.0, 0.0, True),
+}
+
+
+def _agree(found: Any, expected: Any) -> None:
+    for one, other in zip(found, expected, strict=True):
+        np.testing.assert_allclose(one, other, rtol=1e-9, atol=1e-12 * np.max(np.abs(other)))
+
+
+@pytest.fixture(params=list(SHAFTS))
+def system(request: pytest.FixtureRequest) -> System:
+    """A machine that is shaken, in 300 steps of 1 ms, with its torque's error as the last state."""
+    shaft, noise = SHAFTS[request.param], np.random.default_rng(4)
+    stepped = plain.steps(shaft, np.linspace(0.05, 0.17, 299), 1e-3)
+    size = stepped.shape[1]
+    transition = np.zeros((299, size + 1, size + 1))
+    transition[:, :size, :size] = stepped[:, :, :size]
+    transition[:, :size, size] = -stepped[:, :, size]
+    forcing = np.zeros((299, size + 1))
+    forcing[:, :size] = stepped[:, :, size] * 10 * np.sin(np.arange(299) / 5)[:, None]
+    noises = np.column_stack([-stepped[:, :, size + 2], np.ones(299)])
+    spread = np.array([*[1e-3, 0.1, 1e-3, 0.1][:size], 0.3])
+    measured = np.cumsum(noise.normal(size=(300, 2)), axis=0) * [1e-3, 0.1]
+    return System(
+        transition, forcing, noises, np.full(299, 0.1), measured, np.array([1e-10, 1e-4]), np.zeros(size + 1), spread
+    )  # fmt: skip
+
+
+@pytest.mark.parametrize("shaft", SHAFTS.values(), ids=list(SHAFTS))
+def test_steps(shaft: Shaft) -> None:
+    inertia = np.geomspace(1e-5, 10.0, 40)
+    _agree(plain.steps(shaft, inertia, 1e-3), kernel.steps(shaft, inertia, 1e-3))
+    if not shaft.rigid:
+        coupling = np.geomspace([10.0, 0.01], [1e6, 30.0], 40)
+        each = (shaft, coupling, inertia, 1e-3)
+        _agree(plain.steps_of_each(*each), kernel.steps_of_each(*each))
+
+
+def test_filter_and_sensitivities(system: System) -> None:
+    compiled, found = kernel.filtered(system), plain.filtered(system)
+    _agree(found, compiled)
+    random = np.random.default_rng(5)
+    columns = random.normal(size=(299, system.first.size, 7))
+    reported = random.normal(size=(300, 2, 7))
+    whitened: list[Callable[..., Any]] = [plain.whitened, kernel.whitened]
+    _agree(*(one(system.transition, compiled, columns, reported) for one in whitened))
+
+
+def test_sums_and_factors() -> None:
+    random = np.random.default_rng(6)
+    left, right = random.normal(size=(9, 4)), random.normal(size=(9, 5))
+    both = [np.ones((9, 4, 5)), np.ones((9, 4, 5))]
+    plain.add_outer(both[0], left, right)
+    kernel.add_outer(both[1], left, right)
+    _agree(*both)
+    matrix = left.T @ left
+    _agree(plain.cholesky(matrix), kernel.cholesky(matrix))
+    assert not np.all(np.isfinite(plain.cholesky(-matrix)))
+    assert not np.all(np.isfinite(kernel.cholesky(-matrix)))
