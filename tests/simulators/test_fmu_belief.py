@@ -173,7 +173,7 @@ def test_the_commands_of_the_page_for_users(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     """docs/simulators.md from end to end, with its map: the learned FMU misses nothing of the session it came from."""
-    page = (Path(__file__).parents[2] / "docs" / "simulators.md").read_text(encoding="utf-8")
+    page = (Path(__file__).parents[2] / "docs" / "simulators.md").read_text("utf-8")
     commands = re.findall(r"^    schwung (.*)$", page, re.M)
     (mapped,) = re.findall(r"^```toml\n(.*?)^```", page, re.M | re.S)
     monkeypatch.chdir(tmp_path)
@@ -191,7 +191,10 @@ def test_the_commands_of_the_page_for_users(
     assert {"machine.fmu", "machine3.fmu", "Machine.mo", "machine.m"} <= {
         one.name for one in tmp_path.iterdir()
     }
-    learned, document = json.loads(Path("explanation/explanation.json").read_text()), json.loads(told.out)
+    learned, document = (
+        json.loads(Path("explanation/explanation.json").read_text("utf-8")),
+        json.loads(told.out),
+    )
     assert [finding["physics"] for finding in learned["findings"]] == ["coulomb_friction"]
     assert document["verdict"] == "consistent"
     assert document["fit"]["before"]["torque_rmse_nm"] < 1.2 * learned["fit"]["after"]["torque_rmse_nm"]
