@@ -16,7 +16,7 @@ import numpy as np
 
 from schwung.drivetrain.machine import Machine, load_machine, write_machine
 from schwung.drivetrain.physics import PHYSICS
-from schwung.drivetrain.residual import TABLES, UNDIRECTED, UNITS
+from schwung.drivetrain.residual import OVER, TABLES, UNDIRECTED, UNITS
 from schwung.explain.measured import measured
 from schwung.explain.naming import unit_on
 from schwung.explain.plausibility import examine
@@ -135,8 +135,13 @@ class _Publishing:
     def _set(self) -> Scored:
         """The most probable set without a parameter at its bound."""
         shares = self.search.shares()  # tempered by what has no name, they would leave out what has none
-        sound = (one for _, one in shares if not any(at_bound(self.search, pick) for pick in one.picks))
+        sound = (one for _, one in shares if all(self._publishable(pick) for pick in one.picks))
         return next(sound, self.search.score(()))
+
+    def _publishable(self, pick: Pick) -> bool:
+        """Whether a file can say it: inside its bounds, and over one coordinate."""
+        candidate = self.search.candidate(pick)
+        return (candidate.named or candidate.coordinate in OVER) and not at_bound(self.search, pick)
 
     def _causes(self) -> list[_Cause]:
         of, places = self.outcome.view.ranges, slices(self.search, self.set)
@@ -287,6 +292,10 @@ class _Publishing:
 
     def _notes(self, causes: Sequence[_Cause]) -> list[str]:
         notes = []
+        kept = {one.coordinate for one in self.weighed.unnamed if one.probability > NAMED and not one.like}
+        for coordinate in sorted(kept - set(OVER)):
+            words = coordinate.replace("_", " ").replace(", ", " and ")
+            notes.append(f"what depends on {words} at once is modelled, but machine.toml has no word for it")
         if not self.outcome.heldout:
             notes.append("no run could be kept aside, so that nothing is proven: record repeats")
         if not any(len(group) > 1 for group in self.outcome.view.repeats):
