@@ -92,8 +92,9 @@ def weigh(
     Returns names with probabilities and 95 % intervals, unnamed curves, runners-up, proof, and the learned machine.
     Raises InputError where the session cannot be what it says (units, signs, wraps), or the inertia is unknown.
 
-    >>> weighed.proof.after < 1.2
-    True
+    >>> schwung.weigh(session, believed.model_copy(update={"effort": "current"}))
+    Traceback (most recent call last):
+    schwung.errors.InputError: machine "...": is in A, the session in N·m. Give the machine in N·m, without effort = ...
     """
     return _shown(publish(session, with_recorded_gains(machine, session), progress=progress))
 
