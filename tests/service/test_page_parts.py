@@ -94,6 +94,26 @@ def test_a_slow_client_gets_later_frames_and_no_queue() -> None:
     assert parts(feed.frames()[0])[0] == BEGUN
 
 
+def test_a_short_window_has_no_gaps_between_samples() -> None:
+    """Half a second on a thousand columns: fewer samples than columns; each column that is sent has one."""
+    count = [300]
+
+    def source(after: int, _window_s: float) -> Fresh:
+        times = 0.05 + np.arange(after, count[0]) / RATE_HZ
+        return Fresh(count[0], times, np.tile(times, (len(TRACES), 1)))
+
+    feed = Feed(source)
+    feed.want(0.5, 1000)
+    (first,) = feed.frames()
+    count[0] = 500
+    (more,) = feed.frames()
+    told = [parts(sent) for sent in (first, more)]
+    assert [what for what, _, _ in told] == [BEGUN, CONTINUED]
+    low = np.concatenate([columns.low for _, _, columns in told], axis=1)
+    assert low.shape[1] > 300
+    assert np.isfinite(low).all()
+
+
 def test_drawings_of_a_report_and_nothing_that_acts() -> None:
     good = '<svg viewBox="0 0 1 1"><style>*{x:y}</style><path d="M0 0"/><use href="#a"/></svg>'
     page = f"<section><h2>A &amp; B</h2><figure>{good}\n<figcaption>See &lt;this&gt;</figcaption></figure></section>"

@@ -33,6 +33,8 @@ TRACES: list[dict[str, Any]] = [
 ]
 _WINDOW_S = (0.1, 120.0)
 _COLUMNS = (50, 4000)
+#: Samples per column of a window so short that a pixel has none: no column stays empty between two that came.
+_NARROWEST = 1.5
 
 
 def scope_url(drive_id: str) -> str:
@@ -73,14 +75,21 @@ class Feed:
         """Another window (s), drawn with so many columns: everything is sent anew."""
         self._window_s = float(np.clip(window_s, *_WINDOW_S))
         self._most = int(np.clip(columns, *_COLUMNS))
-        self._width_s = max(self._window_s / self._most, 1e-4)
-        self._decimator = Decimator(len(TRACES), self._width_s, self._most)
-        self._after, self._begun = 0, False
+        self._begin(max(self._window_s / self._most, 1e-4))
+        self._after = 0
+
+    def _begin(self, width_s: float) -> None:
+        self._width_s, self._begun = width_s, False
+        self._decimator = Decimator(len(TRACES), width_s, self._most)
 
     def frames(self) -> list[bytes]:
         """What is to be sent now."""
         came = self._source(self._after, self._window_s)
         self._after = came.next
+        if came.time_s.size > 1:
+            apart_s = float(np.median(np.diff(came.time_s)))
+            if self._width_s < apart_s:
+                self._begin(_NARROWEST * apart_s)
         found = self._decimator.feed(came.time_s, came.values)
         sent = [frame(columns, CONTINUED if self._begun or n else BEGUN) for n, columns in enumerate(found)]
         if not self._begun and not sent:

@@ -75,8 +75,9 @@
     }
 
     set(options) {
+      const label = options.label || "diagram";
+      if (this.label !== label) this.canvas.setAttribute("aria-label", (this.label = label)); // not 30 times a second
       this.options = options;
-      this.canvas.setAttribute("aria-label", options.label || "diagram");
       this.ask();
     }
 
@@ -299,28 +300,33 @@
       c.globalAlpha = 1;
     }
 
-    /** Smallest and largest of every bin, put together to one vertical per column of the screen: no peak is lost. */
+    /** Smallest and largest of every bin, put together to one upright per column of the screen: no peak is lost. All of a
+        trace is one path of rectangles on whole pixels, which is drawn in a quarter of the time that lines take, and an
+        upright reaches as far as its neighbour, so that there is no gap in a steep place. */
     extremes(c, s, at, up, box) {
-      c.lineWidth = s.width || 1.4;
+      const wide = s.width || 1.4;
       c.beginPath();
-      let column = -1e9, low = 0, high = 0, last = null;
+      let column = -1e9, low = 0, high = 0, above = null, below = null, before = 0;
       const flush = () => {
         if (column < box.left - 4) return;
-        const middle = up((low + high) / 2);
-        if (last !== null) c.lineTo(column, middle); else c.moveTo(column, middle);
-        const a = up(high), b = up(low);
-        if (b - a > 1) { c.moveTo(column, a); c.lineTo(column, b); c.moveTo(column, middle); }
-        last = middle;
+        const joined = above !== null, top = Math.round(up(high)), bottom = Math.round(up(low));
+        const from = joined ? Math.min(top, below) : top, to = joined ? Math.max(bottom, above) : bottom;
+        if (joined && column - before > 2) { // zoomed in: what lies between two is slanted
+          c.moveTo(before, above - wide / 2);
+          for (const [x, y] of [[column, top - wide / 2], [column, bottom + wide / 2], [before, below + wide / 2]]) c.lineTo(x, y);
+          c.closePath();
+        } else c.rect(joined ? before + 1 : column, from - wide / 2, joined ? column - before : 1, to - from + wide);
+        above = top; below = bottom; before = column;
       };
       for (let i = 0; i < s.x.length; i++) {
-        if (!isFinite(s.low[i])) { flush(); column = -1e9; last = null; continue; }
+        if (!isFinite(s.low[i])) { flush(); column = -1e9; above = below = null; continue; }
         const x = Math.round(at(s.x[i]));
         if (x === column) { if (s.low[i] < low) low = s.low[i]; if (s.high[i] > high) high = s.high[i]; continue; }
         flush();
         column = x; low = s.low[i]; high = s.high[i];
       }
       flush();
-      c.stroke();
+      c.fill();
     }
 
     drawCursor(c, at, bottom, width) {
