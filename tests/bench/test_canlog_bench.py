@@ -201,8 +201,8 @@ def test_a_linear_axis_is_in_m_and_n_and_its_feed_is_asked_for(logged: Logged) -
     said: dict[str, float] = {}
     for name, told in (
         ("position", "whose feed"),
-        ("torque", "permille=250"),
         ("speed", "--speed-unit um/s"),
+        ("torque", "permille=250"),
     ):
         with pytest.raises(InputError, match=told):
             imported(logged.log, said=said, axis="linear")
