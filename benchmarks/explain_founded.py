@@ -2,11 +2,15 @@
 
     python benchmarks/explain_founded.py --kind single --cases 24 --first 0
     python benchmarks/explain_founded.py --strangers
+    python benchmarks/explain_founded.py --kind two --first 100 --cases 24 --only weighed --tally sessions.jsonl
+    python benchmarks/explain_founded.py --read sessions.jsonl
 
 Sealed sessions are drawn as benchmarks/explain.py draws them. Of each: the first name and whether it is right, wrong
 names (the former tells all it names; the other those with more than one half), how many sessions have 80 % of the
 excess on held-out motion taken, with a name or without, and seconds of processor time. A foreign effect has no name in
-the former's vocabulary; where the new one's has a word for it, that word is right.
+the former's vocabulary; where the new one's has a word for it, that word is right. `--tally` adds a line for each
+session of the new one to a file; `--read` prints its rates and the calibration of its probabilities, with intervals
+(benchmarks/explain_tally.py).
 """
 
 from __future__ import annotations
@@ -18,6 +22,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
+from explain_tally import Told, printed, read_tally, write_tally
 from strangers import STRANGERS, belief_of, judged, session_of
 
 from schwung.drivetrain import load_machine
@@ -111,6 +116,17 @@ def sealed(options: argparse.Namespace) -> None:
             wrong[name].append(bool(stray))
             taken[name].append(answer.taken >= MOST_OF_IT)
             seconds[name].append(answer.seconds)
+            if options.tally and way is founded:
+                told = Told(
+                    options.kind,
+                    seed,
+                    tuple(sorted(truth)),
+                    answer.names,
+                    answer.taken,
+                    answer.seconds,
+                    answer.said,
+                )
+                write_tally(options.tally, told)
             print(f"    {name:8}{'right' if right[name][-1] else 'WRONG'} {line(answer)}", flush=True)
     for name in ways:
         count = len(right[name])
@@ -164,7 +180,12 @@ def main() -> None:
     )
     parser.add_argument("--strangers", action="store_true", help="other laws, filters and noise instead")
     parser.add_argument("--only", choices=("former", "weighed"), help="one of the two")
+    parser.add_argument("--tally", type=Path, help="file to which every session of the new one is added")
+    parser.add_argument("--read", type=Path, help="print such a file instead")
     options = parser.parse_args()
+    if options.read:
+        print(printed(read_tally(options.read)))
+        return
     (strangers if options.strangers else sealed)(options)
 
 

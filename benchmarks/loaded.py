@@ -60,7 +60,7 @@ def run(
             own.poll()
             time.sleep(0.01)
     if demo.returncode:
-        print(Path(log.name).read_text()[-1000:])
+        print(Path(log.name).read_text(encoding="utf-8")[-1000:])
     return demo.returncode, time.monotonic() - began, own.count
 
 

@@ -235,7 +235,7 @@ def memory_mb(ids: Iterable[int | None]) -> float:
 
 def _stat(process: int | None) -> list[str]:
     try:
-        return Path(f"/proc/{process}/stat").read_text().rpartition(")")[2].split()
+        return Path(f"/proc/{process}/stat").read_text(encoding="utf-8").rpartition(")")[2].split()
     except OSError:  # it has ended
         return ["0"] * 50
 

@@ -127,7 +127,7 @@ def _ended(service: Service, run_id: str) -> RunView:
 
 def _count(bus_s: float) -> Count:
     gc.collect()
-    status = Path("/proc/self/status").read_text()
+    status = Path("/proc/self/status").read_text(encoding="utf-8")
     memory = float(next(line for line in status.splitlines() if line.startswith("VmRSS")).split()[1])
     children = [child for task in Path("/proc/self/task").iterdir() for child in _children(task)]
     return Count(

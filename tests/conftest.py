@@ -6,6 +6,18 @@ Ctrl-C interrupts, also where the tests were started in the background of a scri
 import os
 import signal
 
+import pytest
+
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
     signal.signal(signal.SIGINT, signal.default_int_handler)
+
+
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """Skip what is marked `posix` on Windows."""
+    if os.name != "posix":
+        for item in items:
+            if item.get_closest_marker("posix") is not None:
+                item.add_marker(
+                    pytest.mark.skip(reason="Windows has no such signals, terminals or file modes")
+                )

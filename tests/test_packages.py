@@ -32,8 +32,14 @@ ELSEWHERE_ABSENT = (
     "winreg",
     "msvcrt",
 )
+#: Names of os that only some platforms have.
+OF_OS = (
+    "sched_getaffinity", "sched_setaffinity", "sched_setscheduler", "sched_param", "nice", "fork", "getuid", "geteuid",
+    "killpg", "setsid", "O_DIRECTORY", "O_NOFOLLOW", "memfd_create", "eventfd", "mkfifo", "getloadavg", "ttyname",
+    "openpty", "fchmod", "chown",
+)  # fmt: skip
 WITHOUT_PLATFORM = f"""
-import importlib, pkgutil, signal, socket, sys
+import importlib, os, pkgutil, select, signal, socket, sys
 
 class Absent:
     def find_spec(self, name, path=None, target=None):
@@ -47,14 +53,26 @@ for name in {ELSEWHERE_ABSENT!r}:
     sys.modules.pop(name, None)
 for name in [n for n in dir(socket) if n.startswith(("AF_CAN", "PF_CAN", "CAN_"))]:
     delattr(socket, name)
-for name in ("SIGHUP", "SIGALRM", "setitimer", "pthread_sigmask"):
-    delattr(signal, name)
+for module, names in (
+    (signal, ("SIGHUP", "SIGALRM", "SIGUSR1", "SIGKILL", "setitimer", "pthread_sigmask")),
+    (os, {OF_OS!r}),
+    (select, ("epoll",)),
+):
+    for name in names:
+        if hasattr(module, name):
+            delattr(module, name)
 sys.meta_path.insert(0, Absent())
 import schwung, schwung_sim
 for package in (schwung, schwung_sim):
     for module in pkgutil.walk_packages(package.__path__, package.__name__ + "."):
         if not module.name.endswith("__main__"):
             importlib.import_module(module.name)
+from schwung.cli import main
+for command in ("profile list", "doctor -i virtual -c nobody -n 1 --json"):
+    try:
+        main(command.split())
+    except SystemExit as ended:
+        print("exit code", ended.code, file=sys.stderr)
 """
 COLUMNS = "--position a --speed b --torque c"
 #: Commands, and the extra that each asks for.
@@ -97,6 +115,8 @@ def _python(code: str, folder: Path) -> subprocess.CompletedProcess[str]:
 def test_nothing_is_imported_that_windows_or_macos_lack(tmp_path: Path) -> None:
     done = _python(WITHOUT_PLATFORM, tmp_path)
     assert done.returncode == 0, done.stderr
+    codes = [line for line in done.stderr.splitlines() if line.startswith("exit code")]
+    assert codes == ["exit code 0", "exit code 3"], done.stderr
 
 
 def test_a_command_that_needs_an_extra_says_which(tmp_path: Path) -> None:
@@ -116,6 +136,19 @@ def test_a_command_that_needs_an_extra_says_which(tmp_path: Path) -> None:
         told = rf'Error: .+: needs .+, not installed here\. Run pip install "schwung\[{extra}\]"\.'
         assert re.fullmatch(told, sentence), (command, sentence)
     assert done.stderr.count("exit code 2") == len(NEEDING)
+
+
+POSIX_ONLY = re.compile(
+    r"SIGKILL|SIGHUP|SIGSTOP|send_signal|AF_UNIX|openpty|st_mode\) == |os\.fork|get_context\(\"fork"
+)
+
+
+def test_tests_that_windows_cannot_run_are_marked() -> None:
+    """Each file with such a word marks what needs it `posix`; tests/vcan is skipped where there is no kernel CAN."""
+    for file in (ROOT / "tests").rglob("*.py"):
+        text = file.read_text("utf-8")
+        if POSIX_ONLY.search(text) and file.parent.name != "vcan" and file.name.startswith("test_"):
+            assert "mark.posix" in text or file == Path(__file__), file
 
 
 def test_the_core_needs_no_heavy_library() -> None:

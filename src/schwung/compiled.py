@@ -1,9 +1,11 @@
 """Kernels: plain functions of numbers and arrays, which numba compiles where it is installed (the extra `[fast]`).
 
-Without numba they run as they are: the same numbers, later. With it nothing is imported, let alone compiled, before a
-kernel is first called: a command that computes nothing does not wait for it. Compiled code is cached on disk. numba
-ties it to the file that a function stands in; a kernel that inlines a function of another file would go on running that
-function's old text after an edit. So the stamp here covers every file that a kernel takes something from.
+Without numba they run as they are: the same numbers, later, and as silent where one is infinite. With it nothing is
+imported, let alone compiled, before a kernel is first called: a command that computes nothing does not wait for it.
+
+Compiled code is cached on disk. numba ties it to the file that a function stands in; a kernel that inlines a function
+of another file would go on running that function's old text after an edit. So the stamp here covers every file that a
+kernel takes something from.
 """
 
 from __future__ import annotations
@@ -17,6 +19,8 @@ from pathlib import Path
 from types import FunctionType, ModuleType
 from typing import Any, TypeVar, cast
 
+import numpy as np
+
 F = TypeVar("F", bound=Callable[..., Any])
 
 #: Whether kernels are compiled here.
@@ -25,17 +29,17 @@ IS_FAST = find_spec("numba") is not None
 
 def compiled(function: F) -> F:
     """Compile with numba under numpy's error model (no check of every division: three times faster)."""
-    return _kernel(function)
+    return _kernel(function) if IS_FAST else np.errstate(all="ignore")(function)
 
 
 def inlined(function: F) -> F:
     """`compiled`, and put wherever it is called: for small functions whose arguments are many."""
-    return _kernel(function, forceinline=True)
+    return _kernel(function, forceinline=True) if IS_FAST else function
 
 
 def compiled_fastmath(function: F) -> F:
     """`compiled`, and sums may be taken in any order: several at once."""
-    return _kernel(function, fastmath=True)
+    return _kernel(function, fastmath=True) if IS_FAST else function
 
 
 def compiled_or(plain: F, *, fastmath: bool = False) -> Callable[[F], F]:
@@ -48,7 +52,7 @@ def compiled_or(plain: F, *, fastmath: bool = False) -> Callable[[F], F]:
 
 
 def _kernel(function: F, **options: bool) -> F:
-    return cast(F, Kernel(cast(FunctionType, function), options)) if IS_FAST else function
+    return cast(F, Kernel(cast(FunctionType, function), options))
 
 
 class Kernel:

@@ -145,5 +145,5 @@ def test_a_table_is_exported_as_it_was_shown(room: Room, tmp_path: Path) -> None
 
 
 def _table(path: Path) -> Path:
-    path.write_text("position_rad,inertia_kgm2\n0,0.1\n1,0.3\n")
+    path.write_text("position_rad,inertia_kgm2\n0,0.1\n1,0.3\n", encoding="utf-8")
     return path

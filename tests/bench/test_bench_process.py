@@ -150,6 +150,7 @@ def start_child(seconds: float) -> tuple[subprocess.Popen[str], dict[str, Any]]:
     return child, {"interface": "socketcand", "channel": "bench", "host": found[1], "port": int(found[2])}
 
 
+@pytest.mark.posix
 @pytest.mark.parametrize("ending", [signal.SIGINT, signal.SIGTERM])
 def test_process_serves_and_ends_on_a_signal(ending: signal.Signals) -> None:
     child, options = start_child(60)

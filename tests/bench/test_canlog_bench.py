@@ -23,6 +23,7 @@ from schwung.estimation.denoise import same_motion
 from schwung.fieldbus.canlog import LogRecipe, import_can_log
 from schwung.fieldbus.profile import load_profile
 from schwung.session.imports import Imported
+from schwung.session.imports.canframes import read_frames
 
 EDS = load_profile("schwung-bench").folder / "schwung-bench.eds"
 
@@ -163,6 +164,36 @@ def test_candump_as_it_prints_and_gzipped(logged: Logged, tmp_path: Path) -> Non
             pairs = " ".join(data[k : k + 2] for k in range(0, len(data), 2))
             file.write(f" {stamp}  can0  {name}   [{len(data) // 2}]  {pairs}\n")
     assert len(imported(path).session.runs) == len(imported(logged.log).session.runs)
+
+
+def test_stamps_may_be_dates_or_steps_and_a_clock_may_be_set(logged: Logged, tmp_path: Path) -> None:
+    """candump -t A, -t z and -t d; and a computer whose clock was set amid the log."""
+    frames = [line.split(" ", 1) for line in logged.lines()]
+    stamps = np.array([float(stamp.strip("()")) for stamp, _ in frames])
+    dates = [str(stamp).replace("T", " ") for stamp in (stamps * 1e6).round().astype("datetime64[us]")]
+    frames_of = [frame for _, frame in frames]
+
+    def rewritten(stamped: list[str]) -> Path:
+        path = tmp_path / "stamped.log"
+        path.write_text(
+            "".join(f"({stamp}) {frame}\n" for stamp, frame in zip(stamped, frames_of, strict=True))
+        )
+        return path
+
+    for stamped in (
+        [f"{stamp:.6f}" for stamp in stamps - stamps[0]],
+        [f"{step:.6f}" for step in np.diff(stamps, prepend=stamps[0])],
+        dates,
+    ):
+        np.testing.assert_allclose(
+            np.diff(read_frames(rewritten(stamped)).time_s), np.diff(stamps), atol=2e-6
+        )
+    set_back = np.where(np.arange(stamps.size) < stamps.size // 2, stamps, stamps - 500)
+    found = imported(rewritten([f"{stamp:.6f}" for stamp in set_back]))
+    assert any("1 interruptions" in note for note in found.notes)
+    assert found.session.runs
+    with pytest.raises(InputError, match="do not grow"):
+        imported(rewritten(["0.000000"] * stamps.size))
 
 
 def test_what_the_log_does_not_hold_is_asked_for_by_name(logged: Logged, tmp_path: Path) -> None:

@@ -8,6 +8,7 @@ import time
 from pathlib import Path
 
 import can
+import pytest
 from bench_process import bench_process, commission_arguments, schwung
 
 from schwung.commissioning import read_backup
@@ -90,6 +91,7 @@ def test_a_killed_tool_leaves_a_drive_that_stops_and_a_file_that_restores_it(tmp
         assert len(read_session(out / "session.h5").runs) >= 1
 
 
+@pytest.mark.posix
 def test_an_interrupted_tool_stops_the_drive_and_puts_everything_back(tmp_path: Path) -> None:
     """Ctrl-C, and a closed terminal, twice each."""
     with bench_process("--seed", "5") as bus:

@@ -143,12 +143,12 @@ def test_values_that_the_drive_refuses_are_named_and_the_rest_is_written(
     capsys: pytest.CaptureFixture[str], bench: Bench
 ) -> None:
     invoke(capsys, "backup", "axis.dcf", *_bus(bench))
-    text = Path("axis.dcf").read_text()
+    text = Path("axis.dcf").read_text("utf-8")
     at = text.index("ParameterValue=", text.index("[6060]"))
     bad = (
         text[:at] + "ParameterValue=99" + text[text.index("\n", at) :]
     )  # a mode that the drive does not have
-    Path("bad.dcf").write_text(bad)
+    Path("bad.dcf").write_text(bad, "utf-8")
     _hold(bench, FOLLOWING, 5)
     code, out, _ = invoke(capsys, "restore", "bad.dcf", *_bus(bench), "-y", "--out", "back", "--json")
     assert code == 4
@@ -162,7 +162,9 @@ def test_values_that_the_drive_refuses_are_named_and_the_rest_is_written(
 
 def test_the_dcf_of_another_node_is_refused(capsys: pytest.CaptureFixture[str], bench: Bench) -> None:
     invoke(capsys, "backup", "axis.dcf", *_bus(bench))
-    Path("moved.dcf").write_text(Path("axis.dcf").read_text().replace("NodeID=3", "NodeID=4"))
+    Path("moved.dcf").write_text(
+        Path("axis.dcf").read_text("utf-8").replace("NodeID=3", "NodeID=4"), encoding="utf-8"
+    )
     _hold(bench, FOLLOWING, 5)
     code, _, err = invoke(capsys, "restore", "moved.dcf", *_bus(bench), "-y")
     assert code == 3

@@ -112,17 +112,19 @@ def test_ctrl_c_halts_and_says_what_is_on_disk(drive: DeskDrive, tmp_path: Path)
     assert read_backup(tmp_path / "setup.backup.json").restored is not None
 
 
+#: What interrupts; Windows has no SIGHUP.
+SIGNALS = [signal.Signals[n] for n in ("SIGINT", "SIGTERM", "SIGHUP") if n in signal.Signals.__members__]
 CALLS = ["write 6060=8", "write 1016=8323372", "write 1017=100", "start", "enable", *["play"] * (CREEP_PLAYS + 2),
          "disable", "stop", "write 1017=0", "write 1016=0", "write 6060=1"]  # fmt: skip
 
 
-@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
+@pytest.mark.parametrize("number", SIGNALS)
 @pytest.mark.parametrize("first", range(len(CALLS)))
 def test_signals_at_any_time_and_again_and_again_end_with_a_drive_that_is_off_and_as_it_was(
     drive: DeskDrive, tmp_path: Path, first: int, number: signal.Signals
 ) -> None:
     before = dict(drive.objects)
-    handlers = [signal.getsignal(n) for n in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)]
+    handlers = [signal.getsignal(n) for n in SIGNALS]
     drive.on_call = lambda call: signal.raise_signal(number) if call >= first else None
     with pytest.raises(InterruptedByUser):
         _record(drive, tmp_path)
@@ -131,7 +133,7 @@ def test_signals_at_any_time_and_again_and_again_end_with_a_drive_that_is_off_an
     assert off[-2:] == ["disable", "stop"]
     assert drive.calls[: first + 1] == CALLS[: first + 1]
     assert read_backup(tmp_path / "setup.backup.json").restored is not None
-    assert [signal.getsignal(n) for n in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)] == handlers
+    assert [signal.getsignal(n) for n in SIGNALS] == handlers
 
 
 def test_a_ctrl_c_that_python_dropped_stops_the_motion(drive: DeskDrive, tmp_path: Path) -> None:
@@ -149,6 +151,7 @@ def test_a_ctrl_c_that_python_dropped_stops_the_motion(drive: DeskDrive, tmp_pat
     assert "halt" in drive.calls
 
 
+@pytest.mark.posix
 def test_a_hang_up_that_is_ignored_stays_ignored(drive: DeskDrive, tmp_path: Path) -> None:
     before = signal.signal(signal.SIGHUP, signal.SIG_IGN)  # nohup
     try:

@@ -6,6 +6,7 @@ from strangers import STRANGERS, Stranger, belief_of, session_of
 
 from schwung.explain.weighing import round as rounds
 from schwung.explain.weighing.along import ranges_of
+from schwung.explain.weighing.candidate import Curve, Plane
 from schwung.explain.weighing.data import Data
 from schwung.explain.weighing.equations import Acting, equations_of
 from schwung.explain.weighing.known import known
@@ -130,3 +131,13 @@ def test_fewer_samples_tell_sets_less_apart(data):
     which = np.arange(3, 9)
     np.testing.assert_allclose(fewer.at(which).gram, data.at(which).gram / 4.0)
     assert fewer.at(which).square == pytest.approx(data.at(which).square / 4.0)
+
+
+def test_a_surface_varies_as_the_product_of_its_curves():
+    one, other = Curve.over(0.0, 2.0, 0.3), Curve.over(-1.0, 1.0, 0.5)
+    surface = Plane.of(one, other)
+    x, y = np.array([0.1, 0.7, 1.9]), np.array([-0.8, 0.0, 0.4])
+    rows, each = surface.at(x, y), (one.at(x), other.at(y))
+    whole = (each[0] @ each[0].T) * (each[1] @ each[1].T)
+    np.testing.assert_allclose(rows @ rows.T, whole, atol=0.1)
+    assert surface.size < one.size * other.size / 4

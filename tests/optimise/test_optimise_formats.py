@@ -30,7 +30,7 @@ def folder(strokes: tuple[Stroke, Stroke], tmp_path: Path) -> Path:
 
 
 def columns(path: Path) -> dict[str, np.ndarray]:
-    rows = list(csv.DictReader(path.open()))
+    rows = list(csv.DictReader(path.open(encoding="utf-8")))
     return {name: np.array([float(row[name]) for row in rows]) for name in rows[0]}
 
 

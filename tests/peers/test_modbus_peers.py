@@ -22,6 +22,7 @@ from schwung.fieldbus.modbus.words import decode, encode
 from schwung.fieldbus.profile import Modbus
 from schwung_sim.modbus_bench import ModbusBench
 
+pytestmark = pytest.mark.posix  # serial lines are pseudo terminals
 LIBRARY = load()
 libmodbus = pytest.mark.skipif(LIBRARY is None, reason="libmodbus5 is not installed")
 MBPOLL = shutil.which("mbpoll")

@@ -12,7 +12,7 @@ from schwung.drivetrain.machine import paper_machine
 from schwung.drivetrain.simulation import FeedForward, Simulated, simulate
 from schwung.estimation import Estimate, estimate
 from schwung.motion import Excitation, Motion
-from schwung.report import ChangeRow, FollowingError, ReportContent, SyncRow
+from schwung.report.content import ChangeRow, FollowingError, ReportContent, SyncRow
 from schwung.session import Run, Session
 
 RATE_HZ = 1000.0

@@ -141,7 +141,7 @@ def test_no_newton_metre_is_left_in_what_is_written(
 def recording(path: Path, header: str) -> Path:
     angle = np.sin(np.arange(400) / 40)
     rows = [f"{k / 1000},{q},{2 * q}" for k, q in enumerate(angle)]
-    path.write_text(f"t,q,{header}\n" + "\n".join(rows) + "\n")
+    path.write_text(f"t,q,{header}\n" + "\n".join(rows) + "\n", encoding="utf-8")
     return path
 
 

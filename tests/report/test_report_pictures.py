@@ -13,7 +13,7 @@ from report_samples import MOTION, SINE, bare, estimated, full, session
 from schwung.errors import InputError
 from schwung.estimation.trust import RELATIVE_MIV
 from schwung.motion import Array
-from schwung.report import Picture, pictures, save_figures
+from schwung.report.pictures import Picture, pictures, save_figures
 from schwung.report.style import (
     DOUBTFUL,
     ESTIMATE,

@@ -4,7 +4,7 @@ from dataclasses import replace
 
 from report_samples import bare, session
 
-from schwung.report import render
+from schwung.report.html import render
 from schwung.report.rows import rows_of
 
 

@@ -204,6 +204,7 @@ def test_uploads_that_are_no_sessions_fail_with_a_sentence(service: Service, tmp
         assert_problem(refused, 422)
 
 
+@pytest.mark.posix
 def test_the_token_is_for_its_owner_and_a_damaged_one_is_told(tmp_path: Path) -> None:
     token = own_token(tmp_path)
     assert own_token(tmp_path) == token

@@ -115,6 +115,7 @@ def systemd(tmp_path: Path) -> Iterator[tuple[socket.socket, dict[str, str]]]:
         yield listener, {"NOTIFY_SOCKET": path, "WATCHDOG_USEC": "400000", "WATCHDOG_PID": str(os.getpid())}
 
 
+@pytest.mark.posix
 def test_systemd_is_told(systemd: tuple[socket.socket, dict[str, str]]) -> None:
     listener, environment = systemd
     Notifier(environment).tell(READY=1, STATUS="serving")
@@ -125,6 +126,7 @@ def test_systemd_is_told(systemd: tuple[socket.socket, dict[str, str]]) -> None:
         Notifier(gone).tell(READY=1)
 
 
+@pytest.mark.posix
 @pytest.mark.parametrize("hangs", ["nothing", "the loop", "a lane"])
 def test_the_watchdog_is_told_while_loop_and_lanes_answer(
     systemd: tuple[socket.socket, dict[str, str]], hangs: str

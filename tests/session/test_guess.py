@@ -200,3 +200,60 @@ def test_what_cannot_be_guessed_is_said(tmp_path: Path, header: str, told: str) 
     columns = [np.arange(size) / 500, rng.normal(size=size), rng.normal(size=size)]
     with pytest.raises(InputError, match=told):
         propose(read_table(written(tmp_path / "x.csv", header, columns)), {})
+
+
+def comma(value: float) -> str:
+    """As a German program writes it: 1.234,5."""
+    return f"{value:,.7g}".translate(str.maketrans(",.", ".,"))
+
+
+@pytest.mark.parametrize(
+    ("header", "scales", "german"),
+    [
+        ("Zeit;Lage;Drehzahl;Drehmoment\ns;°;1/min;mNm", (1.0, 180 / np.pi, 30 / np.pi, 1e3), True),
+        ("Zeit;Lage;Drehzahl;Drehmoment\nms;Grad;U/min;Nm", (1e3, 180 / np.pi, 30 / np.pi, 1.0), True),
+        ("time_ms,pos_deg,vel_deg_s,torque_mNm", (1e3, 180 / np.pi, 180 / np.pi, 1e3), False),
+        ("FileTime ticks,pos,vel [rpm],torque [Nm]", (1e7, 1.0, 30 / np.pi, 1.0), False),
+    ],
+)  # fmt: skip
+def test_units_stand_in_a_second_line_at_the_end_of_a_name_or_are_ticks(
+    tmp_path: Path, header: str, scales: tuple[float, ...], german: bool
+) -> None:
+    truth, path = swing(), tmp_path / "x.csv"
+    columns = [truth.time + 1.0, truth.position, truth.speed, truth.torque]
+    scaled = [scale * values for scale, values in zip(scales, columns, strict=True)]
+    if german:
+        rows = [";".join(comma(value) for value in row) for row in zip(*scaled, strict=True)]
+        path.write_text("\n".join([header, *rows]) + "\n", encoding="cp1252")
+    else:
+        written(path, header, scaled, form="%.9g")
+    assert inertia(path, proposal(path)) == pytest.approx(INERTIA, rel=0.05)
+
+
+def test_a_head_over_several_columns_tells_axes_of_one_name_apart(tmp_path: Path) -> None:
+    first, second = swing(), swing(weight=0.5)
+    late = np.roll(second.position, 400), np.roll(second.speed, 400), np.roll(second.torque, 400)
+    columns = [first.time, first.position, first.speed, first.torque, *late]
+    head = ",Axis 1,,,Axis 2,,\nTime,Position,Speed,Torque,Position,Speed,Torque\ns,rad,rad/s,Nm,rad,rad/s,Nm"
+    path = written(tmp_path / "x.csv", head, columns)
+    found = propose(read_table(path), {})
+    assert [each.name for each in found] == ["Axis 1 Position", "Axis 2 Position"]
+    assert [each.options["torque"] for each in found] == ["Axis 1 Torque", "Axis 2 Torque"]
+    written(path, head.split("\n")[1], columns)
+    assert [each.name for each in propose(read_table(path), {})] == ["Position 1", "Position 2"]
+
+
+def test_a_file_in_which_nothing_moves_is_one_sentence(tmp_path: Path) -> None:
+    still = np.zeros(100)
+    path = written(tmp_path / "x.csv", "t,q,u", [np.arange(100) / 1e3, still + 1.0, still])
+    with pytest.raises(InputError, match="no column that ever changes"):
+        propose(read_table(path), {})
+
+
+def test_lost_rows_do_not_change_the_rate(tmp_path: Path) -> None:
+    truth = swing()
+    there = np.random.default_rng(3).random(truth.time.size) > 0.02
+    columns = [values[there] for values in (truth.time, truth.position, truth.speed, truth.torque)]
+    path = written(tmp_path / "x.csv", "t,q,dq,tau", columns)
+    found = import_recordings([path], make_recipe(proposal(path).options)).session
+    assert {run.sample_rate_hz for run in found.runs} == {1000.0}

@@ -329,6 +329,7 @@ with SessionWriter({path!r}, source="doomed") as writer:
 """
 
 
+@pytest.mark.posix
 @pytest.mark.parametrize("delay_s", [0.0, 0.003, 0.011])
 def test_kill_9_leaves_every_run_that_append_returned(tmp_path, delay_s):
     """The writer appends without pause and is killed inside; what it had announced must be there."""

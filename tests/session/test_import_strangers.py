@@ -37,7 +37,7 @@ def uneven(
         rows += [f"{stamp:.7f},{position},{np.sin(2 * np.pi * stamp / MOTION.total_s):.6f}"] * (
             2 if k in twice else 1
         )
-    path.write_text("\n".join(rows) + "\n")
+    path.write_text("\n".join(rows) + "\n", encoding="utf-8")
     return time
 
 

@@ -397,7 +397,7 @@ def test_encoder_eccentricity_bends_the_reported_angle_once_per_turn() -> None:
 
 def test_the_spec_page_and_the_catalogue_tell_the_same_story() -> None:
     """Every example in the module's own text parses."""
-    text = Path(parse_conceal.__code__.co_filename).read_text()
+    text = Path(parse_conceal.__code__.co_filename).read_text(encoding="utf-8")
     examples = re.findall(r"^    ((?:coulomb|stribeck|load)_\S+)", text.split('"""')[1], re.MULTILINE)
     assert len(examples) == 5
     for example in examples:

@@ -95,6 +95,7 @@ F int fmi2DoStep(void *c, double t, double h, int n) { if (++steps == 3) { %(how
 """
 CRASH = "*(volatile int *)0 = 1;"
 NO_NUMBER = "((M *)c)->v[TAU] = NAN;"
+FAILS = "return 3;"
 
 
 @dataclass(frozen=True)
@@ -160,6 +161,7 @@ def inverse(folder: Path, plant: Plant) -> Path:
         ("w", "input", "rad/s"),
         ("alpha", "input", "rad/s2"),
         ("tau", "output", "N.m"),
+        ("brake", "input", "N.m"),
     )
     return _packed(
         folder, "inverse", _INVERSE % vars(plant), _described("inverse", "CoSimulation", variables, 0)

@@ -9,6 +9,7 @@ from __future__ import annotations
 import json
 import re
 import shutil
+import zipfile
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -173,7 +174,7 @@ def test_the_commands_of_the_page_for_users(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     """docs/simulators.md from end to end, with its map: the learned FMU misses nothing of the session it came from."""
-    page = (Path(__file__).parents[2] / "docs" / "simulators.md").read_text(encoding="utf-8")
+    page = (Path(__file__).parents[2] / "docs" / "simulators.md").read_text("utf-8")
     commands = re.findall(r"^    schwung (.*)$", page, re.M)
     (mapped,) = re.findall(r"^```toml\n(.*?)^```", page, re.M | re.S)
     monkeypatch.chdir(tmp_path)
@@ -191,7 +192,10 @@ def test_the_commands_of_the_page_for_users(
     assert {"machine.fmu", "machine3.fmu", "Machine.mo", "machine.m"} <= {
         one.name for one in tmp_path.iterdir()
     }
-    learned, document = json.loads(Path("explanation/explanation.json").read_text()), json.loads(told.out)
+    learned, document = (
+        json.loads(Path("explanation/explanation.json").read_text("utf-8")),
+        json.loads(told.out),
+    )
     assert [finding["physics"] for finding in learned["findings"]] == ["coulomb_friction"]
     assert document["verdict"] == "consistent"
     assert document["fit"]["before"]["torque_rmse_nm"] < 1.2 * learned["fit"]["after"]["torque_rmse_nm"]
@@ -238,6 +242,7 @@ def test_an_inverse_fmu_is_asked_for_its_torque(tmp_path: Path) -> None:
     told, ours = missed(session, belief.machine, belief.twin), missed(session, machine)
     assert np.std(ours) > 3
     assert np.std(told - ours) < 0.02
+    assert any("input brake should be" in note for note in belief.notes)
 
 
 @pytest.fixture(scope="module")
@@ -284,6 +289,7 @@ def test_an_fmu_that_crashes_or_gives_no_numbers_is_one_sentence(short: Session,
     for how, said in (
         (foreign.CRASH, "crashed while it was played (SIGSEGV)"),
         (foreign.NO_NUMBER, "no numbers"),
+        (foreign.FAILS, "failed while it was played: fmi2DoStep failed"),
     ):
         with pytest.raises(InputError, match=r".") as raised:
             against(short, foreign.broken(tmp_path, how), BROKEN)
@@ -296,7 +302,11 @@ def test_what_is_no_fmu_or_none_for_this_computer_is_told(
     import fmpy  # noqa: PLC0415
 
     (tmp_path / "text.fmu").write_text("no zip", encoding="utf-8")
-    for fmu, said in ((tmp_path / "text.fmu", "not a zip"), (tmp_path / "none.fmu", "is not there")):
+    with zipfile.ZipFile(tmp_path / "photos.fmu", "w") as archive:
+        archive.writestr("holiday.txt", "no model")
+    told = (("text", "not a zip"), ("none", "is not there"), ("photos", "no FMU that can be read"))
+    for name, said in told:
+        fmu = tmp_path / f"{name}.fmu"
         with pytest.raises(InputError, match=said):
             against(short, fmu, OURS)
     monkeypatch.setattr(fmpy, "platform", "win64")

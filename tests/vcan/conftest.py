@@ -30,7 +30,7 @@ def ip_link(*arguments: str) -> str:
 
 def is_up(channel: str) -> bool:
     flags = Path("/sys/class/net", channel, "flags")
-    return flags.exists() and bool(int(flags.read_text(), 16) & 1)
+    return flags.exists() and bool(int(flags.read_text(encoding="utf-8"), 16) & 1)
 
 
 @contextlib.contextmanager

@@ -115,7 +115,7 @@ def stay_on_one_processor() -> None:
 def preloaded(exchange: Path) -> dict[str, str]:
     """What the kernel needs beside it where the processor has more registers than it knows; see registers.c."""
     processor = Path("/proc/cpuinfo")
-    if not processor.exists() or " amx_tile" not in processor.read_text():
+    if not processor.exists() or " amx_tile" not in processor.read_text(encoding="utf-8"):
         return {}
     library, source = exchange / "registers.so", Path(__file__).with_name("registers.c")
     compiler = shutil.which("cc")

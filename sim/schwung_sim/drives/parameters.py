@@ -51,7 +51,7 @@ class ParameterStore:
     @staticmethod
     def _read(path: Path) -> dict[int, Value]:
         try:
-            content = json.loads(path.read_text())
+            content = json.loads(path.read_text(encoding="utf-8"))
             return {int(k, 16): bytes.fromhex(v) if isinstance(v, str) else v for k, v in content.items()}
         except (OSError, ValueError, AttributeError, TypeError) as error:
             raise BenchError(

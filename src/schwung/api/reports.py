@@ -17,8 +17,9 @@ from schwung.estimation.reach import reach_of
 from schwung.explain.values import Explanation
 from schwung.fieldbus.drive import RawValue
 from schwung.files import json_text, replace_file
-from schwung.report import ChangeRow, FollowingError, ReportContent, SyncRow, save_figures
-from schwung.report import write_report as write_page
+from schwung.report.content import ChangeRow, FollowingError, ReportContent, SyncRow
+from schwung.report.html import write_report as write_page
+from schwung.report.pictures import save_figures
 from schwung.session import Run, Session, read_session
 from schwung.session.gains import with_recorded_gains
 

@@ -134,6 +134,8 @@ def _carry_out(
     from schwung.cli.console import Terminal, progress_bar
 
     terminal = Terminal(json_output)
+    if wish.kind == "explain":
+        terminal.tell_slow()
     if scheduler is not None and jobs is not None:
         raise InputError(
             "--jobs", "is for this computer's processes", "Leave it out: a scheduler has its own."

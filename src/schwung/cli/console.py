@@ -35,6 +35,14 @@ class Terminal:
         """One sentence; rich markup is interpreted."""
         self.console.print(text, soft_wrap=True)
 
+    def tell_slow(self) -> None:
+        """That this takes long, where nothing is compiled, and what makes it fast."""
+        from schwung.compiled import IS_FAST
+
+        if not IS_FAST:
+            self.say(f"{_SIGNS['note']} Without Numba this takes very long: "
+                     + escape('pip install "schwung[fast]" makes it fast.'))  # fmt: skip
+
     def ask(self, question: str) -> bool:
         """Ask a question of yes or no; anything but y or yes is a no.
 

@@ -85,6 +85,7 @@ def explain(
         )
     recorded = read_session(session)
     believed = load_machine(machine) if machine is not None else None
+    terminal.tell_slow()
     folder = planned_folder(out, beside_session=True)
     learned = folder / "machine.toml"
     _keep_beliefs(learned, machine)

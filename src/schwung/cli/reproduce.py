@@ -37,6 +37,7 @@ def reproduce(
     from schwung.cli.console import Terminal
 
     terminal = Terminal(json_output)
+    terminal.tell_slow()
 
     def tell(_: str, made: Reproduced) -> None:
         terminal.say(f"[bold]{escape(made.title)}[/]")

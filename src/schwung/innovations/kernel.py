@@ -366,3 +366,51 @@ def driven(transition: Array, forcing: Array, values: Array) -> Array:
             for j in range(states.shape[1]):
                 states[k, i] += transition[i, j] * states[k - 1, j]
     return states
+
+
+@compiled
+def spline_slopes(values: Array, step: float) -> Array:
+    """Slopes (n, c) at evenly spaced knots of the cubic splines through values (n, c), n ≥ 4, "not a knot" at the ends.
+
+    s₋₁ + 4 s₀ + s₁ = 3 (v₁ − v₋₁)/h inside; at the start s₀ + 2 s₁ = (−5 v₀ + 4 v₁ + v₂)/2h, at the end its mirror.
+    """
+    count, number = values.shape
+    upper, result = np.empty(count), np.empty((count, number))
+    upper[0] = 2.0
+    for c in range(number):
+        result[0, c] = (-5.0 * values[0, c] + 4.0 * values[1, c] + values[2, c]) / (2.0 * step)
+    for k in range(1, count - 1):
+        below = 1.0 / (4.0 - upper[k - 1])
+        upper[k] = below
+        for c in range(number):
+            result[k, c] = (3.0 * (values[k + 1, c] - values[k - 1, c]) / step - result[k - 1, c]) * below
+    last = count - 1
+    below = 1.0 / (1.0 - 2.0 * upper[last - 1])
+    for c in range(number):
+        end = (5.0 * values[last, c] - 4.0 * values[last - 1, c] - values[last - 2, c]) / (2.0 * step)
+        result[last, c] = (end - 2.0 * result[last - 1, c]) * below
+    for k in range(last - 1, -1, -1):
+        for c in range(number):
+            result[k, c] -= upper[k] * result[k + 1, c]
+    return result
+
+
+@compiled
+def spline_at(values: Array, slopes: Array, start: float, step: float, places: Array) -> Array:
+    """Cubic splines with values and slopes (n, c) at knots from `start` on, at places (m,), (m, c)."""
+    result = np.empty((places.size, values.shape[1]))
+    for i in range(places.size):
+        at = (places[i] - start) / step
+        left = min(max(int(at), 0), values.shape[0] - 2)
+        u = at - left
+        v = 1.0 - u
+        h0, h1 = v * v * (1.0 + 2.0 * u), u * u * (1.0 + 2.0 * v)
+        g0, g1 = u * v * v * step, -u * u * v * step
+        for c in range(values.shape[1]):
+            result[i, c] = (
+                h0 * values[left, c]
+                + h1 * values[left + 1, c]
+                + g0 * slopes[left, c]
+                + g1 * slopes[left + 1, c]
+            )
+    return result

@@ -7,7 +7,24 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from schwung.innovations import kernel
 from schwung.motion import Array
+
+
+def slopes(values: Array, step: float) -> Array:
+    """Of the cubic spline through evenly spaced values (n, …) at these, (n, …); n ≥ 4, "not a knot" at the ends."""
+    return np.asarray(kernel.spline_slopes(_flat(values), step)).reshape(values.shape)
+
+
+def interpolated(values: Array, start: float, step: float, places: Array) -> Array:
+    """The same spline through values (n, …) from `start` on at places (m,), (m, …)."""
+    flat = _flat(values)
+    found = kernel.spline_at(flat, kernel.spline_slopes(flat, step), start, step, places)
+    return np.asarray(found).reshape(places.size, *values.shape[1:])
+
+
+def _flat(values: Array) -> Array:
+    return np.ascontiguousarray(values.reshape(values.shape[0], -1))
 
 
 @dataclass(frozen=True)

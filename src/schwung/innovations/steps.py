@@ -10,6 +10,7 @@ from scipy.interpolate import CubicSpline
 from schwung.errors import InputError
 from schwung.innovations import kernel
 from schwung.innovations.signals import Signals
+from schwung.innovations.splines import interpolated
 from schwung.innovations.values import Shaft
 from schwung.motion import Array
 
@@ -49,17 +50,19 @@ class Steps:
                 table(shaft._replace(**{name: getattr(shaft, name) * np.exp(d)}))
                 for d in (_DIFFERENCE, -_DIFFERENCE)
             ]
-            return np.asarray(CubicSpline(nodes, (ends[0] - ends[1]) / (2 * _DIFFERENCE))(logs))
+            return at((ends[0] - ends[1]) / (2 * _DIFFERENCE))
+
+        def at(values: Array) -> Array:
+            return interpolated(values, nodes[0], nodes[1] - nodes[0], logs)
 
         stepped = table(shaft)
         if not np.all(np.isfinite(stepped)):
             raise no_such_machine()
-        curve = CubicSpline(nodes, stepped)
-        transition, inputs = np.split(curve(logs), [-6], axis=2)
+        transition, inputs = np.split(at(stepped), [-6], axis=2)
         none = np.empty(0)
         if not slopes:
             return cls(transition, inputs, none, none, none)
-        by_inertia = curve(logs, 1)
+        by_inertia = CubicSpline(nodes, stepped)(logs, 1)
         if shaft.rigid:
             none = np.zeros_like(by_inertia)
             return cls(transition, inputs, by_inertia, none, none)

@@ -41,6 +41,8 @@ SPEED_HZ, POSITION_HZ, LARGEST_SHARE = 40.0, 8.0, 0.3
 PUSH_S = 4e-3
 #: Motions that are repeated with a multisine, its lines (Hz), and its share of the session's highest torque.
 PROBED, LINES_HZ, PROBE_SHARE = 3, (11.0, 300.0), 0.15
+#: How slowly the multisine comes and goes (s): a period of its lowest line.
+FADE_S = 1 / LINES_HZ[0]
 #: So much of the FMU's torque that the stand-in misses is worth a word.
 WORTH_A_WORD = 0.05
 
@@ -105,7 +107,7 @@ def fmu_belief(
         machine=found.machine,
         twin=twin,
         stand_in=found,
-        notes=_notes(described, found),
+        notes=_notes(described, of, found),
     )
 
 
@@ -162,7 +164,8 @@ def _gains(described: Described, of: Ports, prepared: Prepared, step: float) -> 
     ]
     forth, back = play(described.path, of, jobs)
     gained = 0.5 * (forth.speed_rad_s - back.speed_rad_s)[1:]
-    moved = 0.5 * (forth.angle_rad - back.angle_rad)[-1]
+    path = 0.5 * (forth.angle_rad - back.angle_rad)
+    moved = float(np.mean(path))  # not where it is at the end: a coupling may have thrown it back by then
     if not abs(moved) > 0:
         raise InputError(
             str(described.path),
@@ -175,7 +178,7 @@ def _gains(described: Described, of: Ports, prepared: Prepared, step: float) -> 
             f'a positive "{of.torque.name}" moves "{of.position.name}" back',
             "One of them counts the other way round than the recording: give it sign = -1 in the map.",
         )
-    if of.speed is not None and gained[-1] * moved < 0:
+    if of.speed is not None and float(gained @ np.diff(path)) < 0:
         raise InputError(
             str(described.path),
             f'"{of.speed.name}" falls while "{of.position.name}" rises',
@@ -206,13 +209,13 @@ def _probes(session: Session, prepared: Prepared, jobs: Sequence[Job], of: Ports
         phases = np.pi * np.arange(lines.size) ** 2 / lines.size  # Schroeder: no peaks
         each = push * np.sqrt(2 / lines.size)
         time = job.step_s * np.arange(job.angle_rad.size)
+        fade = _faded(np.asarray(time, dtype=float))
         if not of.inverse:
             sine = np.sin(np.outer(time[:-1] + job.step_s / 2, lines) + phases)
-            result.append(replace(job, torque_nm=job.torque_nm + each * sine.sum(axis=1)))
+            result.append(replace(job, torque_nm=job.torque_nm + each * fade[:-1] * sine.sum(axis=1)))
             continue
         inertia = max(_crude(session).motor.inertia_kgm2, 1e-300)
         turned = np.outer(time, lines) + phases
-        fade = np.clip(time / 0.02, 0, 1) ** 2
         angle = fade * (-each / inertia * np.sin(turned) / lines**2).sum(axis=1)
         shaken = CubicSpline(time, angle)
         result.append(
@@ -224,6 +227,14 @@ def _probes(session: Session, prepared: Prepared, jobs: Sequence[Job], of: Ports
             )
         )
     return result
+
+
+def _faded(time_s: Array) -> Array:
+    """1, but rising from 0 and falling to it at the ends of a run, (n,): what is cut off rings long after in filters
+    and on springs, and would be measured."""
+    whole = float(time_s[-1])
+    fade = min(FADE_S, whole / 4)
+    return np.asarray(np.sin(np.pi / 2 * np.clip(np.minimum(time_s, whole - time_s) / fade, 0, 1)) ** 2)
 
 
 def _session(session: Session, described: Described, of: Ports, twins: Sequence[Played]) -> Session:
@@ -300,11 +311,18 @@ def _require_near(described: Described, twins: Sequence[Played], prepared: Prepa
             )
 
 
-def _notes(described: Described, found: StandIn) -> tuple[str, ...]:
+def _notes(described: Described, of: Ports, found: StandIn) -> tuple[str, ...]:
     notes = [
         f'the belief is the FMU "{described.name}" as it was played; the machine file is a stand-in, measured of it: '
         "inertia, coupling and load torque, with the named physics"
     ]
+    mapped = {port.name for port in (of.torque, of.position, of.speed, of.acceleration) if port is not None}
+    left = [name for name in described.of("input") if name not in mapped and name not in of.parameters]
+    if left:
+        notes.append(
+            f"nobody says what the FMU's input{'s' * (len(left) > 1)} {', '.join(left)} should be: at the start value "
+            "all along, unless [parameters] of the map give another"
+        )
     if found.left_out_nm > WORTH_A_WORD * found.torque_nm:
         share = found.left_out_nm / found.torque_nm
         notes.append(

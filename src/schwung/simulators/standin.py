@@ -39,8 +39,12 @@ BAND_HZ, BAND_SHARE = 300.0, 0.1
 _MOTION_BAND, _GRID = 3.0, 12.0
 #: Slower than this share of the highest speed, dry friction may hold any torque.
 _STANDSTILL = 0.02
-#: Nodes of the inertia and of the load torque: per rad on the way, and at least and most.
+#: Nodes of the inertia at first, per rad on the way, at least and most; and of the load torque.
 _NODES_PER_RAD, _FEWEST, _MOST, _TORQUE_NODES = 6.0, 6, 36, 6
+#: Nodes are doubled while that leaves less than the first share of what was left, and more than the second of all the
+#: torque is left (the twin takes it off again); up to so many. Fitted at once, so many nodes find no way to where the
+#: phase of the swinging is right.
+_STILL_BETTER, _NOTHING_LEFT, _FINEST = 0.8, 5e-3, 300
 #: How much better two masses have to be than one.
 _WORTH = 0.5
 #: Of a rigid machine all of the inertia is the load's, but for this share.
@@ -101,6 +105,20 @@ class _Shape:
         """Indices of what is fitted."""
         return np.arange(_VISCOUS if self.rigid else _ROTOR, self.torque.stop)
 
+    def finer(self) -> _Shape:
+        """With a node between every two."""
+        grids = (self.nodes_rad, self.torque_nodes_rad)
+        nodes, torque_nodes = (np.linspace(grid[0], grid[-1], 2 * grid.size - 1) for grid in grids)
+        return _Shape(nodes, torque_nodes, self.rigid)
+
+    def moved(self, x: Array, to: _Shape) -> Array:
+        """The same parameters on other nodes."""
+        y = np.zeros(to.torque.stop)
+        y[:_LONE] = x[:_LONE]
+        y[to.inertia] = CubicSpline(self.nodes_rad, x[self.inertia])(to.nodes_rad)
+        y[to.torque] = CubicSpline(self.torque_nodes_rad, x[self.torque])(to.torque_nodes_rad)
+        return y
+
     def belief(self, x: Array) -> forward.Belief:
         """The parameters as equations."""
         inertia = np.tensordot(_splines(tuple(self.nodes_rad)), _exp(x[self.inertia]), axes=1)
@@ -148,11 +166,10 @@ def stand_in(followed: Sequence[Played], probed: Sequence[Played], name: str, *,
     flexible = replace(rigid, rigid=False)
     one_mass = _level(rigid, np.log(_first(runs)))
     two_masses = _level(flexible, two_masses_of(_response(runs[: len(probed)], runs[len(followed) :])))
-    fits = [(shape, _fit(runs, shape, start)) for shape, start in ((rigid, one_mass), (flexible, two_masses))]
+    fits = [_refined(runs, rigid, one_mass), _refined(runs, flexible, two_masses)]
     left = [_rms(runs, shape, x) for shape, x in fits]
     best, found = fits[1] if left[1] < _WORTH * left[0] else fits[0]
-    torque = np.concatenate([run.torque_nm[run.valid] for run in runs])
-    whole = float(np.sqrt(np.mean(torque**2)))
+    whole = _torque_rms(runs)
     peak = _PEAK * max(float(np.max(np.abs(one.job.torque_nm))) for one in played)
     return StandIn(_machine(best, found, name, peak), _rms(runs, best, found), whole, band)
 
@@ -265,6 +282,28 @@ def _level(shape: _Shape, logarithms: Array | np.floating[Any]) -> Array:
     return x
 
 
+def _refined(runs: Sequence[_Run], shape: _Shape, start: Array) -> tuple[_Shape, Array]:
+    """A fit with as many nodes as the FMU's curves need, from a start with few."""
+    enough = _NOTHING_LEFT * _torque_rms(runs)
+    found = _fit(runs, shape, start)
+    left = _rms(runs, shape, found)
+    while left > enough and 2 * shape.nodes_rad.size <= _FINEST:
+        finer = shape.finer()
+        better = _fit(runs, finer, shape.moved(found, finer))
+        before, left = left, _rms(runs, finer, better)
+        if left >= before:
+            break
+        shape, found = finer, better
+        if left > _STILL_BETTER * before:
+            break
+    return shape, found
+
+
+def _torque_rms(runs: Sequence[_Run]) -> float:
+    torque = np.concatenate([run.torque_nm[run.valid] for run in runs])
+    return float(np.sqrt(np.mean(torque**2)))
+
+
 def _fit(runs: Sequence[_Run], shape: _Shape, start: Array) -> Array:
     """The parameters that leave least, from a start."""
     free = shape.fitted
@@ -294,7 +333,7 @@ def _fit(runs: Sequence[_Run], shape: _Shape, start: Array) -> Array:
 
 def _machine(shape: _Shape, x: Array, name: str, peak_nm: float) -> Machine:
     belief = shape.belief(x)
-    angle = np.linspace(shape.nodes_rad[0], shape.nodes_rad[-1], 201)
+    angle = np.linspace(shape.nodes_rad[0], shape.nodes_rad[-1], max(201, 4 * shape.nodes_rad.size - 3))
     inertia = np.maximum(CubicSpline(shape.nodes_rad, _exp(x[shape.inertia]))(angle), 1e-9)
     torque = CubicSpline(shape.torque_nodes_rad, x[shape.torque])(angle)
     dry = float(x[_DRY])

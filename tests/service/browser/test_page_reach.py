@@ -25,7 +25,9 @@ def _recording(path: Path) -> Path:
     torque = np.concatenate([rest, made.torque_nm, rest])
     position, torque = (np.concatenate([one, one[::-1], one]) for one in (position, torque))
     rows = np.column_stack([np.arange(position.size) / 1000.0, position, torque])
-    path.write_text("a,b,c\n" + "\n".join(",".join(f"{value:.9g}" for value in row) for row in rows))
+    path.write_text(
+        "a,b,c\n" + "\n".join(",".join(f"{value:.9g}" for value in row) for row in rows), encoding="utf-8"
+    )
     return path
 
 

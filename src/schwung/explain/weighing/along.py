@@ -7,10 +7,10 @@ from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.interpolate import CubicSpline
 
 from schwung.drivetrain.machine import Machine
 from schwung.innovations.signals import Signals
+from schwung.innovations.splines import slopes
 from schwung.motion import Array
 from schwung.session.model import Run
 
@@ -95,7 +95,7 @@ class Along:
         return np.tanh(self.load_speed / self.ranges.sticking_rad_s)
 
     def _rate(self, values: Array) -> Array:
-        return np.asarray(CubicSpline(self.time_s, self.run.quiet(values))(self.time_s, 1))
+        return slopes(self.run.quiet(values), self.run.step_s)
 
     @cached_property
     def acceleration(self) -> Array:

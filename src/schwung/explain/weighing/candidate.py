@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 from itertools import product
 
 import numpy as np
+from numpy.typing import NDArray
 
 from schwung.explain.weighing.along import Along
 from schwung.innovations.effect import Effect
@@ -126,6 +127,38 @@ class Curve:
         left = np.minimum(place.astype(int), self.points.size - 2)
         part = (place - left)[:, None]
         return np.asarray((1 - part) * self.modes[left] + part * self.modes[left + 1])
+
+
+#: Pairs of modes of a plane that are kept: those of more than this share of the largest deviation.
+_MATTERS = 0.1
+
+
+@dataclass(frozen=True, eq=False)
+class Plane:
+    """A smooth surface over two coordinates: products of two curves' modes, those that matter, `pairs` (2, m).
+
+    The covariance is the product of the curves' (a Kronecker product), whose modes are the products of theirs.
+    """
+
+    one: Curve
+    other: Curve
+    pairs: NDArray[np.intp]
+
+    @classmethod
+    def of(cls, one: Curve, other: Curve) -> Plane:
+        """With the modes that matter, the largest first."""
+        sizes = np.outer(*(np.sqrt(np.mean(curve.modes**2, axis=0)) for curve in (one, other)))
+        order = np.argsort(-sizes, axis=None)
+        order = order[sizes.reshape(-1)[order] > _MATTERS * sizes.max()]
+        return cls(one, other, np.stack(np.unravel_index(order, sizes.shape)))
+
+    @property
+    def size(self) -> int:
+        return int(self.pairs.shape[1])
+
+    def at(self, one: Array, other: Array) -> Array:
+        """Every mode at coordinates (n,) each, (n, m)."""
+        return np.asarray(self.one.at(one)[:, self.pairs[0]] * self.other.at(other)[:, self.pairs[1]])
 
 
 def column(values: Array) -> Array:

@@ -144,8 +144,9 @@ class Data:
         """Of a set's columns on runs that are not fitted."""
         starts = {where.start: cause for where, cause in self.causes}
         causes = [starts[column] for column in which.tolist() if column in starts]
-        rows = self.about.whitened(causes, runs)
-        return Statistics.of(rows.T, target_of(self.about, self.members, runs)).tempered(self.excess)
+        about = self.about.beside(runs)
+        rows = about.whitened(causes, runs)
+        return Statistics.of(rows.T, target_of(about, self.members, runs)).tempered(self.excess)
 
     def append(self, index: int, shape: Shape, refined: float, spread: Shape = ()) -> Atom:
         """Make a shape an atom."""

@@ -168,7 +168,7 @@ class Rivals:
             alongs.append(where)
             equations, steps = equations_of(where, acting(view, where, members))
             passed.append(Passed.of(equations, steps, about.noise, signal))
-        return Linearised(view, alongs, passed, about.noise)
+        return Linearised(view, alongs, dict(enumerate(passed)), about.noise)
 
 
 @dataclass(frozen=True, eq=False)

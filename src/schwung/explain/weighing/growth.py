@@ -11,11 +11,19 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from schwung.explain.weighing.candidate import Candidate
+from schwung.explain.weighing.candidate import Candidate, Shape
 from schwung.explain.weighing.data import Atom, Data
 from schwung.explain.weighing.present import Member
-from schwung.explain.weighing.round import Settled, View, Weighing, Wide, settled, wide_fit
-from schwung.explain.weighing.search import Pick, Scored, Search
+from schwung.explain.weighing.round import (
+    Settled,
+    View,
+    Weighing,
+    Wide,
+    settled,
+    settled_beyond,
+    wide_fit,
+)
+from schwung.explain.weighing.search import MOST, Pick, Scored, Search
 from schwung.motion import Array
 
 #: Rounds of linearising about what was found, at most.
@@ -38,6 +46,7 @@ class Grown:
     data: Data
     search: Search
     best: Scored
+    nothing: Settled  # the belief with what is always there
 
 
 @dataclass(eq=False)
@@ -52,8 +61,8 @@ class Growth:
 
     def grown(self, view: View) -> Grown:
         """From nothing but what is always there."""
-        nothing = [absent(self.candidates[i]) for i in self.always]
-        at = settled(self.wide.seen(view), nothing, self._weighing)
+        always = [absent(self.candidates[i]) for i in self.always]
+        at = settled(self.wide.seen(view), always, self._weighing)
         picks: tuple[tuple[Atom, float], ...] = ()
         growing, fresh = True, False  # whether the noise was looked at since something was found
         for _ in range(ROUNDS):
@@ -72,15 +81,18 @@ class Growth:
                 if growing:
                     at, fresh = settled(self.wide.seen(at.about.view), at.members, self._weighing), True
                     continue
-            best = search.best(start.picks)
-            if {search.index(p) for p in best.picks} == {search.index(p) for p in start.picks}:
+            search.best(start.picks)
+            taken = self._instead(search, start, at)
+            if taken is None:
+                best = start
                 break
+            best, at = taken
             picks = _kept(search, best)
-            at = settled(at.about.view, members_of(search, best, self.candidates), self._weighing)
         else:
             search = self._search(at)
-            best = search.best(_carried(search.data, picks))
-        return Grown(search.data, search, best)
+            best = search.score(_carried(search.data, picks))
+        nothing = settled(self.wide.seen(view), always, self._weighing)
+        return Grown(search.data, search, best, nothing)
 
     @property
     def _weighing(self) -> Weighing:
@@ -95,16 +107,38 @@ class Growth:
 
     def _further(self, search: Search, start: Scored, at: Settled) -> tuple[Scored, Settled] | None:
         """The best set of one cause more, at rest; None where none is more probable than the one at hand."""
+        if len(start.picks) >= MOST:
+            return None
         offered = [one for one in search.offered(start.picks) if one.log > start.log]
         offered.sort(key=lambda one: -one.log)
-        best, top = None, at.log + search.prior(start.picks)
+        best, top = None, 0.0
         for one in offered[:_TRIED]:
-            members = _from(at.members, members_of(search, one, self.candidates))
-            tried = settled(at.about.view, members, self._weighing)
-            log = tried.log + search.prior(one.picks)
-            if log > top:
-                best, top = (one, tried), log
+            tried, gain = self._rested(search, one, start, at)
+            if gain > top:
+                best, top = (one, tried), gain
         return best
+
+    def _instead(self, search: Search, start: Scored, at: Settled) -> tuple[Scored, Settled] | None:
+        """A visited set that is more probable than the one at hand at rest, too; what was only promised is noted."""
+        mine = search.kind(start.picks)
+        better = [one for kind, one in search.table.items() if one.log > start.log and kind != mine]
+        better.sort(key=lambda one: -one.log)
+        for one in better[:_TRIED]:
+            tried, gain = self._rested(search, one, start, at)
+            if gain > 0:
+                return one, tried
+            search.kept[search.kind(one.picks)] = start.log + gain - one.log
+        return None
+
+    def _rested(self, search: Search, one: Scored, start: Scored, at: Settled) -> tuple[Settled, float]:
+        """A set at rest, and how much more probable it is there (log) than the one at hand."""
+        members = members_of(search, one, self.candidates)
+        if {_key(m) for m in at.members} <= {_key(m) for m in members}:
+            promised = [m.coefficients for m in members]
+            tried = settled_beyond(at.about, _from(at.members, members), promised, self._weighing)
+        else:
+            tried = settled(at.about.view, members, self._weighing)
+        return tried, tried.log + search.prior(one.picks) - at.log - search.prior(start.picks)
 
     def _renewed(self, at: Settled) -> bool:
         """Whether noise found about what is present differs: far from the truth, noise had to be taken for what a
@@ -119,11 +153,13 @@ class Growth:
 def _from(present: Sequence[Member], members: Sequence[Member]) -> list[Member]:
     """The members with the coefficients that they have in a set at rest, or none: what a linear model promises far from
     it may be no machine at all."""
-    had = {(m.candidate.name, m.shape, m.coefficients.size): m.coefficients for m in present}
-    return [
-        replace(m, coefficients=had.get((m.candidate.name, m.shape, m.coefficients.size), 0 * m.coefficients))
-        for m in members
-    ]
+    had = {_key(m): m.coefficients for m in present}
+    return [replace(m, coefficients=had.get(_key(m), 0 * m.coefficients)) for m in members]
+
+
+def _key(member: Member) -> tuple[str, Shape, int]:
+    """What tells members apart."""
+    return member.candidate.name, member.shape, member.coefficients.size
 
 
 def absent(candidate: Candidate) -> Member:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import TypeVar
 
@@ -16,7 +16,7 @@ from schwung.explain.weighing.present import Member, with_members
 from schwung.explain.weighing.work import LINEARISED, Work
 from schwung.innovations.effect import Passed
 from schwung.innovations.evidence import Weighed, weigh
-from schwung.innovations.likelihood import Equations, Noise, likely_noise
+from schwung.innovations.likelihood import Noise, likely_noise
 from schwung.innovations.low_pass import heard
 from schwung.innovations.signals import Signals
 from schwung.innovations.statistics import Statistics, colour
@@ -71,10 +71,14 @@ def acting(view: View, along: Along, members: Sequence[Member]) -> Acting:
     known = view.known
     what = known.effect(along)
     total, dry = Acting(*what.of(np.ones(1))), known.dry(along)
+    whole = dry  # whatever acts beyond the belief
     for member in members:
-        if member.candidate.of_machine:
+        if member.candidate.of_machine and view.dry_nm is not None:
             continue
         parts = member.candidate.done(along, member.shape, member.coefficients).of(np.ones(1))
+        whole = whole + parts[0] + parts[1]
+        if member.candidate.of_machine:
+            continue
         total += Acting(*parts)
         if (
             member.candidate.tangent is not None
@@ -84,9 +88,12 @@ def acting(view: View, along: Along, members: Sequence[Member]) -> Acting:
             total += Acting(on_motor=wound, on_load=-wound, coupling=coupling)
         if member.candidate.dry:
             dry = dry + parts[0]
-    return replace(
-        total, dry_nm=float(np.sqrt(np.mean(dry[along.moves] ** 2))) if view.dry_nm is None else view.dry_nm
-    )
+    return replace(total, dry_nm=_dry(along, dry, whole) if view.dry_nm is None else view.dry_nm)
+
+
+def _dry(along: Along, dry: Array, whole: Array) -> float:
+    """Size of dry friction where the shaft slides (N·m): curves may cancel, and no more of it is dry than there is."""
+    return float(np.sqrt(min(np.mean(each[along.moves] ** 2) for each in (dry, whole))))
 
 
 @dataclass(frozen=True, eq=False)
@@ -95,8 +102,14 @@ class Linearised:
 
     view: View
     alongs: list[Along]
-    passed: list[Passed]
+    passed: Mapping[int, Passed]  # of the runs that were asked for
     noise: Noise
+    members: Sequence[Member] = ()  # that are present
+
+    def beside(self, runs: Sequence[int]) -> Linearised:
+        """Other runs about the same, with the states that it makes likely."""
+        view = resmoothed(self.view, self.members, self.noise, runs)
+        return linearised(view, self.members, self.noise, None, runs)
 
     def samples(self, runs: Sequence[int]) -> int:
         """Σ2n of some runs."""
@@ -133,23 +146,29 @@ class Linearised:
         return np.concatenate([self.passed[run].innovations for run in runs])
 
 
-def linearised(view: View, members: Sequence[Member], noise: Noise, reach: float | None) -> Linearised:
-    """Filter all runs with these members present; `reach`: how far off the noise may be (log), None: keep it."""
+def linearised(
+    view: View,
+    members: Sequence[Member],
+    noise: Noise,
+    reach: float | None,
+    runs: Sequence[int] | None = None,
+) -> Linearised:
+    """Filter some runs (None: all) with these members present; `reach`: how far off the noise may be (log), None: keep
+    it.
+    """
     alongs = view.alongs(members)
-    made = [equations_of(where, acting(view, where, members)) for where in alongs]
+    runs = range(len(alongs)) if runs is None else runs
+    pairs = _few([group for group in view.repeats if len(group) > 1])
+    few = [] if reach is None else [i for pair in pairs for i in pair[:2]] or _few(range(len(alongs)))
+    made = {i: equations_of(alongs[i], acting(view, alongs[i], members)) for i in {*runs, *few}}
     if reach is not None:
-        pairs = _few([group for group in view.repeats if len(group) > 1])
-        few = [i for pair in pairs for i in pair[:2]] or _few(range(len(made)))
-        equations: list[Equations] = [made[i][0] for i in few]
+        equations = [made[i][0] for i in few]
         these, span = [view.runs[i] for i in few], view.ranges.span_rad
         places = [(2 * i, 2 * i + 1) for i in range(len(pairs))]
         noise = likely_noise(equations, these, noise, reach, span, whole=True, repeats=places)
-    passed = [
-        Passed.of(equations, steps, noise, run)
-        for (equations, steps), run in zip(made, view.runs, strict=True)
-    ]
-    view.work.add(LINEARISED * sum(one.samples for one in passed))
-    return Linearised(view, alongs, passed, noise)
+    passed = {i: Passed.of(*made[i], noise, view.runs[i]) for i in runs}
+    view.work.add(LINEARISED * sum(one.samples for one in passed.values()))
+    return Linearised(view, alongs, passed, noise, members)
 
 
 def _few(every: Sequence[T]) -> list[T]:
@@ -158,27 +177,27 @@ def _few(every: Sequence[T]) -> list[T]:
     return [every[int(place)] for place in places]
 
 
-def resmoothed(view: View, members: Sequence[Member], noise: Noise) -> View:
-    """The runs with the states that these members make likely, given the noise.
+def resmoothed(
+    view: View, members: Sequence[Member], noise: Noise, runs: Sequence[int] | None = None
+) -> View:
+    """Some runs (None: all) with the states that these members make likely, given the noise.
 
     What the true torque is taken to be stays: were it smoothed about a set, what that set cannot do would be in it, and
     from there in the set's own columns.
     """
-    return _resmoothed(view, members, noise)[0]
+    return _resmoothed(linearised(view, members, noise, None, runs))[0]
 
 
-def _resmoothed(view: View, members: Sequence[Member], noise: Noise) -> tuple[View, tuple[Array, ...]]:
+def _resmoothed(about: Linearised) -> tuple[View, tuple[Array, ...]]:
     """And the torque (N·m) of each run, (n,) each, without what is noise of it."""
-    states = [one.states() for one in linearised(view, members, noise, None).passed]
-    runs = tuple(replace(run, states=s[:, :-1]) for run, s in zip(view.runs, states, strict=True))
-    torques = tuple(
-        heard(
-            run.drive.smooth(run.time_s) - s[:, -1],
-            float(np.sqrt(noise.torque_nm**2 + np.mean((noise.torque_share * run.load_nm) ** 2))),
-        )
-        for run, s in zip(view.runs, states, strict=True)
-    )
-    return replace(view, runs=runs), torques
+    view, noise = about.view, about.noise
+    runs, torques = list(view.runs), list(view.torques_nm)
+    for i, passed in about.passed.items():
+        states, run = passed.states(), view.runs[i]
+        runs[i] = replace(run, states=states[:, :-1])
+        size = float(np.sqrt(noise.torque_nm**2 + np.mean((noise.torque_share * run.load_nm) ** 2)))
+        torques[i] = heard(run.drive.smooth(run.time_s) - states[:, -1], size)
+    return replace(view, runs=tuple(runs)), tuple(torques)
 
 
 @dataclass(frozen=True, eq=False)
@@ -205,6 +224,8 @@ _REACHES = (0.1, 1.0)
 _SIZING, _SMALLEST, _LARGEST = 12, 1e-4, 10.0
 #: Steps of a set's coefficients at most, halvings of each; at rest, where none moves by more than this (deviations).
 _STEPS, _HALVINGS, _AT_REST = 12, 4, 0.1
+#: Costs (−2 log) that differ by less are the same: the filter's equations change a little with the states.
+_ALIKE = 0.5
 
 
 def wide_fit(
@@ -244,11 +265,11 @@ def _nearer(
             replace(m, coefficients=_within(m, m.coefficients + share * part))
             for m, part in zip(members, np.split(step, at), strict=True)
         ]
-        view, torques = _resmoothed(about.view, tried, about.noise)
-        if _finite(view) and linearised(view, tried, about.noise, None).square(train) < before:
+        view, torques = _resmoothed(linearised(about.view, tried, about.noise, None))
+        if _finite(view) and linearised(view, tried, about.noise, None, train).square(train) < before:
             return tried, view, torques
         share /= 2
-    return list(members), *_resmoothed(about.view, members, about.noise)
+    return list(members), *_resmoothed(linearised(about.view, members, about.noise, None))
 
 
 @dataclass(frozen=True, eq=False)
@@ -274,26 +295,43 @@ def settled(view: View, members: Sequence[Member], weighing: Weighing) -> Settle
 
     A step that makes the runs less likely is halved: far from the truth, a linear model promises too much.
     """
-    view = resmoothed(view, members, weighing.noise)
-    at = _stepped(view, members, weighing)
+    view = resmoothed(view, members, weighing.noise, weighing.train)
+    return _at_rest(_stepped(view, members, weighing), weighing)
+
+
+def settled_beyond(
+    about: Linearised, members: Sequence[Member], promised: Sequence[Array], weighing: Weighing
+) -> Settled:
+    """The same from members with the coefficients they have where all is linearised; `promised`: the linear model's.
+
+    Where no part of that step makes the runs likelier, the set is worth nothing: what it promised is no machine.
+    """
+    steps = [new - m.coefficients for new, m in zip(promised, members, strict=True)]
+    cost = _cost(about, members, weighing)
+    return _at_rest(_Step(about, tuple(members), steps, np.inf, cost, -np.inf), weighing)
+
+
+def _at_rest(at: _Step, weighing: Weighing) -> Settled:
+    samples = at.about.samples(weighing.train) / weighing.excess
     for _ in range(_STEPS):
+        missed = max(1.0, float(np.sqrt(at.cost / samples)))  # coefficients are known so many times less well
+        if at.moved < _AT_REST * missed:
+            break
         share, better = 1.0, at
         for _ in range(_HALVINGS):
             tried = [
                 replace(m, coefficients=_within(m, m.coefficients + share * step))
                 for m, step in zip(at.members, at.steps, strict=True)
             ]
-            view = resmoothed(at.about.view, tried, weighing.noise)
+            view = resmoothed(at.about.view, tried, weighing.noise, weighing.train)
             if _finite(view):
                 better = _stepped(view, tried, weighing)
-                if better.cost < at.cost:
+                if better.cost < at.cost + _ALIKE * missed**2:
                     break
             share /= 2
-        if not better.cost < at.cost:
+        if better is at or better.cost >= at.cost + _ALIKE * missed**2:
             break
-        moved, at = share * at.moved, better
-        if moved < _AT_REST:
-            break
+        at = better
     return Settled(at.about, at.members, at.log)
 
 
@@ -304,7 +342,9 @@ def _finite(view: View) -> bool:
 
 @dataclass(frozen=True, eq=False)
 class _Step:
-    """About coefficients: what the data ask for next, and how unlikely they and the runs are (−2 log)."""
+    """About coefficients: what the data ask for next, how unlikely they and the runs are (−2 log), and the evidence
+    there (Laplace's, of the coefficients as they are: what a further step promises is not kept everywhere).
+    """
 
     about: Linearised
     members: tuple[Member, ...]
@@ -314,8 +354,14 @@ class _Step:
     log: float
 
 
+def _cost(about: Linearised, members: Sequence[Member], weighing: Weighing) -> float:
+    """How unlikely the runs and the members' coefficients are (−2 log)."""
+    prior = sum(float(np.sum((m.coefficients / m.deviations) ** 2)) for m in members)
+    return about.square(weighing.train) / weighing.excess + prior
+
+
 def _stepped(view: View, members: Sequence[Member], weighing: Weighing) -> _Step:
-    about = linearised(view, members, weighing.noise, None)
+    about = linearised(view, members, weighing.noise, None, weighing.train)
     train, excess = weighing.train, weighing.excess
     present = np.concatenate([m.coefficients for m in members])
     deviations = np.concatenate([m.deviations for m in members])
@@ -323,13 +369,14 @@ def _stepped(view: View, members: Sequence[Member], weighing: Weighing) -> _Step
     target = about.innovations(train) + present @ rows
     found = weigh(Statistics.of(rows.T, target).tempered(excess), deviations)
     step, at = found.coefficients - present, np.cumsum([m.candidate.size for m in members])[:-1]
+    cost = _cost(about, members, weighing)
     return _Step(
         about=about,
         members=tuple(members),
         steps=np.split(step, at),
         moved=float(np.max(np.abs(step) / found.spread)),
-        cost=about.square(train) / excess + float(np.sum((present / deviations) ** 2)),
-        log=found.log_evidence,
+        cost=cost,
+        log=-0.5 * cost - float(np.sum(np.log(np.diag(found.factor)))),
     )
 
 

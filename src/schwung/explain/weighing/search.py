@@ -72,6 +72,7 @@ class Search:
     table: dict[frozenset[int], Scored] = field(default_factory=dict)
     known: dict[Set, Scored] = field(default_factory=dict)
     closely: dict[tuple[Set, Pick], Scored] = field(default_factory=dict)  # what `_with` found
+    kept: dict[frozenset[int], float] = field(default_factory=dict)  # at rest, less what was promised (log)
 
     def __post_init__(self) -> None:
         free = len({c.name for i, c in enumerate(self.data.candidates) if i not in self.always})
@@ -82,9 +83,17 @@ class Search:
         """Whose atom it is."""
         return self.data.candidates[self.data.atoms[pick.atom].candidate]
 
+    def name(self, pick: Pick) -> str:
+        """The candidate's."""
+        return self.candidate(pick).name
+
     def index(self, pick: Pick) -> int:
         """Its candidate's number."""
         return self.data.atoms[pick.atom].candidate
+
+    def kind(self, picks: Set) -> frozenset[int]:
+        """Which candidates a set holds, whatever their shapes and sizes."""
+        return frozenset(self.index(pick) for pick in picks)
 
     def columns(self, picks: Set) -> tuple[Numbers, Array]:
         """Numbers and prior deviations of a set's columns, the errors of its laws among them."""
@@ -128,7 +137,7 @@ class Search:
             evidence = logsumexp(logs) - float(np.log(len(SHARES)))
         scored = Scored(picks, evidence + self._log(picks, found, first), found, which, deviations)
         self.known[picks] = scored
-        kind = frozenset(self.index(pick) for pick in picks)
+        kind = self.kind(picks)
         if kind not in self.table or self.table[kind].log < scored.log:
             self.table[kind] = scored
         return scored
@@ -299,12 +308,14 @@ class Search:
     def tempered(self, ratio: float) -> Search:
         """The same sets as so many times fewer samples would tell them apart."""
         other = Search(self.data.tempered(ratio), self.always)
+        other.kept = {kind: log / ratio for kind, log in self.kept.items()}
         for scored in self.table.values():
             other.sized(other.score(scored.picks))
         return other
 
     def shares(self) -> list[tuple[float, Scored]]:
         """Every visited kind of set with its probability, the most probable first."""
-        sets = sorted(self.table.values(), key=lambda scored: -scored.log)
-        logs = np.array([scored.log for scored in sets])
+        told = [(one.log + self.kept.get(kind, 0.0), one) for kind, one in self.table.items()]
+        told.sort(key=lambda pair: -pair[0])
+        logs, sets = np.array([log for log, _ in told]), [one for _, one in told]
         return list(zip(np.exp(logs - logsumexp(logs)).tolist(), sets, strict=True))

@@ -31,6 +31,15 @@ class Standing:
     left: float
     names: Mapping[str, float]
 
+    def of(self, search: Search, name: str) -> float:
+        """The same of any name that was visited: of one that the best set does not hold, in the best that does."""
+        if name not in self.names:
+            sets = [one for one in search.table.values() if name in map(search.name, one.picks)]
+            best = max(sets, key=lambda one: one.log)
+            pick = next(one for one in best.picks if search.name(one) == name)
+            return _sure(search, _worth(search, best.picks, pick), self.left)
+        return self.names[name]
+
     @property
     def tempering(self) -> float:
         """How many times less evidence tells sets apart that differ along what is left."""

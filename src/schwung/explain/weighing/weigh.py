@@ -15,8 +15,9 @@ from schwung.explain.weighing.candidate import NATURAL, Candidate
 from schwung.explain.weighing.data import Atom
 from schwung.explain.weighing.growth import Grown, Growth, everything, slices
 from schwung.explain.weighing.known import known
+from schwung.explain.weighing.present import Member
 from schwung.explain.weighing.repeated import repeated
-from schwung.explain.weighing.round import View, wide_fit
+from schwung.explain.weighing.round import Linearised, View, target_of, wide_fit
 from schwung.explain.weighing.search import Scored, Search
 from schwung.explain.weighing.standing import Standing, standing
 from schwung.explain.weighing.values import Named, Parameter, Proof, Unnamed, Weighed
@@ -24,6 +25,7 @@ from schwung.explain.weighing.vocabulary import vocabulary
 from schwung.innovations.evidence import weigh as weigh_columns
 from schwung.innovations.likelihood import first_noise
 from schwung.innovations.signals import signals_of
+from schwung.innovations.statistics import Statistics
 from schwung.motion import Array
 from schwung.session.imports import repeats
 from schwung.session.model import Session
@@ -96,7 +98,9 @@ def _repeats(session: Session) -> list[tuple[int, ...]]:
 def _told(outcome: Grown, stands: Standing, sure: Search, heldout: Sequence[int]) -> Weighed:
     search, data = outcome.search, outcome.data
     shares = sure.shares()
-    likely = {name: p * stands.names.get(name, 1.0) for name, p in _probabilities(sure).items()}
+    named = {c.name for c in data.candidates if c.named}
+    likely = {name: p for name, p in _probabilities(sure).items() if p >= TOLD}
+    likely = {name: p * stands.of(search, name) if name in named else p for name, p in likely.items()}
     names = {c.name: likely[c.name] for c in data.candidates if c.named and likely.get(c.name, 0.0) >= TOLD}
     told = [Named(name, p, _parameters(sure, name)) for name, p in names.items() if not _at_bound(sure, name)]
     ends = [name for name in names if _at_bound(sure, name)]
@@ -210,13 +214,26 @@ def _rms(search: Search, name: str) -> float:
 
 
 def _proof(outcome: Grown, heldout: Sequence[int]) -> Proof:
-    """The best set's and the bare belief's predictions of the motions kept aside."""
-    data, search = outcome.data, outcome.search
-    logs, missed = [], []
-    for picks in ((), outcome.best.picks):
-        which, deviations = search.columns(picks)
-        seen, aside = data.at(which), data.aside(which, heldout)
-        fitted, both = weigh_columns(seen, deviations), weigh_columns(seen + aside, deviations)
-        logs.append(both.log_evidence - fitted.log_evidence)
-        missed.append(float(np.sqrt(aside.missed(fitted.coefficients) / aside.count)))
-    return Proof(tuple(heldout), (logs[1] - logs[0]) / aside.count, *missed)
+    """The best set's and the bare belief's predictions of the motions kept aside, each linearised about itself."""
+    data, (which, deviations) = outcome.data, outcome.search.columns(outcome.best.picks)
+    log, after = _predicted(data.at(which), data.aside(which, heldout), deviations)
+    bare, members = outcome.nothing.about, outcome.nothing.members
+    seen, aside = (
+        _statistics(about, members, runs).tempered(data.excess)
+        for about, runs in ((bare, data.train), (bare.beside(heldout), heldout))
+    )
+    belief, before = _predicted(seen, aside, np.concatenate([m.deviations for m in members]))
+    return Proof(tuple(heldout), (log - belief) / aside.count, before, after)
+
+
+def _predicted(seen: Statistics, aside: Statistics, deviations: Array) -> tuple[float, float]:
+    """Log predictive likelihood of runs aside, and what is missed there over the noise (root mean square)."""
+    fitted, both = weigh_columns(seen, deviations), weigh_columns(seen + aside, deviations)
+    missed = float(np.sqrt(aside.missed(fitted.coefficients) / aside.count))
+    return both.log_evidence - fitted.log_evidence, missed
+
+
+def _statistics(about: Linearised, members: Sequence[Member], runs: Sequence[int]) -> Statistics:
+    """Of the members' columns on some runs."""
+    rows = about.whitened([(m.candidate.about(m.coefficients), m.shape) for m in members], runs)
+    return Statistics.of(rows.T, target_of(about, members, runs))

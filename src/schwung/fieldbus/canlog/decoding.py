@@ -158,12 +158,16 @@ def read_rows(frames: Frames, reader: PdoReader, wanted: Callable[[Key], bool]) 
     if sync.size < _FEWEST_SYNCS:
         raise InputError(
             str(frames.path), f"holds {sync.size} SYNCs (0x080), so that nothing says when its PDOs were sampled",
-            "Log a commissioning in which a master sends SYNC.",
+            "Log a commissioning in which a master sends SYNC, or read PDOs that are sent on events with --dbc.",
         )  # fmt: skip
     period = float(np.median(np.diff(frames.time_s[sync])))
+    if not period > 0:
+        raise InputError(str(frames.path), "has stamps that do not grow from SYNC to SYNC",
+                         "Log with absolute stamps: candump -L.")  # fmt: skip
     told = reader.integer(0x1006, 0, int(sync[-1]))
     rate = _rate(frames.time_s[sync], period, told)
-    missing = np.diff(frames.time_s[sync]) > _GAP_PERIODS / rate
+    steps = np.diff(frames.time_s[sync])
+    missing = (steps > _GAP_PERIODS / rate) | (steps < 0)  # or somebody set the clock
     missing |= _skipped(frames, sync)
     piece = np.concatenate(([0], np.cumsum(missing)))
     streams = _streams(frames, reader, wanted)

@@ -21,6 +21,8 @@ _INDEX_WORDS = ("index", "sample", "no", "nr", "n", "count")
 #: Sampling of servo axes lies between these, from a logger of a PLC to the drive's own current loop (Hz).
 _SLOWEST_HZ, _FASTEST_HZ = 20.0, 50e3
 _TIME_UNITS = (("s", 1.0), ("ms", 1e-3), ("us", 1e-6), ("ns", 1e-9))
+#: Ticks of Windows, .NET and TwinCAT are 100 ns.
+_TICK_WORDS, _TICKS = ("tick", "ticks", "filetime"), (("100ns", 1e-7), *_TIME_UNITS)
 _STEADY_SHARE = 0.5  # of the steps of a time column lie this near to their median, as a share of it
 _SETTLED = 12  # rows: thinned out, they are an eighth of the period at its edge apart, or less
 _MOST_SAMPLES = 200_000
@@ -100,9 +102,8 @@ def _with_unit(column: Column, said: str | None, others: tuple[str, ...]) -> Tim
         return TimeFound(column, said, factor, f"{grows}, in {said} as you say", others, True)
     if known is not None:
         return TimeFound(column, None, known.factor, f"{grows} {known.text}, as the file says", others, True)
-    fitting = [
-        (name, factor) for name, factor in _TIME_UNITS if _SLOWEST_HZ <= 1 / (step * factor) <= _FASTEST_HZ
-    ]
+    units = _TICKS if _has_word(column.name, _TICK_WORDS) else _TIME_UNITS
+    fitting = [(name, factor) for name, factor in units if _SLOWEST_HZ <= 1 / (step * factor) <= _FASTEST_HZ]
     if not fitting:
         return TimeFound(column, None, 1.0, f"{grows}, which in no unit is a usual rate", others, False)
     name, factor = fitting[0]
@@ -111,7 +112,7 @@ def _with_unit(column: Column, said: str | None, others: tuple[str, ...]) -> Tim
     if step == 1.0 and (_has_word(column.name, _INDEX_WORDS) or column.name.startswith("column ")):
         counted = f"{evidence}; it may be a mere count of samples: then give --rate"
         return TimeFound(column, name, factor, counted, (*also, *others), False)
-    return TimeFound(column, name, factor, evidence, (*also, *others), True)
+    return TimeFound(column, name, factor, evidence, (*also, *others), not also)
 
 
 def _has_word(name: str, words: Sequence[str]) -> bool:
@@ -143,6 +144,8 @@ def prepare(table: Table, time: TimeFound, rate: float | None) -> Prepared:
     sizes = [column.values.size for column in data]
     if not data or max(sizes) < _FEWEST:
         raise InputError(str(table.path), "has too few samples to guess from", f"{_FEWEST} are the least.")
+    if not any(np.ptp(values) > 0 for column in data if (values := _numbers(column)).size):
+        raise InputError(str(table.path), "has no column that ever changes", "Record a motion.")
     clock: Clock | None = None
     dropped = 0
     if own:

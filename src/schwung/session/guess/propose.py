@@ -119,7 +119,8 @@ def propose(table: Table, said: Mapping[str, Any]) -> tuple[Proposal, ...]:
             str(table.path), "has no column that gathers the speed of another, as a torque does",
             "Name what you know: --position NAME or --torque NAME, or a longer part of the recording.",
         )  # fmt: skip
-    names = [given.columns[joint.position].name for joint in joints]
+    named = [given.columns[joint.position].name for joint in joints]
+    names = [f"{name} {k}" if named.count(name) > 1 else name for k, name in enumerate(named, start=1)]
     return tuple(_proposal(given, joint, name, said) for joint, name in zip(joints, names, strict=True))
 
 

@@ -280,7 +280,7 @@ def _timed(
         return [_recording(table, main.rate_hz, main.start_s, dict(signals), notes)]
     if not recipe.resample:
         raise _not_uniform(table, clocks, apart)
-    rate = wanted or min(_round_rate(clock.rate_hz) for clock in clocks.values())
+    rate = wanted or min(_round_rate(_rate_between(times[name])) for name in clocks)
     if wanted and wanted > main.rate_hz * 1.01:
         notes.append(f"{wanted:g} Hz is more than was sampled: the samples between add nothing")
     made: list[_Recording] = []
@@ -298,6 +298,12 @@ def _timed(
         f"resampled to {rate:g} Hz by cubic interpolation, in {len(made)} piece{'s' * (len(made) > 1)}"
     )
     return made
+
+
+def _rate_between(time_s: Array) -> float:
+    """The rate of sampling (Hz), whether samples are lost or not: a long step counts as several usual ones."""
+    steps = np.diff(time_s)
+    return float(max(np.sum(np.rint(steps / np.median(steps))), 1) / (time_s[-1] - time_s[0]))
 
 
 def _round_rate(rate_hz: float) -> float:

@@ -6,6 +6,7 @@ import gzip
 import re
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
+from datetime import datetime
 from pathlib import Path
 from typing import IO, Any, cast
 
@@ -19,15 +20,16 @@ from schwung.session.interchange import mdf
 EXTENDED = 1 << 31  # set in `can_id` of a frame with a 29-bit identifier
 _GZIP = b"\x1f\x8b"
 _HEAD_BYTES = 4096
+#: Seconds since 1970, or since the start (`-t z`), or since the frame before (`-t d`); a date with a time (`-t A`).
+_STAMP = r"\((\d+\.\d+|\d{4}-\d\d-\d\d \d\d:\d\d:\d\d\.\d+)\)"
 #: `candump -L`: (1436509052.249713) can0 123#DEADBEEF, a direction behind it or not.
-_LOGGED = re.compile(
-    r"\((\d+\.\d+)\)\s+(\S+)\s+([0-9A-Fa-f]{3,8})#([0-9A-Fa-f]*|[Rr]\d?|#\S+)(?:\s+([RrTt]))?$"
-)
+_LOGGED = re.compile(_STAMP + r"\s+(\S+)\s+([0-9A-Fa-f]{3,8})#([0-9A-Fa-f]*|[Rr]\d?|#\S+)(?:\s+([RrTt]))?$")
 #: `candump -t a`, `-t z`: (1436509052.249713)  can0  123   [4]  DE AD BE EF, with direction and text or not.
 _PRINTED = re.compile(
-    r"\((\d+\.\d+)\)\s+(\S+)\s+(?:(?:TX|RX)\b[\sA-Z-]*\s)?([0-9A-Fa-f]{3,8})\s+\[(\d+)\]\s*"
+    _STAMP + r"\s+(\S+)\s+(?:(?:TX|RX)\b[\sA-Z-]*\s)?([0-9A-Fa-f]{3,8})\s+\[(\d+)\]\s*"
     r"((?:[0-9A-Fa-f]{2}(?:\s|$))*|remote request)"
 )
+_FALLING = 0.1  # of the steps from stamp to stamp
 _SUFFIXES = (".asc", ".blf", ".trc")  # where the beginning does not say it
 
 
@@ -125,13 +127,25 @@ def read_frames(path: Path, channel: str | None = None) -> Frames:
     kept = [k for k, each in enumerate(found.channel) if each == wanted]
     return Frames(
         path=path,
-        time_s=np.array(found.time, dtype=np.float64)[kept],
+        time_s=_since_one_instant(np.array(found.time, dtype=np.float64))[kept],
         can_id=np.array(found.can_id, dtype=np.int64)[kept],
         data=tuple(found.data[k] for k in kept),
         number=np.array(found.number, dtype=np.int64)[kept],
         counted="line" if kind == "candump" else "frame",
         kind=kind,
     )
+
+
+def _since_one_instant(stamps: Array) -> Array:
+    """Stamps (n,) that count from the frame before (`candump -t d`) added up: they fall as often as they grow, while
+    those of a clock hardly ever do."""
+    falls = float(np.mean(np.diff(stamps) < 0)) if stamps.size > 1 else 0.0
+    return np.asarray(np.cumsum(stamps)) if falls > _FALLING else stamps
+
+
+def _seconds(stamp: str) -> float:
+    """A stamp in s, of a date since 1970 as if it were UTC. Raises ValueError for none."""
+    return datetime.fromisoformat(f"{stamp}+00:00").timestamp() if "-" in stamp else float(stamp)
 
 
 def _opened(path: Path) -> IO[bytes]:
@@ -163,7 +177,7 @@ def _read_candump(path: Path, found: _Collected) -> None:
             if payload.startswith("remote"):
                 continue
         try:
-            data = bytes.fromhex(payload)
+            data, time = bytes.fromhex(payload), _seconds(stamp)
         except ValueError:
             broken = number
             continue
@@ -172,7 +186,7 @@ def _read_candump(path: Path, found: _Collected) -> None:
             if can_id & 0x20000000:
                 continue  # an error frame
             can_id = can_id & 0x1FFFFFFF | EXTENDED
-        found.add(float(stamp), can_id, data, number, channel)
+        found.add(time, can_id, data, number, channel)
     else:
         return
     raise InputError(f"{path}: line {broken}", "is no frame of a candump log", "Correct or remove that line.")

@@ -17,12 +17,14 @@ from schwung.motion import Array
 from schwung.session.imports.stamps import read_stamps
 from schwung.session.imports.table import Column, Table
 from schwung.session.imports.twincat import is_scope_header, scope_table
+from schwung.session.imports.units import is_unit
 
 #: In this order: a decimal comma is as frequent in its lines as any separator, so the comma comes late.
 _SEPARATORS = (";", "\t", ",", " ")
 _PROBED_LINES = 20
 _COMMENT = re.compile(r"^\s*[#%]+\s?")
 _END_MARK = "EOF"
+_THOUSANDS = re.compile(r"[-+]?\d{1,3}(\.\d{3})+(,\d*)?")
 _DECIMAL_COMMA = re.compile(r"[-+]?\d*,\d+([eE][-+]?\d+)?")
 
 
@@ -92,9 +94,16 @@ def _cells(line: str, separator: str) -> list[str]:
     return [cell.strip() for cell in line.split(separator)]
 
 
+def _pointed(cell: str, decimal_comma: bool) -> str:
+    """A number with a point for its decimals, as Python reads it: 1.234,5 is one thousand and more."""
+    if not decimal_comma:
+        return cell
+    return (cell.replace(".", "") if _THOUSANDS.fullmatch(cell) else cell).replace(",", ".")
+
+
 def _is_number(cell: str, decimal_comma: bool) -> bool:
     try:
-        float(cell.replace(",", ".") if decimal_comma else cell)
+        float(_pointed(cell, decimal_comma))
     except ValueError:
         return False
     return True
@@ -149,23 +158,39 @@ def _first_line(lines: Sequence[str], separator: str, decimal_comma: bool, with_
 def _names(header: Sequence[str], layout: Layout) -> tuple[list[str], list[str]]:
     """Names and units of the columns, from the lines right above the samples; comment marks are ignored."""
     rows = [_cells(_COMMENT.sub("", line), layout.separator) for line in header if line.strip()]
-    rows = [row for row in rows if len(row) in (layout.columns, layout.columns - 1)][-2:]
+    rows = [row for row in rows if len(row) in (layout.columns, layout.columns - 1)][-3:]
     rows = [row + [""] * (layout.columns - len(row)) for row in rows]
     units = [""] * layout.columns
-    if len(rows) == 2 and all(re.fullmatch(r"[\[(]?[^\s\[\]()]{0,8}[\])]?", cell) for cell in rows[1]):
-        bracketed = all(cell[:1] in "[(" for cell in rows[1] if cell)
-        known = re.compile(r"(s|ms|rad|deg|°|m|mm|nm|n·m|a|v|n|%|rpm|rad/s|deg/s|m/s|mm/s|-)", re.IGNORECASE)
-        if bracketed or all(known.fullmatch(cell) for cell in rows[1] if cell):
-            units = [cell.strip("[]()") for cell in rows[1]]
-            rows.pop()
-    names = rows[-1] if rows else [""] * layout.columns
-    return [name.strip() or f"column {k}" for k, name in enumerate(names)], units
+    if len(rows) > 1 and any(rows[-1]) and all(_is_unit_cell(cell) for cell in rows[-1]):
+        units = [cell.strip("[]()") for cell in rows.pop()]
+    names = [name.strip() for name in (rows[-1] if rows else units)]
+    if len(rows) > 1 and len(set(filter(None, names))) < sum(map(bool, names)):
+        names = _grouped(names, rows[-2])
+    return [name or f"column {k}" for k, name in enumerate(names)], units
+
+
+def _is_unit_cell(cell: str) -> bool:
+    """Whether a cell in the line above the samples is a unit: in brackets, or one that is known."""
+    bracketed = re.fullmatch(r"[\[(][^\s\[\]()]{0,8}[\])]", cell) is not None
+    return not cell or bracketed or is_unit(cell)
+
+
+def _grouped(names: Sequence[str], above: Sequence[str]) -> list[str]:
+    """Names that come several times, with what stands above them in one cell over several columns: Axis 1 Position."""
+    if not 0 < sum(map(bool, above)) < len(above):
+        return list(names)
+    group, full = "", []
+    for name, head in zip(names, above, strict=True):
+        group = head.strip() or group
+        full.append(f"{group} {name}" if group and names.count(name) > 1 else name)
+    return full
 
 
 def _numbers(path: Path, lines: Sequence[str], layout: Layout) -> Array:
     """All samples (n, columns), NaN where a cell is empty. The fast way first; the slow one names the bad cell."""
     body = lines[layout.first_line :]
-    if '"' not in body[0] and layout.columns > 1:
+    thousands = layout.decimal_comma and any("." in line for line in body[:_PROBED_LINES])
+    if '"' not in body[0] and layout.columns > 1 and not thousands:
         text = (line.replace(",", ".") for line in body) if layout.decimal_comma else iter(body)
         delimiter = None if layout.separator == " " else layout.separator
         try:
@@ -233,7 +258,7 @@ class _Body:
                     origin = int(cell) if origin is None else origin
                     values[row] = int(cell) - origin
                 else:
-                    values[row] = float(cell.replace(",", ".") if comma else cell)
+                    values[row] = float(_pointed(cell, comma))
             except ValueError:
                 raise InputError(f"{self._path}: line {number}, column {k}", f'"{cell}" is not a number',
                                  "Correct that cell, or cut the file before it.") from None  # fmt: skip

@@ -14,7 +14,7 @@ from schwung.session.model import Axis
 Quantity = Literal["time", "position", "speed", "torque"]
 
 _TURN = 2 * math.pi
-_TIME = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9, "min": 60.0}
+_TIME = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "100ns": 1e-7, "ns": 1e-9, "min": 60.0}
 _UNITS: dict[Axis, dict[Quantity, dict[str, float]]] = {
     "rotary": {
         "time": _TIME,
@@ -42,7 +42,8 @@ _SPELLINGS = {
     "°": "deg", "grad": "deg", "degree": "deg", "degrees": "deg", "°/s": "deg/s", "1/min": "rpm", "min-1": "rpm",
     "u/min": "rpm", "turn": "rev", "turns": "rev", "revs": "rev", "r": "rev", "1/s": "rev/s", "rps": "rev/s",
     "rad/sec": "rad/s", "sec": "s", "second": "s", "seconds": "s", "msec": "ms", "micron": "um", "inc": "counts",
-    "incs": "counts", "count": "counts", "inc/s": "counts/s", "‰": "permille",
+    "incs": "counts", "count": "counts", "inc/s": "counts/s", "‰": "permille", "percent": "%",
+    "rad_s": "rad/s", "rads": "rad/s", "deg_s": "deg/s", "dps": "deg/s", "mm_s": "mm/s", "m_s": "m/s", "1_min": "rpm",
 }  # fmt: skip
 
 
@@ -112,9 +113,21 @@ def axis_of(text: str) -> Axis | None:
 
 
 def unit_in_name(name: str, quantity: Quantity, axis: Axis) -> Unit | None:
-    """The unit that a column's name carries in brackets, `Position [deg]` or `speed (rpm)`; None without one."""
+    """The unit that a column's name carries in brackets, `Position [deg]` or `speed (rpm)`, or at its end, `vel_rpm`
+    and `speed_rad_s`, where that is no single letter; None without one."""
     found = re.search(r"[\[(]\s*([^\[\]()]+?)\s*[\])]\s*$", name)
-    return header_unit(found[1], quantity, axis) if found else None
+    if found:
+        return header_unit(found[1], quantity, axis)
+    ends = [name.split("_", k)[-1] for k in range(name.count("_"), 0, -1)]
+    told = [header_unit(end, quantity, axis) for end in ends[:2] if len(end) > 1]
+    return next((each for each in reversed(told) if each is not None), None)
+
+
+def is_unit(text: str) -> bool:
+    """Whether this is a unit of anything that a recording holds."""
+    key = _plain(text.partition("(")[0])
+    known = {"-", "v", *_CURRENTS}.union(*(table for axis in _UNITS.values() for table in axis.values()))
+    return key in known.union(*_WITH_NUMBER.values())
 
 
 def header_unit(text: str, quantity: Quantity, axis: Axis) -> Unit | None:

@@ -1,7 +1,8 @@
 """Discrepancies: torque that follows a coordinate in a way that has no name, as Gaussian processes.
 
-Over angle, speed and torque by direction (two curves each), acceleration, time in the motion, and a level per run by
-direction. Their sizes are a ladder, of which the evidence takes what it needs.
+Over angle, speed and torque by direction (two curves each), acceleration, time in the motion, a level per run by
+direction, and over two at once: angle and speed, angle and torque, torque and time. Their sizes are a ladder, of which
+the evidence takes what it needs.
 """
 
 from __future__ import annotations
@@ -9,7 +10,7 @@ from __future__ import annotations
 import numpy as np
 
 from schwung.explain.weighing.along import Along, Ranges
-from schwung.explain.weighing.candidate import LADDER, Candidate, Curve, Shape
+from schwung.explain.weighing.candidate import LADDER, Candidate, Curve, Plane, Shape
 from schwung.innovations.effect import Effect
 from schwung.motion import Array
 
@@ -37,6 +38,16 @@ def unnamed(of: Ranges, torque_nm: float) -> list[Candidate]:
     torque = Curve.over(0.0, of.peak_torque_nm, 0.3)
     time = Curve.over(0.0, of.longest_s, 0.08, 97)
 
+    place = Curve.over(of.low_rad, of.high_rad, 0.15, 65)
+    pace = Curve.over(-of.peak_speed_rad_s, of.peak_speed_rad_s, 0.5)
+    load = Curve.over(-of.peak_torque_nm, of.peak_torque_nm, 0.5)
+    while_moving = Curve.over(0.0, of.longest_s, 0.2)
+    place_pace, place_load, load_time = (
+        Plane.of(place, pace),
+        Plane.of(place, load),
+        Plane.of(load, while_moving),
+    )
+
     def by_direction(curve: Array, direction: Array) -> Array:
         ahead = direction[:, None]
         return np.concatenate([curve * np.maximum(ahead, 0), curve * np.maximum(-ahead, 0)], 1)
@@ -62,6 +73,15 @@ def unnamed(of: Ranges, torque_nm: float) -> list[Candidate]:
         mine[:, along.number] = 1.0
         return Effect(by_direction(mine, along.direction))
 
+    def over_angle_and_speed(along: Along, _shape: Shape) -> Effect:
+        return Effect(on_load=place_pace.at(along.angle, along.load_speed))
+
+    def over_angle_and_torque(along: Along, _shape: Shape) -> Effect:
+        return Effect(place_load.at(along.angle, along.torque))
+
+    def over_torque_and_time(along: Along, _shape: Shape) -> Effect:
+        return Effect(load_time.at(along.torque, along.motion_time_s))
+
     return [
         Candidate(name, effect, (torque_nm,) * size, scales=LADDER, named=False, dry=dry, coordinate=name,
                   cases=frozenset(_CASES.get(name, ())))
@@ -72,5 +92,8 @@ def unnamed(of: Ranges, torque_nm: float) -> list[Candidate]:
             ("torque", over_torque, 2 * torque.size, True),
             ("time_in_motion", over_time, time.size, False),
             ("run", over_runs, 2 * of.runs, False),
+            ("position, speed", over_angle_and_speed, place_pace.size, False),
+            ("position, torque", over_angle_and_torque, place_load.size, False),
+            ("torque, time_in_motion", over_torque_and_time, load_time.size, False),
         )
     ]  # fmt: skip

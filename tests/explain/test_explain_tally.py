@@ -1,0 +1,49 @@
+"""Rates and calibration of weighed sessions."""
+
+import numpy as np
+import pytest
+from explain_tally import (
+    Told,
+    bins_of,
+    calibration_error,
+    calibration_interval,
+    printed,
+    read_tally,
+    write_tally,
+)
+
+
+def told(kind="single", truth=("cogging",), seed=0, **names):
+    return Told(kind, seed, truth, names, 0.9, 3.0)
+
+
+def test_a_session_is_right_by_its_first_name_and_wrong_by_any():
+    assert told(cogging=0.9).right
+    assert not told(cogging=0.4).right
+    assert told(cogging=0.9, backlash=0.6).wrong
+    assert told("none", ()).right
+    assert not told("foreign", ("mesh_stiffness",), backlash=0.6).right
+    assert not told("two", ("cogging", "backlash"), cogging=0.9).complete
+
+
+def test_names_that_are_true_as_often_as_they_say_are_calibrated():
+    chance = np.random.default_rng(3)
+    sessions = []
+    for p in chance.uniform(0.02, 1.0, 4000):
+        truth = ("cogging",) if chance.uniform() < p else ("backlash",)
+        sessions.append(told(truth=truth, cogging=float(p)))
+    assert calibration_error(sessions) < 0.03
+    sure = [told(truth=("backlash",), cogging=0.95), told(cogging=0.95)]
+    assert calibration_error(sure) == pytest.approx(0.45)
+    low, high = calibration_interval(sure)
+    assert low == pytest.approx(0.05)
+    assert high == pytest.approx(0.95)
+
+
+def test_a_tally_is_read_as_it_was_written(tmp_path):
+    file, sessions = tmp_path / "tally.jsonl", [told(cogging=0.995), told("none", (), backlash=0.2)]
+    for one in sessions:
+        write_tally(file, one)
+    assert read_tally(file) == sessions
+    assert [one.count for one in bins_of(sessions)] == [1, 1]
+    assert "expected calibration error 0.10" in printed(sessions)
