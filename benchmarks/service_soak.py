@@ -69,8 +69,10 @@ def soak(
     within_s: float = float("inf"),
     tell: bool = True,
 ) -> list[Count]:
-    """Commission until so much bus time has passed (or so many `runs`, or `within_s` by the wall). Raises SoakError for a run that is not done,
-    and for one that the store has lost."""
+    """Commission until so much bus time has passed (or so many `runs`, or `within_s` by the wall).
+
+    Raises SoakError for a run that is not done, and for one that the store has lost.
+    """
     counts: list[Count] = []
     finished: list[str] = []
     began = time.monotonic()
@@ -146,8 +148,9 @@ def _children(task: Path) -> list[str]:
 def _show(counts: Sequence[Count], hours: float, took_s: float) -> None:
     last = counts[-1]
     print(
-        f"{len(counts):6d} runs {last.bus_s / 3600:6.2f} of {hours:g} h, {last.bus_s / took_s:.2f} times the wall  {last.memory_mb:7.1f} MB  {last.objects:8d} "
-        f"objects  {last.handles:3d} handles  {last.threads:3d} threads  {last.processes:2d} processes",
+        f"{len(counts):6d} runs {last.bus_s / 3600:6.2f} of {hours:g} h, {last.bus_s / took_s:.2f} times the wall  "
+        f"{last.memory_mb:7.1f} MB  {last.objects:8d} objects  {last.handles:3d} handles  {last.threads:3d} threads  "
+        f"{last.processes:2d} processes",
         flush=True,
     )
 
