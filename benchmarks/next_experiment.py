@@ -55,7 +55,7 @@ STRENGTHS, CONFUSED = (3.0, 20.0), 0.9
 #: The first stroke, over the one that the machine is for, in the longest time: whoever knows little begins carefully.
 CAUTIOUS = 0.35
 #: Motions that are made at most, each experiment two of them.
-BUDGET = 12
+BUDGET = 8
 LONGEST_S = 4.0
 
 
@@ -73,7 +73,7 @@ class Room:
     def drawn_by(cls, seed: int) -> Room | None:
         """The machine of a seed; None where it cannot conceal what it should."""
         chance = np.random.default_rng([seed, 97])
-        drawn = replace(draw_machine(chance), rate_hz=RATE_HZ)
+        drawn = _careful(draw_machine(chance))
         name = HIDDEN[seed % len(HIDDEN)]
         size = float(np.exp(chance.uniform(*np.log(STRENGTHS)))) * floor_nm(drawn)
         silent = play_runs(drawn, TwoMassPlant(drawn.drive, drawn.profile, seed=seed), seed)
@@ -99,7 +99,9 @@ class Room:
         rest = round(0.1 / TICK_S)
         jitter = noise.position_rad * self.chance.standard_normal(rest + ticks.size)
         self.axis.play(np.zeros(rest), np.zeros(rest), jitter[:rest])
-        rows = self.axis.play(demand, added, jitter[rest:])[::every]
+        rows = self.axis.play(demand, added, jitter[rest:])[
+            every - 1 :: every
+        ]  # as a bus samples: what an interval led to
         rows = rows + self.chance.standard_normal(rows.shape) * (0.0, noise.speed_rad_s, noise.torque_nm)
         return Run(
             role=planned.role,
@@ -109,16 +111,31 @@ class Room:
             position_rad=rows[:, 0].copy(),
             speed_rad_s=rows[:, 1].copy(),
             torque_nm=rows[:, 2].copy(),
-            torque_added_nm=added[::every].copy(),
+            torque_added_nm=added[every - 1 :: every].copy(),
             motion=planned.motion,
             excitation=sine,
         )
 
 
+def _careful(drawn: DrawnMachine) -> DrawnMachine:
+    """The machine with the first session alone, by which strength is counted: the short stroke in the longest time."""
+    longest = max(run.stroke.duration_s for run in drawn.runs)
+    runs = [
+        replace(
+            run,
+            stroke=replace(run.stroke, distance_rad=CAUTIOUS * run.stroke.distance_rad, duration_s=longest),
+        )
+        for run in drawn.runs
+        if run.stroke.duration_s == longest
+    ]
+    chosen = [run for run in runs if run.injection is None][:2] + [run for run in runs if run.injection][:2]
+    return replace(drawn, rate_hz=RATE_HZ, runs=tuple(chosen))
+
+
 def _setting(drawn: DrawnMachine) -> Setting:
     """The belief, which is right but for what is concealed, and limits with a quarter to spare."""
     drive, settings, stroke = drawn.drive, drawn.settings, drawn.runs[0].stroke
-    distance = drawn.distance_rad
+    distance = drawn.distance_rad / CAUTIOUS
     low, high = min(0.0, distance), max(0.0, distance)
     angle = np.linspace(low - 2.5, high + 2.5, 1501)
     machine = Machine(
@@ -140,17 +157,17 @@ def _setting(drawn: DrawnMachine) -> Setting:
             sample_rate_hz=1 / TICK_S,
         ),
     )
-    duration = max(run.stroke.duration_s for run in drawn.runs)
+    duration = stroke.duration_s
     limits = Limits(
         position_min_rad=low - 0.25 * abs(distance),
         position_max_rad=high + 0.25 * abs(distance),
-        speed_max_rad_s=2.5 * drawn.peak_speed_rad_s,
+        speed_max_rad_s=2.5 * drawn.peak_speed_rad_s / CAUTIOUS,
         torque_max_nm=drive.peak_torque_nm,
         following_error_rad=abs(distance),
     )
     amplitude = max(run.injection.amplitude_nm for run in drawn.runs if run.injection)
     done = Wishes(
-        distance_rad=CAUTIOUS * distance,
+        distance_rad=drawn.distance_rad,
         duration_s=duration,
         kind=stroke.kind,
         frequency_hz=drawn.injection_hz,

@@ -33,6 +33,7 @@ _PLACES = {
     "schwung.api.values": (
         "Estimate", "Explanation", "InertiaTable", "Machine", "Run", "Session", "Simulated",
     ),
+    "schwung.api.weighing": ("Weighed", "weigh"),
     "schwung.commissioning": ("Check", "LimitWishes", "Observer", "Wishes"),
     "schwung.errors": (
         "BusError", "DriveError", "DriveFaultError", "InputError", "InterruptedByUser", "NodeLostError",

@@ -30,6 +30,8 @@ from schwung.api.values import Machine as Machine
 from schwung.api.values import Run as Run
 from schwung.api.values import Session as Session
 from schwung.api.values import Simulated as Simulated
+from schwung.api.weighing import Weighed as Weighed
+from schwung.api.weighing import weigh as weigh
 from schwung.commissioning import Check as Check
 from schwung.commissioning import LimitWishes as LimitWishes
 from schwung.commissioning import Observer as Observer

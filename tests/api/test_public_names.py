@@ -15,6 +15,7 @@ import pytest
 from matplotlib.figure import Figure
 
 import schwung
+from schwung.innovations.likelihood import Noise
 from schwung_sim.bench import Bench
 
 ERRORS = [name for name in schwung.__all__ if name.endswith("Error") or name == "InterruptedByUser"]
@@ -41,6 +42,19 @@ def world(tmp_path_factory: pytest.TempPathFactory) -> Iterator[dict[str, Any]]:
             "bench": "api",
             "folder": folder,
             "session_file": made["done"].session_path.absolute(),
+            "weighed": schwung.Weighed(
+                axis="rotary",
+                effort="torque",
+                names=(),
+                curves=(),
+                runners_up=(),
+                noise=Noise(0.1, 0.01, 1e-5),
+                excess=1.0,
+                proof=None,
+                shown=(),
+                machine=made["believed"],
+                notes=(),
+            ),
             "table": schwung.InertiaTable(np.array([0.0, 1.0, 2.0]), np.array([0.1, 0.3, 0.2])),
         }
 

@@ -167,7 +167,11 @@ def weighing(monkeypatch: pytest.MonkeyPatch) -> list[float]:
         fast = replace(where.done, duration_s=0.01)  # breaks every limit: preflight refuses it
         return [Experiment(w, Gain(0.5, 0.9), found.rivals) for w in (fast, slow)]
 
-    monkeypatch.setattr(until_explained, "posterior_of", lambda *_: SimpleNamespace(told=None))
+    monkeypatch.setattr(
+        until_explained,
+        "posterior_of",
+        lambda *_: SimpleNamespace(told=SimpleNamespace(probability=lambda name: 0.98)),
+    )
     monkeypatch.setattr(until_explained, "Rivals", SimpleNamespace(of=rivals))
     monkeypatch.setattr(until_explained, "next_experiments", experiment)
     monkeypatch.setattr(
@@ -190,6 +194,17 @@ def test_it_ends_where_one_answer_is_sure(drive: DeskDrive, weighing: list[float
     assert [run.repeat for run in session.runs] == [0, 0, 0, 0, 1, 1]  # the same motion twice: repeats
     assert drive.calls.count("enable") == drive.calls.count("disable") == 3
     assert drive.plays == 6 + 2 * CREEP_PLAYS  # a creep before each
+
+
+def test_an_answer_that_hardly_stands_out_from_what_has_no_name_is_not_sure(
+    drive: DeskDrive, weighing: list[float], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    weighing[:] = [0.99]
+    told = SimpleNamespace(told=SimpleNamespace(probability=lambda name: 0.7))
+    monkeypatch.setattr(until_explained, "posterior_of", lambda *_: told)
+    found = explained(drive, tmp_path)
+    assert not found.sure
+    assert found.ended == "one answer leads, but a stands out from what no name describes with 0.70 only"
 
 
 def test_it_ends_where_the_budget_is_spent(drive: DeskDrive, weighing: list[float], tmp_path: Path) -> None:

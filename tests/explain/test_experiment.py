@@ -67,7 +67,7 @@ def test_the_predictive_likelihood_is_that_of_the_normal_recording():
 
 def test_of_a_weighed_session():
     hidden = Stranger("dry friction", ("coulomb_friction",), (0.8, 0.0, 0.0, 0.0))
-    session = session_of(hidden, 5, every=8, times=(0.3,))
+    session = session_of(hidden, 5, every=8, times=(0.25,))
     posterior = posterior_of(session, belief_of(hidden), heldout=())
     rivals = Rivals.of(posterior)
     assert sum(one.probability for one in rivals.rivals) == pytest.approx(1.0)

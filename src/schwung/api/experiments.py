@@ -15,6 +15,7 @@ from schwung.commissioning.experiments import (
     SURE,
     Experiment,
     Setting,
+    faint,
     next_experiments,
     setting_of,
     told_apart,
@@ -56,6 +57,7 @@ class NextMotion:
     experiment: Experiment | None
     setting: Setting
     machine: str
+    faint: str = ""  # names that hardly stand out from what has none
 
     @property
     def sentence(self) -> str:
@@ -64,7 +66,7 @@ class NextMotion:
         if self.experiment is not None:
             return self.experiment.sentence
         if self.rivals[0].probability >= SURE:
-            return f"{said}: nothing is confused, no further motion is needed"
+            return f"{said}: {self.faint or 'nothing is confused'}, no further motion tells more"
         return f"{said}: no motion within the limits would tell them apart"
 
     def write(self, path: str | Path) -> None:
@@ -100,10 +102,12 @@ def next_motion(session: Session, machine: Machine, posterior: Posterior | None 
     """
     machine = with_recorded_gains(machine, session)
     setting = setting_of(session, machine)
-    rivals = Rivals.of(posterior or posterior_of(session, machine))
+    posterior = posterior or posterior_of(session, machine)
+    rivals = Rivals.of(posterior)
     sure = rivals.best >= SURE
     found = [] if sure else next_experiments(rivals, setting)
-    return NextMotion(rivals.rivals, found[0] if found else None, setting, machine.name)
+    first = found[0] if found else None
+    return NextMotion(rivals.rivals, first, setting, machine.name, faint(posterior.told, rivals.rivals))
 
 
 def commission_until_explained(

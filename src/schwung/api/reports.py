@@ -206,6 +206,8 @@ def explanation_note(folder: Path) -> tuple[str, ...]:
     for place in (folder, folder / "explanation"):
         try:
             found = json.loads((place / "explanation.json").read_text(encoding="utf-8"))
+            if found["format"] == "schwung-probabilities":
+                return (f"Explained: {found['headline']} (see {place / 'explanation.html'}).",)
             if found["format"] == "schwung-explanation":
                 verdict = str(found["verdict"]).replace("_", " ")
                 return (

@@ -189,15 +189,16 @@ def commission(
     """  # fmt: skip
     from schwung import LimitWishes, Wishes, load_machine
     from schwung.api.choices import MAX_JITTER_SHARE, InjectionChoice, ModeChoice, SamplingChoice
-    from schwung.api.experiments import read_plan, require_budget, tighter
     from schwung.api.folders import planned_folder
     from schwung.api.reports import standard_of
     from schwung.api.responses import with_bode
     from schwung.cli.console import Terminal
     from schwung.cli.flow import Ending, commission_and_show, finish
-    from schwung.cli.next_motion import until_explained_and_show
 
     if until_explained:
+        from schwung.api.experiments import require_budget
+        from schwung.cli.next_motion import until_explained_and_show
+
         require_budget(budget)
     if until_explained and export:
         raise InputError(
@@ -208,6 +209,8 @@ def commission(
     choice = export_choice(export) if export else None
     limits = LimitWishes(min_position, max_position, max_speed, max_torque, following_error)
     if plan is not None:
+        from schwung.api.experiments import read_plan, tighter
+
         _alone(distance, duration, frequency, amplitude, bode, also)
         wanted = read_plan(plan)
         wanted = replace(wanted, limits=tighter(wanted.limits, limits))

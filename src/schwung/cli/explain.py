@@ -4,16 +4,19 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
 from schwung.cli.options import Json
 
 if TYPE_CHECKING:
-    from schwung import Explanation
+    from schwung import Explanation, Machine, Session, Weighed
     from schwung.cli.console import Terminal
+    from schwung.quantities import Effort
 
+#: Whether names come with probabilities where nobody says which way is wanted.
+WEIGHS = False
 _COLOURS = {
     "consistent": "green",
     "explained": "green",
@@ -37,6 +40,13 @@ def explain(
     out: Annotated[
         Path, typer.Option(help="Folder for explanation.json, explanation.html and the learned machine.toml.")
     ] = Path("explanation"),
+    weigh: Annotated[
+        bool,
+        typer.Option(
+            "--weigh/--no-weigh",
+            help="Names with probabilities, by one likelihood, and curves for what has no name; or the former way.",
+        ),
+    ] = WEIGHS,
     next_plan: Annotated[
         Path | None,
         typer.Option(
@@ -55,6 +65,8 @@ def explain(
     [bold]Examples[/]
 
       schwung explain session.h5 -m machine.toml
+
+      schwung explain session.h5 -m machine.toml --weigh
 
       schwung explain session.h5 -m machine.toml --out monday --json
 
@@ -79,6 +91,9 @@ def explain(
         raise InputError(
             "schwung explain", "needs one belief", "Give -m machine.toml, or --belief model.fmu."
         )
+    if weigh and belief is not None:
+        remedy = "Give -m machine.toml, or leave --weigh out."
+        raise InputError("--weigh", "needs a machine file, and an FMU is none", remedy)
     if next_plan is not None and machine is None:
         raise InputError(
             "--next", "simulates the motion, which an FMU's belief cannot", "Give -m machine.toml."
@@ -89,6 +104,12 @@ def explain(
     folder = planned_folder(out, beside_session=True)
     learned = folder / "machine.toml"
     _keep_beliefs(learned, machine)
+    if weigh and believed is not None and machine is not None:
+        document = _weigh(terminal, recorded, believed, (session, machine), folder)
+        if next_plan is not None:
+            document["next"] = next_and_show(terminal, recorded, believed, next_plan)
+        terminal.result(document)
+        return
     with in_file(session), progress_bar(terminal) as progress:
         if believed is not None:
             found = explain_session(recorded, believed, progress=progress)
@@ -108,6 +129,46 @@ def explain(
     if next_plan is not None:
         document["next"] = next_and_show(terminal, recorded, believed, next_plan)
     terminal.result(document)
+
+
+def _weigh(
+    terminal: Terminal, recorded: Session, believed: Machine, places: tuple[Path, Path], folder: Path
+) -> dict[str, Any]:
+    """The same by probabilities; `places`: of session and belief."""
+    from schwung.api.folders import make_folder
+    from schwung.api.weighing import weigh as weigh_session
+    from schwung.api.weighing import write_probabilities
+    from schwung.cli.console import progress_bar
+    from schwung.cli.sessions import in_file
+    from schwung.files import json_text, replace_file
+    from schwung.quantities import document_of
+
+    with in_file(places[0]), progress_bar(terminal) as progress:
+        found = weigh_session(recorded, believed, progress=progress)
+    make_folder(folder)
+    about = {"session": str(places[0]), "machine": str(places[1])}
+    document = document_of(recorded.effort, found.to_json()) | about
+    replace_file(folder / "explanation.json", json_text(document))
+    write_probabilities(found, recorded, believed, folder)
+    _tell_weighed(terminal, found, recorded.effort)
+    page, learned = folder / "explanation.html", folder / "machine.toml"
+    terminal.say(f"Explanation: [bold]{page}[/]  Learned machine: [bold]{learned}[/]")
+    return document
+
+
+def _tell_weighed(terminal: Terminal, found: Weighed, effort: Effort) -> None:
+    """Names, curves, proof and notes for people."""
+    from rich.markup import escape
+
+    from schwung.quantities import sentences_of
+
+    words_in = sentences_of(effort)
+    colour = {"good": "green", "doubtful": "yellow", "unusable": "red"}[found.tone]
+    terminal.say(f"[bold {colour}]{escape(words_in(found.headline))}[/]")
+    for title, head, rows in found.tables():
+        terminal.table(title, head, [tuple(map(words_in, row)) for row in rows])
+    for note in found.notes:
+        terminal.say(f"[cyan]i[/] {escape(words_in(note))}")
 
 
 def _with_map(belief: Path | None, mapped: Path | None) -> tuple[Path, Path]:

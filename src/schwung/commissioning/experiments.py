@@ -18,7 +18,8 @@ from schwung.commissioning.plan import Plan, make_plan
 from schwung.commissioning.preflight import motion_checks, sampled_run, simulated_run
 from schwung.drivetrain import FeedForward, Machine
 from schwung.errors import InputError
-from schwung.explain.weighing.experiment import Gain, Rival, Rivals
+from schwung.explain.weighing.experiment import UNNAMED, Gain, Rival, Rivals
+from schwung.explain.weighing.values import Weighed
 from schwung.session import Run, Session
 
 #: Times of a stroke, frequencies and amplitudes that are tried, over those of the session.
@@ -118,6 +119,17 @@ def told_apart(rivals: Sequence[Rival]) -> str:
 
     said = " / ".join(f"{words(one)} {one.probability:.2f}" for one in first)
     return f"{said} (beside {' and '.join(sorted(common))})" if common else said
+
+
+def faint(weighed: Weighed, rivals: Sequence[Rival]) -> str:
+    """Names of the likeliest set that hardly stand out from what has no name, in words; empty: none. No motion that
+    tells names apart helps there."""
+    said = [
+        f"{name} stands out from what no name describes with {weighed.probability(name):.2f} only"
+        for name in rivals[0].names
+        if not name.startswith(UNNAMED) and weighed.probability(name) < SURE
+    ]
+    return " and ".join(said)
 
 
 def setting_of(session: Session, machine: Machine) -> Setting:

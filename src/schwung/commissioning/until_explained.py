@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 from schwung.commissioning.commission import Prepared, prepare, record_prepared
-from schwung.commissioning.experiments import SURE, Experiment, Setting, next_experiments, told_apart
+from schwung.commissioning.experiments import SURE, Experiment, Setting, faint, next_experiments, told_apart
 from schwung.commissioning.procedure import Observer
 from schwung.errors import InputError, InterruptedByUser, RefusedError, SchwungError
 from schwung.explain.proof import split
@@ -51,8 +51,8 @@ class UntilExplained:
 
     @property
     def sure(self) -> bool:
-        """Whether one set of names has 95 %."""
-        return self.rivals[0].probability >= SURE
+        """Whether one set of names has 95 %, and so has each of its names beside what has none."""
+        return self.rivals[0].probability >= SURE and not faint(self.weighed, self.rivals)
 
 
 def require_budget(budget: int) -> None:
@@ -118,7 +118,8 @@ class _Journey:
                 steps[-1] = replace(steps[-1], after=rivals.rivals)
             self.observer.note(told_apart(rivals.rivals))
             if rivals.best >= SURE:
-                ended = "one answer has 95 %"
+                weak = faint(posterior.told, rivals.rivals)
+                ended = f"one answer leads, but {weak}" if weak else "one answer has 95 %"
                 break
             left = budget - sum(step.experiment.motions for step in steps)
             if left < LEAST_BUDGET:

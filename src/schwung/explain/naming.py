@@ -35,7 +35,8 @@ _LINEAR = {
 _PHASES = ("load_phase_rad", "cogging_phase_rad", "eccentricity_phase_rad", "local_centre_rad")
 
 
-def _unit(unit: str, axis: Axis) -> str:
+def unit_on(unit: str, axis: Axis) -> str:
+    """A unit of a rotary axis as that of either."""
     return _LINEAR.get(unit, unit) if axis == "linear" else unit
 
 
@@ -69,7 +70,7 @@ def _quantities(axis: Axis, found: Found, fitted: Fitted, term: str) -> dict[str
         angles = np.linspace(points[0], points[-1], _FINER * (points.size - 1) + 1)
         torque = CubicSpline(points, model.unknowns.load_table_nm)(angles)
         pairs = zip(angles.tolist(), torque.tolist(), strict=True)
-        return {"table": Quantity(tuple(pairs), _unit("N·m", axis), None)}
+        return {"table": Quantity(tuple(pairs), unit_on("N·m", axis), None)}
     refined = () if term == PERIODIC else (f for f in LIBRARY[term].refinements if f in model.refined)
     free = (name for name in (*parameters(term), *refined) if name not in model.fixed)
     ends = {name: interval(found, fitted, name) for name in free}
@@ -78,7 +79,7 @@ def _quantities(axis: Axis, found: Found, fitted: Fitted, term: str) -> dict[str
         return {
             "frequency_hz": Quantity(model.frequency_hz, "Hz", ends["periodic_frequency_hz"]),
             "amplitude_nm": Quantity(
-                amplitude, _unit("N·m", axis), (amplitude - 1.96 * spread, amplitude + 1.96 * spread)
+                amplitude, unit_on("N·m", axis), (amplitude - 1.96 * spread, amplitude + 1.96 * spread)
             ),
         }
     result = {}
@@ -92,7 +93,7 @@ def _quantities(axis: Axis, found: Found, fitted: Fitted, term: str) -> dict[str
             value, low, high = value + level, low + level, high + level
         if field in _PHASES:
             value, low, high = _within_turn(value, low, high)
-        unit = key.unit if name == "phase_rad" else _unit(key.unit, axis)
+        unit = key.unit if name == "phase_rad" else unit_on(key.unit, axis)
         result[name] = Quantity(value, unit, (max(low, key.lowest), min(high, key.highest)))
     return result
 

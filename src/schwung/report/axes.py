@@ -6,6 +6,7 @@ from matplotlib.axes import Axes
 
 from schwung.drivetrain import InertiaTable, Simulated
 from schwung.explain.values import Explanation
+from schwung.explain.weighing.publication import Published
 from schwung.motion import Array
 from schwung.report.content import Units
 from schwung.report.figures_explanation import residual, shown_overlay
@@ -57,6 +58,17 @@ def draw_explanation(axes: Axes, explanation: Explanation, units: Units) -> None
         floor = sign * explanation.noise_floor.torque_nm
         axes.axhline(floor, color=INK.light, linewidth=0.8, linestyle=DASHED)
     name(axes, f"missed {units.torque_word} ({units.torque}), noise floor dashed", "time (s)")
+
+
+def draw_weighed(axes: Axes, found: Published, units: Units) -> None:
+    """What belief and learned machine miss of the torque over one run kept aside; probabilities where there is none."""
+    if found.shown:
+        run = found.shown[0]
+        curve(axes, run.time_s, run.before_nm, PLAIN, label="belief")
+        curve(axes, run.time_s, run.after_nm, ESTIMATE, label="learned machine")
+    for sign in (1, -1):
+        axes.axhline(sign * found.noise.torque_nm, color=INK.light, linewidth=0.8, linestyle=DASHED)
+    name(axes, f"missed {units.torque_word} ({units.torque}), noise dashed", "time (s)")
 
 
 def draw_torques(axes: Axes, curves: tuple[tuple[str, Array, Array], ...], limit_nm: float) -> None:

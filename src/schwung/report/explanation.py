@@ -311,13 +311,14 @@ def finding_row(finding: Finding, *, linear: bool = False) -> tuple[str, str, st
     share = f"{100 * finding.where.share_of_energy:.0f} % of the mismatch"
     return (
         f"{words_of(finding.physics, linear=linear).name.capitalize()}\n{finding.physics}",
-        "\n".join(_parameter_lines(finding.parameters, linear=linear)),
+        "\n".join(parameter_lines(finding.parameters, linear=linear)),
         f"{place_of(finding.where)}\n{share}, {_unbroken(f'p {probability(finding.where.p_value)}')}",
         "\n".join(others) or "nothing else known",
     )
 
 
-def _parameter_lines(parameters: Mapping[str, Quantity], *, linear: bool) -> Iterator[str]:
+def parameter_lines(parameters: Mapping[str, Quantity], *, linear: bool) -> Iterator[str]:
+    """Parameters with units and intervals, one a line."""
     for key, quantity in parameters.items():
         label = label_of(key).replace("torque", "force") if linear else label_of(key)
         yield f"{label}: {value_text(quantity)}"

@@ -31,6 +31,22 @@ PHYSICS: dict[str, Words] = {
         "dry friction that falls with speed near standstill", "speed", "a stroke that creeps for a while"
     ),
     "asymmetric_friction": Words("dry friction that differs by direction", "speed", _BOTH_WAYS),
+    "friction_over_angle": Words("dry friction that differs along the way", "position", _BOTH_WAYS),
+    "viscous_drift": Words(
+        "viscous friction that changes during the session", "run", "motions mixed over the session"
+    ),
+    "load_dependent_friction": Words(
+        "friction by the torque that is carried, as of gears", "torque", _TWO_TIMES
+    ),
+    "load_side_friction": Words("dry friction behind the coupling", "speed", _BOTH_WAYS),
+    "direction_dependent_load": Words("a load that differs by direction", "position", _BOTH_WAYS),
+    "offset_drift": Words(
+        "an offset that changes during the session", "run", "the same motion first and last"
+    ),
+    "torque_constant_drop": Words("a torque constant that falls with torque", "torque", _TWO_TIMES),
+    "torque_ripple": Words("ripple in proportion to the torque", "position", _TWO_TIMES),
+    "torque_filter": Words("a torque that is reported late", "torque_rate", _SINE),
+    "inertia_profile": Words("a load inertia of another curve", "position", _TWO_TIMES),
     "viscous_friction": Words("viscous friction", "speed", _TWO_TIMES),
     "quadratic_drag": Words("drag that grows with the square of speed", "speed", _TWO_TIMES),
     "local_friction": Words("a tight spot", "position", "a stroke there and back over the spot"),

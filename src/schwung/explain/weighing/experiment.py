@@ -36,6 +36,8 @@ from schwung.session.model import Run
 
 #: Sets of less probability, and more sets than this, are no rivals.
 LEAST, MOST = 0.003, 8
+#: What a rival's curve begins with in words.
+UNNAMED = "unnamed over "
 #: Recordings drawn under each rival.
 _DRAWS = 48
 
@@ -201,7 +203,7 @@ class _Weigher:
 
 def _names(posterior: Posterior, scored: Scored) -> tuple[str, ...]:
     candidates = [posterior.sure.candidate(pick) for pick in scored.picks]
-    return tuple(sorted(c.name if c.named else f"unnamed over {c.coordinate}" for c in candidates))
+    return tuple(sorted(c.name if c.named else UNNAMED + c.coordinate for c in candidates))
 
 
 def _beyond_belief(where: Along, posterior: Posterior) -> Array:

@@ -6,7 +6,7 @@ floors of a wrong stiffness a late torque explains, to first order, more than th
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -35,6 +35,11 @@ KNOWN = 0.3
 #: Causes of one shape that are smooth along any motion, and so are present where the noise is found.
 SMOOTH = ("torque_constant", "torque_lag", "measurement_delay", "coupling_stiffness", "coupling_damping")
 
+#: Told what is being done, and the share that is done.
+Progress = Callable[[str, float], None]
+#: The share of the work that the noise takes, and what of the rest is left after each round.
+NOISE_SHARE, _FURTHER = 0.2, 0.7
+
 #: Sets that are brought to rest each round.
 _TRIED = 3
 
@@ -58,6 +63,7 @@ class Growth:
     train: Sequence[int]
     wide: Wide
     memory: Array | None = None
+    tell: Progress = lambda _text, _share: None
 
     def grown(self, view: View) -> Grown:
         """From nothing but what is always there."""
@@ -65,7 +71,9 @@ class Growth:
         at = settled(self.wide.seen(view), always, self._weighing)
         picks: tuple[tuple[Atom, float], ...] = ()
         growing, fresh = True, False  # whether the noise was looked at since something was found
-        for _ in range(ROUNDS):
+        for number in range(ROUNDS):
+            share = NOISE_SHARE + (1 - NOISE_SHARE) * (1 - _FURTHER**number)
+            self.tell(f"Weighing causes beside {len(picks)} found" if picks else "Weighing causes", share)
             search = self._search(at)
             if search.data.work.spent:
                 best = search.score(_carried(search.data, picks))

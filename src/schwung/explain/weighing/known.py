@@ -10,7 +10,13 @@ from schwung.compiled import compiled
 from schwung.drivetrain.inertia import InertiaTable, LoadTorqueTable
 from schwung.drivetrain.machine import Coupling, Load, Machine
 from schwung.drivetrain.physics import Effects, effects_of, load_torque, motor_torque
-from schwung.drivetrain.residual import load_torque_table
+from schwung.drivetrain.residual import (
+    Residual,
+    inertia_added,
+    inertia_points,
+    load_torque_table,
+    residuals_of,
+)
 from schwung.explain.weighing.along import Along
 from schwung.innovations.effect import Effect
 from schwung.motion import Array
@@ -26,6 +32,7 @@ class Known:
     effects: Effects
     table: LoadTorqueTable | None
     nothing: bool = False  # is known
+    curves: tuple[Residual, ...] = ()
 
     def effect(self, along: Along) -> Effect:
         """One column: all that is known, and what is known of the reporting."""
@@ -40,8 +47,19 @@ class Known:
         if self.table is not None:
             on_load = on_load + self.table.at(along.load_angle)
         torque = along.run.drive.smooth(along.time_s)
-        true = np.clip(e.torque_gain * torque, -e.torque_limit_nm, e.torque_limit_nm)
-        on_motor = on_motor + true - torque - e.torque_lag_s * along.torque_rate
+        true = (e.torque_gain - e.torque_drop * np.abs(torque) / e.torque_drop_at_nm) * torque
+        true = np.clip(true, -e.torque_limit_nm, e.torque_limit_nm)
+        true = true * (1 + e.ripple_share * np.sin(e.ripple_order * along.angle + e.ripple_phase_rad))
+        on_motor = on_motor + true - torque + (e.torque_filter_s - e.torque_lag_s) * along.torque_rate
+        if e.carried_share:
+            on_motor = on_motor - e.carried_share * np.abs(along.carried) * along.direction
+        if e.load_coulomb_nm:
+            on_load = on_load - e.load_coulomb_nm * along.load_direction
+        for curve in self.curves:
+            acts = curve.at(*_where(curve, along))
+            on_motor, on_load = (
+                (on_motor, on_load + acts) if curve.over in ON_LOAD else (on_motor + acts, on_load)
+            )
         coupled = e.cubic_nm_rad3 * along.twist**3
         if e.gap_rad > 0 and self.machine.coupling is not None:
             k = self.machine.coupling.stiffness_nm_rad
@@ -54,7 +72,26 @@ class Known:
     def dry(self, along: Along) -> Array:
         """The known dry friction, by its average size (N·m), (n,)."""
         e = self.effects
-        return (e.coulomb_positive_nm + e.coulomb_negative_nm) / 2 * along.direction
+        level = (e.coulomb_positive_nm + e.coulomb_negative_nm) / 2 * along.direction
+        directed = [curve for curve in self.curves if curve.over not in ("run", *ON_LOAD)]
+        return np.asarray(level - sum((c.at(*_where(c, along)) for c in directed), 0.0 * level))
+
+
+#: Curves that act on the load; the others on the motor.
+ON_LOAD = ("load_position", "acceleration", "time_in_motion")
+
+
+def _where(curve: Residual, along: Along) -> tuple[Array, Array]:
+    """The curve's coordinate along a run, and the direction of motion."""
+    if curve.over == "load_position":
+        return along.load_angle, along.load_direction
+    if curve.over == "run":
+        return np.full_like(along.speed, along.share), along.direction
+    if curve.over in ("speed", "torque"):
+        return np.abs(along.speed if curve.over == "speed" else along.torque), along.direction
+    if curve.over == "acceleration":
+        return along.load_acceleration, along.direction
+    return (along.angle if curve.over == "position" else along.motion_time_s), along.direction
 
 
 @compiled
@@ -84,10 +121,12 @@ def known(machine: Machine, low_rad: float, high_rad: float) -> Known:
             stiffness_nm_rad=e.stiffness_nm_rad or coupling.stiffness_nm_rad,
             damping_nms=e.damping_nms if e.damping_nms >= 0 else coupling.damping_nms,
         )
-    if (e.inertia_delta_kgm2, e.inertia_scale, e.inertia_shift_rad) != (0.0, 1.0, 0.0):
+    added = bool(inertia_points(machine.physics).size)
+    if added or (e.inertia_delta_kgm2, e.inertia_scale, e.inertia_shift_rad) != (0.0, 1.0, 0.0):
         span = max(high_rad - low_rad, 1e-9)
         angle = np.linspace(low_rad - 0.05 * span, high_rad + 0.05 * span, 3 + int(_POINTS_PER_RAD * span))
         true = e.inertia_scale * machine.load_inertia_at(angle + e.inertia_shift_rad) + e.inertia_delta_kgm2
+        true = true + inertia_added(machine.physics, angle)
         load = Load(
             viscous_friction_nms=load.viscous_friction_nms,
             inertia_table=InertiaTable(angle, true),
@@ -95,4 +134,5 @@ def known(machine: Machine, low_rad: float, high_rad: float) -> Known:
             torque_table=load.torque_table,
         )
     plain = machine.model_copy(update={"coupling": coupling, "load": load, "physics": ()})
-    return Known(plain, e, load_torque_table(machine.physics), not machine.physics)
+    curves = tuple(residuals_of(machine.physics).values())
+    return Known(plain, e, load_torque_table(machine.physics), not machine.physics, curves)

@@ -13,12 +13,12 @@ from schwung.explain.proof import split
 from schwung.explain.weighing.along import ranges_of
 from schwung.explain.weighing.candidate import NATURAL, Candidate
 from schwung.explain.weighing.data import Atom
-from schwung.explain.weighing.growth import Grown, Growth, everything, slices
+from schwung.explain.weighing.growth import NOISE_SHARE, Grown, Growth, Progress, everything, slices
 from schwung.explain.weighing.known import known
 from schwung.explain.weighing.present import Member
 from schwung.explain.weighing.repeated import repeated
 from schwung.explain.weighing.round import Linearised, View, target_of, wide_fit
-from schwung.explain.weighing.search import Scored, Search
+from schwung.explain.weighing.search import Pick, Scored, Search
 from schwung.explain.weighing.standing import Standing, standing
 from schwung.explain.weighing.values import Named, Parameter, Proof, Unnamed, Weighed
 from schwung.explain.weighing.vocabulary import vocabulary
@@ -49,6 +49,8 @@ class Posterior:
     stands: Standing
     sure: Search  # the sets, weighed by what stands out
     heldout: tuple[int, ...]
+    view: View
+    growth: Growth
 
     @cached_property
     def told(self) -> Weighed:
@@ -61,8 +63,15 @@ def weigh(session: Session, machine: Machine) -> Weighed:
     return posterior_of(session, machine).told
 
 
-def posterior_of(session: Session, machine: Machine, heldout: Sequence[int] | None = None) -> Posterior:
-    """The same with all that was weighed. `heldout`: runs for the proof; None: as `split` chooses them.
+def posterior_of(
+    session: Session,
+    machine: Machine,
+    heldout: Sequence[int] | None = None,
+    tell: Progress = lambda _text, _share: None,
+) -> Posterior:
+    """The same with all that was weighed.
+
+    `heldout`: runs for the proof; None: as `split` chooses them. `tell`: what is being done, and the share of it, 0…1.
 
     Raises InputError where the inertia is unknown.
     """
@@ -76,12 +85,15 @@ def posterior_of(session: Session, machine: Machine, heldout: Sequence[int] | No
     belief = known(machine, of.low_rad, of.high_rad)
     view = View(session.runs, tuple(runs), belief, of, torques, repeats=_repeats(session))
     candidates = vocabulary(of, view.known)
+    tell("Finding the noise", NOISE_SHARE / 2)
     always = tuple(i for i, c in enumerate(candidates) if c.name.startswith("usual"))
     beside = repeated(session.runs, NATURAL * of.peak_torque_nm)
     wide = wide_fit(view, everything(candidates, ()), first_noise(runs), train)
-    grown = Growth(candidates, always, train, wide).grown(view)
+    growth = Growth(candidates, always, train, wide, tell=tell)
+    grown = growth.grown(view)
     stands = standing(grown.search, grown.best, beside)
-    return Posterior(grown, stands, grown.search.tempered(stands.tempering), tuple(heldout))
+    sure = grown.search.tempered(stands.tempering)
+    return Posterior(grown, stands, sure, tuple(heldout), view, growth)
 
 
 def _repeats(session: Session) -> list[tuple[int, ...]]:
@@ -158,14 +170,19 @@ def _parameters(search: Search, name: str) -> dict[str, Parameter]:
             candidate = search.candidate(pick)
             if candidate.name != name:
                 continue
-            atom = search.data.atoms[pick.atom]
-            centre = scored.found.coefficients[where]
-            moved = _spread(candidate, centre, scored.found.covariance[where, where], atom)
-            return {
-                key: Parameter(float(v), float(v - 1.96 * moved[key]), float(v + 1.96 * moved[key]))
-                for key, v in candidate.keys(centre, atom.shape).items()
-            }
+            return parameters_of(search, scored, pick, where)
     return {}
+
+
+def parameters_of(search: Search, scored: Scored, pick: Pick, where: slice) -> dict[str, Parameter]:
+    """Of one cause of a set, whose coefficients are at these places."""
+    candidate, atom = search.candidate(pick), search.data.atoms[pick.atom]
+    centre = scored.found.coefficients[where]
+    moved = _spread(candidate, centre, scored.found.covariance[where, where], atom)
+    return {
+        key: Parameter(float(v), float(v - 1.96 * moved[key]), float(v + 1.96 * moved[key]))
+        for key, v in candidate.keys(centre, atom.shape).items()
+    }
 
 
 def _spread(candidate: Candidate, centre: Array, covariance: Array, atom: Atom) -> dict[str, float]:
@@ -191,12 +208,16 @@ def _at_bound(search: Search, name: str) -> bool:
     """Whether the most probable set that holds a name has its shape at the end of what is tried."""
     for _, scored in search.shares():
         for pick in scored.picks:
-            candidate = search.candidate(pick)
-            if candidate.name == name:
-                shape = search.data.atoms[pick.atom].shape
-                ends = zip(shape, candidate.bounds, strict=bool(candidate.bounds))
-                return any(min(v - low, high - v) <= _END * (high - low) for v, (low, high) in ends)
+            if search.candidate(pick).name == name:
+                return at_bound(search, pick)
     return False
+
+
+def at_bound(search: Search, pick: Pick) -> bool:
+    """Whether a shape is at the end of what is tried."""
+    candidate, shape = search.candidate(pick), search.data.atoms[pick.atom].shape
+    ends = zip(shape, candidate.bounds, strict=bool(candidate.bounds))
+    return any(min(v - low, high - v) <= _END * (high - low) for v, (low, high) in ends)
 
 
 def _rms(search: Search, name: str) -> float:

@@ -1,0 +1,84 @@
+"""The proof of a machine file: what belief and file, each as it is read, miss on runs that were not fitted.
+
+Nothing of the file is fitted again. The usual timing of a drive, which no file says, is found about each of the two
+from the runs that were fitted.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from schwung.drivetrain.machine import Machine
+from schwung.explain.weighing.growth import absent
+from schwung.explain.weighing.known import known
+from schwung.explain.weighing.round import View, Weighing, settled
+from schwung.explain.weighing.weigh import Posterior
+from schwung.innovations.effect import Passed
+from schwung.motion import Array
+
+#: Log likelihoods are compared over stretches of so much time (s), which are taken as independent.
+_STRETCH_S = 0.02
+
+
+@dataclass(frozen=True, eq=False)
+class Shown:
+    """A run as a machine explains it: torque that it misses (N·m), smoothed, and likelihood (log) by stretches."""
+
+    run: int
+    missed_nm: Array  # (n,)
+    innovations: Array  # (2n,) over their deviations
+    logs: Array  # (stretches,)
+
+
+@dataclass(frozen=True, eq=False)
+class Judged:
+    """A machine over some runs."""
+
+    runs: tuple[Shown, ...]
+
+    @property
+    def missed(self) -> float:
+        """Root mean square of the innovations over the noise's; 1: nothing but noise."""
+        every = np.concatenate([shown.innovations for shown in self.runs])
+        return float(np.sqrt(np.mean(every**2)))
+
+    @property
+    def logs(self) -> Array:
+        """Of all stretches."""
+        return np.concatenate([shown.logs for shown in self.runs])
+
+    @property
+    def samples(self) -> int:
+        """2n, of all runs."""
+        return sum(shown.innovations.size for shown in self.runs)
+
+
+def judged(outcome: Posterior, machine: Machine, runs: Sequence[int]) -> Judged:
+    """Judge a machine, as it was read, on some runs."""
+    growth, of = outcome.growth, outcome.view.ranges
+    view = replace(outcome.view, known=known(machine, of.low_rad, of.high_rad))
+    usual = [absent(growth.candidates[i]) for i in growth.always]
+    at = settled(growth.wide.seen(view), usual, Weighing(growth.wide.noise, growth.train, growth.wide.excess))
+    return Judged(tuple(_shown(at.about.view, at.about.passed[run], run) for run in runs))
+
+
+def _shown(view: View, passed: Passed, run: int) -> Shown:
+    error, variance = passed.result.error, passed.result.variance
+    logs = -0.5 * np.sum(error**2 / variance + np.log(variance), axis=1)
+    stretch = max(round(_STRETCH_S / view.runs[run].step_s), 1)
+    return Shown(
+        run=run,
+        missed_nm=-passed.states()[:, -1],
+        innovations=passed.innovations,
+        logs=np.add.reduceat(logs, np.arange(0, logs.size, stretch)),
+    )
+
+
+def as_good(one: Judged, other: Judged) -> bool:
+    """Whether the first predicts as well as the second, as far as these runs tell."""
+    difference = one.logs - other.logs
+    deviation = float(np.std(difference)) * np.sqrt(difference.size)
+    return bool(np.sum(difference) >= -2 * deviation)

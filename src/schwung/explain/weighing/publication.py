@@ -1,0 +1,175 @@
+"""What people get of the weighing, as values: names, curves, the proof, and the document of explanation.json."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+from schwung.drivetrain.machine import Machine
+from schwung.explain.values import Quantity
+from schwung.explain.weighing.drawn import Drawn
+from schwung.explain.weighing.values import Proof
+from schwung.innovations.likelihood import Noise
+from schwung.motion import Array
+from schwung.quantities import Effort
+from schwung.session.model import Axis
+
+#: What is more probable than this is told by its name.
+NAMED = 0.5
+#: Innovations below so many times the noise's show nothing.
+_FLOOR = 1.02
+#: Beyond it a probability is told as more than 99 %.
+_ALL = 0.99
+
+
+def percent(p: float) -> str:
+    """A probability in words: whole per cents, but never quite all or nothing."""
+    return "> 99 %" if p > _ALL else "< 1 %" if p < 1 - _ALL else f"{100 * p:.0f} %"
+
+
+@dataclass(frozen=True, eq=False)
+class Name:
+    """A physics name, its probability, and its parameters with 95 % intervals."""
+
+    physics: str
+    probability: float
+    parameters: Mapping[str, Quantity]
+    in_file: bool  # by this name
+    formula: str = ""  # of a curve, as good as it on runs that were not fitted
+
+
+@dataclass(frozen=True, eq=False)
+class Curve:
+    """What is modelled without a name: over which coordinate, how large, and the curve, where it can be drawn."""
+
+    coordinate: str
+    unit: str
+    probability: float
+    torque_nm: float  # root mean square along the runs
+    like: str  # the name whose law it follows without being surely it; empty: a curve of its own
+    in_file: bool
+    drawn: Drawn | None = None
+    formula: str = ""  # as good as the curve on runs that were not fitted
+    formula_missed: float | None = None  # there, over the noise
+
+
+@dataclass(frozen=True, eq=False)
+class Before:
+    """A run that was not fitted: torque (N·m) that the belief and the file miss, smoothed; (n,) each."""
+
+    run: int
+    time_s: Array
+    before_nm: Array
+    after_nm: Array
+
+
+@dataclass(frozen=True, eq=False)
+class Published:
+    """The answer as it is published. `runners_up`: sets of names with their probabilities, the best first."""
+
+    axis: Axis
+    effort: Effort
+    names: tuple[Name, ...]
+    curves: tuple[Curve, ...]
+    runners_up: tuple[tuple[tuple[str, ...], float], ...]
+    noise: Noise
+    excess: float
+    proof: Proof | None
+    shown: tuple[Before, ...]
+    machine: Machine
+    notes: tuple[str, ...]
+
+    @property
+    def headline(self) -> str:
+        """In one sentence."""
+        likely = [
+            f"{one.physics.replace('_', ' ')} ({percent(one.probability)})"
+            for one in self.names
+            if one.in_file
+        ]
+        curves = [
+            f"a torque over {one.coordinate.replace('_', ' ')} without a name ({percent(one.probability)})"
+            for one in self.curves
+            if one.probability > NAMED
+        ]
+        what = ", ".join([*likely, *curves])
+        if not what:
+            return "the belief leaves out nothing that this session tells from noise"
+        if self.proof is None:
+            return f"left out: {what}; no run could be kept aside to prove it"
+        return f"left out: {what}; {self._share()}"
+
+    def _share(self) -> str:
+        assert self.proof is not None
+        runs = f"run{'s' * (len(self.proof.runs) > 1)} {', '.join(map(str, self.proof.runs))}"
+        if self.proof.before <= _FLOOR:
+            return f"{runs}, kept aside, show nothing of it"
+        return f"that takes {max(self.proof.taken, 0.0):.0%} of what {runs}, kept aside, show beyond noise"
+
+    @property
+    def left(self) -> float | None:
+        """What runs kept aside show beyond noise and nothing explains (share of the variance); None: unknown."""
+        return None if self.proof is None else 1 - self.proof.taken
+
+    def to_json(self) -> dict[str, Any]:
+        """The document of explanation.json."""
+        return {
+            "format": "schwung-probabilities",
+            "version": 1,
+            "headline": self.headline,
+            "names": [
+                {
+                    "physics": one.physics,
+                    "probability": one.probability,
+                    "in_file": one.in_file,
+                    "formula": one.formula or None,
+                    "parameters": {
+                        key: {"value": q.value, "unit": q.unit, "ci95": q.ci95}
+                        for key, q in one.parameters.items()
+                    },
+                }
+                for one in self.names
+            ],
+            "unnamed": [_curve_json(one) for one in self.curves],
+            "runners_up": [{"names": list(names), "probability": p} for names, p in self.runners_up],
+            "noise": {
+                "torque_nm": self.noise.torque_nm,
+                "torque_share": self.noise.torque_share,
+                "position_rad": self.noise.position_rad,
+                "speed_rad_s": self.noise.speed_rad_s,
+                "excess": self.excess,
+            },
+            "proof": self.proof
+            and {
+                "runs": list(self.proof.runs),
+                "before": self.proof.before,
+                "after": self.proof.after,
+                "gain_per_sample": self.proof.gain,
+                "taken": self.proof.taken,
+            },
+            "left": self.left,
+            "notes": list(self.notes),
+        }
+
+
+def _curve_json(one: Curve) -> dict[str, Any]:
+    curve = one.drawn
+    return {
+        "coordinate": one.coordinate,
+        "unit": one.unit,
+        "probability": one.probability,
+        "torque_rms_nm": one.torque_nm,
+        "like": one.like or None,
+        "in_file": one.in_file,
+        "formula": one.formula or None,
+        "formula_after": one.formula_missed,
+        "curve": curve
+        and {
+            "x": curve.x.tolist(),
+            "forward_nm": curve.forward_nm.tolist(),
+            "forward_std_nm": curve.forward_std_nm.tolist(),
+            "backward_nm": curve.backward_nm.tolist(),
+            "backward_std_nm": curve.backward_std_nm.tolist(),
+        },
+    }

@@ -1,0 +1,365 @@
+"""What people get of the weighing: names with probabilities and units, curves without a name, the machine, the proof.
+
+One machine is published: that of the most probable set none of whose parameters is at its bound. It is written, read
+back, and what was read is what is proven.
+"""
+
+from __future__ import annotations
+
+import tempfile
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from schwung.drivetrain.machine import Machine, load_machine, write_machine
+from schwung.drivetrain.physics import PHYSICS
+from schwung.drivetrain.residual import OVER, TABLES, UNDIRECTED, UNITS
+from schwung.explain.measured import measured
+from schwung.explain.naming import unit_on
+from schwung.explain.plausibility import examine
+from schwung.explain.values import Quantity
+from schwung.explain.weighing.drawn import Drawn, drawn
+from schwung.explain.weighing.formula import Formula, formulas
+from schwung.explain.weighing.growth import Progress, slices
+from schwung.explain.weighing.judged import Judged, as_good, judged
+from schwung.explain.weighing.learned import Found, learned, table
+from schwung.explain.weighing.publication import NAMED, Before, Curve, Name, Published
+from schwung.explain.weighing.search import Pick, Scored, Search
+from schwung.explain.weighing.values import Parameter, Proof, Weighed
+from schwung.explain.weighing.weigh import Posterior, at_bound, parameters_of, posterior_of
+from schwung.motion import Array
+from schwung.session.effort import require_alike
+from schwung.session.model import Session
+
+#: The share of the work that the search takes.
+_SEARCH = 0.85
+#: Units of the coordinates; the direction of motion has none.
+_UNITS: Mapping[str, str] = {
+    **{str(over): unit for over, unit in UNITS.items()},
+    "direction": "",
+    "frequency": "Hz",
+}
+_LETTERS = {"position": "θ", "load_position": "θ", "speed": "|ω|", "torque": "|T|", "acceleration": "α",
+            "time_in_motion": "t", "run": "r"}  # fmt: skip
+
+
+def publish(session: Session, machine: Machine, *, progress: Progress | None = None) -> Published:
+    """Weigh what a belief leaves out of a session, and make of it what is published.
+
+    `progress`: told what is being done, and the share that is done, 0…1. Raises InputError where the session cannot be
+    what it says (units, signs, wraps), or where the inertia is unknown.
+    """
+    tell = progress or (lambda _text, _share: None)
+    tell("Looking at the recordings", 0.0)
+    require_alike(session, machine)
+    doubts = examine(session, machine)
+    doubts.require(session.source or "session")
+    outcome = posterior_of(
+        session,
+        _smooth(machine),
+        tell=lambda text, share: tell(text, 0.02 + (_SEARCH - 0.02) * share),
+    )
+    tell("Writing the machine, and proving what was written", _SEARCH)
+    return _Publishing(session, machine, outcome, tell).published(doubts.notes)
+
+
+def _smooth(machine: Machine) -> Machine:
+    """A measured table as the smooth curve through its scatter."""
+    curve = measured(machine)
+    return machine if curve is None else curve.machine
+
+
+def _read_back(machine: Machine) -> Machine:
+    """The machine as its file says it."""
+    with tempfile.TemporaryDirectory(prefix="schwung-") as folder:
+        path = Path(folder) / "machine.toml"
+        write_machine(machine, path)
+        return load_machine(path)
+
+
+@dataclass(frozen=True, eq=False)
+class _Cause:
+    """A cause of the published set."""
+
+    pick: Pick
+    where: slice
+    found: Found
+    curve: Drawn | None
+
+
+class _Publishing:
+    """An outcome on its way to people."""
+
+    def __init__(self, session: Session, machine: Machine, outcome: Posterior, tell: Progress) -> None:
+        self.session, self.machine, self.outcome, self.tell = session, machine, outcome, tell
+        self.weighed: Weighed = outcome.told
+        self.search: Search = outcome.grown.search
+        self.set = self._set()
+
+    def published(self, notes: Sequence[str]) -> Published:
+        """All of it."""
+        causes = self._causes()
+        machine = _read_back(learned(self.machine, [cause.found for cause in causes]))
+        aside = self.outcome.heldout
+        before = judged(self.outcome, _smooth(self.machine), aside) if aside else None
+        after = judged(self.outcome, _smooth(machine), aside) if aside and causes else before
+        formulated = {}
+        if after is not None:
+            for number, cause in enumerate(causes):
+                self.tell(
+                    "Looking for formulas", _SEARCH + (1 - _SEARCH) * (0.3 + 0.7 * number / len(causes))
+                )
+                found = self._formula(causes, cause, after)
+                if found is not None:
+                    formulated[cause.pick] = found
+        if formulated:
+            machine = _read_back(learned(self.machine, [self._told(cause, formulated) for cause in causes]))
+        self.tell("Done", 1.0)
+        return Published(
+            axis=self.session.axis,
+            effort=self.session.effort,
+            names=self._names(causes, formulated),
+            curves=self._curves(causes, formulated),
+            runners_up=self._runners_up(),
+            noise=self.weighed.noise,
+            excess=self.outcome.grown.data.excess,
+            proof=self._proof(before, after),
+            shown=self._shown(before, after),
+            machine=machine,
+            notes=tuple(dict.fromkeys((*notes, *self._notes(causes), *self.weighed.notes))),
+        )
+
+    def _set(self) -> Scored:
+        """The most probable set without a parameter at its bound."""
+        shares = self.search.shares()  # tempered by what has no name, they would leave out what has none
+        sound = (one for _, one in shares if all(self._publishable(pick) for pick in one.picks))
+        return next(sound, self.search.score(()))
+
+    def _publishable(self, pick: Pick) -> bool:
+        """Whether a file can say it: inside its bounds, and over one coordinate."""
+        candidate = self.search.candidate(pick)
+        return (candidate.named or candidate.coordinate in OVER) and not at_bound(self.search, pick)
+
+    def _causes(self) -> list[_Cause]:
+        of, places = self.outcome.view.ranges, slices(self.search, self.set)
+        result = []
+        for pick, where in zip(self.set.picks, places, strict=True):
+            candidate, shape = self.search.candidate(pick), self.search.data.atoms[pick.atom].shape
+            coefficients, found = self.set.found.coefficients[where], self.set.found
+            curve = drawn(candidate, shape, coefficients, found.covariance[where, where], of)
+            result.append(_Cause(pick, where, self._found(pick, where, curve), curve))
+        return result
+
+    def _found(self, pick: Pick, where: slice, curve: Drawn | None) -> Found:
+        candidate, shape = self.search.candidate(pick), self.search.data.atoms[pick.atom].shape
+        p = (
+            self.weighed.probability(candidate.name)
+            if candidate.named
+            else self._unnamed(candidate.coordinate)
+        )
+        named = candidate.named and p > NAMED
+        beside = {"probability": round(float(p), 4)} if named or not candidate.named else {}
+        sampled = None if curve is None else lambda: _residual(curve)
+        if not candidate.named:
+            assert curve is not None
+            return Found("residual", False, _residual(curve), beside, sampled)
+        if len(candidate.scales) > 1:
+            return Found(candidate.name, named, self._table(pick, where, curve), beside, sampled)
+        coefficients = self.set.found.coefficients[where]
+        values = {key: float(value) for key, value in candidate.keys(coefficients, shape).items()}
+        return Found(candidate.name, named, values, beside, sampled)
+
+    def _table(self, pick: Pick, where: slice, curve: Drawn | None) -> dict[str, Any]:
+        """Of a name whose numbers are a curve."""
+        candidate, shape = self.search.candidate(pick), self.search.data.atoms[pick.atom].shape
+        if candidate.inertia is not None:
+            of = self.outcome.view.ranges
+            angle = np.linspace(of.low_rad, of.high_rad, 129)
+            added = candidate.inertia(angle, shape) @ self.set.found.coefficients[where]
+            return {"table": table(angle, added)}
+        assert curve is not None
+        if candidate.name == "friction_over_angle":
+            return {"table": table(curve.x, -curve.forward_nm)}
+        if TABLES[candidate.name] == (2,):
+            return {"table": table(curve.x, curve.forward_nm)}
+        return {"table": table(curve.x, curve.forward_nm, curve.backward_nm)}
+
+    def _unnamed(self, coordinate: str) -> float:
+        every = (
+            one.probability for one in self.weighed.unnamed if one.coordinate == coordinate and not one.like
+        )
+        return max(every, default=0.0)
+
+    def _names(
+        self, causes: Sequence[_Cause], formulated: Mapping[Pick, tuple[Formula, float]]
+    ) -> tuple[Name, ...]:
+        inside = {cause.found.law: cause for cause in causes if cause.found.law != "residual"}
+        result = []
+        for one in self.weighed.names:
+            cause = inside.get(one.name)
+            given: Mapping[str, Parameter] = one.parameters
+            if cause is not None:
+                told_values = parameters_of(self.search, self.set, cause.pick, cause.where)
+                given = {key: _wider(value, given.get(key)) for key, value in told_values.items()}
+            quantities = {
+                key: Quantity(q.value, self._unit(one.name, key), (q.low, q.high)) for key, q in given.items()
+            }
+            if cause is not None and "table" in cause.found.parameters:
+                rows = tuple(tuple(row) for row in cause.found.parameters["table"])
+                quantities["table"] = Quantity(rows, unit_on("N·m", self.session.axis), None)
+            in_file = cause is not None and cause.found.named
+            formula = formulated.get(cause.pick) if cause is not None else None
+            text = formula[0].text if formula is not None else ""
+            result.append(Name(one.name, one.probability, quantities, in_file, text))
+        return tuple(result)
+
+    def _unit(self, law: str, key: str) -> str:
+        known = PHYSICS[law].get(key)
+        unit = known.unit if known is not None else ""
+        return unit if key == "phase_rad" else unit_on(unit, self.session.axis)
+
+    def _curves(
+        self, causes: Sequence[_Cause], formulated: Mapping[Pick, tuple[Formula, float]]
+    ) -> tuple[Curve, ...]:
+        by_name = {self.search.candidate(cause.pick).name: cause for cause in causes}
+        result = []
+        for one in self.weighed.unnamed:
+            cause = by_name.get(one.like or one.coordinate)
+            formula = formulated.get(cause.pick) if cause is not None else None
+            over = one.coordinate
+            unit = unit_on(_UNITS.get(over, ""), self.session.axis)
+            in_file = cause is not None and not (one.like and cause.found.named)
+            result.append(
+                Curve(
+                    over, unit, one.probability, one.torque_nm, one.like, in_file,
+                    cause.curve if cause is not None else None,
+                    formula[0].text if formula else "", formula[1] if formula else None,
+                )
+            )  # fmt: skip
+        return tuple(result)
+
+    def _formula(
+        self, causes: Sequence[_Cause], cause: _Cause, after: Judged
+    ) -> tuple[Formula, float] | None:
+        """The shortest formula that predicts the runs kept aside as well as the curve."""
+        curve = cause.curve
+        if curve is None or "table" not in cause.found.parameters:
+            return None
+        for formula, shape in _formulas(curve):
+            instead = Found("residual", False, _residual(shape), {})
+            every = [instead if one is cause else one.found for one in causes]
+            tried = judged(self.outcome, _smooth(learned(self.machine, every)), self.outcome.heldout)
+            if as_good(tried, after):
+                return formula, tried.missed
+        return None
+
+    def _told(self, cause: _Cause, formulated: Mapping[Pick, tuple[Formula, float]]) -> Found:
+        """With its formula as a remark: what is simulated is the table."""
+        had = {term.parameters.get("coordinate") for term in self.machine.physics}
+        if (
+            cause.found.law != "residual"
+            or cause.pick not in formulated
+            or cause.found.parameters.get("coordinate") in had
+        ):
+            return cause.found
+        return replace(cause.found, beside={**cause.found.beside, "formula": formulated[cause.pick][0].text})
+
+    def _runners_up(self) -> tuple[tuple[tuple[str, ...], float], ...]:
+        shares = [(share, one) for share, one in self.outcome.sure.shares() if share >= 0.01][:4]
+        return tuple(
+            (tuple(sorted(self.search.candidate(pick).name for pick in one.picks)), share)
+            for share, one in shares
+        )
+
+    def _proof(self, before: Judged | None, after: Judged | None) -> Proof | None:
+        if before is None or after is None:
+            return None
+        gain = float(np.sum(after.logs) - np.sum(before.logs)) / after.samples
+        return Proof(self.outcome.heldout, gain, before.missed, after.missed)
+
+    def _shown(self, before: Judged | None, after: Judged | None) -> tuple[Before, ...]:
+        if before is None or after is None:
+            return ()
+        runs = self.outcome.view.runs
+        every = [
+            Before(one.run, runs[one.run].time_s, one.missed_nm, other.missed_nm)
+            for one, other in zip(before.runs, after.runs, strict=True)
+        ]
+        return tuple(sorted(every, key=lambda one: -float(np.mean(one.before_nm**2))))
+
+    def _notes(self, causes: Sequence[_Cause]) -> list[str]:
+        notes = []
+        kept = {one.coordinate for one in self.weighed.unnamed if one.probability > NAMED and not one.like}
+        for coordinate in sorted(kept - set(OVER)):
+            words = coordinate.replace("_", " ").replace(", ", " and ")
+            notes.append(f"what depends on {words} at once is modelled, but machine.toml has no word for it")
+        if not self.outcome.heldout:
+            notes.append("no run could be kept aside, so that nothing is proven: record repeats")
+        if not any(len(group) > 1 for group in self.outcome.view.repeats):
+            notes.append(
+                "no motion was repeated, so that the noise is what no smooth curve explains: record repeats"
+            )
+        if any(cause.found.law == "torque_filter" for cause in causes):
+            notes.append(
+                "torque_filter is of what the drive reports: simulations report it, exported models leave it out"
+            )
+        return notes
+
+
+def _wider(one: Parameter, other: Parameter | None) -> Parameter:
+    """A value with the wider of two intervals: how sure it is beside what has no name."""
+    if other is None or other.high - other.low <= one.high - one.low:
+        return one
+    half = (other.high - other.low) / 2
+    return Parameter(one.value, one.value - half, one.value + half)
+
+
+def _residual(curve: Drawn) -> dict[str, Any]:
+    """A curve as the file's `residual`."""
+    columns = (
+        [curve.x, curve.forward_nm]
+        if curve.over in UNDIRECTED
+        else [curve.x, curve.forward_nm, curve.backward_nm]
+    )
+    return {"coordinate": curve.over, "table": table(*columns)}
+
+
+def _formulas(curve: Drawn) -> list[tuple[Formula, Drawn]]:
+    """Formulas for a curve, the shortest first: for both directions at once where they go together."""
+    letter = _LETTERS[curve.over]
+    x, f, b, df, db = (
+        curve.x,
+        curve.forward_nm,
+        curve.backward_nm,
+        curve.forward_std_nm,
+        curve.backward_std_nm,
+    )
+    if curve.over in UNDIRECTED:
+        return [(one, _as(curve, one.at(x), one.at(x))) for one in formulas(x, f, df, letter)]
+    result = []
+    for sign, words in ((-1.0, "({})·sign ω"), (1.0, "{}")):
+        together, y, deviation = (
+            np.concatenate([x, x]),
+            np.concatenate([f, sign * b]),
+            np.concatenate([df, db]),
+        )
+        for one in formulas(together, y, deviation, letter):
+            result.append(
+                (replace(one, text=words.format(one.text)), _as(curve, one.at(x), sign * one.at(x)))
+            )
+    for ahead, back in zip(formulas(x, f, df, letter), formulas(x, b, db, letter), strict=True):
+        text = f"forward {ahead.text}; backward {back.text}"
+        both = Formula(text, ahead.terms + back.terms, ahead.at, ahead.misfit + back.misfit)
+        result.append((both, _as(curve, ahead.at(x), back.at(x))))
+    return sorted(result, key=lambda pair: (pair[0].terms, pair[0].misfit))[:_TRIED]
+
+
+#: Formulas that are held against the runs kept aside, at most.
+_TRIED = 6
+
+
+def _as(curve: Drawn, forward: Array, backward: Array) -> Drawn:
+    return replace(curve, forward_nm=forward, backward_nm=backward)

@@ -1,0 +1,117 @@
+"""Pictures of an explanation by probabilities: bars, what a run shows before and after, curves with their bands."""
+
+from __future__ import annotations
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from schwung.explain.weighing.publication import NAMED, Before, Curve, Published, percent
+from schwung.motion import Array
+from schwung.report.content import Units
+from schwung.report.explanation_words import words_of
+from schwung.report.style import (
+    DASHED,
+    ESTIMATE,
+    EXCITED,
+    GOOD,
+    GRID,
+    INK,
+    MUTED,
+    Colour,
+    curve,
+    in_style,
+    key,
+    new_figure,
+)
+
+_MOST_BARS = 14
+_BAND = 1.96
+_OUT_OF_SIGHT = 6.0  # what is so many times smaller needs a panel of its own
+
+
+@in_style
+def probabilities_figure(of: Published) -> Figure:
+    """Probabilities of names and of what has none, as bars."""
+    linear = of.axis == "linear"
+    bars: list[tuple[str, float, Colour]] = [
+        (words_of(one.physics, linear=linear).name, one.probability, GOOD if one.in_file else MUTED)
+        for one in of.names
+    ]
+    for one in of.curves:
+        like = f", like {words_of(one.like, linear=linear).name}" if one.like else ""
+        what = f"unnamed, over {one.coordinate.replace('_', ' ')}{like}"
+        bars.append((what, one.probability, ESTIMATE if one.in_file else MUTED))
+    bars = sorted(bars, key=lambda bar: -bar[1])[:_MOST_BARS][::-1]
+    figure = new_figure(1.0 + 0.34 * len(bars))
+    axes = figure.axes[0]
+    places = np.arange(len(bars))
+    axes.barh(places, [100 * p for _, p, _ in bars], color=[colour.light for *_, colour in bars], height=0.62)
+    for place, (_, p, _) in zip(places, bars, strict=True):
+        axes.annotate(
+            percent(p), (100 * p, float(place)), xytext=(4, 0), textcoords="offset points", va="center",
+            color=INK.light,
+        )  # fmt: skip
+    axes.axvline(100 * NAMED, color=MUTED.light, linestyle=DASHED, linewidth=1)
+    axes.set_yticks(places, [name for name, *_ in bars])
+    axes.set_xlim(0, 108)
+    axes.set_xlabel("probability, %")
+    axes.grid(axis="y", visible=False)
+    return figure
+
+
+@in_style
+def before_figure(run: Before, noise_nm: float, units: Units) -> Figure:
+    """What belief and file miss in one run."""
+    before, after = run.before_nm, run.after_nm
+    own = _rms(before) > _OUT_OF_SIGHT * _rms(after)
+    figure = new_figure(4.8 if own else 3.2, (1.6, 1.2) if own else (1.0,))
+    for axes in figure.axes:
+        axes.axhspan(-2 * noise_nm, 2 * noise_nm, color=GRID.light, linewidth=0, zorder=0.5)
+    above = figure.axes[0]
+    curve(above, run.time_s, before, EXCITED, label="missed by the belief", width=1.0)
+    curve(above, run.time_s, after, GOOD, label="missed by machine.toml", width=1.0)
+    _reach(above, (before, after), 3 * noise_nm)
+    above.set_title(f"Motor {units.torque_word} that is missed, {units.torque} · grey: ± 2 σ of the noise")
+    if own:
+        curve(figure.axes[1], run.time_s, after, GOOD, width=0.8)
+        _reach(figure.axes[1], (after,), 3 * noise_nm)
+        figure.axes[1].set_title("The same, by machine.toml alone")
+    figure.axes[-1].set_xlabel("time, s")
+    key(above)
+    return figure
+
+
+@in_style
+def curve_figure(one: Curve, units: Units) -> Figure:
+    """A curve without a name over its coordinate, forward and backward, with bands of 95 %."""
+    of = one.drawn
+    assert of is not None
+    figure = new_figure(3.4)
+    axes = figure.axes[0]
+    axes.axhline(0, color=MUTED.light, linewidth=0.8)
+    sides = [("forward" if of.directed else "torque", of.forward_nm, of.forward_std_nm, ESTIMATE)]
+    if of.directed:
+        sides.append(("backward", of.backward_nm, of.backward_std_nm, EXCITED))
+    for label, values, deviation, colour in sides:
+        band = _BAND * deviation
+        axes.fill_between(of.x, values - band, values + band, color=colour.light, alpha=0.18, linewidth=0)
+        curve(axes, of.x, values, colour, label=label, width=1.7)
+    axes.margins(x=0.01)
+    name = one.coordinate.replace("_", " ")
+    axes.set_xlabel(
+        "share of the session" if of.over == "run" else f"{name}, {one.unit}" if one.unit else name
+    )
+    axes.set_title(f"Added to the {units.torque_word}, {units.torque}")
+    key(axes)
+    return figure
+
+
+def _rms(values: Array) -> float:
+    return float(np.sqrt(np.mean(values**2)))
+
+
+def _reach(axes: Axes, signals: tuple[Array, ...], least: float) -> None:
+    """Symmetric limits that hold all but single spikes."""
+    reach = max([least, *(1.2 * float(np.quantile(np.abs(signal), 0.998)) for signal in signals)])
+    axes.set_ylim(-reach, reach)

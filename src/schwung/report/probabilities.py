@@ -1,0 +1,202 @@
+"""The page of an explanation by probabilities: names, curves without a name, the proof of the published file."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from html import escape
+from pathlib import Path
+
+from schwung.drivetrain.machine import Machine
+from schwung.explain.weighing.publication import NAMED, Curve, Published, percent
+from schwung.quantities import sentences_of
+from schwung.report.content import Units, units_of
+from schwung.report.explanation import parameter_lines, runs_text
+from schwung.report.explanation_words import words_of
+from schwung.report.figures_probabilities import before_figure, curve_figure, probabilities_figure
+from schwung.report.html import bullets, drawn_figure, page, rows_table, section, write_page
+from schwung.report.pictures import Picture
+from schwung.session import Session
+
+
+@dataclass(frozen=True, eq=False)
+class ProbabilitiesContent:
+    """Everything that the page shows. `believed` is the machine before anything was learned."""
+
+    title: str
+    published: Published
+    believed: Machine
+    session: Session | None = None
+    machine_file: str = ""  # the learned machine.toml as written
+
+    @property
+    def units(self) -> Units:
+        """Units and words of this axis."""
+        return units_of(self.published.axis, self.believed.effort)
+
+
+def write_probabilities(content: ProbabilitiesContent, path: Path) -> Path:
+    """Write the page to `path`, whole or not at all; folders are made. Raises InputError where it cannot be."""
+    return write_page(render_probabilities(content), path)
+
+
+def tables(of: Published) -> list[tuple[str, tuple[str, ...], list[tuple[str, ...]]]]:
+    """Everything in words: title, heads of the columns, and rows of each table that has some."""
+    every: list[tuple[str, tuple[str, ...], list[tuple[str, ...]]]] = [
+        ("Names", NAME_HEAD, [*name_rows(of)]),
+        ("Modelled, unnamed", CURVE_HEAD, [*curve_rows(of)]),
+        ("Runners-up", ("set", "probability"), [*runner_up_rows(of)]),
+        ("Proof, noise, and what is left", ("", ""), [*fact_rows(of, units_of(of.axis, of.effort))]),
+    ]
+    return [(title, head, rows) for title, head, rows in every if rows]
+
+
+def render_probabilities(content: ProbabilitiesContent) -> str:
+    """The whole page as text."""
+    of = content.published
+    file = (
+        f'<div class="wide"><pre>{escape(content.machine_file)}</pre></div>' if content.machine_file else ""
+    )
+    parts = [
+        _header(content),
+        _verdict(of),
+        *(section(title, rows_table(head if any(head) else (), rows)) for title, head, rows in tables(of)),
+        *(section(picture.title, drawn_figure(picture)) for picture in probability_pictures(content)),
+        section("Notes", bullets(of.notes)),
+        section("The learned machine", file),
+        "<footer>Written by Schwung. This file needs nothing else: keep it, mail it, print it.</footer>",
+    ]
+    return sentences_of(content.believed.effort)(page(content.title, parts))
+
+
+def _header(content: ProbabilitiesContent) -> str:
+    session, facts = content.session, [content.believed.name]
+    if session is not None:
+        facts = [session.created.replace("T", " ", 1), session.source, *facts]
+    line = " · ".join(escape(fact) for fact in facts if fact)
+    return f"<header><h1>{escape(content.title)}</h1><p>{line}</p></header>"
+
+
+def tone_of(of: Published) -> str:
+    """How good the answer is, as the look of the page has it."""
+    if of.left is None:
+        return "doubtful"
+    return "good" if of.left <= _LITTLE else "doubtful" if of.left <= _MUCH else "unusable"
+
+
+#: Of what runs kept aside show beyond noise: so much may be left in a good answer, and in one that is of use.
+_LITTLE, _MUCH = 0.05, 0.5
+
+
+def _verdict(of: Published) -> str:
+    text = of.headline[:1].upper() + of.headline[1:]
+    return f'<section class="verdict {tone_of(of)}"><strong>{escape(text)}</strong></section>'
+
+
+# ------------------------------------------------------------------------------------------- in words
+
+#: What is less probable and not published is in explanation.json alone.
+_WORTH = 0.05
+#: Samples that count as fewer by this are told.
+_COLOURED = 1.05
+NAME_HEAD = ("physics", "probability", "parameters (95 %)", "machine.toml")
+CURVE_HEAD = ("over", "probability", "torque, RMS", "what is known of it", "machine.toml")
+
+
+def name_rows(of: Published) -> list[tuple[str, str, str, str]]:
+    """Names for a table; lines within a cell by line feeds."""
+    linear = of.axis == "linear"
+    return [
+        (
+            f"{words_of(one.physics, linear=linear).name.capitalize()}\n{one.physics}",
+            percent(one.probability),
+            one.formula or "\n".join(parameter_lines(one.parameters, linear=linear)) or "a curve",
+            "yes" if one.in_file else "no",
+        )
+        for one in of.names
+        if one.in_file or one.probability >= _WORTH
+    ]
+
+
+def curve_rows(of: Published) -> list[tuple[str, str, str, str, str]]:
+    """What has no name, for a table."""
+    unit = units_of(of.axis, "torque").torque
+    return [
+        (
+            one.coordinate.replace("_", " "),
+            percent(one.probability),
+            f"{one.torque_nm:.2g} {unit}",
+            _known_of(one, of),
+            "residual" if one.in_file else "no",
+        )
+        for one in of.curves
+        if one.in_file or one.probability >= _WORTH
+    ]
+
+
+def _known_of(one: Curve, of: Published) -> str:
+    if one.formula:
+        missed = f" (misses {one.formula_missed:.3g} σ)" if one.formula_missed is not None else ""
+        return f"{one.formula}, as good as the curve on runs kept aside{missed}"
+    if one.like:
+        name = words_of(one.like, linear=of.axis == "linear").name
+        return f"like {name} ({one.like}), without being surely it"
+    return "a curve: see its picture" if one.drawn is not None else "a curve"
+
+
+def fact_rows(of: Published, units: Units) -> list[tuple[str, str]]:
+    """Proof, noise and what is left."""
+    rows = []
+    if of.proof is not None:
+        runs = runs_text(of.proof.runs)
+        rows.append(
+            (f"missed on runs {runs}, kept aside, by the belief", f"{of.proof.before:.3g} σ of the noise")
+        )
+        rows.append(("missed there by machine.toml, read back", f"{of.proof.after:.3g} σ"))
+        rows.append(("left unexplained there, of what is beyond noise", f"{1 - of.proof.taken:.0%}"))
+    share = (
+        f", and {of.noise.torque_share:.2%} of the {units.torque_word}" if of.noise.torque_share > 0 else ""
+    )
+    rows.append((f"noise of the {units.torque_word}", f"{of.noise.torque_nm:.2g} {units.torque}{share}"))
+    rows.append(("noise of the speed", f"{of.noise.speed_rad_s:.2g} {units.speed}"))
+    rows.append((f"noise of the {units.position_word}", f"{of.noise.position_rad:.2g} {units.position}"))
+    if of.excess > _COLOURED:
+        rows.append(("noise is coloured: samples count as", f"1/{of.excess:.2g} of their number"))
+    return rows
+
+
+def runner_up_rows(of: Published) -> list[tuple[str, str]]:
+    """Whole sets of causes behind the most probable one."""
+    return [
+        (", ".join(name.replace("_", " ") for name in names) or "nothing", percent(p))
+        for names, p in of.runners_up[1:]
+    ]
+
+
+# ------------------------------------------------------------------------------------------- pictures
+
+
+def probability_pictures(content: ProbabilitiesContent) -> Iterator[Picture]:
+    """Every picture for which there is something to show, in reading order."""
+    of, units = content.published, content.units
+    if of.names or of.curves:
+        caption = (
+            "Green: named in machine.toml. Blue: modelled without a name. Grey: told, but not published by this name. "
+            f"The line is at {NAMED:.0%}."
+        )
+        yield Picture("probabilities", "Probabilities", caption, probabilities_figure(of))
+    if of.shown:
+        shown = of.shown[0]
+        caption = (
+            f"Run {shown.run}, kept aside from fitting. Orange: the {units.torque_word} that the belief misses, green: "
+            "what machine.toml misses, as it was read back. Within the grey band is noise."
+        )
+        figure = before_figure(shown, of.noise.torque_nm, units)
+        yield Picture("before_after", "Before and after", caption, figure)
+    for number, one in enumerate(of.curves):
+        if one.drawn is not None and one.in_file:
+            caption = "Band: 95 %. Constant beyond the ends. " + (
+                f"Formula: {one.formula}." if one.formula else ""
+            )
+            title = f"Without a name, over {one.coordinate.replace('_', ' ')}"
+            yield Picture(f"unnamed{number}", title, caption, curve_figure(one, units))

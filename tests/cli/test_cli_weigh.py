@@ -1,0 +1,152 @@
+"""`schwung explain --weigh`: what it writes and tells. The search is replaced by a hand-made answer."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from schwung.api import weighing
+from schwung.api.reports import explanation_note
+from schwung.cli import main
+from schwung.drivetrain import load_machine, paper_machine, write_machine
+from schwung.drivetrain.physics_term import PhysicsTerm
+from schwung.errors import InputError
+from schwung.explain.values import Quantity
+from schwung.explain.weighing.drawn import Drawn
+from schwung.explain.weighing.publication import Before, Curve, Name, Published
+from schwung.explain.weighing.values import Proof
+from schwung.innovations.likelihood import Noise
+from schwung.session import Run, SessionWriter
+
+X, TIME = np.linspace(0.0, 20.0, 21), np.arange(400) / 1000
+TERMS = (
+    PhysicsTerm.model_validate({"name": "torque_offset", "torque_nm": 2.0, "probability": 0.98}),
+    PhysicsTerm.model_validate(
+        {"name": "residual", "coordinate": "speed", "table": np.stack([X, -0.3 * X, 0.3 * X], 1).tolist()}
+    ),
+)
+
+
+def answer() -> Published:
+    """An offset with a name, a curve over speed without one, and a rival."""
+    drawn = Drawn("speed", X, -0.3 * X, 0.1 + 0 * X, 0.3 * X, 0.1 + 0 * X)
+    return Published(
+        axis="rotary",
+        effort="torque",
+        names=(
+            Name("torque_offset", 0.98, {"torque_nm": Quantity(2.0, "N·m", (1.9, 2.1))}, True),
+            Name("backlash", 0.2, {"gap_rad": Quantity(1e-4, "rad", (0.0, 2e-4))}, False),
+        ),
+        curves=(Curve("speed", "rad/s", 0.999, 1.7, "", True, drawn, "(−0.3·|ω|)·sign ω", 1.01),),
+        runners_up=((("speed", "torque_offset"), 0.8), (("backlash",), 0.2)),
+        noise=Noise(0.3, 0.01, 1e-5),
+        excess=1.6,
+        proof=Proof((3, 5), 4.0, 6.0, 1.01),
+        shown=(Before(3, TIME, 3 * np.sin(20 * TIME), 0.2 * np.cos(90 * TIME)),),
+        machine=paper_machine().model_copy(update={"physics": TERMS}),
+        notes=("the <first> note",),
+    )
+
+
+@pytest.fixture
+def places(tmp_path: Path) -> Path:
+    """A folder with a session and a belief."""
+    write_machine(paper_machine(), tmp_path / "belief.toml")
+    with SessionWriter(tmp_path / "session.h5", source="test") as writer:
+        for number in range(2):
+            writer.append(
+                Run(
+                    role="reference", repeat=number, sample_rate_hz=1000.0, time_s=TIME, position_rad=np.sin(TIME),
+                    speed_rad_s=np.cos(TIME), torque_nm=TIME,
+                )
+            )  # fmt: skip
+    return tmp_path
+
+
+def _run(
+    capsys: pytest.CaptureFixture[str],
+    monkeypatch: pytest.MonkeyPatch,
+    places: Path,
+    result: object,
+    *more: str,
+) -> tuple[int, str, str]:
+    def stand_in(_session: object, _machine: object, *, progress: object = None) -> object:
+        assert callable(progress)
+        progress("Weighing [causes]", 0.5)
+        if isinstance(result, BaseException):
+            raise result
+        return result
+
+    monkeypatch.setattr(weighing, "publish", stand_in)
+    arguments = ["explain", str(places / "session.h5"), "-m", str(places / "belief.toml"), "--weigh", *more]
+    with pytest.raises(SystemExit) as ended:
+        main(arguments)
+    out, err = capsys.readouterr()
+    return int(ended.value.code or 0), out, err
+
+
+def test_it_tells_names_curves_and_proof_and_writes_all_three(
+    places: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    out = places / "result"
+    code, text, _ = _run(capsys, monkeypatch, places, answer(), "--out", str(out))
+    assert code == 0
+    said = " ".join(text.split())
+    for words in ("torque offset (98 %)", "over speed without a name", "2.00 N·m", "backlash", "20 %", "sign ω",
+                  "6 σ", "1.01 σ", "the <first> note"):  # fmt: skip
+        assert words in said
+    document = json.loads((out / "explanation.json").read_text())
+    assert document["names"][0]["parameters"]["torque_nm"]["ci95"] == [1.9, 2.1]
+    assert [term.name for term in load_machine(out / "machine.toml").physics] == ["torque_offset", "residual"]
+    page = (out / "explanation.html").read_text()
+    assert page.count("<svg") == 3  # bars, before and after, the curve
+    assert "&lt;first&gt;" in page
+    assert "torque offset (98 %)" in explanation_note(out)[0]
+
+
+def test_json_is_the_document_alone(
+    places: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    code, out, err = _run(capsys, monkeypatch, places, answer(), "--out", str(places / "result"), "--json")
+    assert code == 0
+    assert json.loads(out) == json.loads((places / "result" / "explanation.json").read_text())
+    assert "Names" in err
+
+
+def test_an_answer_of_nothing_and_without_proof_is_told(
+    places: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    nothing = replace(
+        answer(), names=(), curves=(), runners_up=(), shown=(), proof=None, machine=paper_machine()
+    )
+    code, out, _ = _run(capsys, monkeypatch, places, nothing, "--out", str(places / "result"))
+    assert code == 0
+    assert "leaves out nothing that this session tells from noise" in " ".join(out.split())
+    assert (places / "result" / "explanation.html").exists()
+
+
+@pytest.mark.parametrize(
+    ("error", "code"), [(InputError("session", "is odd", "Mend it."), 2), (KeyboardInterrupt(), 130)]
+)
+def test_what_goes_wrong_leaves_nothing_behind(
+    places: Path,
+    capsys: pytest.CaptureFixture[str],
+    monkeypatch: pytest.MonkeyPatch,
+    error: BaseException,
+    code: int,
+) -> None:
+    ended, _, err = _run(capsys, monkeypatch, places, error, "--out", str(places / "result"))
+    assert ended == code
+    assert "Traceback" not in err
+    assert not (places / "result").exists()
+
+
+def test_an_fmu_is_no_machine_file(places: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    with pytest.raises(SystemExit) as ended:
+        main(["explain", str(places / "session.h5"), "--belief", "x.fmu", "--weigh"])
+    assert ended.value.code == 2
+    assert "needs a machine file" in capsys.readouterr().err
