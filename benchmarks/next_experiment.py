@@ -94,8 +94,7 @@ class Room:
         noise, every = self.drawn.noise, round(1 / (RATE_HZ * TICK_S))
         ticks = np.arange(round(planned.motion.total_s / TICK_S)) * TICK_S
         demand, sine = planned.motion.demand(ticks).position_rad, planned.excitation
-        held = ticks[np.arange(ticks.size) // every * every]
-        added = sine.torque(held) if sine else np.zeros_like(ticks)
+        added = sine.torque(ticks) if sine else np.zeros_like(ticks)
         rest = round(0.1 / TICK_S)
         jitter = noise.position_rad * self.chance.standard_normal(rest + ticks.size)
         self.axis.play(np.zeros(rest), np.zeros(rest), jitter[:rest])
@@ -175,7 +174,8 @@ def _setting(drawn: DrawnMachine) -> Setting:
         repeats=1,
     )
     forward = FeedForward(speed_share=settings.speed_feed_forward)
-    return Setting(done, limits, 0.0, machine, feed_forward=forward, longest_s=LONGEST_S)
+    # the drive makes the sine itself: what its steps would leave in the loop is not what is asked here
+    return Setting(done, limits, 0.0, machine, torque_held=False, feed_forward=forward, longest_s=LONGEST_S)
 
 
 def weighed_session(runs: list[Run], room: Room) -> Posterior:

@@ -33,4 +33,6 @@ def require(place: str, extra: str, *modules: str) -> None:
     brought = EXTRAS[extra]
     missing = [name for name in modules or brought if find_spec(name) is None]
     if missing:
-        raise MissingLibraryError(place, " and ".join(brought[name] for name in missing), f"schwung[{extra}]")
+        *first, last = [brought[name] for name in missing]
+        named = f"{', '.join(first)} and {last}" if first else last
+        raise MissingLibraryError(place, named, f"schwung[{extra}]")

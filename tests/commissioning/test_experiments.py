@@ -19,7 +19,7 @@ from schwung.commissioning.plan_file import read_plan, write_plan
 from schwung.commissioning.preflight import preflight
 from schwung.commissioning.survey import survey
 from schwung.commissioning.until_explained import UntilExplained, record_until_explained
-from schwung.drivetrain import FeedForward
+from schwung.drivetrain import FeedForward, InertiaTable
 from schwung.errors import InputError, InterruptedByUser, NodeLostError, RefusedError
 from schwung.explain.weighing.experiment import Gain, Rival, Rivals
 from schwung.session import Run, read_session
@@ -61,6 +61,18 @@ def test_strokes_use_the_room_that_there_is_and_differ() -> None:
     distances = {w.distance_rad for w in strokes(wide)}
     assert min(distances) < -8.0
     assert all(abs(a - b) > 0.1 for a in distances for b in distances if a != b)
+
+
+def test_strokes_stay_where_the_belief_knows_the_inertia() -> None:
+    machine = believed_machine()
+    table = InertiaTable(np.linspace(0.01, 1.5, 5), np.full(5, 0.11))
+    load = machine.load.model_copy(update={"inertia_kgm2": None, "inertia_table": table})
+    known = replace(setting(), machine=machine.model_copy(update={"load": load}))
+    known = replace(known, done=replace(WISHES, distance_rad=1.0))
+    distances = {w.distance_rad for w in strokes(known)}
+    assert 1.0 in distances  # the session's own
+    assert max(distances) <= 1.5
+    assert min(distances) >= 0.0  # though the limits leave room below
 
 
 def test_the_motion_that_tells_most_comes_first_with_its_best_injection() -> None:

@@ -55,6 +55,18 @@ def test_a_sound_plan_passes_and_says_what_to_expect() -> None:
     assert _severity(found, "room to move") == "ok"
 
 
+def test_where_nothing_is_going_to_be_estimated_all_else_is_checked_alike() -> None:
+    plan = _plan()
+    whole, lean = (
+        _flight(plan),
+        preflight(plan, MACHINE, _survey(plan), FeedForward(speed_share=1.0), estimates=False),
+    )
+    assert lean.predicted is None
+    assert lean.checks == tuple(
+        check for check in whole.checks if check.name not in ("linearity", "predicted trust")
+    )
+
+
 @pytest.mark.parametrize(
     "way",
     [

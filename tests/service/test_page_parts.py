@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+from typing import NoReturn
+
 import numpy as np
 import pytest
 
@@ -14,11 +17,15 @@ from schwung.quantities import parse_quantity
 from schwung.report.style import PALETTE
 from schwung.service.pages.curves import NamedCurve, comparison_diagram, covered, inertia_diagram
 from schwung.service.pages.decimation import BEGUN, CONTINUED, Columns, Decimator, frame, parts
+from schwung.service.pages.desk import Desk
 from schwung.service.pages.markup import Safe, problem, si, table, time_left
 from schwung.service.pages.reported import drawings
+from schwung.service.pages.runs import runs_table
 from schwung.service.pages.scope import TRACES, Feed, Fresh
 from schwung.service.pages.style import palette_css
 from schwung.service.pages.words import cia402_meaning, cia402_tone, field_text
+from schwung.service.service import Service
+from schwung.service.values import Settings
 
 RATE_HZ = 1000.0
 
@@ -190,3 +197,22 @@ def test_what_an_export_writes_has_its_unit() -> None:
     assert angle is not None
     assert (angle.scale, angle.unit) == (1e-6, "rad")
     assert worth_of(profile, Parameter(0x6065, 0, "UNSIGNED32")) is None
+
+
+def test_a_long_list_reads_no_document_twice(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """300 plans are megabytes: a page that looks every second may not read them each time."""
+    with Service(Settings(tmp_path)) as service:
+        for number in range(320):
+            run = service.store.add_run("plan", {"kind": "plan"}, f"<b>{number}</b>", None, None)
+            service.store.end_run(run.id, "failed", None, {"text": f"no. {number}"})
+        desk = Desk(service, may_act=True, who="tester")
+        first = runs_table(desk)
+        assert first.count("<tr>") == 301  # with its head
+        assert "no. 319" in first
+        assert "&lt;b&gt;319" in first
+
+        def read(run_id: str) -> NoReturn:
+            raise AssertionError(run_id)
+
+        monkeypatch.setattr(service.store, "run", read)
+        assert runs_table(desk) == first

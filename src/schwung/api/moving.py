@@ -411,7 +411,7 @@ def export(
     make_folder(folder)
     drive, backup, played = connection.drive, folder / "export.backup.json", None
     if verify is not None:
-        verify = as_shown(Plan, procedure.renewed(drive, connection.profile, verify))
+        verify = as_shown(Plan, procedure.renewed(drive, connection.profile, verify, estimates=False))
         verify.require()
         if before is None:
             before = procedure.repeat_reference(drive, verify, folder, "before", watching)

@@ -119,9 +119,11 @@ def prepare(
     machine: Machine,
     wishes: Wishes,
     timing: SyncTiming | None = None,
+    *,
+    estimates: bool = True,
 ) -> Prepared:
     """Plan and check; reads the drive, changes nothing, moves nothing. `timing`: see `choose_way`; None: it is measured
-    where it matters.
+    where it matters. `estimates`: see `preflight`.
 
     Raises InputError where limits or beliefs are missing, RefusedError where the axis stands elsewhere than wished;
     what preflight finds is in the result.
@@ -160,7 +162,7 @@ def prepare(
     plan = replace(plan, reasons=(*way.reasons, *one_way, *wishes.because, *plan.reasons))
     forward = FeedForward(speed_share=gains.get("speed_feed_forward", 0.0))
     seen = survey(drive, plan)
-    checked = preflight(plan, machine, seen, forward)
+    checked = preflight(plan, machine, seen, forward, estimates=estimates)
     return Prepared(plan, machine, seen, checked, forward, wishes)
 
 
@@ -175,11 +177,12 @@ def _require_start(plan: Plan, wishes: Wishes) -> None:
         )
 
 
-def renewed(drive: Drive, profile: DeviceProfile, prepared: Prepared) -> Prepared:
+def renewed(drive: Drive, profile: DeviceProfile, prepared: Prepared, *, estimates: bool = True) -> Prepared:
     """The same where axis and drive are as they were; else planned anew, from where the axis stands. Changes nothing.
 
     Between planning and moving may lie as long as somebody looks at the plan. Raises RefusedError where the axis has
-    been moved further than its following error allows: what was looked at is another motion then.
+    been moved further than its following error allows: what was looked at is another motion then. `estimates`: see
+    `preflight`.
     """
     seen = require_there(drive, prepared.plan, prepared.survey)
     moved = abs(seen.state.position_rad - prepared.plan.start_position_rad)
@@ -187,7 +190,7 @@ def renewed(drive: Drive, profile: DeviceProfile, prepared: Prepared) -> Prepare
         moved == 0 and seen.limits == prepared.survey.limits
     ):  # its state is looked at again before it is switched on
         return prepared
-    return prepare(drive, profile, prepared.machine, prepared.wishes)
+    return prepare(drive, profile, prepared.machine, prepared.wishes, estimates=estimates)
 
 
 def rechecked(drive: Drive, prepared: Prepared) -> Prepared:
@@ -395,7 +398,7 @@ def _preflight_played(prepared: Prepared, plan: Plan, played: HostPlayed) -> Pre
     )
     machine = prepared.machine.model_copy(update={"load": load})
     forward = replace(prepared.feed_forward, inertia=played.load_inertia)
-    return preflight(plan, machine, prepared.survey, forward)
+    return preflight(plan, machine, prepared.survey, forward, estimates=False)
 
 
 def wishes_of(session: Session) -> Wishes:

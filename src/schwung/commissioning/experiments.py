@@ -16,7 +16,7 @@ from schwung.commissioning.commission import Wishes, wishes_of
 from schwung.commissioning.limits import Limits, LimitWishes
 from schwung.commissioning.plan import Plan, make_plan
 from schwung.commissioning.preflight import motion_checks, sampled_run, simulated_run
-from schwung.drivetrain import FeedForward, Machine
+from schwung.drivetrain import FeedForward, InertiaTable, Machine
 from schwung.errors import InputError
 from schwung.explain.weighing.experiment import UNNAMED, Gain, Rival, Rivals
 from schwung.explain.weighing.values import Weighed
@@ -50,6 +50,20 @@ class Setting:
     torque_held: bool = True
     feed_forward: FeedForward | None = None
     longest_s: float = LONGEST_S
+
+    @property
+    def window_rad(self) -> tuple[float, float]:
+        """Angles within the limits at which the belief says what the load's inertia is, or the session has been.
+
+        Beyond its table all that is unknown of the inertia would drown what is confused.
+        """
+        low, high = self.limits.position_min_rad, self.limits.position_max_rad
+        table = self.machine.load_inertia
+        if not isinstance(table, InertiaTable):
+            return low, high
+        here, there = self.start_position_rad, self.start_position_rad + self.done.distance_rad
+        known = float(table.position_rad[0]), float(table.position_rad[-1])
+        return max(low, min(known[0], here, there)), min(high, max(known[1], here, there))
 
     def plan(self, wishes: Wishes) -> Plan:
         """The motions of some wishes. Raises InputError where no motion can be them."""
@@ -187,7 +201,7 @@ def _as_done(session: Session, machine: Machine) -> Limits:
 def strokes(setting: Setting) -> Iterator[Wishes]:
     """Every stroke and time that is tried, with the session's own injection."""
     done, here = setting.done, setting.start_position_rad
-    above, below = setting.limits.position_max_rad - here, setting.limits.position_min_rad - here
+    below, above = (end - here for end in setting.window_rad)
     wanted = [share * done.distance_rad for share in STROKES]
     wanted += [share * room for share in ROOM for room in (above, below)]
     distances: list[float] = []

@@ -60,9 +60,17 @@ class Preflight:
 
 
 def preflight(
-    plan: Plan, machine: Machine, seen: Survey, feed_forward: FeedForward | None = None
+    plan: Plan,
+    machine: Machine,
+    seen: Survey,
+    feed_forward: FeedForward | None = None,
+    *,
+    estimates: bool = True,
 ) -> Preflight:
-    """Check a plan against the drive and against the simulated motion. Never raises for what it finds."""
+    """Check a plan against the drive and against the simulated motion. Never raises for what it finds.
+
+    `estimates`: the recording is going to be estimated from, so that it is tried on the simulated one.
+    """
     every = [run for run in plan.runs() if run.repeat == 0]
     first = [run for run in every if run.motion == plan.motion]
     reference, *phases = (simulated_run(run, plan, machine, feed_forward) for run in first)
@@ -72,14 +80,15 @@ def preflight(
     creep = creep_of(plan, machine, seen.resolution)
     others += creep.motions(plan) if creep is not None else ()
     motions = (reference, *phases, *(simulated_run(run, plan, machine, feed_forward) for run in others))
-    predicted = _predicted(plan, zip(first, (reference, *phases), strict=True), machine)
+    made = zip(first, (reference, *phases), strict=True)
+    predicted = _predicted(plan, made, machine) if estimates else None
     source, resolution_checks = _resolution(plan, seen.resolution, reference, excited)
     checks = [
         *standing_checks(plan, machine, seen),
         *resolution_checks,
         *motion_checks(plan, motions),
         *_margin(plan, machine, motions, feed_forward),
-        *_trust(plan, reference, excited, predicted),
+        *(_trust(plan, reference, excited, predicted) if estimates else ()),
         *([Check("creep", "ok", creep.text)] if creep is not None else []),
     ]
     return Preflight(tuple(checks), source, reference, excited, predicted, creep)

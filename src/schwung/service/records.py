@@ -40,6 +40,18 @@ def media_type(name: str) -> str | None:
 
 
 @dataclass(frozen=True)
+class RunHead:
+    """A run as a list shows it, without its documents."""
+
+    id: str
+    kind: str
+    state: str
+    who: str
+    created: str
+    drive_id: str | None
+
+
+@dataclass(frozen=True)
 class MachineRecord:
     """A machine that is believed in; its toml lies in the store's folder."""
 

@@ -23,6 +23,7 @@ def recover(store: Store, trail: Trail) -> list[Request]:
         error = {
             "type": "Interrupted",
             "text": "the service ended while this run went on",
+            "remedy": "A drive stops by itself then. Its page says whether it holds changed parameters.",
             "exit_code": 130,
             "notes": [],
         }

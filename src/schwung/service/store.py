@@ -29,6 +29,7 @@ from schwung.service.records import (
     FileRecord,
     MachineRecord,
     ResultRecord,
+    RunHead,
     UnsafeRecord,
     media_type,
 )
@@ -238,6 +239,16 @@ class Store:
         where = f"WHERE {' AND '.join(wanted)}" if wanted else ""
         query = f"SELECT * FROM run {where} ORDER BY created DESC, id LIMIT ?"
         return [_run(row) for row in self.rows(query, *wanted.values(), limit)]
+
+    def run_heads(
+        self, *, kind: str | None = None, drive_id: str | None = None, limit: int = 200
+    ) -> list[RunHead]:
+        """Runs, the newest first, without their documents: a list of plans would read megabytes."""
+        given = {"kind = ?": kind, "drive_id = ?": drive_id}
+        wanted = {clause: value for clause, value in given.items() if value is not None}
+        where = f"WHERE {' AND '.join(wanted)}" if wanted else ""
+        query = f"SELECT id, kind, state, who, created, drive_id FROM run {where} ORDER BY created DESC, id LIMIT ?"
+        return [RunHead(**row) for row in self.rows(query, *wanted.values(), limit)]
 
     def ids_that_begin(self, table: str, begin: str) -> list[str]:
         """Ids of runs or estimates that begin so, a few of them; `begin` is hexadecimal."""

@@ -16,7 +16,7 @@ from schwung.explain.weighing.present import Member, with_members
 from schwung.explain.weighing.work import LINEARISED, Work
 from schwung.innovations.effect import Passed
 from schwung.innovations.evidence import Weighed, weigh
-from schwung.innovations.likelihood import Noise, likely_noise
+from schwung.innovations.likelihood import Noise, likely_noise, unshared_deviance_of
 from schwung.innovations.low_pass import heard
 from schwung.innovations.signals import Signals
 from schwung.innovations.statistics import Statistics, colour
@@ -105,6 +105,7 @@ class Linearised:
     passed: Mapping[int, Passed]  # of the runs that were asked for
     noise: Noise
     members: Sequence[Member] = ()  # that are present
+    unlikely: float = 0.0  # what repeats do not share, where noise was found by it (−2 log likelihood)
 
     def beside(self, runs: Sequence[int]) -> Linearised:
         """Other runs about the same, with the states that it makes likely."""
@@ -161,14 +162,16 @@ def linearised(
     pairs = _few([group for group in view.repeats if len(group) > 1])
     few = [] if reach is None else [i for pair in pairs for i in pair[:2]] or _few(range(len(alongs)))
     made = {i: equations_of(alongs[i], acting(view, alongs[i], members)) for i in {*runs, *few}}
+    unlikely = 0.0
     if reach is not None:
         equations = [made[i][0] for i in few]
         these, span = [view.runs[i] for i in few], view.ranges.span_rad
         places = [(2 * i, 2 * i + 1) for i in range(len(pairs))]
         noise = likely_noise(equations, these, noise, reach, span, whole=True, repeats=places)
+        unlikely = unshared_deviance_of(equations, these, noise, places)
     passed = {i: Passed.of(*made[i], noise, view.runs[i]) for i in runs}
     view.work.add(LINEARISED * sum(one.samples for one in passed.values()))
-    return Linearised(view, alongs, passed, noise, members)
+    return Linearised(view, alongs, passed, noise, members, unlikely)
 
 
 def _few(every: Sequence[T]) -> list[T]:
@@ -233,11 +236,17 @@ def wide_fit(
 ) -> Wide:
     """Fit the belief with all of these present. `candidates` begin with the coefficients they have; `reach`: how far
     off the noise may be (log).
+
+    Where repeats are likelier about the former states, what was found about those holds: curves that cancel one another
+    may make them differ by more than their noise.
     """
-    members, view = list(candidates), replace(view, dry_nm=None)
+    members, view, least = list(candidates), replace(view, dry_nm=None), np.inf
     passes = _PASSES_OF_REPEATS if any(len(group) > 1 for group in view.repeats) else _PASSES
     for number in range(passes):
-        about = linearised(view, members, noise, reach)
+        latest = linearised(view, members, noise, reach)
+        if latest.unlikely > least:
+            break
+        about, least = latest, latest.unlikely
         moved, noise = about.noise.moved_from(noise), about.noise
         reach = float(np.clip(moved, *_REACHES))
         rows = about.whitened([(m.candidate.about(m.coefficients), m.shape) for m in members], train)

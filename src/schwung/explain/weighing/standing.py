@@ -80,7 +80,8 @@ def _sure(search: Search, gain: float, left: float) -> float:
     """Probability of a name that adds so much evidence, where so much is left."""
     if gain <= 0:
         return 0.0
-    return float(expit(min(gain, float(np.log1p(gain / left))) + search.odds))
+    counted = min(gain, float(np.log1p(gain / left))) if left > 0 else gain
+    return float(expit(counted + search.odds))
 
 
 def _without(picks: Set, pick: Pick) -> Set:

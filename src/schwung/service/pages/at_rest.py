@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from functools import partial
+from html import escape
 from typing import Any
 
 from nicegui import ui
@@ -48,10 +49,11 @@ def show_changes(desk: Desk, drive: DriveRecord) -> None:
 def show_unsettled(desk: Desk, drive: DriveRecord) -> None:
     """An interrupted run has left changed parameters behind: put back, or declined by name."""
     for left in desk.service.store.unsettled(drive.id):
+        found = f" It was found in: {escape(left.found)}." if left.found else ""
         with ui.element("div").classes("sw-problem sw-row").props('role="alert"'):
             html(
                 f"<b>This drive holds parameters of an interrupted run ({moment(left.created)} UTC).</b>"
-                f"It takes nothing but restoring them. {left.found or ''}"
+                f"It takes nothing but restoring them.{found}"
             )
             request = {"kind": "propose_restore", "drive_id": drive.id, "unsafe_id": left.id}
             button(

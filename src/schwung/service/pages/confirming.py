@@ -11,7 +11,9 @@ from nicegui import ui
 from schwung.service.pages.desk import LOOK_S, Desk, button, enable, html
 from schwung.service.pages.fields import line_of_text
 from schwung.service.pages.markup import Safe, table
+from schwung.service.pages.words import kind_name
 from schwung.service.values import RunView
+from schwung.service.work import KINDS
 
 NOT_LOGGED_IN = "Log in with the token first."
 #: What has to be seen to before a machine moves.
@@ -26,8 +28,10 @@ READ = ("I have read what will be written.",)
 class Confirmation:
     """Name and marks; `button` makes the button that they allow, `started` gets the run that was asked for."""
 
-    def __init__(self, desk: Desk, proposal: Mapping[str, Any], marks: Sequence[str]) -> None:
-        self._desk, self._proposal = desk, proposal
+    def __init__(
+        self, desk: Desk, proposal: Mapping[str, Any], marks: Sequence[str], drive_id: str | None
+    ) -> None:
+        self._desk, self._proposal, self._drive_id = desk, proposal, drive_id
         self._name = line_of_text(
             "Your name", "" if desk.who == "somebody" else desk.who, "As it shall stand in the audit trail."
         )
@@ -52,7 +56,9 @@ class Confirmation:
                 if stopped
                 else "Your name and every mark are needed."
             )
-            fine = self._is_given and not stopped and self._desk.may_act
+            if busy := self._busy_with():
+                why = busy
+            fine = self._is_given and not stopped and not busy and self._desk.may_act
             enable(element, fine, why if self._desk.may_act else NOT_LOGGED_IN)
 
         self._name.on_value_change(judge)
@@ -60,6 +66,13 @@ class Confirmation:
             mark.on_value_change(judge)
         judge()
         ui.timer(LOOK_S, judge)
+
+    def _busy_with(self) -> str:
+        """Who moves or writes there now: what is confirmed begins while somebody looks, not when its turn comes."""
+        for run in self._desk.service.active():
+            if run.drive_id == self._drive_id and KINDS[run.kind].acts:
+                return f"{kind_name(run.kind)} of {run.who} goes on there: wait for its end, and look again."
+        return ""
 
     @property
     def _is_given(self) -> bool:

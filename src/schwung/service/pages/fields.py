@@ -79,11 +79,11 @@ def choice(
 ) -> ui.select:
     """One of several."""
     with ui.element("div").classes("sw-field"):
-        html(escape(label), "div", "sw-label")
+        name = html(escape(label), "label", "sw-label")
         element = ui.select(dict(options), value=initial)
-        element.props(
-            f'dense outlined options-dense aria-label="{escape(label, quote=True)}" hide-bottom-space'
-        )
+        named = f"choice-{element.id}"  # of the very element that has the focus: an aria-label stays outside of it
+        name.props(f'for="{named}"')
+        element.props(f'dense outlined options-dense for="{named}" hide-bottom-space')
         if help:
             html(escape(help), "div", "help")
     if on_change is not None:

@@ -46,7 +46,7 @@ def show_proposal(desk: Desk, run: RunView) -> None:
         with ui.element("div").classes("sw-body sw-column"):
             if moves:
                 html(f'<div class="sw-moves"><b>The machine will move</b>{_how_long(document)}.</div>')
-            given = Confirmation(desk, document, CLEAR if moves else READ)
+            given = Confirmation(desk, document, CLEAR if moves else READ, run.drive_id)
             html(muted("A proposal is used once, and lost with the process that made it."))
         with ui.element("div").classes("sw-foot"):
             html("", "span", "spring")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import OrderedDict
 from collections.abc import Mapping
 from functools import partial
 from html import escape
@@ -27,11 +28,13 @@ from schwung.service.pages.scope import TRACES, scope_url
 from schwung.service.pages.told import show_told
 from schwung.service.pages.watching import Watched
 from schwung.service.pages.words import field_text, kind_name, run_tag, verdict_tag
+from schwung.service.records import RunHead
 from schwung.service.values import ENDED, RunView
 from schwung.service.work import KINDS
 
 _KIND_CHOICE = {"": "all kinds", **{kind: kind_name(kind) for kind in KINDS}}
 _MOST = 300
+_REMEMBERED = 4000
 #: The report's picture that the page draws itself.
 CURVE = "The inertia curve"
 
@@ -39,14 +42,14 @@ CURVE = "The inertia curve"
 def runs_table(desk: Desk, drive_id: str | None = None, kind: str | None = None, limit: int = _MOST) -> Safe:
     """Runs, the newest first."""
     drives = {drive.id: drive.name for drive in desk.service.store.drives()}
+    going_on = {run.id: run for run in desk.service.active()}
     rows = []
-    for run in desk.service.runs(drive_id=drive_id, kind=kind, limit=limit):
-        result = run.result or {}
-        word = run.error.get("text", "") if run.error else ""
-        told: Any = verdict_tag(result.get("verdict")) or (word[:110] if run.state == "failed" else "")
-        if run.progress is not None and run.state == "running":
-            share = run.progress.share
-            told = run.progress.phase + (f", {100 * share:.0f} %" if share is not None else "")
+    for run in desk.service.store.run_heads(drive_id=drive_id, kind=kind, limit=limit):
+        told: Any = _outcome(desk, run)
+        at = going_on.get(run.id)
+        if at is not None and at.progress is not None and at.state == "running":
+            share = at.progress.share
+            told = at.progress.phase + (f", {100 * share:.0f} %" if share is not None else "")
         rows.append(
             (
                 Safe(f'<span class="nowrap">{moment(run.created)}</span>'),
@@ -62,7 +65,23 @@ def runs_table(desk: Desk, drive_id: str | None = None, kind: str | None = None,
     )
 
 
-def run_url(run: RunView) -> str:
+#: What came of runs that have ended, by their ids: read once, since it does not change.
+_OUTCOMES: OrderedDict[str, Safe | str] = OrderedDict()
+
+
+def _outcome(desk: Desk, head: RunHead) -> Safe | str:
+    if head.state not in ENDED:
+        return ""
+    if head.id not in _OUTCOMES:
+        run = desk.service.store.run(head.id)
+        word = run.error.get("text", "") if run.error and run.state == "failed" else ""
+        _OUTCOMES[head.id] = verdict_tag((run.result or {}).get("verdict")) or word[:110]
+        while len(_OUTCOMES) > _REMEMBERED:
+            _OUTCOMES.popitem(last=False)
+    return _OUTCOMES[head.id]
+
+
+def run_url(run: RunView | RunHead) -> str:
     """Where a run is shown: one that goes on and has a scope, in the wizard."""
     if run.kind == "commission" and run.state not in ENDED:
         return f"/commission/{run.drive_id}?run={run.id}"

@@ -25,6 +25,13 @@ class Watched:
         self._timer = ui.timer(LOOK_S, self._look)
         self._look()
 
+    def _behind(self, run: RunView) -> str:
+        """Who is at it where a run waits."""
+        if run.state != "queued" or run.drive_id is None:
+            return ""
+        first = next((one for one in self._desk.service.active() if one.drive_id == run.drive_id), run)
+        return "" if first.id == run.id else f" behind: {kind_name(first.kind)} of {first.who}"
+
     def _look(self) -> None:
         try:
             run = self._desk.service.run(self._id)
@@ -32,9 +39,8 @@ class Watched:
             self._timer.cancel()
             self._element.set_content(problem(error))
             return
-        shown = progress_html(run).replace(
-            self._folder, ""
-        )  # where the service keeps its files is nobody's business
+        # where the service keeps its files is nobody's business
+        shown = progress_html(run, self._behind(run)).replace(self._folder, "")
         if shown != self._shown:
             self._shown = shown
             self._element.set_content(shown)
@@ -45,8 +51,8 @@ class Watched:
                 ended(run)
 
 
-def progress_html(run: RunView) -> str:
-    """How far a run is, in words and as a bar; where it failed, why."""
+def progress_html(run: RunView, behind: str = "") -> str:
+    """How far a run is, in words and as a bar; where it failed, why. `behind`: whom it waits for."""
     if run.state in ENDED:
         words = f'<div class="words">{run_tag(run.state)}<b>{escape(kind_name(run.kind))}</b></div>'
         return words + (problem(run.error) if run.error and run.state != "done" else "")
@@ -59,7 +65,7 @@ def progress_html(run: RunView) -> str:
     notes = "".join(
         f'<div class="muted">{escape(note)}</div>' for note in (progress.notes if progress else ())[-4:]
     )
-    name = f"<b>{escape(phase or kind_name(run.kind))}</b>"
+    name = f"<b>{escape(phase or kind_name(run.kind))}</b>{escape(behind)}"
     busy = "" if share else " busy"
     return (
         f'<div class="words">{run_tag(run.state)}{name}<span class="spring"></span>'

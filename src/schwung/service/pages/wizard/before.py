@@ -155,7 +155,7 @@ def confirm(guide: Guide) -> None:
                 )
             )  # fmt: skip
         with panel("Who confirms it", "w5"), ui.element("div").classes("sw-body sw-column"):
-            given = Confirmation(desk, document, CLEAR)
+            given = Confirmation(desk, document, CLEAR, guide.drive.id)
             html(
                 "STOP here, Escape and S send a quick stop over the bus. They are no safety function and do not "
                 "replace the emergency stop.", "div", "muted",

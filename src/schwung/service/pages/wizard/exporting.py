@@ -94,7 +94,7 @@ def _difference(guide: Guide, document: Mapping[str, Any]) -> None:
             html(checks(moves["checks"]))
     with panel("Who confirms it", "w12"):
         with ui.element("div").classes("sw-body sw-column"):
-            given = Confirmation(guide.desk, document, (*READ, *CLEAR) if moves else READ)
+            given = Confirmation(guide.desk, document, (*READ, *CLEAR) if moves else READ, guide.drive.id)
         with ui.element("div").classes("sw-foot"):
             html(
                 "Every value is read back and compared; the old ones are kept as the way back.",

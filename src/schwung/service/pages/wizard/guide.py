@@ -44,14 +44,15 @@ class Guide:
         self.desk, self.drive = desk, drive
         self.known = Known(machine_id=drive.machine_id)
         self.step = CONNECT
-        self._failed = False
+        self._failed = self._shown = False
         self._client = ui.context.client  # steps are built by what they replace
-        self._bar = html("", "ol", "sw-steps").props('aria-label="steps"')
+        self._bar = html("", "ol", "sw-steps").props('aria-label="steps" tabindex="-1"')
         self._place = ui.element("div").classes("sw-column")
 
     def go(self, step: int) -> None:
         """Show a step."""
-        self.step, self._failed = step, False
+        came, self.step, self._failed = self._shown, step, False
+        self._shown = True
         self._show_bar()
         self._place.clear()
         with self._place:
@@ -62,6 +63,8 @@ class Guide:
             self._client,
             f"/commission/{self.drive.id}" + (f"?run={run.id}" if keeps and run is not None else ""),
         )
+        if came:  # what had the focus is gone: the next Tab goes on here
+            self._client.run_javascript(f"document.getElementById('{self._bar.html_id}')?.focus()")
 
     def refresh(self) -> None:
         """Show the same step anew."""
