@@ -58,6 +58,7 @@ class Tally:
 
     finished: dict[str, dict[str, Any]] = field(default_factory=dict)
     stops_s: list[float] = field(default_factory=list)
+    off_at_rad_s: float = 0.0  # the fastest that the axis still was when its torque ended
     states: Counter[str] = field(default_factory=Counter)  # of the killed run, as the next service tells
     energised: int = 0  # kills that came while the motor had torque
     written: int = 0
@@ -88,6 +89,7 @@ def kill_again_and_again(folder: Path, kills: int, seed: int) -> Tally:
             tally.energised += bench.axis.energised
             serving.kill()
             tally.stops_s.append(witness.stopped_within(PATIENCE_S))
+            tally.off_at_rad_s = witness.off_at_rad_s
             _require_within(witness)
             _require_sound(data)
             serving = Serving(data, bench.tool_options).start()
@@ -96,7 +98,11 @@ def kill_again_and_again(folder: Path, kills: int, seed: int) -> Tally:
             tally.written += serving.put_back(drive_id)
             require_finished(serving, tally.finished)
             _require_restored(bench, before, data)
-            print(f"{number + 1:4d} of {kills}: {after_s:5.2f} s, {dict(tally.states)}", flush=True)
+            print(
+                f"{number + 1:4d} of {kills}: after {after_s:5.2f} s, off {tally.stops_s[-1]:.3f} s later, never "
+                f"above {witness.off_at_rad_s:.3f} rad/s so far; {dict(tally.states)}",
+                flush=True,
+            )
         code = serving.terminate()
         if code not in (0, 130):
             raise FailedError(f"the service ended with {code}: {serving.said()[-1000:]}")
@@ -215,6 +221,7 @@ def main() -> None:
     print(
         f"the drive always stopped: {stops[len(stops) // 2]:.3f} s in the median, {stops[-1]:.3f} s at most (wall)"
     )
+    print(f"the axis was never faster than {tally.off_at_rad_s:.3f} rad/s when its torque ended")
     print(f"the killed runs: {dict(tally.states)}; {len(tally.finished)} runs finished, none lost")
     for note in tally.notes:
         print(f"failed before it was killed: {note}")

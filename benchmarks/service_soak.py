@@ -61,12 +61,21 @@ class SoakError(Exception):
 
 
 def soak(
-    folder: Path, bus_hours: float, *, repeats: int = 2, runs: int | None = None, tell: bool = True
+    folder: Path,
+    bus_hours: float,
+    *,
+    repeats: int = 2,
+    runs: int | None = None,
+    within_s: float = float("inf"),
+    tell: bool = True,
 ) -> list[Count]:
-    """Commission until so much bus time has passed (or so many `runs`). Raises SoakError for a run that is not done,
-    and for one that the store has lost."""
+    """Commission until so much bus time has passed (or so many `runs`, or `within_s` by the wall).
+
+    Raises SoakError for a run that is not done, and for one that the store has lost.
+    """
     counts: list[Count] = []
     finished: list[str] = []
+    began = time.monotonic()
     with Bench("two-mass", channel="soak", node_id=1) as bench:
         settings = Settings(
             folder,
@@ -77,11 +86,15 @@ def soak(
         clock = bench.bus.clock
         with Service(settings) as service:
             drive_id = service.store.drives()[0].id
-            while clock.now() < 3600 * bus_hours and (runs is None or len(counts) < runs):
+            while (
+                clock.now() < 3600 * bus_hours
+                and (runs is None or len(counts) < runs)
+                and time.monotonic() - began < within_s
+            ):
                 finished.append(_commission(service, drive_id, repeats).id)
                 counts.append(_count(clock.now()))
                 if tell:
-                    _show(counts, bus_hours)
+                    _show(counts, bus_hours, time.monotonic() - began)
             kept = {run.id for run in service.store.runs(state="done", limit=10 * len(finished) + 10)}
             for run_id in finished:
                 files = {file.name for file in service.store.files(run_id)}
@@ -132,11 +145,12 @@ def _children(task: Path) -> list[str]:
         return []
 
 
-def _show(counts: Sequence[Count], hours: float) -> None:
+def _show(counts: Sequence[Count], hours: float, took_s: float) -> None:
     last = counts[-1]
     print(
-        f"{len(counts):6d} runs {last.bus_s / 3600:6.2f} of {hours:g} h  {last.memory_mb:7.1f} MB  {last.objects:8d} "
-        f"objects  {last.handles:3d} handles  {last.threads:3d} threads  {last.processes:2d} processes",
+        f"{len(counts):6d} runs {last.bus_s / 3600:6.2f} of {hours:g} h, {last.bus_s / took_s:.2f} times the wall  "
+        f"{last.memory_mb:7.1f} MB  {last.objects:8d} objects  {last.handles:3d} handles  {last.threads:3d} threads  "
+        f"{last.processes:2d} processes",
         flush=True,
     )
 
@@ -169,13 +183,16 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
     parser.add_argument("--hours", type=float, default=8.0, help="of bus time")
     parser.add_argument("--repeats", type=int, default=2, help="of each motion in a commissioning")
+    parser.add_argument("--within", type=float, default=float("inf"), metavar="S", help="ends after so long")
     parser.add_argument("--folder", type=Path, help="keeps the store; default: a temporary one")
     parser.add_argument("--json", type=Path, help="every count")
     given = parser.parse_args()
     began = time.monotonic()
     with tempfile.TemporaryDirectory() as temporary:
         try:
-            counts = soak(given.folder or Path(temporary), given.hours, repeats=given.repeats)
+            counts = soak(
+                given.folder or Path(temporary), given.hours, repeats=given.repeats, within_s=given.within
+            )
         except SoakError as error:
             sys.exit(str(error))
     if given.json:

@@ -22,7 +22,7 @@ from schwung.service.guard import Guard, own_token
 from schwung.service.logs import EventLog
 from schwung.service.pages import mount_pages
 from schwung.service.service import Service
-from schwung.service.stop_listener import StopListener, listen
+from schwung.service.stop_listener import StopListener, give_way, listen
 from schwung.service.systemd import Notifier, Watchdog
 from schwung.service.values import Settings
 
@@ -52,6 +52,7 @@ def run(settings: Settings, announce: Callable[[Started], None]) -> None:
                 app = make_app(service, guard)
                 app.state.stop_port = stopper.port
                 mount_pages(app, service, guard, stopper.port)
+                give_way()
                 config = uvicorn.Config(
                     app, log_config=None, timeout_graceful_shutdown=2, server_header=False
                 )

@@ -62,7 +62,8 @@ def judged(outcome: Posterior, machine: Machine, runs: Sequence[int]) -> Judged:
     view = replace(outcome.view, known=known(machine, of.low_rad, of.high_rad))
     usual = [absent(growth.candidates[i]) for i in growth.always]
     at = settled(growth.wide.seen(view), usual, Weighing(growth.wide.noise, growth.train, growth.wide.excess))
-    return Judged(tuple(_shown(at.about.view, at.about.passed[run], run) for run in runs))
+    about = at.about.beside(runs)
+    return Judged(tuple(_shown(about.view, about.passed[run], run) for run in runs))
 
 
 def _shown(view: View, passed: Passed, run: int) -> Shown:
