@@ -128,7 +128,11 @@ def test_a_page_without_pictures_or_session_still_stands(tmp_path: Path) -> None
 def test_every_physics_of_the_contract_has_words_and_a_picture() -> None:
     effects = (COULOMB, *OTHERS)
     assert set(CONTRACT) == {*PHYSICS, "residual"}  # which says of its curve what it is
-    assert {effect.physics for effect in effects} == {*LIBRARY, "periodic_disturbance"} & set(PHYSICS)
+    assert {effect.physics for effect in effects} == {
+        *LIBRARY,
+        "periodic_disturbance",
+        "measurement_delay",
+    } & set(PHYSICS)
     law = [number for number, effect in enumerate(effects) if words_of(effect.physics).view == "wind_up"]
     drawn = [picture.name for picture in explanation_pictures(_content(explained(effects)))]
     named = [name for name in drawn if name.startswith(("term", "coupling"))]
