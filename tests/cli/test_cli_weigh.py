@@ -150,3 +150,25 @@ def test_an_fmu_is_no_machine_file(places: Path, capsys: pytest.CaptureFixture[s
         main(["explain", str(places / "session.h5"), "--belief", "x.fmu", "--weigh"])
     assert ended.value.code == 2
     assert "needs a machine file" in capsys.readouterr().err
+
+
+def test_a_belief_with_learned_physics_is_weighed_unless_told_otherwise(
+    places: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The former way does not act with what was learned: it would find it again, or call it consistent."""
+    learned = paper_machine().model_copy(update={"physics": TERMS[:1]})
+    write_machine(places / "belief.toml", learned)
+    monkeypatch.setattr(weighing, "publish", lambda *_, **__: answer())
+    arguments = ["explain", str(places / "session.h5"), "-m", str(places / "belief.toml"), "--out"]
+    with pytest.raises(SystemExit) as ended:
+        main([*arguments, str(places / "one")])
+    assert not ended.value.code
+    assert "names" in json.loads((places / "one" / "explanation.json").read_text())
+    capsys.readouterr()
+    with pytest.raises(SystemExit) as ended:
+        main([*arguments, str(places / "other"), "--no-weigh"])
+    assert ended.value.code == 2
+    told = " ".join(capsys.readouterr().err.split())
+    assert "has learned physics (torque_offset)" in told
+    assert "--weigh" in told
+    assert not (places / "other").exists()

@@ -23,6 +23,7 @@ from schwung.api.values import (
     session_shown,
 )
 from schwung.drivetrain import FeedForward
+from schwung.errors import InputError
 from schwung.estimation import Inversion
 from schwung.estimation import estimate as estimate_session
 from schwung.motion import Excitation, Motion
@@ -176,13 +177,22 @@ def explain(
         progress: told what is being done and the share that is done of all, 0…1.
 
     Returns the verdict, the named physics with 95 % intervals and units, and the belief with what was learned.
-    Raises InputError where the session cannot be what it says (units, signs, wraps), or holds nothing to compare.
+    Raises InputError where the session cannot be what it says (units, signs, wraps), or holds nothing to compare, and
+    where the belief has learned physics: `weigh` acts with that.
 
     >>> explanation.fit.before.torque_rmse_nm < 1.5 * explanation.noise_floor.torque_nm
     True
     """
     from schwung.explain.explain import explain as explain_session
 
+    if machine.physics:
+        names = ", ".join(term.name for term in machine.physics)
+        remedy = (
+            "Use schwung explain --weigh (schwung.weigh), which acts with learned physics, or take it out."
+        )
+        raise InputError(
+            machine.name, f"has learned physics ({names}), with which this way does not act", remedy
+        )
     return explanation_shown(
         explain_session(session, with_recorded_gains(machine, session), progress=progress)
     )

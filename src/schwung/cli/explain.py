@@ -41,12 +41,14 @@ def explain(
         Path, typer.Option(help="Folder for explanation.json, explanation.html and the learned machine.toml.")
     ] = Path("explanation"),
     weigh: Annotated[
-        bool,
+        bool | None,
         typer.Option(
             "--weigh/--no-weigh",
-            help="Names with probabilities, by one likelihood, and curves for what has no name; or the former way.",
+            help="Names with probabilities, by one likelihood, and curves for what has no name; or the former way. "
+            "A belief with learned [[physics]] is always weighed.",
+            show_default=False,
         ),
-    ] = WEIGHS,
+    ] = None,
     next_plan: Annotated[
         Path | None,
         typer.Option(
@@ -104,6 +106,10 @@ def explain(
     folder = planned_folder(out, beside_session=True)
     learned = folder / "machine.toml"
     _keep_beliefs(learned, machine)
+    if weigh is None:
+        weigh = WEIGHS or bool(
+            believed is not None and believed.physics
+        )  # which the former way does not act with
     if weigh and believed is not None and machine is not None:
         document = _weigh(terminal, recorded, believed, (session, machine), folder)
         if next_plan is not None:
