@@ -157,7 +157,7 @@ def test_a_belief_with_learned_physics_is_weighed_unless_told_otherwise(
 ) -> None:
     """The former way does not act with what was learned: it would find it again, or call it consistent."""
     learned = paper_machine().model_copy(update={"physics": TERMS[:1]})
-    write_machine(places / "belief.toml", learned)
+    write_machine(learned, places / "belief.toml")
     monkeypatch.setattr(weighing, "publish", lambda *_, **__: answer())
     arguments = ["explain", str(places / "session.h5"), "-m", str(places / "belief.toml"), "--out"]
     with pytest.raises(SystemExit) as ended:
