@@ -40,7 +40,7 @@ class Weighed(Shown, Published):
 
     @property
     def tone(self) -> str:
-        """How good the answer is by its proof: "good", "doubtful" or "unusable"."""
+        """Whether the answer is "good", "doubtful" or "unusable" by its proof."""
         from schwung.report.probabilities import tone_of
 
         return tone_of(self)
