@@ -3,7 +3,7 @@
     python benchmarks/batch.py --sessions 200 --jobs 2
 
 Sessions of the virtual machine room (slider-crank, reference and four phases, each with noise of its own) are
-estimated in this process, one by one, as `schwung estimate` does it, its libraries loaded and warm; then by
+estimated in this process, one by one, and each result kept, its libraries loaded and warm; then by
 `schwung.batch` with workers of its own, their start counted. Every table has to be the same, bit by bit.
 
 Beside it in the same run, what this computer gives at best: as many processes, each with its share of the sessions
@@ -69,25 +69,32 @@ def archive(folder: Path, sessions: int, jobs: int) -> None:
         assert maker.exitcode == 0
 
 
-def loop(items: Sequence[Item], keys: Sequence[str]) -> list[Outcome]:
-    """One after the other."""
-    return [carry_out(item, WISH, key) for item, key in zip(items, keys, strict=True)]
+def loop(items: Sequence[Item], keys: Sequence[str], results: Results) -> list[Outcome]:
+    """One after the other, each kept as soon as it is there, as a batch and `schwung estimate` do."""
+    outcomes = []
+    for item, key in zip(items, keys, strict=True):
+        outcomes.append(carry_out(item, WISH, key))
+        results.keep(key, outcomes[-1])
+    return outcomes
 
 
-def looping(items: Sequence[Item], keys: Sequence[str], begin: Barrier, end: Barrier) -> None:
+def looping(
+    items: Sequence[Item], keys: Sequence[str], results: Results, begin: Barrier, end: Barrier
+) -> None:
     """The life of a process that does its share between two barriers."""
-    loop(items[:1], keys[:1])
+    loop(items[:1], keys[:1], results)
     begin.wait()
-    loop(items, keys)
+    loop(items, keys, results)
     end.wait()
 
 
-def at_best(items: Sequence[Item], keys: Sequence[str], jobs: int) -> Taken:
+def at_best(items: Sequence[Item], keys: Sequence[str], jobs: int, results: Results) -> Taken:
     """Plain loops side by side, without anything that hands out work."""
     context = multiprocessing.get_context("spawn")
     begin, end = context.Barrier(jobs + 1), context.Barrier(jobs + 1)
     loops = [
-        context.Process(target=looping, args=(items[n::jobs], keys[n::jobs], begin, end)) for n in range(jobs)
+        context.Process(target=looping, args=(items[n::jobs], keys[n::jobs], results, begin, end))
+        for n in range(jobs)
     ]
     for one in loops:
         one.start()
@@ -130,14 +137,15 @@ def main() -> None:
         archive(folder, given.sessions, given.jobs)
         items = items_of([str(folder)], None)[: given.sessions]
         keys = [key_of(item, WISH) for item in items]
-        loop(items[:1], keys[:1])  # what is compiled is compiled, or read from its cache
+        of_loop, of_loops, results = (Results(Path(temporary) / name) for name in ("loop", "loops", "batch"))
+        for one in (of_loop, of_loops, results):
+            one.folder.mkdir()
+        loop(items[:1], keys[:1], of_loop)  # what is compiled is compiled, or read from its cache
         began, used = time.perf_counter(), processors_s()
-        outcomes = loop(items, keys)
+        outcomes = loop(items, keys, of_loop)
         alone = Taken(time.perf_counter() - began, processors_s() - used)
-        best = at_best(items, keys, given.jobs)
+        best = at_best(items, keys, given.jobs, of_loops)
 
-        results = Results(Path(temporary) / "results")
-        results.folder.mkdir()
         told: list[tuple[str, float, float]] = []
         began, used = time.perf_counter(), processors_s()
         run_batch(

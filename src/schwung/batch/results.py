@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from dataclasses import asdict, dataclass, replace
+from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import Any
 
@@ -36,7 +36,7 @@ class Results:
         path = self._path(key)
         if outcome.learned is not None:  # first: where the result is, all of it is
             write_machine(outcome.learned, path.with_suffix(".machine.toml"))
-        document = asdict(replace(outcome, learned=None))
+        document = {field.name: getattr(outcome, field.name) for field in fields(outcome)}
         del document["learned"]
         head = {"format": FORMAT, "version": VERSION}
         replace_file(path, json_text(head | document))
