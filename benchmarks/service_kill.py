@@ -209,6 +209,7 @@ def main() -> None:
     given = parser.parse_args()
     with tempfile.TemporaryDirectory() as temporary:
         folder = given.folder or Path(temporary)
+        folder.mkdir(parents=True, exist_ok=True)
         began = time.monotonic()
         try:
             tally = kill_again_and_again(folder, given.kills, given.seed)

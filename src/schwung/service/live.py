@@ -12,6 +12,7 @@ from __future__ import annotations
 
 import logging
 import threading
+import time
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 
@@ -128,7 +129,11 @@ class Live:
         self._thread.join(1.0)
 
     def _run(self) -> None:
-        while not self._ending.wait(PERIOD_S):
+        due = time.monotonic()
+        while not self._ending.wait(max(due - time.monotonic(), 0.0)):
+            due = max(
+                due + PERIOD_S, time.monotonic()
+            )  # what looking takes does not make the next look later
             try:
                 self.look()
             except Exception:  # a picture that fails may not end the pictures
