@@ -6,6 +6,7 @@ import pytest
 
 from schwung.explain.weighing.search import Pick
 from schwung.explain.weighing.standing import standing
+from schwung.explain.weighing.values import Proof
 
 
 @dataclass
@@ -77,3 +78,20 @@ def test_a_curve_has_its_name_only_where_it_is_the_only_one(alone):
     other = [] if alone else [Cause("load over angle", 48_000.0, scales=(1.0, 0.1))]
     found = stands(curve, *other, Cause("lag", 5000.0))
     assert (found.names["friction over angle"] > 0.5) is alone
+
+
+@pytest.mark.parametrize(
+    ("before", "after", "taken"),
+    [
+        (5.0, 1.0, 1.0),
+        (5.0, 5.0, 0.0),
+        (5.0, 0.9, 1.0),
+        (0.92, 5.21, 0.0),
+        (0.92, 0.95, 1.0),
+        (2.0, 3.0, 1 - 8 / 3),
+    ],
+)
+def test_what_a_proof_takes_is_nothing_where_it_makes_worse(
+    before: float, after: float, taken: float
+) -> None:
+    assert Proof((1,), 0.0, before, after).taken == pytest.approx(taken)

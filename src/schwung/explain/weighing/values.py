@@ -47,9 +47,14 @@ class Proof:
 
     @property
     def taken(self) -> float:
-        """Share of what the belief misses beyond the noise (variance) that is missed no longer; 1: there was none."""
-        beyond = self.before**2 - 1
-        return 1.0 if beyond <= 0 else min(1.0, 1 - max(self.after**2 - 1, 0.0) / beyond)
+        """Share of what the belief misses beyond the noise (variance) that is missed no longer.
+
+        Where it misses nothing beyond noise there is nothing to take: 1, or 0 where something is missed since.
+        """
+        beyond, since = self.before**2 - 1, max(self.after**2 - 1, 0.0)
+        if beyond <= 0:
+            return 0.0 if since else 1.0
+        return min(1.0, 1 - since / beyond)
 
 
 @dataclass(frozen=True)
