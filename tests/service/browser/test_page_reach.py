@@ -117,10 +117,10 @@ def test_configurations_and_profiles(page: Any, served: Served) -> None:
     page.goto(f"{served.url}/drive/{served.drive_id}")
     _submit(page, "", {"file": EDS})
     page.click(f"button:has-text('Show what differs from drive.eds'){ENABLED}")
-    page.get_by_text("What differs").wait_for()
+    page.get_by_text(" are equal").wait_for()  # of the result: the button, too, speaks of what differs
     page.goto(f"{served.url}/files")
     _submit(page, "", {"file": EDS}, form=1)
-    page.get_by_role("heading", name="Import").wait_for()
+    page.get_by_role("heading", name="Import", exact=True).wait_for()
     page.goto(f"{served.url}/files")
     page.click(f"button:has-text('Draft a profile from it'){ENABLED}")
     page.get_by_text("profile.toml, as drafted").wait_for()
