@@ -172,3 +172,14 @@ def test_a_belief_with_learned_physics_is_weighed_unless_told_otherwise(
     assert "has learned physics (torque_offset)" in told
     assert "--weigh" in told
     assert not (places / "other").exists()
+
+
+def test_a_plan_that_cannot_be_written_is_refused_before_the_work(
+    places: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    arguments = ["explain", str(places / "session.h5"), "-m", str(places / "belief.toml"), "--next"]
+    with pytest.raises(SystemExit) as ended:
+        main([*arguments, str(places / "nowhere" / "next.json"), "--out", str(places / "out")])
+    assert ended.value.code == 2
+    assert "its folder is not there" in " ".join(capsys.readouterr().err.split())
+    assert not (places / "out").exists()

@@ -100,6 +100,10 @@ def explain(
         raise InputError(
             "--next", "simulates the motion, which an FMU's belief cannot", "Give -m machine.toml."
         )
+    if (
+        next_plan is not None and not next_plan.absolute().parent.is_dir()
+    ):  # said before the work, not after it
+        raise InputError(str(next_plan), "its folder is not there", "Make it, or choose another place.")
     recorded = read_session(session)
     believed = load_machine(machine) if machine is not None else None
     terminal.tell_slow()

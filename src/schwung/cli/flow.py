@@ -35,6 +35,17 @@ class Ending:
     )  # what the curve is held against, where something better is known
 
 
+def plan_and_show(terminal: Terminal, connection: Connection, machine: Machine, wishes: Wishes) -> Plan:
+    """The plan, shown. Raises PreflightRefusedError, with the plan, where it may not be carried out."""
+    planned = plan(connection, machine, wishes)
+    show_plan(terminal, planned)
+    try:
+        planned.require()
+    except RefusedError as refusal:
+        raise PreflightRefusedError(refusal, planned.to_json()) from None
+    return planned
+
+
 def commission_and_show(
     connection: Connection,
     machine: Machine,
@@ -49,12 +60,7 @@ def commission_and_show(
 
     Raises RefusedError where preflight or the user say no, and what the procedure raises.
     """
-    planned = plan(connection, machine, wishes)
-    show_plan(terminal, planned)
-    try:
-        planned.require()
-    except RefusedError as refusal:
-        raise PreflightRefusedError(refusal, planned.to_json()) from None
+    planned = plan_and_show(terminal, connection, machine, wishes)
     if dry_run:
         terminal.say("Dry run: nothing was changed, nothing moved.")
         return planned.to_json()

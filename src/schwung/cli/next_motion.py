@@ -46,19 +46,12 @@ def until_explained_and_show(
     """The whole story on a terminal; returns the machine-readable result. Raises as `commission_and_show`."""
     from rich.markup import escape
 
-    from schwung import plan
     from schwung.api.experiments import commission_until_explained, require_budget, until_explained_json
     from schwung.cli.console import observing
-    from schwung.cli.flow import PreflightRefusedError, show_plan
-    from schwung.errors import RefusedError
+    from schwung.cli.flow import plan_and_show
 
     require_budget(budget)
-    planned = plan(connection, machine, wishes)
-    show_plan(terminal, planned)
-    try:
-        planned.require()
-    except RefusedError as refusal:
-        raise PreflightRefusedError(refusal, planned.to_json()) from None
+    planned = plan_and_show(terminal, connection, machine, wishes)
     if dry_run:
         terminal.say("Dry run: nothing was changed, nothing moved.")
         return planned.to_json()
