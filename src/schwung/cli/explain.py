@@ -84,26 +84,11 @@ def explain(
     from schwung.cli.console import Terminal, progress_bar
     from schwung.cli.next_motion import next_and_show
     from schwung.cli.sessions import in_file
-    from schwung.errors import InputError
     from schwung.files import json_text, replace_file
     from schwung.quantities import document_of, sentences_of
 
     terminal = Terminal(json_output)
-    if (machine is None) == (belief is None):
-        raise InputError(
-            "schwung explain", "needs one belief", "Give -m machine.toml, or --belief model.fmu."
-        )
-    if weigh and belief is not None:
-        remedy = "Give -m machine.toml, or leave --weigh out."
-        raise InputError("--weigh", "needs a machine file, and an FMU is none", remedy)
-    if next_plan is not None and machine is None:
-        raise InputError(
-            "--next", "simulates the motion, which an FMU's belief cannot", "Give -m machine.toml."
-        )
-    if (
-        next_plan is not None and not next_plan.absolute().parent.is_dir()
-    ):  # said before the work, not after it
-        raise InputError(str(next_plan), "its folder is not there", "Make it, or choose another place.")
+    _require_sense(machine, belief, weigh, next_plan)
     recorded = read_session(session)
     believed = load_machine(machine) if machine is not None else None
     terminal.tell_slow()
@@ -139,6 +124,25 @@ def explain(
     if next_plan is not None:
         document["next"] = next_and_show(terminal, recorded, believed, next_plan)
     terminal.result(document)
+
+
+def _require_sense(machine: Path | None, belief: Path | None, weigh: bool | None, plan: Path | None) -> None:
+    """Raise InputError where what is asked for does not go together, before anything is worked on."""
+    from schwung.errors import InputError
+
+    if (machine is None) == (belief is None):
+        raise InputError(
+            "schwung explain", "needs one belief", "Give -m machine.toml, or --belief model.fmu."
+        )
+    if weigh and belief is not None:
+        remedy = "Give -m machine.toml, or leave --weigh out."
+        raise InputError("--weigh", "needs a machine file, and an FMU is none", remedy)
+    if plan is not None and machine is None:
+        raise InputError(
+            "--next", "simulates the motion, which an FMU's belief cannot", "Give -m machine.toml."
+        )
+    if plan is not None and not plan.absolute().parent.is_dir():
+        raise InputError(str(plan), "its folder is not there", "Make it, or choose another place.")
 
 
 def _weigh(
