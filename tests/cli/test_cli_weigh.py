@@ -183,3 +183,9 @@ def test_a_plan_that_cannot_be_written_is_refused_before_the_work(
     assert ended.value.code == 2
     assert "its folder is not there" in " ".join(capsys.readouterr().err.split())
     assert not (places / "out").exists()
+
+
+def test_what_kept_runs_refute_is_unexplained() -> None:
+    refuted = replace(answer(), proof=Proof((3,), -0.06, 7.26, 7.27))
+    assert refuted.headline.startswith("unexplained: the belief misses 7.26 σ of the noise on run 3,")
+    assert "unexplained" not in answer().headline

@@ -98,11 +98,18 @@ class Published:
             return "the belief leaves out nothing that this session tells from noise"
         if self.proof is None:
             return f"left out: {what}; no run could be kept aside to prove it"
+        if self.proof.before > _FLOOR and self.proof.taken <= 0:
+            missed = f"{self.proof.before:.3g} σ of the noise on {self._kept_aside()}"
+            return f"unexplained: the belief misses {missed}, and what was found takes nothing of it: {what}"
         return f"left out: {what}; {self._share()}"
+
+    def _kept_aside(self) -> str:
+        runs = self.proof.runs if self.proof is not None else ()
+        return f"run{'s' * (len(runs) > 1)} {', '.join(map(str, runs))}"
 
     def _share(self) -> str:
         assert self.proof is not None
-        runs = f"run{'s' * (len(self.proof.runs) > 1)} {', '.join(map(str, self.proof.runs))}"
+        runs = self._kept_aside()
         if self.proof.before <= _FLOOR:
             return f"{runs}, kept aside, show nothing of it"
         return f"that takes {max(self.proof.taken, 0.0):.0%} of what {runs}, kept aside, show beyond noise"
