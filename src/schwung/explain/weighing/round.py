@@ -10,6 +10,7 @@ import numpy as np
 
 from schwung.explain.weighing.along import Along, Ranges, along
 from schwung.explain.weighing.candidate import Candidate, Shape
+from schwung.explain.weighing.echo import Echo
 from schwung.explain.weighing.equations import Acting, equations_of
 from schwung.explain.weighing.known import Known
 from schwung.explain.weighing.present import Member, with_members
@@ -106,6 +107,7 @@ class Linearised:
     noise: Noise
     members: Sequence[Member] = ()  # that are present
     unlikely: float = 0.0  # what repeats do not share, where noise was found by it (−2 log likelihood)
+    echoes: dict[int, Echo] = field(default_factory=dict)  # of the runs that they were asked for
 
     def beside(self, runs: Sequence[int]) -> Linearised:
         """Other runs about the same, with the states that it makes likely."""
@@ -141,6 +143,28 @@ class Linearised:
     def square(self, runs: Sequence[int]) -> float:
         """Sum of squares of some runs' innovations."""
         return float(np.sum(self.innovations(runs) ** 2))
+
+    def deviance(self, runs: Sequence[int]) -> float:
+        """How unlikely some runs are (−2 log). Without the logarithms, what predicts less surely would be likelier for
+        it."""
+        logs = sum(float(np.sum(np.log(self.passed[run].result.variance))) for run in runs)
+        return self.square(runs) + logs
+
+    def echoed(self, causes: Sequence[Cause], runs: Sequence[int]) -> Array:
+        """What noise alone makes of the products of causes' columns with some runs' innovations, (Σp,): see `Echo`."""
+        if not any(candidate.of_machine for candidate, _ in causes):
+            return np.zeros(sum(candidate.size for candidate, _ in causes))
+        few = _few([run for run in runs if run in self.passed])
+        for run in few:
+            if run not in self.echoes:
+                self.echoes[run] = Echo.of(self.passed[run], self.alongs[run], self.noise)
+        share = self.samples(runs) / self.samples(few)
+        return np.concatenate([
+            share * sum(self.echoes[run].of_cause(candidate, shape) for run in few)
+            if candidate.of_machine
+            else np.zeros(candidate.size)
+            for candidate, shape in causes
+        ])  # fmt: skip
 
     def innovations(self, runs: Sequence[int]) -> Array:
         """Of some runs, one behind another, (Σ2n,)."""
@@ -198,8 +222,7 @@ def _resmoothed(about: Linearised) -> tuple[View, tuple[Array, ...]]:
     for i, passed in about.passed.items():
         states, run = passed.states(), view.runs[i]
         runs[i] = replace(run, states=states[:, :-1])
-        size = float(np.sqrt(noise.torque_nm**2 + np.mean((noise.torque_share * run.load_nm) ** 2)))
-        torques[i] = heard(run.drive.smooth(run.time_s) - states[:, -1], size)
+        torques[i] = heard(run.drive.smooth(run.time_s) - states[:, -1], noise.torque_of(run.load_nm))
     return replace(view, runs=tuple(runs)), tuple(torques)
 
 
@@ -267,7 +290,7 @@ def _nearer(
     about: Linearised, members: Sequence[Member], step: Array, train: Sequence[int]
 ) -> tuple[list[Member], View, tuple[Array, ...]]:
     """Members a step (P,) on, or so much of it as makes the runs likelier, and the runs about them."""
-    before, at = about.square(train), np.cumsum([m.candidate.size for m in members])[:-1]
+    before, at = about.deviance(train), np.cumsum([m.candidate.size for m in members])[:-1]
     share = 1.0
     for _ in range(_HALVINGS):
         tried = [
@@ -275,7 +298,7 @@ def _nearer(
             for m, part in zip(members, np.split(step, at), strict=True)
         ]
         view, torques = _resmoothed(linearised(about.view, tried, about.noise, None))
-        if _finite(view) and linearised(view, tried, about.noise, None, train).square(train) < before:
+        if _finite(view) and linearised(view, tried, about.noise, None, train).deviance(train) < before:
             return tried, view, torques
         share /= 2
     return list(members), *_resmoothed(linearised(about.view, members, about.noise, None))
@@ -321,9 +344,10 @@ def settled_beyond(
 
 
 def _at_rest(at: _Step, weighing: Weighing) -> Settled:
-    samples = at.about.samples(weighing.train) / weighing.excess
+    samples = at.about.samples(weighing.train)
     for _ in range(_STEPS):
-        missed = max(1.0, float(np.sqrt(at.cost / samples)))  # coefficients are known so many times less well
+        # coefficients are known so many times less well
+        missed = max(1.0, float(np.sqrt(at.about.square(weighing.train) / samples)))
         if at.moved < _AT_REST * missed:
             break
         share, better = 1.0, at
@@ -366,7 +390,7 @@ class _Step:
 def _cost(about: Linearised, members: Sequence[Member], weighing: Weighing) -> float:
     """How unlikely the runs and the members' coefficients are (−2 log)."""
     prior = sum(float(np.sum((m.coefficients / m.deviations) ** 2)) for m in members)
-    return about.square(weighing.train) / weighing.excess + prior
+    return about.deviance(weighing.train) / weighing.excess + prior
 
 
 def _stepped(view: View, members: Sequence[Member], weighing: Weighing) -> _Step:
@@ -374,9 +398,11 @@ def _stepped(view: View, members: Sequence[Member], weighing: Weighing) -> _Step
     train, excess = weighing.train, weighing.excess
     present = np.concatenate([m.coefficients for m in members])
     deviations = np.concatenate([m.deviations for m in members])
-    rows = about.whitened([(m.candidate.about(m.coefficients), m.shape) for m in members], train)
-    target = about.innovations(train) + present @ rows
-    found = weigh(Statistics.of(rows.T, target).tempered(excess), deviations)
+    causes = [(m.candidate.about(m.coefficients), m.shape) for m in members]
+    rows = about.whitened(causes, train)
+    data = Statistics.of(rows.T, about.innovations(train) + present @ rows)
+    data = replace(data, slope=data.slope - about.echoed(causes, train))
+    found = weigh(data.tempered(excess), deviations)
     step, at = found.coefficients - present, np.cumsum([m.candidate.size for m in members])[:-1]
     cost = _cost(about, members, weighing)
     return _Step(
