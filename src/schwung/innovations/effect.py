@@ -84,13 +84,6 @@ class Passed:
         """Smoothed ones, (n, s), and the torque's error (N·m) behind them."""
         return np.asarray(kernel.smoothed(self.equations.transition, self.result))
 
-    def shaken(self, white: Array) -> Array:
-        """By how much innovations (n, 2) of deviation 1 more would move the smoothed states, as `states`."""
-        error = white * np.sqrt(self.result.variance)
-        state = kernel.followed(self.equations.transition, self.result.gain, error)
-        result = self.result._replace(error=error, state=state)
-        return np.asarray(kernel.smoothed(self.equations.transition, result))
-
     def whitened(self, effects: Sequence[Effect]) -> Array:
         """Effects side by side as the innovations show them, (Σp, 2n): filtered alike, over their deviation."""
         rows = np.empty((sum(effect.count for effect in effects), self.samples))

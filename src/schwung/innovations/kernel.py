@@ -189,25 +189,6 @@ def smoothed(transition: Array, result: Filtered) -> Array:
     return states
 
 
-@compiled
-def followed(transition: Array, gain: Array, error: Array) -> Array:
-    """Filtered states (n, s) that innovations (n, 2) alone make, from rest."""
-    count, size = gain.shape[0], gain.shape[2]
-    states, x, ahead = np.empty((count, size)), np.zeros(size), np.empty(size)
-    for k in range(count):
-        if k > 0:
-            for i in range(size):
-                ahead[i] = 0.0
-                for j in range(size):
-                    ahead[i] += transition[k - 1, i, j] * x[j]
-            x, ahead = ahead, x
-        for m in range(2):
-            for i in range(size):
-                x[i] += gain[k, m, i] * error[k, m]
-        states[k] = x
-    return states
-
-
 @compiled_or(plain.whitened, fastmath=True)
 def whitened(transition: Array, result: Filtered, columns: Array, reported: Array) -> Array:
     """∂(predicted samples)/∂parameters as the filter sees them, over the innovations' deviation; (2n, P).

@@ -47,10 +47,6 @@ class Noise:
             factor * self.torque_share,
         )
 
-    def torque_of(self, load_nm: Array) -> float:
-        """Standard deviation of the torque's error (N·m) along a torque as large as this, (n,)."""
-        return float(np.sqrt(self.torque_nm**2 + np.mean((self.torque_share * load_nm) ** 2)))
-
     def moved_from(self, other: Noise) -> float:
         """By how much that one differs which differs most, as a logarithm."""
         return float(np.max(np.abs(np.log(self._sizes / other._sizes))))

@@ -138,8 +138,7 @@ class Data:
         """Of causes that are no atoms yet: their cross products with a set's columns, their own, and their slope."""
         added = self.about.whitened(causes, self.train)
         cross = np.concatenate([added @ self.rows[segment].T for segment in _segments(which)], axis=1)
-        slope = added @ self.target - self.about.echoed(causes, self.train)
-        return cross / self.excess, added @ added.T / self.excess, slope / self.excess
+        return cross / self.excess, added @ added.T / self.excess, added @ self.target / self.excess
 
     def aside(self, which: Numbers, runs: Sequence[int]) -> Statistics:
         """Of a set's columns on runs that are not fitted."""
@@ -175,8 +174,7 @@ class Data:
         self.about.whiten(causes, self.train, self.rows[first:])
         self.causes += zip(wheres, causes, strict=True)
         new = self.rows[first : self.width]
-        slope = new @ self.target - self.about.echoed(causes, self.train)
-        self.statistics.slope[first : self.width] = slope / self.excess
+        self.statistics.slope[first : self.width] = new @ self.target / self.excess
         for where in wheres:
             mine = self.rows[where]
             self._note(np.arange(where.start, where.stop), np.arange(where.start, where.stop), mine @ mine.T)

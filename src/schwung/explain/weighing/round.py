@@ -10,7 +10,6 @@ import numpy as np
 
 from schwung.explain.weighing.along import Along, Ranges, along
 from schwung.explain.weighing.candidate import Candidate, Shape
-from schwung.explain.weighing.echo import Echo
 from schwung.explain.weighing.equations import Acting, equations_of
 from schwung.explain.weighing.known import Known
 from schwung.explain.weighing.present import Member, with_members
@@ -107,7 +106,6 @@ class Linearised:
     noise: Noise
     members: Sequence[Member] = ()  # that are present
     unlikely: float = 0.0  # what repeats do not share, where noise was found by it (−2 log likelihood)
-    echoes: dict[int, Echo] = field(default_factory=dict)  # of the runs that they were asked for
 
     def beside(self, runs: Sequence[int]) -> Linearised:
         """Other runs about the same, with the states that it makes likely."""
@@ -145,26 +143,9 @@ class Linearised:
         return float(np.sum(self.innovations(runs) ** 2))
 
     def deviance(self, runs: Sequence[int]) -> float:
-        """How unlikely some runs are (−2 log). Without the logarithms, what predicts less surely would be likelier for
-        it."""
+        """How unlikely some runs are (−2 log). By the squares alone, what predicts less surely would be likelier."""
         logs = sum(float(np.sum(np.log(self.passed[run].result.variance))) for run in runs)
         return self.square(runs) + logs
-
-    def echoed(self, causes: Sequence[Cause], runs: Sequence[int]) -> Array:
-        """What noise alone makes of the products of causes' columns with some runs' innovations, (Σp,): see `Echo`."""
-        if not any(candidate.of_machine for candidate, _ in causes):
-            return np.zeros(sum(candidate.size for candidate, _ in causes))
-        few = _few([run for run in runs if run in self.passed])
-        for run in few:
-            if run not in self.echoes:
-                self.echoes[run] = Echo.of(self.passed[run], self.alongs[run], self.noise)
-        share = self.samples(runs) / self.samples(few)
-        return np.concatenate([
-            share * sum(self.echoes[run].of_cause(candidate, shape) for run in few)
-            if candidate.of_machine
-            else np.zeros(candidate.size)
-            for candidate, shape in causes
-        ])  # fmt: skip
 
     def innovations(self, runs: Sequence[int]) -> Array:
         """Of some runs, one behind another, (Σ2n,)."""
@@ -222,7 +203,8 @@ def _resmoothed(about: Linearised) -> tuple[View, tuple[Array, ...]]:
     for i, passed in about.passed.items():
         states, run = passed.states(), view.runs[i]
         runs[i] = replace(run, states=states[:, :-1])
-        torques[i] = heard(run.drive.smooth(run.time_s) - states[:, -1], noise.torque_of(run.load_nm))
+        size = float(np.sqrt(noise.torque_nm**2 + np.mean((noise.torque_share * run.load_nm) ** 2)))
+        torques[i] = heard(run.drive.smooth(run.time_s) - states[:, -1], size)
     return replace(view, runs=tuple(runs)), tuple(torques)
 
 
@@ -344,10 +326,10 @@ def settled_beyond(
 
 
 def _at_rest(at: _Step, weighing: Weighing) -> Settled:
-    samples = at.about.samples(weighing.train)
+    train = weighing.train
     for _ in range(_STEPS):
         # coefficients are known so many times less well
-        missed = max(1.0, float(np.sqrt(at.about.square(weighing.train) / samples)))
+        missed = max(1.0, float(np.sqrt(at.about.square(train) / at.about.samples(train))))
         if at.moved < _AT_REST * missed:
             break
         share, better = 1.0, at
@@ -398,11 +380,9 @@ def _stepped(view: View, members: Sequence[Member], weighing: Weighing) -> _Step
     train, excess = weighing.train, weighing.excess
     present = np.concatenate([m.coefficients for m in members])
     deviations = np.concatenate([m.deviations for m in members])
-    causes = [(m.candidate.about(m.coefficients), m.shape) for m in members]
-    rows = about.whitened(causes, train)
-    data = Statistics.of(rows.T, about.innovations(train) + present @ rows)
-    data = replace(data, slope=data.slope - about.echoed(causes, train))
-    found = weigh(data.tempered(excess), deviations)
+    rows = about.whitened([(m.candidate.about(m.coefficients), m.shape) for m in members], train)
+    target = about.innovations(train) + present @ rows
+    found = weigh(Statistics.of(rows.T, target).tempered(excess), deviations)
     step, at = found.coefficients - present, np.cumsum([m.candidate.size for m in members])[:-1]
     cost = _cost(about, members, weighing)
     return _Step(
