@@ -122,6 +122,6 @@ def usual(of: Ranges) -> list[Candidate]:
 
     return [
         Candidate("usual_filter", both, (USUAL_S,), named=False),
-        Candidate("usual_torque_timing", torque, (APART_S, USUAL_S**2), named=False),
+        Candidate("usual_torque_timing", torque, (APART_S, (USUAL_S / 2) ** 2 / 2), named=False),
         Candidate("usual_speed_timing", speed, (APART_S, USUAL_S**2), named=False),
     ]
