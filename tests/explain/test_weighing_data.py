@@ -19,7 +19,7 @@ from schwung.explain.weighing.weigh import weigh
 from schwung.explain.weighing.work import Work
 from schwung.innovations.effect import Effect, Passed
 from schwung.innovations.evidence import weigh as weigh_columns
-from schwung.innovations.likelihood import deviance_of, first_noise, likely_noise
+from schwung.innovations.likelihood import first_noise, likely_noise
 from schwung.innovations.signals import signals_of
 
 SPOT = Stranger("tight spot", ("local_friction",), spot=(1.2, 2.0, 0.5))
@@ -153,13 +153,6 @@ def test_the_usual_timing_of_a_torque_is_any_small_delay(data):
     columns = where.run.quiet(timing.effect(where, ()).on_motor)
     rest = [np.std((wanted - columns @ [delay, bend])[100:-100]) for bend in (delay**2 / 2, 0.0)]
     assert rest[0] < 0.2 * rest[1]
-
-
-def test_a_set_is_as_unlikely_as_the_filter_says_with_how_surely_it_predicts(data):
-    about, run = data.about, 1
-    wanted = deviance_of([about.passed[run].equations], [about.view.runs[run]], about.noise, scaled=False)
-    assert about.deviance([run]) == pytest.approx(wanted)
-    assert about.deviance([run]) < about.square([run])
 
 
 def test_what_was_not_kept_is_not_promised_by_more_of_the_same(data):

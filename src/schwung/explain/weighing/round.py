@@ -142,11 +142,6 @@ class Linearised:
         """Sum of squares of some runs' innovations."""
         return float(np.sum(self.innovations(runs) ** 2))
 
-    def deviance(self, runs: Sequence[int]) -> float:
-        """How unlikely some runs are (−2 log). By the squares alone, what predicts less surely would be likelier."""
-        logs = sum(float(np.sum(np.log(self.passed[run].result.variance))) for run in runs)
-        return self.square(runs) + logs
-
     def innovations(self, runs: Sequence[int]) -> Array:
         """Of some runs, one behind another, (Σ2n,)."""
         return np.concatenate([self.passed[run].innovations for run in runs])
@@ -272,7 +267,7 @@ def _nearer(
     about: Linearised, members: Sequence[Member], step: Array, train: Sequence[int]
 ) -> tuple[list[Member], View, tuple[Array, ...]]:
     """Members a step (P,) on, or so much of it as makes the runs likelier, and the runs about them."""
-    before, at = about.deviance(train), np.cumsum([m.candidate.size for m in members])[:-1]
+    before, at = about.square(train), np.cumsum([m.candidate.size for m in members])[:-1]
     share = 1.0
     for _ in range(_HALVINGS):
         tried = [
@@ -280,7 +275,7 @@ def _nearer(
             for m, part in zip(members, np.split(step, at), strict=True)
         ]
         view, torques = _resmoothed(linearised(about.view, tried, about.noise, None))
-        if _finite(view) and linearised(view, tried, about.noise, None, train).deviance(train) < before:
+        if _finite(view) and linearised(view, tried, about.noise, None, train).square(train) < before:
             return tried, view, torques
         share /= 2
     return list(members), *_resmoothed(linearised(about.view, members, about.noise, None))
@@ -326,10 +321,9 @@ def settled_beyond(
 
 
 def _at_rest(at: _Step, weighing: Weighing) -> Settled:
-    train = weighing.train
+    samples = at.about.samples(weighing.train) / weighing.excess
     for _ in range(_STEPS):
-        # coefficients are known so many times less well
-        missed = max(1.0, float(np.sqrt(at.about.square(train) / at.about.samples(train))))
+        missed = max(1.0, float(np.sqrt(at.cost / samples)))  # coefficients are known so many times less well
         if at.moved < _AT_REST * missed:
             break
         share, better = 1.0, at
@@ -372,7 +366,7 @@ class _Step:
 def _cost(about: Linearised, members: Sequence[Member], weighing: Weighing) -> float:
     """How unlikely the runs and the members' coefficients are (−2 log)."""
     prior = sum(float(np.sum((m.coefficients / m.deviations) ** 2)) for m in members)
-    return about.deviance(weighing.train) / weighing.excess + prior
+    return about.square(weighing.train) / weighing.excess + prior
 
 
 def _stepped(view: View, members: Sequence[Member], weighing: Weighing) -> _Step:
