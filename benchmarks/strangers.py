@@ -2,7 +2,8 @@
 
 A rotor and a load on a shaft, Runge-Kutta of fourth order, a cascade at 8 kHz whose torque is held between its ticks.
 What it hides has no formula in common with `schwung`: dry friction is ω/√(ω² + ε²), laws are over the root of the speed
-or a cosine of the angle, what bends before it slides is Bouc's and Wen's; what is reported passes through filters of its own, one per signal.
+or a cosine of the angle, what bends before it slides is Bouc's and Wen's; what is reported passes through filters of
+its own, one per signal.
 """
 
 from __future__ import annotations
