@@ -56,6 +56,7 @@ CURVES = (
     PhysicsTerm(name="friction_over_angle", table=[[0.0, 1.0], [1.0, 2.0], [3.0, 1.5]]),
     PhysicsTerm(name="viscous_drift", change_nms=0.1),
     PhysicsTerm(name="load_dependent_friction", share=0.05),
+    PhysicsTerm(name="presliding_friction", torque_nm=3.0, stiffness_nm_rad=12.0),
     PhysicsTerm(name="direction_dependent_load", table=[[0.0, 1.0, 2.0], [1.5, 2.0, -1.0], [3.0, 0.0, 1.0]]),
     PhysicsTerm(name="offset_drift", change_nm=2.0),
     PhysicsTerm(name="torque_constant_drop", share_at_peak=0.05, peak_nm=80.0),

@@ -49,7 +49,7 @@ class Learned(NamedTuple):
 
 
 class Masses(NamedTuple):
-    """Motor, load, and a third mass behind it: angle (rad) and speed (rad/s)."""
+    """Motor, load, and a third mass behind it: angle (rad) and speed (rad/s); what bent bristles hold (N·m)."""
 
     motor_angle: float
     motor_speed: float
@@ -57,6 +57,7 @@ class Masses(NamedTuple):
     load_speed: float
     third_angle: float
     third_speed: float
+    bristles: float
 
 
 @inlined
@@ -91,7 +92,11 @@ def _rates(machine: Learned, state: Masses, torque: float, time: float) -> Masse
         passed = third_torque(e, state.load_angle - state.third_angle, state.load_speed - state.third_speed)
         load -= passed
         third = passed / e.third_inertia_kgm2
-    motor = torque - plant.motor_friction * state.motor_speed
+    motor = torque - plant.motor_friction * state.motor_speed - state.bristles
+    bending = 0.0
+    if e.presliding_nm > 0.0:
+        bending = state.motor_speed - abs(state.motor_speed) * state.bristles / e.presliding_nm
+        bending *= e.presliding_stiffness_nm_rad
     ahead = float(np.tanh(state.motor_speed / machine.smoothing))
     load_ahead = float(np.tanh(state.load_speed / machine.smoothing))
     load -= e.load_coulomb_nm * load_ahead
@@ -118,7 +123,7 @@ def _rates(machine: Learned, state: Masses, torque: float, time: float) -> Masse
         lost = e.carried_share * ahead * inertia  # |carried| is inertia times |acceleration|
         whole = plant.rotor_inertia + inertia + (lost if motor + load > 0.0 else -lost)
         both = accelerated(curves.acceleration, motor + load, whole) if curves.any else (motor + load) / whole
-        return Masses(state.motor_speed, both, state.load_speed, both, state.third_speed, third)
+        return Masses(state.motor_speed, both, state.load_speed, both, state.third_speed, third, bending)
     shaft = coupling_torque(
         e,
         plant.stiffness,
@@ -134,6 +139,7 @@ def _rates(machine: Learned, state: Masses, torque: float, time: float) -> Masse
         accelerated(curves.acceleration, load, inertia) if curves.any else load / inertia,
         state.third_speed,
         third,
+        bending,
     )
 
 
@@ -146,6 +152,7 @@ def _moved(state: Masses, rates: Masses, by: float) -> Masses:
         state.load_speed + by * rates.load_speed,
         state.third_angle + by * rates.third_angle,
         state.third_speed + by * rates.third_speed,
+        state.bristles + by * rates.bristles,
     )
 
 

@@ -186,7 +186,7 @@ def learned_rest(machine: learned.Learned, read_angle: float) -> tuple[learned.M
         load_angle = brentq(pull, motor_angle, motor_angle + towards * wound, xtol=1e-15)
     held = -load_torque(load_angle) - e.offset_nm - machine.share * e.offset_drift_nm
     held -= e.cogging_amplitude_nm * np.sin(e.cogging_order * motor_angle + e.cogging_phase_rad)
-    state = learned.Masses(motor_angle, 0.0, load_angle, 0.0, load_angle, 0.0)
+    state = learned.Masses(motor_angle, 0.0, load_angle, 0.0, load_angle, 0.0, 0.0)
     if e.ripple_share:
         held /= 1.0 + e.ripple_share * np.sin(e.ripple_order * motor_angle + e.ripple_phase_rad)
     return state, learned.reported_torque(e, float(held))
@@ -218,6 +218,8 @@ def substeps(machine: Machine, plant: kernel.Plant, period: float, top_speed: fl
         fastest = max(fastest, e.ripple_order * top_speed)
     if e.periodic_amplitude_nm != 0:
         fastest = max(fastest, 2 * np.pi * e.periodic_frequency_hz)
+    if e.presliding_nm > 0:
+        fastest = max(fastest, np.sqrt(e.presliding_stiffness_nm_rad / moved))
     rubbing = (
         plant.motor_friction
         + max(e.viscous_nms + 0.5 * abs(e.viscous_difference_nms), 0.0)
@@ -230,6 +232,8 @@ def substeps(machine: Machine, plant: kernel.Plant, period: float, top_speed: fl
     rubbing += (dry + sum(one.highest_nm for one in directed)) / SMOOTHING_RAD_S
     rubbing += share * max(e.viscous_drift_nms, 0.0)
     rubbing = max(rubbing / moved, behind / SMOOTHING_RAD_S / lightest)
+    if e.presliding_nm > 0:
+        rubbing = max(rubbing, top_speed * e.presliding_stiffness_nm_rad / e.presliding_nm)
     needed = int(np.ceil(max(period * fastest / step, period * rubbing / _FRICTION_STEP, 1.0)))
     if needed > _MAX_SUBSTEPS:
         raise InputError(

@@ -29,6 +29,7 @@ _GROUPS = (
     ("periodic_amplitude_nm", "periodic_frequency_hz", "periodic_phase_rad"),
     ("cogging_amplitude_nm", "cogging_order", "cogging_phase_rad"),
     ("eccentricity_rad", "eccentricity_phase_rad"),
+    ("presliding_nm", "presliding_stiffness_nm_rad"),
     ("third_inertia_kgm2", "third_stiffness_nm_rad", "third_damping_nms"),
 )
 
@@ -63,6 +64,7 @@ def equations(told: Exported) -> Equations:
     states = ["motor_angle", "motor_speed"]
     states += [] if told.rigid else ["load_angle", "load_speed"]
     states += ["third_angle", "third_speed"] if "third_inertia_kgm2" in here else []
+    states += ["bristles"] if "presliding_nm" in here else []
     states += ["acting"] if "torque_lag_s" in here else []
     dry = _dry(here)
     lines = [
@@ -79,6 +81,7 @@ def equations(told: Exported) -> Equations:
         Equation("inertia", _inertia(told, here, "value"), "of the load at its angle, kg.m2"),
         Equation("inertia_slope", _inertia(told, here, "slope"), "kg.m2/rad"),
         Equation("outside", _outside(told, here), "what acts on the load, N.m"),
+        *_bristles(here),
         *_third(here),
         *_moving(told, here, e),
     ]
@@ -236,6 +239,13 @@ def _outside(told: Exported, here: frozenset[str]) -> str:
     return (" + ".join(parts) or "0") + resisted
 
 
+def _bristles(here: frozenset[str]) -> list[Equation]:
+    if "presliding_nm" not in here:
+        return []
+    bending = "presliding_stiffness_nm_rad*(motor_speed - abs(motor_speed)*bristles/presliding_nm)"
+    return [Equation("bristles", bending, "friction that is a spring before it slides, N.m", derivative=True)]
+
+
 def _third(here: frozenset[str]) -> list[Equation]:
     if "third_inertia_kgm2" not in here:
         return []
@@ -250,7 +260,11 @@ def _third(here: frozenset[str]) -> list[Equation]:
 
 
 def _moving(told: Exported, here: frozenset[str], e: Effects) -> list[Equation]:
-    motor = "acting - friction" + (" + ripple" if _ripple(told, here) else "")
+    motor = (
+        "acting - friction"
+        + (" - bristles" if "presliding_nm" in here else "")
+        + (" + ripple" if _ripple(told, here) else "")
+    )
     load = "outside - load_viscous_friction_nms*load_speed - 0.5*inertia_slope*load_speed^2"
     load += " - passed" if "third_inertia_kgm2" in here else ""
     angle = Equation("motor_angle", "motor_speed", derivative=True)

@@ -195,6 +195,8 @@ _WORDS = {
     "torque_gain": "torque_constant: torque on the shaft over torque reported",
     "stiffness_nm_rad": "coupling_stiffness: in place of the believed one; 0: that",
     "damping_nms": "coupling_damping: in place of the believed one; negative: that",
+    "presliding_nm": "presliding_friction: what it is when it slides",
+    "presliding_stiffness_nm_rad": "presliding_friction: of the spring that it is before",
     "carried_share": "load_dependent_friction: share of the torque that the shaft carries",
     "torque_filter_s": "torque_filter: of what the drive reports; has no part in this model",
     "inertia_shift_rad": "inertia_profile_shift: the inertia is the table's at angle + shift",

@@ -10,6 +10,7 @@ from schwung.compiled import compiled
 from schwung.drivetrain.inertia import InertiaTable, LoadTorqueTable
 from schwung.drivetrain.machine import Coupling, Load, Machine
 from schwung.drivetrain.physics import Effects, effects_of, load_torque, motor_torque
+from schwung.drivetrain.presliding import bent
 from schwung.drivetrain.residual import (
     Residual,
     inertia_added,
@@ -46,6 +47,9 @@ class Known:
         )  # fmt: skip
         if self.table is not None:
             on_load = on_load + self.table.at(along.load_angle)
+        if e.presliding_nm > 0:
+            at_rest = on_motor[0] + on_load[0] + self.machine.load_torque_at(along.load_angle[:1])[0]
+            on_motor = on_motor - self._bristles(along, along.resting_nm + at_rest)
         torque = along.run.drive.smooth(along.time_s)
         true = (e.torque_gain - e.torque_drop * np.abs(torque) / e.torque_drop_at_nm) * torque
         true = np.clip(true, -e.torque_limit_nm, e.torque_limit_nm)
@@ -68,6 +72,12 @@ class Known:
         position = e.eccentricity_rad * np.sin(turned)
         speed = e.eccentricity_rad * np.cos(turned) * along.speed - e.speed_delay_s * along.acceleration
         return Effect(*(part[:, None] for part in (on_motor - coupled, on_load + coupled, position, speed)))
+
+    def _bristles(self, along: Along, held_nm: float) -> Array:
+        """Torque of the known friction that is a spring before it slides (N·m), (n,); `held_nm`: at rest."""
+        e = self.effects
+        first = float(np.clip(held_nm / e.presliding_nm, -1.0, 1.0))
+        return e.presliding_nm * bent(along.angle, e.presliding_nm / e.presliding_stiffness_nm_rad, first)
 
     def dry(self, along: Along) -> Array:
         """The known dry friction, by its average size (N·m), (n,)."""

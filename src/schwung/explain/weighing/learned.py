@@ -100,6 +100,7 @@ _SUMS = {
     "friction_drift": ("change_nm",),
     "load_dependent_friction": ("share",),
     "load_side_friction": ("torque_nm",),
+    "presliding_friction": ("torque_nm", "stiffness_nm_rad"),
     "torque_offset": ("torque_nm",),
     "offset_drift": ("change_nm",),
     "torque_lag": ("time_constant_s",),

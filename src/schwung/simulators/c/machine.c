@@ -155,14 +155,17 @@ static Masses rates(const double *p, Masses s, double torque, double time) {
     const Point inertia = load_inertia(p, s.load_angle);
     double load = load_torque(p, s.load_angle, time - p[MOTION_START_S]);
     load -= p[LOAD_VISCOUS_FRICTION_NMS] * s.load_speed + 0.5 * inertia.slope * s.load_speed * s.load_speed;
-    Masses r = {s.motor_speed, 0.0, s.load_speed, 0.0, s.third_speed, 0.0};
+    Masses r = {s.motor_speed, 0.0, s.load_speed, 0.0, s.third_speed, 0.0, 0.0};
+    if (p[PRESLIDING_NM] > 0.0)
+        r.bristles = p[PRESLIDING_STIFFNESS_NM_RAD]
+                     * (s.motor_speed - fabs(s.motor_speed) * s.bristles / p[PRESLIDING_NM]);
     if (p[THIRD_INERTIA_KGM2] > 0.0) {
         const double passed = p[THIRD_STIFFNESS_NM_RAD] * (s.load_angle - s.third_angle)
                               + p[THIRD_DAMPING_NMS] * (s.load_speed - s.third_speed);
         load -= passed;
         r.third_speed = passed / p[THIRD_INERTIA_KGM2];
     }
-    double motor = torque - p[MOTOR_VISCOUS_FRICTION_NMS] * s.motor_speed
+    double motor = torque - p[MOTOR_VISCOUS_FRICTION_NMS] * s.motor_speed - s.bristles
                    + motor_torque(p, s.motor_angle, s.motor_speed, time);
     const double ahead = tanh(s.motor_speed / p[SMOOTHING_RAD_S]), load_ahead = tanh(s.load_speed / p[SMOOTHING_RAD_S]);
     motor += SIDED(RESIDUAL_POSITION, s.motor_angle, ahead) + SIDED(RESIDUAL_SPEED, fabs(s.motor_speed), ahead);
@@ -188,6 +191,7 @@ static Masses moved(Masses s, Masses r, double by) {
     s.load_speed += by * r.load_speed;
     s.third_angle += by * r.third_angle;
     s.third_speed += by * r.third_speed;
+    s.bristles += by * r.bristles;
     return s;
 }
 
@@ -228,6 +232,7 @@ static double steps_needed(const Machine *m, double duration) {
     }
     if (p[RIPPLE_SHARE] != 0.0) fastest = larger(fastest, p[RIPPLE_ORDER] * speed);
     if (p[PERIODIC_AMPLITUDE_NM] != 0.0) fastest = larger(fastest, TWO_PI * p[PERIODIC_FREQUENCY_HZ]);
+    if (p[PRESLIDING_NM] > 0.0) fastest = larger(fastest, sqrt(p[PRESLIDING_STIFFNESS_NM_RAD] / mass));
     double dry = larger(p[COULOMB_POSITIVE_NM], p[COULOMB_NEGATIVE_NM]) + drift(p);
     dry = larger(dry + larger(p[STRIBECK_RISE_NM], 0.0) + larger(p[LOCAL_FRICTION_NM], 0.0), 0.0);
     double rubbing = p[MOTOR_VISCOUS_FRICTION_NMS] + 2.0 * fabs(p[DRAG_NMS2]) * speed;
@@ -237,6 +242,8 @@ static double steps_needed(const Machine *m, double duration) {
     dry += p[CARRIED_SHARE] * fabs(p[TORQUE]);
     const double behind = HIGHEST(RESIDUAL_LOAD_POSITION) + p[LOAD_COULOMB_NM];
     rubbing = larger((rubbing + dry / p[SMOOTHING_RAD_S]) / mass, behind / p[SMOOTHING_RAD_S] / lightest);
+    if (p[PRESLIDING_NM] > 0.0)
+        rubbing = larger(rubbing, speed * p[PRESLIDING_STIFFNESS_NM_RAD] / p[PRESLIDING_NM]);
     const double step = p[GAP_RAD] > 0.0 ? CONTACT_STEP : COUPLING_STEP;
     const double needed = larger(duration * fastest / step, duration * rubbing / FRICTION_STEP);
     return ceil(larger(larger(needed, duration / LONGEST_STEP), 1.0));
@@ -336,7 +343,7 @@ const char *machine_rest(Machine *m, double time) {
     wrong = wind_up(p, angle, &load);
     if (wrong) return wrong;
     m->time = time;
-    m->state = (Masses){angle, 0.0, load, 0.0, load, 0.0};
+    m->state = (Masses){angle, 0.0, load, 0.0, load, 0.0, 0.0};
     double held = -resting_load(p, load) - p[OFFSET_NM] - p[SESSION_SHARE] * p[OFFSET_DRIFT_NM];
     held -= p[COGGING_AMPLITUDE_NM] * sin(p[COGGING_ORDER] * angle + p[COGGING_PHASE_RAD]);
     held /= 1.0 + p[RIPPLE_SHARE] * sin(p[RIPPLE_ORDER] * angle + p[RIPPLE_PHASE_RAD]);

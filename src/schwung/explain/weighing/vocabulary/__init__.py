@@ -9,6 +9,7 @@ from schwung.explain.weighing.candidate import NATURAL, Candidate
 from schwung.explain.weighing.known import Known
 from schwung.explain.weighing.vocabulary.friction import friction
 from schwung.explain.weighing.vocabulary.load import load
+from schwung.explain.weighing.vocabulary.presliding import presliding
 from schwung.explain.weighing.vocabulary.reporting import reporting, usual
 from schwung.explain.weighing.vocabulary.shaft import shaft
 from schwung.explain.weighing.vocabulary.unnamed import unnamed
@@ -24,6 +25,7 @@ def vocabulary(of: Ranges, believed: Known) -> list[Candidate]:
     found = [
         *usual(of),
         *friction(of, natural, machine.coupling is None, believed),
+        presliding(of, natural, believed),
         *load(of, natural, machine),
         *reporting(of, NATURAL),
     ]
