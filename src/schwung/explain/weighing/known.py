@@ -46,7 +46,7 @@ class Known:
         )  # fmt: skip
         if self.table is not None:
             on_load = on_load + self.table.at(along.load_angle)
-        torque = along.run.drive.smooth(along.time_s)
+        torque = along.run.drive.whole_nm
         true = (e.torque_gain - e.torque_drop * np.abs(torque) / e.torque_drop_at_nm) * torque
         true = np.clip(true, -e.torque_limit_nm, e.torque_limit_nm)
         true = true * (1 + e.ripple_share * np.sin(e.ripple_order * along.angle + e.ripple_phase_rad))
@@ -66,7 +66,9 @@ class Known:
             coupled = coupled - k * np.clip(along.twist, -e.gap_rad / 2, e.gap_rad / 2)
         turned = along.angle + e.eccentricity_phase_rad
         position = e.eccentricity_rad * np.sin(turned)
-        speed = e.eccentricity_rad * np.cos(turned) * along.speed - e.speed_delay_s * along.acceleration
+        speed = (
+            e.eccentricity_rad * np.cos(turned) * along.speed - e.speed_delay_s * along.acceleration_before
+        )
         return Effect(*(part[:, None] for part in (on_motor - coupled, on_load + coupled, position, speed)))
 
     def dry(self, along: Along) -> Array:
