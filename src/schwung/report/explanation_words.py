@@ -166,11 +166,6 @@ def words_of(physics: str, *, linear: bool = False) -> Words:
     return Words(_on(linear, found.name), found.view, _on(linear, found.shown_by))
 
 
-def over_text(coordinate: str) -> str:
-    """What a curve is over, in words."""
-    return coordinate.replace("travel", "the way since a reversal").replace("_", " ").replace(", ", " and ")
-
-
 def told_apart_by(one: str, other: str, *, linear: bool = False) -> str:
     """One sentence: the motion that would separate two physics names that a session cannot tell apart."""
     first, second = sorted((one, other))

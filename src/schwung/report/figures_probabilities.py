@@ -9,7 +9,7 @@ from matplotlib.figure import Figure
 from schwung.explain.weighing.publication import NAMED, Before, Curve, Published, percent
 from schwung.motion import Array
 from schwung.report.content import Units
-from schwung.report.explanation_words import over_text, words_of
+from schwung.report.explanation_words import words_of
 from schwung.report.style import (
     DASHED,
     ESTIMATE,
@@ -40,7 +40,7 @@ def probabilities_figure(of: Published) -> Figure:
     ]
     for one in of.curves:
         like = f", like {words_of(one.like, linear=linear).name}" if one.like else ""
-        what = f"unnamed, over {over_text(one.coordinate)}{like}"
+        what = f"unnamed, over {one.over}{like}"
         bars.append((what, one.probability, ESTIMATE if one.in_file else MUTED))
     bars = sorted(bars, key=lambda bar: -bar[1])[:_MOST_BARS][::-1]
     figure = new_figure(1.0 + 0.34 * len(bars))

@@ -12,7 +12,7 @@ from schwung.explain.weighing.publication import NAMED, Curve, Published, percen
 from schwung.quantities import sentences_of
 from schwung.report.content import Units, units_of
 from schwung.report.explanation import parameter_lines, runs_text
-from schwung.report.explanation_words import over_text, words_of
+from schwung.report.explanation_words import words_of
 from schwung.report.figures_probabilities import (
     before_figure,
     curve_figure,
@@ -128,7 +128,7 @@ def curve_rows(of: Published) -> list[tuple[str, str, str, str, str]]:
     unit = units_of(of.axis, "torque").torque
     return [
         (
-            over_text(one.coordinate),
+            one.over,
             percent(one.probability),
             f"{one.torque_nm:.2g} {unit}",
             _known_of(one, of),
@@ -200,12 +200,12 @@ def probability_pictures(content: ProbabilitiesContent) -> Iterator[Picture]:
         yield Picture("before_after", "Before and after", caption, figure)
     for number, one in enumerate(of.curves):
         if one.plane is not None and one.in_file:
-            title = f"Without a name, over {over_text(one.coordinate)}"
+            title = f"Without a name, over {one.over}"
             caption = "Over the first, at five values of the second. Constant beyond the ends."
             yield Picture(f"unnamed{number}", title, caption, plane_figure(one, units))
         if one.drawn is not None and one.in_file:
             caption = "Band: 95 %. Constant beyond the ends. " + (
                 f"Formula: {one.formula}." if one.formula else ""
             )
-            title = f"Without a name, over {over_text(one.coordinate)}"
+            title = f"Without a name, over {one.over}"
             yield Picture(f"unnamed{number}", title, caption, curve_figure(one, units))

@@ -55,6 +55,12 @@ class Curve:
     formula_missed: float | None = None  # there, over the noise
     plane: Plane | None = None  # over two coordinates at once
 
+    @property
+    def over(self) -> str:
+        """The coordinate in words."""
+        told = self.coordinate.replace("travel", "the way since a reversal")
+        return told.replace("_", " ").replace(", ", " and ")
+
 
 @dataclass(frozen=True, eq=False)
 class Before:
@@ -91,7 +97,7 @@ class Published:
             if one.in_file
         ]
         curves = [
-            f"a torque over {one.coordinate.replace('_', ' ').replace(', ', ' and ')} without a name ({percent(one.probability)})"
+            f"a torque over {one.over} without a name ({percent(one.probability)})"
             for one in self.curves
             if one.probability > NAMED
         ]
