@@ -34,6 +34,7 @@ NOT_PLANNED = (
     "load_dependent_friction",
     "load_side_friction",
     "direction_dependent_load",
+    "presliding_friction",
     "offset_drift",
     "torque_constant_drop",
     "torque_ripple",

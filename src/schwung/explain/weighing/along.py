@@ -58,6 +58,12 @@ class Along:
         """Since the motion left rest."""
         return self.run.time_s - self.starts_s
 
+    @cached_property
+    def resting_nm(self) -> float:
+        """The reported torque before the motion leaves rest (N·m), on average; the first, where there is no rest."""
+        resting = self.time_s <= max(self.starts_s, self.time_s[0])
+        return float(np.mean(self.run.drive.smooth(self.time_s[resting])))
+
     @property
     def share(self) -> float:
         """How far through the session, 0…1."""
