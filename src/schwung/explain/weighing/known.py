@@ -18,6 +18,8 @@ from schwung.drivetrain.residual import (
     load_torque_table,
     residuals_of,
 )
+from schwung.drivetrain.residual_plane import ON_LOAD as LOADED
+from schwung.drivetrain.residual_plane import Plane, planes_of
 from schwung.explain.weighing.along import Along
 from schwung.innovations.effect import Effect
 from schwung.motion import Array
@@ -34,6 +36,7 @@ class Known:
     table: LoadTorqueTable | None
     nothing: bool = False  # is known
     curves: tuple[Residual, ...] = ()
+    planes: tuple[Plane, ...] = ()
 
     def effect(self, along: Along) -> Effect:
         """One column: all that is known, and what is known of the reporting."""
@@ -64,6 +67,11 @@ class Known:
             on_motor, on_load = (
                 (on_motor, on_load + acts) if curve.over in ON_LOAD else (on_motor + acts, on_load)
             )
+        for plane in self.planes:
+            acts = plane.at(*_places(plane, along))
+            on_motor, on_load = (
+                (on_motor, on_load + acts) if plane.over in LOADED else (on_motor + acts, on_load)
+            )
         coupled = e.cubic_nm_rad3 * along.twist**3
         if e.gap_rad > 0 and self.machine.coupling is not None:
             k = self.machine.coupling.stiffness_nm_rad
@@ -89,6 +97,15 @@ class Known:
 
 #: Curves that act on the load; the others on the motor.
 ON_LOAD = ("load_position", "acceleration", "time_in_motion")
+
+
+def _places(plane: Plane, along: Along) -> tuple[Array, Array]:
+    """The plane's coordinates along a run."""
+    if plane.over in LOADED:
+        return along.load_angle, along.load_speed
+    if plane.over == ("position", "torque"):
+        return along.angle, along.torque
+    return along.torque, along.motion_time_s
 
 
 def _where(curve: Residual, along: Along) -> tuple[Array, Array]:
@@ -145,4 +162,5 @@ def known(machine: Machine, low_rad: float, high_rad: float) -> Known:
         )
     plain = machine.model_copy(update={"coupling": coupling, "load": load, "physics": ()})
     curves = tuple(residuals_of(machine.physics).values())
-    return Known(plain, e, load_torque_table(machine.physics), not machine.physics, curves)
+    planes = tuple(planes_of(machine.physics).values())
+    return Known(plain, e, load_torque_table(machine.physics), not machine.physics, curves, planes)
