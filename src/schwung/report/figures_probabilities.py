@@ -40,7 +40,7 @@ def probabilities_figure(of: Published) -> Figure:
     ]
     for one in of.curves:
         like = f", like {words_of(one.like, linear=linear).name}" if one.like else ""
-        what = f"unnamed, over {one.coordinate.replace('_', ' ')}{like}"
+        what = f"unnamed, over {one.over}{like}"
         bars.append((what, one.probability, ESTIMATE if one.in_file else MUTED))
     bars = sorted(bars, key=lambda bar: -bar[1])[:_MOST_BARS][::-1]
     figure = new_figure(1.0 + 0.34 * len(bars))
@@ -103,6 +103,31 @@ def curve_figure(one: Curve, units: Units) -> Figure:
         "share of the session" if of.over == "run" else f"{name}, {one.unit}" if one.unit else name
     )
     axes.set_title(f"Added to the {units.torque_word}, {units.torque}")
+    key(axes)
+    return figure
+
+
+#: How each of the slices of a plane is drawn, from the lowest to the highest value of its second coordinate.
+_SLICES = ((EXCITED, 0.5), (EXCITED, 1.0), (INK, 1.0), (ESTIMATE, 0.5), (ESTIMATE, 1.0))
+
+
+@in_style
+def plane_figure(one: Curve, units: Units) -> Figure:
+    """What depends on two coordinates at once: over the first, at a few values of the second."""
+    of = one.plane
+    assert of is not None
+    figure = new_figure(3.4)
+    axes = figure.axes[0]
+    axes.axhline(0, color=MUTED.light, linewidth=0.8)
+    (first, second), (unit, other) = (
+        [part.strip() for part in text.replace("_", " ").split(",")] for text in (one.coordinate, one.unit)
+    )
+    for value, (colour, alpha) in zip(np.linspace(of.y[0], of.y[-1], len(_SLICES)), _SLICES, strict=True):
+        along = of.at(of.x, np.full_like(of.x, value))
+        curve(axes, of.x, along, colour, label=f"{value:.3g} {other}", width=1.5, alpha=alpha)
+    axes.margins(x=0.01)
+    axes.set_xlabel(f"{first}, {unit}")
+    axes.set_title(f"Added to the {units.torque_word}, {units.torque}, at a {second} of")
     key(axes)
     return figure
 

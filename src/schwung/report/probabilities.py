@@ -13,7 +13,12 @@ from schwung.quantities import sentences_of
 from schwung.report.content import Units, units_of
 from schwung.report.explanation import parameter_lines, runs_text
 from schwung.report.explanation_words import words_of
-from schwung.report.figures_probabilities import before_figure, curve_figure, probabilities_figure
+from schwung.report.figures_probabilities import (
+    before_figure,
+    curve_figure,
+    plane_figure,
+    probabilities_figure,
+)
 from schwung.report.html import bullets, drawn_figure, page, rows_table, section, write_page
 from schwung.report.pictures import Picture
 from schwung.session import Session
@@ -123,7 +128,7 @@ def curve_rows(of: Published) -> list[tuple[str, str, str, str, str]]:
     unit = units_of(of.axis, "torque").torque
     return [
         (
-            one.coordinate.replace("_", " "),
+            one.over,
             percent(one.probability),
             f"{one.torque_nm:.2g} {unit}",
             _known_of(one, of),
@@ -141,7 +146,7 @@ def _known_of(one: Curve, of: Published) -> str:
     if one.like:
         name = words_of(one.like, linear=of.axis == "linear").name
         return f"like {name} ({one.like}), without being surely it"
-    return "a curve: see its picture" if one.drawn is not None else "a curve"
+    return "a curve: see its picture" if one.drawn is not None or one.plane is not None else "a curve"
 
 
 def fact_rows(of: Published, units: Units) -> list[tuple[str, str]]:
@@ -194,9 +199,13 @@ def probability_pictures(content: ProbabilitiesContent) -> Iterator[Picture]:
         figure = before_figure(shown, of.noise.torque_nm, units)
         yield Picture("before_after", "Before and after", caption, figure)
     for number, one in enumerate(of.curves):
+        if one.plane is not None and one.in_file:
+            title = f"Without a name, over {one.over}"
+            caption = "Over the first, at five values of the second. Constant beyond the ends."
+            yield Picture(f"unnamed{number}", title, caption, plane_figure(one, units))
         if one.drawn is not None and one.in_file:
             caption = "Band: 95 %. Constant beyond the ends. " + (
                 f"Formula: {one.formula}." if one.formula else ""
             )
-            title = f"Without a name, over {one.coordinate.replace('_', ' ')}"
+            title = f"Without a name, over {one.over}"
             yield Picture(f"unnamed{number}", title, caption, curve_figure(one, units))

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from schwung.drivetrain.machine import Machine
+from schwung.drivetrain.residual_plane import Plane
 from schwung.explain.values import Quantity
 from schwung.explain.weighing.drawn import Drawn
 from schwung.explain.weighing.values import Proof
@@ -52,6 +53,13 @@ class Curve:
     drawn: Drawn | None = None
     formula: str = ""  # as good as the curve on runs that were not fitted
     formula_missed: float | None = None  # there, over the noise
+    plane: Plane | None = None  # over two coordinates at once
+
+    @property
+    def over(self) -> str:
+        """The coordinate in words."""
+        told = self.coordinate.replace("travel", "the way since a reversal")
+        return told.replace("_", " ").replace(", ", " and ")
 
 
 @dataclass(frozen=True, eq=False)
@@ -89,7 +97,7 @@ class Published:
             if one.in_file
         ]
         curves = [
-            f"a torque over {one.coordinate.replace('_', ' ')} without a name ({percent(one.probability)})"
+            f"a torque over {one.over} without a name ({percent(one.probability)})"
             for one in self.curves
             if one.probability > NAMED
         ]
@@ -171,6 +179,7 @@ def _curve_json(one: Curve) -> dict[str, Any]:
         "in_file": one.in_file,
         "formula": one.formula or None,
         "formula_after": one.formula_missed,
+        "plane": one.plane and one.plane.parameters(),
         "curve": curve
         and {
             "x": curve.x.tolist(),
