@@ -34,6 +34,7 @@ from schwung.explain.weighing.values import Parameter, Proof, Weighed
 from schwung.explain.weighing.weigh import Posterior, at_bound, parameters_of, posterior_of
 from schwung.motion import Array
 from schwung.session.effort import require_alike
+from schwung.session.imports import repeats
 from schwung.session.model import Session
 
 #: The share of the work that the search takes.
@@ -303,8 +304,11 @@ class _Publishing:
         if not self.outcome.heldout:
             notes.append("no run could be kept aside, so that nothing is proven: record repeats")
         if not any(len(group) > 1 for group in self.outcome.view.repeats):
+            repeated = any(len(group) > 1 for group in repeats(self.session))
             notes.append(
-                "no motion was repeated, so that the noise is what no smooth curve explains: record repeats"
+                "repeats are the same to the count, so that the noise is what no smooth curve explains"
+                if repeated
+                else "no motion was repeated, so that the noise is what no smooth curve explains: record repeats"
             )
         if any(cause.found.law == "torque_filter" for cause in causes):
             notes.append(
