@@ -50,6 +50,24 @@ class Drive:
     smooth: CubicSpline  # all of it, or the controller's part where the injection is held
     held_nm: Array  # (n − 1,) held over each interval
 
+    @cached_property
+    def injected_nm(self) -> Array:
+        """The held injection as a curve through the middles of its steps, at the samples, (n,)."""
+        if not self.held_nm.any():
+            return np.zeros_like(self.time_s)
+        middles = (self.time_s[1:] + self.time_s[:-1]) / 2
+        return np.asarray(CubicSpline(middles, self.held_nm)(np.clip(self.time_s, middles[0], middles[-1])))
+
+    @cached_property
+    def jumps_nm(self) -> Array:
+        """Of the held injection at the samples, (n,)."""
+        return np.diff(self.held_nm, prepend=self.held_nm[:1], append=self.held_nm[-1:])
+
+    @cached_property
+    def whole_nm(self) -> Array:
+        """All of the torque at the samples, (n,)."""
+        return np.asarray(self.smooth(self.time_s) + self.injected_nm)
+
     def between(self, delay_s: float, controller_delay_s: float) -> Between:
         """Torque between samples, delayed, with its true mean over each step."""
         step = float(self.time_s[1] - self.time_s[0])
@@ -88,6 +106,12 @@ class Signals:
     @property
     def load_speed_rad_s(self) -> Array:
         return np.asarray(self.states[:, 1 if self.rigid else 3])
+
+    @cached_property
+    def answer_gain(self) -> float:
+        """Of the drive's controller, as its torque and the speed from sample to sample tell it (N·m·s/rad)."""
+        torque, moved = np.diff(self.drive.smooth(self.time_s)), np.diff(self.speed_rad_s)
+        return max(0.0, -float(torque @ moved) / max(float(moved @ moved), 1e-300))
 
     @cached_property
     def load_nm(self) -> Array:

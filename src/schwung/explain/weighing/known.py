@@ -53,7 +53,7 @@ class Known:
         if e.presliding_nm > 0:
             at_rest = on_motor[0] + on_load[0] + self.machine.load_torque_at(along.load_angle[:1])[0]
             on_motor = on_motor - self._bristles(along, along.resting_nm + at_rest)
-        torque = along.run.drive.smooth(along.time_s)
+        torque = along.run.drive.whole_nm
         true = (e.torque_gain - e.torque_drop * np.abs(torque) / e.torque_drop_at_nm) * torque
         true = np.clip(true, -e.torque_limit_nm, e.torque_limit_nm)
         true = true * (1 + e.ripple_share * np.sin(e.ripple_order * along.angle + e.ripple_phase_rad))
@@ -78,7 +78,9 @@ class Known:
             coupled = coupled - k * np.clip(along.twist, -e.gap_rad / 2, e.gap_rad / 2)
         turned = along.angle + e.eccentricity_phase_rad
         position = e.eccentricity_rad * np.sin(turned)
-        speed = e.eccentricity_rad * np.cos(turned) * along.speed - e.speed_delay_s * along.acceleration
+        speed = (
+            e.eccentricity_rad * np.cos(turned) * along.speed - e.speed_delay_s * along.acceleration_before
+        )
         return Effect(*(part[:, None] for part in (on_motor - coupled, on_load + coupled, position, speed)))
 
     def _bristles(self, along: Along, held_nm: float) -> Array:
