@@ -32,7 +32,7 @@ _HALF, _TAPS = 6, 6.0
 _EDGE = 60  # fewer samples than this are not worth a filter
 
 
-#: Weights that guess a sample by its neighbours' cubic; guesses that miss by more than so many times the usual are sharp.
+#: Weights that guess a sample by its neighbours' cubic; what misses by more than so many times the usual is sharp.
 _GUESS, _SHARP = np.array([-1.0, 4.0, 0.0, 4.0, -1.0]) / 6, 3.0
 
 

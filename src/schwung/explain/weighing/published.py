@@ -28,7 +28,7 @@ from schwung.explain.weighing.formula import Formula, formulas
 from schwung.explain.weighing.growth import Progress, slices
 from schwung.explain.weighing.judged import Judged, as_good, judged
 from schwung.explain.weighing.learned import Found, learned, table
-from schwung.explain.weighing.publication import NAMED, Before, Curve, Name, Published
+from schwung.explain.weighing.publication import NAMED, Before, Curve, Name, Published, merged
 from schwung.explain.weighing.search import Pick, Scored, Search
 from schwung.explain.weighing.values import Parameter, Proof, Weighed
 from schwung.explain.weighing.weigh import Posterior, at_bound, parameters_of, posterior_of
@@ -277,11 +277,11 @@ class _Publishing:
         return replace(cause.found, beside={**cause.found.beside, "formula": formulated[cause.pick][0].text})
 
     def _runners_up(self) -> tuple[tuple[tuple[str, ...], float], ...]:
-        shares = [(share, one) for share, one in self.outcome.sure.shares() if share >= 0.01][:4]
-        return tuple(
-            (tuple(sorted(self.search.candidate(pick).name for pick in one.picks)), share)
-            for share, one in shares
-        )
+        # a curve counts to what has no name, beside which no set that holds it stands out
+        bare = all(self.search.candidate(pick).named for pick in self.set.picks)
+        by = self.outcome.sure if bare else self.search
+        every = by.shares()
+        return merged((tuple(by.candidate(pick).name for pick in one.picks), share) for share, one in every)
 
     def _proof(self, before: Judged | None, after: Judged | None) -> Proof | None:
         if before is None or after is None:
