@@ -131,6 +131,8 @@ def test_weighing_knows_a_held_injection_and_rounding_that_repeats_share(tmp_pat
     sound = weigh(_recorded(tmp_path / "sound"), belief)
     assert sound.proof is not None
     assert sound.proof.before < 1.2
+    assert not [one for one in sound.names if one.probability > 0.5]
+    assert not [one for one in sound.unnamed if one.probability > 0.5]
     weak = weigh(_recorded(tmp_path / "weak", conceal="torque_constant=0.93"), belief)
     assert weak.names[0].name == "torque_constant"
     assert weak.names[0].probability > 0.9

@@ -31,3 +31,14 @@ def test_jumps_stand_at_the_samples_between_two_steps() -> None:
 
 def test_nothing_is_injected_where_nothing_is_held() -> None:
     assert not _drive(np.zeros(5), np.ones(6)).injected_nm.any()
+
+
+def test_only_a_corner_is_too_sharp_for_its_neighbours_to_tell() -> None:
+    time, chance = np.arange(200) / RATE_HZ, np.random.default_rng(4)
+    noise = 0.02 * chance.standard_normal(200)
+    smooth = 40 * np.sin(2 * np.pi * SINE_HZ * time) + noise
+    assert np.mean(_drive(np.zeros(199), smooth).sharp_nm2 > 0) < 0.05
+    corner = _drive(np.zeros(199), np.maximum(0.0, 1700.0 * (time - 0.1004)) + noise).sharp_nm2
+    sharp = np.flatnonzero(corner > 0.05**2)
+    assert {100, 101} <= set(sharp.tolist())  # on either side of 100.4
+    assert np.max(np.abs(sharp - 100.4)) < 3.5  # and no further than the neighbours reach

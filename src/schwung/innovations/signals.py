@@ -8,6 +8,7 @@ from functools import cached_property
 
 import numpy as np
 from scipy.interpolate import CubicSpline
+from scipy.ndimage import maximum_filter1d
 
 from schwung.drivetrain.machine import Machine
 from schwung.innovations.low_pass import low_passed
@@ -29,6 +30,10 @@ FINEST = 1e-9
 #: Half the length of the filter before samples are left out, in the remaining ones; β of its taps' Kaiser window.
 _HALF, _TAPS = 6, 6.0
 _EDGE = 60  # fewer samples than this are not worth a filter
+
+
+#: Weights that guess a sample by its neighbours' cubic; what misses by more than so many times the usual is sharp.
+_GUESS, _SHARP = np.array([-1.0, 4.0, 0.0, 4.0, -1.0]) / 6, 3.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -57,6 +62,22 @@ class Drive:
             return np.zeros_like(self.time_s)
         middles = (self.time_s[1:] + self.time_s[:-1]) / 2
         return np.asarray(CubicSpline(middles, self.held_nm)(np.clip(self.time_s, middles[0], middles[-1])))
+
+    @cached_property
+    def sharp_nm2(self) -> Array:
+        """Variance (N·m)² of the torque between samples where it bends too sharply for them to tell, (n,).
+
+        A cubic between every other sample misses a corner by so much; between all of them by half of that. Noise, and
+        what is smooth, are missed alike everywhere.
+        """
+        reported = self.smooth(self.time_s)
+        if reported.size < 2 * _GUESS.size:
+            return np.zeros_like(reported)
+        missed = np.zeros_like(reported)
+        missed[2:-2] = np.convolve(reported, _GUESS, "valid") - reported[2:-2]
+        usual = 1.4826 * float(np.median(np.abs(missed[2:-2])))
+        sharp = np.where(np.abs(missed) > _SHARP * usual, missed**2 - usual**2, 0.0) / 4
+        return np.asarray(maximum_filter1d(sharp, 3))
 
     @cached_property
     def jumps_nm(self) -> Array:

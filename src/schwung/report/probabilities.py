@@ -92,7 +92,7 @@ def _header(content: ProbabilitiesContent) -> str:
     session, facts = content.session, [content.believed.name]
     if session is not None:
         facts = [session.created.replace("T", " ", 1), session.source, *facts]
-    line = " · ".join(escape(fact) for fact in facts if fact)
+    line = " · ".join(escape(fact) for fact in dict.fromkeys(facts) if fact)
     return f"<header><h1>{escape(content.title)}</h1><p>{line}</p></header>"
 
 

@@ -65,8 +65,19 @@ def publish(session: Session, machine: Machine, *, progress: Progress | None = N
         _smooth(machine),
         tell=lambda text, share: tell(text, 0.02 + (_SEARCH - 0.02) * share),
     )
+    return published_of(session, machine, outcome, doubts.notes, tell)
+
+
+def published_of(
+    session: Session,
+    machine: Machine,
+    outcome: Posterior,
+    notes: Sequence[str] = (),
+    tell: Progress = lambda _text, _share: None,
+) -> Published:
+    """What is published of a session that was weighed about a belief; `notes`: of the session."""
     tell("Writing the machine, and proving what was written", _SEARCH)
-    return _Publishing(session, machine, outcome, tell).published(doubts.notes)
+    return _Publishing(session, machine, outcome, tell).published(notes)
 
 
 def _smooth(machine: Machine) -> Machine:
