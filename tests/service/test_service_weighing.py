@@ -13,6 +13,7 @@ from schwung.cli.demo import BELIEF
 from schwung.service.app import make_app
 from schwung.service.guard import Guard, own_token
 from schwung.service.pages.weighed import planned, told_table
+from schwung.service.pages.wizard.guide import wishes_of
 from schwung.service.service import Service
 
 
@@ -55,7 +56,10 @@ def test_tables_in_words_are_text_and_keep_their_lines() -> None:
     assert "Dry friction<br>coulomb_friction" in drawn
     assert "&lt; 1 %" in drawn
     assert "<script>" not in told_table(("", ""), [("<script>", "<script>")])
-    stroke = dict(
-        planned({"distance_rad": 1.57, "duration_s": 2.0, "amplitude_nm": 14.0, "frequency_hz": 50.0}, 0.0)
-    )
+    plan = {"distance_rad": -1.57, "duration_s": 2.0, "amplitude_nm": 14.0, "frequency_hz": 50.0, "repeats": 1,
+            "phases": 1, "returns": True, "profile_kind": "third", "sample_rate_hz": 1000.0}  # fmt: skip
+    typed = wishes_of(plan)  # as somebody would type it into the wizard
+    assert (typed["Stroke"], typed["Time of one stroke"], typed["kind"]) == ("-1.57", "2", "third")
+    assert not {"Stroke", "Time of one stroke", "Frequency", "Amplitude"} - set(typed)
+    stroke = dict(planned(plan, 0.0))
     assert stroke["Injected"] == "14.0 N·m at 50.0 Hz"

@@ -8,8 +8,8 @@ from typing import Any
 
 from nicegui import ui
 
-from schwung.service.pages.desk import Desk, button, go, grid, html, panel
-from schwung.service.pages.markup import Safe, facts, muted, percent, si, table, verdict
+from schwung.service.pages.desk import Desk, grid, html, panel
+from schwung.service.pages.markup import Safe, facts, link, muted, percent, si, table, verdict
 from schwung.service.pages.reported import show_drawings
 from schwung.service.pages.words import VERDICTS
 from schwung.service.records import ResultRecord
@@ -23,7 +23,7 @@ def show_weighed(desk: Desk, found: ResultRecord) -> None:
         html(verdict(tone, word, [document["headline"]]))
         for one in document["told"]:
             html(escape(one["title"]), "h3", "sw-body")
-            html(told_table(one["heads"], one["rows"]))
+            html(told_table(one["heads"], one["rows"]), "div", "" if any(one["heads"]) else "sw-body")
     with grid():
         show_drawings(desk, desk.service.run(found.run_id))
     if document["notes"]:
@@ -66,11 +66,8 @@ def show_next_motion(desk: Desk, found: ResultRecord) -> None:
             html(muted("The recording was brought from elsewhere: plan it at a drive of yours."))
             return
 
-        def ask() -> None:
-            run = desk.service.submit({"kind": "plan", "drive_id": drive_id, **plan}, desk.who)
-            go(f"/run/{run.id}")
-
-        button("Plan this motion", ask, enabled=desk.may_act, why="Log in with the token first.")
+        url = f"/commission/{drive_id}?next={found.id}"
+        html(link(url, "Commission with this motion: check, predict, confirm"), "p")
 
 
 def planned(plan: Mapping[str, Any], start_rad: float) -> list[tuple[str, str]]:
