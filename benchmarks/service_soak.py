@@ -85,7 +85,7 @@ def soak(
     *,
     repeats: int = 2,
     commissionings: int = 5,
-    response_repeats: int = 30,
+    response_repeats: int = 50,
     runs: int | None = None,
     within_s: float = float("inf"),
     tell: bool = True,
@@ -258,7 +258,7 @@ def main() -> None:
     parser.add_argument("--repeats", type=int, default=2, help="of each motion in a commissioning")
     parser.add_argument("--commissionings", type=int, default=5, help="after each frequency response")
     parser.add_argument(
-        "--response-repeats", type=int, default=30, help="of each sweep of a frequency response; 0: without"
+        "--response-repeats", type=int, default=50, help="of each sweep of a frequency response; 0: without"
     )
     parser.add_argument("--within", type=float, default=float("inf"), metavar="S", help="ends after so long")
     parser.add_argument("--folder", type=Path, help="keeps the store; default: a temporary one")

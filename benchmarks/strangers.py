@@ -8,15 +8,18 @@ its own, one per signal.
 
 from __future__ import annotations
 
+import argparse
 from collections.abc import Mapping
 from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from schwung.drivetrain.machine import Coupling, Load, Machine, Motor
+from schwung.drivetrain.machine import Coupling, Load, Machine, Motor, write_machine
 from schwung.motion import Excitation, Motion
+from schwung.session import SessionWriter
 from schwung.session.model import Run, Session
 
 Array = NDArray[np.float64]
@@ -186,3 +189,22 @@ def judged(stranger: Stranger, names: Mapping[str, float], curves: Mapping[str, 
     return (
         "right" if (likely == set(stranger.right) and (likely or drawn or not hides)) or drawn else "silent"
     )
+
+
+def main() -> None:
+    """Write a stranger's session and the belief about it, to be looked at with the tool."""
+    parser = argparse.ArgumentParser(description="Record a stranger's machine: session.h5 and machine.toml.")
+    every = "; ".join(f"{number}: {one.name}" for number, one in enumerate(STRANGERS))
+    parser.add_argument("number", type=int, choices=range(len(STRANGERS)), help=every.replace("%", "%%"))
+    parser.add_argument("--out", type=Path, default=Path("stranger"), help="folder that is made")
+    options = parser.parse_args()
+    stranger = STRANGERS[options.number]
+    options.out.mkdir(parents=True, exist_ok=True)
+    write_machine(belief_of(stranger), options.out / "machine.toml")
+    with SessionWriter(options.out / "session.h5", source=stranger.name, overwrite=True) as writer:
+        for run in session_of(stranger, 5, every=8, times=(0.25, 0.4)).runs:
+            writer.append(run)
+
+
+if __name__ == "__main__":
+    main()

@@ -40,13 +40,10 @@ def test_another_process_gives_them_too() -> None:
     assert int(told.stdout) == run(scenario_of(29)).digest
 
 
-def test_every_kind_of_incident_is_drawn_and_befalls() -> None:
-    """Of those that seeds draw, most are in sessions that get that far."""
+def test_every_kind_of_incident_is_drawn() -> None:
+    """That it befalls as well: test_seeds_first.py."""
     kinds = {incident.kind for seed in range(400) for incident in scenario_of(seed).incidents}
     assert kinds == {FALLING_BACK, *(kind for members in CLASSES.values() for kind in members)}
-    drawn = [scenario_of(seed) for seed in range(20)]
-    befell = sum(len(run(scenario).happened) for scenario in drawn)
-    assert befell > 0.6 * sum(len(scenario.incidents) for scenario in drawn)
 
 
 def test_a_drive_that_falls_back_is_not_brought_up_again(monkeypatch: pytest.MonkeyPatch) -> None:

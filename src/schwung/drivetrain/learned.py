@@ -13,6 +13,7 @@ import numpy as np
 from schwung.compiled import compiled, inlined
 from schwung.drivetrain.kernel import Cascade, Curve, Inputs, Plant, command, value_and_slope
 from schwung.drivetrain.physics import Effects, coupling_torque, load_torque, motor_torque, third_torque
+from schwung.drivetrain.residual_plane import Sheet, sheet_at
 from schwung.motion import Array
 
 
@@ -24,7 +25,7 @@ class Sided(NamedTuple):
 
 
 class Curves(NamedTuple):
-    """Learned torques that are tables, `drivetrain/residual.py`."""
+    """Learned torques that are tables, `drivetrain/residual.py`; over two coordinates `residual_plane.py`."""
 
     any: bool
     position: Sided
@@ -34,6 +35,10 @@ class Curves(NamedTuple):
     load_position: Sided
     acceleration: Curve
     time_in_motion: Curve
+    any_plane: bool
+    position_speed: Sheet
+    position_torque: Sheet
+    torque_time: Sheet
 
 
 class Learned(NamedTuple):
@@ -108,6 +113,10 @@ def _rates(machine: Learned, state: Masses, torque: float, time: float) -> Masse
         motor += sided(curves.run, machine.share, ahead)
         load += sided(curves.load_position, state.load_angle, load_ahead)
         load += value_and_slope(curves.time_in_motion, time - machine.leaves_rest)[0]
+    if curves.any_plane:
+        load += sheet_at(curves.position_speed, state.load_angle, state.load_speed)
+        motor += sheet_at(curves.position_torque, state.motor_angle, torque)
+        motor += sheet_at(curves.torque_time, torque, time - machine.leaves_rest)
     if e.ripple_share != 0.0:
         motor += torque * e.ripple_share * np.sin(e.ripple_order * state.motor_angle + e.ripple_phase_rad)
     motor += motor_torque(

@@ -16,6 +16,7 @@ import numpy as np
 from schwung.compiled import inlined
 from schwung.drivetrain.physics_term import PhysicsTerm
 from schwung.drivetrain.residual import inertia_points, law_of, load_torque_table, residuals_of
+from schwung.drivetrain.residual_plane import planes_of
 from schwung.errors import InputError
 
 
@@ -217,6 +218,7 @@ def check_physics(terms: Sequence[PhysicsTerm], rigid: bool) -> None:
     effects_of(terms)
     load_torque_table(terms)
     residuals_of(terms)
+    planes_of(terms)
     inertia_points(terms)
     for term in terms:
         if rigid and law_of(term) in _OF_COUPLING:

@@ -1,7 +1,8 @@
 """The machine as equations that Modelica and MATLAB write alike: only what this machine has, one line for each torque.
 
 Names are those of the parameters and states; both languages know + − * / ^, abs, exp, max, min, sin, cos, tanh. The
-helpers `curve_value`, `curve_slope`, `bump`, `sided`, `push` and `nearest` each language has to bring (or be without).
+helpers `curve_value`, `plane_value`, `curve_slope`, `bump`, `sided`, `push`, `nearest` each language has to bring (or
+be without).
 Equations: method.md (1), (A7), as in `drivetrain/learned.py`.
 """
 
@@ -114,7 +115,8 @@ def _present(told: Exported) -> frozenset[str]:
     here |= (
         {"session_share"} if told.has("residual_run_forward") or told.has("residual_run_backward") else set()
     )
-    here |= {"motion_start_s"} if told.has("residual_time_in_motion") else set()
+    timed = ("residual_time_in_motion", "residual_torque_time_in_motion_plane")
+    here |= {"motion_start_s"} if any(told.has(table) for table in timed) else set()
     here |= {"motor_inertia_kgm2", "motor_viscous_friction_nms", "load_viscous_friction_nms"}
     if not told.rigid:
         here |= {"coupling_stiffness_nm_rad", "coupling_damping_nms"}
@@ -202,6 +204,10 @@ def _ripple(told: Exported, here: frozenset[str]) -> list[Equation]:
         "run": "session_share",
     }
     parts += [_sided(over, where[over], "way") for over in _gated(told) if over in where]
+    if told.has("residual_position_torque_plane"):
+        parts.append("plane_value(residual_position_torque_plane, motor_angle, acting)")
+    if told.has("residual_torque_time_in_motion_plane"):
+        parts.append("plane_value(residual_torque_time_in_motion_plane, acting, time - motion_start_s)")
     if "cogging_amplitude_nm" in here:
         parts.append("cogging_amplitude_nm*sin(cogging_order*motor_angle + cogging_phase_rad)")
     if "periodic_amplitude_nm" in here:
@@ -235,6 +241,8 @@ def _outside(told: Exported, here: frozenset[str]) -> str:
         parts.append("curve_value(residual_time_in_motion_rows, time - motion_start_s)")
     if "load_position" in _gated(told):
         parts.append(_sided("load_position", "load_angle", "load_way"))
+    if told.has("residual_position_speed_plane"):
+        parts.append("plane_value(residual_position_speed_plane, load_angle, load_speed)")
     resisted = " - load_coulomb_nm*load_way" if "load_coulomb_nm" in here else ""
     return (" + ".join(parts) or "0") + resisted
 
