@@ -145,9 +145,10 @@ def peer(outcome: Posterior, machine: Machine, before: Judged) -> Taken:
     fields = {name: getattr(bare, name) for name in ("machine", "effects", "table", "curves", "planes")}
     told = WithPeer(**fields, torque=lambda along: library.columns(along) @ weights)
     after = judged_by(outcome, told, outcome.heldout)
-    kept = np.argsort(-np.abs(weights * scale))[: max(np.count_nonzero(weights), 1)]
+    kept = np.argsort(-np.abs(weights * scale))[: np.count_nonzero(weights)]
     text = " ".join(f"{weights[i]:+.3g}·{library.names[i]}" for i in kept[:4])
     more = f" … {kept.size - 4} more" if kept.size > 4 else ""
+    text = text or "nothing"
     share = Proof(outcome.heldout, 0.0, before.missed, after.missed).taken
     return Taken(share, after.missed, text + more, time.process_time() - began)
 
