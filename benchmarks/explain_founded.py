@@ -33,6 +33,8 @@ from schwung.session import read_session
 from schwung.session.model import Session
 from schwung_sim.sealed import CaseWishes, draw_case, write_case
 
+#: What the vocabulary calls effects that the room calls foreign.
+WORDS = {"dahl_presliding": "presliding_friction"}
 KINDS = ("single", "weak", "gross", "two", "three", "none", "foreign")
 LIKELY, MOST_OF_IT = 0.5, 0.8
 
@@ -104,7 +106,7 @@ def sealed(options: argparse.Namespace) -> None:
             write_case(case, Path(folder), "0000")
             place = Path(folder) / "sessions" / "0000"
             session, machine = read_session(place / "session.h5"), load_machine(place / "machine.toml")
-        truth = {effect.physics for effect in case.effects}
+        truth = {WORDS.get(effect.physics, effect.physics) for effect in case.effects}
         named = truth if kind != "foreign" else set()
         print(f"{seed} {kind} {', '.join(sorted(truth)) or 'nothing'}", flush=True)
         for name, way in ways.items():

@@ -2,20 +2,24 @@
 
 A rotor and a load on a shaft, Runge-Kutta of fourth order, a cascade at 8 kHz whose torque is held between its ticks.
 What it hides has no formula in common with `schwung`: dry friction is ω/√(ω² + ε²), laws are over the root of the speed
-or a cosine of the angle; what is reported passes through filters of its own, one per signal.
+or a cosine of the angle, what bends before it slides is Bouc's and Wen's; what is reported passes through filters of
+its own, one per signal.
 """
 
 from __future__ import annotations
 
+import argparse
 from collections.abc import Mapping
 from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from schwung.drivetrain.machine import Coupling, Load, Machine, Motor
+from schwung.drivetrain.machine import Coupling, Load, Machine, Motor, write_machine
 from schwung.motion import Excitation, Motion
+from schwung.session import SessionWriter
 from schwung.session.model import Run, Session
 
 Array = NDArray[np.float64]
@@ -40,11 +44,12 @@ class Stranger:
     believed_scale: float = 1.0  # believed load inertia over the true one
     curves: tuple[str, ...] = ()  # coordinates of an unnamed curve that are right
     spot: tuple[float, float, float] = (0.0, 0.0, 1.0)  # a tight spot: torque, centre, width; (1 − x²)² of it
+    bends: tuple[float, float] = (0.0, 1.0)  # friction that is a spring before it slides: torque, distance
 
     @property
     def laws(self) -> Array:
         """All numbers of its friction."""
-        return np.array([*self.friction, *self.spot])
+        return np.array([*self.friction, *self.spot, *self.bends])
 
 
 STRANGERS = (
@@ -56,20 +61,24 @@ STRANGERS = (
     Stranger("noise of 1 % of the torque", (), torque_share=0.01),
     Stranger("inertia 5 % off, dry friction", ("load_inertia", "coulomb_friction"), (0.8, 0.0, 0.0, 0.0),
              believed_scale=0.95),
+    Stranger("friction that bends over 0.5 rad before it slides", ("presliding_friction",), bends=(1.2, 0.5)),
 )  # fmt: skip
 
 
 @njit(cache=True)
 def _slopes(state: Array, torque: float, friction: Array, last: float) -> tuple[Array, float]:
-    """Rates of motor angle and speed, load angle and speed; and the shaft's torque."""
+    """Rates of motor angle and speed, load angle and speed, and of what is bent; and the shaft's torque."""
     shaft = STIFFNESS * (state[0] - state[2]) + DAMPING * (state[1] - state[3])
     way = state[1] / np.sqrt(state[1] ** 2 + 1e-4)
     level = friction[0] * (1 + friction[1] * np.cos(1.3 * state[0] + 0.4))
     level += friction[2] * np.sqrt(abs(state[1])) + friction[3] * abs(last)
     level += friction[4] * max(1 - (2 * (state[0] - friction[5]) / friction[6]) ** 2, 0.0) ** 2
-    rates = np.empty(4)
+    rates = np.empty(5)
     rates[0], rates[2] = state[1], state[3]
-    rates[1] = (torque - shaft - ROTOR_VISCOUS * state[1] - level * way) / ROTOR
+    # R. Bouc 1967, Y. K. Wen 1976: the share of the friction that is there, with the exponent 1.4
+    bent = abs(state[4]) ** 1.4 * (0.6 * np.sign(state[1] * state[4]) + 0.4)
+    rates[4] = state[1] * (1 - bent) / friction[8]
+    rates[1] = (torque - shaft - ROTOR_VISCOUS * state[1] - level * way - friction[7] * state[4]) / ROTOR
     rates[3] = (shaft - LOAD_VISCOUS * state[3]) / LOAD
     return rates, shaft
 
@@ -78,7 +87,7 @@ def _slopes(state: Array, torque: float, friction: Array, last: float) -> tuple[
 def _played(demand: Array, added: Array, friction: Array) -> Array:
     """Angle, speed and torque at every tick, (n, 3)."""
     n, h = demand.size, TICK_S / SUBSTEPS
-    rows, state, integral, shaft = np.empty((n, 3)), np.zeros(4), 0.0, 0.0
+    rows, state, integral, shaft = np.empty((n, 3)), np.zeros(5), 0.0, 0.0
     gain, position_gain, reset = 100.0 * (ROTOR + LOAD), 45.0, 0.03
     for i in range(n):
         ahead = (demand[min(i + 1, n - 1)] - demand[max(i - 1, 0)]) / (2 * TICK_S)
@@ -180,3 +189,22 @@ def judged(stranger: Stranger, names: Mapping[str, float], curves: Mapping[str, 
     return (
         "right" if (likely == set(stranger.right) and (likely or drawn or not hides)) or drawn else "silent"
     )
+
+
+def main() -> None:
+    """Write a stranger's session and the belief about it, to be looked at with the tool."""
+    parser = argparse.ArgumentParser(description="Record a stranger's machine: session.h5 and machine.toml.")
+    every = "; ".join(f"{number}: {one.name}" for number, one in enumerate(STRANGERS))
+    parser.add_argument("number", type=int, choices=range(len(STRANGERS)), help=every.replace("%", "%%"))
+    parser.add_argument("--out", type=Path, default=Path("stranger"), help="folder that is made")
+    options = parser.parse_args()
+    stranger = STRANGERS[options.number]
+    options.out.mkdir(parents=True, exist_ok=True)
+    write_machine(belief_of(stranger), options.out / "machine.toml")
+    with SessionWriter(options.out / "session.h5", source=stranger.name, overwrite=True) as writer:
+        for run in session_of(stranger, 5, every=8, times=(0.25, 0.4)).runs:
+            writer.append(run)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,14 +1,20 @@
 """For all tests: one thread for linear algebra, as the command line has it; two workers are enough for two cores.
 
+Byte code is kept also where PYTHONDONTWRITEBYTECODE says otherwise, as in many containers: without it every worker
+compiles every test, and every process that a test starts compiles all that it imports, each time.
+
 Ctrl-C interrupts, also where the tests were started in the background of a script, which ignores it and hands that on.
 """
 
 import os
 import signal
+import sys
 
 import pytest
 
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
+sys.dont_write_bytecode = False
 if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
     signal.signal(signal.SIGINT, signal.default_int_handler)
 

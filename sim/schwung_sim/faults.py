@@ -23,6 +23,7 @@ How drives differ, and what keeps them from following (docs/bench.md tells them 
     rpdo-timeout=0.01        a fault (0x8250) so many seconds after the last cyclic target
     sto=0x5091@0.5..0.8      safe torque off is open: Switch on disabled, voltage enabled = 0, this EMCY
     sto-fault=0x5091@0.5     the same, but as a fault that is not reset before STO is closed
+    enable-input@0.5..0.8    the drive's enable input is off: Switch on disabled, voltage enabled = 0, no EMCY, no fault
     brake=0.15               a holding brake that takes so many seconds to open, and to close
     not-following@0.5..0.8   bit 12 = 0: set-points are ignored, the axis is held (=1: bit 11 says that it is a limit)
     local@0.5..0.8           remote = 0: controlwords are ignored, the axis is held

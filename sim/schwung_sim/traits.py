@@ -24,14 +24,14 @@ STO_ERROR = 0x5091
 TRAITS: dict[str, float | None] = {
     "late-controlword": None, "controlword-task": None, "late-setpoint": None,
     "first-rpdo": 0, "lost-rpdo": 1, "late-rpdo": 1, "rpdo-timeout": None,
-    "sto": STO_ERROR, "sto-fault": STO_ERROR, "brake": 0.15, "not-following": 0, "local": 0,
+    "sto": STO_ERROR, "sto-fault": STO_ERROR, "enable-input": 0, "brake": 0.15, "not-following": 0, "local": 0,
     "negative-limit": 0, "positive-limit": 0, "home-switch": 0,
     "set-up": None, "torque-polarity": 5, "demand-polarity": 0, "limits-from-zero": 0, "store-power-cut": 0,
 }  # fmt: skip
 #: those that can end
-PASSING = frozenset(
-    {"sto", "sto-fault", "not-following", "local", "negative-limit", "positive-limit", "home-switch"}
-)
+PASSING = frozenset({
+    "sto", "sto-fault", "enable-input", "not-following", "local", "negative-limit", "positive-limit", "home-switch",
+})  # fmt: skip
 #: those that a drive has from the start, or has not
 FROM_THE_START = frozenset({"set-up", "torque-polarity", "demand-polarity", "limits-from-zero"})
 #: those whose value is a time, and not 0
@@ -65,6 +65,7 @@ class Traits:
             "rpdo-timeout": lambda: self._watch(value),
             "sto": lambda: self._open_sto(number, Power.SWITCH_ON_DISABLED),
             "sto-fault": lambda: self._open_sto(number, Power.FAULT),
+            "enable-input": lambda: servo.power.take_torque(kind, Power.SWITCH_ON_DISABLED),
             "brake": lambda: servo.power.fit_brake(value),
             "not-following": lambda: servo.operation.hold(kind, limit=bool(number)),
             "local": lambda: self._local(True),
@@ -85,6 +86,8 @@ class Traits:
             self._press(self._pressed & ~_SWITCHES[kind])
         elif kind == "local":
             self._local(False)
+        elif kind == "enable-input":
+            self._servo.power.give_torque(kind)
         elif kind == "not-following":
             self._servo.operation.release(kind)
         else:
@@ -144,7 +147,7 @@ class Traits:
 
     def _open_sto(self, error: int, into: Power) -> None:
         self._sto_error = error
-        self._servo.power.open_sto(into)
+        self._servo.power.take_torque("sto", into)
         self._tell_sto()
         self._polls.append(self._tell_sto)
 
@@ -156,7 +159,7 @@ class Traits:
             servo.emergency.report(error)
 
     def _close_sto(self) -> None:
-        self._servo.power.close_sto()
+        self._servo.power.give_torque("sto")
         self._polls.remove(self._tell_sto)
         if self._servo.power.state is not Power.FAULT:  # else fault reset clears it
             self._servo.emergency.clear(self._sto_error)

@@ -12,6 +12,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -19,6 +20,7 @@ from cli_running import RIGID_MACHINE, invoke
 from distributed import Client, LocalCluster
 from report_samples import session
 
+import schwung.batch.cluster
 import schwung.batch.run
 from schwung.batch import Item, Results, Wish, items_of, run_batch
 from schwung.batch.archive import key_of
@@ -139,6 +141,43 @@ def test_a_lost_worker_is_told_and_a_deadly_session_given_up(archive: Path) -> N
         (told_of,) = [outcome for _, _, outcome in outcomes(client, [(item, "another key")], DENOISED)]
     assert "was lost; what it was doing is done again" in told[0]
     assert "is not what it was" in str(told_of.error)  # and the worker that took its place has worked
+
+
+class _Deadly:
+    """A path that ends every process but this one that takes it out of its wrapping."""
+
+    def __reduce__(self) -> tuple[object, tuple[str]]:
+        here = f"__import__('os').getpid() == {os.getpid()}"
+        return eval, (
+            f"__import__('sys').modules[{__name__!r}]._Deadly() if {here} else __import__('os')._exit(1)",
+        )
+
+
+def test_short_sessions_share_a_task_and_a_deadly_one_dies_alone(
+    archive: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (item,) = items_of([str(archive / "older" / "session.h5")], None)
+    work = [(item, key_of(item, DENOISED))] * 9
+    deadly = Item(_Deadly(), item.machine)  # type: ignore[arg-type]
+    work[4] = deadly, "deadly"
+    monkeypatch.setattr(schwung.batch.cluster, "TASK_S", 60.0)  # on whatever computer
+    handed_out: list[int] = []
+    with workers(None, 1, lambda _sentence: None) as client:
+        submit = client.submit
+
+        def counted(function: Any, pairs: Any, *args: Any, **named: Any) -> Any:
+            handed_out.append(len(pairs))
+            return submit(function, pairs, *args, **named)
+
+        monkeypatch.setattr(client, "submit", counted)
+        found = list(outcomes(client, work, DENOISED))
+    assert handed_out[:2] == [1, 1]  # nobody knows yet how long they take
+    assert max(handed_out) > 1
+    assert handed_out.count(1) >= 2 + max(handed_out)  # those of the deadly task again, one by one
+    assert sorted(key for _, key, _ in found) == sorted(key for _, key in work)
+    errors = {key: outcome.error for _, key, outcome in found}
+    assert "two workers died of it" in str(errors.pop("deadly"))
+    assert list(errors.values()) == [None]
 
 
 @pytest.mark.usefixtures("in_process")

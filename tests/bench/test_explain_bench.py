@@ -12,6 +12,7 @@ from bench_machine import desk, guessed_machine
 from schwung.drivetrain import Control, InertiaTable, Machine
 from schwung.explain.explain import explain
 from schwung.explain.values import Explanation
+from schwung.explain.weighing.weigh import weigh
 from schwung.session import Session
 from schwung_sim.plants import Plant, make_plant
 from schwung_sim.plants.crank_kernel import MOTOR
@@ -122,3 +123,19 @@ def test_the_weight_of_a_rod_that_mujoco_knows_and_two_masses_do_not(tmp_path: P
         machine.rod_kg * 9.80665 * machine.crank_m / 2, rel=0.03
     )
     assert weight["phase_rad"].value == pytest.approx(-np.pi / 2, abs=0.05)
+
+
+def test_weighing_knows_a_held_injection_and_rounding_that_repeats_share(tmp_path: Path) -> None:
+    """An injection held between SYNCs, a speed that is late by what it was before, noise smaller than a count."""
+    belief = _by_geometry("two-mass")
+    sound = weigh(_recorded(tmp_path / "sound"), belief)
+    assert sound.proof is not None
+    assert sound.proof.before < 1.2
+    assert not [one for one in sound.names if one.probability > 0.5]
+    assert not [one for one in sound.unnamed if one.probability > 0.5]
+    weak = weigh(_recorded(tmp_path / "weak", conceal="torque_constant=0.93"), belief)
+    assert weak.names[0].name == "torque_constant"
+    assert weak.names[0].probability > 0.9
+    assert weak.names[0].parameters["gain"].value == pytest.approx(0.93, rel=0.003)
+    assert weak.proof is not None
+    assert weak.proof.after < 1.2

@@ -93,6 +93,11 @@ def _enabled_after_a_stop(stage: Stage) -> None:
     stage.rpdo(0x0F)
 
 
+def _brought_up_again(stage: Stage) -> None:
+    for word in (0x06, 0x07, 0x0F):
+        stage.rpdo(word)
+
+
 def _step(stage: Stage) -> None:
     for target in (50, 100, 202):
         stage.rpdo(0x0F, target)
@@ -153,6 +158,7 @@ def _silence(stage: Stage) -> None:
         (_too_strong, "torque"),
         (_re_enabled, "re-enabled"),
         (_enabled_after_a_stop, "enable after stop"),
+        (_brought_up_again, "enable after stop"),
         (_step, "step"),
         (_step_in_the_quick_stop, "step"),
         (_bend, "bend"),

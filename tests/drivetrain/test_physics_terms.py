@@ -52,7 +52,8 @@ class Case:
 
 #: What the bench does not conceal: test_residual_terms.py holds these against the balance of momentum.
 BALANCED = (
-    "friction_over_angle", "viscous_drift", "load_dependent_friction", "load_side_friction", "direction_dependent_load",
+    "friction_over_angle", "viscous_drift", "load_dependent_friction", "load_side_friction", "presliding_friction",
+    "direction_dependent_load",
     "offset_drift", "torque_constant_drop", "torque_ripple", "torque_filter", "inertia_profile", "residual",
 )  # fmt: skip
 

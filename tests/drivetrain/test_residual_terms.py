@@ -37,6 +37,18 @@ def either(forward: Array, backward: Array, way: Array) -> Array:
     return np.asarray(forward * np.maximum(way, 0) + backward * np.maximum(-way, 0))
 
 
+def slid(angle: Array, distance: float) -> Array:
+    """The share of friction that is there: what the way since each reversal has left of what was before it."""
+    found, share, since, side, before = np.zeros(angle.size), 0.0, 0.0, 1.0, 0.0
+    for i, way in enumerate(np.diff(angle), 1):
+        if way * side < 0:
+            side, since, before = -side, 0.0, share
+        since += abs(way)
+        share = side - (side - before) * np.exp(-since / distance)
+        found[i] = share
+    return found
+
+
 def on_angle(angle: Array, way: Array) -> Array:
     """What ROWS say."""
     return either(2 + np.sin(angle), -3 - np.cos(angle), way)
@@ -58,6 +70,10 @@ CASES: dict[str, tuple[dict[str, Any], Acts]] = {
     "friction behind the coupling": (
         {"name": "load_side_friction", "torque_nm": 5.0},
         lambda s, t: -5.0 * load_ahead(s, t),
+    ),
+    "friction that is a spring before it slides": (
+        {"name": "presliding_friction", "torque_nm": 6.0, "stiffness_nm_rad": 12.0},
+        lambda s, _: -6.0 * slid(s.position_rad, 0.5),
     ),
     "direction-dependent load": (
         {"name": "direction_dependent_load", "table": ROWS},

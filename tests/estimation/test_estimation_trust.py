@@ -12,9 +12,9 @@ from schwung.estimation import estimate
 from schwung.estimation.trust import RELATIVE_MIV
 
 
-def test_miv_crosses_the_papers_bound_between_250_and_200_ms(fast, faster, machine):
+def test_miv_crosses_the_papers_bound_between_250_and_200_ms(fast, faster, machine, estimated):
     """Fig. 14: MIV ascends above 0.05 at 200 ms. It judges where nothing sharper can: a run without reference."""
-    good, less = (estimate(session, machine, "denoised").trust for session in (fast, faster))
+    good, less = (estimated(session, machine, "denoised").trust for session in (fast, faster))
     assert good.miv_kgm2 < 0.05 < less.miv_kgm2 < 0.08
     assert good.predicted_error < less.predicted_error
     alone = estimate(session_of(*faster.excited), machine, "former").trust
@@ -22,10 +22,10 @@ def test_miv_crosses_the_papers_bound_between_250_and_200_ms(fast, faster, machi
     assert any("within one period" in reason and "move more slowly" in reason for reason in alone.reasons)
 
 
-def test_the_error_expected_is_the_error_made(fast, faster, machine):
+def test_the_error_expected_is_the_error_made(fast, faster, machine, estimated):
     """Windows smear the curve: the session itself shows by how much, without the truth."""
     for session in (fast, faster):
-        found = estimate(session, machine, "denoised")
+        found = estimated(session, machine, "denoised")
         off = found.table.inertia_kgm2 - slider_crank_inertia(found.table.position_rad)
         relative = np.sqrt(np.mean(off**2)) / np.mean(found.table.inertia_kgm2)
         assert (
@@ -59,9 +59,9 @@ def test_former_method_is_judged_by_dpr(faster, machine):
     assert not any("DPR" in reason for reason in estimate(faster, believed).trust.reasons)
 
 
-def test_position_deviation_is_a_sine_with_little_else(fast, machine):
+def test_position_deviation_is_a_sine_with_little_else(fast, machine, estimated):
     """20 % of T_max against the inertia: T/(ω² (J_r + J_l)), lifted a little by the controller."""
-    trust = estimate(fast, machine).trust
+    trust = estimated(fast, machine).trust
     assert trust.position_amplitude_rad == pytest.approx(46.6 / (314.16**2 * (0.012 + 0.067)), rel=0.25)
     assert trust.position_dc_rad < 0.2 * trust.position_amplitude_rad
 
@@ -74,7 +74,7 @@ def test_too_fast_a_motion_shows_in_both_checks(machine):
     assert trust.relative_miv > RELATIVE_MIV[1]
 
 
-def test_reasons_come_worst_first_and_carry_numbers(faster, machine):
+def test_reasons_come_worst_first_and_carry_numbers(faster, machine, estimated):
     trust = estimate(pair(0.12), machine, "denoised").trust
     assert trust.reasons[0].startswith(
         f"expected error about {100 * trust.predicted_error:.2g} % of the inertia"
@@ -83,7 +83,7 @@ def test_reasons_come_worst_first_and_carry_numbers(faster, machine):
     assert any(
         "windows of one period" in reason and "inject four phases" in reason for reason in trust.reasons
     )
-    assert estimate(faster, machine).trust.reasons[0].endswith("(good below 3.5 %)")
+    assert estimated(faster, machine).trust.reasons[0].endswith("(good below 3.5 %)")
 
 
 def test_a_delayed_speed_is_said(fast, machine):

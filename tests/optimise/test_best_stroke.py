@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from functools import cache
+
 import numpy as np
 import pytest
 from optimise_machines import PAPER, rigid, task, with_physics
@@ -15,6 +17,12 @@ from schwung.optimise.dynamics import follow, merits_of
 from schwung.optimise.front import front
 from schwung.optimise.solve import NoMotionError, best_stroke
 from schwung.optimise.values import Stroke
+
+
+@cache
+def best_of_the_paper(duration_s: float | None = 0.1) -> Stroke:
+    """Of least copper, or the fastest: solved once, where several tests look at it."""
+    return best_stroke(PAPER, task(duration_s))
 
 
 def test_least_copper_of_one_mass_is_the_parabola_of_speed() -> None:
@@ -47,7 +55,7 @@ def test_varying_inertia_moves_the_motion_where_it_is_light() -> None:
 
 
 def test_it_is_within_one_per_cent_of_a_ten_times_finer_grid() -> None:
-    coarse = best_stroke(PAPER, task())
+    coarse = best_of_the_paper()
     fine = best_stroke(PAPER, task(), intervals=10 * (coarse.share.size - 1))
     figures = [merits_of(PAPER, follow(PAPER, s.motion(), 0.0)).copper_n2m2s for s in (coarse, fine)]
     assert figures[0] < 1.01 * figures[1]
@@ -55,7 +63,7 @@ def test_it_is_within_one_per_cent_of_a_ten_times_finer_grid() -> None:
 
 def test_another_start_leads_to_the_same_motion() -> None:
     skew = best_stroke(PAPER, task(0.1, weights={"vibration": 1.0}))
-    again, usual = best_stroke(PAPER, task(), start=skew), best_stroke(PAPER, task())
+    again, usual = best_stroke(PAPER, task(), start=skew), best_of_the_paper()
     assert again.objective == pytest.approx(usual.objective, rel=1e-4)
 
 
@@ -90,7 +98,7 @@ def test_torque_over_speed_is_kept_where_the_motor_is_fast() -> None:
     curve = ((0.0, 233.0), (30.0, 233.0), (60.0, 33.0))
     motor = PAPER.motor.model_copy(update={"torque_over_speed": curve})
     machine = PAPER.model_copy(update={"motor": motor})
-    free, held = best_stroke(PAPER, task(None)), best_stroke(machine, task(None))
+    free, held = best_of_the_paper(None), best_stroke(machine, task(None))
     made = follow(machine, held.motion(), 0.0)
     allowed = np.interp(np.abs(made.speed_rad_s), *np.array(curve).T)
     assert np.max(np.abs(made.torque_nm) - allowed) < 0.02 * 233

@@ -11,6 +11,7 @@ from optimise_machines import PAPER, rigid, task, with_physics
 
 from schwung.drivetrain import physics
 from schwung.drivetrain.inertia import InertiaTable
+from schwung.drivetrain.physics_term import PhysicsTerm
 from schwung.errors import InputError
 from schwung.optimise.dynamics import follow
 from schwung.optimise.model import Model, models_of, not_planned
@@ -81,6 +82,37 @@ def test_a_series_follows_a_table_but_not_its_noise() -> None:
 def test_what_is_not_planned_with_is_named() -> None:
     machine = with_physics(PAPER, backlash={"gap_rad": 1e-4}, coulomb_friction={"torque_nm": 1.0})
     assert not_planned(machine) == ("backlash",)
+    like = PhysicsTerm.model_validate(
+        {"name": "residual", "like": "viscous_friction", "coefficient_nms": 0.1}
+    )
+    timed = PhysicsTerm.model_validate(
+        {"name": "residual", "coordinate": "time_in_motion", "table": [[0.0, 0.0], [0.1, -2.5]]}
+    )
+    known = PAPER.model_copy(update={"physics": (like, timed)})
+    assert not_planned(known) == ("residual over time in motion (up to 2.5 N·m)",)
+
+
+def test_learned_curves_are_planned_with() -> None:
+    """Against the integrator of the simulation, which has the curves as tables."""
+    x, fast = np.linspace(-0.5, 4.0, 46), np.linspace(0.0, 60.0, 31)
+    terms = (
+        {"name": "residual", "coordinate": "speed",
+         "table": np.stack([fast, -1.5 * np.sqrt(fast + 1), 2 * np.sqrt(fast + 1)], 1).tolist()},
+        {"name": "friction_over_angle", "table": np.stack([x, 6 + 4 * np.cos(2 * x)], 1).tolist()},
+        {"name": "direction_dependent_load",
+         "table": np.stack([x, 5 * np.sin(x), -7 * np.cos(x)], 1).tolist()},
+        {"name": "load_side_friction", "torque_nm": 4.0},
+        {"name": "viscous_drift", "change_nms": 0.2},
+    )  # fmt: skip
+    machine = PAPER.model_copy(update={"physics": tuple(PhysicsTerm.model_validate(one) for one in terms)})
+    assert not_planned(machine) == ()
+    stroke = best_stroke(machine, task(0.2))
+    made = follow(machine, stroke.motion(), stroke.start_rad)
+    inside = slice(5, -5)  # at standstill dry friction is rounded differently
+    at_nodes = np.interp(stroke.time_s[inside], made.time_s, made.torque_nm)
+    plain = best_stroke(PAPER, task(0.2))
+    assert np.max(np.abs(plain.torque_nm - stroke.torque_nm)) > 5.0
+    assert np.max(np.abs(at_nodes - stroke.torque_nm[inside])) < 0.01 * 233
 
 
 def test_a_band_needs_deviations_and_bears_on_the_limits() -> None:

@@ -27,6 +27,11 @@ def emps(recordings: RealRecordings) -> Explanation:
     return explain(recordings.emps, emps_machine())
 
 
+@cache
+def pendulum(recordings: RealRecordings, name: str) -> Explanation:
+    return explain(recordings.pendulum(name), pendulum_machine())
+
+
 def found(explanation: Explanation) -> Mapping[str, Finding]:
     return {finding.physics: finding for finding in explanation.findings}
 
@@ -119,7 +124,7 @@ def test_emps_free_run_of_the_validation_record(recordings: RealRecordings) -> N
 
 @pytest.mark.parametrize("name", ["ddp", "dircol"])
 def test_the_pendulum_hides_gravity(recordings: RealRecordings, name: str) -> None:
-    explanation = explain(recordings.pendulum(name), pendulum_machine())
+    explanation = pendulum(recordings, name)
     assert explanation.verdict in ("partly_explained", "explained")
     gravity = explanation.findings[0]
     assert gravity.physics == "load_torque"
@@ -136,7 +141,7 @@ def test_the_pendulum_hides_gravity(recordings: RealRecordings, name: str) -> No
 
 def test_the_pendulum_of_ddp_swings_up_by_torque_alone(recordings: RealRecordings) -> None:
     session = recordings.pendulum("ddp")
-    (driven,) = free_runs(explain(session, pendulum_machine()).machine, session)
+    (driven,) = free_runs(pendulum(recordings, "ddp").machine, session)
     assert driven.position_rms_rad < 0.05 * float(np.ptp(session.runs[0].position_rad))
 
 

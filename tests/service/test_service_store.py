@@ -9,8 +9,8 @@ import pytest
 
 from schwung.errors import InputError
 from schwung.service.audit import Trail, broken_at
-from schwung.service.schema import MIGRATIONS, open_store
 from schwung.service.store import NotFoundError, Store
+from schwung.service.store.schema import MIGRATIONS, open_store
 
 
 @pytest.fixture

@@ -16,7 +16,6 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
-from prometheus_client.parser import text_string_to_metric_families
 from service_desk import service_desk
 from typer.testing import CliRunner
 
@@ -25,45 +24,6 @@ from schwung.service.latch import Stopped
 from schwung.service.logs import EventLog, JsonFormatter
 from schwung.service.systemd import Notifier, Watchdog
 from schwung.service.values import RunView
-
-
-def test_metrics_tell_of_bus_samples_sync_runs_and_stop(tmp_path: Path) -> None:
-    with service_desk(tmp_path) as desk, desk.client(token=False) as client:
-
-        def read() -> dict[tuple[str, ...], float]:
-            text = client.get("/metrics").text
-            return {
-                (sample.name, *sample.labels.values()): sample.value
-                for family in text_string_to_metric_families(text)
-                for sample in family.samples
-            }
-
-        assert not [name for name, *_ in read() if name.startswith("schwung_bus")]  # nobody is connected yet
-        run = desk.ended(desk.confirmed().id)
-        assert run.state == "done"
-        axis = "Bench axis"
-        first = read()
-        assert first["schwung_runs", "done"] == 2  # plan and commissioning
-        assert first["schwung_samples_total", axis] > 1000
-        assert first["schwung_samples_lost_total", axis] == 0
-        intervals = first["schwung_sync_jitter_seconds_count", axis]
-        assert intervals > 1000
-        assert (
-            first["schwung_sync_jitter_seconds_bucket", axis, "1e-05"] == intervals
-        )  # its clock is never late
-        time.sleep(1.1)  # the shortest time that a load is taken over
-        desk.proposed()
-        second = read()
-        grown = (
-            second["schwung_bus_frames_total", axis, "sent"] - first["schwung_bus_frames_total", axis, "sent"]
-        )
-        assert grown > 20  # questions to the drive
-        assert second["schwung_bus_load_percent", axis] > 0
-        client.post("/api/stop")
-        end = time.monotonic() + 5
-        while not read()["schwung_stop_latency_seconds_count",]:
-            assert time.monotonic() < end
-            time.sleep(0.01)
 
 
 def test_a_line_of_the_log_has_who_drive_job_and_event() -> None:

@@ -76,6 +76,28 @@ def test_open_sto_keeps_the_drive_in_switch_on_disabled() -> None:
     assert climb(rig) == ENABLED
 
 
+def test_an_enable_input_takes_the_torque_and_tells_nobody_why() -> None:
+    rig = Rig(faults="enable-input@0.1..0.3")
+    until(rig, rig.run(SPEED_RAD_S, 50), 0.15)
+    assert not rig.axis.energised
+    assert not rig.status & VOLTAGE
+    assert rig.emergencies() == []
+    assert rig.read(0x603F) == 0
+    assert climb(rig) == SWITCH_ON_DISABLED
+    until(rig, 0, 0.31, 0)
+    assert rig.state == SWITCH_ON_DISABLED
+    assert climb(rig) == ENABLED
+
+
+def test_torque_is_allowed_by_all_or_not_at_all() -> None:
+    rig = Rig(faults="enable-input@0.1..0.2,sto@0.15..0.3")
+    until(rig, rig.run(SPEED_RAD_S, 50), 0.25)
+    assert not rig.status & VOLTAGE
+    assert climb(rig) == SWITCH_ON_DISABLED
+    until(rig, 0, 0.31, 0)
+    assert rig.status & VOLTAGE
+
+
 def test_sto_fault_is_not_reset_before_sto_is_closed() -> None:
     rig = Rig(faults="sto-fault@0.1..0.3")
     until(rig, rig.run(SPEED_RAD_S, 50), 0.15)

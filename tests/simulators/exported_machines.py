@@ -56,6 +56,7 @@ CURVES = (
     PhysicsTerm(name="friction_over_angle", table=[[0.0, 1.0], [1.0, 2.0], [3.0, 1.5]]),
     PhysicsTerm(name="viscous_drift", change_nms=0.1),
     PhysicsTerm(name="load_dependent_friction", share=0.05),
+    PhysicsTerm(name="presliding_friction", torque_nm=3.0, stiffness_nm_rad=12.0),
     PhysicsTerm(name="direction_dependent_load", table=[[0.0, 1.0, 2.0], [1.5, 2.0, -1.0], [3.0, 0.0, 1.0]]),
     PhysicsTerm(name="offset_drift", change_nm=2.0),
     PhysicsTerm(name="torque_constant_drop", share_at_peak=0.05, peak_nm=80.0),
@@ -66,6 +67,18 @@ CURVES = (
     PhysicsTerm(name="residual", coordinate="run", table=[[0.0, 0.0, 1.0], [1.0, -2.0, 0.0]]),
     PhysicsTerm(name="residual", coordinate="acceleration", table=[[-2e3, 3.0], [0.0, 0.5], [2e3, -4.0]]),
     PhysicsTerm(name="residual", coordinate="time_in_motion", table=[[0.0, 0.0], [0.05, 3.0], [0.1, 1.0]]),
+    PhysicsTerm(
+        name="residual", coordinates=["position", "speed"], points=[[0.0, 1.0, 3.0], [-20.0, 0.0, 30.0]],
+        table=[[1.0, 0.2, -1.0], [3.0, 0.5, -2.0], [0.0, -1.0, 4.0]],
+    ),
+    PhysicsTerm(
+        name="residual", coordinates=["position", "torque"], points=[[0.0, 2.0], [-50.0, 10.0, 50.0]],
+        table=[[1.0, 0.2, -1.0], [3.0, 0.5, -2.0]],
+    ),
+    PhysicsTerm(
+        name="residual", coordinates=["torque", "time_in_motion"], points=[[-50.0, 50.0], [0.0, 0.05, 0.1]],
+        table=[[1.0, 0.2, -1.0], [3.0, 0.5, -2.0]],
+    ),
     PhysicsTerm(name="residual", like="cogging", order=9.0, amplitude_nm=0.5, phase_rad=0.1),
 )  # fmt: skip
 BEHIND = (PhysicsTerm(name="load_side_friction", torque_nm=2.0),)

@@ -33,7 +33,10 @@ class _Model:
     """A Modelica model that Schwung wrote, evaluated line by line: enough of the language for what it writes."""
 
     def __init__(self, text: str) -> None:
-        self.known: dict[str, Any] = {"size": lambda rows, _: rows.count, "div": lambda a, b: a // b}
+        self.known: dict[str, Any] = {
+            "size": lambda rows, axis: rows.shape[axis - 1],
+            "div": lambda a, b: a // b,
+        }
         self.known |= {name: getattr(np, name) for name in ("sin", "cos", "tanh", "exp", "floor")}
         self.known |= {"delay": lambda value, _: value, "abs": abs, "min": min, "max": max}
         functions = re.findall(r"^  function (\w+) \"[^\n]*\n(.*?)^  end \1;", text, re.M | re.S)
@@ -41,7 +44,7 @@ class _Model:
             exec(_as_python(name, body), self.known)
         for name, value in re.findall(r"^  parameter Real (\w+)(?:\([^)]*\))? = (\S+) ", text, re.M):
             self.known[name] = float(value)
-        for name, rows in re.findall(r"^  parameter Real (\w+)\[:, 3\] = \[(.*?)\]", text, re.M | re.S):
+        for name, rows in re.findall(r"^  parameter Real (\w+)\[:, [3:]\] = \[(.*?)\]", text, re.M | re.S):
             self.known[name] = _Rows(
                 np.array([[float(x) for x in row.split(",")] for row in rows.split(";")])
             )
@@ -69,7 +72,7 @@ class _Rows:
     """A matrix that counts from 1."""
 
     def __init__(self, values: Array) -> None:
-        self.count, self.values = len(values), values.tolist()
+        self.shape, self.values = values.shape, values.tolist()
 
     def __getitem__(self, at: tuple[int, int]) -> float:
         return float(self.values[at[0] - 1][at[1] - 1])

@@ -71,6 +71,11 @@ CREEPS = 0.2
 STAYS = 0.3
 
 
+#: How often, on CANopen, a drive's enable input drops when its power stage has gone on: a drive that falls back on its
+#: way up, with nothing to tell why, is one that a tool may be tempted to bring up again. Drawn last.
+FALLS_BACK, FALLING_BACK = 0.03, "enable-input"
+
+
 @dataclass(frozen=True)
 class Incident:
     """One thing that goes wrong, when, and how badly."""
@@ -122,7 +127,14 @@ def draw(seed: int, weights: tuple[float, ...], bus: str = "canopen") -> Scenari
     )
     exports, trait = chance.random() < 0.25, chance.choice(traits)
     creeps, stays = chance.random() < CREEPS, chance.random() < STAYS
+    if bus == "canopen" and chance.random() < FALLS_BACK:
+        incidents += (_falling_back(chance),)
     return Scenario(seed, way, start, incidents, exports, creeps, stays, trait, bus)
+
+
+def _falling_back(chance: random.Random) -> Incident:
+    size, duration = chance.random(), 10 ** chance.uniform(-2.5, 0.5)
+    return Incident(FALLING_BACK, "enable", 0.0, "waits", None, duration, size, 0)
 
 
 def _incident(chance: random.Random, classes: dict[str, tuple[str, ...]], follows: bool) -> Incident:

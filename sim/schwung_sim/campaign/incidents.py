@@ -33,6 +33,11 @@ STATUSWORDS = (0x0001, 0x0003, 0x0013, 0x0205, 0x0273, 0xFFFF, 0x0231, 0x0237, 0
 _FOREIGN_WORDS = (0x00, 0x02, 0x06, 0x07)
 _FOREIGN_PERIOD_S = 0.01
 _MOST_MOVED_RAD = 0.05
+#: Traits that take the torque: the axis is not held, and nobody is excused.
+_TORQUE_OFF = {"sto", "sto-fault", "enable-input"}
+#: After its power stage has gone on, a drive's enable input drops within so much (s): before anybody has seen that it
+#: is on, or later.
+_DROPS_S = (1e-4, 0.1)
 _LONGEST_DELAY_S = 0.3
 
 
@@ -165,6 +170,26 @@ class Scene:
     def _sto(self, incident: Incident, chance: random.Random) -> Callable[[], None]:
         return self._passing(("sto", "sto-fault")[incident.pick % 2], STO_ERROR)
 
+    def _enable_input(self, incident: Incident, chance: random.Random) -> None:
+        """Soon after the power stage has gone on, the drive's own enable input drops, and comes back: no fault, no
+        EMCY. Switching on pulls the supply down that holds the relay, say.
+        """
+        first, last = _DROPS_S
+        after_s = first * (last / first) ** incident.size
+
+        def drop() -> None:
+            over = self._passing("enable-input", 0)
+            self._calm.append(over)
+            self.clock.later(incident.duration_s, over)
+
+        def watch() -> None:
+            if self.machine.energised:
+                watching.close()
+                self.clock.later(after_s, drop)
+
+        watching = self.clock.every(_DROPS_S[0], watch)
+        self._calm.append(watching.close)
+
     def _not_following(self, incident: Incident, chance: random.Random) -> Callable[[], None]:
         return self._passing("not-following", incident.pick % 2)
 
@@ -179,13 +204,13 @@ class Scene:
         if kind in self._present:
             return lambda: None
         self._present.add(kind)
-        self.machine.held = self._present - {"sto", "sto-fault"}
+        self.machine.held = self._present - _TORQUE_OFF
         self.traits.begin(kind, value, 0)
 
         def over() -> None:
             if kind in self._present:
                 self._present.discard(kind)
-                self.machine.held = self._present - {"sto", "sto-fault"}
+                self.machine.held = self._present - _TORQUE_OFF
                 self.traits.end(kind)
 
         return over

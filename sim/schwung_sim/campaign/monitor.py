@@ -6,7 +6,8 @@ with the clause or the reason that it comes from.
     window, speed, torque   the plan's limits hold while the motor has torque
     re-enabled              CiA 402-2, 6.3: out of Operation enabled leads one way only, off, until somebody asks anew;
                             the words Shutdown, Switch on, Enable operation come before, once
-    enable after stop       after Quick stop or Disable voltage nobody sends Enable operation
+    enable after stop       after Enable operation any other word ends it: nobody sends it again, be it after Quick
+                            stop, Disable voltage, or a second time up for a drive that fell back
     step                    607A moves from RPDO to RPDO no further than the plan's own motion does, stops included
     bend                    and while it enables, its steps change no more than that motion's acceleration makes them
     torque added            60B2 is no more than is injected, and 0 in every frame that does not enable
@@ -162,7 +163,8 @@ class Monitor:
 
     def __post_init__(self) -> None:
         self._asked = False  # somebody has asked for one time in operation
-        self._operated = self._stopped = False
+        self._enabled = self._stopped = False  # Enable operation was said; and then another word
+        self._operated = False
         self._climbed: set[int] = set()  # controlwords since the power stage was last off
         self._said: set[int] = set()  # controlwords since it was last enabled
         self._last_target: int | None = None
@@ -188,7 +190,8 @@ class Monitor:
 
     def asked(self) -> None:
         """Somebody asks for one time in operation, on purpose."""
-        self._asked, self._operated, self._stopped, self._climbed = True, False, False, set()
+        self._asked, self._operated, self._climbed = True, False, set()
+        self._enabled = self._stopped = False
 
     def died(self) -> None:
         """The tool is no more."""
@@ -324,13 +327,12 @@ class Monitor:
             self._report("controlword", f"0x{word:04X}")
         enables = word & 0x0F == 0x0F
         if enables and self._stopped:
-            self._report("enable after stop", f"0x{word:04X} after Quick stop or Disable voltage")
+            self._report("enable after stop", f"0x{word:04X} after it, and then a lower word, had been said")
         if enables and not self._operated and not {0x06, 0x07} <= self._climbed:
             self._report("re-enabled", f"0x{word:04X} without Shutdown and Switch on before it")
-        if word in (0x00, 0x02) and 0x0F in self._climbed:
-            self._stopped = True
+        self._stopped |= self._enabled and not enables
         if enables:
-            self._enabling_s = max(self._enabling_s, self.now())
+            self._enabled, self._enabling_s = True, max(self._enabling_s, self.now())
         self._climbed.add(word & 0x0F)
         self._said.add(word & 0x0F)
         return enables

@@ -69,7 +69,7 @@ class PowerStage:
         self.awaited: list[Callable[[], bool]] = []  # what needs time to go on: a late controlword, a brake
         self.at_power_off: list[Callable[[], None]] = []
         self._held: set[str] = set()  # why set-points are not followed: halt, or reasons of the drive's own
-        self._sto: Power | None = None  # where open STO leads
+        self._torque_off: dict[str, Power] = {}  # what allows no torque, and where that leads
         self._brake: HoldingBrake | None = None
         self._releasing = False
         self._word = 0
@@ -105,7 +105,7 @@ class PowerStage:
     def status(self) -> int:
         """The statusword's bits that belong to the state machine."""
         status = self.state.value
-        if self._sto is None:
+        if not self._torque_off:
             status |= VOLTAGE_ENABLED
         return status if self.local else status | REMOTE
 
@@ -115,7 +115,7 @@ class PowerStage:
         """Follow a controlword (table 31 of the standard)."""
         rising, self._word = word & ~self._word, word
         if self.state is Power.FAULT:
-            if rising & 0x80 and self._sto is not Power.FAULT and self._clear_faults():
+            if rising & 0x80 and Power.FAULT not in self._torque_off.values() and self._clear_faults():
                 self.state = Power.SWITCH_ON_DISABLED
             return
         if self.state is Power.FAULT_REACTION_ACTIVE:
@@ -154,7 +154,7 @@ class PowerStage:
         shutdown, switch_on, enable = word & 0x07 == 0x06, word & 0x0F == 0x07, word & 0x0F == 0x0F
         state = self.state
         if state is Power.SWITCH_ON_DISABLED and shutdown:
-            if self._sto is None:
+            if not self._torque_off:
                 self.state = Power.READY_TO_SWITCH_ON
         elif state is Power.READY_TO_SWITCH_ON and (switch_on or enable):
             self.state = Power.SWITCHED_ON  # with "enable" set the next transition follows at once (3 + 4)
@@ -227,7 +227,8 @@ class PowerStage:
 
     def power_off(self) -> None:
         """As at power-on: the motor coasts, nothing is remembered."""
-        self._off(self._sto or Power.SWITCH_ON_DISABLED)
+        into = self._torque_off.values()
+        self._off(Power.FAULT if Power.FAULT in into else Power.SWITCH_ON_DISABLED)
         self._word = 0
         for forget in self.at_power_off:
             forget()
@@ -271,18 +272,19 @@ class PowerStage:
 
     # -- What keeps it from operation -------------------------------------------------------------
 
-    def open_sto(self, into: Power) -> None:
-        """Safe torque off (IEC 61800-5-2 4.2.3.2): no torque from now on, whatever the option codes say.
+    def take_torque(self, by: str, into: Power) -> None:
+        """Safe torque off (IEC 61800-5-2 4.2.3.2), or an enable input: no torque from now on, whatever the option codes
+        say.
 
         It leads into Switch on disabled (transitions 7, 9, 10, 12: the high-level power is gone), or into Fault,
-        which is not reset before STO is closed.
+        which is not reset before torque is allowed again.
         """
-        self._sto = into
+        self._torque_off[by] = into
         self._off(Power.FAULT if self.state in (Power.FAULT, Power.FAULT_REACTION_ACTIVE) else into)
 
-    def close_sto(self) -> None:
-        """Torque is allowed again; nothing energises by itself."""
-        self._sto = None
+    def give_torque(self, by: str) -> None:
+        """By this, torque is allowed again; nothing energises by itself."""
+        self._torque_off.pop(by, None)
 
     def fit_brake(self, delay_s: float) -> None:
         """Give the motor a holding brake that takes so long to open, and to close."""

@@ -143,8 +143,8 @@ def optimise(machine: drivetrain.Machine, task: Task, *, rivals: bool = True) ->
     """Find the motion between two rests that costs the least, within every limit, of motor and load.
 
     Args:
-        machine: the belief, as a rule measured: table, limits and every learned physics term take part;
-            SI.
+        machine: the belief, as a rule measured: table, limits and learned physics take part, what of it no plan can
+            have is in `left_out`; SI.
         task: stroke (rad), time (s; None: as fast as the limits allow), limits (rad, rad/s, N·m) and weights.
         rivals: also run the genetic algorithm and TOPP-RA beside the standard profiles.
 

@@ -1,21 +1,25 @@
 """Workers: processes of this computer, or those of a Dask scheduler by its address.
 
-One process does one session at a time, in one thread: what a session kills is that session's work alone, and the
-linear algebra of small matrices gains nothing from a second thread. On Linux a worker is a fork of a process that has
-nothing but the libraries: they are imported once, and while the archive is looked through.
+One process does one session at a time, in one thread: what a session kills is that session's work alone, or is done
+again, and the linear algebra of small matrices gains nothing from a second thread. On Linux a worker is a fork of a
+process that has nothing but the libraries: they are imported once, and while the archive is looked through.
 """
 
 from __future__ import annotations
 
+import itertools
 import logging
 import multiprocessing
 import os
 import signal
 import sys
+import time
+from collections import deque
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import CancelledError
 from contextlib import contextmanager
 from multiprocessing import forkserver
+from statistics import median
 from typing import Any
 
 import dask
@@ -30,6 +34,10 @@ from schwung.errors import InputError
 
 Tell = Callable[[str], None]
 
+#: A task is as many sessions as take so long (s): what Dask does for each task, 8 ms of this computer's processors, is
+#: shared by them, and an interrupt or a worker's death costs no more than that.
+TASK_S = 1.0
+_TASKS_PER_THREAD = 2  # under way or next
 _PATIENCE_S = 10.0
 _ONE_THREAD = dict.fromkeys(("OMP_NUM_THREADS", "MKL_NUM_THREADS", "OPENBLAS_NUM_THREADS"), "1")
 _FORKS = sys.platform == "linux"  # elsewhere the system's own libraries do not outlive a fork
@@ -156,28 +164,81 @@ def _watched(client: Client, tell: Tell) -> Iterator[None]:
 def outcomes(
     client: Client, work: Sequence[tuple[Item, str]], wish: Wish
 ) -> Iterator[tuple[Item, str, Outcome]]:
-    """Carry out all work, pairs of session and key; yields each with its outcome when that is there, in any order."""
-    futures = [
-        client.submit(carry_out, item, wish, key, key=f"schwung-{wish.kind}-{number}-{key}", pure=False)
-        for number, (item, key) in enumerate(work)
-    ]
-    of = {future.key: pair for future, pair in zip(futures, work, strict=True)}
+    """Carry out all work, pairs of session and key; yields each with its outcome when that is there, in any order.
+
+    A task is one session or several, as many as take `TASK_S`, going by those before; towards the end fewer, so that
+    all workers end together. A session dies alone: those of a task that two workers have died of are tried one by one.
+    """
+    left, alone = deque(work), deque[tuple[Item, str]]()
+    threads = max(sum(client.nthreads().values()), 1)
+    paces: deque[float] = deque(maxlen=2 * threads)  # s per session, the latest ones
+    tasks: dict[str, tuple[Future, Sequence[tuple[Item, str]]]] = {}
+    ended = as_completed(loop=client.loop)
+    numbers = itertools.count()
+
+    def hand_out() -> None:
+        if alone:
+            pairs = [alone.popleft()]
+        else:
+            most = TASK_S / max(median(paces), 1e-3) if len(paces) == paces.maxlen else 1
+            pairs = [left.popleft() for _ in range(max(1, min(int(most), len(left) // (2 * threads))))]
+        key = f"schwung-{wish.kind}-{next(numbers)}-{pairs[0][1]}"
+        future = client.submit(carry_out_each, pairs, wish, key=key, pure=False)
+        tasks[future.key] = future, pairs
+        ended.add(future)
+
+    def fill() -> None:
+        while (left or alone) and len(tasks) < _TASKS_PER_THREAD * threads:
+            hand_out()
+
+    fill()
     try:
-        for future in as_completed(futures, loop=client.loop):
-            item, key = of[future.key]
-            yield item, key, _outcome(future, item)
-            future.release()  # the result is kept elsewhere
+        for future in ended:
+            _, pairs = tasks.pop(future.key)
+            try:
+                found = _outcomes(future, pairs)
+            except KilledWorker:
+                alone.extend(pairs)
+                found = []
+            fill()  # first: a worker shall not wait for what we do with the results
+            for (item, key), (took_s, outcome) in zip(pairs, found, strict=False):
+                if outcome.error is None:
+                    paces.append(took_s)
+                yield item, key, outcome
+            future.release()  # the results are kept elsewhere
     finally:
-        client.cancel(futures, force=True)
+        client.cancel([future for future, _ in tasks.values()], force=True)
 
 
-def _outcome(future: Future, item: Item) -> Outcome:
+def carry_out_each(pairs: Sequence[tuple[Item, str]], wish: Wish) -> list[tuple[float, Outcome]]:
+    """What one worker does with one task: sessions after another, each with how long it took (s)."""
+    found = []
+    for item, key in pairs:
+        began = time.perf_counter()
+        outcome = carry_out(item, wish, key)
+        found.append((time.perf_counter() - began, outcome))
+    return found
+
+
+def _outcomes(future: Future, pairs: Sequence[tuple[Item, str]]) -> list[tuple[float, Outcome]]:
+    """What came of a task. Raises KilledWorker where one of its several sessions has killed two workers."""
     try:
-        outcome: Outcome = future.result()
+        found: list[tuple[float, Outcome]] = future.result()
     except KilledWorker:
-        return failed(
-            f"{item.session}: two workers died of it, of too little memory or of a library's defect"
-        )
+        if len(pairs) > 1:
+            raise
+        item = pairs[0][0]
+        return [
+            (
+                0.0,
+                failed(
+                    f"{item.session}: two workers died of it, of too little memory or of a library's defect"
+                ),
+            )
+        ]
     except (Exception, CancelledError) as error:  # of the cluster, not of the session
-        return failed(f"{item.session}: the cluster let us down ({type(error).__name__}: {error})")
-    return outcome
+        return [
+            (0.0, failed(f"{item.session}: the cluster let us down ({type(error).__name__}: {error})"))
+            for item, _ in pairs
+        ]
+    return found

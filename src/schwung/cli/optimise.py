@@ -127,8 +127,9 @@ def optimise(
 ) -> None:
     """Find the motion that costs the least, within every limit, of motor and load.
 
-    Takes the measured table and every learned physics term of the machine file, and holds the result against the
-    profiles that machines usually get. What it writes can be taken to the controller: setpoints with torque, and cams.
+    Takes the measured table and the learned physics of the machine file, names what of it no plan can have, and holds
+    the result against the profiles that machines usually get. What it writes can be taken to the controller: setpoints
+    with torque, and cams.
 
     [bold]Examples[/]
 

@@ -13,6 +13,7 @@ import numpy as np
 from schwung.compiled import compiled, inlined
 from schwung.drivetrain.kernel import Cascade, Curve, Inputs, Plant, command, value_and_slope
 from schwung.drivetrain.physics import Effects, coupling_torque, load_torque, motor_torque, third_torque
+from schwung.drivetrain.residual_plane import Sheet, sheet_at
 from schwung.motion import Array
 
 
@@ -24,7 +25,7 @@ class Sided(NamedTuple):
 
 
 class Curves(NamedTuple):
-    """Learned torques that are tables, `drivetrain/residual.py`."""
+    """Learned torques that are tables, `drivetrain/residual.py`; over two coordinates `residual_plane.py`."""
 
     any: bool
     position: Sided
@@ -34,6 +35,10 @@ class Curves(NamedTuple):
     load_position: Sided
     acceleration: Curve
     time_in_motion: Curve
+    any_plane: bool
+    position_speed: Sheet
+    position_torque: Sheet
+    torque_time: Sheet
 
 
 class Learned(NamedTuple):
@@ -49,7 +54,7 @@ class Learned(NamedTuple):
 
 
 class Masses(NamedTuple):
-    """Motor, load, and a third mass behind it: angle (rad) and speed (rad/s)."""
+    """Motor, load, and a third mass behind it: angle (rad) and speed (rad/s); what bent bristles hold (N·m)."""
 
     motor_angle: float
     motor_speed: float
@@ -57,6 +62,7 @@ class Masses(NamedTuple):
     load_speed: float
     third_angle: float
     third_speed: float
+    bristles: float
 
 
 @inlined
@@ -91,7 +97,11 @@ def _rates(machine: Learned, state: Masses, torque: float, time: float) -> Masse
         passed = third_torque(e, state.load_angle - state.third_angle, state.load_speed - state.third_speed)
         load -= passed
         third = passed / e.third_inertia_kgm2
-    motor = torque - plant.motor_friction * state.motor_speed
+    motor = torque - plant.motor_friction * state.motor_speed - state.bristles
+    bending = 0.0
+    if e.presliding_nm > 0.0:
+        bending = state.motor_speed - abs(state.motor_speed) * state.bristles / e.presliding_nm
+        bending *= e.presliding_stiffness_nm_rad
     ahead = float(np.tanh(state.motor_speed / machine.smoothing))
     load_ahead = float(np.tanh(state.load_speed / machine.smoothing))
     load -= e.load_coulomb_nm * load_ahead
@@ -103,6 +113,10 @@ def _rates(machine: Learned, state: Masses, torque: float, time: float) -> Masse
         motor += sided(curves.run, machine.share, ahead)
         load += sided(curves.load_position, state.load_angle, load_ahead)
         load += value_and_slope(curves.time_in_motion, time - machine.leaves_rest)[0]
+    if curves.any_plane:
+        load += sheet_at(curves.position_speed, state.load_angle, state.load_speed)
+        motor += sheet_at(curves.position_torque, state.motor_angle, torque)
+        motor += sheet_at(curves.torque_time, torque, time - machine.leaves_rest)
     if e.ripple_share != 0.0:
         motor += torque * e.ripple_share * np.sin(e.ripple_order * state.motor_angle + e.ripple_phase_rad)
     motor += motor_torque(
@@ -118,7 +132,7 @@ def _rates(machine: Learned, state: Masses, torque: float, time: float) -> Masse
         lost = e.carried_share * ahead * inertia  # |carried| is inertia times |acceleration|
         whole = plant.rotor_inertia + inertia + (lost if motor + load > 0.0 else -lost)
         both = accelerated(curves.acceleration, motor + load, whole) if curves.any else (motor + load) / whole
-        return Masses(state.motor_speed, both, state.load_speed, both, state.third_speed, third)
+        return Masses(state.motor_speed, both, state.load_speed, both, state.third_speed, third, bending)
     shaft = coupling_torque(
         e,
         plant.stiffness,
@@ -134,6 +148,7 @@ def _rates(machine: Learned, state: Masses, torque: float, time: float) -> Masse
         accelerated(curves.acceleration, load, inertia) if curves.any else load / inertia,
         state.third_speed,
         third,
+        bending,
     )
 
 
@@ -146,6 +161,7 @@ def _moved(state: Masses, rates: Masses, by: float) -> Masses:
         state.load_speed + by * rates.load_speed,
         state.third_angle + by * rates.third_angle,
         state.third_speed + by * rates.third_speed,
+        state.bristles + by * rates.bristles,
     )
 
 

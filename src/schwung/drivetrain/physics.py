@@ -16,6 +16,7 @@ import numpy as np
 from schwung.compiled import inlined
 from schwung.drivetrain.physics_term import PhysicsTerm
 from schwung.drivetrain.residual import inertia_points, law_of, load_torque_table, residuals_of
+from schwung.drivetrain.residual_plane import planes_of
 from schwung.errors import InputError
 
 
@@ -42,6 +43,8 @@ class Effects(NamedTuple):
     offset_drift_nm: float = 0.0  # of the offset likewise
     carried_share: float = 0.0  # friction over the torque that the shaft carries
     load_coulomb_nm: float = 0.0  # dry friction behind the coupling
+    presliding_nm: float = 0.0  # friction that is a spring before it slides: when it slides
+    presliding_stiffness_nm_rad: float = 1.0
     load_amplitude_nm: float = 0.0  # × sin(θ_l + phase), on the load
     load_phase_rad: float = 0.0
     offset_nm: float = 0.0
@@ -123,6 +126,10 @@ PHYSICS: Mapping[str, Mapping[str, Key]] = {
     "viscous_drift": {"change_nms": Key("viscous_drift_nms", "N·m·s/rad")},
     "load_dependent_friction": {"share": Key("carried_share", "", _NOT_NEGATIVE, highest=0.9)},
     "load_side_friction": {"torque_nm": Key("load_coulomb_nm", "N·m", _NOT_NEGATIVE)},
+    "presliding_friction": {
+        "torque_nm": Key("presliding_nm", "N·m", _NOT_NEGATIVE),
+        "stiffness_nm_rad": Key("presliding_stiffness_nm_rad", "N·m/rad", _POSITIVE),
+    },
     "quadratic_drag": {"coefficient_nms2": Key("drag_nms2", "N·m·s²/rad²")},
     "local_friction": {
         "torque_nm": Key("local_friction_nm", "N·m"),
@@ -211,6 +218,7 @@ def check_physics(terms: Sequence[PhysicsTerm], rigid: bool) -> None:
     effects_of(terms)
     load_torque_table(terms)
     residuals_of(terms)
+    planes_of(terms)
     inertia_points(terms)
     for term in terms:
         if rigid and law_of(term) in _OF_COUPLING:

@@ -11,6 +11,7 @@ from scipy.optimize import brentq
 from schwung.drivetrain import kernel, learned, physics, residual
 from schwung.drivetrain.inertia import InertiaTable
 from schwung.drivetrain.machine import Machine
+from schwung.drivetrain.residual_plane import NOTHING, PAIRS, Pair, Plane, planes_of, sheet_at
 from schwung.errors import InputError
 from schwung.motion import Array, Demand
 
@@ -59,14 +60,16 @@ def learned_of(
         plant=plant,
         effects=physics.effects_of(machine.physics),
         load_table=_constant(0.0) if table is None else _curve(table.position_rad, table.load_torque_nm),
-        curves=_curves(residual.residuals_of(machine.physics)),
+        curves=_curves(residual.residuals_of(machine.physics), planes_of(machine.physics)),
         smoothing=SMOOTHING_RAD_S,
         leaves_rest=leaves_rest,
         share=share,
     )
 
 
-def _curves(tables: Mapping[residual.Over, residual.Residual]) -> learned.Curves:
+def _curves(
+    tables: Mapping[residual.Over, residual.Residual], planes: Mapping[Pair, Plane]
+) -> learned.Curves:
     """The learned torques that are tables; what there is none of is nothing anywhere."""
     nothing = _constant(0.0)
 
@@ -79,6 +82,7 @@ def _curves(tables: Mapping[residual.Over, residual.Residual]) -> learned.Curves
     return learned.Curves(
         bool(tables), sided("position"), sided("speed"), sided("torque"), sided("run"), sided("load_position"),
         sided("acceleration").forward, sided("time_in_motion").forward,
+        bool(planes), *(planes[pair].sheet if pair in planes else NOTHING for pair in PAIRS),
     )  # fmt: skip
 
 
@@ -164,6 +168,8 @@ def learned_rest(machine: learned.Learned, read_angle: float) -> tuple[learned.M
         if machine.curves.any:
             table += kernel.value_and_slope(machine.curves.time_in_motion, -np.inf)[0]
             table += kernel.value_and_slope(machine.curves.acceleration, 0.0)[0]
+        if machine.curves.any_plane:
+            table += sheet_at(machine.curves.position_speed, angle, 0.0)
         return table + physics.load_torque(e, angle, -np.inf)
 
     def pull(angle: float) -> float:
@@ -186,10 +192,15 @@ def learned_rest(machine: learned.Learned, read_angle: float) -> tuple[learned.M
         load_angle = brentq(pull, motor_angle, motor_angle + towards * wound, xtol=1e-15)
     held = -load_torque(load_angle) - e.offset_nm - machine.share * e.offset_drift_nm
     held -= e.cogging_amplitude_nm * np.sin(e.cogging_order * motor_angle + e.cogging_phase_rad)
-    state = learned.Masses(motor_angle, 0.0, load_angle, 0.0, load_angle, 0.0)
-    if e.ripple_share:
-        held /= 1.0 + e.ripple_share * np.sin(e.ripple_order * motor_angle + e.ripple_phase_rad)
-    return state, learned.reported_torque(e, float(held))
+    state = learned.Masses(motor_angle, 0.0, load_angle, 0.0, load_angle, 0.0, 0.0)
+    share = 1.0 + e.ripple_share * np.sin(e.ripple_order * motor_angle + e.ripple_phase_rad)
+    on_shaft = held / share
+    if machine.curves.any_plane:  # what depends on the torque does so by less than all of it: this contracts
+        for _ in range(200):
+            more = sheet_at(machine.curves.position_torque, motor_angle, on_shaft)
+            more += sheet_at(machine.curves.torque_time, on_shaft, -np.inf)
+            on_shaft = (held - more) / share
+    return state, learned.reported_torque(e, float(on_shaft))
 
 
 def substeps(machine: Machine, plant: kernel.Plant, period: float, top_speed: float, share: float) -> int:
@@ -218,6 +229,8 @@ def substeps(machine: Machine, plant: kernel.Plant, period: float, top_speed: fl
         fastest = max(fastest, e.ripple_order * top_speed)
     if e.periodic_amplitude_nm != 0:
         fastest = max(fastest, 2 * np.pi * e.periodic_frequency_hz)
+    if e.presliding_nm > 0:
+        fastest = max(fastest, np.sqrt(e.presliding_stiffness_nm_rad / moved))
     rubbing = (
         plant.motor_friction
         + max(e.viscous_nms + 0.5 * abs(e.viscous_difference_nms), 0.0)
@@ -230,6 +243,11 @@ def substeps(machine: Machine, plant: kernel.Plant, period: float, top_speed: fl
     rubbing += (dry + sum(one.highest_nm for one in directed)) / SMOOTHING_RAD_S
     rubbing += share * max(e.viscous_drift_nms, 0.0)
     rubbing = max(rubbing / moved, behind / SMOOTHING_RAD_S / lightest)
+    for pair, plane in planes_of(machine.physics).items():
+        if "speed" in pair:
+            rubbing += plane.steepest(pair.index("speed")) / lightest
+    if e.presliding_nm > 0:
+        rubbing = max(rubbing, top_speed * e.presliding_stiffness_nm_rad / e.presliding_nm)
     needed = int(np.ceil(max(period * fastest / step, period * rubbing / _FRICTION_STEP, 1.0)))
     if needed > _MAX_SUBSTEPS:
         raise InputError(

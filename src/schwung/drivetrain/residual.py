@@ -1,6 +1,7 @@
 """Learned torques and inertias that are curves: tables over a coordinate, with or without a name.
 
-`[[physics]]` of machine.toml holds them as `table`. A `residual` has no name; its `coordinate` says what it is over.
+`[[physics]]` of machine.toml holds them as `table`. A `residual` has no name; its `coordinate` says what it is over
+(`residual_plane.py`: over two at once).
 Rows are [x, forward, backward], or [x, both] where the direction of motion does not matter.
 """
 
@@ -16,6 +17,7 @@ from scipy.interpolate import PchipInterpolator
 
 from schwung.drivetrain.inertia import LoadTorqueTable
 from schwung.drivetrain.physics_term import PhysicsTerm
+from schwung.drivetrain.residual_plane import is_plane
 from schwung.errors import InputError
 from schwung.motion import Array
 
@@ -102,7 +104,7 @@ def _residual(term: PhysicsTerm) -> Residual | None:
         return Residual("position", angle, -level, level)
     if law == "direction_dependent_load":
         return Residual("load_position", *rows_of(term))
-    if law != "residual":
+    if law != "residual" or is_plane(term.parameters):
         return None
     over = term.parameters.get("coordinate")
     if over not in OVER:

@@ -81,7 +81,9 @@ def _free(machine: Machine, session: Session, numbers: list[int], runs: list[Run
         max(substeps(machine, plant, 1 / rate, top, share), _for_friction(moved, rate)), _MOST_SUBSTEPS
     )
     start, moving = float(position[0]), float(speed[0])
-    state = learned.Masses(start, moving, start, moving, start, moving)  # a coupling finds its twist at once
+    state = learned.Masses(
+        start, moving, start, moving, start, moving, 0.0
+    )  # a coupling finds its twist at once
     simulated = learned.run_driven(moved, torque, state, 0.0, 1 / rate, steps)[:, 0]
     error = float(np.sqrt(np.mean((simulated - position) ** 2)))
     return FreeRun(tuple(numbers), torque.size / rate, error, time, simulated)

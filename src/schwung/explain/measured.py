@@ -67,9 +67,10 @@ def measured(machine: Machine) -> Measured | None:
     fine = BSpline.design_matrix(angle, knots, 3).toarray()
     inertia = np.maximum(fine @ curve, 0.1 * float(np.min(table.inertia_kgm2)))
     directions = (fine @ np.linalg.cholesky(covariance)).T
-    return Measured(_with_table(machine, angle, inertia), angle, np.asarray(directions))
+    std = np.interp(angle, given, table.std_kgm2)
+    return Measured(_with_table(machine, angle, inertia, std), angle, np.asarray(directions))
 
 
-def _with_table(machine: Machine, angle: Array, inertia: Array) -> Machine:
-    table = InertiaTable(angle, np.maximum(inertia, 1e-12))
+def _with_table(machine: Machine, angle: Array, inertia: Array, std: Array | None = None) -> Machine:
+    table = InertiaTable(angle, np.maximum(inertia, 1e-12), std)
     return machine.model_copy(update={"load": machine.load.model_copy(update={"inertia_table": table})})

@@ -8,6 +8,7 @@ from functools import cached_property
 
 import numpy as np
 from scipy.interpolate import CubicSpline
+from scipy.ndimage import maximum_filter1d
 
 from schwung.drivetrain.machine import Machine
 from schwung.innovations.low_pass import low_passed
@@ -31,6 +32,10 @@ _HALF, _TAPS = 6, 6.0
 _EDGE = 60  # fewer samples than this are not worth a filter
 
 
+#: Weights that guess a sample by its neighbours' cubic; what misses by more than so many times the usual is sharp.
+_GUESS, _SHARP = np.array([-1.0, 4.0, 0.0, 4.0, -1.0]) / 6, 3.0
+
+
 @dataclass(frozen=True, eq=False)
 class Between:
     """Torque over each step (N·m), and what a second of either delay adds to it; (n − 1,) each."""
@@ -49,6 +54,40 @@ class Drive:
     time_s: Array
     smooth: CubicSpline  # all of it, or the controller's part where the injection is held
     held_nm: Array  # (n − 1,) held over each interval
+
+    @cached_property
+    def injected_nm(self) -> Array:
+        """The held injection as a curve through the middles of its steps, at the samples, (n,)."""
+        if not self.held_nm.any():
+            return np.zeros_like(self.time_s)
+        middles = (self.time_s[1:] + self.time_s[:-1]) / 2
+        return np.asarray(CubicSpline(middles, self.held_nm)(np.clip(self.time_s, middles[0], middles[-1])))
+
+    @cached_property
+    def sharp_nm2(self) -> Array:
+        """Variance (N·m)² of the torque between samples where it bends too sharply for them to tell, (n,).
+
+        A cubic between every other sample misses a corner by so much; between all of them by half of that. Noise, and
+        what is smooth, are missed alike everywhere.
+        """
+        reported = self.smooth(self.time_s)
+        if reported.size < 2 * _GUESS.size:
+            return np.zeros_like(reported)
+        missed = np.zeros_like(reported)
+        missed[2:-2] = np.convolve(reported, _GUESS, "valid") - reported[2:-2]
+        usual = 1.4826 * float(np.median(np.abs(missed[2:-2])))
+        sharp = np.where(np.abs(missed) > _SHARP * usual, missed**2 - usual**2, 0.0) / 4
+        return np.asarray(maximum_filter1d(sharp, 3))
+
+    @cached_property
+    def jumps_nm(self) -> Array:
+        """Of the held injection at the samples, (n,)."""
+        return np.diff(self.held_nm, prepend=self.held_nm[:1], append=self.held_nm[-1:])
+
+    @cached_property
+    def whole_nm(self) -> Array:
+        """All of the torque at the samples, (n,)."""
+        return np.asarray(self.smooth(self.time_s) + self.injected_nm)
 
     def between(self, delay_s: float, controller_delay_s: float) -> Between:
         """Torque between samples, delayed, with its true mean over each step."""
@@ -88,6 +127,12 @@ class Signals:
     @property
     def load_speed_rad_s(self) -> Array:
         return np.asarray(self.states[:, 1 if self.rigid else 3])
+
+    @cached_property
+    def answer_gain(self) -> float:
+        """Of the drive's controller, as its torque and the speed from sample to sample tell it (N·m·s/rad)."""
+        torque, moved = np.diff(self.drive.smooth(self.time_s)), np.diff(self.speed_rad_s)
+        return max(0.0, -float(torque @ moved) / max(float(moved @ moved), 1e-300))
 
     @cached_property
     def load_nm(self) -> Array:

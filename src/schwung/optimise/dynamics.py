@@ -57,6 +57,16 @@ class Merits:
 
 
 @compiled
+def _directed_load(machine: learned.Learned, angle: float, speed: float) -> float:
+    """What acts on the load by the direction in which it moves (N·m)."""
+    ahead = float(np.tanh(speed / machine.smoothing))
+    torque = -machine.effects.load_coulomb_nm * ahead
+    if machine.curves.any:
+        torque += learned.sided(machine.curves.load_position, angle, ahead)
+    return torque
+
+
+@compiled
 def _follow(
     machine: learned.Learned, angle: Array, speed: Array, acceleration: Array, load: Array, step: float
 ) -> Array:
@@ -73,7 +83,7 @@ def _follow(
             x[0], x[1] = angle[at], speed[at]
             shaft = inertia * acceleration[at] + 0.5 * slope * x[1] ** 2 + body.load_friction * x[1]
             shaft -= value_and_slope(body.load_torque, x[0])[0] + value_and_slope(machine.load_table, x[0])[0]
-            shaft -= physics.load_torque(e, x[0], 0.5 * step * at)
+            shaft -= physics.load_torque(e, x[0], 0.5 * step * at) + _directed_load(machine, x[0], x[1])
         else:
             shaft = physics.coupling_torque(
                 e, body.stiffness, body.damping, angle[at] - x[0], speed[at] - x[1]
@@ -82,6 +92,12 @@ def _follow(
         other = physics.motor_torque(
             e, angle[at], speed[at], time, e.periodic_phase_rad, machine.share, machine.smoothing
         )
+        ahead = float(np.tanh(speed[at] / machine.smoothing))
+        other -= e.presliding_nm * ahead  # as if it slid at once: a stroke is long beside its distance
+        if machine.curves.any:
+            other += learned.sided(machine.curves.position, angle[at], ahead)
+            other += learned.sided(machine.curves.speed, abs(speed[at]), ahead)
+            other += learned.sided(machine.curves.run, machine.share, ahead)
         torque = body.rotor_inertia * acceleration[at] + body.motor_friction * speed[at] + shaft - other
         found[i, 0], found[i, 1], found[i, 2] = torque / e.torque_gain, x[0], x[1]
         if i == n - 1 or body.rigid:
@@ -97,7 +113,7 @@ def _follow(
             on_load += (
                 value_and_slope(body.load_torque, y[0])[0] + value_and_slope(machine.load_table, y[0])[0]
             )
-            on_load += physics.load_torque(e, y[0], time + share)
+            on_load += physics.load_torque(e, y[0], time + share) + _directed_load(machine, y[0], y[1])
             on_load -= body.load_friction * y[1] + 0.5 * slope * y[1] ** 2
             k[stage, 2], k[stage, 3] = y[3], 0.0
             if e.third_inertia_kgm2 > 0.0:

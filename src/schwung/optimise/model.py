@@ -6,21 +6,22 @@ arrays or symbols of CasADi.
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
 
 from schwung.drivetrain import InertiaTable, Machine, kernel, physics, plant, residual
 from schwung.drivetrain.physics import Effects
+from schwung.drivetrain.residual_plane import planes_of
 from schwung.errors import InputError
 from schwung.motion import Array
 from schwung.optimise.series import Series, series_of
 
 #: Dry friction changes sign within this share of the mean speed.
 SMOOTH_SHARE = 0.01
-#: Terms that have no place in a plan: fixed in time, not smooth, or of the sensor alone.
+#: Terms that have no place in a plan: fixed in time, not smooth, by the torque itself, or of the sensor alone.
 NOT_PLANNED = (
     "load_event",
     "periodic_disturbance",
@@ -29,17 +30,28 @@ NOT_PLANNED = (
     "measurement_delay",
     "encoder_eccentricity",
     "extra_compliance",
-    "friction_over_angle",
-    "viscous_drift",
     "load_dependent_friction",
-    "load_side_friction",
-    "direction_dependent_load",
-    "offset_drift",
     "torque_constant_drop",
     "torque_ripple",
     "torque_filter",
-    "residual",
 )
+#: Curves that have one, by what they are over; residuals over anything else have none.
+PLANNED_OVER = ("position", "speed", "run", "load_position")
+
+
+@dataclass(frozen=True, eq=False)
+class Directed:
+    """A learned torque (N·m) forward and backward, each as a series; `pace`: its coordinate is |ω|/(|ω| + pace)."""
+
+    forward: Series
+    backward: Series
+    pace: float = 0.0
+
+    def at(self, coordinate: Any, direction: Any) -> Any:
+        """What it adds, the direction of motion −1…1; smooth in both."""
+        where = coordinate / (coordinate + self.pace) if self.pace else coordinate
+        forward, backward = self.forward.at(where), self.backward.at(where)
+        return direction / 2 * ((1 + direction) * forward - (1 - direction) * backward)
 
 
 @dataclass(frozen=True, eq=False)
@@ -57,6 +69,7 @@ class Model:
     effects: Effects
     smooth_rad_s: float
     torque_max_nm: float  # of the drive, as it is reported
+    curves: Mapping[str, Directed] = field(default_factory=dict)
 
     def load_inertia(self, angle: Any) -> Any:
         """J_l (kg·m²) at a load angle (rad)."""
@@ -64,7 +77,10 @@ class Model:
 
     def load_needs(self, angle: Any, speed: Any) -> Any:
         """Torque (N·m) that the load takes at a speed (rad/s) without accelerating: ½J'ω², friction, its own torque."""
-        own = self.load_torque.at(angle)
+        own, sign = self.load_torque.at(angle), np.tanh(speed / self.smooth_rad_s)
+        own -= self.effects.load_coulomb_nm * sign
+        if "load_position" in self.curves:
+            own += self.curves["load_position"].at(angle, sign)
         return self.inertia_slope.at(angle) / 2 * speed**2 + self.load_friction_nms * speed - own
 
     def shaft_torque(self, twist: Any, twist_speed: Any) -> Any:
@@ -79,11 +95,16 @@ class Model:
         sign = np.tanh(speed / self.smooth_rad_s)
         forward, backward = e.coulomb_positive_nm, e.coulomb_negative_nm
         level = (forward + backward) / 2 + sign * (forward - backward) / 2 + e.drift_nm
+        level += e.presliding_nm  # as if it slid at once
         if e.stribeck_rise_nm:
             level += e.stribeck_rise_nm * np.exp(-((size / e.stribeck_speed_rad_s) ** e.stribeck_exponent))
         if e.local_friction_nm:
             level += e.local_friction_nm * _tight(e, angle)
-        needed = (self.motor_friction_nms + e.viscous_nms + e.drag_nms2 * size) * speed - e.offset_nm
+        viscous = self.motor_friction_nms + e.viscous_nms + e.viscous_drift_nms
+        needed = (viscous + e.drag_nms2 * size) * speed - e.offset_nm - e.offset_drift_nm
+        where = {"position": angle, "speed": size, "run": 1.0}
+        for over in where.keys() & self.curves.keys():
+            needed -= self.curves[over].at(where[over], sign)
         needed += e.viscous_difference_nms / 2 * size + level * sign
         if e.cogging_amplitude_nm:
             needed -= e.cogging_amplitude_nm * np.sin(e.cogging_order * angle + e.cogging_phase_rad)
@@ -116,8 +137,15 @@ def _tight(e: Effects, angle: Any) -> Any:
 
 
 def not_planned(machine: Machine) -> tuple[str, ...]:
-    """Names of the machine's [[physics]] that a plan leaves out."""
-    return tuple(term.name for term in machine.physics if term.name in NOT_PLANNED)
+    """What of the machine's [[physics]] a plan leaves out: names, and of residuals what they are over."""
+    left = [law for term in machine.physics if (law := residual.law_of(term)) in NOT_PLANNED]
+    for over, curve in residual.residuals_of(machine.physics).items():
+        if over not in PLANNED_OVER:
+            left.append(f"residual over {over.replace('_', ' ')} (up to {curve.highest_nm:.2g} N·m)")
+    for pair, plane in planes_of(machine.physics).items():
+        highest = float(np.max(np.abs(plane.torque_nm)))
+        left.append(f"residual over {' and '.join(pair).replace('_', ' ')} (up to {highest:.2g} N·m)")
+    return tuple(left)
 
 
 def models_of(
@@ -208,6 +236,7 @@ def _model(machine: Machine, ends_rad: tuple[float, float], mean_speed_rad_s: fl
         effects=effects,
         smooth_rad_s=SMOOTH_SHARE * mean_speed_rad_s,
         torque_max_nm=min(limit, effects.torque_limit_nm / effects.torque_gain),
+        curves=_curves(machine, (low, high), mean_speed_rad_s),
     )
     if not model.lightest_kgm2 > 0:
         raise InputError(
@@ -216,6 +245,24 @@ def _model(machine: Machine, ends_rad: tuple[float, float], mean_speed_rad_s: fl
             "Measure again, or smooth it.",
         )
     return model
+
+
+def _curves(machine: Machine, ends: tuple[float, float], pace: float) -> dict[str, Directed]:
+    """Learned curves that a plan can be made with; of a drift over the session what it has come to."""
+    found: dict[str, Directed] = {}
+    for over, one in residual.residuals_of(machine.physics).items():
+        if over not in PLANNED_OVER:
+            continue
+
+        def side(direction: float, one: residual.Residual = one, over: str = over) -> Series:
+            def curve(x: Array) -> Array:
+                where = pace * x / np.maximum(1 - x, 1e-9) if over == "speed" else x
+                return np.asarray(one.at(where, np.full_like(where, direction)))
+
+            return series_of(curve, *((0.0, 1.0) if over in ("speed", "run") else ends))
+
+        found[over] = Directed(side(1.0), side(-1.0), pace if over == "speed" else 0.0)
+    return found
 
 
 def _values(curve: kernel.Curve, angle: Array) -> Array:

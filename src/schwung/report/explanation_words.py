@@ -39,6 +39,9 @@ PHYSICS: dict[str, Words] = {
         "friction by the torque that is carried, as of gears", "torque", _TWO_TIMES
     ),
     "load_side_friction": Words("dry friction behind the coupling", "speed", _BOTH_WAYS),
+    "presliding_friction": Words(
+        "friction that is a spring before it slides", "position", "a stroke there and back, from rest"
+    ),
     "direction_dependent_load": Words("a load that differs by direction", "position", _BOTH_WAYS),
     "offset_drift": Words(
         "an offset that changes during the session", "run", "the same motion first and last"

@@ -39,11 +39,12 @@ def probabilities_figure(of: Published) -> Figure:
         for one in of.names
     ]
     for one in of.curves:
-        like = f", like {words_of(one.like, linear=linear).name}" if one.like else ""
-        what = f"unnamed, over {one.coordinate.replace('_', ' ')}{like}"
+        name = words_of(one.like, linear=linear).name if one.like else ""
+        what = f"unnamed, like {name}" if name else f"unnamed, over {one.over}"
         bars.append((what, one.probability, ESTIMATE if one.in_file else MUTED))
     bars = sorted(bars, key=lambda bar: -bar[1])[:_MOST_BARS][::-1]
-    figure = new_figure(1.0 + 0.34 * len(bars))
+    lines = max(len(bars), 2)
+    figure = new_figure(1.0 + 0.34 * lines)
     axes = figure.axes[0]
     places = np.arange(len(bars))
     axes.barh(places, [100 * p for _, p, _ in bars], color=[colour.light for *_, colour in bars], height=0.62)
@@ -54,6 +55,7 @@ def probabilities_figure(of: Published) -> Figure:
         )  # fmt: skip
     axes.axvline(100 * NAMED, color=MUTED.light, linestyle=DASHED, linewidth=1)
     axes.set_yticks(places, [name for name, *_ in bars])
+    axes.set_ylim(len(bars) - lines - 0.6, len(bars) - 0.4)
     axes.set_xlim(0, 108)
     axes.set_xlabel("probability, %")
     axes.grid(axis="y", visible=False)
@@ -103,6 +105,50 @@ def curve_figure(one: Curve, units: Units) -> Figure:
         "share of the session" if of.over == "run" else f"{name}, {one.unit}" if one.unit else name
     )
     axes.set_title(f"Added to the {units.torque_word}, {units.torque}")
+    key(axes)
+    return figure
+
+
+@in_style
+def presliding_figure(torque_nm: float, stiffness_nm_rad: float, units: Units) -> Figure:
+    """Friction that is a spring before it slides, over the way: from rest, and after a reversal."""
+    distance = torque_nm / stiffness_nm_rad
+    way = np.linspace(0.0, 5 * distance, 200)
+    figure = new_figure(2.8)
+    axes = figure.axes[0]
+    axes.axhline(0, color=MUTED.light, linewidth=0.8)
+    curve(axes, way, torque_nm * (1 - np.exp(-way / distance)), ESTIMATE, label="from rest", width=1.7)
+    curve(
+        axes, way, torque_nm * (1 - 2 * np.exp(-way / distance)), EXCITED, label="since a reversal", width=1.7
+    )
+    axes.axvline(distance, color=MUTED.light, linestyle=DASHED, linewidth=1)
+    axes.set_xlabel(f"way, {units.position}; dashed: {units.torque_word} over stiffness")
+    axes.set_title(f"Friction, {units.torque}")
+    key(axes)
+    return figure
+
+
+#: How each of the slices of a plane is drawn, from the lowest to the highest value of its second coordinate.
+_SLICES = ((EXCITED, 1.0), (EXCITED, 0.5), (INK, 1.0), (ESTIMATE, 0.5), (ESTIMATE, 1.0))
+
+
+@in_style
+def plane_figure(one: Curve, units: Units) -> Figure:
+    """What depends on two coordinates at once: over the first, at a few values of the second."""
+    of = one.plane
+    assert of is not None
+    figure = new_figure(3.4)
+    axes = figure.axes[0]
+    axes.axhline(0, color=MUTED.light, linewidth=0.8)
+    (first, second), (unit, other) = (
+        [part.strip() for part in text.replace("_", " ").split(",")] for text in (one.coordinate, one.unit)
+    )
+    for value, (colour, alpha) in zip(np.linspace(of.y[0], of.y[-1], len(_SLICES)), _SLICES, strict=True):
+        along = of.at(of.x, np.full_like(of.x, value))
+        curve(axes, of.x, along, colour, label=f"{value:.3g} {other}", width=1.5, alpha=alpha)
+    axes.margins(x=0.01)
+    axes.set_xlabel(f"{first}, {unit}")
+    axes.set_title(f"Added to the {units.torque_word}, {units.torque}, at a {second} of")
     key(axes)
     return figure
 

@@ -2,18 +2,25 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from html import escape
 from pathlib import Path
 
 from schwung.drivetrain.machine import Machine
-from schwung.explain.weighing.publication import NAMED, Curve, Published, percent
+from schwung.drivetrain.physics import PHYSICS
+from schwung.explain.weighing.publication import NAMED, Curve, Published, over_words, percent
 from schwung.quantities import sentences_of
 from schwung.report.content import Units, units_of
 from schwung.report.explanation import parameter_lines, runs_text
 from schwung.report.explanation_words import words_of
-from schwung.report.figures_probabilities import before_figure, curve_figure, probabilities_figure
+from schwung.report.figures_probabilities import (
+    before_figure,
+    curve_figure,
+    plane_figure,
+    presliding_figure,
+    probabilities_figure,
+)
 from schwung.report.html import bullets, drawn_figure, page, rows_table, section, write_page
 from schwung.report.pictures import Picture
 from schwung.session import Session
@@ -45,7 +52,7 @@ def tables(of: Published) -> list[tuple[str, tuple[str, ...], list[tuple[str, ..
     every: list[tuple[str, tuple[str, ...], list[tuple[str, ...]]]] = [
         ("Names", NAME_HEAD, [*name_rows(of)]),
         ("Modelled, unnamed", CURVE_HEAD, [*curve_rows(of)]),
-        ("Runners-up", ("set", "probability"), [*runner_up_rows(of)]),
+        ("Sets of causes", SET_HEAD, [*set_rows(of)]),
         ("Proof, noise, and what is left", ("", ""), [*fact_rows(of, units_of(of.axis, of.effort))]),
     ]
     return [(title, head, rows) for title, head, rows in every if rows]
@@ -55,13 +62,16 @@ def render_probabilities(content: ProbabilitiesContent) -> str:
     """The whole page as text."""
     of = content.published
     file = (
-        f'<div class="wide"><pre>{escape(content.machine_file)}</pre></div>' if content.machine_file else ""
+        f'<div class="wide long" tabindex="0"><pre>{escape(content.machine_file)}</pre></div>'
+        if content.machine_file
+        else ""
     )
     parts = [
         _header(content),
         _verdict(of),
-        *(section(title, rows_table(head if any(head) else (), rows)) for title, head, rows in tables(of)),
+        *(_table(one) for one in tables(of) if one[0] in _FIRST),
         *(section(picture.title, drawn_figure(picture)) for picture in probability_pictures(content)),
+        *(_table(one) for one in tables(of) if one[0] not in _FIRST),
         section("Notes", bullets(of.notes)),
         section("The learned machine", file),
         "<footer>Written by Schwung. This file needs nothing else: keep it, mail it, print it.</footer>",
@@ -69,11 +79,20 @@ def render_probabilities(content: ProbabilitiesContent) -> str:
     return sentences_of(content.believed.effort)(page(content.title, parts))
 
 
+#: Tables that stand before the pictures.
+_FIRST = ("Names", "Modelled, unnamed")
+
+
+def _table(one: tuple[str, tuple[str, ...], list[tuple[str, ...]]]) -> str:
+    title, head, rows = one
+    return section(title, rows_table(head if any(head) else (), rows))
+
+
 def _header(content: ProbabilitiesContent) -> str:
     session, facts = content.session, [content.believed.name]
     if session is not None:
         facts = [session.created.replace("T", " ", 1), session.source, *facts]
-    line = " · ".join(escape(fact) for fact in facts if fact)
+    line = " · ".join(escape(fact) for fact in dict.fromkeys(facts) if fact)
     return f"<header><h1>{escape(content.title)}</h1><p>{line}</p></header>"
 
 
@@ -100,6 +119,7 @@ _WORTH = 0.05
 #: Samples that count as fewer by this are told.
 _COLOURED = 1.05
 NAME_HEAD = ("physics", "probability", "parameters (95 %)", "machine.toml")
+SET_HEAD = ("together", "probability", "machine.toml")
 CURVE_HEAD = ("over", "probability", "torque, RMS", "what is known of it", "machine.toml")
 
 
@@ -123,9 +143,9 @@ def curve_rows(of: Published) -> list[tuple[str, str, str, str, str]]:
     unit = units_of(of.axis, "torque").torque
     return [
         (
-            one.coordinate.replace("_", " "),
+            one.over,
             percent(one.probability),
-            f"{one.torque_nm:.2g} {unit}",
+            f"{one.torque_nm:.2g} {unit}" if one.torque_nm > 0 else "",
             _known_of(one, of),
             "residual" if one.in_file else "no",
         )
@@ -141,7 +161,7 @@ def _known_of(one: Curve, of: Published) -> str:
     if one.like:
         name = words_of(one.like, linear=of.axis == "linear").name
         return f"like {name} ({one.like}), without being surely it"
-    return "a curve: see its picture" if one.drawn is not None else "a curve"
+    return "a curve: see its picture" if one.drawn is not None or one.plane is not None else "a curve"
 
 
 def fact_rows(of: Published, units: Units) -> list[tuple[str, str]]:
@@ -153,9 +173,13 @@ def fact_rows(of: Published, units: Units) -> list[tuple[str, str]]:
             (f"missed on runs {runs}, kept aside, by the belief", f"{of.proof.before:.3g} σ of the noise")
         )
         rows.append(("missed there by machine.toml, read back", f"{of.proof.after:.3g} σ"))
-        rows.append(("left unexplained there, of what is beyond noise", f"{1 - of.proof.taken:.0%}"))
+        rows.append(
+            ("left unexplained there, of what is beyond noise", f"{100 * (1 - of.proof.taken):.0f} %")
+        )
     share = (
-        f", and {of.noise.torque_share:.2%} of the {units.torque_word}" if of.noise.torque_share > 0 else ""
+        f", and {100 * of.noise.torque_share:.2g} % of the {units.torque_word}"
+        if of.noise.torque_share > 0
+        else ""
     )
     rows.append((f"noise of the {units.torque_word}", f"{of.noise.torque_nm:.2g} {units.torque}{share}"))
     rows.append(("noise of the speed", f"{of.noise.speed_rad_s:.2g} {units.speed}"))
@@ -165,12 +189,22 @@ def fact_rows(of: Published, units: Units) -> list[tuple[str, str]]:
     return rows
 
 
-def runner_up_rows(of: Published) -> list[tuple[str, str]]:
-    """Whole sets of causes behind the most probable one."""
-    return [
-        (", ".join(name.replace("_", " ") for name in names) or "nothing", percent(p))
-        for names, p in of.runners_up[1:]
+def set_rows(of: Published) -> list[tuple[str, str, str]]:
+    """Whole sets of causes, where there is more than the published one."""
+    rows = [
+        (_set_text(names, of), percent(p), "this" if names == of.in_file else "")
+        for names, p in of.runners_up
     ]
+    return rows if len(rows) > 1 or any(not this for *_, this in rows) else []
+
+
+def _set_text(names: Sequence[str], of: Published) -> str:
+    linear = of.axis == "linear"
+    told = [
+        words_of(name, linear=linear).name if name in PHYSICS else f"a curve over {over_words(name)}"
+        for name in names
+    ]
+    return ", ".join(told) or "nothing"
 
 
 # ------------------------------------------------------------------------------------------- pictures
@@ -182,7 +216,7 @@ def probability_pictures(content: ProbabilitiesContent) -> Iterator[Picture]:
     if of.names or of.curves:
         caption = (
             "Green: named in machine.toml. Blue: modelled without a name. Grey: told, but not published by this name. "
-            f"The line is at {NAMED:.0%}."
+            f"The line is at {100 * NAMED:.0f} %."
         )
         yield Picture("probabilities", "Probabilities", caption, probabilities_figure(of))
     if of.shown:
@@ -193,10 +227,21 @@ def probability_pictures(content: ProbabilitiesContent) -> Iterator[Picture]:
         )
         figure = before_figure(shown, of.noise.torque_nm, units)
         yield Picture("before_after", "Before and after", caption, figure)
+    for name in of.names:
+        if name.physics == "presliding_friction" and name.in_file:
+            torque, stiffness = (name.parameters[key].value for key in ("torque_nm", "stiffness_nm_rad"))
+            if isinstance(torque, float) and isinstance(stiffness, float) and min(torque, stiffness) > 0:
+                title = "Friction that is a spring before it slides"
+                caption = "Dahl's law with the values of the table above."
+                yield Picture("presliding", title, caption, presliding_figure(torque, stiffness, units))
     for number, one in enumerate(of.curves):
+        if one.plane is not None and one.in_file:
+            title = f"Without a name, over {one.over}"
+            caption = "Over the first, at five values of the second. Constant beyond the ends."
+            yield Picture(f"unnamed{number}", title, caption, plane_figure(one, units))
         if one.drawn is not None and one.in_file:
             caption = "Band: 95 %. Constant beyond the ends. " + (
                 f"Formula: {one.formula}." if one.formula else ""
             )
-            title = f"Without a name, over {one.coordinate.replace('_', ' ')}"
+            title = f"Without a name, over {one.over}"
             yield Picture(f"unnamed{number}", title, caption, curve_figure(one, units))

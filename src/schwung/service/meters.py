@@ -1,6 +1,6 @@
 """What Prometheus reads at /metrics: buses, samples, SYNC, runs, STOP. Read when it is asked for; nothing is polled.
 
-    schwung_bus_load_percent{drive}          of the bus time since the last reading, a second ago at least
+    schwung_bus_load_percent{drive}          of the bus's own time since the last reading, a second ago at least
     schwung_bus_frames_total{drive,way}      way: sent, received
     schwung_samples_total{drive}             rows of recordings; schwung_samples_lost_total: of them, lost ones
     schwung_sync_jitter_seconds{drive}       histogram: how far each interval of SYNC was off its mean
@@ -15,7 +15,6 @@ frame: its drives have neither.
 from __future__ import annotations
 
 import threading
-import time
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass
 
@@ -38,7 +37,7 @@ Drives = Callable[[], Iterable[tuple[str, Drive]]]
 @dataclass
 class _Seen:
     traffic: Traffic
-    at_s: float
+    at_s: float  # by the bus's clock: a simulated one has its own
     bits: int
     percent: float = 0.0
 
@@ -94,7 +93,7 @@ class _Readings(Collector):
             if not isinstance(drive, Counted):
                 continue
             traffic = drive.traffic
-            load.add_metric([name], self._load(name, traffic))
+            load.add_metric([name], self._load(name, traffic, drive.clock.now()))
             frames.add_metric([name, "sent"], traffic.sent)
             frames.add_metric([name, "received"], traffic.received)
             samples.add_metric([name], traffic.samples)
@@ -102,8 +101,7 @@ class _Readings(Collector):
             jitter.add_metric([name], _buckets(traffic.jitter), traffic.jitter_sum_s)
         yield from (load, frames, samples, lost, jitter)
 
-    def _load(self, name: str, traffic: Traffic) -> float:
-        now_s = time.monotonic()
+    def _load(self, name: str, traffic: Traffic, now_s: float) -> float:
         with self._lock:
             seen = self._seen.get(name)
             if seen is None or seen.traffic is not traffic:

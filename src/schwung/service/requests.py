@@ -124,6 +124,14 @@ class ExplainRequest(Request):
     machine_id: Id | None = Field(
         None, description="Default: the machine that the session was recorded with."
     )
+    weigh: bool | None = Field(
+        None,
+        description="Weigh every physics there is a name for, with its probability. "
+        "Default: where the belief has learned physics, which only that acts with.",
+    )
+    next_motion: bool = Field(
+        False, description="Choose the motion that best tells apart what the session leaves confused."
+    )
 
 
 class ProposeBodeRequest(Request):

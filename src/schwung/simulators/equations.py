@@ -1,7 +1,8 @@
 """The machine as equations that Modelica and MATLAB write alike: only what this machine has, one line for each torque.
 
 Names are those of the parameters and states; both languages know + − * / ^, abs, exp, max, min, sin, cos, tanh. The
-helpers `curve_value`, `curve_slope`, `bump`, `sided`, `push` and `nearest` each language has to bring (or be without).
+helpers `curve_value`, `plane_value`, `curve_slope`, `bump`, `sided`, `push`, `nearest` each language has to bring (or
+be without).
 Equations: method.md (1), (A7), as in `drivetrain/learned.py`.
 """
 
@@ -29,6 +30,7 @@ _GROUPS = (
     ("periodic_amplitude_nm", "periodic_frequency_hz", "periodic_phase_rad"),
     ("cogging_amplitude_nm", "cogging_order", "cogging_phase_rad"),
     ("eccentricity_rad", "eccentricity_phase_rad"),
+    ("presliding_nm", "presliding_stiffness_nm_rad"),
     ("third_inertia_kgm2", "third_stiffness_nm_rad", "third_damping_nms"),
 )
 
@@ -63,6 +65,7 @@ def equations(told: Exported) -> Equations:
     states = ["motor_angle", "motor_speed"]
     states += [] if told.rigid else ["load_angle", "load_speed"]
     states += ["third_angle", "third_speed"] if "third_inertia_kgm2" in here else []
+    states += ["bristles"] if "presliding_nm" in here else []
     states += ["acting"] if "torque_lag_s" in here else []
     dry = _dry(here)
     lines = [
@@ -79,6 +82,7 @@ def equations(told: Exported) -> Equations:
         Equation("inertia", _inertia(told, here, "value"), "of the load at its angle, kg.m2"),
         Equation("inertia_slope", _inertia(told, here, "slope"), "kg.m2/rad"),
         Equation("outside", _outside(told, here), "what acts on the load, N.m"),
+        *_bristles(here),
         *_third(here),
         *_moving(told, here, e),
     ]
@@ -111,7 +115,8 @@ def _present(told: Exported) -> frozenset[str]:
     here |= (
         {"session_share"} if told.has("residual_run_forward") or told.has("residual_run_backward") else set()
     )
-    here |= {"motion_start_s"} if told.has("residual_time_in_motion") else set()
+    timed = ("residual_time_in_motion", "residual_torque_time_in_motion_plane")
+    here |= {"motion_start_s"} if any(told.has(table) for table in timed) else set()
     here |= {"motor_inertia_kgm2", "motor_viscous_friction_nms", "load_viscous_friction_nms"}
     if not told.rigid:
         here |= {"coupling_stiffness_nm_rad", "coupling_damping_nms"}
@@ -199,6 +204,10 @@ def _ripple(told: Exported, here: frozenset[str]) -> list[Equation]:
         "run": "session_share",
     }
     parts += [_sided(over, where[over], "way") for over in _gated(told) if over in where]
+    if told.has("residual_position_torque_plane"):
+        parts.append("plane_value(residual_position_torque_plane, motor_angle, acting)")
+    if told.has("residual_torque_time_in_motion_plane"):
+        parts.append("plane_value(residual_torque_time_in_motion_plane, acting, time - motion_start_s)")
     if "cogging_amplitude_nm" in here:
         parts.append("cogging_amplitude_nm*sin(cogging_order*motor_angle + cogging_phase_rad)")
     if "periodic_amplitude_nm" in here:
@@ -232,8 +241,17 @@ def _outside(told: Exported, here: frozenset[str]) -> str:
         parts.append("curve_value(residual_time_in_motion_rows, time - motion_start_s)")
     if "load_position" in _gated(told):
         parts.append(_sided("load_position", "load_angle", "load_way"))
+    if told.has("residual_position_speed_plane"):
+        parts.append("plane_value(residual_position_speed_plane, load_angle, load_speed)")
     resisted = " - load_coulomb_nm*load_way" if "load_coulomb_nm" in here else ""
     return (" + ".join(parts) or "0") + resisted
+
+
+def _bristles(here: frozenset[str]) -> list[Equation]:
+    if "presliding_nm" not in here:
+        return []
+    bending = "presliding_stiffness_nm_rad*(motor_speed - abs(motor_speed)*bristles/presliding_nm)"
+    return [Equation("bristles", bending, "friction that is a spring before it slides, N.m", derivative=True)]
 
 
 def _third(here: frozenset[str]) -> list[Equation]:
@@ -250,7 +268,11 @@ def _third(here: frozenset[str]) -> list[Equation]:
 
 
 def _moving(told: Exported, here: frozenset[str], e: Effects) -> list[Equation]:
-    motor = "acting - friction" + (" + ripple" if _ripple(told, here) else "")
+    motor = (
+        "acting - friction"
+        + (" - bristles" if "presliding_nm" in here else "")
+        + (" + ripple" if _ripple(told, here) else "")
+    )
     load = "outside - load_viscous_friction_nms*load_speed - 0.5*inertia_slope*load_speed^2"
     load += " - passed" if "third_inertia_kgm2" in here else ""
     angle = Equation("motor_angle", "motor_speed", derivative=True)

@@ -23,6 +23,7 @@ from schwung.drivetrain.residual import (
     load_torque_table,
     residuals_of,
 )
+from schwung.drivetrain.residual_plane import NOTHING, PAIRS, planes_of
 from schwung.errors import InputError
 from schwung.motion import Array, Demand
 
@@ -74,6 +75,9 @@ class Exported:
     learned_load_torque: Array
     inertia_added: Array
     residuals: Mapping[str, Array]  # residual_<coordinate>, with _forward and _backward where that matters
+    planes: Mapping[
+        str, Array
+    ]  # over two coordinates: the second's points, then rows of the first's and the torques
     at_rest: Mapping[
         str, float
     ]  # every state at the start angle, and `acting`, the torque that holds it there
@@ -91,7 +95,7 @@ class Exported:
 
     def has(self, table: str) -> bool:
         """Whether a table does anything."""
-        return bool(np.any(self.tables[table][:, 1]))
+        return bool(np.any(self.planes[table][1:, 1:] if table in self.planes else self.tables[table][:, 1]))
 
     def value(self, name: str) -> float:
         """The value of one parameter."""
@@ -132,6 +136,7 @@ def exported(machine: Machine, start_rad: float | None = None) -> Exported:
         learned_load_torque=_torque_rows(found),
         inertia_added=_added(machine),
         residuals=_residuals(machine),
+        planes=_planes(machine),
         at_rest={name: float(value) for name, value in masses._asdict().items()} | {"acting": float(acting)},
     )
 
@@ -195,6 +200,8 @@ _WORDS = {
     "torque_gain": "torque_constant: torque on the shaft over torque reported",
     "stiffness_nm_rad": "coupling_stiffness: in place of the believed one; 0: that",
     "damping_nms": "coupling_damping: in place of the believed one; negative: that",
+    "presliding_nm": "presliding_friction: what it is when it slides",
+    "presliding_stiffness_nm_rad": "presliding_friction: of the spring that it is before",
     "carried_share": "load_dependent_friction: share of the torque that the shaft carries",
     "torque_filter_s": "torque_filter: of what the drive reports; has no part in this model",
     "inertia_shift_rad": "inertia_profile_shift: the inertia is the table's at angle + shift",
@@ -231,6 +238,16 @@ def _residuals(machine: Machine) -> dict[str, Array]:
             values = None if one is None else one.backward_nm if end == "_backward" else one.forward_nm
             rows = _level(0.0) if one is None or values is None else _rows(one.x, values)
             tables[f"residual_{over}{end}"] = rows
+    return tables
+
+
+def _planes(machine: Machine) -> dict[str, Array]:
+    """Learned torques over two coordinates, as tables with a head and a first column (n + 1, m + 1)."""
+    found, tables = planes_of(machine.physics), {}
+    for pair in PAIRS:
+        sheet = found[pair].sheet if pair in found else NOTHING
+        below = np.column_stack([sheet.x, sheet.torque])
+        tables[f"residual_{'_'.join(pair)}_plane"] = np.vstack([np.append(0.0, sheet.y), below])
     return tables
 
 

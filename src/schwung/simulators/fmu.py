@@ -64,7 +64,8 @@ def write_fmu(
     told = exported(machine, start_rad)
     listed = variables(told)
     sources = {name: _source(name) for name in ("machine.c", "machine.h", f"fmi{fmi}.c")}
-    content = repr((fmi, told.name, listed, [rows.tolist() for rows in told.tables.values()], sources))
+    tables = [rows.tolist() for rows in (*told.tables.values(), *told.planes.values())]
+    content = repr((fmi, told.name, listed, tables, sources))
     token = str(uuid.UUID(hashlib.sha256(content.encode()).hexdigest()[:32]))
     token = token if fmi == 3 else f"{{{token}}}"
     sources["machine_data.h"] = _data(told, listed, token)
@@ -123,6 +124,13 @@ def _data(told: Exported, listed: tuple[Variable, ...], token: str) -> str:
     for name, rows in told.tables.items():
         lines += ["", f"static const double {name.upper()}[][3] = {{ /* angle, value, slope */"]
         lines += [f"    {{{angle!r}, {value!r}, {slope!r}}}," for angle, value, slope in rows.tolist()]
+        lines += ["};"]
+    for name, rows in told.planes.items():
+        lines += [
+            "",
+            f"static const double {name.upper()}[][{rows.shape[1]}] = {{ /* points above and left, torque */",
+        ]
+        lines += [f"    {{{', '.join(repr(x) for x in row)}}}," for row in rows.tolist()]
         lines += ["};"]
     return "\n".join(lines) + "\n"
 

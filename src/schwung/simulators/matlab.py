@@ -20,6 +20,20 @@ function value = curve_value(rows, angle)
   value = ((c(1)*u + c(2))*u + c(3))*u + c(4);
 end
 """,
+    "plane_value": """\
+function value = plane_value(rows, x, y)
+% A table over two coordinates: bilinear, constant beyond; first row and column are the points.
+  x = min(max(x, rows(2, 1)), rows(end, 1));
+  y = min(max(y, rows(1, 2)), rows(1, end));
+  i = min(1 + sum(rows(2:end, 1) <= x), size(rows, 1) - 1);
+  j = min(1 + sum(rows(1, 2:end) <= y), size(rows, 2) - 1);
+  u = (x - rows(i, 1))/(rows(i + 1, 1) - rows(i, 1));
+  v = (y - rows(1, j))/(rows(1, j + 1) - rows(1, j));
+  low = (1 - u)*rows(i, j) + u*rows(i + 1, j);
+  high = (1 - u)*rows(i, j + 1) + u*rows(i + 1, j + 1);
+  value = (1 - v)*low + v*high;
+end
+""",
     "curve_slope": """\
 function slope = curve_slope(rows, angle)
 % Slope of the same curve: 0 beyond its ends.
@@ -116,7 +130,7 @@ def matlab(told: Exported, name: str) -> str:
     body = "\n".join(one.expression for one in of.lines)
     helpers = [text for helper, text in _FUNCTIONS.items() if helper == "piece" or f"{helper}(" in body]
     known = re.compile(
-        rf"\b({'|'.join([*(one.name for one in of.parameters), *(f'{t}_rows' for t in told.tables)])})\b"
+        rf"\b({'|'.join([*(one.name for one in of.parameters), *(f'{t}_rows' for t in told.tables), *told.planes])})\b"
     )
 
     def said(expression: str) -> str:
@@ -148,6 +162,11 @@ def matlab(told: Exported, name: str) -> str:
             for one in of.parameters
         ),
         *(_matrix(f"p.{table}_rows", rows) for table, rows in told.tables.items() if f"{table}_rows" in body),
+        *(
+            _matrix(f"p.{table}", rows, "points above and at the left, torque (N.m)")
+            for table, rows in told.planes.items()
+            if table in body
+        ),
         f"  p.x0 = [{'; '.join(repr(told.at_rest[state]) for state in of.states)}];",
         "end",
         "",
@@ -177,6 +196,6 @@ def _head(told: Exported, of: Equations, name: str) -> list[str]:
     ]
 
 
-def _matrix(name: str, rows: Array) -> str:
+def _matrix(name: str, rows: Array, words: str = "angle (rad), value, slope") -> str:
     held = "\n".join(f"    {', '.join(repr(x) for x in row)}" for row in rows.tolist())
-    return f"  {name} = [  % angle (rad), value, slope\n{held}\n  ];"
+    return f"  {name} = [  % {words}\n{held}\n  ];"

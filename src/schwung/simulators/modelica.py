@@ -47,6 +47,35 @@ _FUNCTIONS = {
     value := ((cube*u + square)*u + rows[low, 3])*u + rows[low, 2];
   end curve_value;
 """,
+    "plane_value": """\
+  function plane_value "A table over two coordinates: bilinear, constant beyond; first row and column are the points"
+    input Real rows[:, :];
+    input Real x;
+    input Real y;
+    output Real value;
+  protected
+    Integer i;
+    Integer j;
+    Real inside;
+    Real across;
+    Real u;
+    Real v;
+  algorithm
+    inside := min(max(x, rows[2, 1]), rows[size(rows, 1), 1]);
+    across := min(max(y, rows[1, 2]), rows[1, size(rows, 2)]);
+    i := 2;
+    while i < size(rows, 1) - 1 and rows[i + 1, 1] <= inside loop
+      i := i + 1;
+    end while;
+    j := 2;
+    while j < size(rows, 2) - 1 and rows[1, j + 1] <= across loop
+      j := j + 1;
+    end while;
+    u := (inside - rows[i, 1])/(rows[i + 1, 1] - rows[i, 1]);
+    v := (across - rows[1, j])/(rows[1, j + 1] - rows[1, j]);
+    value := (1 - v)*((1 - u)*rows[i, j] + u*rows[i + 1, j]) + v*((1 - u)*rows[i, j + 1] + u*rows[i + 1, j + 1]);
+  end plane_value;
+""",
     "curve_slope": """\
   function curve_slope "Slope of the same curve: 0 beyond its ends"
     input Real rows[:, 3];
@@ -204,6 +233,7 @@ def modelica(told: Exported, name: str) -> str:
         "  // Motor, coupling and load with an inertia over its angle, as learned by Schwung. SI units.",
         *(_declared("parameter", one.name, one.value, one.description) for one in of.parameters),
         *(_matrix(f"{name}_rows", rows) for name, rows in told.tables.items() if f"{name}_rows" in text),
+        *(_matrix(table, rows, ":, :") for table, rows in told.planes.items() if table in text),
         '  input Real torque(unit="N.m") "motor torque as the drive reports it";',
         '  output Real read_angle(unit="rad") "angle of the motor as the drive reads it";',
         '  output Real read_speed(unit="rad/s") "speed of the motor as the drive reads it";',
@@ -228,9 +258,10 @@ def _declared(kind: str, name: str, value: float, description: str) -> str:
     return f'  {kind} Real {name}{unit} = {value!r} "{description}";'
 
 
-def _matrix(name: str, rows: Array) -> str:
+def _matrix(name: str, rows: Array, size: str = ":, 3") -> str:
     held = ";\n    ".join(", ".join(repr(x) for x in row) for row in rows.tolist())
-    return f'  parameter Real {name}[:, 3] = [\n    {held}] "angle (rad), value, slope";'
+    words = "angle (rad), value, slope" if size == ":, 3" else "points above and at the left, torque (N.m)"
+    return f'  parameter Real {name}[{size}] = [\n    {held}] "{words}";'
 
 
 def _state(told: Exported, name: str) -> str:

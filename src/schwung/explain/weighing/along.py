@@ -58,6 +58,12 @@ class Along:
         """Since the motion left rest."""
         return self.run.time_s - self.starts_s
 
+    @cached_property
+    def resting_nm(self) -> float:
+        """The reported torque before the motion leaves rest (N·m), on average; the first, where there is no rest."""
+        resting = self.time_s <= max(self.starts_s, self.time_s[0])
+        return float(np.mean(self.run.drive.smooth(self.time_s[resting])))
+
     @property
     def share(self) -> float:
         """How far through the session, 0…1."""
@@ -101,6 +107,11 @@ class Along:
     def acceleration(self) -> Array:
         """Of the motor."""
         return self._rate(self.speed)
+
+    @cached_property
+    def acceleration_before(self) -> Array:
+        """Of the motor just before each sample, which is what a late speed is late by: a held injection jumps there."""
+        return self.acceleration - self.run.drive.jumps_nm / (2 * self.machine.motor.inertia_kgm2)
 
     @cached_property
     def load_acceleration(self) -> Array:
@@ -168,7 +179,7 @@ def ranges_of(runs: list[Signals], machine: Machine, sticking: float, band_hz: f
     """What the runs cover, by their latest states."""
     angle = np.concatenate([run.load_angle_rad for run in runs])
     speed = max(float(np.max(np.abs(run.states[:, 1]))) for run in runs)
-    every = [run.quiet(run.drive.smooth(run.time_s)) for run in runs]
+    every = [run.quiet(run.drive.whole_nm) for run in runs]
     rates = [np.gradient(run.quiet(run.states[:, 1]), run.step_s) for run in runs]
     return Ranges(
         low_rad=float(angle.min()),

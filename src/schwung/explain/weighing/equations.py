@@ -92,6 +92,6 @@ def equations_of(along: Along, acting: Acting) -> tuple[Equations, Steps]:
     forcing[:, :size] = np.einsum("ksi,ki->ks", steps.inputs, torques)
     measured = np.column_stack([run.position_rad - acting.position, run.speed_rad_s - acting.speed])
     sticking = np.exp(-((along.speed / (3 * along.ranges.sticking_rad_s)) ** 2))
-    slack = _OPEN * acting.dry_nm**2 * sticking
+    slack = _OPEN * acting.dry_nm**2 * sticking + run.drive.sharp_nm2
     first = np.append(run.states[0], 0.0)
     return Equations(transition, forcing, noise, slack, measured, first, torques), steps

@@ -156,7 +156,7 @@ class Rivals:
         about, members = data.about, data.members
         known, ranges = about.view.known, about.view.ranges
         signals = tuple(signals_of(run, known.machine, ranges.band_hz, 0.0) for run in runs)
-        torques = tuple(run.drive.smooth(run.time_s) for run in signals)
+        torques = tuple(run.drive.whole_nm for run in signals)
         view: View = replace(
             about.view, recorded=runs, runs=signals, torques_nm=torques, repeats=(), work=Work()
         )

@@ -13,7 +13,7 @@ import numpy as np
 
 from schwung.drivetrain.machine import Machine
 from schwung.explain.weighing.growth import absent
-from schwung.explain.weighing.known import known
+from schwung.explain.weighing.known import Known, known
 from schwung.explain.weighing.round import View, Weighing, settled
 from schwung.explain.weighing.weigh import Posterior
 from schwung.innovations.effect import Passed
@@ -58,8 +58,14 @@ class Judged:
 
 def judged(outcome: Posterior, machine: Machine, runs: Sequence[int]) -> Judged:
     """Judge a machine, as it was read, on some runs."""
-    growth, of = outcome.growth, outcome.view.ranges
-    view = replace(outcome.view, known=known(machine, of.low_rad, of.high_rad))
+    of = outcome.view.ranges
+    return judged_by(outcome, known(machine, of.low_rad, of.high_rad), runs)
+
+
+def judged_by(outcome: Posterior, told: Known, runs: Sequence[int]) -> Judged:
+    """The same of what is known of a machine, in whatever form."""
+    growth = outcome.growth
+    view = replace(outcome.view, known=told)
     usual = [absent(growth.candidates[i]) for i in growth.always]
     at = settled(growth.wide.seen(view), usual, Weighing(growth.wide.noise, growth.train, growth.wide.excess))
     about = at.about.beside(runs)

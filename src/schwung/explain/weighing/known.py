@@ -10,6 +10,7 @@ from schwung.compiled import compiled
 from schwung.drivetrain.inertia import InertiaTable, LoadTorqueTable
 from schwung.drivetrain.machine import Coupling, Load, Machine
 from schwung.drivetrain.physics import Effects, effects_of, load_torque, motor_torque
+from schwung.drivetrain.presliding import bent
 from schwung.drivetrain.residual import (
     Residual,
     inertia_added,
@@ -17,6 +18,8 @@ from schwung.drivetrain.residual import (
     load_torque_table,
     residuals_of,
 )
+from schwung.drivetrain.residual_plane import ON_LOAD as LOADED
+from schwung.drivetrain.residual_plane import Plane, planes_of
 from schwung.explain.weighing.along import Along
 from schwung.innovations.effect import Effect
 from schwung.motion import Array
@@ -33,6 +36,7 @@ class Known:
     table: LoadTorqueTable | None
     nothing: bool = False  # is known
     curves: tuple[Residual, ...] = ()
+    planes: tuple[Plane, ...] = ()
 
     def effect(self, along: Along) -> Effect:
         """One column: all that is known, and what is known of the reporting."""
@@ -46,7 +50,10 @@ class Known:
         )  # fmt: skip
         if self.table is not None:
             on_load = on_load + self.table.at(along.load_angle)
-        torque = along.run.drive.smooth(along.time_s)
+        if e.presliding_nm > 0:
+            at_rest = on_motor[0] + on_load[0] + self.machine.load_torque_at(along.load_angle[:1])[0]
+            on_motor = on_motor - self._bristles(along, along.resting_nm + at_rest)
+        torque = along.run.drive.whole_nm
         true = (e.torque_gain - e.torque_drop * np.abs(torque) / e.torque_drop_at_nm) * torque
         true = np.clip(true, -e.torque_limit_nm, e.torque_limit_nm)
         true = true * (1 + e.ripple_share * np.sin(e.ripple_order * along.angle + e.ripple_phase_rad))
@@ -60,14 +67,27 @@ class Known:
             on_motor, on_load = (
                 (on_motor, on_load + acts) if curve.over in ON_LOAD else (on_motor + acts, on_load)
             )
+        for plane in self.planes:
+            acts = plane.at(*_places(plane, along))
+            on_motor, on_load = (
+                (on_motor, on_load + acts) if plane.over in LOADED else (on_motor + acts, on_load)
+            )
         coupled = e.cubic_nm_rad3 * along.twist**3
         if e.gap_rad > 0 and self.machine.coupling is not None:
             k = self.machine.coupling.stiffness_nm_rad
             coupled = coupled - k * np.clip(along.twist, -e.gap_rad / 2, e.gap_rad / 2)
         turned = along.angle + e.eccentricity_phase_rad
         position = e.eccentricity_rad * np.sin(turned)
-        speed = e.eccentricity_rad * np.cos(turned) * along.speed - e.speed_delay_s * along.acceleration
+        speed = (
+            e.eccentricity_rad * np.cos(turned) * along.speed - e.speed_delay_s * along.acceleration_before
+        )
         return Effect(*(part[:, None] for part in (on_motor - coupled, on_load + coupled, position, speed)))
+
+    def _bristles(self, along: Along, held_nm: float) -> Array:
+        """Torque of the known friction that is a spring before it slides (N·m), (n,); `held_nm`: at rest."""
+        e = self.effects
+        first = float(np.clip(held_nm / e.presliding_nm, -1.0, 1.0))
+        return e.presliding_nm * bent(along.angle, e.presliding_nm / e.presliding_stiffness_nm_rad, first)
 
     def dry(self, along: Along) -> Array:
         """The known dry friction, by its average size (N·m), (n,)."""
@@ -79,6 +99,15 @@ class Known:
 
 #: Curves that act on the load; the others on the motor.
 ON_LOAD = ("load_position", "acceleration", "time_in_motion")
+
+
+def _places(plane: Plane, along: Along) -> tuple[Array, Array]:
+    """The plane's coordinates along a run."""
+    if plane.over in LOADED:
+        return along.load_angle, along.load_speed
+    if plane.over == ("position", "torque"):
+        return along.angle, along.torque
+    return along.torque, along.motion_time_s
 
 
 def _where(curve: Residual, along: Along) -> tuple[Array, Array]:
@@ -135,4 +164,5 @@ def known(machine: Machine, low_rad: float, high_rad: float) -> Known:
         )
     plain = machine.model_copy(update={"coupling": coupling, "load": load, "physics": ()})
     curves = tuple(residuals_of(machine.physics).values())
-    return Known(plain, e, load_torque_table(machine.physics), not machine.physics, curves)
+    planes = tuple(planes_of(machine.physics).values())
+    return Known(plain, e, load_torque_table(machine.physics), not machine.physics, curves, planes)

@@ -17,6 +17,7 @@ from schwung.drivetrain.machine import Machine
 from schwung.drivetrain.physics import PHYSICS
 from schwung.drivetrain.physics_term import PhysicsTerm
 from schwung.drivetrain.residual import TABLES, law_of
+from schwung.drivetrain.residual_plane import is_plane, plane_of
 from schwung.motion import Array
 
 #: Numbers of a table are written to so many digits.
@@ -87,7 +88,14 @@ def _alike(term: PhysicsTerm, one: Found) -> bool:
     """Whether two terms of one law are both tables over the same, or both numbers."""
     if ("table" in term.parameters) != ("table" in one.parameters):
         return False
-    return one.law != "residual" or term.parameters.get("coordinate") == one.parameters.get("coordinate")
+    return one.law != "residual" or all(
+        _listed(term.parameters.get(key)) == _listed(one.parameters.get(key))
+        for key in ("coordinate", "coordinates")
+    )
+
+
+def _listed(value: Any) -> Any:
+    return list(value) if isinstance(value, tuple) else value
 
 
 #: Laws whose numbers simply add up.
@@ -100,6 +108,7 @@ _SUMS = {
     "friction_drift": ("change_nm",),
     "load_dependent_friction": ("share",),
     "load_side_friction": ("torque_nm",),
+    "presliding_friction": ("torque_nm", "stiffness_nm_rad"),
     "torque_offset": ("torque_nm",),
     "offset_drift": ("change_nm",),
     "torque_lag": ("time_constant_s",),
@@ -131,6 +140,8 @@ _SAME = 1e-6
 
 def _merged(law: str, had: Mapping[str, Any], new: Mapping[str, Any]) -> _Parameters | None:
     """The numbers of two terms of one law as one's; None where one cannot say both."""
+    if is_plane(new):
+        return plane_of(had).plus(plane_of(new)).parameters(_DIGITS)
     if "table" in new:
         return {"table": _added_tables(had["table"], new["table"], TABLES[law])}
     if law in _SINES:

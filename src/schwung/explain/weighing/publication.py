@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
 from schwung.drivetrain.machine import Machine
+from schwung.drivetrain.residual_plane import Plane
 from schwung.explain.values import Quantity
 from schwung.explain.weighing.drawn import Drawn
 from schwung.explain.weighing.values import Proof
@@ -26,6 +27,23 @@ _ALL = 0.99
 def percent(p: float) -> str:
     """A probability in words: whole per cents, but never quite all or nothing."""
     return "> 99 %" if p > _ALL else "< 1 %" if p < 1 - _ALL else f"{100 * p:.0f} %"
+
+
+#: Sets of causes that are less probable are not told, nor more than so many.
+_TOLD, _MOST = 0.01, 6
+
+
+def merged(shares: Iterable[tuple[Sequence[str], float]]) -> tuple[tuple[tuple[str, ...], float], ...]:
+    """Sets with their probabilities, those of the same names as one, the most probable first.
+
+    A name may stand for several shapes: of a cogging of another order, people need one line.
+    """
+    every: dict[tuple[str, ...], float] = {}
+    for names, share in shares:
+        key = tuple(sorted(set(names)))
+        every[key] = every.get(key, 0.0) + share
+    told = sorted(every.items(), key=lambda one: -one[1])
+    return tuple((names, min(share, 1.0)) for names, share in told if share >= _TOLD)[:_MOST]
 
 
 @dataclass(frozen=True, eq=False)
@@ -52,6 +70,18 @@ class Curve:
     drawn: Drawn | None = None
     formula: str = ""  # as good as the curve on runs that were not fitted
     formula_missed: float | None = None  # there, over the noise
+    plane: Plane | None = None  # over two coordinates at once
+
+    @property
+    def over(self) -> str:
+        """The coordinate in words."""
+        return over_words(self.coordinate)
+
+
+def over_words(coordinate: str) -> str:
+    """What a curve is over."""
+    told = coordinate.replace("travel", "the way since a reversal")
+    return told.replace("_", " ").replace(", ", " and ")
 
 
 @dataclass(frozen=True, eq=False)
@@ -66,7 +96,8 @@ class Before:
 
 @dataclass(frozen=True, eq=False)
 class Published:
-    """The answer as it is published. `runners_up`: sets of names with their probabilities, the best first."""
+    """The answer as it is published. `runners_up`: sets of names with probabilities, the most probable first, each
+    once; the published one among them."""
 
     axis: Axis
     effort: Effort
@@ -81,6 +112,12 @@ class Published:
     notes: tuple[str, ...]
 
     @property
+    def in_file(self) -> tuple[str, ...]:
+        """The set of causes that is published, as `runners_up` has it."""
+        named = {one.physics for one in self.names if one.in_file}
+        return tuple(sorted(named | {one.like or one.coordinate for one in self.curves if one.in_file}))
+
+    @property
     def headline(self) -> str:
         """In one sentence."""
         likely = [
@@ -89,7 +126,7 @@ class Published:
             if one.in_file
         ]
         curves = [
-            f"a torque over {one.coordinate.replace('_', ' ')} without a name ({percent(one.probability)})"
+            f"a torque over {one.over} without a name ({percent(one.probability)})"
             for one in self.curves
             if one.probability > NAMED
         ]
@@ -112,7 +149,7 @@ class Published:
         runs = self._kept_aside()
         if self.proof.before <= _FLOOR:
             return f"{runs}, kept aside, show nothing of it"
-        return f"that takes {max(self.proof.taken, 0.0):.0%} of what {runs}, kept aside, show beyond noise"
+        return f"that takes {100 * max(self.proof.taken, 0.0):.0f} % of what {runs}, kept aside, show beyond noise"
 
     @property
     def left(self) -> float | None:
@@ -171,6 +208,7 @@ def _curve_json(one: Curve) -> dict[str, Any]:
         "in_file": one.in_file,
         "formula": one.formula or None,
         "formula_after": one.formula_missed,
+        "plane": one.plane and one.plane.parameters(),
         "curve": curve
         and {
             "x": curve.x.tolist(),

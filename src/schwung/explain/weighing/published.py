@@ -17,21 +17,24 @@ import numpy as np
 from schwung.drivetrain.machine import Machine, load_machine, write_machine
 from schwung.drivetrain.physics import PHYSICS
 from schwung.drivetrain.residual import OVER, TABLES, UNDIRECTED, UNITS
+from schwung.drivetrain.residual_plane import Plane
 from schwung.explain.measured import measured
 from schwung.explain.naming import unit_on
 from schwung.explain.plausibility import examine
 from schwung.explain.values import Quantity
 from schwung.explain.weighing.drawn import Drawn, drawn
+from schwung.explain.weighing.drawn_plane import PLANES, drawn_plane
 from schwung.explain.weighing.formula import Formula, formulas
 from schwung.explain.weighing.growth import Progress, slices
 from schwung.explain.weighing.judged import Judged, as_good, judged
 from schwung.explain.weighing.learned import Found, learned, table
-from schwung.explain.weighing.publication import NAMED, Before, Curve, Name, Published
+from schwung.explain.weighing.publication import NAMED, Before, Curve, Name, Published, merged
 from schwung.explain.weighing.search import Pick, Scored, Search
 from schwung.explain.weighing.values import Parameter, Proof, Weighed
 from schwung.explain.weighing.weigh import Posterior, at_bound, parameters_of, posterior_of
 from schwung.motion import Array
 from schwung.session.effort import require_alike
+from schwung.session.imports import repeats
 from schwung.session.model import Session
 
 #: The share of the work that the search takes.
@@ -62,8 +65,19 @@ def publish(session: Session, machine: Machine, *, progress: Progress | None = N
         _smooth(machine),
         tell=lambda text, share: tell(text, 0.02 + (_SEARCH - 0.02) * share),
     )
+    return published_of(session, machine, outcome, doubts.notes, tell)
+
+
+def published_of(
+    session: Session,
+    machine: Machine,
+    outcome: Posterior,
+    notes: Sequence[str] = (),
+    tell: Progress = lambda _text, _share: None,
+) -> Published:
+    """What is published of a session that was weighed about a belief; `notes`: of the session."""
     tell("Writing the machine, and proving what was written", _SEARCH)
-    return _Publishing(session, machine, outcome, tell).published(doubts.notes)
+    return _Publishing(session, machine, outcome, tell).published(notes)
 
 
 def _smooth(machine: Machine) -> Machine:
@@ -88,6 +102,7 @@ class _Cause:
     where: slice
     found: Found
     curve: Drawn | None
+    plane: Plane | None = None
 
 
 class _Publishing:
@@ -139,9 +154,10 @@ class _Publishing:
         return next(sound, self.search.score(()))
 
     def _publishable(self, pick: Pick) -> bool:
-        """Whether a file can say it: inside its bounds, and over one coordinate."""
+        """Whether a file can say it, inside its bounds."""
         candidate = self.search.candidate(pick)
-        return (candidate.named or candidate.coordinate in OVER) and not at_bound(self.search, pick)
+        told = candidate.named or candidate.coordinate in OVER or candidate.coordinate in PLANES
+        return told and not at_bound(self.search, pick)
 
     def _causes(self) -> list[_Cause]:
         of, places = self.outcome.view.ranges, slices(self.search, self.set)
@@ -150,10 +166,11 @@ class _Publishing:
             candidate, shape = self.search.candidate(pick), self.search.data.atoms[pick.atom].shape
             coefficients, found = self.set.found.coefficients[where], self.set.found
             curve = drawn(candidate, shape, coefficients, found.covariance[where, where], of)
-            result.append(_Cause(pick, where, self._found(pick, where, curve), curve))
+            plane = None if candidate.named else drawn_plane(candidate, shape, coefficients, of)
+            result.append(_Cause(pick, where, self._found(pick, where, curve, plane), curve, plane))
         return result
 
-    def _found(self, pick: Pick, where: slice, curve: Drawn | None) -> Found:
+    def _found(self, pick: Pick, where: slice, curve: Drawn | None, plane: Plane | None) -> Found:
         candidate, shape = self.search.candidate(pick), self.search.data.atoms[pick.atom].shape
         p = (
             self.weighed.probability(candidate.name)
@@ -163,6 +180,8 @@ class _Publishing:
         named = candidate.named and p > NAMED
         beside = {"probability": round(float(p), 4)} if named or not candidate.named else {}
         sampled = None if curve is None else lambda: _residual(curve)
+        if plane is not None:
+            return Found("residual", False, plane.parameters(), beside)
         if not candidate.named:
             assert curve is not None
             return Found("residual", False, _residual(curve), beside, sampled)
@@ -230,13 +249,14 @@ class _Publishing:
             cause = by_name.get(one.like or one.coordinate)
             formula = formulated.get(cause.pick) if cause is not None else None
             over = one.coordinate
-            unit = unit_on(_UNITS.get(over, ""), self.session.axis)
+            unit = ", ".join(unit_on(_UNITS.get(part, ""), self.session.axis) for part in over.split(", "))
             in_file = cause is not None and not (one.like and cause.found.named)
             result.append(
                 Curve(
                     over, unit, one.probability, one.torque_nm, one.like, in_file,
                     cause.curve if cause is not None else None,
                     formula[0].text if formula else "", formula[1] if formula else None,
+                    cause.plane if cause is not None else None,
                 )
             )  # fmt: skip
         return tuple(result)
@@ -268,11 +288,11 @@ class _Publishing:
         return replace(cause.found, beside={**cause.found.beside, "formula": formulated[cause.pick][0].text})
 
     def _runners_up(self) -> tuple[tuple[tuple[str, ...], float], ...]:
-        shares = [(share, one) for share, one in self.outcome.sure.shares() if share >= 0.01][:4]
-        return tuple(
-            (tuple(sorted(self.search.candidate(pick).name for pick in one.picks)), share)
-            for share, one in shares
-        )
+        # a curve counts to what has no name, beside which no set that holds it stands out
+        bare = all(self.search.candidate(pick).named for pick in self.set.picks)
+        by = self.outcome.sure if bare else self.search
+        every = by.shares()
+        return merged((tuple(by.candidate(pick).name for pick in one.picks), share) for share, one in every)
 
     def _proof(self, before: Judged | None, after: Judged | None) -> Proof | None:
         if before is None or after is None:
@@ -292,15 +312,14 @@ class _Publishing:
 
     def _notes(self, causes: Sequence[_Cause]) -> list[str]:
         notes = []
-        kept = {one.coordinate for one in self.weighed.unnamed if one.probability > NAMED and not one.like}
-        for coordinate in sorted(kept - set(OVER)):
-            words = coordinate.replace("_", " ").replace(", ", " and ")
-            notes.append(f"what depends on {words} at once is modelled, but machine.toml has no word for it")
         if not self.outcome.heldout:
             notes.append("no run could be kept aside, so that nothing is proven: record repeats")
         if not any(len(group) > 1 for group in self.outcome.view.repeats):
+            repeated = any(len(group) > 1 for group in repeats(self.session))
             notes.append(
-                "no motion was repeated, so that the noise is what no smooth curve explains: record repeats"
+                "repeats are the same to the count, so that the noise is what no smooth curve explains"
+                if repeated
+                else "no motion was repeated, so that the noise is what no smooth curve explains: record repeats"
             )
         if any(cause.found.law == "torque_filter" for cause in causes):
             notes.append(

@@ -199,7 +199,8 @@ def _resmoothed(about: Linearised) -> tuple[View, tuple[Array, ...]]:
         states, run = passed.states(), view.runs[i]
         runs[i] = replace(run, states=states[:, :-1])
         size = float(np.sqrt(noise.torque_nm**2 + np.mean((noise.torque_share * run.load_nm) ** 2)))
-        torques[i] = heard(run.drive.smooth(run.time_s) - states[:, -1], size)
+        reported = run.drive.smooth(run.time_s) - states[:, -1]
+        torques[i] = heard(reported, size) + run.drive.injected_nm
     return replace(view, runs=tuple(runs)), tuple(torques)
 
 

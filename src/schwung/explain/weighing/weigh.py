@@ -28,7 +28,7 @@ from schwung.innovations.signals import signals_of
 from schwung.innovations.statistics import Statistics
 from schwung.motion import Array
 from schwung.session.imports import repeats
-from schwung.session.model import Session
+from schwung.session.model import Run, Session
 
 #: What causes show within (Hz); injections above widen it.
 BAND_HZ, BEYOND_INJECTION = 160.0, 1.8
@@ -81,7 +81,7 @@ def posterior_of(
     band = max([BAND_HZ, *(BEYOND_INJECTION * f for f in exciting)])
     runs = [signals_of(run, machine, band, 0.0) for run in session.runs]
     of = ranges_of(runs, machine, STICKING, band)
-    torques = tuple(run.drive.smooth(run.time_s) for run in runs)
+    torques = tuple(run.drive.whole_nm for run in runs)
     belief = known(machine, of.low_rad, of.high_rad)
     view = View(session.runs, tuple(runs), belief, of, torques, repeats=_repeats(session))
     candidates = vocabulary(of, view.known)
@@ -97,14 +97,25 @@ def posterior_of(
 
 
 def _repeats(session: Session) -> list[tuple[int, ...]]:
-    """Runs of each motion and injection; copies of one run, as a simulation without noise makes them, show no noise."""
+    """Runs of each motion and injection whose noise shows in what they do not share.
+
+    Repeats most of whose samples are the same to the last count share the rounding, too: where noise is smaller than a
+    count, it is rounding that is noise, and copies of one run, as a simulation makes them, show none at all.
+    """
     return [
         group
         for group in repeats(session)
-        if not any(
-            np.array_equal(session.runs[group[0]].torque_nm, session.runs[i].torque_nm) for i in group[1:]
-        )
+        if not any(_copied(session.runs[group[0]], session.runs[i]) for i in group[1:])
     ]
+
+
+def _copied(one: Run, other: Run) -> bool:
+    """Whether most samples of two runs are the same in every signal."""
+    length = min(len(one), len(other))
+    same = np.ones(length, dtype=bool)
+    for name in ("position_rad", "speed_rad_s", "torque_nm"):
+        same &= getattr(one, name)[:length] == getattr(other, name)[:length]
+    return bool(2 * np.count_nonzero(same) > length)
 
 
 def _told(outcome: Grown, stands: Standing, sure: Search, heldout: Sequence[int]) -> Weighed:

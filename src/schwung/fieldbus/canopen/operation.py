@@ -320,7 +320,11 @@ class Operation:
     def _check_start(self, setpoints: Setpoints, acquisition: Acquisition, scales: Scales) -> None:
         state = self._dialogue.state()
         if state is not State.OPERATION_ENABLED:
-            raise StateError(self._place, f'is in "{state.value}"', "Enable it before playing.")
+            raise StateError(
+                self._place,
+                f'is in "{state.value}"',
+                "Enable it before playing; if it was and fell back, look for an enable input or STO.",
+            )
         if abs(setpoints.sample_rate_hz - acquisition.sample_rate_hz) > 1e-6 * acquisition.sample_rate_hz:
             raise StateError(
                 self._place,

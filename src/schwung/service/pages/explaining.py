@@ -10,6 +10,7 @@ from schwung.api.looks import label_of, probability, words_of
 from schwung.service.pages.desk import Desk, grid, html, panel
 from schwung.service.pages.markup import Safe, muted, numbers, percent, si, table, verdict
 from schwung.service.pages.reported import show_drawings
+from schwung.service.pages.weighed import show_next_motion, show_weighed
 from schwung.service.pages.words import VERDICTS
 from schwung.service.records import ResultRecord
 
@@ -17,6 +18,9 @@ from schwung.service.records import ResultRecord
 def show_explanation(desk: Desk, found: ResultRecord) -> None:
     """Everything about an explanation."""
     document = found.document
+    if "told" in document:  # weighed: names with probabilities
+        show_weighed(desk, found)
+        return
     tone, word = VERDICTS.get(document["verdict"], ("", document["verdict"]))
     findings, mismatch = document["findings"], document["mismatch"]
     reasons = [one["text"] for one in findings or mismatch] or [
@@ -34,6 +38,7 @@ def show_explanation(desk: Desk, found: ResultRecord) -> None:
     if notes:
         with panel("What is left, and what would help"):
             html("<ul>" + "".join(f"<li>{escape(note)}</li>" for note in notes) + "</ul>", "div", "sw-body")
+    show_next_motion(desk, found)
 
 
 def proof_numbers(document: Mapping[str, Any]) -> Safe:

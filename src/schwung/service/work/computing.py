@@ -5,11 +5,12 @@ from __future__ import annotations
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from schwung.errors import InputError
 from schwung.service.workshop import Tell
 
 if TYPE_CHECKING:
     from schwung.api.optimising import Task
-    from schwung.api.values import Machine
+    from schwung.api.values import Machine, Session
 
 
 def estimate_session(
@@ -78,8 +79,19 @@ def session_summary(*, session: Path, tell: Tell) -> dict[str, Any]:
     }
 
 
-def explain_session(*, session: Path, machine: Path, folder: Path, tell: Tell) -> dict[str, Any]:
-    """Explain; explanation.json, machine.toml (learned) and explanation.html into `folder`. Raises InputError."""
+def explain_session(
+    *,
+    session: Path,
+    machine: Path,
+    folder: Path,
+    weigh: bool | None = None,
+    next_motion: bool = False,
+    tell: Tell,
+) -> dict[str, Any]:
+    """Explain; explanation.json, machine.toml (learned) and explanation.html into `folder`. Raises InputError.
+
+    weigh, next_motion: see ExplainRequest. A next motion that nobody can choose leaves the explanation as it is.
+    """
     from schwung.api.computing import explain, load_machine, read_session  # noqa: PLC0415
     from schwung.api.reports import write_explanation  # noqa: PLC0415
     from schwung.api.responses import with_recorded_gains  # noqa: PLC0415
@@ -87,11 +99,58 @@ def explain_session(*, session: Path, machine: Path, folder: Path, tell: Tell) -
 
     recorded = read_session(session)
     believed = with_recorded_gains(load_machine(machine), recorded)
-    found = explain(recorded, believed, progress=tell)
-    document = found.to_json() | {"headline": found.headline, "cautions": found.cautions()}
+    if bool(believed.physics) if weigh is None else weigh:
+        verdict, document = _weighed(recorded, believed, folder, tell)
+    else:
+        found = explain(recorded, believed, progress=tell)
+        verdict = found.verdict
+        document = found.to_json() | {"headline": found.headline, "cautions": found.cautions()}
+        write_explanation(found, recorded, believed, folder)
+    if next_motion:
+        tell("Choosing the next motion", 0.0)
+        document["next"] = _next_of(recorded, believed)
     replace_file(folder / "explanation.json", json_text(document))
-    write_explanation(found, recorded, believed, folder)
-    return {"verdict": found.verdict, "document": document}
+    return {"verdict": verdict, "document": document}
+
+
+def _weighed(recorded: Session, believed: Any, folder: Path, tell: Tell) -> tuple[str, dict[str, Any]]:
+    """The same by probabilities; beside the numbers `told`: title, heads and rows of every table in words."""
+    from schwung.api.weighing import weigh, write_probabilities  # noqa: PLC0415
+    from schwung.quantities import document_of, sentences_of  # noqa: PLC0415
+
+    found = weigh(recorded, believed, progress=tell)
+    words = sentences_of(recorded.effort)
+    told = [
+        {"title": title, "heads": list(heads), "rows": [[words(cell) for cell in row] for row in rows]}
+        for title, heads, rows in found.tables()
+    ]
+    write_probabilities(found, recorded, believed, folder)
+    told_of = any(one.in_file for one in found.names) or any(one.in_file for one in found.curves)
+    verdict = _JUDGED[found.tone] if told_of else "consistent"
+    return verdict, document_of(recorded.effort, found.to_json()) | {"told": told}
+
+
+def _next_of(recorded: Session, believed: Any) -> dict[str, Any]:
+    """What it separates; `plan`: the fields of a PlanRequest that make it, None where there is none."""
+    from schwung.api.experiments import next_motion  # noqa: PLC0415
+
+    try:
+        found = next_motion(recorded, believed)
+    except InputError as error:
+        return {"sentence": str(error), "rivals": [], "experiment": None, "plan": None}
+    plan = None
+    if found.experiment is not None:
+        wishes = found.experiment.wishes
+        plan = {"profile_kind": wishes.kind} | {name: getattr(wishes, name) for name in _PLANNED}
+    return found.to_json() | {"plan": plan, "start_rad": found.setting.start_position_rad}
+
+
+#: The verdict of `explain` that an answer by probabilities comes to, by how much of what is missed it takes.
+_JUDGED = {"good": "explained", "doubtful": "partly_explained", "unusable": "unexplained"}
+#: What a plan takes from the wishes of a next motion; how drive and bus are used stays the drive's own.
+_PLANNED = (
+    "distance_rad", "duration_s", "returns", "frequency_hz", "amplitude_nm", "repeats", "phases", "sample_rate_hz",
+)  # fmt: skip
 
 
 def fit_bode_session(

@@ -40,7 +40,7 @@ def explain(task: Task) -> Mapping[str, Any]:
     machine_id = _machine_of(asked.machine_id or session.machine_id)
     found = task.compute(
         explain_session, session=store.session_path(session.id), machine=store.machine_path(machine_id),
-        folder=task.folder,
+        folder=task.folder, weigh=asked.weigh, next_motion=asked.next_motion,
     )  # fmt: skip
     kept = store.add_explanation(task.run, session.id, found["verdict"], found["document"])
     return {"explanation_id": kept.id, "session_id": session.id, "verdict": found["verdict"]}

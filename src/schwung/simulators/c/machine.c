@@ -39,6 +39,31 @@ static Point curve(const double (*rows)[3], int count, double angle) {
 
 #define CURVE(rows, angle) curve(rows, (int)(sizeof(rows) / sizeof((rows)[0])), angle)
 
+/* A table over two coordinates: bilinear, constant beyond; its first row and column are the points. */
+static double plane(const double *rows, int high, int wide, double x, double y) {
+    int i = 1, j = 1;
+    x = smaller(larger(x, rows[wide]), rows[(high - 1) * wide]);
+    y = smaller(larger(y, rows[1]), rows[wide - 1]);
+    while (i < high - 2 && rows[(i + 1) * wide] <= x) i++;
+    while (j < wide - 2 && rows[j + 1] <= y) j++;
+    const double *a = rows + i * wide, *b = a + wide;
+    const double u = (x - a[0]) / (b[0] - a[0]), v = (y - rows[j]) / (rows[j + 1] - rows[j]);
+    return (1.0 - v) * ((1.0 - u) * a[j] + u * b[j]) + v * ((1.0 - u) * a[j + 1] + u * b[j + 1]);
+}
+
+#define WIDE(rows) ((int)(sizeof((rows)[0]) / sizeof(double)))
+#define HIGH(rows) ((int)(sizeof(rows) / sizeof((rows)[0])))
+#define PLANE(rows, x, y) plane(&(rows)[0][0], HIGH(rows), WIDE(rows), x, y)
+
+/* The largest slope over the second coordinate, unsigned. */
+static double steepest(const double *rows, int high, int wide) {
+    double most = 0.0;
+    for (int i = 1; i < high; i++)
+        for (int j = 1; j < wide - 1; j++)
+            most = larger(most, fabs((rows[i * wide + j + 1] - rows[i * wide + j]) / (rows[j + 1] - rows[j])));
+    return most;
+}
+
 static Point load_inertia(const double *p, double angle) {
     Point point = CURVE(INERTIA, angle + p[INERTIA_SHIFT_RAD]);
     point.value = p[INERTIA_SCALE] * point.value + p[INERTIA_DELTA_KGM2];
@@ -155,18 +180,24 @@ static Masses rates(const double *p, Masses s, double torque, double time) {
     const Point inertia = load_inertia(p, s.load_angle);
     double load = load_torque(p, s.load_angle, time - p[MOTION_START_S]);
     load -= p[LOAD_VISCOUS_FRICTION_NMS] * s.load_speed + 0.5 * inertia.slope * s.load_speed * s.load_speed;
-    Masses r = {s.motor_speed, 0.0, s.load_speed, 0.0, s.third_speed, 0.0};
+    Masses r = {s.motor_speed, 0.0, s.load_speed, 0.0, s.third_speed, 0.0, 0.0};
+    if (p[PRESLIDING_NM] > 0.0)
+        r.bristles = p[PRESLIDING_STIFFNESS_NM_RAD]
+                     * (s.motor_speed - fabs(s.motor_speed) * s.bristles / p[PRESLIDING_NM]);
     if (p[THIRD_INERTIA_KGM2] > 0.0) {
         const double passed = p[THIRD_STIFFNESS_NM_RAD] * (s.load_angle - s.third_angle)
                               + p[THIRD_DAMPING_NMS] * (s.load_speed - s.third_speed);
         load -= passed;
         r.third_speed = passed / p[THIRD_INERTIA_KGM2];
     }
-    double motor = torque - p[MOTOR_VISCOUS_FRICTION_NMS] * s.motor_speed
+    double motor = torque - p[MOTOR_VISCOUS_FRICTION_NMS] * s.motor_speed - s.bristles
                    + motor_torque(p, s.motor_angle, s.motor_speed, time);
     const double ahead = tanh(s.motor_speed / p[SMOOTHING_RAD_S]), load_ahead = tanh(s.load_speed / p[SMOOTHING_RAD_S]);
     motor += SIDED(RESIDUAL_POSITION, s.motor_angle, ahead) + SIDED(RESIDUAL_SPEED, fabs(s.motor_speed), ahead);
     motor += SIDED(RESIDUAL_TORQUE, fabs(torque), ahead) + SIDED(RESIDUAL_RUN, p[SESSION_SHARE], ahead);
+    load += PLANE(RESIDUAL_POSITION_SPEED_PLANE, s.load_angle, s.load_speed);
+    motor += PLANE(RESIDUAL_POSITION_TORQUE_PLANE, s.motor_angle, torque);
+    motor += PLANE(RESIDUAL_TORQUE_TIME_IN_MOTION_PLANE, torque, time - p[MOTION_START_S]);
     motor += torque * p[RIPPLE_SHARE] * sin(p[RIPPLE_ORDER] * s.motor_angle + p[RIPPLE_PHASE_RAD]);
     load += SIDED(RESIDUAL_LOAD_POSITION, s.load_angle, load_ahead) - p[LOAD_COULOMB_NM] * load_ahead;
     if (RIGID) {
@@ -188,6 +219,7 @@ static Masses moved(Masses s, Masses r, double by) {
     s.load_speed += by * r.load_speed;
     s.third_angle += by * r.third_angle;
     s.third_speed += by * r.third_speed;
+    s.bristles += by * r.bristles;
     return s;
 }
 
@@ -228,6 +260,7 @@ static double steps_needed(const Machine *m, double duration) {
     }
     if (p[RIPPLE_SHARE] != 0.0) fastest = larger(fastest, p[RIPPLE_ORDER] * speed);
     if (p[PERIODIC_AMPLITUDE_NM] != 0.0) fastest = larger(fastest, TWO_PI * p[PERIODIC_FREQUENCY_HZ]);
+    if (p[PRESLIDING_NM] > 0.0) fastest = larger(fastest, sqrt(p[PRESLIDING_STIFFNESS_NM_RAD] / mass));
     double dry = larger(p[COULOMB_POSITIVE_NM], p[COULOMB_NEGATIVE_NM]) + drift(p);
     dry = larger(dry + larger(p[STRIBECK_RISE_NM], 0.0) + larger(p[LOCAL_FRICTION_NM], 0.0), 0.0);
     double rubbing = p[MOTOR_VISCOUS_FRICTION_NMS] + 2.0 * fabs(p[DRAG_NMS2]) * speed;
@@ -237,6 +270,10 @@ static double steps_needed(const Machine *m, double duration) {
     dry += p[CARRIED_SHARE] * fabs(p[TORQUE]);
     const double behind = HIGHEST(RESIDUAL_LOAD_POSITION) + p[LOAD_COULOMB_NM];
     rubbing = larger((rubbing + dry / p[SMOOTHING_RAD_S]) / mass, behind / p[SMOOTHING_RAD_S] / lightest);
+    rubbing += steepest(&RESIDUAL_POSITION_SPEED_PLANE[0][0], HIGH(RESIDUAL_POSITION_SPEED_PLANE),
+                        WIDE(RESIDUAL_POSITION_SPEED_PLANE)) / lightest;
+    if (p[PRESLIDING_NM] > 0.0)
+        rubbing = larger(rubbing, speed * p[PRESLIDING_STIFFNESS_NM_RAD] / p[PRESLIDING_NM]);
     const double step = p[GAP_RAD] > 0.0 ? CONTACT_STEP : COUPLING_STEP;
     const double needed = larger(duration * fastest / step, duration * rubbing / FRICTION_STEP);
     return ceil(larger(larger(needed, duration / LONGEST_STEP), 1.0));
@@ -301,7 +338,8 @@ void machine_reset(Machine *m) {
 
 /* What acts on the load at rest, before anything moves. */
 static double resting_load(const double *p, double angle) {
-    return load_torque(p, angle, -1e300) + CURVE(RESIDUAL_ACCELERATION, 0.0).value;
+    return load_torque(p, angle, -1e300) + CURVE(RESIDUAL_ACCELERATION, 0.0).value
+           + PLANE(RESIDUAL_POSITION_SPEED_PLANE, angle, 0.0);
 }
 
 /* What would turn the load from this angle on, the motor standing. */
@@ -336,11 +374,15 @@ const char *machine_rest(Machine *m, double time) {
     wrong = wind_up(p, angle, &load);
     if (wrong) return wrong;
     m->time = time;
-    m->state = (Masses){angle, 0.0, load, 0.0, load, 0.0};
+    m->state = (Masses){angle, 0.0, load, 0.0, load, 0.0, 0.0};
     double held = -resting_load(p, load) - p[OFFSET_NM] - p[SESSION_SHARE] * p[OFFSET_DRIFT_NM];
     held -= p[COGGING_AMPLITUDE_NM] * sin(p[COGGING_ORDER] * angle + p[COGGING_PHASE_RAD]);
-    held /= 1.0 + p[RIPPLE_SHARE] * sin(p[RIPPLE_ORDER] * angle + p[RIPPLE_PHASE_RAD]);
-    m->acting = shaft_torque(p, reported_torque(p, held));
+    const double share = 1.0 + p[RIPPLE_SHARE] * sin(p[RIPPLE_ORDER] * angle + p[RIPPLE_PHASE_RAD]);
+    double on_shaft = held / share;
+    for (int i = 0; i < 200; i++) /* what depends on the torque does so by less than all of it */
+        on_shaft = (held - PLANE(RESIDUAL_POSITION_TORQUE_PLANE, angle, on_shaft)
+                    - PLANE(RESIDUAL_TORQUE_TIME_IN_MOTION_PLANE, on_shaft, -1e300)) / share;
+    m->acting = shaft_torque(p, reported_torque(p, on_shaft));
     m->past_first = m->past_count = 0;
     remember(m);
     m->initialised = 1;

@@ -9,6 +9,7 @@ enum { PAST = 2048 };
 
 typedef struct {
     double motor_angle, motor_speed, load_angle, load_speed, third_angle, third_speed;
+    double bristles; /* what bent bristles hold, N.m */
 } Masses;
 
 typedef struct {

@@ -8,7 +8,8 @@ from schwung.explain.weighing.along import Ranges
 from schwung.explain.weighing.candidate import NATURAL, Candidate
 from schwung.explain.weighing.known import Known
 from schwung.explain.weighing.vocabulary.friction import friction
-from schwung.explain.weighing.vocabulary.load import load
+from schwung.explain.weighing.vocabulary.load import load, table_error
+from schwung.explain.weighing.vocabulary.presliding import presliding
 from schwung.explain.weighing.vocabulary.reporting import reporting, usual
 from schwung.explain.weighing.vocabulary.shaft import shaft
 from schwung.explain.weighing.vocabulary.unnamed import unnamed
@@ -23,7 +24,9 @@ def vocabulary(of: Ranges, believed: Known) -> list[Candidate]:
     mean, natural = float(np.mean(inertia)), NATURAL * of.peak_torque_nm
     found = [
         *usual(of),
+        *table_error(of, machine),
         *friction(of, natural, machine.coupling is None, believed),
+        presliding(of, natural, believed),
         *load(of, natural, machine),
         *reporting(of, NATURAL),
     ]

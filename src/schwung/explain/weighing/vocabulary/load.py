@@ -12,6 +12,7 @@ from collections.abc import Callable
 
 import numpy as np
 
+from schwung.drivetrain.inertia import InertiaTable
 from schwung.drivetrain.machine import Machine
 from schwung.explain.weighing.along import Along, Ranges
 from schwung.explain.weighing.candidate import LADDER, Candidate, Curve, Shape, column, grid
@@ -24,6 +25,8 @@ _HIGHEST = 60
 #: A believed inertia that varies by less than this share has no profile to shift or to scale.
 _VARIES = 0.02
 _DIFFERENCE_RAD = 1e-3
+#: What is wrong with a measured curve is alike within this share of the visited angles.
+_TABLE_REACH = 0.1
 
 
 def polar(coefficients: Array) -> tuple[float, float]:
@@ -72,6 +75,23 @@ def of_inertia(unit: Callable[[Array, Shape], Array], step_rad: float) -> Callab
         return Effect(on_load=-(taken + 0.5 * slope * along.load_speed[:, None] ** 2))
 
     return effect
+
+
+def table_error(of: Ranges, machine: Machine) -> list[Candidate]:
+    """Present in every set: how far a measured inertia may be off, as its table says; nothing where it does not."""
+    table = machine.load.inertia_table
+    if not isinstance(table, InertiaTable) or table.std_kgm2 is None:
+        return []
+    at, std = table.position_rad, table.std_kgm2
+    curve = Curve.over(of.low_rad, of.high_rad, _TABLE_REACH)
+
+    def error(where: Array, _shape: Shape) -> Array:
+        return np.asarray(np.interp(where, at, std)[:, None] * curve.at(where))
+
+    return [
+        Candidate("usual_inertia", of_inertia(error, 1e-4 * of.span_rad), (1.0,) * curve.size, named=False,
+                  inertia=error)
+    ]  # fmt: skip
 
 
 def load(of: Ranges, torque_nm: float, machine: Machine) -> list[Candidate]:

@@ -15,6 +15,7 @@ from schwung.explain.weighing.along import Along, Ranges
 from schwung.explain.weighing.candidate import Candidate, Shape, column, grid
 from schwung.explain.weighing.vocabulary.load import polar
 from schwung.innovations.effect import Effect
+from schwung.innovations.splines import slopes
 from schwung.motion import Array
 
 #: Standard deviations (s): of delays and lags that are a defect, of the filter that torque and speed share in any
@@ -49,7 +50,7 @@ def _earlier(along: Along, shape: Shape) -> Effect:
 
 
 def _speed_later(along: Along, shape: Shape) -> Effect:
-    return Effect(speed=column(-_bent(along, along.acceleration, shape[0])))
+    return Effect(speed=column(-_bent(along, along.acceleration_before, shape[0])))
 
 
 def _clipped(along: Along, shape: Shape) -> Effect:
@@ -109,18 +110,28 @@ def usual(of: Ranges) -> list[Candidate]:
     A first-order filter is undone in the torque by T + τ T' to the last, a delay by T + δ T' + ½ δ² T''; in the speed
     the one is − τ α + τ² α', the other − δ α + ½ δ² α'. At the injection T'' is what a stiffness a part in a thousand
     off would do.
+
+    An injection that a bus holds is taken at any time within the step, 1/√12 of it; the controller answers the rotor's
+    move about the corners, ΔT h/(2 J_r) B₂(x) at the share x of a step, where it is sampled.
     """
 
     def both(along: Along, _shape: Shape) -> Effect:
-        return Effect(column(along.torque_rate), speed=column(-along.acceleration))
+        return Effect(column(along.torque_rate), speed=column(-along.acceleration_before))
 
     def torque(along: Along, _shape: Shape) -> Effect:
         return Effect(np.stack([along.torque_rate, along.torque_bend], 1))
 
     def speed(along: Along, _shape: Shape) -> Effect:
-        return Effect(speed=np.stack([-along.acceleration, along.jerk], 1))
+        return Effect(speed=np.stack([-along.acceleration_before, along.jerk], 1))
+
+    def held(along: Along, _shape: Shape) -> Effect:
+        step, rotor = along.run.step_s, along.machine.motor.inertia_kgm2
+        rate = slopes(along.run.drive.injected_nm, step)
+        answer = along.run.answer_gain * step / rotor * slopes(rate, step) / (2 * np.sqrt(180))
+        return Effect(np.stack([rate, answer], 1) * step ** np.array([1, 2]) / np.sqrt(12))
 
     return [
+        Candidate("usual_hold", held, (1.0, 1.0), named=False),
         Candidate("usual_filter", both, (USUAL_S,), named=False),
         Candidate("usual_torque_timing", torque, (APART_S, (USUAL_S / 2) ** 2 / 2), named=False),
         Candidate("usual_speed_timing", speed, (APART_S, USUAL_S**2), named=False),

@@ -74,7 +74,7 @@ def unnamed(of: Ranges, torque_nm: float) -> list[Candidate]:
         return Effect(by_direction(mine, along.direction))
 
     def over_angle_and_speed(along: Along, _shape: Shape) -> Effect:
-        return Effect(on_load=place_pace.at(along.angle, along.load_speed))
+        return Effect(on_load=place_pace.at(along.load_angle, along.load_speed))
 
     def over_angle_and_torque(along: Along, _shape: Shape) -> Effect:
         return Effect(place_load.at(along.angle, along.torque))

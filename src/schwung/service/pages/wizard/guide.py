@@ -107,18 +107,36 @@ def _builders() -> tuple[Callable[[Guide], None], ...]:
     )
 
 
+def wishes_of(plan: Mapping[str, Any]) -> dict[str, Any]:
+    """What stands in the form of step 3 for the fields of a PlanRequest, in SI."""
+    quantities = {"Stroke": "distance_rad", "Time of one stroke": "duration_s", "Frequency": "frequency_hz",
+                  "Amplitude": "amplitude_nm"}  # fmt: skip
+    texts = {label: f"{plan[key]:.6g}" for label, key in quantities.items() if plan.get(key) is not None}
+    return texts | {
+        "kind": plan["profile_kind"],
+        "repeats": plan["repeats"],
+        "phases": 4 if plan["phases"] > 1 else 1,  # as the form has them
+        "returns": plan["returns"],
+    }
+
+
 def commissioning(desk: Desk, request: Request) -> None:
-    """The page: a new commissioning, or with ?run= the one that goes on or has ended."""
+    """The page: a new commissioning, with ?run= the one that goes on or has ended, with ?next= one whose motion an
+    explanation has chosen."""
     try:
         drive = desk.service.store.drive(request.path_params["drive_id"])
         run_id = request.query_params.get("run")
         run = desk.service.run(run_id) if run_id else None
+        explained = request.query_params.get("next")
+        chosen = desk.service.store.explanation(explained).document.get("next") if explained else None
     except SchwungError as error:
         with frame(desk, "Commission", "/"):
             html(problem(error))
         return
     with frame(desk, f"Commission {drive.name}", "/", f"{drive.bus}, node {drive.node_id}"):
         guide = Guide(desk, drive)
+        if chosen is not None and chosen["plan"] is not None:
+            guide.known.wishes = wishes_of(chosen["plan"])
         if run is not None and run.kind == "commission" and run.drive_id == drive.id:
             guide.known.run = run
             guide.go(RUN if run.state != "done" else RESULT)

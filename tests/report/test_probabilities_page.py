@@ -1,0 +1,83 @@
+"""The page of weighing: one line for each name and set, pictures of what has one, and the file within reach."""
+
+from dataclasses import replace
+from html.parser import HTMLParser
+
+import numpy as np
+import pytest
+from probability_samples import answer
+
+from schwung.drivetrain import paper_machine
+from schwung.drivetrain.residual_plane import Plane
+from schwung.explain.values import Quantity
+from schwung.explain.weighing.publication import Curve, Name, merged
+from schwung.report.probabilities import ProbabilitiesContent, render_probabilities, set_rows
+
+X, Y = np.linspace(0, 3, 31), np.linspace(-40, 40, 21)
+PLANE = Curve(
+    "position, speed", "rad, rad/s", 0.8, 0.9, "", True,
+    plane=Plane(("position", "speed"), X, Y, np.sin(2 * X)[:, None] * Y / 20),
+)  # fmt: skip
+BENDS = Name(
+    "presliding_friction", 0.9,
+    {"torque_nm": Quantity(1.2, "N·m", (1.1, 1.3)), "stiffness_nm_rad": Quantity(2.4, "N·m/rad", (2.2, 2.6))}, True,
+)  # fmt: skip
+
+
+def shown(published):
+    return render_probabilities(
+        ProbabilitiesContent("A title", published, paper_machine(), None, 'name = "x"')
+    )
+
+
+class Titles(HTMLParser):
+    """The headings of a page, in their order."""
+
+    def __init__(self, text):
+        super().__init__()
+        self.found, self.inside = [], False
+        self.feed(text)
+
+    def handle_starttag(self, tag, attrs):
+        self.inside = tag == "h2"
+
+    def handle_data(self, data):
+        if self.inside:
+            self.found.append(data)
+        self.inside = False
+
+
+def test_sets_of_one_name_and_other_shapes_are_one_line():
+    told = merged(
+        [(("cogging", "backlash"), 0.3), (("coulomb_friction",), 0.35), (("backlash", "cogging"), 0.3)]
+    )
+    assert told == ((("backlash", "cogging"), pytest.approx(0.6)), (("coulomb_friction",), 0.35))
+    assert merged([((), 0.995), (("cogging",), 0.004)]) == (((), 0.995),)
+    assert merged([((f"name {i}",), 0.1) for i in range(10)])[-1][1] == 0.1
+    assert len(merged([((f"name {i}",), 0.1) for i in range(10)])) == 6
+
+
+def test_the_set_of_the_file_is_marked():
+    rows = set_rows(answer())
+    assert [row[2] for row in rows] == ["this", ""]
+    assert rows[1][0] == "play in the coupling"
+
+
+def test_one_set_alone_is_no_table():
+    assert set_rows(replace(answer(), runners_up=((("speed", "torque_offset"), 1.0),))) == []
+
+
+def test_pictures_stand_behind_what_was_found_and_before_the_rest():
+    text = shown(replace(answer(), names=(*answer().names, BENDS), curves=(*answer().curves, PLANE)))
+    titles = Titles(text).found
+    assert titles[:3] == ["Names", "Modelled, unnamed", "Probabilities"]
+    assert titles[-1] == "The learned machine"
+    assert titles.index("Without a name, over position and speed") < titles.index("Sets of causes")
+    assert "Friction that is a spring before it slides" in titles
+    assert text.count("<svg") == 5
+    assert "−40" in text or "-40" in text
+
+
+def test_what_cannot_be_drawn_does_not_break_the_page():
+    flat = replace(BENDS, parameters={**BENDS.parameters, "stiffness_nm_rad": Quantity(0.0, "N·m/rad", None)})
+    assert "Friction that is a spring before it slides</h2>" not in shown(replace(answer(), names=(flat,)))
