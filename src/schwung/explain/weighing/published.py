@@ -90,7 +90,7 @@ def _smooth(machine: Machine) -> Machine:
 def sayable(
     machine: Machine, found: Sequence[Found], over: Sequence[str]
 ) -> tuple[tuple[int, ...], tuple[str, ...]]:
-    """Which causes a file of the machine can hold together, and a note for each of the others; `over`: their coordinates.
+    """Which causes a file of the machine can hold together, and a note for each other one; `over`: their coordinates.
 
     Where the belief misses nearly all, a curve may be fitted that is no machine.
     """
