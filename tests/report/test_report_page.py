@@ -237,17 +237,17 @@ def test_pyplot_is_never_loaded() -> None:
     assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0
 
 
-def test_the_bound_stands_beside_the_band() -> None:
-    page = render(replace(full(), reach=Reach(0.0010, 0.0001, "denoised")))
-    assert "±0.001 kg·m²" in page
-    assert "at best ±0.0001 from this recording" in page
-    assert "a better method would tell more" in page
-    assert "at best" not in render(full())
+def test_the_bound_stands_beside_the_band(page: str) -> None:
+    told = render(replace(full(), reach=Reach(0.0010, 0.0001, "denoised")))
+    assert "±0.001 kg·m²" in told
+    assert "at best ±0.0001 from this recording" in told
+    assert "a better method would tell more" in told
+    assert "at best" not in page
 
 
-def test_an_estimate_without_traces_has_a_page_all_the_same() -> None:
+def test_an_estimate_without_traces_has_a_page_all_the_same(page: str) -> None:
     estimate = replace(estimated(), traces=(), denoised=())
-    page = render(replace(full(), estimate=estimate, contrast=None))
-    assert "Is it steady?" in render(full())
-    assert "Is it steady?" not in page
-    assert ">MIV<" not in page
+    without = render(replace(full(), estimate=estimate, contrast=None))
+    assert "Is it steady?" in page
+    assert "Is it steady?" not in without
+    assert ">MIV<" not in without

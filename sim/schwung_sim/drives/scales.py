@@ -132,4 +132,9 @@ class Scales:
         if entry.data_type in REALS:
             self._dictionary.readers[entry.key] = value
         else:
-            self._dictionary.readers[entry.key] = lambda: int(min(max(round(value()), low), high))
+
+            def counts() -> int:
+                whole = round(value())
+                return int(low if whole < low else high if whole > high else whole)
+
+            self._dictionary.readers[entry.key] = counts

@@ -40,12 +40,16 @@ _COMMUNICATION = range(0x1000, 0x2000)
 
 
 class Frame(can.Message):
-    """A data frame that is copied cheaply: python-can's virtual bus copies every frame it delivers, deeply."""
+    """A data frame that is made and copied cheaply: python-can's virtual bus copies every frame it delivers, deeply."""
 
     __slots__ = ()
 
     def __init__(self, can_id: int, data: bytes) -> None:
-        super().__init__(arbitration_id=can_id, data=data, is_extended_id=False)
+        self.timestamp, self.arbitration_id, self.channel = 0.0, can_id, None
+        self.data, self.dlc = bytearray(data), len(data)
+        self.is_extended_id = self.is_remote_frame = self.is_error_frame = False
+        self.is_fd = self.bitrate_switch = self.error_state_indicator = False
+        self.is_rx = True
 
     def __deepcopy__(self, memo: object) -> Frame:
         return Frame(self.arbitration_id, bytes(self.data))

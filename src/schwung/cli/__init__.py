@@ -43,9 +43,9 @@ from schwung.errors import InputError, InterruptedByUser, SchwungError
 #: Our matrices are small: a second thread waits longer for the first than it works, ten times so on a busy machine.
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
-#: Libraries make some 100 000 objects that stay: to look through them for cycles again and again is a tenth of a
-#: short command's time.
-gc.set_threshold(100_000, 50, 50)
+#: Libraries make some 400 000 objects that stay: to look through them for cycles, even once, is a fortieth of a short
+#: command's time, again and again a tenth.
+gc.set_threshold(500_000, 50, 50)
 
 app = typer.Typer(
     name="schwung",

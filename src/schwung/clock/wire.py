@@ -37,13 +37,13 @@ class _Reader:
         """See clock.Reader."""
         if self.busy:
             return
-        self.busy = True
+        self.busy, inner, waiting = True, self.inner, self.inner.waiting
         try:
-            while self.inner.waiting and self.inner.reader is self:
+            while waiting and inner.reader is self:
                 try:
                     message = self.bus.recv(0)
                 except (can.CanError, OSError) as error:
-                    self.inner.waiting.clear()
+                    waiting.clear()
                     self.failed(error)
                     return
                 if message is not None:
@@ -77,13 +77,18 @@ class Wire:
 
     def carry(self, sender: SteppedBus, message: can.Message) -> None:
         """Deliver a frame to all other ends when it has passed the wire; each gets a copy of its own."""
-        clock = self.clock
-        self._free_s = max(self._free_s, clock.now()) + _frame_bits(message) / self.bit_rate
+        clock, weather = self.clock, self.weather
+        now = clock.now()
+        begins = now if now > self._free_s else self._free_s
+        self._free_s = free = begins + _frame_bits(message) / self.bit_rate
         for end in self.ends:
             if end is sender and not end.receive_own_messages:
                 continue
-            for delay in (0.0,) if self.weather is None else self.weather(sender, end, message):
-                clock.put(self._free_s + delay, _Arrival(end, _copy(message)))
+            if weather is None:
+                clock.put(free, _Arrival(end, _copy(message)))
+                continue
+            for delay in weather(sender, end, message):
+                clock.put(free + delay, _Arrival(end, _copy(message)))
 
 
 def _frame_bits(message: can.Message) -> int:

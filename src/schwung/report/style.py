@@ -18,6 +18,7 @@ from typing import Any, ParamSpec, TypeVar
 import matplotlib
 import numpy as np
 from matplotlib.axes import Axes
+from matplotlib.backend_bases import RendererBase
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from matplotlib.layout_engine import ConstrainedLayoutEngine
@@ -51,6 +52,7 @@ UNUSABLE = Colour("unusable", "#b00040", "#ff857c")
 PALETTE = (INK, MUTED, GRID, SURFACE, ESTIMATE, EXCITED, PLAIN, FORMER, GOOD, DOUBTFUL, UNUSABLE)
 
 WIDTH_IN = 9.2
+_PAD_IN = 3 / 72  # around each axes with its labels
 MOST_POINTS = 4000
 DASHED = (0, (4, 2))
 
@@ -104,6 +106,7 @@ def new_figure(height_in: float, ratios: Sequence[float] = (1.0,)) -> Figure:
     """A figure of the report's width with one axes per ratio, one above the other, sharing their x-axis."""
     figure = Figure(figsize=(WIDTH_IN, height_in))
     FigureCanvasAgg(figure)
+    figure.subplots_adjust(left=0.07, right=0.99, bottom=0.12, top=0.92)  # about as it will be laid out
     figure.subplots(len(ratios), 1, sharex=True, gridspec_kw={"height_ratios": list(ratios)})
     return figure
 
@@ -197,8 +200,57 @@ def to_png(figure: Figure, dpi: float = 150) -> bytes:
 
 
 def _lay_out(figure: Figure) -> None:
-    """Make room for all labels. savefig draws a figure that has an engine of its own twice, once for the layout."""
-    ConstrainedLayoutEngine().execute(figure)
+    """Make room for all labels. savefig draws a figure that has an engine of its own twice, once for the layout; the
+    engine looks at all labels twice, which takes longer than to draw them, and a column needs it once."""
+    if not _stack(figure):
+        ConstrainedLayoutEngine().execute(figure)
+
+
+def _stack(figure: Figure) -> bool:
+    """Lay out axes that stand one above the other, as `new_figure` makes them; False where they are more than that.
+
+    All are as wide as the widest labels leave; what labels leave of the height is shared as the grid's ratios say.
+    """
+    column = [(axes, axes.get_subplotspec()) for axes in figure.axes]
+    grids = {spec.get_gridspec() if spec else None for _, spec in column}
+    grid = grids.pop() if len(grids) == 1 else None
+    if grid is None or grid.ncols != 1 or grid.nrows != len(column) or figure.legends or figure.texts:
+        return False
+    renderer, pad = figure.canvas.get_renderer(), _PAD_IN * figure.dpi  # type: ignore[attr-defined]
+    around = np.transpose([_around(axes, renderer) for axes, _ in column])
+    left, below, right, above = np.maximum(around, 0.0) + pad
+    wide, high = figure.bbox.width, figure.bbox.height
+    ratios = np.asarray(grid.get_height_ratios(), dtype=float)
+    heights = (high - np.sum(below) - np.sum(above)) * ratios / np.sum(ratios)
+    if np.any(heights <= 0) or wide <= max(left) + max(right):
+        return False
+    bottoms = high - np.cumsum(above + heights + np.append(0.0, below[:-1]))
+
+    def place(margin: float) -> None:
+        for (axes, _), bottom, height in zip(column, bottoms, heights, strict=True):
+            across = (margin / wide, 1 - (margin + max(right)) / wide)
+            axes.set_position((across[0], bottom / high, across[1], height / high))
+
+    place(max(left))
+    place(max(*left, *(_beside(axes, renderer) + pad for axes, _ in column)))
+    return True
+
+
+def _around(axes: Axes, renderer: RendererBase) -> tuple[float, float, float, float]:
+    """How far all but the y-axis reaches out to the left, below, to the right and above, in pixels."""
+    shown = axes.yaxis.get_visible()
+    axes.yaxis.set_visible(False)  # which ticks it has depends on its height
+    inner, outer = axes.get_window_extent(), axes.get_tightbbox(renderer, for_layout_only=True)
+    axes.yaxis.set_visible(shown)
+    if outer is None:  # nothing of it is visible
+        return 0.0, 0.0, 0.0, 0.0
+    return inner.x0 - outer.x0, inner.y0 - outer.y0, outer.x1 - inner.x1, outer.y1 - inner.y1
+
+
+def _beside(axes: Axes, renderer: RendererBase) -> float:
+    """How far the y-axis reaches out to the left, in pixels."""
+    labels = axes.yaxis.get_tightbbox(renderer)
+    return 0.0 if labels is None else float(axes.get_window_extent().x0 - labels.x0)
 
 
 def css_variables() -> str:

@@ -129,3 +129,31 @@ def test_configurations_and_profiles(page: Any, served: Served) -> None:
     page.get_by_text("Carry it out").wait_for(timeout=90_000)
     assert page.locator(f"button:has-text('Move the machine'){ENABLED}").count() == 0  # nobody has confirmed
     assert page.troubles == []
+
+
+@pytest.mark.timeout(240)
+def test_a_frequency_response_and_the_best_motion_are_confirmed_and_made(page: Any, served: Served) -> None:
+    here = {"drive_id": served.drive_id}
+    still = {"kind": "propose_bode", "angles_rad": [0.2], "repeats": 1, "periods": 2, **here}
+    _carry_out(page, served, still)
+    page.locator(".sw-figure svg").first.wait_for()  # what was measured, and what was fitted
+    machine = served.call("GET", "/api/machines")[-1]["id"]
+    stroke = {"distance_rad": 1.0, "duration_s": 0.4}
+    _carry_out(page, served, {"kind": "propose_play", "machine_id": machine, "repeats": 1, **stroke, **here})
+    page.get_by_text("Motions beside each other").wait_for()
+    assert page.troubles == []
+
+
+def _carry_out(page: Any, served: Served, asked: dict[str, Any]) -> None:
+    """Have something proposed, look at it, tick every mark, press the button, and see it done."""
+    made = served.ended(served.call("POST", "/api/runs", asked)["id"], within_s=120.0)
+    assert made["state"] == "done", made["error"]
+    page.goto(f"{served.url}/run/{made['id']}")
+    page.get_by_label("Your name").fill("Ada")
+    for mark in page.get_by_role("checkbox").all():
+        mark.click()
+    page.click(f"button:has-text('Move the machine'){ENABLED}")
+    page.wait_for_url(lambda url: not url.endswith(made["id"]))
+    run = served.ended(page.url.rpartition("/")[2], within_s=120.0)
+    assert (run["state"], run["who"]) == ("done", "Ada"), run["error"]
+    page.goto(f"{served.url}/run/{run['id']}")

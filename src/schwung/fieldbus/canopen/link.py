@@ -22,13 +22,17 @@ _SEND_PAUSES_S = (0.0005, 0.001, 0.002, 0.004, 0.008, 0.016, 0.032)  # 64 ms in 
 
 
 class Frame(can.Message):
-    """A standard data frame. python-can's virtual bus deep-copies what it delivers; this copy is cheap, because
-    nobody here changes the data of a frame once it was sent."""
+    """A standard data frame, made without can.Message's questions. python-can's virtual bus deep-copies what it
+    delivers; this copy is cheap, because nobody here changes the data of a frame once it was sent."""
 
     __slots__ = ()
 
     def __init__(self, can_id: int, data: bytes | bytearray) -> None:
-        super().__init__(arbitration_id=can_id, is_extended_id=False, data=data)
+        self.timestamp, self.arbitration_id, self.channel = 0.0, can_id, None
+        self.data, self.dlc = data if isinstance(data, bytearray) else bytearray(data), len(data)
+        self.is_extended_id = self.is_remote_frame = self.is_error_frame = False
+        self.is_fd = self.bitrate_switch = self.error_state_indicator = False
+        self.is_rx = True
 
     def __deepcopy__(self, memo: dict[int, Any] | None) -> Frame:
         copy = Frame.__new__(Frame)
