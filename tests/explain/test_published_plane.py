@@ -11,6 +11,7 @@ from schwung.explain.weighing.along import Ranges
 from schwung.explain.weighing.drawn_plane import PLANES, drawn_plane
 from schwung.explain.weighing.known import known
 from schwung.explain.weighing.learned import Found, learned
+from schwung.explain.weighing.published import sayable
 from schwung.explain.weighing.vocabulary import vocabulary
 
 RANGES = Ranges(0.0, 4.0, 50.0, 2000.0, 40.0, 1.0, 0.1, 8, 160.0)
@@ -52,3 +53,18 @@ def test_two_found_one_after_the_other_are_one_term():
     assert len(twice.physics) == 1
     again = known(twice, 0.0, 4.0).planes[0]
     assert again.torque_nm == pytest.approx(2 * plane.torque_nm, abs=1e-6)
+
+
+def test_what_no_file_can_say_is_left_out_and_told():
+    machine = belief_of(STRANGERS[0])
+    candidate = next(
+        c for c in vocabulary(RANGES, known(machine, 0.0, 4.0)) if c.name == "torque, time_in_motion"
+    )
+    planes = [drawn_plane(candidate, (), np.full(candidate.size, size), RANGES) for size in (1e-3, 1e3, 1e-3)]
+    found = [Found("residual", False, plane.parameters(), {}) for plane in planes if plane is not None]
+    kept, notes = sayable(machine, found, ["torque and time in motion"] * 3)
+    assert kept == (0, 2)
+    (note,) = notes
+    assert note.startswith(
+        "what depends on torque and time in motion is modelled, but machine.toml cannot say it: it "
+    )

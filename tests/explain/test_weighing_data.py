@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from scipy.interpolate import CubicSpline
 from strangers import STRANGERS, Stranger, belief_of, session_of
 
 from schwung.explain.weighing import round as rounds
@@ -12,6 +13,7 @@ from schwung.explain.weighing.equations import Acting, equations_of
 from schwung.explain.weighing.known import known
 from schwung.explain.weighing.present import Member
 from schwung.explain.weighing.refine import refined
+from schwung.explain.weighing.search import Search
 from schwung.explain.weighing.vocabulary import vocabulary
 from schwung.explain.weighing.weigh import weigh
 from schwung.explain.weighing.work import Work
@@ -141,3 +143,22 @@ def test_a_surface_varies_as_the_product_of_its_curves():
     whole = (each[0] @ each[0].T) * (each[1] @ each[1].T)
     np.testing.assert_allclose(rows @ rows.T, whole, atol=0.1)
     assert surface.size < one.size * other.size / 4
+
+
+def test_the_usual_timing_of_a_torque_is_any_small_delay(data):
+    where, delay = data.about.alongs[0], 1e-4
+    timing = next(c for c in data.candidates if c.name == "usual_torque_timing")
+    smooth = where.run.quiet(where.torque)
+    wanted = CubicSpline(where.time_s, smooth)(where.time_s + delay) - smooth
+    columns = where.run.quiet(timing.effect(where, ()).on_motor)
+    rest = [np.std((wanted - columns @ [delay, bend])[100:-100]) for bend in (delay**2 / 2, 0.0)]
+    assert rest[0] < 0.2 * rest[1]
+
+
+def test_what_was_not_kept_is_not_promised_by_more_of_the_same(data):
+    search = Search(data, (0, 1, 2), resting=frozenset({10}))
+    search.kept = {frozenset({10, 11}): -8.0, frozenset({12}): -3.0}
+    assert search.unkept(frozenset({10, 11})) == -8.0
+    assert search.unkept(frozenset({11, 12, 13})) == -8.0
+    assert search.unkept(frozenset({12, 14})) == -3.0
+    assert search.unkept(frozenset({10, 14})) == 0.0

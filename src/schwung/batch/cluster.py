@@ -36,7 +36,7 @@ Tell = Callable[[str], None]
 
 #: A task is as many sessions as take so long (s): what Dask does for each task, 8 ms of this computer's processors, is
 #: shared by them, and an interrupt or a worker's death costs no more than that.
-TASK_S = 0.5
+TASK_S = 1.0
 _TASKS_PER_THREAD = 2  # under way or next
 _PATIENCE_S = 10.0
 _ONE_THREAD = dict.fromkeys(("OMP_NUM_THREADS", "MKL_NUM_THREADS", "OPENBLAS_NUM_THREADS"), "1")

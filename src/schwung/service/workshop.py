@@ -7,6 +7,7 @@ works, so that nothing that a library forgets to free adds up.
 from __future__ import annotations
 
 import contextlib
+import gc
 import multiprocessing
 import os
 import signal
@@ -172,6 +173,8 @@ def _serve(pipe: Connection) -> None:
             trouble.add_note(traceback.format_exc())
             answer = ("failed", trouble)
         pipe.send(answer)
+        del answer
+        gc.collect()  # now that nobody waits: a figure is one large cycle, and the collector would come seldom
 
 
 def _end_with_parent() -> None:

@@ -128,10 +128,15 @@ class Growth:
 
     def _instead(self, search: Search, start: Scored, at: Settled) -> tuple[Scored, Settled] | None:
         """A visited set that is more probable than the one at hand at rest, too; what was only promised is noted."""
-        mine = search.kind(start.picks)
-        better = [one for kind, one in search.table.items() if one.log > start.log and kind != mine]
-        better.sort(key=lambda one: -one.log)
-        for one in better[:_TRIED]:
+        search.resting = search.kind(start.picks)
+        for _ in range(_TRIED):
+            rivals = [(one.log + search.unkept(kind), one) for kind, one in search.table.items()]
+            untried = [
+                pair for pair in rivals if search.kind(pair[1].picks) not in {search.resting, *search.kept}
+            ]
+            promised, one = max(untried, key=lambda pair: pair[0], default=(-np.inf, start))
+            if promised <= start.log:
+                break
             tried, gain = self._rested(search, one, start, at)
             if gain > 0:
                 return one, tried

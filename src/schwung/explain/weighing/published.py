@@ -18,6 +18,7 @@ from schwung.drivetrain.machine import Machine, load_machine, write_machine
 from schwung.drivetrain.physics import PHYSICS
 from schwung.drivetrain.residual import OVER, TABLES, UNDIRECTED, UNITS
 from schwung.drivetrain.residual_plane import Plane
+from schwung.errors import InputError
 from schwung.explain.measured import measured
 from schwung.explain.naming import unit_on
 from schwung.explain.plausibility import examine
@@ -28,7 +29,7 @@ from schwung.explain.weighing.formula import Formula, formulas
 from schwung.explain.weighing.growth import Progress, slices
 from schwung.explain.weighing.judged import Judged, as_good, judged
 from schwung.explain.weighing.learned import Found, learned, table
-from schwung.explain.weighing.publication import NAMED, Before, Curve, Name, Published, merged
+from schwung.explain.weighing.publication import NAMED, Before, Curve, Name, Published, merged, over_words
 from schwung.explain.weighing.search import Pick, Scored, Search
 from schwung.explain.weighing.values import Parameter, Proof, Weighed
 from schwung.explain.weighing.weigh import Posterior, at_bound, parameters_of, posterior_of
@@ -86,6 +87,25 @@ def _smooth(machine: Machine) -> Machine:
     return machine if curve is None else curve.machine
 
 
+def sayable(
+    machine: Machine, found: Sequence[Found], over: Sequence[str]
+) -> tuple[tuple[int, ...], tuple[str, ...]]:
+    """Which causes a file of the machine can hold together, and a note for each other one; `over`: their coordinates.
+
+    Where the belief misses nearly all, a curve may be fitted that is no machine.
+    """
+    kept, notes = tuple[int, ...](), list[str]()
+    for number, coordinate in enumerate(over):
+        try:
+            _read_back(learned(machine, [found[i] for i in (*kept, number)]))
+        except InputError as error:
+            why = f"it {error.problem}"
+            notes.append(f"what depends on {coordinate} is modelled, but machine.toml cannot say it: {why}")
+        else:
+            kept = (*kept, number)
+    return kept, tuple(notes)
+
+
 def _read_back(machine: Machine) -> Machine:
     """The machine as its file says it."""
     with tempfile.TemporaryDirectory(prefix="schwung-") as folder:
@@ -116,7 +136,10 @@ class _Publishing:
 
     def published(self, notes: Sequence[str]) -> Published:
         """All of it."""
-        causes = self._causes()
+        every = self._causes()
+        over = [over_words(self.search.candidate(cause.pick).coordinate) for cause in every]
+        kept, unsaid = sayable(self.machine, [cause.found for cause in every], over)
+        causes = [every[i] for i in kept]
         machine = _read_back(learned(self.machine, [cause.found for cause in causes]))
         aside = self.outcome.heldout
         before = judged(self.outcome, _smooth(self.machine), aside) if aside else None
@@ -144,7 +167,7 @@ class _Publishing:
             proof=self._proof(before, after),
             shown=self._shown(before, after),
             machine=machine,
-            notes=tuple(dict.fromkeys((*notes, *self._notes(causes), *self.weighed.notes))),
+            notes=tuple(dict.fromkeys((*notes, *self._notes(causes), *unsaid, *self.weighed.notes))),
         )
 
     def _set(self) -> Scored:

@@ -73,6 +73,7 @@ class Search:
     known: dict[Set, Scored] = field(default_factory=dict)
     closely: dict[tuple[Set, Pick], Scored] = field(default_factory=dict)  # what `_with` found
     kept: dict[frozenset[int], float] = field(default_factory=dict)  # at rest, less what was promised (log)
+    resting: frozenset[int] = frozenset()  # the kind of set that all is linearised about
 
     def __post_init__(self) -> None:
         free = len({c.name for i, c in enumerate(self.data.candidates) if i not in self.always})
@@ -308,14 +309,22 @@ class Search:
     def tempered(self, ratio: float) -> Search:
         """The same sets as so many times fewer samples would tell them apart."""
         other = Search(self.data.tempered(ratio), self.always)
-        other.kept = {kind: log / ratio for kind, log in self.kept.items()}
+        other.kept, other.resting = {kind: log / ratio for kind, log in self.kept.items()}, self.resting
         for scored in self.table.values():
             other.sized(other.score(scored.picks))
         return other
 
+    def unkept(self, kind: frozenset[int]) -> float:
+        """What of a set's log probability is promised but not kept at rest; of one that was not brought there, what was
+        not kept of the same causes with fewer beside them."""
+        if kind in self.kept:
+            return self.kept[kind]
+        fewer = (log for other, log in self.kept.items() if frozenset() < other - self.resting <= kind)
+        return min(fewer, default=0.0)
+
     def shares(self) -> list[tuple[float, Scored]]:
         """Every visited kind of set with its probability, the most probable first."""
-        told = [(one.log + self.kept.get(kind, 0.0), one) for kind, one in self.table.items()]
+        told = [(one.log + self.unkept(kind), one) for kind, one in self.table.items()]
         told.sort(key=lambda pair: -pair[0])
         logs, sets = np.array([log for log, _ in told]), [one for _, one in told]
         return list(zip(np.exp(logs - logsumexp(logs)).tolist(), sets, strict=True))

@@ -105,10 +105,11 @@ def reporting(of: Ranges, share: float) -> list[Candidate]:
 
 
 def usual(of: Ranges) -> list[Candidate]:
-    """Present in every set: a filter that torque and speed share, a little apart, and of any shape.
+    """Present in every set: a filter that torque and speed share, a little apart, and each of any order.
 
-    A first-order filter is undone in the torque by T + τ T' to the last; in the speed it is − τ α + τ² α', a delay
-    − δ α + ½ δ² α'.
+    A first-order filter is undone in the torque by T + τ T' to the last, a delay by T + δ T' + ½ δ² T''; in the speed
+    the one is − τ α + τ² α', the other − δ α + ½ δ² α'. At the injection T'' is what a stiffness a part in a thousand
+    off would do.
 
     An injection that a bus holds is taken at any time within the step, 1/√12 of it; the controller answers the rotor's
     move about the corners, ΔT h/(2 J_r) B₂(x) at the share x of a step, where it is sampled.
@@ -118,7 +119,7 @@ def usual(of: Ranges) -> list[Candidate]:
         return Effect(column(along.torque_rate), speed=column(-along.acceleration_before))
 
     def torque(along: Along, _shape: Shape) -> Effect:
-        return Effect(column(along.torque_rate))
+        return Effect(np.stack([along.torque_rate, along.torque_bend], 1))
 
     def speed(along: Along, _shape: Shape) -> Effect:
         return Effect(speed=np.stack([-along.acceleration_before, along.jerk], 1))
@@ -132,6 +133,6 @@ def usual(of: Ranges) -> list[Candidate]:
     return [
         Candidate("usual_hold", held, (1.0, 1.0), named=False),
         Candidate("usual_filter", both, (USUAL_S,), named=False),
-        Candidate("usual_torque_timing", torque, (APART_S,), named=False),
+        Candidate("usual_torque_timing", torque, (APART_S, (USUAL_S / 2) ** 2 / 2), named=False),
         Candidate("usual_speed_timing", speed, (APART_S, USUAL_S**2), named=False),
     ]

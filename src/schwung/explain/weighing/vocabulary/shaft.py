@@ -18,6 +18,9 @@ from schwung.innovations import kernel
 from schwung.innovations.effect import Effect
 from schwung.motion import Array
 
+#: A coupling's damping is believed to this share of it: so far off, it is no name.
+DAMPING_KNOWN_TO = 0.1
+
 
 def between(change: Array) -> Effect:
     """Of torque that the coupling takes from the motor and gives to the load, (n, p)."""
@@ -88,6 +91,8 @@ def shaft(of: Ranges, coupling: Coupling, torque_nm: float, inertia_kgm2: float)
                   coordinate="torque", coupling=(1.0, 0.0)),
         Candidate("coupling_damping", _damping, (10 * share * max(b, 1e-3 * k / of.band_hz),),
                   lambda c, _: {"damping_nms": b + c[0]}, positive=(0,), least=(-b,),
+                  coordinate="frequency", coupling=(0.0, 1.0)),
+        Candidate("usual_damping", _damping, (DAMPING_KNOWN_TO * max(b, 1e-3 * k / of.band_hz),), named=False,
                   coordinate="frequency", coupling=(0.0, 1.0)),
         Candidate("nonlinear_stiffness", _cubic, (3 * share * k / wound**2,),
                   lambda c, _: {"cubic_nm_rad3": c[0]}, positive=(0,), coordinate="torque",
