@@ -8,7 +8,7 @@ from campaign_session import Outcome, run, scenario_of
 
 
 @cache
-def outcome_of(seed: int, bus: str = "canopen") -> Outcome:
+def outcome_of(seed: int, bus: str) -> Outcome:
     """What comes of a seed, played once in a process."""
     return run(scenario_of(seed, bus))
 

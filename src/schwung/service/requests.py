@@ -146,7 +146,7 @@ class ProposeBodeRequest(Request):
     amplitude_nm: _Positive | None = None
     lowest_hz: _Positive | None = None
     highest_hz: _Positive | None = None
-    periods: Annotated[int, Field(ge=1, le=100)] = 4
+    periods: Annotated[int, Field(ge=2, le=100)] = 4
     repeats: Annotated[int, Field(ge=1, le=50)] = 2
     sample_rate_hz: Annotated[float, Field(ge=50, le=4000)] = 1000.0
     distance_rad: _Finite | None = Field(
