@@ -15,6 +15,7 @@ from schwung.api.reports import explanation_note
 from schwung.cli import main
 from schwung.drivetrain import load_machine, paper_machine, write_machine
 from schwung.errors import InputError
+from schwung.explain.weighing.publication import Published
 from schwung.explain.weighing.values import Proof
 from schwung.session import Run, SessionWriter
 
@@ -158,3 +159,22 @@ def test_what_kept_runs_refute_is_unexplained() -> None:
     refuted = replace(answer(), proof=Proof((3,), -0.06, 7.26, 7.27))
     assert refuted.headline.startswith("unexplained: the belief misses 7.26 σ of the noise on run 3,")
     assert "unexplained" not in answer().headline
+
+
+def test_the_verdict_is_by_what_the_file_takes_of_runs_kept_aside() -> None:
+    found, nothing = answer(), replace(answer(), names=(), curves=())
+
+    def verdict(of: Published, before: float, after: float) -> str:
+        return replace(of, proof=Proof((3,), 0.1, before, after)).verdict
+
+    assert verdict(found, 8.0, 1.0) == "explained"
+    assert verdict(found, 8.0, 3.0) == "partly_explained"
+    assert verdict(found, 8.0, 7.0) == "unexplained"
+    assert verdict(found, 1.12, 1.1) == "partly_explained"  # what is missed is little beside the noise
+    assert verdict(nothing, 1.03, 1.03) == "consistent"
+    assert verdict(nothing, 8.0, 8.0) == "unexplained"
+    silent = replace(nothing, proof=Proof((3,), 0.0, 8.0, 8.0)).headline
+    assert (
+        silent
+        == "unexplained: the belief misses 8 σ of the noise on run 3, and nothing was found that takes it"
+    )

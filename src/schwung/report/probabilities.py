@@ -98,13 +98,15 @@ def _header(content: ProbabilitiesContent) -> str:
 
 def tone_of(of: Published) -> str:
     """How good the answer is, as the look of the page has it."""
-    if of.left is None:
-        return "doubtful"
-    return "good" if of.left <= _LITTLE else "doubtful" if of.left <= _MUCH else "unusable"
+    return _TONES[of.verdict]
 
 
-#: Of what runs kept aside show beyond noise: so much may be left in a good answer, and in one that is of use.
-_LITTLE, _MUCH = 0.05, 0.5
+_TONES = {
+    "consistent": "good",
+    "explained": "good",
+    "partly_explained": "doubtful",
+    "unexplained": "unusable",
+}
 
 
 def _verdict(of: Published) -> str:

@@ -8,7 +8,7 @@ from typing import Any
 
 from schwung.drivetrain.machine import Machine
 from schwung.drivetrain.residual_plane import Plane
-from schwung.explain.values import Quantity
+from schwung.explain.values import Quantity, Verdict
 from schwung.explain.weighing.drawn import Drawn
 from schwung.explain.weighing.values import Proof
 from schwung.innovations.likelihood import Noise
@@ -20,6 +20,10 @@ from schwung.session.model import Axis
 NAMED = 0.5
 #: Innovations below so many times the noise's show nothing.
 _FLOOR = 1.02
+#: Innovations so many times the noise's miss as much again as the noise: that is plain, whatever was found.
+_PLAIN = 2**0.5
+#: Of what runs kept aside show beyond noise: so much may be left where it is explained, and where it is in part.
+_LITTLE, _MUCH = 0.05, 0.5
 #: Beyond it a probability is told as more than 99 %.
 _ALL = 0.99
 
@@ -118,6 +122,19 @@ class Published:
         return tuple(sorted(named | {one.like or one.coordinate for one in self.curves if one.in_file}))
 
     @property
+    def verdict(self) -> Verdict:
+        """By what the file takes of what runs kept aside show beyond noise."""
+        found, left = bool(self.in_file), self.left
+        if self.proof is None or left is None:
+            return "partly_explained" if found else "consistent"
+        plain = self.proof.after > _PLAIN
+        if not found:
+            return "unexplained" if plain else "consistent"
+        if left <= _LITTLE:
+            return "explained"
+        return "unexplained" if plain and left > _MUCH else "partly_explained"
+
+    @property
     def headline(self) -> str:
         """In one sentence."""
         likely = [
@@ -131,14 +148,19 @@ class Published:
             if one.probability > NAMED
         ]
         what = ", ".join([*likely, *curves])
+        if not what and self.verdict == "unexplained":
+            return f"unexplained: the belief misses {self._missed()}, and nothing was found that takes it"
         if not what:
             return "the belief leaves out nothing that this session tells from noise"
         if self.proof is None:
             return f"left out: {what}; no run could be kept aside to prove it"
         if self.proof.before > _FLOOR and self.proof.taken <= 0:
-            missed = f"{self.proof.before:.3g} σ of the noise on {self._kept_aside()}"
-            return f"unexplained: the belief misses {missed}, and what was found takes nothing of it: {what}"
+            return f"unexplained: the belief misses {self._missed()}, and what was found takes nothing of it: {what}"
         return f"left out: {what}; {self._share()}"
+
+    def _missed(self) -> str:
+        assert self.proof is not None
+        return f"{self.proof.before:.3g} σ of the noise on {self._kept_aside()}"
 
     def _kept_aside(self) -> str:
         runs = self.proof.runs if self.proof is not None else ()
@@ -161,6 +183,7 @@ class Published:
         return {
             "format": "schwung-probabilities",
             "version": 1,
+            "verdict": self.verdict,
             "headline": self.headline,
             "names": [
                 {

@@ -125,9 +125,7 @@ def _weighed(recorded: Session, believed: Any, folder: Path, tell: Tell) -> tupl
         for title, heads, rows in found.tables()
     ]
     write_probabilities(found, recorded, believed, folder)
-    told_of = any(one.in_file for one in found.names) or any(one.in_file for one in found.curves)
-    verdict = _JUDGED[found.tone] if told_of else "consistent"
-    return verdict, document_of(recorded.effort, found.to_json()) | {"told": told}
+    return found.verdict, document_of(recorded.effort, found.to_json()) | {"told": told}
 
 
 def _next_of(recorded: Session, believed: Any) -> dict[str, Any]:
@@ -145,8 +143,6 @@ def _next_of(recorded: Session, believed: Any) -> dict[str, Any]:
     return found.to_json() | {"plan": plan, "start_rad": found.setting.start_position_rad}
 
 
-#: The verdict of `explain` that an answer by probabilities comes to, by how much of what is missed it takes.
-_JUDGED = {"good": "explained", "doubtful": "partly_explained", "unusable": "unexplained"}
 #: What a plan takes from the wishes of a next motion; how drive and bus are used stays the drive's own.
 _PLANNED = (
     "distance_rad", "duration_s", "returns", "frequency_hz", "amplitude_nm", "repeats", "phases", "sample_rate_hz",
