@@ -432,6 +432,9 @@ def export(
     after = None
     if verify is not None:
         name = "verification" if isinstance(found, Commissioned) else "after"
+        procedure.await_rest(drive)
+        verify = as_shown(Plan, procedure.renewed(drive, connection.profile, verify, estimates=False))
+        verify.require()
         after = procedure.repeat_reference(drive, verify, folder, name, watching, played)
     return Exported(written.changes, written.backup_path, written.stored, before, after)
 

@@ -33,6 +33,9 @@ from schwung.fieldbus.drive import MISSES_ALLOWED, Acquisition, Drive, SyncTimin
 from schwung.fieldbus.profile import DeviceProfile, ScaledObject
 from schwung.session import Run, Session, read_session
 
+#: An axis that is off comes to rest within this (s, of the bus), looked at so often; it stands still below this speed.
+RESTS_WITHIN_S, _LOOK_S, _RESTING_RAD_S = 10.0, 0.05, 0.01
+
 
 @dataclass(frozen=True)
 class Wishes:
@@ -214,6 +217,26 @@ def require_there(drive: Drive, plan: Plan, before: Survey) -> Survey:
     if seen.identity != before.identity:
         raise RefusedError("plan", "was made for another drive", "Plan anew with this one.")
     return seen
+
+
+def await_rest(drive: Drive) -> None:
+    """Wait until an axis that is off stands still: without a brake, gravity or cogging may turn it on for a while.
+
+    Raises RefusedError where it does not come to rest.
+    """
+    until_s, before = drive.clock.now() + RESTS_WITHIN_S, drive.state().position_rad
+    while True:
+        drive.clock.sleep(_LOOK_S)
+        now = drive.state().position_rad
+        speed, before = abs(now - before) / _LOOK_S, now
+        if speed <= _RESTING_RAD_S:
+            return
+        if drive.clock.now() >= until_s:
+            raise RefusedError(
+                "axis",
+                f"turns by itself while it is off, at {speed:.2g} rad/s at least",
+                "Hold it with a brake, or wait until it stands.",
+            )
 
 
 def _standing(drive: Drive, profile: DeviceProfile) -> float:
