@@ -226,7 +226,7 @@ def grown(counts: Sequence[Count]) -> list[str]:
     before, after = counts[quarter : 2 * quarter], counts[-quarter:]
     if not before:
         return [f"{len(counts)} runs are too few to see anything grow"]
-    apart = len(counts) - 2 * quarter  # runs from the middle of the one to the middle of the other, nearly
+    apart = max(after[0].runs - before[0].runs, 1)
     found = []
     for name in ("handles", "threads", "processes"):
         was, now = (max(getattr(one, name) for one in part) for part in (before, after))

@@ -53,6 +53,9 @@ def answer(monkeypatch: pytest.MonkeyPatch) -> Answer:
                 raise result
             return result
 
+        importlib.import_module(
+            "schwung.api.simulators"
+        )  # else what is first imported now keeps the stand-in
         monkeypatch.setattr(importlib.import_module("schwung.explain.explain"), "explain", explain)
 
     return stand_in

@@ -34,7 +34,7 @@ def test_commissionings_in_a_row_leave_nothing_behind(tmp_path: Path) -> None:
 )
 def test_what_grows_is_told(name: str, per_run: float) -> None:
     flat = {"bus_s": 0.0, "memory_mb": 300.0, "objects": 200_000, "handles": 12, "threads": 5, "processes": 0}
-    counts = [Count(**{**flat, name: flat[name] + round(per_run * run, 1)}) for run in range(100)]
+    counts = [Count(**{**flat, name: flat[name] + round(per_run * run, 1)}, runs=run) for run in range(100)]
     assert grown([Count(**flat)] * 100) == []
     (told,) = grown(counts)
     assert told.startswith(name.removesuffix("_mb"))
