@@ -4,7 +4,7 @@
 // f64 time of the first column (s), f64 width of a column (s), then per channel n lows and n highs (f32); NaN: lost.
 // The page asks with {"window_s", "columns"}; the service answers with what it has of that window, and goes on.
 const WINDOWS = [["0.5 s", 0.5], ["2 s", 2], ["5 s", 5], ["10 s", 10], ["30 s", 30], ["120 s", 120]];
-const FRAME_MS = 1000 / 30; // enough for the eye, and spares the tablet
+const FRAME_MS = 1000 / 30;
 
 class Columns {
   constructor(channels) {
@@ -52,9 +52,9 @@ export default {
     this.last = 0;
     const step = (now) => {
       this.raf = requestAnimationFrame(step);
-      if (!this.fresh || this.frozen || now - this.last < FRAME_MS - 4) return;
-      this.last = Math.max(this.last + FRAME_MS, now - FRAME_MS); // a late picture does not make the next one late
-      this.redraw();
+      if (now - this.last < FRAME_MS - 4) return; // 30 a second are enough for the eye, and spare the tablet
+      this.last = now;
+      if (this.fresh && !this.frozen) this.redraw();
     };
     this.raf = requestAnimationFrame(step);
     this.counting = setInterval(() => this.count(), 1000);
