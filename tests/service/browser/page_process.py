@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import json
+import logging
 import os
 import re
 import shutil
@@ -164,6 +165,7 @@ def serving(folder: Path, plant: str = "slider-crank") -> Iterator[Served]:
         with _process("serve", *arguments) as service:
             assert service.stdout is not None
             started = _json_of(service.stdout)
+            logging.getLogger("can.interfaces.socketcand").setLevel(logging.ERROR)  # a word per torn packet
             watch = BusWatch(can.Bus(interface="socketcand", **place))
             thread = threading.Thread(target=watch.run, daemon=True)
             thread.start()
