@@ -211,8 +211,9 @@ def _drawn(figure: Figure) -> str:
         for ground in grounds:  # what is behind the picture is the page's
             ground.set_visible(False)
         width, height = figure.bbox.size
-        svg = RendererSVG(width, height, buffer, image_dpi=dpi, metadata={"Date": None, "Creator": None})
-        renderer = MixedModeRenderer(figure, width, height, dpi, svg)
+        metadata = {"Date": None, "Creator": None}
+        svg = RendererSVG(width, height, buffer, image_dpi=dpi, metadata=metadata)  # type: ignore[no-untyped-call]
+        renderer: Any = MixedModeRenderer(figure, width, height, dpi, svg)  # type: ignore[no-untyped-call]
         _lay_out(figure, renderer)
         figure.draw(renderer)
         renderer.finalize()
