@@ -8,7 +8,8 @@ by the same clock: at each picture the newest sample shown is held against it. P
 processes used meanwhile, divided by the pictures; beside it, what they take without samples.
 
 Prints every tenth of the time what it has counted, and compares memory of the service, of all of the browser, and
-of the page's own objects after a collection: the last third against the middle one. Exit code 1 where it grows.
+of the page's own objects after a collection: the last third against the middle one. Exit code 1 where it grows, or
+where in half of the parts fewer pictures than `--least` a second were drawn.
 """
 
 from __future__ import annotations
@@ -36,7 +37,6 @@ import numpy as np
 sys.path.insert(0, str(Path(__file__).parents[1] / "tests/service/browser"))
 
 RATE_HZ = 1000.0
-PERIOD_S = 1 / 30
 #: Of the memory, what a collector leaves to chance.
 SLACK_SHARE, SLACK_MB = 0.05, 2.0
 #: Every picture: how long the page's own code took, and how old the newest sample is.
@@ -120,6 +120,7 @@ def serve(folder: Path, told: Connection) -> None:
 def play(scope: Any, told: Connection) -> None:
     """Samples as a driver hands them out, until somebody says that it is enough."""
     from schwung.fieldbus.drive import LiveSamples  # noqa: PLC0415
+    from schwung.service.live import PERIOD_S  # noqa: PLC0415
 
     began_s, rows, luck = time.time(), 0, np.random.default_rng(1)
     told.send(began_s - 0.05)  # the scope's time begins after a gap
@@ -258,6 +259,7 @@ def main() -> None:
     parser.add_argument("--seconds", type=float, default=60.0)
     parser.add_argument("--scale", type=float, default=1.0, help="device pixels per pixel: 2 for a tablet")
     parser.add_argument("--width", type=int, default=1280, help="of the window")
+    parser.add_argument("--least", type=float, default=29.0, help="pictures per second, on a quiet computer")
     parser.add_argument("--json", type=Path)
     given = parser.parse_args()
     parts = measure(given.seconds, given.scale, given.width)
@@ -266,6 +268,10 @@ def main() -> None:
     if found := grown(parts):
         sys.exit("\n".join(["It grows.", *found]))
     print("Neither service, browser nor page has grown.")
+    drawn = median(part.pictures / part.seconds for part in parts)
+    print(f"{drawn:.1f} pictures a second in the median part")
+    if drawn < given.least:
+        sys.exit(f"That is less than {given.least:g}.")
 
 
 if __name__ == "__main__":

@@ -187,6 +187,13 @@ def test_the_motion_of_a_traced_session_can_be_made_again(tmp_path: Path) -> Non
         )
 
 
+def test_signs_and_units_are_proven_by_a_trace_of_50_hz(tmp_path: Path) -> None:
+    """The creep's sine, too, has to be resolved: at 3.6 samples a period it proved nothing."""
+    with desk(seed=3) as room:
+        slow = {**BY_ITSELF, "trace_rate_hz": 50.0, "frequency_hz": 4.0, "duration_s": 1.5}
+        assert len(room.record(tmp_path / "out", **slow).runs) == 2
+
+
 def test_a_smooth_start_below_one_count_shifts_nothing(tmp_path: Path) -> None:
     """poly5: the first setpoints round to no count at all, so that the trace starts later than the motion."""
     with desk(seed=5) as room:

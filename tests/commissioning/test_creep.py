@@ -81,6 +81,13 @@ def test_its_frequency_stays_below_the_anti_resonance_of_three_times_the_load() 
     assert (1000 / first.frequency_hz) == pytest.approx(round(1000 / first.frequency_hz))
 
 
+def test_its_frequency_is_resolved_by_a_trace_that_is_slower_than_the_setpoints() -> None:
+    slow = {"sampling": "trace", "injecting": "generator", "trace_rate_hz": 50.0, "frequency_hz": 4.0}
+    for stage in _creep(_plan(mode="pp", duration_s=1.5, **slow)).stages:
+        assert stage.planned.excitation is not None
+        assert 50.0 / stage.planned.excitation.frequency_hz >= 10 * (1 - 1e-9)
+
+
 def test_a_drive_that_moves_by_itself_is_not_asked_to_stand_still_nor_to_go_slower_than_it_can() -> None:
     for speed_count in (1e-4, 2 * np.pi / 60):
         stages = _creep(_plan(mode="pp"), replace(FINE, speed_rad_s=speed_count)).stages

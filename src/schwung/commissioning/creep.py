@@ -149,8 +149,9 @@ def _direction(plan: Plan) -> float:
 
 def _frequency_hz(plan: Plan, machine: Machine, largest_kgm2: float) -> float:
     """A whole number of samples a period, well below the lowest believed anti-resonance; there where the cascade's
-    answer to the motion is told best from the injected torque."""
-    rate = plan.grid_rate_hz
+    answer to the motion is told best from the injected torque. Samples are those that are played or those that are
+    recorded, whichever are fewer: a drive's trace may be slow."""
+    rate = min(plan.grid_rate_hz, plan.recorded_rate_hz)
     highest = FREQUENCY_SHARE * float(anti_resonance_hz(machine, largest_kgm2))
     fewest = max(math.ceil(rate / highest), (2 if math.isinf(highest) else 1) * MIN_SAMPLES_PER_PERIOD)
     candidates = rate / np.arange(fewest, LOWEST_SHARE * fewest + 1)

@@ -1,4 +1,4 @@
-"""The live scope's web socket: samples of a drive as columns of smallest and largest values, thirty times a second.
+"""The live scope's web socket: samples of a drive as columns of smallest and largest values, as they come.
 
 A client that is slow gets fewer, later frames, never a growing queue: every frame is made of what came since the last
 one was sent, and what no column of its window would show is left out.
@@ -17,13 +17,13 @@ import numpy as np
 from fastapi import APIRouter, WebSocket, WebSocketDisconnect
 
 from schwung.api.watching import Array
-from schwung.service.live import KEPT_ROWS
+from schwung.service.live import KEPT_ROWS, PERIOD_S
 from schwung.service.pages.decimation import BEGUN, CONTINUED, Columns, Decimator, frame
 from schwung.service.service import Service
 from schwung.service.values import is_id
 
-#: Looked for twice as often as it comes (live.py) and is drawn (scope.js), so that no picture waits for the next one.
-LOOKS_PER_S = 60.0
+#: Twice as often as it is drawn (scope.js), so that no picture waits for what has come.
+LOOKS_PER_S = 1 / PERIOD_S
 #: What is drawn, in this order: name, unit, colour, and the least range of its axis.
 TRACES: list[dict[str, Any]] = [
     {"name": "Position", "unit": "rad", "colour": "trace-1", "least": 1e-3},

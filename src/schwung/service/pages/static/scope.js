@@ -52,9 +52,10 @@ export default {
     this.last = 0;
     const step = (now) => {
       this.raf = requestAnimationFrame(step);
+      if (!this.fresh || this.frozen) return;
       if (now - this.last < FRAME_MS - 4) return; // 30 a second are enough for the eye, and spare the tablet
-      this.last = now;
-      if (this.fresh && !this.frozen) this.redraw();
+      this.last = now; // of a picture: where nothing had come, the next one need not wait
+      this.redraw();
     };
     this.raf = requestAnimationFrame(step);
     this.counting = setInterval(() => this.count(), 1000);
