@@ -17,9 +17,10 @@ from schwung.commissioning import (
     repeat_reference,
     wishes_of,
 )
+from schwung.commissioning.as_planned import rechecked, require_there
 from schwung.commissioning.bode import PreparedBode, prepare_bode, record_bode
 from schwung.commissioning.bode_excitation import BodeWishes
-from schwung.commissioning.commission import rechecked, require_there, settings_of
+from schwung.commissioning.commission import settings_of
 from schwung.commissioning.ways import MAX_JITTER_SHARE
 from schwung.drivetrain import Simulated
 

@@ -1,17 +1,16 @@
 """The procedure: plan, preflight, move and record, export, restore. The only room that moves a machine."""
 
+from schwung.commissioning.as_planned import await_rest, renewed
 from schwung.commissioning.checks import Check
 from schwung.commissioning.commission import (
     Commissioned,
     KeptSession,
     Prepared,
     Wishes,
-    await_rest,
     carry_out,
     contrast_of,
     prepare,
     record_prepared,
-    renewed,
     repeat_reference,
     wishes_of,
 )
