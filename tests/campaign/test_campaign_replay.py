@@ -11,6 +11,7 @@ import pytest
 from campaign_defects import DEFECTS
 from campaign_session import run, scenario_of
 
+from schwung.fieldbus.canopen.operation import Operation
 from schwung.fieldbus.walker import Walker
 from schwung_sim.campaign.draw import CLASSES, FALLING_BACK
 
@@ -55,3 +56,13 @@ def test_a_drive_that_falls_back_is_not_brought_up_again(monkeypatch: pytest.Mon
     DEFECTS["brought-up-again"]()
     (found,) = run(scenario_of(203)).problems
     assert "enable after stop" in found
+
+
+def test_an_axis_that_was_turned_is_approached(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Somebody turns it by 12 mrad between plan and power: a tool that begins with the first setpoint is found out."""
+    outcome = run(scenario_of(91))
+    assert outcome.ended == "well"
+    assert outcome.problems == []
+    monkeypatch.setattr(Operation, "_approach", Operation._approach)  # is put back in the end
+    DEFECTS["no-approach"]()
+    assert any("bend" in found for found in run(scenario_of(91)).problems)

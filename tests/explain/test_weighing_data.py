@@ -128,6 +128,21 @@ def test_noise_is_what_repeats_do_not_share(view):
     assert unshared.torque_nm == pytest.approx(0.05, rel=0.35)
 
 
+def test_a_run_kept_aside_is_missed_by_no_more_than_noise():
+    """From the recording to the states in as many steps as it takes: after one, the shaft is not wound up yet."""
+    session, machine = session_of(STRANGERS[0], 5, every=8, times=(0.2,)), belief_of(STRANGERS[0])
+    runs = tuple(signals_of(run, machine, 160.0, 0.0) for run in session.runs)
+    of = ranges_of(list(runs), machine, 0.002, 160.0)
+    torques = tuple(run.drive.smooth(run.time_s) for run in runs)
+    view = rounds.View(session.runs, runs, known(machine, of.low_rad, of.high_rad), of, torques, dry_nm=0.0)
+    noise = first_noise(runs)
+    settled = rounds.at_rest(view, (), noise)
+    smoothed = rounds.linearised(rounds.resmoothed(settled.view, (), noise), (), noise, None)
+    assert smoothed.square((0, 1)) == pytest.approx(settled.square((0, 1)), abs=1.0)
+    aside = rounds.linearised(view, (), noise, None, (0,)).beside((1,))
+    assert aside.square((1,)) == pytest.approx(settled.square((1,)), abs=1.0)
+
+
 def test_fewer_samples_tell_sets_less_apart(data):
     fewer = data.tempered(4.0)
     which = np.arange(3, 9)

@@ -74,6 +74,9 @@ STAYS = 0.3
 #: How often, on CANopen, a drive's enable input drops when its power stage has gone on: a drive that falls back on its
 #: way up, with nothing to tell why, is one that a tool may be tempted to bring up again. Drawn last.
 FALLS_BACK, FALLING_BACK = 0.03, "enable-input"
+#: How often, on CANopen, somebody turns the axis between plan and power, by less than a motion is refused for: who
+#: takes the first setpoint for where the axis stands makes it a step. Sizes as of "moved" are about 0.5. Drawn last.
+TURNS, TURNING, TURNED = 0.04, "moved", 0.16
 
 
 @dataclass(frozen=True)
@@ -129,12 +132,19 @@ def draw(seed: int, weights: tuple[float, ...], bus: str = "canopen") -> Scenari
     creeps, stays = chance.random() < CREEPS, chance.random() < STAYS
     if bus == "canopen" and chance.random() < FALLS_BACK:
         incidents += (_falling_back(chance),)
+    if bus == "canopen" and chance.random() < TURNS:
+        incidents += (_turning(chance),)
     return Scenario(seed, way, start, incidents, exports, creeps, stays, trait, bus)
 
 
 def _falling_back(chance: random.Random) -> Incident:
     size, duration = chance.random(), 10 ** chance.uniform(-2.5, 0.5)
     return Incident(FALLING_BACK, "enable", 0.0, "waits", None, duration, size, 0)
+
+
+def _turning(chance: random.Random) -> Incident:
+    stage, size = chance.choice(("set-up", "start")), 0.5 + chance.uniform(-TURNED, TURNED)
+    return Incident(TURNING, stage, chance.random(), chance.choice(POINTS), None, 0.0, size, 0)
 
 
 def _incident(chance: random.Random, classes: dict[str, tuple[str, ...]], follows: bool) -> Incident:

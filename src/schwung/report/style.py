@@ -20,6 +20,8 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.backend_bases import RendererBase
 from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.backends.backend_mixed import MixedModeRenderer
+from matplotlib.backends.backend_svg import RendererSVG
 from matplotlib.figure import Figure
 from matplotlib.layout_engine import ConstrainedLayoutEngine
 
@@ -53,6 +55,7 @@ PALETTE = (INK, MUTED, GRID, SURFACE, ESTIMATE, EXCITED, PLAIN, FORMER, GOOD, DO
 
 WIDTH_IN = 9.2
 _PAD_IN = 3 / 72  # around each axes with its labels
+_SVG_DPI = 72  # its unit is the point
 MOST_POINTS = 4000
 DASHED = (0, (4, 2))
 
@@ -177,10 +180,7 @@ def thin(x: Array, y: Array, most: int = MOST_POINTS) -> tuple[Array, Array]:
 @in_style
 def to_svg(figure: Figure, name: str, title: str) -> str:
     """The figure as an SVG element for inlining: ids made unique by `name`, colours as CSS variables."""
-    _lay_out(figure)
-    buffer = io.StringIO()
-    figure.savefig(buffer, format="svg", metadata={"Date": None, "Creator": None}, transparent=True)
-    svg = buffer.getvalue()
+    svg = _drawn(figure)
     svg = re.sub(r"<metadata>.*?</metadata>", "", svg[svg.index("<svg") :], flags=re.DOTALL)
     svg = re.sub(r'(\bid="|href="#|url\(#)', rf"\g<1>{name}-", svg)
     opening = rf'<svg \1 role="img" aria-label="{escape(title)}">'
@@ -193,20 +193,50 @@ def to_svg(figure: Figure, name: str, title: str) -> str:
 @in_style
 def to_png(figure: Figure, dpi: float = 150) -> bytes:
     """The figure as a PNG, in the light colours on white."""
-    _lay_out(figure)
+    _lay_out(figure, figure.canvas.get_renderer())  # type: ignore[attr-defined]
     buffer = io.BytesIO()
     figure.savefig(buffer, format="png", dpi=dpi, metadata={"Software": None})
     return buffer.getvalue()
 
 
-def _lay_out(figure: Figure) -> None:
+def _drawn(figure: Figure) -> str:
+    """The figure as an SVG file. What `savefig` does, but that one renderer lays it out and draws it: to measure a text
+    takes longer than to write it, and a renderer measures each once."""
+    buffer, dpi = io.StringIO(), figure.dpi
+    grounds = [
+        ground for ground in (figure.patch, *(axes.patch for axes in figure.axes)) if ground.get_visible()
+    ]
+    try:
+        figure.dpi = _SVG_DPI
+        for ground in grounds:  # what is behind the picture is the page's
+            ground.set_visible(False)
+        width, height = figure.bbox.size
+        metadata = {"Date": None, "Creator": None}
+        svg = RendererSVG(width, height, buffer, image_dpi=dpi, metadata=metadata)  # type: ignore[no-untyped-call]
+        renderer: Any = MixedModeRenderer(figure, width, height, dpi, svg)  # type: ignore[no-untyped-call]
+        _lay_out(figure, renderer)
+        figure.draw(renderer)
+        renderer.finalize()
+    finally:
+        figure.dpi = dpi
+        for ground in grounds:
+            ground.set_visible(True)
+    return buffer.getvalue()
+
+
+def _lay_out(figure: Figure, renderer: RendererBase) -> None:
     """Make room for all labels. savefig draws a figure that has an engine of its own twice, once for the layout; the
     engine looks at all labels twice, which takes longer than to draw them, and a column needs it once."""
-    if not _stack(figure):
+    for axes in figure.axes:
+        for axis in (axes.xaxis, axes.yaxis):
+            if not axis.label.get_text():  # else all labels of its ticks are measured for where it would be
+                axis.set_label_coords(0.5, 0.5)
+                axis.label.set_visible(False)
+    if not _stack(figure, renderer):
         ConstrainedLayoutEngine().execute(figure)
 
 
-def _stack(figure: Figure) -> bool:
+def _stack(figure: Figure, renderer: RendererBase) -> bool:
     """Lay out axes that stand one above the other, as `new_figure` makes them; False where they are more than that.
 
     All are as wide as the widest labels leave; what labels leave of the height is shared as the grid's ratios say.
@@ -216,7 +246,7 @@ def _stack(figure: Figure) -> bool:
     grid = grids.pop() if len(grids) == 1 else None
     if grid is None or grid.ncols != 1 or grid.nrows != len(column) or figure.legends or figure.texts:
         return False
-    renderer, pad = figure.canvas.get_renderer(), _PAD_IN * figure.dpi  # type: ignore[attr-defined]
+    pad = _PAD_IN * figure.dpi
     around = np.transpose([_around(axes, renderer) for axes, _ in column])
     left, below, right, above = np.maximum(around, 0.0) + pad
     wide, high = figure.bbox.width, figure.bbox.height

@@ -109,8 +109,7 @@ class Linearised:
 
     def beside(self, runs: Sequence[int]) -> Linearised:
         """Other runs about the same, with the states that it makes likely."""
-        view = resmoothed(self.view, self.members, self.noise, runs)
-        return linearised(view, self.members, self.noise, None, runs)
+        return at_rest(self.view, self.members, self.noise, runs)
 
     def samples(self, runs: Sequence[int]) -> int:
         """Σ2n of some runs."""
@@ -204,6 +203,24 @@ def _resmoothed(about: Linearised) -> tuple[View, tuple[Array, ...]]:
     return replace(view, runs=tuple(runs)), tuple(torques)
 
 
+def at_rest(
+    view: View, members: Sequence[Member], noise: Noise, runs: Sequence[int] | None = None
+) -> Linearised:
+    """Some runs (None: all) about the states that these members make likely, smoothed until those stay as they are.
+
+    As recorded, a shaft is not wound up: about such states, and about those smoothed once from there, a machine that is
+    as believed misses several times its noise.
+    """
+    about = linearised(resmoothed(view, members, noise, runs), members, noise, None, runs)
+    every = tuple(about.passed)
+    for _ in range(_STEPS):
+        before, missed = about.square(every), max(1.0, about.square(every) / about.samples(every))
+        about = linearised(_resmoothed(about)[0], members, noise, None, runs)
+        if abs(about.square(every) - before) < _ALIKE * missed:
+            break
+    return about
+
+
 @dataclass(frozen=True, eq=False)
 class Wide:
     """Everything that is smooth, fitted at once: what noise and effective samples are found from."""
@@ -241,7 +258,8 @@ def wide_fit(
     Where repeats are likelier about the former states, what was found about those holds: curves that cancel one another
     may make them differ by more than their noise.
     """
-    members, view, least = list(candidates), replace(view, dry_nm=None), np.inf
+    members, least = list(candidates), np.inf
+    view = at_rest(replace(view, dry_nm=None), members, noise).view
     passes = _PASSES_OF_REPEATS if any(len(group) > 1 for group in view.repeats) else _PASSES
     for number in range(passes):
         latest = linearised(view, members, noise, reach)
