@@ -16,4 +16,4 @@ def test_torques_alone_are_whitened_as_beside_an_error_of_nothing(side: int) -> 
     kernel.responses(packed, (*both, none, none), expected, 1, 4)
     kernel.responses_to_torque(packed, torque, side, found, 1, 4)
     np.testing.assert_allclose(found, expected, atol=1e-12)
-    assert np.count_nonzero(found) == 5 * 150
+    assert np.count_nonzero(found) == 5 * 148  # nothing shows at the first sample
