@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from schwung.explain.weighing.along import Along
 from schwung.innovations.effect import Effect
+from schwung.innovations.splines import interpolated
 from schwung.motion import Array
 
 Shape = tuple[float, ...]
@@ -102,6 +103,42 @@ def curve_modes(points: Array, reach: float, *, least: float = 1e-3) -> Array:
     values, vectors = np.linalg.eigh((1 + away) * np.exp(-away))
     matter = values > least * values[-1]
     return np.asarray(vectors[:, matter] * np.sqrt(values[matter]))[:, ::-1]
+
+
+#: Modes of a bent curve that are kept, as a share of the largest variance: torque goes by what they are the slope of.
+_LEAST_BENT = 1e-6
+
+
+def bent_modes(points: Array, reach: float) -> Array:
+    """Modes of a Matérn-5/2 process of deviation 1 at points (g,), whose slope is as continuous as it is, (g, m)."""
+    away = np.sqrt(5.0) * np.abs(points[:, None] - points) / reach
+    values, vectors = np.linalg.eigh((1 + away + away**2 / 3) * np.exp(-away))
+    matter = values > _LEAST_BENT * values[-1]
+    return np.asarray(vectors[:, matter] * np.sqrt(values[matter]))[:, ::-1]
+
+
+@dataclass(frozen=True, eq=False)
+class BentCurve:
+    """A curve over a coordinate whose slope is one, too, cubic between points: `modes` (g, m) at `points` (g,)."""
+
+    points: Array
+    modes: Array
+
+    @classmethod
+    def over(cls, low: float, high: float, reach: float, count: int = 65) -> BentCurve:
+        """Between two ends; `reach` as a share of the range."""
+        points = np.linspace(low, high, count)
+        return cls(points, bent_modes(points, reach * (high - low)))
+
+    @property
+    def size(self) -> int:
+        return int(self.modes.shape[1])
+
+    def at(self, where: Array) -> Array:
+        """Every mode at coordinates (n,), (n, m); beyond the ends as at them."""
+        low, high = self.points[0], self.points[-1]
+        step = (high - low) / (self.points.size - 1)
+        return interpolated(self.modes, low, step, np.clip(where, low, high))
 
 
 @dataclass(frozen=True, eq=False)
