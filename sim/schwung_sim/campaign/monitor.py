@@ -170,7 +170,9 @@ class Monitor:
     def __post_init__(self) -> None:
         self._asked = False  # somebody has asked for one time in operation
         self._enabled = self._stopped = False  # Enable operation was said; and then another word
-        self._waits = self._undone = False  # an RPDO that enables, for its SYNC; and a stop was said by SDO meanwhile
+        self._waits = self._undone = (
+            False  # an RPDO that enables, for its SYNC; and a stop was said by SDO meanwhile
+        )
         self._foreign_heard_s: float | None = None  # by the tool, while it enabled
         self._operated = False
         self._climbed: set[int] = set()  # controlwords since the power stage was last off
@@ -235,7 +237,9 @@ class Monitor:
             self._beat_s = self.now()
         elif can_id == 0x080:
             if self._undone:
-                self._report("undone by SYNC", "a stop was said by SDO, and an RPDO that enables waited for its SYNC")
+                self._report(
+                    "undone by SYNC", "a stop was said by SDO, and an RPDO that enables waited for its SYNC"
+                )
             self._waits = self._undone = False
         elif can_id == 0 and len(data) == 2:
             self._nmt(data[0])
@@ -311,7 +315,9 @@ class Monitor:
         self._judge_sharing(enables)
         heard_s = self._foreign_heard_s
         if enables and heard_s is not None and self.now() - heard_s > HEARD_S:
-            self._report("goes on", f"Enable operation, {self.now() - heard_s:.3f} s after another master was heard")
+            self._report(
+                "goes on", f"Enable operation, {self.now() - heard_s:.3f} s after another master was heard"
+            )
         if abs(added) > plan.added_counts or (added and not enables):
             self._report("torque added", f"{added} ‰ beside controlword 0x{word:04X}")
         if not self.machine.energised:
