@@ -327,6 +327,38 @@ def _turn(tile: Array, rows: Array, down: int, across: int) -> None:
 
 
 @compiled_fastmath
+def responses_to_torque(packed: Array, torque: Array, side: int, rows: Array, down: int, across: int) -> None:
+    """`responses` of columns that are torques (n, p) on motor (`side` 0) or load (1) alone, as most are.
+
+    What the filter takes off is part of the transition then, and what is carried is gone through once a sample.
+    """
+    count, number = torque.shape
+    a, b, c, d = np.zeros(number), np.zeros(number), np.zeros(number), np.zeros(number)
+    tile = np.empty((2 * TILE, number))
+    for k in range(count):
+        f = packed[k]
+        onto, heavy, weighty = f[40], f[41], f[42]
+        f0, f1, f2, f3 = f[0] - f[16] + f[20] * onto, f[1] - f[20], f[2], f[3]
+        f4, f5, f6, f7 = f[4] - f[17] + f[21] * onto, f[5] - f[21], f[6], f[7]
+        f8, f9, f10, f11 = f[8] - f[18] + f[22] * onto, f[9] - f[22], f[10], f[11]
+        f12, f13, f14, f15 = f[12] - f[19] + f[23] * onto, f[13] - f[23], f[14], f[15]
+        s0, s1, s2, s3 = f[24 + 4 * side], f[25 + 4 * side], f[26 + 4 * side], f[27 + 4 * side]
+        e0, e1, e2, e3 = f[32 + 4 * side], f[33 + 4 * side], f[34 + 4 * side], f[35 + 4 * side]
+        at, down_weighed = 2 * (k % TILE), weighty * onto
+        here, ahead = torque[k], torque[min(k + 1, count - 1)]
+        first, second = tile[at], tile[at + 1]
+        for i in range(number):
+            a0, b0, c0, d0, start, end = a[i], b[i], c[i], d[i], here[i], ahead[i]
+            first[i], second[i] = heavy * a0, weighty * b0 - down_weighed * a0
+            a[i] = f0 * a0 + f1 * b0 + f2 * c0 + f3 * d0 + s0 * start + e0 * end
+            b[i] = f4 * a0 + f5 * b0 + f6 * c0 + f7 * d0 + s1 * start + e1 * end
+            c[i] = f8 * a0 + f9 * b0 + f10 * c0 + f11 * d0 + s2 * start + e2 * end
+            d[i] = f12 * a0 + f13 * b0 + f14 * c0 + f15 * d0 + s3 * start + e3 * end
+        if k % TILE == TILE - 1 or k == count - 1:
+            _turn(tile[: at + 2], rows, down, across + 2 * (k - k % TILE))
+
+
+@compiled_fastmath
 def responses(
     packed: Array, parts: tuple[Array, Array, Array, Array], rows: Array, down: int, across: int
 ) -> None:

@@ -6,7 +6,7 @@ A `Model` says what one run's equations are about its states; all else here hold
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Protocol
 
 import numpy as np
@@ -90,7 +90,7 @@ def resmoothed(model: Model, runs: Sequence[Signals], parameters: Array, noise: 
     systems = systems_of(model, runs, parameters)
     results = [kernel.filtered(problem_of(s, noise, r)) for s, r in zip(systems, runs, strict=True)]
     return tuple(
-        replace(run, states=kernel.smoothed(system.transition, result)[:, :-1])
+        run.about(kernel.smoothed(system.transition, result)[:, :-1])
         for run, system, result in zip(runs, systems, results, strict=True)
     )
 
