@@ -176,16 +176,23 @@ def smoothed(transition: Array, result: Filtered) -> Array:
     """States given all samples, (n, s): Bryson and Frazier's form, which inverts no covariance."""
     count, size = result.state.shape
     states = np.empty((count, size))
-    adjoint = np.zeros(size)
+    adjoint, before = np.zeros(size), np.empty(size)
     for k in range(count - 1, -1, -1):
-        states[k] = result.state[k] - result.covariance[k] @ adjoint
+        for i in range(size):
+            states[k, i] = result.state[k, i]
+            for j in range(size):
+                states[k, i] -= result.covariance[k, i, j] * adjoint[j]
         for m in range(1, -1, -1):
             onto = 0.0
             for i in range(size):
                 onto += result.gain[k, m, i] * adjoint[i]
             adjoint[m] -= onto + result.error[k, m] / result.variance[k, m]
         if k > 0:
-            adjoint = transition[k - 1].T @ adjoint
+            for i in range(size):
+                before[i] = 0.0
+                for j in range(size):
+                    before[i] += transition[k - 1, j, i] * adjoint[j]
+            adjoint[:] = before
     return states
 
 

@@ -12,6 +12,7 @@ from scipy.ndimage import maximum_filter1d
 
 from schwung.drivetrain.machine import Machine
 from schwung.innovations.low_pass import low_passed
+from schwung.innovations.splines import slopes
 from schwung.motion import Array
 from schwung.session.model import Run
 
@@ -173,7 +174,7 @@ class Signals:
     @cached_property
     def load_acceleration(self) -> Array:
         """Of the believed load within the band, (n,), rad/s²."""
-        return np.asarray(CubicSpline(self.time_s, self.quiet(self.load_speed_rad_s))(self.time_s, 1))
+        return slopes(self.quiet(self.load_speed_rad_s), self.step_s)
 
     @cached_property
     def _speed(self) -> CubicSpline:

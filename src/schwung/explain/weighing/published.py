@@ -293,6 +293,8 @@ class _Publishing:
         if curve is None or "table" not in cause.found.parameters:
             return None
         for formula, shape in _formulas(curve):
+            if self.outcome.view.work.late:
+                break
             instead = Found("residual", False, _residual(shape), {})
             every = [instead if one is cause else one.found for one in causes]
             tried = judged(self.outcome, _smooth(learned(self.machine, every)), self.outcome.heldout)
@@ -336,6 +338,8 @@ class _Publishing:
 
     def _notes(self, causes: Sequence[_Cause]) -> list[str]:
         notes = []
+        if self.outcome.view.work.late and any(cause.curve is not None for cause in causes):
+            notes.append("formulas were looked for no further than the work that a session may cost")
         if not self.outcome.heldout:
             notes.append("no run could be kept aside, so that nothing is proven: record repeats")
         if not any(len(group) > 1 for group in self.outcome.view.repeats):
