@@ -123,10 +123,14 @@ def load(of: Ranges, torque_nm: float, machine: Machine) -> list[Candidate]:
         return machine.load_inertia_at(where)[:, None] * masses.at(where)
 
     def directed(along: Along, _shape: Shape) -> Effect:
-        curve, ahead = angle.at(along.load_angle), along.load_direction[:, None]
-        return Effect(
-            on_load=np.concatenate([curve * np.maximum(ahead, 0), curve * np.maximum(-ahead, 0)], 1)
-        )
+        return Effect(on_load=angle.by_direction(along.load_angle, along.load_direction))
+
+    def directed_whole(along: Along, _shape: Shape, coefficients: Array) -> Effect:
+        folded = angle.folded_by_direction(along.load_angle, along.load_direction, coefficients)
+        return Effect(on_load=folded)
+
+    def over_angle(along: Along, _shape: Shape, coefficients: Array) -> Effect:
+        return Effect(on_load=angle.folded(coefficients).at(along.load_angle))
 
     step = _DIFFERENCE_RAD
     found = [
@@ -134,7 +138,8 @@ def load(of: Ranges, torque_nm: float, machine: Machine) -> list[Candidate]:
                   lambda c, _: dict(zip(("amplitude_nm", "phase_rad"), polar(c), strict=True)),
                   coordinate="position", family="load"),
         Candidate("load_torque", lambda a, _: Effect(on_load=angle.at(a.load_angle)),
-                  (torque_nm,) * angle.size, scales=LADDER, coordinate="position", family="load"),
+                  (torque_nm,) * angle.size, scales=LADDER, coordinate="position", family="load",
+                  whole=over_angle),
         Candidate("torque_offset", _offset, natural[:1], lambda c, _: {"torque_nm": c[0]},
                   coordinate="direction"),
         Candidate("offset_drift", _offset_drift, natural[:1], lambda c, _: {"change_nm": c[0]},
@@ -149,7 +154,7 @@ def load(of: Ranges, torque_nm: float, machine: Machine) -> list[Candidate]:
                   shapes=grid(range(lowest, highest + 1)), spacing=(0.25,), logarithmic=(False,),
                   bounds=((0.75 * lowest, 2.0 * highest),), coordinate="position"),
         Candidate("direction_dependent_load", directed, (torque_nm,) * (2 * angle.size), scales=LADDER,
-                  coordinate="position", family="load"),
+                  coordinate="position", family="load", whole=directed_whole),
         Candidate("load_inertia", of_inertia(constant, step), (share * mass,),
                   lambda c, _: {"delta_kgm2": c[0]}, positive=(0,), least=(-float(inertia.min()),),
                   coordinate="acceleration", inertia=constant),
