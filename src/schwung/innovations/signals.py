@@ -8,11 +8,10 @@ from functools import cached_property
 
 import numpy as np
 from scipy.interpolate import CubicSpline
-from scipy.ndimage import maximum_filter1d
 
 from schwung.drivetrain.machine import Machine
 from schwung.innovations.low_pass import low_passed
-from schwung.innovations.splines import slopes
+from schwung.innovations.splines import interpolated, slopes
 from schwung.motion import Array
 from schwung.session.model import Run
 
@@ -82,7 +81,8 @@ class Drive:
         missed[2:-2] = np.convolve(reported, _GUESS, "valid") - reported[2:-2]
         usual = 1.4826 * float(np.median(np.abs(missed[2:-2])))
         sharp = np.where(np.abs(missed) > _SHARP * usual, missed**2 - usual**2, 0.0) / 4
-        return np.asarray(maximum_filter1d(sharp, 3))
+        beside = np.concatenate([sharp[:1], sharp, sharp[-1:]])
+        return np.asarray(np.max([beside[:-2], sharp, beside[2:]], axis=0))
 
     @cached_property
     def smooth_nm(self) -> Array:
@@ -169,16 +169,12 @@ class Signals:
     def speed_at(self, delay_s: float, derivative: int = 0) -> Array:
         """The believed motor speed `delay_s` before each sample, or its derivative, (n,)."""
         then = np.clip(self.time_s - delay_s, self.time_s[0], self.time_s[-1])
-        return np.asarray(self._speed(then, derivative))
+        return interpolated(self.states[:, 1], self.time_s[0], self.step_s, then, derivative)
 
     @cached_property
     def load_acceleration(self) -> Array:
         """Of the believed load within the band, (n,), rad/s²."""
         return slopes(self.quiet(self.load_speed_rad_s), self.step_s)
-
-    @cached_property
-    def _speed(self) -> CubicSpline:
-        return CubicSpline(self.time_s, self.states[:, 1])
 
 
 def signals_of(recorded: Run, machine: Machine, band_hz: float, pieces_hz: float | None = None) -> Signals:
