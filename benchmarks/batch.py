@@ -45,9 +45,9 @@ class Taken:
 
 def make(folder: Path, seeds: Sequence[int]) -> None:
     """Make sessions, each in a folder of its own with the machine file beside it; those that are there stay."""
-    from estimator_cases import CLEAN, SLIDER_CRANK, Case, believed, session_of  # noqa: PLC0415  # no worker's
+    from estimator_cases import CLEAN, SLIDER_CRANK, Case, believed, session_of  # no worker's
 
-    from schwung.drivetrain import write_machine  # noqa: PLC0415
+    from schwung.drivetrain import write_machine
 
     for seed in seeds:
         place = folder / f"{seed:04d}"

@@ -247,7 +247,7 @@ def main() -> None:
     scores = compute(methods, todo, given.cache, given.workers, not given.no_run)
     print("\n".join(_show(scores, methods)))
     if given.out is not None:
-        from estimator_page import write_page  # noqa: PLC0415  # only where a picture is wanted
+        from estimator_page import write_page  # only where a picture is wanted
 
         write_page(scores, given.out)
 

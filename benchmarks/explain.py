@@ -83,9 +83,9 @@ def run(options: argparse.Namespace) -> None:
 
 def _by_call(folder: Path, into: Path) -> str:
     """In this process; returns what went wrong, or nothing."""
-    from schwung.drivetrain import load_machine  # noqa: PLC0415
-    from schwung.explain.explain import explain  # noqa: PLC0415
-    from schwung.session import read_session  # noqa: PLC0415
+    from schwung.drivetrain import load_machine
+    from schwung.explain.explain import explain
+    from schwung.session import read_session
 
     try:
         found = explain(read_session(folder / "session.h5"), load_machine(folder / "machine.toml"))
@@ -124,7 +124,7 @@ def peer(options: argparse.Namespace) -> None:
 
 def score(options: argparse.Namespace) -> None:
     """Open the labels, print and write the figures."""
-    from explain_score import peer_scores, printed, score_all, write_scores  # noqa: PLC0415  opens the seal
+    from explain_score import peer_scores, printed, score_all, write_scores
 
     scores, peers = score_all(options.out), peer_scores(options.out)
     print(printed(scores, peers))
@@ -141,7 +141,7 @@ def everything(options: argparse.Namespace) -> None:
 
 def control(options: argparse.Namespace) -> None:
     """The same sessions with [control] as given, without, and with wrong gains: how many names are lost."""
-    from explain_score import score_all  # noqa: PLC0415  opens the seal
+    from explain_score import score_all
 
     folder, rates = options.out, {}
     for belief in CONTROLS:
@@ -178,7 +178,7 @@ def _believing(folder: Path, belief: str) -> Path:
 
 def likeness(options: argparse.Namespace) -> None:
     """For every wrongly named single case: how far the truth is from its best likeness. Opens the seal."""
-    from explain_score import score_all  # noqa: PLC0415
+    from explain_score import score_all
 
     wishes = {label["case"]: label for label in read_labels(options.out)}
     for found in score_all(options.out):

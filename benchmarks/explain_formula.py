@@ -79,7 +79,7 @@ class Library:
     """PySINDy's libraries, all of them, and their products with the direction of motion."""
 
     def __init__(self, sample: Array) -> None:
-        import pysindy  # noqa: PLC0415  heavy, and not everybody has it
+        import pysindy
 
         root, fall = (lambda x: np.sqrt(np.abs(x))), (lambda x: np.exp(-5 * np.abs(x)))
         custom = pysindy.CustomLibrary(
@@ -116,7 +116,7 @@ class WithPeer(Known):
 
 def peer(outcome: Posterior, machine: Machine, before: Judged) -> Taken:
     """PySINDy's model of what the belief misses."""
-    import pysindy  # noqa: PLC0415
+    import pysindy
 
     began = time.process_time()
     missed = judged(outcome, machine, outcome.growth.train)

@@ -72,7 +72,7 @@ def library(machine: Machine, of: dict[str, Array], peak_speed: float) -> dict[s
 
 def names(session_file: Path, machine_file: Path) -> list[str]:
     """What sparse regression would call the mismatch, the largest contribution first."""
-    import pysindy  # noqa: PLC0415  heavy, and not everybody has it
+    import pysindy
 
     machine = load_machine(machine_file)
     prepared = prepare(read_session(session_file), machine)

@@ -81,16 +81,16 @@ class Part:
 
 def serve(folder: Path, told: Connection) -> None:
     """The life of the service's process: pages, and samples when they are asked for."""
-    import uvicorn  # noqa: PLC0415  # the browser's process needs none of this
+    import uvicorn  # the browser's process needs none of this
 
-    from schwung.cli.demo import BELIEF  # noqa: PLC0415
-    from schwung.fieldbus.canopen import BusOptions  # noqa: PLC0415
-    from schwung.service.app import make_app  # noqa: PLC0415
-    from schwung.service.guard import Guard, own_token  # noqa: PLC0415
-    from schwung.service.pages import mount_pages  # noqa: PLC0415
-    from schwung.service.service import Service  # noqa: PLC0415
-    from schwung.service.stop_listener import listen  # noqa: PLC0415
-    from schwung.service.values import BusEntry, DriveSeed, Settings  # noqa: PLC0415
+    from schwung.cli.demo import BELIEF
+    from schwung.fieldbus.canopen import BusOptions
+    from schwung.service.app import make_app
+    from schwung.service.guard import Guard, own_token
+    from schwung.service.pages import mount_pages
+    from schwung.service.service import Service
+    from schwung.service.stop_listener import listen
+    from schwung.service.values import BusEntry, DriveSeed, Settings
 
     settings = Settings(
         folder,
@@ -119,8 +119,8 @@ def serve(folder: Path, told: Connection) -> None:
 
 def play(scope: Any, told: Connection) -> None:
     """Samples as a driver hands them out, until somebody says that it is enough."""
-    from schwung.fieldbus.drive import LiveSamples  # noqa: PLC0415
-    from schwung.service.live import PERIOD_S  # noqa: PLC0415
+    from schwung.fieldbus.drive import LiveSamples
+    from schwung.service.live import PERIOD_S
 
     began_s, rows, luck = time.time(), 0, np.random.default_rng(1)
     told.send(began_s - 0.05)  # the scope's time begins after a gap
@@ -140,7 +140,7 @@ def play(scope: Any, told: Connection) -> None:
 
 def measure(seconds: float, scale: float, width: int) -> list[Part]:
     """Look for so long; prints each part."""
-    from page_process import Served, browser_process, visiting  # noqa: PLC0415
+    from page_process import Served, browser_process, visiting
 
     context = multiprocessing.get_context("spawn")
     ours, theirs = context.Pipe()

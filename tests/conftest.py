@@ -3,12 +3,17 @@
 Byte code is kept also where PYTHONDONTWRITEBYTECODE says otherwise, as in many containers: without it every worker
 compiles every test, and every process that a test starts compiles all that it imports, each time.
 
+The garbage collector rests while tests are collected, and never again looks at what was imported by then: a million
+objects of libraries that stay until the end, gone through dozens of times.
+
 Ctrl-C interrupts, also where the tests were started in the background of a script, which ignores it and hands that on.
 """
 
+import gc
 import os
 import signal
 import sys
+from collections.abc import Generator
 
 import pytest
 
@@ -27,3 +32,15 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
                 item.add_marker(
                     pytest.mark.skip(reason="Windows has no such signals, terminals or file modes")
                 )
+
+
+@pytest.hookimpl(wrapper=True)
+def pytest_collection() -> Generator[None, object, object]:
+    """Without garbage collection, and what is there by then is not looked at again."""
+    gc.disable()
+    try:
+        return (yield)
+    finally:
+        gc.collect()
+        gc.freeze()
+        gc.enable()

@@ -139,3 +139,14 @@ def test_weighing_knows_a_held_injection_and_rounding_that_repeats_share(tmp_pat
     assert weak.names[0].parameters["gain"].value == pytest.approx(0.93, rel=0.003)
     assert weak.proof is not None
     assert weak.proof.after < 1.2
+
+
+def test_weighing_finds_the_inertia_that_the_belief_only_guessed(tmp_path: Path) -> None:
+    """One name, and no curves that take its part: a table's corners were some N·m in its slope."""
+    found = weigh(_recorded(tmp_path), guessed_machine())
+    likely = [one.name for one in found.names if one.probability > 0.5]
+    assert likely == ["inertia_profile"]
+    assert not [one for one in found.unnamed if one.probability > 0.5 and one.torque_nm > 0.1]
+    assert found.proof is not None
+    assert found.proof.before > 20
+    assert found.proof.after < 1.5

@@ -215,6 +215,34 @@ def test_setpoints_do_not_run_away_from_a_drive_that_hears_none(deaf_s: float) -
         assert Power.FAULT_REACTION_ACTIVE not in room.states
 
 
+def test_setpoints_that_wait_on_the_wire_are_not_played_to_their_end() -> None:
+    """SYNC and its answers came on time, the setpoints did not: the whole stroke was one step when they did, and the
+    axis overshot its window (campaign seed 555337)."""
+    count_rad, late_s = 2 * np.pi / 2**20, 0.3
+    with started() as room:
+        room.drive.stop()
+        room.drive.write([ParameterValue(room.drive.parameter(0x6065), round(0.1 / count_rad))])
+        room.drive.start(CSP)
+        room.drive.enable()
+        clock, arrives_s = room.bench.bus.clock, list[float]()
+
+        def late(_sender: object, _end: object, message: can.Message) -> tuple[float, ...]:
+            if message.arbitration_id != 0x200 + NODE:
+                return (0.0,)
+            if struct.unpack_from("<Hi", message.data)[1] * count_rad > 0.01 and not arrives_s:
+                arrives_s.append(clock.now() + late_s)
+            return (max(arrives_s[0] - clock.now(), 0.0) if arrives_s else 0.0,)
+
+        room.bench.bus.stepped.wire.weather = late
+        with pytest.raises(StateError, match="not where it was sent"):
+            room.drive.play(stroke(500, RATE_HZ))
+        assert max(target for _, target in room.sent) * count_rad < 0.3  # of 0.5 rad
+        room.drive.disable()
+        clock.sleep(late_s)
+        assert abs(room.bench.axis.position_rad) < 0.05
+        assert not room.bench.servo.power.energised
+
+
 @pytest.mark.parametrize("kept", [0, 1], ids=["as before", "defaults"])
 def test_a_drive_that_restarts_while_it_stores_has_not_stored(kept: int) -> None:
     """Asked again it confirms, but what it stores then are not the values that were meant."""

@@ -44,6 +44,9 @@ class Stage:
     def say(self, can_id: int, data: bytes, sender: str = "tool") -> None:
         self.monitor.heard(sender, can.Message(arbitration_id=can_id, data=data, is_extended_id=False))
 
+    def hear(self, can_id: int, data: bytes) -> None:
+        self.monitor.reached(can.Message(arbitration_id=can_id, data=data, is_extended_id=False))
+
     def rpdo(self, word: int, target: int = 0, added: int = 0) -> None:
         self.say(0x203, struct.pack("<Hih", word, target, added))
 
@@ -96,6 +99,18 @@ def _enabled_after_a_stop(stage: Stage) -> None:
 def _brought_up_again(stage: Stage) -> None:
     for word in (0x06, 0x07, 0x0F):
         stage.rpdo(word)
+
+
+def _undone_by_sync(stage: Stage) -> None:
+    stage.rpdo(0x0F)
+    stage.say(0x603, struct.pack("<BHBHxx", 0x2B, 0x6040, 0, 0x02))
+    stage.say(0x080, b"")
+
+
+def _goes_on(stage: Stage) -> None:
+    stage.hear(0x203, bytes(8))
+    stage.pass_time(0.03)
+    stage.rpdo(0x0F)
 
 
 def _step(stage: Stage) -> None:
@@ -159,6 +174,8 @@ def _silence(stage: Stage) -> None:
         (_re_enabled, "re-enabled"),
         (_enabled_after_a_stop, "enable after stop"),
         (_brought_up_again, "enable after stop"),
+        (_undone_by_sync, "undone by SYNC"),
+        (_goes_on, "goes on"),
         (_step, "step"),
         (_step_in_the_quick_stop, "step"),
         (_bend, "bend"),

@@ -6,7 +6,7 @@ from scipy.interpolate import CubicSpline
 from strangers import STRANGERS, Stranger, belief_of, session_of
 
 from schwung.explain.weighing import round as rounds
-from schwung.explain.weighing.along import ranges_of
+from schwung.explain.weighing.along import TrueTorque, ranges_of
 from schwung.explain.weighing.candidate import Curve, Plane
 from schwung.explain.weighing.data import Data
 from schwung.explain.weighing.equations import Acting, equations_of
@@ -32,7 +32,7 @@ def view():
     session, machine = session_of(SPOT, 5, every=8, times=(0.25,)), belief_of(SPOT)
     runs = tuple(signals_of(run, machine, 160.0, 0.0) for run in session.runs)
     of = ranges_of(list(runs), machine, 0.002, 160.0)
-    torques = tuple(run.drive.smooth(run.time_s) for run in runs)
+    torques = tuple(TrueTorque(run, run.drive.smooth_nm) for run in runs)
     return rounds.View(session.runs, runs, known(machine, of.low_rad, of.high_rad), of, torques)
 
 
@@ -149,7 +149,7 @@ def test_a_run_kept_aside_is_missed_by_no_more_than_noise():
     session, machine = session_of(STRANGERS[0], 5, every=8, times=(0.2,)), belief_of(STRANGERS[0])
     runs = tuple(signals_of(run, machine, 160.0, 0.0) for run in session.runs)
     of = ranges_of(list(runs), machine, 0.002, 160.0)
-    torques = tuple(run.drive.smooth(run.time_s) for run in runs)
+    torques = tuple(TrueTorque(run, run.drive.smooth_nm) for run in runs)
     view = rounds.View(session.runs, runs, known(machine, of.low_rad, of.high_rad), of, torques, dry_nm=0.0)
     noise = first_noise(runs)
     settled = rounds.at_rest(view, (), noise)

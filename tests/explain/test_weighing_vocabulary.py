@@ -1,5 +1,8 @@
 """What candidates may be beside each other, and below what no coefficient may go."""
 
+from types import SimpleNamespace
+
+import numpy as np
 import pytest
 from strangers import STRANGERS, belief_of
 
@@ -52,3 +55,23 @@ def test_no_total_is_negative(candidates, name, least):
 def test_a_set_holds_a_curve_or_its_cases(candidates, one, other, apart):
     assert candidates[one].excludes(candidates[other]) is apart
     assert candidates[other].excludes(candidates[one]) is apart
+
+
+def test_all_that_a_curve_does_is_what_its_coefficients_do_together(candidates):
+    """Curves are folded before they are laid along a run; the columns say the same."""
+    chance, time = np.random.default_rng(5), np.linspace(0.0, 1.0, 400)
+    angle, speed = 2 - 2 * np.cos(2 * np.pi * time), 40 * np.sin(2 * np.pi * time)
+    along = SimpleNamespace(
+        angle=angle, load_angle=angle + 0.01, speed=speed, load_speed=speed + 1, direction=np.tanh(speed),
+        load_direction=np.tanh(speed + 1), torque=30 * np.cos(2 * np.pi * time), motion_time_s=time,
+        load_acceleration=1500 * np.cos(2 * np.pi * time), number=3,
+    )  # fmt: skip
+    folded = [one for one in candidates.values() if one.whole is not None]
+    assert len(folded) >= 11
+    for one in folded:
+        coefficients = chance.standard_normal(one.size)
+        together = one.done(along, (), coefficients).parts
+        for part, each in zip(together, one.effect(along, ()).parts, strict=True):
+            assert (part is None) == (each is None)
+            if part is not None:
+                np.testing.assert_allclose(part[:, 0], each @ coefficients, atol=1e-11)

@@ -7,9 +7,11 @@ from typing import Any
 
 import numpy as np
 import pytest
+from scipy.interpolate import CubicSpline
 
 from schwung.innovations import kernel, plain
-from schwung.innovations.values import Shaft, System
+from schwung.innovations.splines import interpolated
+from schwung.innovations.values import Added, Shaft, System
 
 SHAFTS = {
     "flexible": Shaft(0.012, 0.2, 0.1, 24963.0, 8.62, False),
@@ -54,21 +56,35 @@ def test_steps(shaft: Shaft) -> None:
 def test_filter_and_sensitivities(system: System) -> None:
     compiled, found = kernel.filtered(system), plain.filtered(system)
     _agree(found, compiled)
-    random = np.random.default_rng(5)
-    columns = random.normal(size=(299, system.first.size, 7))
-    reported = random.normal(size=(300, 2, 7))
+    np.testing.assert_allclose(kernel.deviance(system), plain.deviance(system), rtol=1e-9)
+    _agree(kernel.smoothed(system.transition, compiled), plain.smoothed(system.transition, compiled))
+    size, random = system.first.size - 1, np.random.default_rng(5)
+    torque, share = random.normal(size=(300, 6)), random.normal(size=(299, 4))
+    torque[::3, 2:] = torque[1::3, :3] = share[::2, 1:] = 0.0  # splines are, but for a few entries
+    added = Added(
+        *random.normal(size=(2, 299, size)), torque, random.normal(size=(299, size)), share,
+        random.normal(size=(299, size, 3)), random.normal(size=(300, 2, 3)),
+    )  # fmt: skip
     whitened: list[Callable[..., Any]] = [plain.whitened, kernel.whitened]
-    _agree(*(one(system.transition, compiled, columns, reported) for one in whitened))
+    _agree(*(one(system.transition, compiled, added) for one in whitened))
 
 
-def test_sums_and_factors() -> None:
-    random = np.random.default_rng(6)
-    left, right = random.normal(size=(9, 4)), random.normal(size=(9, 5))
-    both = [np.ones((9, 4, 5)), np.ones((9, 4, 5))]
-    plain.add_outer(both[0], left, right)
-    kernel.add_outer(both[1], left, right)
-    _agree(*both)
+def test_factors() -> None:
+    left = np.random.default_rng(6).normal(size=(9, 4))
     matrix = left.T @ left
     _agree(plain.cholesky(matrix), kernel.cholesky(matrix))
     assert not np.all(np.isfinite(plain.cholesky(-matrix)))
     assert not np.all(np.isfinite(kernel.cholesky(-matrix)))
+
+
+def test_rows_of_splines() -> None:
+    places = np.concatenate([np.linspace(-0.3, 1.4, 57), [0.0, 1.0]])  # straight on outside
+    _agree(kernel.spline_rows(0.0, 0.125, 8, places), plain.spline_rows(0.0, 0.125, 8, places))
+
+
+@pytest.mark.parametrize("derivative", [0, 1, 2])
+def test_a_spline_is_that_of_scipy(derivative: int) -> None:
+    time = 0.2 + 0.05 * np.arange(30)
+    values, places = np.sin(9 * time)[:, None] * [1.0, -2.0], np.linspace(time[0], time[-1], 101)
+    found = interpolated(values, time[0], 0.05, places, derivative)
+    np.testing.assert_allclose(found, CubicSpline(time, values)(places, derivative), rtol=1e-8, atol=1e-9)

@@ -8,6 +8,10 @@ with the clause or the reason that it comes from.
                             the words Shutdown, Switch on, Enable operation come before, once
     enable after stop       after Enable operation any other word ends it: nobody sends it again, be it after Quick
                             stop, Disable voltage, or a second time up for a drive that fell back
+    undone by SYNC          CiA 301, 7.2.2.2: an RPDO acts with the SYNC after it; a stop said by SDO while one that
+                            enables still waits would last until then; but for Disable voltage, from where it leads
+                            nowhere
+    goes on                 who has heard that another master speaks to the drive, enables it no more
     step                    607A moves from RPDO to RPDO no further than the plan's own motion does, stops included
     bend                    and while it enables, its steps change no more than that motion's acceleration makes them
     torque added            60B2 is no more than is injected, and 0 in every frame that does not enable
@@ -44,6 +48,8 @@ STANDS_AT_RAD = 0.06
 CATCHING_UP_S = 0.3
 #: How long another master's word may be fought over until the tool has noticed.
 FOREIGN_S = 0.1
+#: Who hears another's word stops with its very next frame; one may be on its way.
+HEARD_S = 0.001
 #: So long a drive that left operation by itself may be led back by words that were under way, or in its own queue.
 NOTICED_S = 0.1
 #: So long a word that enables may lie in a drive's queue after it has come, also where a stop has been said since: no
@@ -164,6 +170,10 @@ class Monitor:
     def __post_init__(self) -> None:
         self._asked = False  # somebody has asked for one time in operation
         self._enabled = self._stopped = False  # Enable operation was said; and then another word
+        self._waits = self._undone = (
+            False  # an RPDO that enables, for its SYNC; and a stop was said by SDO meanwhile
+        )
+        self._foreign_heard_s: float | None = None  # by the tool, while it enabled
         self._operated = False
         self._climbed: set[int] = set()  # controlwords since the power stage was last off
         self._said: set[int] = set()  # controlwords since it was last enabled
@@ -192,6 +202,7 @@ class Monitor:
         """Somebody asks for one time in operation, on purpose."""
         self._asked, self._operated, self._climbed = True, False, set()
         self._enabled = self._stopped = False
+        self._foreign_heard_s = None
 
     def died(self) -> None:
         """The tool is no more."""
@@ -224,13 +235,21 @@ class Monitor:
             self._request(data)
         elif can_id == 0x77F:
             self._beat_s = self.now()
+        elif can_id == 0x080:
+            if self._undone:
+                self._report(
+                    "undone by SYNC", "a stop was said by SDO, and an RPDO that enables waited for its SYNC"
+                )
+            self._waits = self._undone = False
         elif can_id == 0 and len(data) == 2:
             self._nmt(data[0])
 
     def reached(self, message: can.Message) -> None:
         """A frame has come to the tool: nobody can be blamed for what was lost on the way."""
-        if message.arbitration_id == 0x77F:
-            now = self.now()
+        can_id, now = message.arbitration_id, self.now()
+        if can_id in (0x080, self._rpdo, self._sdo) and self._enabled and self._foreign_heard_s is None:
+            self._foreign_heard_s = now
+        if can_id == 0x77F:
             if now - self._noticeable_s > SHARED_FOR_S:
                 self._noticeable_since_s = now
             self._noticeable_s = now
@@ -292,7 +311,13 @@ class Monitor:
         """An RPDO: controlword, target position, torque offset."""
         plan = self.expected
         enables = self._word(word)
+        self._waits, self._undone = enables, False
         self._judge_sharing(enables)
+        heard_s = self._foreign_heard_s
+        if enables and heard_s is not None and self.now() - heard_s > HEARD_S:
+            self._report(
+                "goes on", f"Enable operation, {self.now() - heard_s:.3f} s after another master was heard"
+            )
         if abs(added) > plan.added_counts or (added and not enables):
             self._report("torque added", f"{added} ‰ beside controlword 0x{word:04X}")
         if not self.machine.energised:
@@ -343,7 +368,8 @@ class Monitor:
         if specifier not in (1, 6) or (specifier == 6 and data[0] & 1):
             return
         if index == 0x6040 and data[0] & 0x0F == 0x0B:
-            self._word(data[4] | data[5] << 8)
+            word = data[4] | data[5] << 8
+            self._undone = not self._word(word) and word != 0x00 and self._waits
         elif self.machine.energised and index not in self.expected.writable:
             self._report("written while on", f"0x{index:04X}:{data[3]:02X} while the motor is energised")
 

@@ -37,7 +37,6 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
-from scipy.interpolate import CubicSpline
 
 from schwung.drivetrain.inertia import InertiaTable
 from schwung.drivetrain.machine import Machine
@@ -47,6 +46,7 @@ from schwung.estimation.fit import NOTHING, CurveFit, Nuisance, fit_curve
 from schwung.estimation.methods import Outcome, Task
 from schwung.estimation.ripple import phase_groups, ripple_of_pair, ripple_of_phases
 from schwung.innovations.low_pass import low_passed
+from schwung.innovations.splines import slopes
 from schwung.motion import Array
 from schwung.session.model import Run
 
@@ -246,11 +246,9 @@ def motion_scale(
     def mean(name: str) -> Array:
         return wide(np.mean([getattr(run, name)[:n] for run in runs], axis=0))
 
-    time = np.arange(n) / rate
-
     def rate_of(values: Array) -> Array:
         # half the difference of two neighbours is (ωh)²/6 too little, 0.4 % at 25 Hz and 1 kHz: more than the band
-        return np.asarray(CubicSpline(time, values)(time, 1))
+        return slopes(values, 1 / rate)
 
     position, speed, torque = mean("position_rad"), mean("speed_rad_s"), mean("torque_nm")
     top = float(np.max(np.abs(speed)))

@@ -12,12 +12,12 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 from numpy.polynomial import legendre
-from scipy.interpolate import CubicSpline
 
 from schwung.drivetrain.machine import Machine
 from schwung.estimation.balance import LoadSide
 from schwung.estimation.ripple import Ripple
 from schwung.innovations.low_pass import low_passed
+from schwung.innovations.splines import slopes
 from schwung.motion import Array
 
 #: T_l is a polynomial of the angle of this degree.
@@ -79,7 +79,7 @@ def _motion(
     motor, angle, speed = machine.motor, load.angle_rad, load.speed_rad_s
 
     def rate_of(values: Array) -> Array:
-        return np.asarray(CubicSpline(ripple.time_s, values)(ripple.time_s, 1))
+        return slopes(values, 1 / ripple.sample_rate_hz)
 
     inertia, slope = inertia_at(angle, 0), inertia_at(angle, 1)
     known = motor.inertia_kgm2 * rate_of(ripple.speed_rad_s) + motor.viscous_friction_nms * ripple.speed_rad_s

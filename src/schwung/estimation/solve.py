@@ -6,7 +6,9 @@ from dataclasses import dataclass
 from functools import cache
 
 import numpy as np
-from scipy.linalg import block_diag, cholesky, solve_triangular
+from numpy.linalg import LinAlgError
+from scipy.linalg import block_diag
+from scipy.linalg.lapack import dpotrf, dtrtrs
 
 from schwung.motion import Array
 
@@ -101,26 +103,31 @@ def _bending_coordinates(size: int) -> Array:
 
 @dataclass(frozen=True, eq=False)
 class _Root:
-    """Cholesky's factor of a matrix scaled to ones on its diagonal."""
+    """Cholesky's factor of a matrix scaled to ones on its diagonal; by LAPACK itself, as dozens are tried."""
 
     factor: Array
     scale: Array
 
     @classmethod
     def of(cls, matrix: Array, diagonal: Array) -> _Root:
-        whole = matrix + np.diag(diagonal)
-        whole[np.diag_indices_from(whole)] *= 1 + 1e-13
-        scale = 1 / np.sqrt(np.maximum(np.diag(whole), 1e-300))
-        return cls(cholesky(whole * scale[:, None] * scale, lower=True, check_finite=False), scale)
+        whole = matrix.copy()
+        own = whole.reshape(-1)[:: matrix.shape[0] + 1]  # a view
+        own += diagonal
+        own *= 1 + 1e-13
+        scale = 1 / np.sqrt(np.maximum(own, 1e-300))
+        factor, failed = dpotrf(whole * scale[:, None] * scale, lower=True)
+        if failed:
+            raise LinAlgError("not positive definite")
+        return cls(factor, scale)
 
     @property
     def log_determinant(self) -> float:
-        return 2 * float(np.sum(np.log(np.diag(self.factor))) - np.sum(np.log(self.scale)))
+        return 2 * float(np.sum(np.log(self.factor.diagonal())) - np.sum(np.log(self.scale)))
 
     def lower(self, right: Array) -> Array:
         """The factor's inverse on a right-hand side."""
-        return np.asarray(solve_triangular(self.factor, self.scale * right, lower=True, check_finite=False))
+        return np.asarray(dtrtrs(self.factor, self.scale * right, lower=True)[0])
 
     def inverse(self) -> Array:
-        half = solve_triangular(self.factor, np.diag(self.scale), lower=True, check_finite=False)
+        half = dtrtrs(self.factor, np.diag(self.scale), lower=True)[0]
         return np.asarray(half.T @ half)

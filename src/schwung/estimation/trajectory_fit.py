@@ -271,8 +271,7 @@ def passed_over(
     information, scores, smoothed = np.zeros((size, size)), [], []
     for system, run in zip(about, runs, strict=True):
         result = kernel.filtered(problem_of(system, noise, run))
-        columns = model.columns(run, parameters, system)
-        rows = kernel.whitened(system.transition, result, *columns)
+        rows = kernel.whitened(system.transition, result, model.columns(run, parameters, system))
         information += rows.T @ rows
         parts = rows * (result.error / np.sqrt(result.variance)).reshape(-1, 1)
         stretch = 2 * max(round(STRETCH_S / run.step_s), 1)

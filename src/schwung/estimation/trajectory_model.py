@@ -15,12 +15,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from schwung.drivetrain.machine import Machine
-from schwung.innovations import kernel
 from schwung.innovations.likelihood import Equations
-from schwung.innovations.signals import Signals
+from schwung.innovations.signals import Between, Signals
 from schwung.innovations.splines import Basis
 from schwung.innovations.steps import Steps, bulge, no_such_machine, off_middle
-from schwung.innovations.values import Shaft
+from schwung.innovations.values import Added, Shaft
 from schwung.motion import Array
 
 #: No machine has an inertia whose logarithm is so large.
@@ -99,6 +98,14 @@ class _Along:
 
 
 @dataclass(frozen=True, eq=False)
+class _Linear(Equations):
+    """With what they were made of."""
+
+    along: _Along
+    motor: Between
+
+
+@dataclass(frozen=True, eq=False)
 class Model:
     """The machine as believed, the layout of its unknowns, and the scale of its speed."""
 
@@ -163,43 +170,45 @@ class Model:
         sticking = np.exp(-((along.speed / (3 * self.sticking_rad_s)) ** 2))
         slack = 100 * parameters[at.coulomb] ** 2 * sticking
         first = np.append(run.states[0], 0.0)
-        return Equations(transition, forcing, noise, slack, measured, first, torques)
+        return _Linear(transition, forcing, noise, slack, measured, first, torques, along, motor)
 
-    def columns(self, run: Signals, parameters: Array, equations: Equations) -> tuple[Array, Array]:
-        """What a unit of each parameter adds to each step (n − 1, s, P), and to the samples (n, 2, P).
+    def columns(self, run: Signals, parameters: Array, equations: Equations) -> Added:
+        """What a unit of each parameter adds to each step, and to the samples.
 
         About *quiet* states and torques, from which the noise above the motion's band is filtered: in the sensitivities
         it would meet itself in the innovations and bias the parameters (errors in variables), stiffness above all. As
         instruments, quiet ones are as good and know nothing of it.
         """
-        at, along = self.layout, self._along(run, parameters)
-        motor = run.drive.between(parameters[at.torque_delay], parameters[at.controller_delay])
+        assert isinstance(equations, _Linear)  # this model's own
+        at, along, motor = self.layout, equations.along, equations.motor
         steps = Steps.of(self.shaft(parameters), along.middle, run.step_s, slopes=True)
-        size = steps.transition.shape[1]
         stacked = np.concatenate([run.quiet(run.states)[:-1], run.quiet(equations.torques)], axis=1)[
             ..., None
         ]
-        made = np.zeros((stacked.shape[0], size + 1, at.size))
-        part = made[:, :size]
         share = along.inertia[:, None] * along.rows / 2
         on_load = along.bend[:, None] * along.rows + along.inertia[:, None] * along.slopes
-        middle = (share[1:] + share[:-1]) / along.middle[:, None]
-        taken = -along.centrifugal[:, None] * on_load
-        start, end = steps.inputs[:, :, 1], steps.inputs[:, :, 3]  # on the load
-        kernel.add_outer(part[:, :, at.inertia], (steps.by_inertia @ stacked)[..., 0], middle)
-        for at_node, each in ((start, slice(None, -1)), (end, slice(1, None))):
-            kernel.add_outer(part[:, :, at.inertia], at_node, taken[each])
-            kernel.add_outer(part[:, :, at.load_torque], at_node, along.gentle[each])
-        friction = np.stack([along.direction, along.speed], 1)
-        part[:, :, [at.coulomb, at.viscous]] = steps.added(-friction, 0)
-        both = steps.inputs[:, :, 0] + steps.inputs[:, :, 2]
-        part[:, :, at.torque_delay] = both * motor.by_delay[:, None]
-        part[:, :, at.controller_delay] = both * motor.by_controller_delay[:, None]
-        part[:, :, at.stiffness] = (steps.by_stiffness @ stacked)[..., 0]
-        part[:, :, at.damping] = (steps.by_damping @ stacked)[..., 0]
+        others = np.zeros((*steps.transition.shape[:2], at.size - at.coulomb))
+        reported = np.zeros((along.speed.size, 2, at.size - at.coulomb))
+
+        def of(parameter: int) -> int:
+            return parameter - at.coulomb
+
         bent = run.quiet(run.drive.smooth(run.time_s, 2))
-        part[:, :, at.loss] = steps.added(-bent[:, None], 0)[:, :, 0]
-        reported = np.zeros((along.speed.size, 2, at.size))
-        reported[:, 1, at.loss] = run.quiet(run.speed_at(0.0, derivative=2))
-        reported[:, 1, at.speed_delay] = -run.speed_at(parameters[at.speed_delay], derivative=1)
-        return made, reported
+        friction = np.stack([along.direction, along.speed, bent], 1)
+        others[:, :, [of(at.coulomb), of(at.viscous), of(at.loss)]] = steps.added(-friction, 0)
+        both = steps.inputs[:, :, 0] + steps.inputs[:, :, 2]
+        others[:, :, of(at.torque_delay)] = both * motor.by_delay[:, None]
+        others[:, :, of(at.controller_delay)] = both * motor.by_controller_delay[:, None]
+        others[:, :, of(at.stiffness)] = (steps.by_stiffness @ stacked)[..., 0]
+        others[:, :, of(at.damping)] = (steps.by_damping @ stacked)[..., 0]
+        reported[:, 1, of(at.loss)] = run.quiet(run.speed_at(0.0, derivative=2))
+        reported[:, 1, of(at.speed_delay)] = -run.speed_at(parameters[at.speed_delay], derivative=1)
+        return Added(
+            start=np.ascontiguousarray(steps.inputs[:, :, 1]),
+            end=np.ascontiguousarray(steps.inputs[:, :, 3]),
+            torque=np.concatenate([-along.centrifugal[:, None] * on_load, along.gentle], axis=1),
+            inertia=(steps.by_inertia @ stacked)[..., 0],
+            share=(share[1:] + share[:-1]) / along.middle[:, None],
+            others=others,
+            reported=reported,
+        )

@@ -113,6 +113,10 @@ class Passed:
                 sides[which] = np.ascontiguousarray(
                     each[0] if len(each) == 1 else np.concatenate(each, axis=1)
                 )
+        if group[0].kind[2:] == (False, False) and sum(group[0].kind) == 1:
+            side = group[0].kind.index(True)
+            kernel.responses_to_torque(self._loop, sides[side], side, rows, down, across)
+            return
         kernel.responses(self._loop, (sides[0], sides[1], sides[2], sides[3]), rows, down, across)
 
     @cached_property

@@ -11,7 +11,7 @@ import numpy as np
 
 from schwung.compiled import compiled, compiled_fastmath, compiled_or
 from schwung.innovations import plain
-from schwung.innovations.values import REACH, TERMS, Filtered, Shaft, System
+from schwung.innovations.values import REACH, TERMS, Added, Filtered, Shaft, System
 from schwung.motion import Array
 
 #: Samples whose rows are turned at once, from one after another to one column after another.
@@ -164,56 +164,108 @@ def filtered(system: System) -> Filtered:
     return Filtered(errors, spreads, gains, states, covariances)
 
 
-@compiled
+@compiled_or(plain.deviance)
 def deviance(system: System) -> tuple[float, float]:
-    """Σ log of the innovations' variances, and Σ innovation²/variance."""
-    result = filtered(system)
-    return np.sum(np.log(result.variance)), np.sum(result.error**2 / result.variance)
+    """Σ log of the innovations' variances, and Σ innovation²/variance: `filtered`, of which nothing else is kept."""
+    transition, forcing, noise, power = system.transition, system.forcing, system.noise, system.power
+    measured, variances = system.measured, system.variances
+    count, size = measured.shape[0], system.first.size
+    x, p = system.first.copy(), np.diag(system.spread**2)
+    row, ahead, half = np.empty(size), np.empty(size), np.empty((size, size))
+    logs = squares = 0.0
+    for k in range(count):
+        if k > 0:
+            x = _times(transition[k - 1], x, forcing[k - 1], ahead)
+            _carried(transition[k - 1], p, half, noise[k - 1], power[k - 1])
+        for m in range(2):
+            spread = p[m, m] + variances[m]
+            error = measured[k, m] - x[m]
+            for i in range(size):
+                row[i] = p[m, i]
+            for i in range(size):
+                gain = row[i] / spread
+                x[i] += gain * error
+                for j in range(i + 1):
+                    p[i, j] -= gain * row[j]
+                    p[j, i] = p[i, j]
+            p[m, m] = max(row[m] / spread * variances[m], 1e-300)
+            logs += np.log(spread)
+            squares += error * error / spread
+    return logs, squares
 
 
-@compiled
+@compiled_or(plain.smoothed)
 def smoothed(transition: Array, result: Filtered) -> Array:
     """States given all samples, (n, s): Bryson and Frazier's form, which inverts no covariance."""
     count, size = result.state.shape
     states = np.empty((count, size))
-    adjoint = np.zeros(size)
+    adjoint, before = np.zeros(size), np.empty(size)
     for k in range(count - 1, -1, -1):
-        states[k] = result.state[k] - result.covariance[k] @ adjoint
+        for i in range(size):
+            states[k, i] = result.state[k, i]
+            for j in range(size):
+                states[k, i] -= result.covariance[k, i, j] * adjoint[j]
         for m in range(1, -1, -1):
             onto = 0.0
             for i in range(size):
                 onto += result.gain[k, m, i] * adjoint[i]
             adjoint[m] -= onto + result.error[k, m] / result.variance[k, m]
         if k > 0:
-            adjoint = transition[k - 1].T @ adjoint
+            before[:] = 0.0
+            for j in range(size):
+                for i in range(size):
+                    before[i] += transition[k - 1, j, i] * adjoint[j]
+            adjoint, before = before, adjoint
     return states
 
 
-@compiled_or(plain.whitened, fastmath=True)
-def whitened(transition: Array, result: Filtered, columns: Array, reported: Array) -> Array:
-    """∂(predicted samples)/∂parameters as the filter sees them, over the innovations' deviation; (2n, P).
+@compiled_fastmath
+def _one_step_on(x: Array, ahead: Array, phi: Array, added: Added, k: int) -> None:
+    """`ahead` becomes Φ x and what the parameters add to step k, (s, c + p)."""
+    steps, curves = (
+        added.start.shape[1],
+        added.torque.shape[1],
+    )  # the torque's error, a state too, is none of theirs
+    for i in range(x.shape[0]):
+        ahead[i, :] = 0.0
+        for j in range(x.shape[0]):
+            factor = phi[i, j]
+            for c in range(x.shape[1]):
+                ahead[i, c] += factor * x[j, c]
+    for c in range(curves):
+        here, there = added.torque[k, c], added.torque[k + 1, c]
+        if here != 0.0 or there != 0.0:
+            for i in range(steps):
+                ahead[i, c] += added.start[k, i] * here + added.end[k, i] * there
+    for c in range(added.share.shape[1]):
+        factor = added.share[k, c]
+        if factor != 0.0:
+            for i in range(steps):
+                ahead[i, c] += added.inertia[k, i] * factor
+    for i in range(steps):
+        for c in range(added.others.shape[2]):
+            ahead[i, curves + c] += added.others[k, i, c]
 
-    `columns` (m, s, P): what the parameters add to each step; `reported` (n, 2, P): what they add to
-    the samples of angle and speed.
-    """
+
+@compiled_or(plain.whitened, fastmath=True)
+def whitened(transition: Array, result: Filtered, added: Added) -> Array:
+    """∂(predicted samples)/∂parameters as the filter sees them, over the innovations' deviation; (2n, c + p)."""
     count, size = result.state.shape
-    number = columns.shape[2]
+    curves = added.torque.shape[1]
+    number = curves + added.others.shape[2]
     rows = np.empty((2 * count, number))
     x, ahead, seen = np.zeros((size, number)), np.zeros((size, number)), np.empty(number)
     for k in range(count):
         if k > 0:
-            for i in range(size):
-                for c in range(number):
-                    ahead[i, c] = columns[k - 1, i, c]
-                for j in range(size):
-                    factor = transition[k - 1, i, j]
-                    for c in range(number):
-                        ahead[i, c] += factor * x[j, c]
+            _one_step_on(x, ahead, transition[k - 1], added, k - 1)
             x, ahead = ahead, x
         for m in range(2):
             weight = 1.0 / np.sqrt(result.variance[k, m])
             for c in range(number):
-                seen[c] = x[m, c] + reported[k, m, c]
+                seen[c] = x[m, c]
+            for c in range(number - curves):
+                seen[curves + c] += added.reported[k, m, c]
+            for c in range(number):
                 rows[2 * k + m, c] = weight * seen[c]
             for i in range(size):
                 factor = result.gain[k, m, i]
@@ -275,6 +327,38 @@ def _turn(tile: Array, rows: Array, down: int, across: int) -> None:
 
 
 @compiled_fastmath
+def responses_to_torque(packed: Array, torque: Array, side: int, rows: Array, down: int, across: int) -> None:
+    """`responses` of columns that are torques (n, p) on motor (`side` 0) or load (1) alone, as most are.
+
+    What the filter takes off is part of the transition then, and what is carried is gone through once a sample.
+    """
+    count, number = torque.shape
+    a, b, c, d = np.zeros(number), np.zeros(number), np.zeros(number), np.zeros(number)
+    tile = np.empty((2 * TILE, number))
+    for k in range(count):
+        f = packed[k]
+        onto, heavy, weighty = f[40], f[41], f[42]
+        f0, f1, f2, f3 = f[0] - f[16] + f[20] * onto, f[1] - f[20], f[2], f[3]
+        f4, f5, f6, f7 = f[4] - f[17] + f[21] * onto, f[5] - f[21], f[6], f[7]
+        f8, f9, f10, f11 = f[8] - f[18] + f[22] * onto, f[9] - f[22], f[10], f[11]
+        f12, f13, f14, f15 = f[12] - f[19] + f[23] * onto, f[13] - f[23], f[14], f[15]
+        s0, s1, s2, s3 = f[24 + 4 * side], f[25 + 4 * side], f[26 + 4 * side], f[27 + 4 * side]
+        e0, e1, e2, e3 = f[32 + 4 * side], f[33 + 4 * side], f[34 + 4 * side], f[35 + 4 * side]
+        at, down_weighed = 2 * (k % TILE), weighty * onto
+        here, ahead = torque[k], torque[min(k + 1, count - 1)]
+        first, second = tile[at], tile[at + 1]
+        for i in range(number):
+            a0, b0, c0, d0, start, end = a[i], b[i], c[i], d[i], here[i], ahead[i]
+            first[i], second[i] = heavy * a0, weighty * b0 - down_weighed * a0
+            a[i] = f0 * a0 + f1 * b0 + f2 * c0 + f3 * d0 + s0 * start + e0 * end
+            b[i] = f4 * a0 + f5 * b0 + f6 * c0 + f7 * d0 + s1 * start + e1 * end
+            c[i] = f8 * a0 + f9 * b0 + f10 * c0 + f11 * d0 + s2 * start + e2 * end
+            d[i] = f12 * a0 + f13 * b0 + f14 * c0 + f15 * d0 + s3 * start + e3 * end
+        if k % TILE == TILE - 1 or k == count - 1:
+            _turn(tile[: at + 2], rows, down, across + 2 * (k - k % TILE))
+
+
+@compiled_fastmath
 def responses(
     packed: Array, parts: tuple[Array, Array, Array, Array], rows: Array, down: int, across: int
 ) -> None:
@@ -326,20 +410,6 @@ def responses(
                 _push(a, b, c, d, f[28:32], f[36:40], load[k], load[k + 1])
         if k % TILE == TILE - 1 or k == count - 1:
             _turn(tile[: at + 2], rows, down, across + 2 * (k - k % TILE))
-
-
-@compiled_or(plain.add_outer, fastmath=True)
-def add_outer(result: Array, left: Array, right: Array) -> None:
-    """Add to `result` (m, s, c) the outer product of each row of `left` (m, s) and of `right` (m, c).
-
-    Rows of splines are zero but for a few entries, which are all that is gone through.
-    """
-    for k in range(result.shape[0]):
-        for c in range(result.shape[2]):
-            factor = right[k, c]
-            if factor != 0.0:
-                for i in range(result.shape[1]):
-                    result[k, i, c] += left[k, i] * factor
 
 
 @compiled_or(plain.cholesky, fastmath=True)
@@ -396,16 +466,26 @@ def spline_slopes(values: Array, step: float) -> Array:
 
 
 @compiled
-def spline_at(values: Array, slopes: Array, start: float, step: float, places: Array) -> Array:
-    """Cubic splines with values and slopes (n, c) at knots from `start` on, at places (m,), (m, c)."""
+def spline_at(
+    values: Array, slopes: Array, start: float, step: float, places: Array, derivative: int = 0
+) -> Array:
+    """Cubic splines with values and slopes (n, c) at knots from `start` on, or their first or second derivative, at
+    places (m,), (m, c)."""
     result = np.empty((places.size, values.shape[1]))
     for i in range(places.size):
         at = (places[i] - start) / step
         left = min(max(int(at), 0), values.shape[0] - 2)
         u = at - left
         v = 1.0 - u
-        h0, h1 = v * v * (1.0 + 2.0 * u), u * u * (1.0 + 2.0 * v)
-        g0, g1 = u * v * v * step, -u * u * v * step
+        if derivative == 0:
+            h0, h1 = v * v * (1.0 + 2.0 * u), u * u * (1.0 + 2.0 * v)
+            g0, g1 = u * v * v * step, -u * u * v * step
+        elif derivative == 1:
+            h0, h1 = -6.0 * u * v / step, 6.0 * u * v / step
+            g0, g1 = v * (1.0 - 3.0 * u), u * (3.0 * u - 2.0)
+        else:
+            h0, h1 = (12.0 * u - 6.0) / (step * step), (6.0 - 12.0 * u) / (step * step)
+            g0, g1 = (6.0 * u - 4.0) / step, (6.0 * u - 2.0) / step
         for c in range(values.shape[1]):
             result[i, c] = (
                 h0 * values[left, c]
@@ -414,3 +494,25 @@ def spline_at(values: Array, slopes: Array, start: float, step: float, places: A
                 + g1 * slopes[left + 1, c]
             )
     return result
+
+
+@compiled_or(plain.spline_rows)
+def spline_rows(low: float, step: float, pieces: int, places: Array) -> tuple[Array, Array]:
+    """All `pieces` + 3 uniform cubic B-splines from `low` on and their slopes at places (n,); straight on outside."""
+    value, slope = np.zeros((places.size, pieces + 3)), np.zeros((places.size, pieces + 3))
+    for i in range(places.size):
+        whole = (places[i] - low) / step
+        at = min(max(whole, 0.0), float(pieces))
+        left = min(int(at), pieces - 1)
+        u = at - left
+        v = 1.0 - u
+        value[i, left], value[i, left + 3] = v * v * v / 6.0, u * u * u / 6.0
+        value[i, left + 1] = 2.0 / 3.0 - u * u + u * u * u / 2.0
+        value[i, left + 2] = 2.0 / 3.0 - v * v + v * v * v / 2.0
+        slope[i, left], slope[i, left + 3] = -v * v / 2.0 / step, u * u / 2.0 / step
+        slope[i, left + 1] = (1.5 * u * u - 2.0 * u) / step
+        slope[i, left + 2] = (2.0 * v - 1.5 * v * v) / step
+        if whole != at:
+            for c in range(left, left + 4):
+                value[i, c] += (whole - at) * step * slope[i, c]
+    return value, slope

@@ -6,7 +6,7 @@ A `Model` says what one run's equations are about its states; all else here hold
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Protocol
 
 import numpy as np
@@ -14,7 +14,7 @@ from scipy.optimize import minimize
 
 from schwung.innovations import kernel
 from schwung.innovations.signals import FINEST, Signals
-from schwung.innovations.values import System
+from schwung.innovations.values import Added, System
 from schwung.motion import Array
 
 #: Dry friction is smoothed within this share of the peak speed; up to a few times that its sign is open.
@@ -76,8 +76,8 @@ class Model(Protocol):
     def equations(self, run: Signals, parameters: Array) -> Equations:
         """The run's filter equations about its states."""
 
-    def columns(self, run: Signals, parameters: Array, equations: Equations) -> tuple[Array, Array]:
-        """What a unit of each parameter adds to each step (n − 1, s, P), and to the samples (n, 2, P)."""
+    def columns(self, run: Signals, parameters: Array, equations: Equations) -> Added:
+        """What a unit of each parameter adds to each step, and to the samples."""
 
 
 def systems_of(model: Model, runs: Sequence[Signals], parameters: Array) -> list[Equations]:
@@ -90,7 +90,7 @@ def resmoothed(model: Model, runs: Sequence[Signals], parameters: Array, noise: 
     systems = systems_of(model, runs, parameters)
     results = [kernel.filtered(problem_of(s, noise, r)) for s, r in zip(systems, runs, strict=True)]
     return tuple(
-        replace(run, states=kernel.smoothed(system.transition, result)[:, :-1])
+        run.about(kernel.smoothed(system.transition, result)[:, :-1])
         for run, system, result in zip(runs, systems, results, strict=True)
     )
 

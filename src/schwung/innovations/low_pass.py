@@ -5,10 +5,15 @@ from __future__ import annotations
 import numpy as np
 from scipy.fft import dst, idst
 
+from schwung.compiled import compiled_or
 from schwung.motion import Array
 
 #: Frequencies on either side that a signal's power is averaged over.
 _BESIDE = 7
+#: What the filter still knows of a sample after so many of its slowest time constants is rounding.
+_FORGOTTEN = 34.0
+#: What it remembers longer than so many lengths of the signal is worked out by sines.
+_LONGEST = 4
 
 
 def low_passed(values: Array, edge: float, order: int) -> Array:
@@ -19,10 +24,65 @@ def low_passed(values: Array, edge: float, order: int) -> Array:
     """
     if values.shape[0] < 3:
         return values
+    each = np.ascontiguousarray(values.reshape(values.shape[0], -1).T, dtype=float)
+    within = abs(np.tan(np.pi * edge / 2))
+    least = 2 * np.sin(np.pi / (2 * order)) * within  # of the section that forgets most slowly
+    forgets = np.log((1 + least + within**2) / (1 - least + within**2)) / 2  # in a sample
+    if forgets * _LONGEST * values.shape[0] < _FORGOTTEN:
+        passed = _by_sines(each, within, order, 0)
+    else:
+        passed = _there_and_back(each, within, order, int(np.ceil(_FORGOTTEN / forgets)))
+    return np.asarray(np.ascontiguousarray(passed.T).reshape(values.shape))
+
+
+def _by_sines(each: Array, within: float, order: int, ahead: int) -> Array:
+    """Signals (c, n), frequency by frequency; `within`: tan πf_c; `ahead` only matters sample by sample."""
+    del ahead
+    values = each.T
     line, sines = _in_sines(values)
     frequency = np.arange(1, values.shape[0] - 1) / (2 * (values.shape[0] - 1))
-    gain = 1 / (1 + (np.tan(np.pi * frequency) / np.tan(np.pi * edge / 2)) ** (2 * order))
-    return _from_sines(line, sines * gain.reshape(-1, *(1,) * (values.ndim - 1)))
+    gain = 1 / (1 + (np.tan(np.pi * frequency) / within) ** (2 * order))
+    return _from_sines(line, sines * gain[:, None]).T
+
+
+@compiled_or(_by_sines)
+def _there_and_back(each: Array, within: float, order: int, ahead: int) -> Array:
+    """The same sample by sample, sections of second order one after another; `order` is even.
+
+    Before its first sample the filter has run through the reflection for as long as it remembers anything, `ahead`.
+    """
+    number, count = each.shape
+    period = 2 * (count - 1)
+    signal, result = np.empty(count + 2 * ahead), np.empty((number, count))
+    for c in range(number):
+        values = each[c]
+        first, rise = values[0], (values[count - 1] - values[0]) / (count - 1)
+        for k in range(-ahead, count + ahead):
+            at = k % period
+            if at < count:
+                signal[k + ahead] = values[at] - first - rise * at
+            else:
+                signal[k + ahead] = first + rise * (period - at) - values[period - at]
+        for _ in range(2):
+            for section in range(order // 2):
+                width = 2.0 * np.sin(np.pi * (2 * section + 1) / (2 * order))
+                scale = 1.0 / (1.0 + width * within + within * within)
+                b = within * within * scale
+                a1, a2 = (
+                    2.0 * (within * within - 1.0) * scale,
+                    (1.0 - width * within + within * within) * scale,
+                )
+                one, two = 0.0, 0.0
+                for k in range(signal.size):
+                    value = signal[k]
+                    passed = b * value + one
+                    one = 2.0 * b * value - a1 * passed + two
+                    two = b * value - a2 * passed
+                    signal[k] = passed
+            signal = signal[::-1].copy()
+        for k in range(count):
+            result[c, k] = signal[k + ahead] + first + rise * k
+    return result
 
 
 def heard(values: Array, noise: float) -> Array:

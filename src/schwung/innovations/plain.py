@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from schwung.innovations.values import REACH, TERMS, Filtered, Shaft, System
+from schwung.innovations.values import REACH, TERMS, Added, Filtered, Shaft, System
 from schwung.motion import Array
 
 
@@ -107,24 +107,45 @@ def filtered(system: System) -> Filtered:
     return Filtered(errors, spreads, gains, both[:, :, size].copy(), both[:, :, :size].copy())
 
 
-def whitened(transition: Array, result: Filtered, columns: Array, reported: Array) -> Array:
+def deviance(system: System) -> tuple[float, float]:
+    """As `kernel.deviance`."""
+    result = filtered(system)
+    return float(np.sum(np.log(result.variance))), float(np.sum(result.error**2 / result.variance))
+
+
+def smoothed(transition: Array, result: Filtered) -> Array:
+    """As `kernel.smoothed`."""
+    count, size = result.state.shape
+    states, adjoint = np.empty((count, size)), np.zeros(size)
+    for k in range(count - 1, -1, -1):
+        states[k] = result.state[k] - result.covariance[k] @ adjoint
+        for m in range(1, -1, -1):
+            adjoint[m] -= float(result.gain[k, m] @ adjoint) + result.error[k, m] / result.variance[k, m]
+        if k > 0:
+            adjoint = transition[k - 1].T @ adjoint
+    return states
+
+
+def whitened(transition: Array, result: Filtered, added: Added) -> Array:
     """As `kernel.whitened`."""
     count, size = result.state.shape
-    rows = np.empty((count, 2, columns.shape[2]))
-    x = np.zeros((size, columns.shape[2]))
+    steps, curves = added.start.shape[1], added.torque.shape[1]
+    number = curves + added.others.shape[2]
+    rows, columns = np.zeros((count, 2, number)), np.zeros((count - 1, size, number))
+    columns[:, :steps, :curves] = added.start[:, :, None] * added.torque[:-1, None, :]
+    columns[:, :steps, :curves] += added.end[:, :, None] * added.torque[1:, None, :]
+    columns[:, :steps, : added.share.shape[1]] += added.inertia[:, :, None] * added.share[:, None, :]
+    columns[:, :steps, curves:] = added.others
+    rows[:, :, curves:] = added.reported
+    x = np.zeros((size, number))
     for k in range(count):
         if k > 0:
             x = transition[k - 1] @ x + columns[k - 1]
         for m in range(2):
-            rows[k, m] = x[m] + reported[k, m]
+            rows[k, m] += x[m]
             x -= result.gain[k, m][:, None] * rows[k, m]
     rows /= np.sqrt(result.variance)[:, :, None]
     return rows.reshape(2 * count, -1)
-
-
-def add_outer(result: Array, left: Array, right: Array) -> None:
-    """As `kernel.add_outer`."""
-    result += left[:, :, None] * right[:, None, :]
 
 
 def cholesky(matrix: Array) -> Array:
@@ -133,3 +154,22 @@ def cholesky(matrix: Array) -> Array:
         return np.asarray(np.linalg.cholesky(matrix))
     except np.linalg.LinAlgError:
         return np.full_like(matrix, np.nan)
+
+
+def spline_rows(low: float, step: float, pieces: int, places: Array) -> tuple[Array, Array]:
+    """As `kernel.spline_rows`."""
+    whole = (places - low) / step
+    at = np.clip(whole, 0.0, pieces)
+    piece = np.minimum(at.astype(int), pieces - 1)
+    u = at - piece
+    v = 1 - u
+    values = (v**3 / 6, 2 / 3 - u**2 + u**3 / 2, 2 / 3 - v**2 + v**3 / 2, u**3 / 6)
+    slopes = (-(v**2) / 2, -2 * u + 1.5 * u**2, 2 * v - 1.5 * v**2, u**2 / 2)
+    value, slope = np.zeros((places.size, pieces + 3)), np.zeros((places.size, pieces + 3))
+    line = np.arange(places.size)
+    for i in range(4):
+        value[line, piece + i] = values[i]
+        slope[line, piece + i] = slopes[i] / step
+    outside = np.flatnonzero(whole != at)
+    value[outside] += ((whole - at) * step)[outside, None] * slope[outside]
+    return value, slope

@@ -8,10 +8,10 @@ from functools import cached_property
 
 import numpy as np
 from scipy.interpolate import CubicSpline
-from scipy.ndimage import maximum_filter1d
 
 from schwung.drivetrain.machine import Machine
 from schwung.innovations.low_pass import low_passed
+from schwung.innovations.splines import interpolated, slopes
 from schwung.motion import Array
 from schwung.session.model import Run
 
@@ -34,6 +34,10 @@ _EDGE = 60  # fewer samples than this are not worth a filter
 
 #: Weights that guess a sample by its neighbours' cubic; what misses by more than so many times the usual is sharp.
 _GUESS, _SHARP = np.array([-1.0, 4.0, 0.0, 4.0, -1.0]) / 6, 3.0
+
+
+#: What is worked out of a run's signals and does not depend on its states.
+_STATELESS = ("answer_gain", "load_nm")
 
 
 @dataclass(frozen=True, eq=False)
@@ -70,14 +74,20 @@ class Drive:
         A cubic between every other sample misses a corner by so much; between all of them by half of that. Noise, and
         what is smooth, are missed alike everywhere.
         """
-        reported = self.smooth(self.time_s)
+        reported = self.smooth_nm
         if reported.size < 2 * _GUESS.size:
             return np.zeros_like(reported)
         missed = np.zeros_like(reported)
         missed[2:-2] = np.convolve(reported, _GUESS, "valid") - reported[2:-2]
         usual = 1.4826 * float(np.median(np.abs(missed[2:-2])))
         sharp = np.where(np.abs(missed) > _SHARP * usual, missed**2 - usual**2, 0.0) / 4
-        return np.asarray(maximum_filter1d(sharp, 3))
+        beside = np.concatenate([sharp[:1], sharp, sharp[-1:]])
+        return np.asarray(np.max([beside[:-2], sharp, beside[2:]], axis=0))
+
+    @cached_property
+    def smooth_nm(self) -> Array:
+        """All of it but the held injection, at the samples, (n,)."""
+        return np.asarray(self.smooth(self.time_s))
 
     @cached_property
     def jumps_nm(self) -> Array:
@@ -87,7 +97,12 @@ class Drive:
     @cached_property
     def whole_nm(self) -> Array:
         """All of the torque at the samples, (n,)."""
-        return np.asarray(self.smooth(self.time_s) + self.injected_nm)
+        return np.asarray(self.smooth_nm + self.injected_nm)
+
+    @cached_property
+    def undelayed(self) -> Between:
+        """The torque between samples as it was sampled."""
+        return self.between(0.0, 0.0)
 
     def between(self, delay_s: float, controller_delay_s: float) -> Between:
         """Torque between samples, delayed, with its true mean over each step."""
@@ -120,6 +135,12 @@ class Signals:
     count_rad: float = 0.0  # of the encoder; 0 where the angle is not counted
     loss_std_s2: float = 0.0  # how far it is unknown what a filter took off torque and speed
 
+    def about(self, states: Array) -> Signals:
+        """With another belief of the states (n, s); what does not depend on them is not worked out again."""
+        other = replace(self, states=states)
+        other.__dict__.update({name: self.__dict__[name] for name in _STATELESS if name in self.__dict__})
+        return other
+
     @property
     def load_angle_rad(self) -> Array:
         return self.position_rad if self.rigid else self.states[:, 0] - self.states[:, 2]
@@ -131,14 +152,14 @@ class Signals:
     @cached_property
     def answer_gain(self) -> float:
         """Of the drive's controller, as its torque and the speed from sample to sample tell it (N·m·s/rad)."""
-        torque, moved = np.diff(self.drive.smooth(self.time_s)), np.diff(self.speed_rad_s)
+        torque, moved = np.diff(self.drive.smooth_nm), np.diff(self.speed_rad_s)
         return max(0.0, -float(torque @ moved) / max(float(moved @ moved), 1e-300))
 
     @cached_property
     def load_nm(self) -> Array:
         """How large the reported torque is within the band, (n,)."""
         held = np.append(self.drive.held_nm, self.drive.held_nm[-1:])
-        return np.abs(self.quiet(self.drive.smooth(self.time_s)) + held)
+        return np.abs(self.quiet(self.drive.smooth_nm) + held)
 
     def quiet(self, values: Array) -> Array:
         """Signals (n, …) without what lies above the band, without lag."""
@@ -148,16 +169,12 @@ class Signals:
     def speed_at(self, delay_s: float, derivative: int = 0) -> Array:
         """The believed motor speed `delay_s` before each sample, or its derivative, (n,)."""
         then = np.clip(self.time_s - delay_s, self.time_s[0], self.time_s[-1])
-        return np.asarray(self._speed(then, derivative))
+        return interpolated(self.states[:, 1], self.time_s[0], self.step_s, then, derivative)
 
     @cached_property
     def load_acceleration(self) -> Array:
         """Of the believed load within the band, (n,), rad/s²."""
-        return np.asarray(CubicSpline(self.time_s, self.quiet(self.load_speed_rad_s))(self.time_s, 1))
-
-    @cached_property
-    def _speed(self) -> CubicSpline:
-        return CubicSpline(self.time_s, self.states[:, 1])
+        return slopes(self.quiet(self.load_speed_rad_s), self.step_s)
 
 
 def signals_of(recorded: Run, machine: Machine, band_hz: float, pieces_hz: float | None = None) -> Signals:

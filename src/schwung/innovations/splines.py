@@ -16,10 +16,11 @@ def slopes(values: Array, step: float) -> Array:
     return np.asarray(kernel.spline_slopes(_flat(values), step)).reshape(values.shape)
 
 
-def interpolated(values: Array, start: float, step: float, places: Array) -> Array:
-    """The same spline through values (n, …) from `start` on at places (m,), (m, …)."""
+def interpolated(values: Array, start: float, step: float, places: Array, derivative: int = 0) -> Array:
+    """The same spline through values (n, …) from `start` on, or its `derivative` up to the second, at places (m,),
+    (m, …)."""
     flat = _flat(values)
-    found = kernel.spline_at(flat, kernel.spline_slopes(flat, step), start, step, places)
+    found = kernel.spline_at(flat, kernel.spline_slopes(flat, step), start, step, places, derivative)
     return np.asarray(found).reshape(places.size, *values.shape[1:])
 
 
@@ -63,18 +64,5 @@ class Basis:
     def rows(self, angle_rad: Array) -> tuple[Array, Array]:
         """All splines and their derivatives at angles (n,): (n, size) each."""
         step = (self.high_rad - self.low_rad) / self.pieces
-        whole = (angle_rad - self.low_rad) / step
-        at = np.clip(whole, 0.0, self.pieces)
-        piece = np.minimum(at.astype(int), self.pieces - 1)
-        u = at - piece
-        v = 1 - u
-        values = (v**3 / 6, 2 / 3 - u**2 + u**3 / 2, 2 / 3 - v**2 + v**3 / 2, u**3 / 6)
-        slopes = (-(v**2) / 2, -2 * u + 1.5 * u**2, 2 * v - 1.5 * v**2, u**2 / 2)
-        value, slope = np.zeros((angle_rad.size, self.size)), np.zeros((angle_rad.size, self.size))
-        line = np.arange(angle_rad.size)
-        for i in range(4):
-            value[line, piece + i] = values[i]
-            slope[line, piece + i] = slopes[i] / step
-        outside = np.flatnonzero(whole != at)
-        value[outside] += ((whole - at) * step)[outside, None] * slope[outside]
-        return value, slope
+        values, slopes = kernel.spline_rows(self.low_rad, step, self.pieces, np.ascontiguousarray(angle_rad))
+        return values, slopes

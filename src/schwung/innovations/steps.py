@@ -5,7 +5,6 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.interpolate import CubicSpline
 
 from schwung.errors import InputError
 from schwung.innovations import kernel
@@ -62,7 +61,7 @@ class Steps:
         none = np.empty(0)
         if not slopes:
             return cls(transition, inputs, none, none, none)
-        by_inertia = CubicSpline(nodes, stepped)(logs, 1)
+        by_inertia = interpolated(stepped, nodes[0], nodes[1] - nodes[0], logs, 1)
         if shaft.rigid:
             none = np.zeros_like(by_inertia)
             return cls(transition, inputs, by_inertia, none, none)

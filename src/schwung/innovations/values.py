@@ -42,3 +42,18 @@ class Filtered(NamedTuple):
     gain: Array  # (n, 2, s)
     state: Array  # (n, s) after both updates
     covariance: Array  # (n, s, s)
+
+
+class Added(NamedTuple):
+    """What a unit of each parameter adds to each step, and to the samples: c coefficients of curves, then p others.
+
+    Curves add little at a time: a spline's row is zero but for a few entries.
+    """
+
+    start: Array  # (n − 1, s) what a unit of torque at a step's start does
+    end: Array  # (n − 1, s) and at its end
+    torque: Array  # (n, c) that the coefficients make at the samples
+    inertia: Array  # (n − 1, s) what the relative change of a step's inertia does
+    share: Array  # (n − 1, ≤ c) that the first coefficients change it by
+    others: Array  # (n − 1, s, p)
+    reported: Array  # (n, 2, p): what the others add to the samples of angle and speed

@@ -47,7 +47,7 @@ def describe(path: str | Path) -> Described:
     """Read an FMU's description. Raises InputError for what is no FMU, or none that can be played on this computer."""
     path = Path(path)
     require("--belief with an FMU", "fmi")
-    import fmpy  # heavy, and an extra  # noqa: PLC0415
+    import fmpy  # heavy, and an extra
 
     if not path.is_file():
         raise InputError(str(path), "is not there", "Give the path of an FMU.")

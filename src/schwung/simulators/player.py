@@ -36,8 +36,8 @@ class _Fmu:
     def __init__(
         self, folder: str, told: Any, request: dict[str, Any], begin: float, angle: float | None
     ) -> None:
-        import fmpy  # noqa: PLC0415
-        from fmpy.simulation import apply_start_values  # noqa: PLC0415
+        import fmpy
+        from fmpy.simulation import apply_start_values
 
         self.request, self.is_3 = request, told.fmiVersion.startswith("3")
         self.exchange = request["interface"] == "model-exchange"
@@ -90,7 +90,7 @@ class _Fmu:
     # ── model exchange ───────────────────────────────────────────────────────────────────────────────────────────
 
     def _integrate(self, begin: float) -> None:
-        from fmpy.sundials import CVodeSolver  # noqa: PLC0415
+        from fmpy.sundials import CVodeSolver
 
         self.next_event = np.inf
         self._discrete()
@@ -238,7 +238,7 @@ def main(folder: Path) -> None:
     jobs = np.load(folder / "jobs.npz")
     answers: dict[str, Array] = {}
     try:
-        import fmpy  # noqa: PLC0415
+        import fmpy
 
         unpacked = fmpy.extract(request["fmu"], unzipdir=str(folder / "unpacked"))
         told = fmpy.read_model_description(unpacked, validate=False)

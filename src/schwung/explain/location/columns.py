@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -118,11 +119,16 @@ class Shape:
 
     coordinate: Coordinate
     name: str
-    weights: Array  # (columns, k)
+    weights: Array  # (columns, k); further columns of the dictionary are not its own
     price: float
     bump: tuple[float, float] | None = None
     signed: bool = False  # times the sign of speed
     period: float | None = None  # of a coordinate that comes back every turn
+
+    @cached_property
+    def own(self) -> NDArray[np.intp]:
+        """The columns that it consists of (m,), most often a few of many."""
+        return np.flatnonzero(self.weights.any(axis=1))
 
 
 @dataclass(frozen=True, eq=False)

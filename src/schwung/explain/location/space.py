@@ -49,16 +49,13 @@ class Space:
         own = (block.T @ block).astype(np.float64)
         old, new = self.gram.shape[0], block.shape[1]
 
-        def padded(one: Shape) -> Shape:
-            return replace(one, weights=np.concatenate([one.weights, np.zeros((new, one.weights.shape[1]))]))
-
         shape = replace(shape, weights=np.concatenate([np.zeros((old, new)), np.eye(new)]))
         return Space(
             np.concatenate([self.columns, block], axis=1),
             np.block([[self.gram, cross], [cross.T, own]]),
             np.r_[self.products, block.T @ samples.residual],
             self.energy,
-            (*(padded(one) for one in self.shapes), shape),
+            (*self.shapes, shape),
         )
 
     @cached_property
@@ -67,15 +64,22 @@ class Space:
         which = np.array(
             [i for i, one in enumerate(self.shapes) if one.weights.shape[1] == 1], dtype=np.int64
         )
-        weights = csr_array(np.concatenate([self.shapes[i].weights for i in which], axis=1).T)
+        own = [self.shapes[i].own for i in which]
+        values = np.concatenate([self.shapes[i].weights[at, 0] for i, at in zip(which, own, strict=True)])
+        ends = np.r_[0, np.cumsum([at.size for at in own])]
+        weights = csr_array((values, np.concatenate(own), ends), shape=(which.size, self.gram.shape[0]))
         energy: Array = np.asarray(weights.multiply(weights @ self.gram).sum(axis=1)).ravel()
         return which, weights, energy
 
     def weights(self, chosen: Sequence[int]) -> Array:
         """Weights (K, k) of the chosen shapes beside each other."""
-        if not chosen:
-            return np.zeros((self.gram.shape[0], 0))
-        return np.concatenate([self.shapes[i].weights for i in chosen], axis=1)
+        parts = [self.shapes[i].weights for i in chosen]
+        beside = np.zeros((self.gram.shape[0], sum(part.shape[1] for part in parts)))
+        at = 0
+        for part in parts:
+            beside[: part.shape[0], at : at + part.shape[1]] = part
+            at += part.shape[1]
+        return beside
 
     def coefficients(self, chosen: Sequence[int]) -> Array:
         """Least-squares coefficients (k,) of the chosen shapes' columns."""
@@ -134,9 +138,10 @@ class Beyond:
         gains[index] = top * (factor if top.ndim == 1 else factor[:, None])
         for i, shape in enumerate(space.shapes):
             if asked[i] and shape.weights.shape[1] > 1:
-                inner = shape.weights.T @ self.gram @ shape.weights
-                scale = float(np.max(np.diag(shape.weights.T @ space.gram @ shape.weights)))
-                seen = shape.weights.T @ left
+                mine, block = shape.weights[shape.own], np.ix_(shape.own, shape.own)
+                inner = mine.T @ self.gram[block] @ mine
+                scale = float(np.max(np.diag(mine.T @ space.gram[block] @ mine)))
+                seen = mine.T @ left[shape.own]
                 gains[i] = np.sum(seen * (_inverse(inner, SEPARATE * scale) @ seen), axis=0)
         return gains
 

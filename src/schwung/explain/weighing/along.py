@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from functools import cached_property
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from functools import cached_property, wraps
 
 import numpy as np
 from numpy.typing import NDArray
@@ -36,6 +37,43 @@ class Ranges:
 
 
 @dataclass(frozen=True, eq=False)
+class TrueTorque:
+    """Of one run, as far as it is known (N·m, (n,)): the reported one but for its noise, which would else explain
+    itself.
+    """
+
+    run: Signals
+    nm: Array
+
+    @cached_property
+    def quiet_nm(self) -> Array:
+        """Within the band."""
+        return np.asarray(self.run.quiet(self.nm))
+
+    @cached_property
+    def rate(self) -> Array:
+        return slopes(self.quiet_nm, self.run.step_s)
+
+    @cached_property
+    def bend(self) -> Array:
+        """Second derivative."""
+        return slopes(self.run.quiet(self.rate), self.run.step_s)
+
+
+def _kept(coordinate: Callable[[Along], Array]) -> Callable[[Along], Array]:
+    """Of the states alone: worked out once for them, whatever else is present."""
+
+    @wraps(coordinate)
+    def asked(self: Along) -> Array:
+        name = coordinate.__name__
+        if name not in self.kept:
+            self.kept[name] = coordinate(self)
+        return self.kept[name]
+
+    return asked
+
+
+@dataclass(frozen=True, eq=False)
 class Along:
     """One run; arrays (n,)."""
 
@@ -45,9 +83,8 @@ class Along:
     ranges: Ranges
     number: int  # of the run in the session, from 0
     starts_s: float  # when the motion leaves rest
-    true_torque: (
-        Array  # as far as it is known: the reported one but for its noise, which would else explain itself
-    )
+    true_torque: TrueTorque
+    kept: dict[str, Array] = field(default_factory=dict)  # coordinates by their names, for these states
 
     @property
     def time_s(self) -> Array:
@@ -62,30 +99,32 @@ class Along:
     def resting_nm(self) -> float:
         """The reported torque before the motion leaves rest (N·m), on average; the first, where there is no rest."""
         resting = self.time_s <= max(self.starts_s, self.time_s[0])
-        return float(np.mean(self.run.drive.smooth(self.time_s[resting])))
+        return float(np.mean(self.run.drive.smooth_nm[resting]))
 
     @property
     def share(self) -> float:
         """How far through the session, 0…1."""
         return self.number / max(self.ranges.runs - 1, 1)
 
-    @cached_property
+    @property
     def angle(self) -> Array:
         return np.asarray(self.run.states[:, 0])
 
-    @cached_property
+    @property
+    @_kept
     def load_angle(self) -> Array:
         return np.asarray(self.run.load_angle_rad)
 
-    @cached_property
+    @property
     def speed(self) -> Array:
         return np.asarray(self.run.states[:, 1])
 
-    @cached_property
+    @property
     def load_speed(self) -> Array:
         return np.asarray(self.run.load_speed_rad_s)
 
-    @cached_property
+    @property
+    @_kept
     def direction(self) -> Array:
         """Of the motor's motion, −1…1."""
         return np.tanh(self.speed / self.ranges.sticking_rad_s)
@@ -96,19 +135,22 @@ class Along:
         sliding = np.abs(self.speed) > 10 * self.ranges.sticking_rad_s
         return sliding if sliding.any() else np.ones_like(sliding)
 
-    @cached_property
+    @property
+    @_kept
     def load_direction(self) -> Array:
         return np.tanh(self.load_speed / self.ranges.sticking_rad_s)
 
     def _rate(self, values: Array) -> Array:
         return slopes(self.run.quiet(values), self.run.step_s)
 
-    @cached_property
+    @property
+    @_kept
     def acceleration(self) -> Array:
         """Of the motor."""
         return self._rate(self.speed)
 
-    @cached_property
+    @property
+    @_kept
     def acceleration_before(self) -> Array:
         """Of the motor just before each sample, which is what a late speed is late by: a held injection jumps there."""
         return self.acceleration - self.run.drive.jumps_nm / (2 * self.machine.motor.inertia_kgm2)
@@ -117,31 +159,34 @@ class Along:
     def load_acceleration(self) -> Array:
         return self.run.load_acceleration
 
-    @cached_property
+    @property
     def torque(self) -> Array:
         """The true torque within the band (N·m)."""
-        return np.asarray(self.run.quiet(self.true_torque))
+        return self.true_torque.quiet_nm
 
-    @cached_property
+    @property
     def torque_rate(self) -> Array:
-        return self._rate(self.true_torque)
+        return self.true_torque.rate
 
-    @cached_property
+    @property
     def torque_bend(self) -> Array:
         """Second derivative of the true torque."""
-        return self._rate(self.torque_rate)
+        return self.true_torque.bend
 
-    @cached_property
+    @property
+    @_kept
     def jerk(self) -> Array:
         """Of the motor."""
         return self._rate(self.acceleration)
 
-    @cached_property
+    @property
+    @_kept
     def twist(self) -> Array:
         """Of the coupling (rad); 0 where there is none."""
         return 0.0 * self.speed if self.run.rigid else np.asarray(self.run.quiet(self.run.states[:, 2]))
 
-    @cached_property
+    @property
+    @_kept
     def twist_speed(self) -> Array:
         return (
             0.0 * self.speed if self.run.rigid else np.asarray(self.run.quiet(self.speed - self.load_speed))
@@ -168,11 +213,14 @@ def along(
     present: Machine,
     ranges: Ranges,
     number: int,
-    true_torque: Array,
+    true_torque: TrueTorque,
+    kept: dict[str, Array] | None = None,
 ) -> Along:
-    """The coordinates of a run of a session."""
+    """The coordinates of a run of a session; `kept`: those that were worked out for the same states."""
     starts = recorded.motion.start_time_s if recorded.motion is not None else 0.0
-    return Along(run, machine, present, ranges, number, float(starts or 0.0), true_torque)
+    return Along(
+        run, machine, present, ranges, number, float(starts or 0.0), true_torque, {} if kept is None else kept
+    )
 
 
 def ranges_of(runs: list[Signals], machine: Machine, sticking: float, band_hz: float) -> Ranges:

@@ -9,8 +9,10 @@ from itertools import product
 import numpy as np
 from numpy.typing import NDArray
 
+from schwung.compiled import compiled
 from schwung.explain.weighing.along import Along
 from schwung.innovations.effect import Effect
+from schwung.innovations.splines import interpolated
 from schwung.motion import Array
 
 Shape = tuple[float, ...]
@@ -52,6 +54,7 @@ class Candidate:
         None  # coordinate that its law may be off over, −1…1; None: by name
     )
     tangent: Callable[[Along, Array], Array] | None = None  # to stiffness and damping along a run, (n, 2)
+    whole: Callable[[Along, Shape, Array], Effect] | None = None  # `done`, where there is a shorter way
     bent: Bent | None = None  # where it is not in proportion to its coefficients; `effect` is then about 0
     inertia: Callable[[Array, Shape], Array] | None = (
         None  # what a unit of each adds to J_l at angles, (n, p)
@@ -77,6 +80,8 @@ class Candidate:
         """All that it does with these coefficients, one column."""
         if self.bent is not None:
             return self.bent(along, shape, coefficients)[1]
+        if self.whole is not None:
+            return self.whole(along, shape, coefficients)
         parts = self.effect(along, shape).parts
         return Effect(*(None if part is None else part @ coefficients[:, None] for part in parts))
 
@@ -104,6 +109,42 @@ def curve_modes(points: Array, reach: float, *, least: float = 1e-3) -> Array:
     return np.asarray(vectors[:, matter] * np.sqrt(values[matter]))[:, ::-1]
 
 
+#: Modes of a bent curve that are kept, as a share of the largest variance: torque goes by what they are the slope of.
+_LEAST_BENT = 1e-6
+
+
+def bent_modes(points: Array, reach: float) -> Array:
+    """Modes of a Matérn-5/2 process of deviation 1 at points (g,), whose slope is as continuous as it is, (g, m)."""
+    away = np.sqrt(5.0) * np.abs(points[:, None] - points) / reach
+    values, vectors = np.linalg.eigh((1 + away + away**2 / 3) * np.exp(-away))
+    matter = values > _LEAST_BENT * values[-1]
+    return np.asarray(vectors[:, matter] * np.sqrt(values[matter]))[:, ::-1]
+
+
+@dataclass(frozen=True, eq=False)
+class BentCurve:
+    """A curve over a coordinate whose slope is one, too, cubic between points: `modes` (g, m) at `points` (g,)."""
+
+    points: Array
+    modes: Array
+
+    @classmethod
+    def over(cls, low: float, high: float, reach: float, count: int = 65) -> BentCurve:
+        """Between two ends; `reach` as a share of the range."""
+        points = np.linspace(low, high, count)
+        return cls(points, bent_modes(points, reach * (high - low)))
+
+    @property
+    def size(self) -> int:
+        return int(self.modes.shape[1])
+
+    def at(self, where: Array) -> Array:
+        """Every mode at coordinates (n,), (n, m); beyond the ends as at them."""
+        low, high = self.points[0], self.points[-1]
+        step = (high - low) / (self.points.size - 1)
+        return interpolated(self.modes, low, step, np.clip(where, low, high))
+
+
 @dataclass(frozen=True, eq=False)
 class Curve:
     """A smooth curve over a coordinate, straight lines between points: `modes` (g, m) at `points` (g,)."""
@@ -123,10 +164,49 @@ class Curve:
 
     def at(self, where: Array) -> Array:
         """Every mode at coordinates (n,), (n, m)."""
-        place = np.clip(np.interp(where, self.points, np.arange(self.points.size)), 0, self.points.size - 1)
-        left = np.minimum(place.astype(int), self.points.size - 2)
-        part = (place - left)[:, None]
-        return np.asarray((1 - part) * self.modes[left] + part * self.modes[left + 1])
+        return np.asarray(_blended(self.modes, self._places(where)))
+
+    def by_direction(self, where: Array, direction: Array) -> Array:
+        """Every mode while the motion goes ahead, then while it goes back, times the direction (n,), (n, 2m)."""
+        return np.asarray(_blended_by_direction(self.modes, self._places(where), direction))
+
+    def folded(self, coefficients: Array) -> Curve:
+        """The one curve with these coefficients of its modes (m,)."""
+        return Curve(self.points, (self.modes @ coefficients)[:, None])
+
+    def folded_by_direction(self, where: Array, direction: Array, coefficients: Array) -> Array:
+        """`by_direction` with these coefficients (2m,), (n, 1)."""
+        both = Curve(self.points, self.modes @ coefficients.reshape(2, -1).T).at(where)
+        return column(both[:, 0] * np.maximum(direction, 0) + both[:, 1] * np.maximum(-direction, 0))
+
+    def _places(self, where: Array) -> Array:
+        """Coordinates in steps from the first point, within the points."""
+        return np.clip(np.interp(where, self.points, np.arange(self.points.size)), 0, self.points.size - 1)
+
+
+@compiled
+def _blended(modes: Array, places: Array) -> Array:
+    """Modes (g, m) at places (n,), straight lines between the points, (n, m)."""
+    found = np.empty((places.size, modes.shape[1]))
+    for k in range(places.size):
+        left = min(int(places[k]), modes.shape[0] - 2)
+        part = places[k] - left
+        for i in range(modes.shape[1]):
+            found[k, i] = (1 - part) * modes[left, i] + part * modes[left + 1, i]
+    return found
+
+
+@compiled
+def _blended_by_direction(modes: Array, places: Array, direction: Array) -> Array:
+    count = modes.shape[1]
+    found = np.zeros((places.size, 2 * count))
+    for k in range(places.size):
+        left = min(int(places[k]), modes.shape[0] - 2)
+        part, first = places[k] - left, 0 if direction[k] >= 0 else count
+        size = abs(direction[k])
+        for i in range(count):
+            found[k, first + i] = size * ((1 - part) * modes[left, i] + part * modes[left + 1, i])
+    return found
 
 
 #: Pairs of modes of a plane that are kept: those of more than this share of the largest deviation.
@@ -158,7 +238,22 @@ class Plane:
 
     def at(self, one: Array, other: Array) -> Array:
         """Every mode at coordinates (n,) each, (n, m)."""
-        return np.asarray(self.one.at(one)[:, self.pairs[0]] * self.other.at(other)[:, self.pairs[1]])
+        return np.asarray(_products(self.one.at(one), self.other.at(other), self.pairs))
+
+    def folded(self, one: Array, other: Array, coefficients: Array) -> Array:
+        """The surface with these coefficients (m,), (n, 1)."""
+        table = np.zeros((self.one.size, self.other.size))
+        table[self.pairs[0], self.pairs[1]] = coefficients
+        return column(np.einsum("ni,ni->n", self.one.at(one) @ table, self.other.at(other)))
+
+
+@compiled
+def _products(one: Array, other: Array, pairs: NDArray[np.intp]) -> Array:
+    found = np.empty((one.shape[0], pairs.shape[1]))
+    for k in range(one.shape[0]):
+        for i in range(pairs.shape[1]):
+            found[k, i] = one[k, pairs[0, i]] * other[k, pairs[1, i]]
+    return found
 
 
 def column(values: Array) -> Array:

@@ -145,8 +145,8 @@ class Data:
         starts = {where.start: cause for where, cause in self.causes}
         causes = [starts[column] for column in which.tolist() if column in starts]
         about = self.about.beside(runs)
-        rows = about.whitened(causes, runs)
-        return Statistics.of(rows.T, target_of(about, self.members, runs)).tempered(self.excess)
+        target = target_of(about, self.members, runs)
+        return Statistics.of(about.whitened(causes, runs).T, target).tempered(self.excess)
 
     def append(self, index: int, shape: Shape, refined: float, spread: Shape = ()) -> Atom:
         """Make a shape an atom."""

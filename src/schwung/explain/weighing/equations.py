@@ -62,7 +62,7 @@ def equations_of(along: Along, acting: Acting) -> tuple[Equations, Steps]:
     inertia, slope, _ = inertia_of(machine, along.load_angle)
     load = machine.load_torque_at(along.load_angle) - slope * along.load_speed**2 / 2 + acting.on_load
     push = np.broadcast_to(np.asarray(acting.on_motor, dtype=float), load.shape)
-    motor = run.drive.between(0.0, 0.0)
+    motor = run.drive.undelayed
     early, late, between = off_middle(inertia, run)
     torques = np.stack(
         [

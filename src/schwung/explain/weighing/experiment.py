@@ -17,7 +17,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from schwung.explain.weighing.along import Along, along
+from schwung.explain.weighing.along import Along, TrueTorque, along
 from schwung.explain.weighing.candidate import Candidate, Shape
 from schwung.explain.weighing.data import Atom
 from schwung.explain.weighing.equations import equations_of
@@ -156,9 +156,9 @@ class Rivals:
         about, members = data.about, data.members
         known, ranges = about.view.known, about.view.ranges
         signals = tuple(signals_of(run, known.machine, ranges.band_hz, 0.0) for run in runs)
-        torques = tuple(run.drive.whole_nm for run in signals)
+        torques = tuple(TrueTorque(run, run.drive.whole_nm) for run in signals)
         view: View = replace(
-            about.view, recorded=runs, runs=signals, torques_nm=torques, repeats=(), work=Work()
+            about.view, recorded=runs, runs=signals, torques=torques, repeats=(), work=Work()
         )
         view = resmoothed(view, (), about.noise)
         present = with_members(known.machine, members, ranges)
@@ -166,7 +166,8 @@ class Rivals:
         for number, (signal, recorded, torque) in enumerate(zip(view.runs, runs, torques, strict=True)):
             place = ranges.runs + number  # what drifts goes on drifting
             where = along(signal, recorded, known.machine, present, ranges, place, torque)
-            where = replace(where, true_torque=torque - _beyond_belief(where, self.posterior))
+            true = TrueTorque(signal, torque.nm - _beyond_belief(where, self.posterior))
+            where = replace(where, true_torque=true)
             alongs.append(where)
             equations, steps = equations_of(where, acting(view, where, members))
             passed.append(Passed.of(equations, steps, about.noise, signal))

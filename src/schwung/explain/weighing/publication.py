@@ -169,9 +169,10 @@ class Published:
     def _share(self) -> str:
         assert self.proof is not None
         runs = self._kept_aside()
+        shows = "show" if len(self.proof.runs) > 1 else "shows"
         if self.proof.before <= _FLOOR:
-            return f"{runs}, kept aside, show nothing of it"
-        return f"that takes {100 * max(self.proof.taken, 0.0):.0f} % of what {runs}, kept aside, show beyond noise"
+            return f"{runs}, kept aside, {shows} nothing of it"
+        return f"that takes {100 * max(self.proof.taken, 0.0):.0f} % of what {runs}, kept aside, {shows} beyond noise"
 
     @property
     def left(self) -> float | None:

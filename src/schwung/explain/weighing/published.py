@@ -268,7 +268,8 @@ class _Publishing:
             }
             if cause is not None and "table" in cause.found.parameters:
                 rows = tuple(tuple(row) for row in cause.found.parameters["table"])
-                quantities["table"] = Quantity(rows, unit_on("N·m", self.session.axis), None)
+                unit = "N·m" if self.search.candidate(cause.pick).inertia is None else "kg·m²"
+                quantities["table"] = Quantity(rows, unit_on(unit, self.session.axis), None)
             in_file = cause is not None and cause.found.named
             formula = formulated.get(cause.pick) if cause is not None else None
             text = formula[0].text if formula is not None else ""

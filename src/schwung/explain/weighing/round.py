@@ -4,11 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 from typing import TypeVar
 
 import numpy as np
 
-from schwung.explain.weighing.along import Along, Ranges, along
+from schwung.explain.weighing.along import Along, Ranges, TrueTorque, along
 from schwung.explain.weighing.candidate import Candidate, Shape
 from schwung.explain.weighing.equations import Acting, equations_of
 from schwung.explain.weighing.known import Known
@@ -42,12 +43,17 @@ class View:
     runs: tuple[Signals, ...]
     known: Known
     ranges: Ranges
-    torques_nm: tuple[Array, ...]  # of each run, as far as it is known
+    torques: tuple[TrueTorque, ...]  # of each run, as far as it is known
     dry_nm: float | None = (
         None  # dry friction that leaves open where the shaft sticks; None: that of what is present
     )
     repeats: Sequence[Sequence[int]] = ()  # runs of each motion and injection
     work: Work = field(default_factory=Work)  # that was done since the session was first looked at
+
+    @cached_property
+    def _kept(self) -> list[dict[str, Array]]:
+        """Coordinates of each run, as they were asked for."""
+        return [{} for _ in self.runs]
 
     def alongs(self, members: Sequence[Member]) -> list[Along]:
         """Every run's coordinates, with these members present."""
@@ -60,7 +66,8 @@ class View:
                 present,
                 self.ranges,
                 number,
-                self.torques_nm[number],
+                self.torques[number],
+                self._kept[number],
             )
             for number, (run, recorded) in enumerate(zip(self.runs, self.recorded, strict=True))
         ]
@@ -131,9 +138,9 @@ class Linearised:
         self.view.work.add(across * sum(candidate.size for candidate, _ in causes))
 
     def whitened(self, causes: Iterable[Cause], runs: Sequence[int]) -> Array:
-        """The same in an array of its own."""
+        """The same in an array that holds until columns are whitened next."""
         causes = list(causes)
-        rows = np.empty((sum(candidate.size for candidate, _ in causes), self.samples(runs)))
+        rows = self.view.work.rows(sum(candidate.size for candidate, _ in causes), self.samples(runs))
         self.whiten(causes, runs, rows)
         return rows
 
@@ -190,16 +197,16 @@ def resmoothed(
     return _resmoothed(linearised(view, members, noise, None, runs))[0]
 
 
-def _resmoothed(about: Linearised) -> tuple[View, tuple[Array, ...]]:
-    """And the torque (N·m) of each run, (n,) each, without what is noise of it."""
+def _resmoothed(about: Linearised) -> tuple[View, tuple[TrueTorque, ...]]:
+    """And the torque of each run without what is noise of it."""
     view, noise = about.view, about.noise
-    runs, torques = list(view.runs), list(view.torques_nm)
+    runs, torques = list(view.runs), list(view.torques)
     for i, passed in about.passed.items():
         states, run = passed.states(), view.runs[i]
-        runs[i] = replace(run, states=states[:, :-1])
+        runs[i] = run.about(np.ascontiguousarray(states[:, :-1]))
         size = float(np.sqrt(noise.torque_nm**2 + np.mean((noise.torque_share * run.load_nm) ** 2)))
-        reported = run.drive.smooth(run.time_s) - states[:, -1]
-        torques[i] = heard(reported, size) + run.drive.injected_nm
+        reported = run.drive.smooth_nm - states[:, -1]
+        torques[i] = TrueTorque(run, heard(reported, size) + run.drive.injected_nm)
     return replace(view, runs=tuple(runs)), tuple(torques)
 
 
@@ -227,12 +234,12 @@ class Wide:
 
     noise: Noise
     excess: float  # variance of scores over that of white noise
-    torques_nm: tuple[Array, ...]  # of each run, as far as it is known
+    torques: tuple[TrueTorque, ...]  # of each run, as far as it is known
     dry_nm: float  # friction that leaves open where the shaft sticks
 
     def seen(self, view: View) -> View:
         """The session with what is known of all sets alike: they differ in what they predict, not in how surely."""
-        return replace(view, torques_nm=self.torques_nm, dry_nm=self.dry_nm)
+        return replace(view, torques=self.torques, dry_nm=self.dry_nm)
 
 
 #: Passes of noise, coefficients and states at most; settled, where no size of noise moves by more than this (log).
@@ -276,7 +283,7 @@ def wide_fit(
         members, view, torques = _nearer(about, members, found.coefficients - present, train)
         if moved < _SETTLED or number == passes - 1:
             break
-        view = replace(view, torques_nm=torques)
+        view = replace(view, torques=torques)
     excess = excess_of(rows, target - found.coefficients @ rows, about, train)
     dry = max(acting(view, where, members).dry_nm for where in view.alongs(members))
     return Wide(noise, excess, torques, dry)
@@ -284,7 +291,7 @@ def wide_fit(
 
 def _nearer(
     about: Linearised, members: Sequence[Member], step: Array, train: Sequence[int]
-) -> tuple[list[Member], View, tuple[Array, ...]]:
+) -> tuple[list[Member], View, tuple[TrueTorque, ...]]:
     """Members a step (P,) on, or so much of it as makes the runs likelier, and the runs about them."""
     before, at = about.square(train), np.cumsum([m.candidate.size for m in members])[:-1]
     share = 1.0

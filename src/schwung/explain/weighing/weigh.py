@@ -10,7 +10,7 @@ import numpy as np
 
 from schwung.drivetrain.machine import Machine
 from schwung.explain.proof import split
-from schwung.explain.weighing.along import ranges_of
+from schwung.explain.weighing.along import TrueTorque, ranges_of
 from schwung.explain.weighing.candidate import NATURAL, Candidate
 from schwung.explain.weighing.data import Atom
 from schwung.explain.weighing.elsewhere import holding
@@ -109,7 +109,7 @@ def posterior_of(
     band = max([BAND_HZ, *(BEYOND_INJECTION * f for f in exciting)])
     runs = [signals_of(run, machine, band, 0.0) for run in session.runs]
     of = ranges_of(runs, machine, STICKING, band)
-    torques = tuple(run.drive.whole_nm for run in runs)
+    torques = tuple(TrueTorque(run, run.drive.whole_nm) for run in runs)
     belief = known(machine, of.low_rad, of.high_rad)
     view = View(session.runs, tuple(runs), belief, of, torques, repeats=_repeats(session))
     candidates = vocabulary(of, view.known)
@@ -299,5 +299,6 @@ def _predicted(seen: Statistics, aside: Statistics, deviations: Array) -> tuple[
 
 def _statistics(about: Linearised, members: Sequence[Member], runs: Sequence[int]) -> Statistics:
     """Of the members' columns on some runs."""
+    target = target_of(about, members, runs)
     rows = about.whitened([(m.candidate.about(m.coefficients), m.shape) for m in members], runs)
-    return Statistics.of(rows.T, target_of(about, members, runs))
+    return Statistics.of(rows.T, target)

@@ -5,7 +5,11 @@ On one core of 2023 a number takes 10 to 25 ns, and all of them less than 90 s.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from schwung.motion import Array
 
 #: Whitened numbers (one column at one sample of angle or speed) after which nothing more is tried.
 MOST = 3e9
@@ -19,6 +23,7 @@ class Work:
 
     most: float = MOST
     done: float = 0.0
+    scratch: Array = field(default_factory=lambda: np.empty(0))
 
     def add(self, numbers: float) -> None:
         """Count."""
@@ -28,3 +33,13 @@ class Work:
     def spent(self) -> bool:
         """Whether there was enough of it."""
         return self.done > self.most
+
+    def rows(self, count: int, samples: int) -> Array:
+        """Room (count, samples), in C's order, for numbers that are used up before it is asked for again.
+
+        Whitened columns are hundreds of megabytes; to touch fresh memory takes longer than to work them out.
+        """
+        if self.scratch.size < count * samples:
+            self.scratch = np.empty(0)
+            self.scratch = np.empty(count * samples)
+        return self.scratch[: count * samples].reshape(count, samples)

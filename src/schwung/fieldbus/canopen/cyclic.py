@@ -2,7 +2,11 @@
 
 from __future__ import annotations
 
+import numpy as np
+from numpy.typing import NDArray
+
 from schwung.errors import BusError, StateError
+from schwung.fieldbus.canopen import following
 from schwung.fieldbus.canopen.exchange import Exchange, Producer
 from schwung.fieldbus.canopen.kernel import KernelProducer
 from schwung.fieldbus.canopen.link import Link
@@ -100,6 +104,26 @@ class Cyclic:
         if not last:
             return None
         return int(self._layouts.rpdo.unpack([last])[str(self._profile.quantities.position.demand)][0])
+
+    def follow(self, demand_counts: NDArray[np.int64], tolerated: float | None, patience_s: float) -> None:
+        """From now on it is trouble in cyclic position when the axis is not where these setpoints (n,) send it; see
+        Following. None tolerated: nobody has said how much."""
+        exchange, number = self.exchange, self._position_tpdo
+        exchange.watchers.clear()
+        if number is None or tolerated is None or self.acquisition.mode != "csp":
+            return
+        position, layout = str(self._profile.quantities.position.object), self._layouts.tpdos[number]
+        if layout.dtype[position].kind != "i":
+            return
+        rate_hz = self.acquisition.sample_rate_hz
+        watch = following.Following(layout, position, demand_counts, rate_hz, tolerated, patience_s)
+
+        def look(frame: bytes | bytearray) -> None:
+            recorder = exchange.recorder
+            if recorder is not None and recorder.setpoints and watch.away(recorder.setpoints[-1], frame):
+                exchange.report(following.trouble(exchange.node_id))
+
+        exchange.watchers[number] = look
 
     @property
     def statusword(self) -> int | None:

@@ -80,6 +80,7 @@ class Exchange:
             False  # the kernel's own frames come back: the kernel producer looks at them itself
         )
         self.after_tpdo: Callable[[int], None] | None = None
+        self.watchers: dict[int, Callable[[bytes | bytearray], None]] = {}  # of TPDOs, while guarded
         self.latch: Callable[[int], object] | None = None  # a controlword, for all that goes out
         self.trouble: DriveError | None = None
         self._turn_s = math.inf  # when something went out last
@@ -166,6 +167,8 @@ class Exchange:
                 status = data[offset] | data[offset + 1] << 8
                 if status & self._guarded_bits != self._guarded_value:
                     self._left_operation(status)
+            if self.guarded and number in self.watchers:
+                self.watchers[number](data)
             if self.after_tpdo is not None:
                 self.after_tpdo(number)
 

@@ -69,6 +69,10 @@ class Operation:
         self._place = self._dialogue.place
         self._scales: Scales | None = None
         self._window_rad = START_WINDOW_RAD
+        self._tolerated: tuple[float | None, float] = (
+            None,
+            0.0,
+        )  # following error, and for how long (counts, s)
         self._stopping = Stopping(
             link, sdo, monitor, self._dialogue, self.own_means, lambda: read_scales().position_rad
         )
@@ -112,7 +116,10 @@ class Operation:
             )
         self._scales = scales
         self._stopping.begin(scales.position_rad, limits.stop_deceleration_rad_s2)
-        self._window_rad = min(START_WINDOW_RAD, (limits.following_error_rad or math.inf) / 2)
+        off_rad = limits.following_error_rad or None
+        self._window_rad = min(START_WINDOW_RAD, (off_rad or math.inf) / 2)
+        off_counts = off_rad / abs(scales.position_rad) if off_rad else None
+        self._tolerated = (off_counts, limits.following_error_time_s or 0.0)
         cyclic = Cyclic(
             self._link,
             self._profile,
@@ -201,6 +208,7 @@ class Operation:
         acquisition, pp = cyclic.acquisition, cyclic.acquisition.mode == "pp"
         recorder = Recorder(len(self._layouts.tpdos))
         self.live.begin(recorder, playable, acquisition.sample_rate_hz)
+        cyclic.follow(playable.position_counts, *self._tolerated)
         with own.acting(self._require_untroubled):
             error = self._run(cyclic, playable.frames, playable.after, recorder, progress)
         recording = playback.build(

@@ -29,16 +29,16 @@ def estimate_session(
 
     beside: what else estimate.json shall say, e.g. the plan and the checks of a commissioning, which the report shows.
     """
-    from schwung.api.computing import (  # noqa: PLC0415
+    from schwung.api.computing import (
         estimate,
         load_machine,
         read_session,
         write_inertia,
         write_machine,
     )
-    from schwung.api.reports import content_of, standard_of, write_page  # noqa: PLC0415
-    from schwung.api.responses import with_recorded_gains  # noqa: PLC0415
-    from schwung.files import json_text, replace_file  # noqa: PLC0415
+    from schwung.api.reports import content_of, standard_of, write_page
+    from schwung.api.responses import with_recorded_gains
+    from schwung.files import json_text, replace_file
 
     tell("Estimating the load inertia", 0.0)
     recorded = read_session(session)
@@ -63,7 +63,7 @@ def estimate_session(
 
 def session_summary(*, session: Path, tell: Tell) -> dict[str, Any]:
     """What a recording holds, in numbers. Raises InputError where it is none of ours."""
-    from schwung.api.computing import read_session  # noqa: PLC0415
+    from schwung.api.computing import read_session
 
     tell("Reading the recording", 0.0)
     found = read_session(session)
@@ -92,10 +92,10 @@ def explain_session(
 
     weigh, next_motion: see ExplainRequest. A next motion that nobody can choose leaves the explanation as it is.
     """
-    from schwung.api.computing import explain, load_machine, read_session  # noqa: PLC0415
-    from schwung.api.reports import write_explanation  # noqa: PLC0415
-    from schwung.api.responses import with_recorded_gains  # noqa: PLC0415
-    from schwung.files import json_text, replace_file  # noqa: PLC0415
+    from schwung.api.computing import explain, load_machine, read_session
+    from schwung.api.reports import write_explanation
+    from schwung.api.responses import with_recorded_gains
+    from schwung.files import json_text, replace_file
 
     recorded = read_session(session)
     believed = with_recorded_gains(load_machine(machine), recorded)
@@ -115,8 +115,8 @@ def explain_session(
 
 def _weighed(recorded: Session, believed: Any, folder: Path, tell: Tell) -> tuple[str, dict[str, Any]]:
     """The same by probabilities; beside the numbers `told`: title, heads and rows of every table in words."""
-    from schwung.api.weighing import weigh, write_probabilities  # noqa: PLC0415
-    from schwung.quantities import document_of, sentences_of  # noqa: PLC0415
+    from schwung.api.weighing import weigh, write_probabilities
+    from schwung.quantities import document_of, sentences_of
 
     found = weigh(recorded, believed, progress=tell)
     words = sentences_of(recorded.effort)
@@ -130,7 +130,7 @@ def _weighed(recorded: Session, believed: Any, folder: Path, tell: Tell) -> tupl
 
 def _next_of(recorded: Session, believed: Any) -> dict[str, Any]:
     """What it separates; `plan`: the fields of a PlanRequest that make it, None where there is none."""
-    from schwung.api.experiments import next_motion  # noqa: PLC0415
+    from schwung.api.experiments import next_motion
 
     try:
         found = next_motion(recorded, believed)
@@ -163,8 +163,8 @@ def fit_bode_session(
 
     Raises InputError where the recording allows no fit.
     """
-    from schwung.api.computing import load_machine, read_session, write_machine  # noqa: PLC0415
-    from schwung.api.responses import (  # noqa: PLC0415
+    from schwung.api.computing import load_machine, read_session, write_machine
+    from schwung.api.responses import (
         BODE_FILE,
         FORMAT,
         VERSION,
@@ -176,7 +176,7 @@ def fit_bode_session(
         with_recorded_gains,
         write_bode_report,
     )
-    from schwung.files import json_text, replace_file  # noqa: PLC0415
+    from schwung.files import json_text, replace_file
 
     tell("Fitting the responses", 0.0)
     recorded = read_session(session)
@@ -202,9 +202,9 @@ def optimise_motion(
 ) -> dict[str, Any]:
     """Find the best motion of `task_of(machine, asked)`; setpoints, cams and pictures into `folder`. Raises
     InputError."""
-    from schwung.api.computing import load_machine  # noqa: PLC0415
-    from schwung.api.optimising import optimise, write_front, write_optimised  # noqa: PLC0415
-    from schwung.files import json_text, replace_file  # noqa: PLC0415
+    from schwung.api.computing import load_machine
+    from schwung.api.optimising import optimise, write_front, write_optimised
+    from schwung.files import json_text, replace_file
 
     tell("Finding the motion", 0.0)
     believed = load_machine(machine)
@@ -221,7 +221,7 @@ def optimise_motion(
 
 def task_of(machine: Machine, asked: dict[str, Any]) -> Task:
     """What is asked of a motion, by the fields of OptimiseRequest. Raises InputError where that is no task."""
-    from schwung.api.optimising import MotionLimits, Task  # noqa: PLC0415
+    from schwung.api.optimising import MotionLimits, Task
 
     limits = dict(asked["limits"])
     torque = limits.pop("torque_max_nm") or machine.motor.peak_torque_nm
@@ -248,12 +248,12 @@ def work_through(
 ) -> dict[str, Any]:
     """Estimate or explain many sessions, pairs of session and machine; summary and pictures into `folder`.
     Raises InputError where Dask is not installed."""
-    from schwung.errors import InputError  # noqa: PLC0415
+    from schwung.errors import InputError
 
     try:
-        from schwung.batch import Item, Results, Wish, run_batch, write_summary  # noqa: PLC0415
-        from schwung.batch.picture import write_pictures  # noqa: PLC0415
-        from schwung.batch.summary import document_of  # noqa: PLC0415
+        from schwung.batch import Item, Results, Wish, run_batch, write_summary
+        from schwung.batch.picture import write_pictures
+        from schwung.batch.summary import document_of
     except ImportError:
         raise InputError("batch", "needs Dask", "Install it: pip install 'schwung[batch]'.") from None
     wanted = Wish("explain") if kind == "explain" else Wish("estimate", **wish)

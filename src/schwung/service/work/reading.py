@@ -21,7 +21,7 @@ def import_session(
     options of a recipe; a log by its `eds` has `node` and `profile` among them. Raises InputError that names what is
     wrong; a file that points to other files is refused.
     """
-    from schwung.api.recordings import (  # noqa: PLC0415
+    from schwung.api.recordings import (
         import_log,
         import_recordings,
         log_kind,
@@ -62,7 +62,7 @@ def guess_columns(*, path: Path, options: dict[str, Any], folder: Path, tell: Te
 
     Raises InputError for what cannot be guessed.
     """
-    from schwung.api.recordings import draw_import, guess_imports  # noqa: PLC0415
+    from schwung.api.recordings import draw_import, guess_imports
 
     tell("Looking at the columns", 0.0)
     given = dict(options)
@@ -80,7 +80,7 @@ def guess_columns(*, path: Path, options: dict[str, Any], folder: Path, tell: Te
 
 def convert_session(*, session: Path, target: Path, tell: Tell) -> dict[str, Any]:
     """A session as MDF4 or Parquet, by the suffix of `target`. Raises InputError where a library is missing."""
-    from schwung.api.recordings import FORMATS, read_any, write_any  # noqa: PLC0415
+    from schwung.api.recordings import FORMATS, read_any, write_any
 
     tell("Writing the session", 0.0)
     recorded = read_any(session)
@@ -90,8 +90,8 @@ def convert_session(*, session: Path, target: Path, tell: Tell) -> dict[str, Any
 
 def check_family(*, family: str, eds: Path | None, tell: Tell) -> dict[str, Any]:
     """What an EDS says of a profile. Raises InputError for an unknown family, and an EDS for a drive that has none."""
-    from schwung.api.comparing import dictionary_of  # noqa: PLC0415
-    from schwung.api.profiles import (  # noqa: PLC0415
+    from schwung.api.comparing import dictionary_of
+    from schwung.api.profiles import (
         CanopenProfile,
         check_profile,
         left_to_you,
@@ -117,9 +117,9 @@ def check_family(*, family: str, eds: Path | None, tell: Tell) -> dict[str, Any]
 
 def draft_family(*, eds: Path, family: str | None, folder: Path, tell: Tell) -> dict[str, Any]:
     """profile.toml in `folder`, drafted from an EDS, and what could not be found in it. Raises InputError."""
-    from schwung.api.configurations import read_eds  # noqa: PLC0415
-    from schwung.api.profiles import draft_profile  # noqa: PLC0415
-    from schwung.files import replace_file  # noqa: PLC0415
+    from schwung.api.configurations import read_eds
+    from schwung.api.profiles import draft_profile
+    from schwung.files import replace_file
 
     tell("Reading the EDS", 0.0)
     with _without_place(eds.parent):
@@ -130,7 +130,7 @@ def draft_family(*, eds: Path, family: str | None, folder: Path, tell: Tell) -> 
 
 def reproduce_paper(*, what: list[str], folder: Path, tell: Tell) -> dict[str, Any]:
     """reproduction.md and its pictures in `folder`. Raises InputError for a name that there is not."""
-    from schwung.api.reproduction import reproduce  # noqa: PLC0415
+    from schwung.api.reproduction import reproduce
 
     written = reproduce(what or ["all"], folder, lambda name, _made: tell(f"Made {name}", 0.0))
     for picture in written.pictures:  # a run's files lie in its folder itself
@@ -142,7 +142,7 @@ def reproduce_paper(*, what: list[str], folder: Path, tell: Tell) -> dict[str, A
 
 
 def _require_family(family: object) -> None:
-    from schwung.service.families import require_family  # noqa: PLC0415
+    from schwung.service.families import require_family
 
     if family is not None:
         require_family(str(family))
@@ -163,9 +163,9 @@ def _without_place(folder: Path) -> Iterator[None]:
 
 def _refuse_links(path: Path) -> None:
     """Raise InputError for an HDF5 file that would have us read others: external links, external or virtual storage."""
-    import h5py  # noqa: PLC0415
+    import h5py
 
-    from schwung.errors import InputError  # noqa: PLC0415
+    from schwung.errors import InputError
 
     remedy = "Send a file that Schwung wrote."
     try:

@@ -15,7 +15,7 @@ import numpy as np
 from schwung.drivetrain.inertia import InertiaTable
 from schwung.drivetrain.machine import Machine
 from schwung.explain.weighing.along import Along, Ranges
-from schwung.explain.weighing.candidate import LADDER, Candidate, Curve, Shape, column, grid
+from schwung.explain.weighing.candidate import LADDER, BentCurve, Candidate, Curve, Shape, column, grid
 from schwung.explain.weighing.vocabulary.friction import bump
 from schwung.innovations.effect import Effect
 from schwung.motion import Array
@@ -83,7 +83,7 @@ def table_error(of: Ranges, machine: Machine) -> list[Candidate]:
     if not isinstance(table, InertiaTable) or table.std_kgm2 is None:
         return []
     at, std = table.position_rad, table.std_kgm2
-    curve = Curve.over(of.low_rad, of.high_rad, _TABLE_REACH)
+    curve = BentCurve.over(of.low_rad, of.high_rad, _TABLE_REACH)
 
     def error(where: Array, _shape: Shape) -> Array:
         return np.asarray(np.interp(where, at, std)[:, None] * curve.at(where))
@@ -101,6 +101,7 @@ def load(of: Ranges, torque_nm: float, machine: Machine) -> list[Candidate]:
     inertia = machine.load_inertia_at(np.linspace(of.low_rad, of.high_rad, 65))
     mass, varies = float(np.mean(inertia)), bool(np.ptp(inertia) > _VARIES * np.mean(inertia))
     angle = Curve.over(of.low_rad, of.high_rad, 0.3)
+    masses = BentCurve.over(of.low_rad, of.high_rad, 0.3)  # its slope is felt, too
     events = [
         shape
         for duration in np.array([0.02, 0.04, 0.08, 0.16]) * max(of.longest_s, 1e-9)
@@ -119,13 +120,17 @@ def load(of: Ranges, torque_nm: float, machine: Machine) -> list[Candidate]:
         return column(inertia_of(machine, where)[1])
 
     def profile(where: Array, _shape: Shape) -> Array:
-        return machine.load_inertia_at(where)[:, None] * angle.at(where)
+        return machine.load_inertia_at(where)[:, None] * masses.at(where)
 
     def directed(along: Along, _shape: Shape) -> Effect:
-        curve, ahead = angle.at(along.load_angle), along.load_direction[:, None]
-        return Effect(
-            on_load=np.concatenate([curve * np.maximum(ahead, 0), curve * np.maximum(-ahead, 0)], 1)
-        )
+        return Effect(on_load=angle.by_direction(along.load_angle, along.load_direction))
+
+    def directed_whole(along: Along, _shape: Shape, coefficients: Array) -> Effect:
+        folded = angle.folded_by_direction(along.load_angle, along.load_direction, coefficients)
+        return Effect(on_load=folded)
+
+    def over_angle(along: Along, _shape: Shape, coefficients: Array) -> Effect:
+        return Effect(on_load=angle.folded(coefficients).at(along.load_angle))
 
     step = _DIFFERENCE_RAD
     found = [
@@ -133,7 +138,8 @@ def load(of: Ranges, torque_nm: float, machine: Machine) -> list[Candidate]:
                   lambda c, _: dict(zip(("amplitude_nm", "phase_rad"), polar(c), strict=True)),
                   coordinate="position", family="load"),
         Candidate("load_torque", lambda a, _: Effect(on_load=angle.at(a.load_angle)),
-                  (torque_nm,) * angle.size, scales=LADDER, coordinate="position", family="load"),
+                  (torque_nm,) * angle.size, scales=LADDER, coordinate="position", family="load",
+                  whole=over_angle),
         Candidate("torque_offset", _offset, natural[:1], lambda c, _: {"torque_nm": c[0]},
                   coordinate="direction"),
         Candidate("offset_drift", _offset_drift, natural[:1], lambda c, _: {"change_nm": c[0]},
@@ -148,11 +154,11 @@ def load(of: Ranges, torque_nm: float, machine: Machine) -> list[Candidate]:
                   shapes=grid(range(lowest, highest + 1)), spacing=(0.25,), logarithmic=(False,),
                   bounds=((0.75 * lowest, 2.0 * highest),), coordinate="position"),
         Candidate("direction_dependent_load", directed, (torque_nm,) * (2 * angle.size), scales=LADDER,
-                  coordinate="position", family="load"),
+                  coordinate="position", family="load", whole=directed_whole),
         Candidate("load_inertia", of_inertia(constant, step), (share * mass,),
                   lambda c, _: {"delta_kgm2": c[0]}, positive=(0,), least=(-float(inertia.min()),),
                   coordinate="acceleration", inertia=constant),
-        Candidate("inertia_profile", of_inertia(profile, 1e-4 * of.span_rad), (1.0,) * angle.size,
+        Candidate("inertia_profile", of_inertia(profile, 1e-4 * of.span_rad), (1.0,) * masses.size,
                   scales=tuple(s * share for s in LADDER), coordinate="position", inertia=profile),
     ]  # fmt: skip
     if varies:

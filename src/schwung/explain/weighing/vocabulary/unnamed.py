@@ -7,13 +7,17 @@ the evidence takes what it needs.
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 
 from schwung.explain.weighing.along import Along, Ranges
-from schwung.explain.weighing.candidate import LADDER, Candidate, Curve, Plane, Shape
+from schwung.explain.weighing.candidate import LADDER, Candidate, Curve, Plane, Shape, column
 from schwung.innovations.effect import Effect
 from schwung.motion import Array
 
+#: What a unit of each coefficient of a curve does, and all that it does with these.
+_Both = tuple[Callable[[Along, Shape], Effect], Callable[[Along, Shape, Array], Effect]]
 #: Speeds are told apart the finer the slower they are, down to this share of the peak.
 _SLOW = 0.02
 #: Names that are cases of a curve: where the curve stands, they say nothing more.
@@ -48,52 +52,67 @@ def unnamed(of: Ranges, torque_nm: float) -> list[Candidate]:
         Plane.of(load, while_moving),
     )
 
-    def by_direction(curve: Array, direction: Array) -> Array:
-        ahead = direction[:, None]
-        return np.concatenate([curve * np.maximum(ahead, 0), curve * np.maximum(-ahead, 0)], 1)
+    slow = _SLOW * of.peak_speed_rad_s
 
-    def over_angle(along: Along, _shape: Shape) -> Effect:
-        return Effect(by_direction(angle.at(along.angle), along.direction))
+    def ways(along: Along) -> Array:
+        return np.arcsinh(np.abs(along.speed) / slow)
 
-    def over_speed(along: Along, _shape: Shape) -> Effect:
-        slow = _SLOW * of.peak_speed_rad_s
-        return Effect(by_direction(speed.at(np.arcsinh(np.abs(along.speed) / slow)), along.direction))
+    def of_both(curve: Curve, where: Callable[[Along], Array]) -> _Both:
+        """A curve for each direction."""
 
-    def over_acceleration(along: Along, _shape: Shape) -> Effect:
-        return Effect(on_load=acceleration.at(along.load_acceleration))
+        def whole(along: Along, _shape: Shape, coefficients: Array) -> Effect:
+            return Effect(curve.folded_by_direction(where(along), along.direction, coefficients))
 
-    def over_torque(along: Along, _shape: Shape) -> Effect:
-        return Effect(by_direction(torque.at(np.abs(along.torque)), along.direction))
+        return lambda along, _: Effect(curve.by_direction(where(along), along.direction)), whole
 
-    def over_time(along: Along, _shape: Shape) -> Effect:
-        return Effect(on_load=time.at(along.motion_time_s))
+    def of_load(curve: Curve, where: Callable[[Along], Array]) -> _Both:
+        """One curve, on the load."""
+
+        def whole(along: Along, _shape: Shape, coefficients: Array) -> Effect:
+            return Effect(on_load=curve.folded(coefficients).at(where(along)))
+
+        return lambda along, _: Effect(on_load=curve.at(where(along))), whole
 
     def over_runs(along: Along, _shape: Shape) -> Effect:
-        mine = np.zeros((along.speed.size, of.runs))
-        mine[:, along.number] = 1.0
-        return Effect(by_direction(mine, along.direction))
+        found = np.zeros((along.speed.size, 2 * of.runs))
+        found[:, along.number] = np.maximum(along.direction, 0)
+        found[:, of.runs + along.number] = np.maximum(-along.direction, 0)
+        return Effect(found)
+
+    def over_runs_whole(along: Along, _shape: Shape, coefficients: Array) -> Effect:
+        ahead, back = coefficients[along.number], coefficients[of.runs + along.number]
+        return Effect(column(ahead * np.maximum(along.direction, 0) + back * np.maximum(-along.direction, 0)))
 
     def over_angle_and_speed(along: Along, _shape: Shape) -> Effect:
         return Effect(on_load=place_pace.at(along.load_angle, along.load_speed))
 
+    def over_angle_and_speed_whole(along: Along, _shape: Shape, coefficients: Array) -> Effect:
+        return Effect(on_load=place_pace.folded(along.load_angle, along.load_speed, coefficients))
+
     def over_angle_and_torque(along: Along, _shape: Shape) -> Effect:
         return Effect(place_load.at(along.angle, along.torque))
+
+    def over_angle_and_torque_whole(along: Along, _shape: Shape, coefficients: Array) -> Effect:
+        return Effect(place_load.folded(along.angle, along.torque, coefficients))
 
     def over_torque_and_time(along: Along, _shape: Shape) -> Effect:
         return Effect(load_time.at(along.torque, along.motion_time_s))
 
+    def over_torque_and_time_whole(along: Along, _shape: Shape, coefficients: Array) -> Effect:
+        return Effect(load_time.folded(along.torque, along.motion_time_s, coefficients))
+
     return [
         Candidate(name, effect, (torque_nm,) * size, scales=LADDER, named=False, dry=dry, coordinate=name,
-                  cases=frozenset(_CASES.get(name, ())))
-        for name, effect, size, dry in (
-            ("position", over_angle, 2 * angle.size, True),
-            ("speed", over_speed, 2 * speed.size, True),
-            ("acceleration", over_acceleration, acceleration.size, False),
-            ("torque", over_torque, 2 * torque.size, True),
-            ("time_in_motion", over_time, time.size, False),
-            ("run", over_runs, 2 * of.runs, False),
-            ("position, speed", over_angle_and_speed, place_pace.size, False),
-            ("position, torque", over_angle_and_torque, place_load.size, False),
-            ("torque, time_in_motion", over_torque_and_time, load_time.size, False),
+                  cases=frozenset(_CASES.get(name, ())), whole=whole)
+        for name, (effect, whole), size, dry in (
+            ("position", of_both(angle, lambda a: a.angle), 2 * angle.size, True),
+            ("speed", of_both(speed, ways), 2 * speed.size, True),
+            ("acceleration", of_load(acceleration, lambda a: a.load_acceleration), acceleration.size, False),
+            ("torque", of_both(torque, lambda a: np.abs(a.torque)), 2 * torque.size, True),
+            ("time_in_motion", of_load(time, lambda a: a.motion_time_s), time.size, False),
+            ("run", (over_runs, over_runs_whole), 2 * of.runs, False),
+            ("position, speed", (over_angle_and_speed, over_angle_and_speed_whole), place_pace.size, False),
+            ("position, torque", (over_angle_and_torque, over_angle_and_torque_whole), place_load.size, False),
+            ("torque, time_in_motion", (over_torque_and_time, over_torque_and_time_whole), load_time.size, False),
         )
     ]  # fmt: skip
