@@ -41,13 +41,19 @@ def _recorded(out: Path, plant: str | Plant = "two-mass", conceal: str = "", **w
         return room.record(out, repeats=2, **wishes)
 
 
+@pytest.fixture(scope="module")
+def sound(tmp_path_factory: pytest.TempPathFactory) -> Session:
+    """Recorded of two masses that conceal nothing."""
+    return _recorded(tmp_path_factory.mktemp("sound"))
+
+
 def _named(found: Explanation) -> list[str]:
     return [finding.physics for finding in found.findings]
 
 
-def test_nothing_is_named_where_nothing_is_concealed(tmp_path: Path) -> None:
+def test_nothing_is_named_where_nothing_is_concealed(sound: Session) -> None:
     """Through counts and filters of the drive, and an injection that is held between SYNCs."""
-    found = explain(_recorded(tmp_path), _by_geometry("two-mass"))
+    found = explain(sound, _by_geometry("two-mass"))
     assert found.verdict == "consistent"
     assert not found.findings
     assert found.fit.before.torque_rmse_nm < 0.1  # of 47 N·m injected and 60 N·m of motion
@@ -83,12 +89,12 @@ def test_what_the_bench_conceals_is_named_and_measured(
     assert found.fit.heldout_runs == (3,)
 
 
-def test_a_machine_that_changed_since_its_inertia_was_measured(tmp_path: Path) -> None:
+def test_a_machine_that_changed_since_its_inertia_was_measured(sound: Session, tmp_path: Path) -> None:
     """The belief scatters as an estimate does: ±0.0007 kg·m² at 64 angles, the slope of which would be 6 N·m."""
     angles, chance = np.linspace(0.0, np.pi, 64), np.random.default_rng(7)
     inertia = make_plant("two-mass").true_inertia(angles) + 0.0007 * chance.standard_normal(64)
     measured = _with(InertiaTable(angles, inertia, np.full(64, 0.0007)))
-    assert explain(_recorded(tmp_path / "healthy"), measured).verdict == "consistent"
+    assert explain(sound, measured).verdict == "consistent"
     found = explain(_recorded(tmp_path / "now", conceal="load_inertia"), measured)
     assert found.verdict in ("explained", "partly_explained")  # what the table is off by is left
     assert _named(found) == ["load_inertia"]
@@ -125,14 +131,16 @@ def test_the_weight_of_a_rod_that_mujoco_knows_and_two_masses_do_not(tmp_path: P
     assert weight["phase_rad"].value == pytest.approx(-np.pi / 2, abs=0.05)
 
 
-def test_weighing_knows_a_held_injection_and_rounding_that_repeats_share(tmp_path: Path) -> None:
+def test_weighing_knows_a_held_injection_and_rounding_that_repeats_share(
+    sound: Session, tmp_path: Path
+) -> None:
     """An injection held between SYNCs, a speed that is late by what it was before, noise smaller than a count."""
     belief = _by_geometry("two-mass")
-    sound = weigh(_recorded(tmp_path / "sound"), belief)
-    assert sound.proof is not None
-    assert sound.proof.before < 1.2
-    assert not [one for one in sound.names if one.probability > 0.5]
-    assert not [one for one in sound.unnamed if one.probability > 0.5]
+    found = weigh(sound, belief)
+    assert found.proof is not None
+    assert found.proof.before < 1.2
+    assert not [one for one in found.names if one.probability > 0.5]
+    assert not [one for one in found.unnamed if one.probability > 0.5]
     weak = weigh(_recorded(tmp_path / "weak", conceal="torque_constant=0.93"), belief)
     assert weak.names[0].name == "torque_constant"
     assert weak.names[0].probability > 0.9
@@ -141,9 +149,9 @@ def test_weighing_knows_a_held_injection_and_rounding_that_repeats_share(tmp_pat
     assert weak.proof.after < 1.2
 
 
-def test_weighing_finds_the_inertia_that_the_belief_only_guessed(tmp_path: Path) -> None:
+def test_weighing_finds_the_inertia_that_the_belief_only_guessed(sound: Session) -> None:
     """One name, and no curves that take its part: a table's corners were some N·m in its slope."""
-    found = weigh(_recorded(tmp_path), guessed_machine())
+    found = weigh(sound, guessed_machine())
     likely = [one.name for one in found.names if one.probability > 0.5]
     assert likely == ["inertia_profile"]
     assert not [one for one in found.unnamed if one.probability > 0.5 and one.torque_nm > 0.1]

@@ -34,8 +34,8 @@ def test_clipped_torque_wants_the_whole_trajectory(clipped, machine):
     assert "clipped in up to" in choice.reason
 
 
-def test_the_reason_is_told_and_a_name_overrides(four, machine):
-    found = estimate(four, machine)
+def test_the_reason_is_told_and_a_name_overrides(four, machine, estimated):
+    found = estimated(four, machine)
     assert found.notes[0].startswith("Method multiphase was chosen: 4 equally spaced phases")
     named = estimate(four, machine, "former")
     assert named.method == "former"
@@ -95,9 +95,9 @@ def test_outside_a_table_it_has_no_say():
     assert combine_tables([wide, bare])[1] == pytest.approx([0.5, 0.5])
 
 
-def test_a_record_that_tells_more_is_asked_for_it(bus_rate, machine):
+def test_a_record_that_tells_more_is_asked_for_it(bus_rate, machine, estimated):
     """Windows leave most of it idle: the trajectory fit takes their place, what they saw of the ripple stays."""
-    found, windows = estimate(bus_rate, machine), estimate(bus_rate, machine, "denoised")
+    found, windows = estimated(bus_rate, machine), estimated(bus_rate, machine, "denoised")
     assert found.method == "trajectory"
     assert any("was taken: it uses motion and injection together" in note for note in found.notes)
     assert len(found.traces) == len(found.denoised) == 1
@@ -110,7 +110,7 @@ def test_a_record_that_tells_more_is_asked_for_it(bus_rate, machine):
     assert rmse(found) < rmse(windows) / 10
 
 
-def test_phases_suffice_as_long_as_the_injection_tells_most(four, machine):
+def test_phases_suffice_as_long_as_the_injection_tells_most(four, machine, estimated):
     def task(session):
         return Task(session, session.excited, machine, 50.0, "complex")
 
@@ -118,7 +118,7 @@ def test_phases_suffice_as_long_as_the_injection_tells_most(four, machine):
     assert motion_over_injection(task(four)) < 1 < motion_over_injection(task(faster))
     assert not leaves_much(task(four), windowed=False)
     assert leaves_much(task(faster), windowed=False)
-    assert estimate(four, machine).method == "multiphase"
+    assert estimated(four, machine).method == "multiphase"
     assert estimate(faster, machine).method == "trajectory"
 
 

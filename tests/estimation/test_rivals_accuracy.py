@@ -62,14 +62,14 @@ def test_constant_inertia_of_a_rigid_machine(constant_rigid, rigid, name):
 
 
 @pytest.mark.parametrize("name", NAMES)
-def test_slider_crank(slow, bus_rate, machine, name):
+def test_slider_crank(slow, bus_rate, machine, name, estimated):
     """500 ms at 2 kHz and 250 ms at 1 kHz, with noise."""
     at_500, at_250 = REACHES[name]
-    found = estimate(slow, machine, name)
+    found = estimated(slow, machine, name)
     assert found.method == name
     assert found.table.position_rad.size == 64
     assert rmse(found) < at_500
-    assert rmse(estimate(bus_rate, machine, name)) < at_250
+    assert rmse(estimated(bus_rate, machine, name)) < at_250
 
 
 @pytest.mark.parametrize("name", NAMES)
@@ -79,9 +79,9 @@ def test_fractional_samples_per_period(fractional, machine, name):
 
 
 @pytest.mark.parametrize("name", NAMES)
-def test_the_estimate_is_complete(bus_rate, machine, name):
+def test_the_estimate_is_complete(bus_rate, machine, name, estimated):
     """Table with a band, one trace per excited run, a verdict, JSON: whatever the method."""
-    result = estimate(bus_rate, machine, name)
+    result = estimated(bus_rate, machine, name)
     assert result.table.std_kgm2 is not None
     assert np.all(result.table.std_kgm2 > 0)
     assert len(result.traces) == 1
@@ -132,9 +132,9 @@ def test_the_time_domain_has_no_inversion(bus_rate, machine, name):
 
 
 @pytest.mark.parametrize("name", ["gdft", "kalman_fourier"])
-def test_phasors_may_be_inverted_by_magnitude(bus_rate, machine, name):
+def test_phasors_may_be_inverted_by_magnitude(bus_rate, machine, name, estimated):
     complex_, magnitude = (
-        estimate(bus_rate, machine, name, inversion=way) for way in ("complex", "magnitude")
+        estimated(bus_rate, machine, name, inversion=way) for way in ("complex", "magnitude")
     )
     assert magnitude.inversion == "magnitude"
     assert 0 < np.max(np.abs(magnitude.table.inertia_kgm2 - complex_.table.inertia_kgm2)) < 0.01
@@ -148,10 +148,10 @@ def test_a_wrong_first_guess_is_forgotten(bus_rate, machine, name, believed):
     assert rmse(estimate(bus_rate, wrong, name)) < 0.006
 
 
-def test_the_spline_survives_clipping_and_unknown_friction(clipped, machine):
+def test_the_spline_survives_clipping_and_unknown_friction(clipped, machine, estimated):
     """100 ms at the torque limit: superposition fails there, the torque balance does not."""
     assert rmse(estimate(clipped, machine, "bspline")) < 0.003
-    assert rmse(estimate(clipped, machine, "denoised")) > 0.006
+    assert rmse(estimated(clipped, machine, "denoised")) > 0.006
 
 
 def test_the_spline_needs_no_reference_and_uses_one(machine):

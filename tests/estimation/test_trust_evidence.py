@@ -77,8 +77,8 @@ def test_a_wrong_stiffness_is_noticed_and_the_robust_method_taken(four, machine)
     assert any("stiffness comes out" in reason for reason in chosen.trust.reasons)
 
 
-def test_a_right_file_is_good_with_either_method_and_needs_no_other(four, machine):
-    found = estimate(four, machine)
+def test_a_right_file_is_good_with_either_method_and_needs_no_other(four, machine, estimated):
+    found = estimated(four, machine)
     assert (found.method, found.trust.verdict) == ("multiphase", "good")
     assert found.trust.predicted_error < 0.02
     assert not any("in doubt" in note for note in found.notes)

@@ -68,3 +68,13 @@ def test_what_no_file_can_say_is_left_out_and_told():
     assert note.startswith(
         "what depends on torque and time in motion is modelled, but machine.toml cannot say it: it "
     )
+
+
+def test_an_inertia_below_zero_where_the_machine_was_is_left_out_and_told():
+    machine = belief_of(STRANGERS[0])
+    found = Found("inertia_profile", True, {"table": [[0.0, -0.5], [2.0, -0.5], [4.0, -0.5]]}, {})
+    kept, notes = sayable(machine, [found], ["position"], (0.0, 4.0))
+    assert kept == ()
+    assert notes[0].startswith(
+        "what depends on position is modelled, but machine.toml cannot say it: it inertia_kgm2"
+    )

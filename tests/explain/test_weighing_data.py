@@ -10,12 +10,13 @@ from schwung.explain.weighing.along import TrueTorque, ranges_of
 from schwung.explain.weighing.candidate import Curve, Plane
 from schwung.explain.weighing.data import Data
 from schwung.explain.weighing.equations import Acting, equations_of
+from schwung.explain.weighing.growth import slices
 from schwung.explain.weighing.known import known
 from schwung.explain.weighing.present import Member
 from schwung.explain.weighing.refine import refined
-from schwung.explain.weighing.search import Search
+from schwung.explain.weighing.search import Pick, Search
 from schwung.explain.weighing.vocabulary import vocabulary
-from schwung.explain.weighing.weigh import weigh
+from schwung.explain.weighing.weigh import _rms, weigh
 from schwung.explain.weighing.work import Work
 from schwung.innovations.effect import Effect, Passed
 from schwung.innovations.evidence import weigh as weigh_columns
@@ -126,6 +127,21 @@ def test_noise_is_what_repeats_do_not_share(view):
     unshared = likely_noise(systems, runs, start, 1.0, 4.3, repeats=[(0, 1)])
     assert shared.torque_nm > 0.12
     assert unshared.torque_nm == pytest.approx(0.05, rel=0.35)
+
+
+def test_what_acts_between_the_shafts_has_a_torque_too(view, data):
+    """Of a stiffness: it is the same on both, and nothing of the whole."""
+    about = rounds.at_rest(view, data.members, first_noise(view.runs))
+    data = Data.of(about, data.members, data.candidates, (0, 1, 3), 2.0)
+    search = Search(data, (0, 1, 2))
+    number = next(
+        i for i, atom in enumerate(data.atoms) if data.candidates[atom.candidate].name == "coupling_stiffness"
+    )
+    scored = search.score((Pick(number, 1.0),))
+    (where,) = slices(search, scored)
+    wound = np.concatenate([along.twist for along in data.about.alongs]) * scored.found.coefficients[where]
+    assert np.any(wound != 0.0)
+    assert _rms(search, "coupling_stiffness") == pytest.approx(np.sqrt(np.mean(wound**2)), rel=0.02)
 
 
 def test_a_run_kept_aside_is_missed_by_no_more_than_noise():

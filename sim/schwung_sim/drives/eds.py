@@ -11,6 +11,7 @@ import re
 import struct
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
+from functools import lru_cache
 from pathlib import Path
 
 from schwung_sim.errors import BenchError
@@ -137,13 +138,18 @@ def read_entries(path: Path, node_id: int) -> list[Entry]:
         text = content.decode("utf-8-sig")
     except UnicodeDecodeError:
         text = content.decode("cp1252", errors="replace")
-    sections = _sections(text)
-    entries = {entry.key: entry for entry in _entries(sections, node_id)}
+    entries = _declared(text, node_id)
     if not entries:
         raise BenchError(
             str(path), "is no EDS that can be read: it declares no object", "Give the drive's file."
         )
-    return list(entries.values())
+    return list(entries)
+
+
+@lru_cache(maxsize=16)
+def _declared(text: str, node_id: int) -> tuple[Entry, ...]:
+    """Kept, since drives are powered up by the thousand: most of what making one takes."""
+    return tuple({entry.key: entry for entry in _entries(_sections(text), node_id)}.values())
 
 
 def _sections(text: str) -> dict[str, dict[str, str]]:

@@ -20,6 +20,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.interpolate import BSpline
 
 from schwung.drivetrain.machine import Machine
@@ -165,37 +166,70 @@ def load_side(ripple: Ripple, machine: Machine) -> LoadSide:
 
 
 @dataclass(frozen=True, eq=False)
+class _Spectrum:
+    """Fourier coefficients of a load side's samples, faded, at its frequencies: of every so many of them, which an FFT
+    of the whole record takes as zeros between. A matrix of exponentials grows with the square of the record.
+    """
+
+    size: int  # of the record, in samples
+    kept: slice
+    bins: NDArray[np.int64]
+    s: ComplexArray  # (frequencies, 1): jω
+    phase: ComplexArray  # (frequencies, 1): of the record's begin
+    fade: Array  # (kept, 1)
+    rise: Array  # (kept, 1): its derivative
+
+    @classmethod
+    def of(cls, load: LoadSide, ripple: Ripple) -> _Spectrum:
+        """At the frequencies of the balance, which are the record's own."""
+        kept, size = slice(None, None, load.step), ripple.time_s.size
+        s = np.asarray(2j * np.pi * load.frequencies[:, None], dtype=np.complex128)
+        fade = load.fade[kept]
+        return cls(
+            size, kept, np.rint(load.frequencies * size / ripple.sample_rate_hz).astype(np.int64), s,
+            np.exp(-s * ripple.time_s[0]), fade[:, None],
+            np.gradient(fade, load.step / ripple.sample_rate_hz)[:, None],
+        )  # fmt: skip
+
+    def over_s(self, torque: ComplexArray, momentum: ComplexArray | None = None) -> ComplexArray:
+        """Of ∫ torque dt + momentum, (kept, columns) each; (frequencies, columns). By parts: what is a derivative
+        falls on fade and kernel.
+        """
+        if momentum is None:
+            return self._of(self.fade * torque) / self.s
+        return self._of(self.fade * torque - self.rise * momentum) / self.s + self._of(self.fade * momentum)
+
+    def _of(self, values: ComplexArray) -> ComplexArray:
+        record = np.zeros((values.shape[1], self.size), dtype=np.complex128)
+        record[:, self.kept] = values.T
+        return np.asarray(np.fft.fft(record)[:, self.bins].T * self.phase)
+
+
+@dataclass(frozen=True, eq=False)
 class Balance:
     """The balance of one ripple at every frequency of the band: all of it that no curve changes."""
 
     load: LoadSide
-    kept: slice  # of the samples
-    inertia: Array  # (samples, basis.size): the splines at them
+    spectrum: _Spectrum
+    inertia: Array  # (samples, basis.size): the splines at those that are kept
     turning: Array  # the same: what each spline makes of a ripple of the angle, N·m/rad
-    over_s: ComplexArray  # (frequencies, samples): Fourier's kernel with the fade, over jω
-    by_parts: ComplexArray  # the same of a derivative, which falls on fade and kernel
     columns: Array  # (rows, basis.size), weighted
     driving: Array  # (rows,)
 
     @classmethod
     def of(cls, load: LoadSide, ripple: Ripple, basis: Basis) -> Balance:
         """With the splines of `basis`."""
-        kept = slice(None, None, load.step)
-        s = 2j * np.pi * load.frequencies[:, None]
-        kernel = np.exp(-s * ripple.time_s[kept])
-        fade = load.fade[kept]
-        over_s = kernel * fade / s
-        by_parts = kernel * (fade - np.gradient(fade, load.step / ripple.sample_rate_hz) / s)
+        spectrum = _Spectrum.of(load, ripple)
+        kept = spectrum.kept
         inertia, slope, bend = (basis.at(load.angle_rad[kept], order) for order in range(3))
         turning = (
             bend * (load.speed_rad_s[kept] ** 2 / 2)[:, None] + slope * load.acceleration_rad_s2[kept, None]
         )
-        columns = by_parts @ (inertia * load.ripple_speed_rad_s[kept, None])
-        columns = columns + over_s @ (turning * load.ripple_angle_rad[kept, None])
-        driving = over_s @ load.driving_torque_nm[kept, None]
-        return cls(
-            load, kept, inertia, turning, over_s, by_parts, _real(columns, load), _real(driving, load)[:, 0]
+        columns = spectrum.over_s(
+            turning * load.ripple_angle_rad[kept, None], inertia * load.ripple_speed_rad_s[kept, None]
         )
+        driving = spectrum.over_s(load.driving_torque_nm[kept, None])
+        return cls(load, spectrum, inertia, turning, _real(columns, load), _real(driving, load)[:, 0])
 
     def equations(self, curve: Array | None = None, pull: Array | None = None) -> Equations:
         """Weighted by the noise.
@@ -204,17 +238,17 @@ class Balance:
         the load speed that follows from it, by as much as the load is heavy; without a curve that part is left out.
         `pull`: dT_l/dθ along the motion (N·m/rad), (samples,).
         """
-        load, kept = self.load, self.kept
-        spoilers = self.over_s @ load.spoilers[kept]
+        load, spectrum = self.load, self.spectrum
+        kept = spectrum.kept
+        torque, momentum = load.spoilers[kept], None
         if curve is not None:
             momentum = (self.inertia @ curve)[:, None] * load.spoilers_wind_up_rate[kept]
-            turned = (self.turning @ curve)[:, None] * load.spoilers_wind_up[kept]
-            spoilers = spoilers + self.by_parts @ momentum + self.over_s @ turned
+            torque = torque + (self.turning @ curve)[:, None] * load.spoilers_wind_up[kept]
         driving = self.driving
         if pull is not None and np.any(pull):
-            sprung = self.over_s @ (pull[kept] * load.ripple_angle_rad[kept])[:, None]
+            sprung = spectrum.over_s((pull[kept] * load.ripple_angle_rad[kept])[:, None])
             driving = driving + _real(sprung, load)[:, 0]
-        return Equations(self.columns, _real(spoilers, load), driving)
+        return Equations(self.columns, _real(spectrum.over_s(torque, momentum), load), driving)
 
 
 def _real(values: ComplexArray, load: LoadSide) -> Array:

@@ -25,10 +25,17 @@ import can
 from schwung.cli.demo import BELIEF
 
 CHROMIUM = os.environ.get("SCHWUNG_CHROMIUM") or shutil.which("chromium") or shutil.which("chromium-browser")
-#: Nothing that a browser does on its own account: only what the page asks for.
+#: Nothing that a browser does on its own account: only what the page asks for. What is disabled here takes the place of
+#: Playwright's own list, of which the first few are; the others are pages that the browser's own window loads, unseen,
+#: each time anew: more work than the page that is tested.
+UNASKED = (
+    "MediaRouter", "DialMediaRouteProvider", "CertificateTransparencyComponentUpdater", "Translate", "HttpsUpgrades",
+    "PaintHolding", "LensOverlay", "WebUIOmniboxPopup", "WebUIOmniboxAimPopup", "WebUIOmniboxFullPopup",
+    "PreloadTopChromeWebUI",
+)  # fmt: skip
 ARGUMENTS = [
     "--no-sandbox", "--disable-gpu", "--disable-quic", "--no-first-run", "--disable-background-networking",
-    "--disable-component-update", "--disable-sync",
+    "--disable-component-update", "--disable-sync", f"--disable-features={','.join(UNASKED)}",
 ]  # fmt: skip
 NODE = 1
 _QUICK_STOP = 0x0002

@@ -28,6 +28,7 @@ from schwung.explain.weighing.drawn_plane import PLANES, drawn_plane
 from schwung.explain.weighing.formula import Formula, formulas
 from schwung.explain.weighing.growth import Progress, slices
 from schwung.explain.weighing.judged import Judged, as_good, judged
+from schwung.explain.weighing.known import known
 from schwung.explain.weighing.learned import Found, learned, table
 from schwung.explain.weighing.publication import NAMED, Before, Curve, Name, Published, merged, over_words
 from schwung.explain.weighing.search import Pick, Scored, Search
@@ -48,6 +49,11 @@ _UNITS: Mapping[str, str] = {
 }
 _LETTERS = {"position": "θ", "load_position": "θ", "speed": "|ω|", "torque": "|T|", "acceleration": "α",
             "time_in_motion": "t", "run": "r"}  # fmt: skip
+
+
+_NEEDLESS = (
+    "the belief predicts the runs kept aside as well without what was fitted over {}: it is not published"
+)
 
 
 def publish(session: Session, machine: Machine, *, progress: Progress | None = None) -> Published:
@@ -88,16 +94,19 @@ def _smooth(machine: Machine) -> Machine:
 
 
 def sayable(
-    machine: Machine, found: Sequence[Found], over: Sequence[str]
+    machine: Machine,
+    found: Sequence[Found],
+    over: Sequence[str],
+    visited_rad: tuple[float, float] = (0.0, 0.0),
 ) -> tuple[tuple[int, ...], tuple[str, ...]]:
     """Which causes a file of the machine can hold together, and a note for each other one; `over`: their coordinates.
 
-    Where the belief misses nearly all, a curve may be fitted that is no machine.
+    Where the belief misses nearly all, a curve may be fitted that is no machine, at an angle between `visited_rad`.
     """
     kept, notes = tuple[int, ...](), list[str]()
     for number, coordinate in enumerate(over):
         try:
-            _read_back(learned(machine, [found[i] for i in (*kept, number)]))
+            known(_read_back(learned(machine, [found[i] for i in (*kept, number)])), *visited_rad)
         except InputError as error:
             why = f"it {error.problem}"
             notes.append(f"what depends on {coordinate} is modelled, but machine.toml cannot say it: {why}")
@@ -138,12 +147,18 @@ class _Publishing:
         """All of it."""
         every = self._causes()
         over = [over_words(self.search.candidate(cause.pick).coordinate) for cause in every]
-        kept, unsaid = sayable(self.machine, [cause.found for cause in every], over)
+        of = self.outcome.view.ranges
+        visited = (of.low_rad, of.high_rad)
+        kept, unsaid = sayable(self.machine, [cause.found for cause in every], over, visited)
         causes = [every[i] for i in kept]
         machine = _read_back(learned(self.machine, [cause.found for cause in causes]))
         aside = self.outcome.heldout
         before = judged(self.outcome, _smooth(self.machine), aside) if aside else None
         after = judged(self.outcome, _smooth(machine), aside) if aside and causes else before
+        needless = bool(causes) and before is not None and after is not None and as_good(before, after)
+        if needless:  # then the file is the belief
+            causes, machine, after = [], self.machine, before
+            unsaid = (*unsaid, _NEEDLESS.format(", ".join(over)))
         formulated = {}
         if after is not None:
             for number, cause in enumerate(causes):
@@ -160,7 +175,7 @@ class _Publishing:
             axis=self.session.axis,
             effort=self.session.effort,
             names=self._names(causes, formulated),
-            curves=self._curves(causes, formulated),
+            curves=() if needless else self._curves(causes, formulated),
             runners_up=self._runners_up(),
             noise=self.weighed.noise,
             excess=self.outcome.grown.data.excess,
@@ -171,10 +186,12 @@ class _Publishing:
         )
 
     def _set(self) -> Scored:
-        """The most probable set without a parameter at its bound."""
+        """The most probable set without a parameter at its bound, and without what does not hold elsewhere."""
         shares = self.search.shares()  # tempered by what has no name, they would leave out what has none
         sound = (one for _, one in shares if all(self._publishable(pick) for pick in one.picks))
-        return next(sound, self.search.score(()))
+        best = next(sound, self.search.score(()))
+        kept = tuple(pick for pick in best.picks if self.search.name(pick) not in self.outcome.refuted)
+        return self.search.score(kept)
 
     def _publishable(self, pick: Pick) -> bool:
         """Whether a file can say it, inside its bounds."""
@@ -293,6 +310,8 @@ class _Publishing:
         if curve is None or "table" not in cause.found.parameters:
             return None
         for formula, shape in _formulas(curve):
+            if self.outcome.view.work.late:
+                break
             instead = Found("residual", False, _residual(shape), {})
             every = [instead if one is cause else one.found for one in causes]
             tried = judged(self.outcome, _smooth(learned(self.machine, every)), self.outcome.heldout)
@@ -336,6 +355,8 @@ class _Publishing:
 
     def _notes(self, causes: Sequence[_Cause]) -> list[str]:
         notes = []
+        if self.outcome.view.work.late and any(cause.curve is not None for cause in causes):
+            notes.append("formulas were looked for no further than the work that a session may cost")
         if not self.outcome.heldout:
             notes.append("no run could be kept aside, so that nothing is proven: record repeats")
         if not any(len(group) > 1 for group in self.outcome.view.repeats):

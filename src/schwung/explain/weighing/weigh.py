@@ -13,9 +13,11 @@ from schwung.explain.proof import split
 from schwung.explain.weighing.along import TrueTorque, ranges_of
 from schwung.explain.weighing.candidate import NATURAL, Candidate
 from schwung.explain.weighing.data import Atom
+from schwung.explain.weighing.elsewhere import holding
 from schwung.explain.weighing.growth import NOISE_SHARE, Grown, Growth, Progress, everything, slices
 from schwung.explain.weighing.known import known
 from schwung.explain.weighing.present import Member
+from schwung.explain.weighing.publication import NAMED
 from schwung.explain.weighing.repeated import repeated
 from schwung.explain.weighing.round import Linearised, View, target_of, wide_fit
 from schwung.explain.weighing.search import Pick, Scored, Search
@@ -37,6 +39,9 @@ STICKING = 0.002
 #: A shape is at its bound within this share of the range.
 _END = 1e-3
 _UNFINISHED = "the search ended before all was tried: probabilities are those of what was"
+_REFUTED = (
+    "{} takes something of the motions at hand, and makes others worse that it is not fitted to: left out"
+)
 #: Probabilities below this are not told.
 TOLD = 0.01
 
@@ -55,7 +60,30 @@ class Posterior:
     @cached_property
     def told(self) -> Weighed:
         """In names, probabilities and parameters."""
-        return _told(self.grown, self.stands, self.sure, self.heldout)
+        return _told(self)
+
+    @cached_property
+    def names(self) -> dict[str, float]:
+        """Every cause that is worth telling, with its probability; of a name, that it is right."""
+        named = {c.name for c in self.grown.data.candidates if c.named}
+        likely = {name: p for name, p in _probabilities(self.sure).items() if p >= TOLD}
+        search = self.grown.search
+        return {name: p * self.stands.of(search, name) if name in named else p for name, p in likely.items()}
+
+    @cached_property
+    def holding(self) -> Scored:
+        """The best set without what has no name and does not hold where it was not fitted."""
+        search, best = self.grown.search, self.grown.best
+        named = {name for name in map(search.name, best.picks) if self.names.get(name, 0.0) > NAMED}
+        unnamed = {c.name for c in search.data.candidates if not c.named}
+        return holding(search, best, named - unnamed)
+
+    @cached_property
+    def refuted(self) -> frozenset[str]:
+        """Causes of the best set that do not."""
+        search = self.grown.search
+        kept = set(map(search.name, self.holding.picks))
+        return frozenset(set(map(search.name, self.grown.best.picks)) - kept)
 
 
 def weigh(session: Session, machine: Machine) -> Weighed:
@@ -118,12 +146,10 @@ def _copied(one: Run, other: Run) -> bool:
     return bool(2 * np.count_nonzero(same) > length)
 
 
-def _told(outcome: Grown, stands: Standing, sure: Search, heldout: Sequence[int]) -> Weighed:
+def _told(posterior: Posterior) -> Weighed:
+    outcome, sure, likely, heldout = posterior.grown, posterior.sure, posterior.names, posterior.heldout
     search, data = outcome.search, outcome.data
     shares = sure.shares()
-    named = {c.name for c in data.candidates if c.named}
-    likely = {name: p for name, p in _probabilities(sure).items() if p >= TOLD}
-    likely = {name: p * stands.of(search, name) if name in named else p for name, p in likely.items()}
     names = {c.name: likely[c.name] for c in data.candidates if c.named and likely.get(c.name, 0.0) >= TOLD}
     told = [Named(name, p, _parameters(sure, name)) for name, p in names.items() if not _at_bound(sure, name)]
     ends = [name for name in names if _at_bound(sure, name)]
@@ -131,13 +157,14 @@ def _told(outcome: Grown, stands: Standing, sure: Search, heldout: Sequence[int]
     second = shares[1] if len(shares) > 1 else (0.0, outcome.best)
     return Weighed(
         names=tuple(told),
-        unnamed=_unnamed(search, likely),
+        unnamed=_unnamed(search, likely, posterior.refuted),
         runner_up=tuple(sorted(search.candidate(pick).name for pick in second[1].picks)),
         runner_up_probability=second[0],
         noise=data.about.noise,
-        excess=data.excess * stands.tempering,
-        proof=_proof(outcome, heldout) if heldout else None,
+        excess=data.excess * posterior.stands.tempering,
+        proof=_proof(outcome, posterior.holding, heldout) if heldout else None,
         notes=(
+            *(_REFUTED.format(name.replace("_", " ")) for name in sorted(posterior.refuted)),
             *(f"{name} only fits at the end of its range, and is not named" for name in sorted(ends)),
             *((_UNFINISHED,) if data.work.spent else ()),
         ),
@@ -153,13 +180,15 @@ def _probabilities(search: Search) -> dict[str, float]:
     return found
 
 
-def _unnamed(search: Search, names: Mapping[str, float]) -> tuple[Unnamed, ...]:
+def _unnamed(search: Search, names: Mapping[str, float], refuted: frozenset[str]) -> tuple[Unnamed, ...]:
     """What describes the motion without being a name, the most probable first: curves, and names that are only like it.
 
     `names`: probabilities that a name is right; what is more probable by the description alone is not named.
     """
     found = []
     for name, p in _probabilities(search).items():
+        if name in refuted:
+            continue
         candidate = next(c for c in search.data.candidates if c.name == name)
         more = p - names.get(name, 0.0) if candidate.named else p
         if more >= TOLD:
@@ -239,15 +268,18 @@ def _rms(search: Search, name: str) -> float:
             if candidate.name == name:
                 shape, total = search.data.atoms[pick.atom].shape, []
                 for along in search.data.about.alongs:
-                    motor, load, _, _ = candidate.effect(along, shape).of(scored.found.coefficients[where])
-                    total.append(np.mean((motor + load + 0.0 * along.speed) ** 2))
+                    done = candidate.done(along, shape, scored.found.coefficients[where])
+                    motor, load, _, _ = done.of(np.ones(1))
+                    # what acts between the shafts is the same on both, and takes nothing of the whole
+                    each = (np.mean((side + 0.0 * along.speed) ** 2) for side in (motor, load, motor + load))
+                    total.append(max(each))
                 return float(np.sqrt(np.mean(total)))
     return 0.0
 
 
-def _proof(outcome: Grown, heldout: Sequence[int]) -> Proof:
-    """The best set's and the bare belief's predictions of the motions kept aside, each linearised about itself."""
-    data, (which, deviations) = outcome.data, outcome.search.columns(outcome.best.picks)
+def _proof(outcome: Grown, best: Scored, heldout: Sequence[int]) -> Proof:
+    """A set's and the bare belief's predictions of the motions kept aside, each linearised about itself."""
+    data, (which, deviations) = outcome.data, outcome.search.columns(best.picks)
     log, after = _predicted(data.at(which), data.aside(which, heldout), deviations)
     bare, members = outcome.nothing.about, outcome.nothing.members
     seen, aside = (

@@ -1,0 +1,68 @@
+"""What predicts motions that it was not fitted to stays; what was only fitted to one does not."""
+
+from dataclasses import dataclass
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from schwung.explain.weighing.elsewhere import holding, missed_elsewhere
+from schwung.explain.weighing.search import Pick
+
+SAMPLES, RUNS, NAMES = 400, 6, ("law", "one motion's", "name")
+
+
+@dataclass
+class Scored:
+    picks: tuple[Pick, ...]
+
+    @property
+    def which(self) -> Any:
+        return np.array([pick.atom for pick in self.picks], dtype=np.intp)
+
+    @property
+    def deviations(self) -> Any:
+        return np.ones(len(self.picks))
+
+
+class Recorded:
+    """Two runs each of three motions; a law acts in all, another thing in the first, along a column that all have."""
+
+    def __init__(self) -> None:
+        chance = np.random.default_rng(3)
+        rows = chance.normal(size=(3, RUNS * SAMPLES))
+        motion = np.repeat([0, 0, 1, 1, 2, 2], SAMPLES)
+        target = 0.3 * rows[0] + np.where(motion == 0, 1.0, 0.0) * rows[1] + chance.normal(size=motion.size)
+        motions = [SimpleNamespace(model_dump_json=lambda i=i: str(i // 2)) for i in range(RUNS)]
+        about = SimpleNamespace(
+            stretches=lambda runs: [slice(i * SAMPLES, (i + 1) * SAMPLES) for i in runs],
+            view=SimpleNamespace(recorded=[SimpleNamespace(motion=one) for one in motions]),
+        )
+        self.data = SimpleNamespace(rows=rows, target=target, train=range(RUNS), excess=1.0, about=about)
+
+    def score(self, picks: tuple[Pick, ...]) -> Scored:
+        return Scored(picks)
+
+    def name(self, pick: Pick) -> str:
+        return NAMES[pick.atom]
+
+    def held(self, *named: str) -> set[str]:
+        every: Any = Scored(tuple(Pick(number, 1.0) for number in range(3)))
+        return {self.name(pick) for pick in holding(self, every, named).picks}  # type: ignore[arg-type]
+
+
+def test_what_one_motion_alone_shows_is_refuted_by_the_others() -> None:
+    assert "one motion's" not in Recorded().held("name")
+
+
+def test_a_law_holds_and_a_name_is_not_asked() -> None:
+    assert Recorded().held("name") == {"law", "name"}
+    assert Recorded().held("one motion's") >= {"law", "one motion's"}
+
+
+def test_of_one_motion_each_run_is_predicted_by_the_others() -> None:
+    one = Recorded()
+    one.data.about.view.recorded = [SimpleNamespace(motion=None)] * RUNS
+    with_law, without = (missed_elsewhere(one, Scored(picks)) for picks in ((Pick(0, 1.0),), ()))  # type: ignore[arg-type]
+    assert without - with_law == pytest.approx(0.3**2 * RUNS * SAMPLES, rel=0.2)
