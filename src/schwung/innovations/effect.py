@@ -80,6 +80,7 @@ class Passed:
         """2n: of angle and speed."""
         return int(self.result.error.size)
 
+    @cached_property
     def states(self) -> Array:
         """Smoothed ones, (n, s), and the torque's error (N·m) behind them."""
         return np.asarray(kernel.smoothed(self.equations.transition, self.result))

@@ -16,7 +16,7 @@ from schwung.explain.weighing.candidate import Candidate, Shape
 from schwung.explain.weighing.inexact import error_of
 from schwung.explain.weighing.present import Member
 from schwung.explain.weighing.round import Cause, Linearised, target_of
-from schwung.explain.weighing.work import Work
+from schwung.explain.weighing.work import PRODUCT, Work
 from schwung.innovations.evidence import Beyond
 from schwung.innovations.statistics import Numbers, Statistics
 from schwung.motion import Array
@@ -121,7 +121,7 @@ class Data:
             lone = which[missing.any(axis=1)]
             columns = np.flatnonzero(missing.any(axis=0))
             span = slice(int(columns[0]), int(columns[-1]) + 1)
-            self._note(lone, np.arange(span.start, span.stop), self.rows[lone] @ self.rows[span].T)
+            self._note(lone, np.arange(span.start, span.stop), self._products(self.rows[lone], span))
         known = self.statistics
         everything = Statistics(known.gram[:width, :width], known.slope[:width], known.square, known.count)
         return Beyond.of(everything, which, deviations)
@@ -137,7 +137,8 @@ class Data:
     def beside(self, which: Numbers, causes: Sequence[Cause]) -> tuple[Array, Array, Array]:
         """Of causes that are no atoms yet: their cross products with a set's columns, their own, and their slope."""
         added = self.about.whitened(causes, self.train)
-        cross = np.concatenate([added @ self.rows[segment].T for segment in _segments(which)], axis=1)
+        cross = np.concatenate([self._products(added, segment) for segment in _segments(which)], axis=1)
+        self.work.add(PRODUCT * added.size * added.shape[0])
         return cross / self.excess, added @ added.T / self.excess, added @ self.target / self.excess
 
     def aside(self, which: Numbers, runs: Sequence[int]) -> Statistics:
@@ -201,7 +202,12 @@ class Data:
             lone = which[~self.met[np.ix_(numbers, which)].all(axis=0)]
             for other in _segments(np.sort(lone)) if lone.size else ():
                 columns = np.arange(other.start, other.stop)
-                self._note(numbers, columns, self.rows[mine] @ self.rows[other].T)
+                self._note(numbers, columns, self._products(self.rows[mine], other))
+
+    def _products(self, rows: Array, where: slice) -> Array:
+        """Of some rows with those of columns."""
+        self.work.add(PRODUCT * rows.size * (where.stop - where.start))
+        return rows @ self.rows[where].T
 
     def _note(self, one: Numbers, other: Numbers, products: Array) -> None:
         """Keep products of columns (one, other)."""

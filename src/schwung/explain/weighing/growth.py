@@ -68,7 +68,8 @@ class Growth:
     def grown(self, view: View) -> Grown:
         """From nothing but what is always there."""
         always = [absent(self.candidates[i]) for i in self.always]
-        at = settled(self.wide.seen(view), always, self._weighing)
+        nothing = at = settled(self.wide.seen(view), always, self._weighing)
+        first = self.wide
         picks: tuple[tuple[Atom, float], ...] = ()
         growing, fresh = True, False  # whether the noise was looked at since something was found
         for number in range(ROUNDS):
@@ -99,7 +100,8 @@ class Growth:
         else:
             search = self._search(at)
             best = search.score(_carried(search.data, picks))
-        nothing = settled(self.wide.seen(view), always, self._weighing)
+        if self.wide is not first:
+            nothing = settled(self.wide.seen(view), always, self._weighing)
         return Grown(search.data, search, best, nothing)
 
     @property
@@ -121,6 +123,8 @@ class Growth:
         offered.sort(key=lambda one: -one.log)
         best, top = None, 0.0
         for one in offered[:_TRIED]:
+            if best is not None and search.data.work.spent:
+                break
             tried, gain = self._rested(search, one, start, at)
             if gain > top:
                 best, top = (one, tried), gain
@@ -130,6 +134,8 @@ class Growth:
         """A visited set that is more probable than the one at hand at rest, too; what was only promised is noted."""
         search.resting = search.kind(start.picks)
         for _ in range(_TRIED):
+            if search.data.work.spent:
+                break
             rivals = [(one.log + search.unkept(kind), one) for kind, one in search.table.items()]
             untried = [
                 pair for pair in rivals if search.kind(pair[1].picks) not in {search.resting, *search.kept}

@@ -78,7 +78,7 @@ def _shown(view: View, passed: Passed, run: int) -> Shown:
     stretch = max(round(_STRETCH_S / view.runs[run].step_s), 1)
     return Shown(
         run=run,
-        missed_nm=-passed.states()[:, -1],
+        missed_nm=-passed.states[:, -1],
         innovations=passed.innovations,
         logs=np.add.reduceat(logs, np.arange(0, logs.size, stretch)),
     )

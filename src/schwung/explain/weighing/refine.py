@@ -99,6 +99,8 @@ def refined(data: Data, atom: Atom, members: Numbers, deviations: Array, scale: 
     box = laid(centre, reach)
     first = height = box.gain(centre)
     for _ in range(_DRAWS):
+        if data.work.spent:
+            break
         best = box.top()
         told, edge = box.gain(best), bool(np.max(np.abs(best - centre)) > 0.9 * reach)
         if told < height + _SETTLED:

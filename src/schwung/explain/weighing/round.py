@@ -14,7 +14,7 @@ from schwung.explain.weighing.candidate import Candidate, Shape
 from schwung.explain.weighing.equations import Acting, equations_of
 from schwung.explain.weighing.known import Known
 from schwung.explain.weighing.present import Member, with_members
-from schwung.explain.weighing.work import LINEARISED, Work
+from schwung.explain.weighing.work import LINEARISED, NOISE, PRODUCT, Work
 from schwung.innovations.effect import Passed
 from schwung.innovations.evidence import Weighed, weigh
 from schwung.innovations.likelihood import Noise, likely_noise, unshared_deviance_of
@@ -175,6 +175,7 @@ def linearised(
         places = [(2 * i, 2 * i + 1) for i in range(len(pairs))]
         noise = likely_noise(equations, these, noise, reach, span, whole=True, repeats=places)
         unlikely = unshared_deviance_of(equations, these, noise, places)
+        view.work.add(NOISE * sum(2 * run.time_s.size for run in these))
     passed = {i: Passed.of(*made[i], noise, view.runs[i]) for i in runs}
     view.work.add(LINEARISED * sum(one.samples for one in passed.values()))
     return Linearised(view, alongs, passed, noise, members, unlikely)
@@ -194,20 +195,27 @@ def resmoothed(
     What the true torque is taken to be stays: were it smoothed about a set, what that set cannot do would be in it, and
     from there in the set's own columns.
     """
-    return _resmoothed(linearised(view, members, noise, None, runs))[0]
+    return _resmoothed(linearised(view, members, noise, None, runs))
 
 
-def _resmoothed(about: Linearised) -> tuple[View, tuple[TrueTorque, ...]]:
-    """And the torque of each run without what is noise of it."""
-    view, noise = about.view, about.noise
-    runs, torques = list(view.runs), list(view.torques)
+def _resmoothed(about: Linearised) -> View:
+    """With the states that what is present makes likely."""
+    runs = list(about.view.runs)
     for i, passed in about.passed.items():
-        states, run = passed.states(), view.runs[i]
-        runs[i] = run.about(np.ascontiguousarray(states[:, :-1]))
+        runs[i] = runs[i].about(np.ascontiguousarray(passed.states[:, :-1]))
+    return replace(about.view, runs=tuple(runs))
+
+
+def _torques(about: Linearised) -> tuple[TrueTorque, ...]:
+    """The torque of each run without what is noise of it."""
+    view, noise = about.view, about.noise
+    torques = list(view.torques)
+    for i, passed in about.passed.items():
+        run = view.runs[i]
         size = float(np.sqrt(noise.torque_nm**2 + np.mean((noise.torque_share * run.load_nm) ** 2)))
-        reported = run.drive.smooth_nm - states[:, -1]
+        reported = run.drive.smooth_nm - passed.states[:, -1]
         torques[i] = TrueTorque(run, heard(reported, size) + run.drive.injected_nm)
-    return replace(view, runs=tuple(runs)), tuple(torques)
+    return tuple(torques)
 
 
 def at_rest(
@@ -222,7 +230,7 @@ def at_rest(
     every = tuple(about.passed)
     for _ in range(_STEPS):
         before, missed = about.square(every), max(1.0, about.square(every) / about.samples(every))
-        about = linearised(_resmoothed(about)[0], members, noise, None, runs)
+        about = linearised(_resmoothed(about), members, noise, None, runs)
         if abs(about.square(every) - before) < _ALIKE * missed:
             break
     return about
@@ -278,10 +286,11 @@ def wide_fit(
         rows = about.whitened([(m.candidate.about(m.coefficients), m.shape) for m in members], train)
         present = np.concatenate([m.coefficients for m in members])
         target = about.innovations(train) + present @ rows
+        view.work.add(PRODUCT * rows.size * rows.shape[0])
         data = Statistics.of(rows.T, target)
         found = _sized(data, members)
         members, view, torques = _nearer(about, members, found.coefficients - present, train)
-        if moved < _SETTLED or number == passes - 1:
+        if moved < _SETTLED or number == passes - 1 or view.work.spent:
             break
         view = replace(view, torques=torques)
     excess = excess_of(rows, target - found.coefficients @ rows, about, train)
@@ -300,11 +309,13 @@ def _nearer(
             replace(m, coefficients=_within(m, m.coefficients + share * part))
             for m, part in zip(members, np.split(step, at), strict=True)
         ]
-        view, torques = _resmoothed(linearised(about.view, tried, about.noise, None))
+        beyond = linearised(about.view, tried, about.noise, None)
+        view = _resmoothed(beyond)
         if _finite(view) and linearised(view, tried, about.noise, None, train).square(train) < before:
-            return tried, view, torques
+            return tried, view, _torques(beyond)
         share /= 2
-    return list(members), *_resmoothed(linearised(about.view, members, about.noise, None))
+    whole = linearised(about.view, members, about.noise, None)
+    return list(members), _resmoothed(whole), _torques(whole)
 
 
 @dataclass(frozen=True, eq=False)
@@ -350,7 +361,7 @@ def _at_rest(at: _Step, weighing: Weighing) -> Settled:
     samples = at.about.samples(weighing.train) / weighing.excess
     for _ in range(_STEPS):
         missed = max(1.0, float(np.sqrt(at.cost / samples)))  # coefficients are known so many times less well
-        if at.moved < _AT_REST * missed:
+        if at.moved < _AT_REST * missed or at.about.view.work.late:
             break
         share, better = 1.0, at
         for _ in range(_HALVINGS):
@@ -402,6 +413,7 @@ def _stepped(view: View, members: Sequence[Member], weighing: Weighing) -> _Step
     deviations = np.concatenate([m.deviations for m in members])
     rows = about.whitened([(m.candidate.about(m.coefficients), m.shape) for m in members], train)
     target = about.innovations(train) + present @ rows
+    view.work.add(PRODUCT * rows.size * rows.shape[0])
     found = weigh(Statistics.of(rows.T, target).tempered(excess), deviations)
     step, at = found.coefficients - present, np.cumsum([m.candidate.size for m in members])[:-1]
     cost = _cost(about, members, weighing)

@@ -17,7 +17,7 @@ from schwung.explain.weighing.candidate import Candidate
 from schwung.explain.weighing.data import Atom, Data
 from schwung.explain.weighing.inexact import SHARES, deviations_of
 from schwung.explain.weighing.refine import refined
-from schwung.explain.weighing.work import SCORED
+from schwung.explain.weighing.work import CUBED, SCORED
 from schwung.innovations.evidence import Weighed, weigh
 from schwung.innovations.statistics import Numbers
 from schwung.motion import Array
@@ -121,7 +121,6 @@ class Search:
         """The set's log probability; the best one of each kind is kept in the table."""
         if picks in self.known:
             return self.known[picks]
-        self.data.work.add(SCORED)
         which, deviations = self._exact(picks)
         first = len(which) - sum(self.candidate(p).size for p in picks)
         found = weigh(self.data.at(which), deviations)
@@ -136,6 +135,7 @@ class Search:
             top = int(np.argmax(logs))
             found, deviations = weighed[top], each[top]
             evidence = logsumexp(logs) - float(np.log(len(SHARES)))
+        self.data.work.add(SCORED + CUBED * which.size**3)
         scored = Scored(picks, evidence + self._log(picks, found, first), found, which, deviations)
         self.known[picks] = scored
         kind = self.kind(picks)
@@ -278,6 +278,8 @@ class Search:
         for _ in range(_ROUNDS):
             before = best.log
             for pick in best.picks:
+                if self.data.work.spent:
+                    break
                 others = tuple(other for other in best.picks if other != pick)
                 less = self.sized(self.score(others))
                 best = max(best, less, self.added(less, frozenset({self.index(pick)})), key=lambda s: s.log)
@@ -302,6 +304,8 @@ class Search:
         for pick in best.picks:
             others = tuple(other for other in best.picks if other != pick)
             less = self.score(others)
+            if self.data.work.spent:
+                break
             for gain, instead in self.additions(others)[: 2 * _LOOKED_AT]:
                 if less.log + gain > best.log - _HOPELESS and not self.data.work.spent:
                     self._with(others, instead)

@@ -1,0 +1,41 @@
+"""What weighing costs, in numbers worked out: no more than it did, and no more than it may."""
+
+import pytest
+from strangers import Stranger, belief_of, session_of
+
+from schwung.explain.weighing.weigh import posterior_of
+from schwung.explain.weighing.work import Work
+
+DRY = Stranger("dry friction", ("coulomb_friction",), (0.8, 0.0, 0.0, 0.0))
+#: Whitened numbers that this session took on 2026-11-21, and what is no surprise.
+TAKEN, BESIDE = 1.39e8, 0.15
+
+
+@pytest.fixture(scope="module")
+def recorded():
+    return session_of(DRY, 5, every=8, times=(0.25,)), belief_of(DRY)
+
+
+def test_a_plain_session_takes_no_more_work_than_it_did(recorded):
+    posterior = posterior_of(*recorded)
+    assert posterior.told.probability("coulomb_friction") > 0.95
+    assert not posterior.told.notes
+    assert TAKEN / 3 < posterior.view.work.done < (1 + BESIDE) * TAKEN
+
+
+def test_where_work_is_spent_the_search_ends_and_says_so(recorded, monkeypatch):
+    most = TAKEN / 2
+    monkeypatch.setattr(Work, "spent", property(lambda self: self.done > most))
+    monkeypatch.setattr(Work, "late", property(lambda self: self.done > 1.2 * most))
+    posterior = posterior_of(*recorded)
+    told = posterior.told
+    assert any("the search ended before all was tried" in note for note in told.notes)
+    assert posterior.view.work.done < 0.8 * TAKEN
+
+
+def test_room_is_used_again():
+    work = Work()
+    first = work.rows(3, 5)
+    first[:] = 1.0
+    assert work.rows(2, 4).base is first.base
+    assert work.rows(4, 5).shape == (4, 5)
