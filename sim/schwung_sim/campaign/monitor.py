@@ -8,9 +8,8 @@ with the clause or the reason that it comes from.
                             the words Shutdown, Switch on, Enable operation come before, once
     enable after stop       after Enable operation any other word ends it: nobody sends it again, be it after Quick
                             stop, Disable voltage, or a second time up for a drive that fell back
-    undone by SYNC          CiA 301, 7.2.2.2: an RPDO acts with the SYNC after it; a stop said by SDO while one that
-                            enables still waits would last until then; but for Disable voltage, from where it leads
-                            nowhere
+    undone by SYNC          CiA 301, 7.2.2.2: an RPDO acts with the SYNC after it; Quick stop said by SDO while one that
+                            enables still waits would last until then (6.3, transition 16)
     goes on                 who has heard that another master speaks to the drive, enables it no more
     step                    607A moves from RPDO to RPDO no further than the plan's own motion does, stops included
     bend                    and while it enables, its steps change no more than that motion's acceleration makes them
@@ -238,7 +237,8 @@ class Monitor:
         elif can_id == 0x080:
             if self._undone:
                 self._report(
-                    "undone by SYNC", "a stop was said by SDO, and an RPDO that enables waited for its SYNC"
+                    "undone by SYNC",
+                    "Quick stop was said by SDO, and an RPDO that enables waited for its SYNC",
                 )
             self._waits = self._undone = False
         elif can_id == 0 and len(data) == 2:
@@ -369,7 +369,7 @@ class Monitor:
             return
         if index == 0x6040 and data[0] & 0x0F == 0x0B:
             word = data[4] | data[5] << 8
-            self._undone = not self._word(word) and word != 0x00 and self._waits
+            self._undone = not self._word(word) and word == 0x02 and self._waits
         elif self.machine.energised and index not in self.expected.writable:
             self._report("written while on", f"0x{index:04X}:{data[3]:02X} while the motor is energised")
 

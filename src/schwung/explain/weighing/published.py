@@ -24,8 +24,9 @@ from schwung.explain.naming import unit_on
 from schwung.explain.plausibility import examine
 from schwung.explain.values import Quantity
 from schwung.explain.weighing.drawn import Drawn, drawn
+from schwung.explain.weighing.drawn_formula import formulas_of
 from schwung.explain.weighing.drawn_plane import PLANES, drawn_plane
-from schwung.explain.weighing.formula import Formula, formulas
+from schwung.explain.weighing.formula import Formula
 from schwung.explain.weighing.growth import Progress, slices
 from schwung.explain.weighing.judged import Judged, as_good, judged
 from schwung.explain.weighing.known import known
@@ -34,7 +35,6 @@ from schwung.explain.weighing.publication import NAMED, Before, Curve, Name, Pub
 from schwung.explain.weighing.search import Pick, Scored, Search
 from schwung.explain.weighing.values import Parameter, Proof, Weighed
 from schwung.explain.weighing.weigh import Posterior, at_bound, parameters_of, posterior_of
-from schwung.motion import Array
 from schwung.session.effort import require_alike
 from schwung.session.imports import repeats
 from schwung.session.model import Session
@@ -47,8 +47,6 @@ _UNITS: Mapping[str, str] = {
     "direction": "",
     "frequency": "Hz",
 }
-_LETTERS = {"position": "θ", "load_position": "θ", "speed": "|ω|", "torque": "|T|", "acceleration": "α",
-            "time_in_motion": "t", "run": "r"}  # fmt: skip
 
 
 _NEEDLESS = (
@@ -309,7 +307,7 @@ class _Publishing:
         curve = cause.curve
         if curve is None or "table" not in cause.found.parameters:
             return None
-        for formula, shape in _formulas(curve):
+        for formula, shape in formulas_of(curve):
             if self.outcome.view.work.late:
                 break
             instead = Found("residual", False, _residual(shape), {})
@@ -389,41 +387,3 @@ def _residual(curve: Drawn) -> dict[str, Any]:
         else [curve.x, curve.forward_nm, curve.backward_nm]
     )
     return {"coordinate": curve.over, "table": table(*columns)}
-
-
-def _formulas(curve: Drawn) -> list[tuple[Formula, Drawn]]:
-    """Formulas for a curve, the shortest first: for both directions at once where they go together."""
-    letter = _LETTERS[curve.over]
-    x, f, b, df, db = (
-        curve.x,
-        curve.forward_nm,
-        curve.backward_nm,
-        curve.forward_std_nm,
-        curve.backward_std_nm,
-    )
-    if curve.over in UNDIRECTED:
-        return [(one, _as(curve, one.at(x), one.at(x))) for one in formulas(x, f, df, letter)]
-    result = []
-    for sign, words in ((-1.0, "({})·sign ω"), (1.0, "{}")):
-        together, y, deviation = (
-            np.concatenate([x, x]),
-            np.concatenate([f, sign * b]),
-            np.concatenate([df, db]),
-        )
-        for one in formulas(together, y, deviation, letter):
-            result.append(
-                (replace(one, text=words.format(one.text)), _as(curve, one.at(x), sign * one.at(x)))
-            )
-    for ahead, back in zip(formulas(x, f, df, letter), formulas(x, b, db, letter), strict=True):
-        text = f"forward {ahead.text}; backward {back.text}"
-        both = Formula(text, ahead.terms + back.terms, ahead.at, ahead.misfit + back.misfit)
-        result.append((both, _as(curve, ahead.at(x), back.at(x))))
-    return sorted(result, key=lambda pair: (pair[0].terms, pair[0].misfit))[:_TRIED]
-
-
-#: Formulas that are held against the runs kept aside, at most.
-_TRIED = 6
-
-
-def _as(curve: Drawn, forward: Array, backward: Array) -> Drawn:
-    return replace(curve, forward_nm=forward, backward_nm=backward)

@@ -293,7 +293,7 @@ def _proof(outcome: Grown, best: Scored, heldout: Sequence[int]) -> Proof:
 def _predicted(seen: Statistics, aside: Statistics, deviations: Array) -> tuple[float, float]:
     """Log predictive likelihood of runs aside, and what is missed there over the noise (root mean square)."""
     fitted, both = weigh_columns(seen, deviations), weigh_columns(seen + aside, deviations)
-    missed = float(np.sqrt(aside.missed(fitted.coefficients) / aside.count))
+    missed = float(np.sqrt(max(aside.missed(fitted.coefficients), 0.0) / aside.count))
     return both.log_evidence - fitted.log_evidence, missed
 
 
