@@ -215,6 +215,22 @@ def test_setpoints_do_not_run_away_from_a_drive_that_hears_none(deaf_s: float) -
         assert Power.FAULT_REACTION_ACTIVE not in room.states
 
 
+def test_a_node_that_refuses_by_sdo_is_stopped_by_the_rpdo_it_has_to_hear_again() -> None:
+    """Another master stopped the node, where RPDOs are not heard, and 6040 was refused by SDO: it stayed in operation
+    (campaign seed 2573)."""
+    with enabled(STAYS) as room:
+        other = can.Bus(interface="stepped", channel=room.bench.bus.channel)
+        stop_node = can.Message(arbitration_id=0x000, data=bytes([0x02, NODE]), is_extended_id=False)
+        room.bench.servo.sdo.aborts[0x6040] = 0x05030000
+        room.after(0.1, lambda: other.send(stop_node))
+        with pytest.raises(DriveError, match="NMT"):
+            room.drive.play(stroke(500, RATE_HZ))
+        assert Power.QUICK_STOP_ACTIVE in room.states
+        room.drive.disable()
+        assert not room.bench.servo.power.energised
+        other.shutdown()
+
+
 def test_setpoints_that_wait_on_the_wire_are_not_played_to_their_end() -> None:
     """SYNC and its answers came on time, the setpoints did not: the whole stroke was one step when they did, and the
     axis overshot its window (campaign seed 555337)."""

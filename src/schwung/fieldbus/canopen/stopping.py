@@ -101,11 +101,12 @@ class Stopping:
                 cyclic.pump(0.0)  # a frame that the drive holds for its SYNC would undo what comes by SDO
         heard = False
         for _ in range(_HALT_TRIES):
-            if self._monitor.nmt == "STOPPED":  # where neither PDO nor SDO reaches it
-                with contextlib.suppress(BusError):
-                    nmt.send_command(self._link, nmt.PRE_OPERATIONAL, self._sdo.node_id)
+            if self._monitor.nmt == "STOPPED" and not heard:  # where neither PDO nor SDO reaches it
+                self._command_node(nmt.PRE_OPERATIONAL)
             outcome = self._sdo.write_once(CONTROLWORD, cia402.QUICK_STOP, 0.2)
             heard = heard or outcome is not Outcome.NOT_ANSWERED
+            if outcome is Outcome.REFUSED and cyclic is not None and self._monitor.nmt != "OPERATIONAL":
+                self._command_node(nmt.START)  # where the RPDO that says the same is heard
             self._own_means.kill()
             if cyclic is None:
                 if heard:
@@ -121,6 +122,10 @@ class Stopping:
             else:
                 with contextlib.suppress(Exception):
                     self._comes_to_rest(Slowing())
+
+    def _command_node(self, command: int) -> None:
+        with contextlib.suppress(BusError):
+            nmt.send_command(self._link, command, self._sdo.node_id)
 
     def reset_fault(self) -> None:
         """Fault reset, then Switch on disabled and nothing more. What is energised comes to rest first.
