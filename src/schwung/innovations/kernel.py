@@ -146,7 +146,7 @@ def filtered(system: System) -> Filtered:
             x = _times(transition[k - 1], x, forcing[k - 1], ahead)
             _carried(transition[k - 1], p, half, noise[k - 1], power[k - 1])
         for m in range(2):
-            spreads[k, m] = p[m, m] + variances[m]
+            spreads[k, m] = max(p[m, m], 0.0) + variances[m]  # below zero by rounding, where nearly nothing is noise
             errors[k, m] = measured[k, m] - x[m]
             for i in range(size):
                 gain[i], row[i] = p[i, m] / spreads[k, m], p[m, i]
@@ -178,7 +178,7 @@ def deviance(system: System) -> tuple[float, float]:
             x = _times(transition[k - 1], x, forcing[k - 1], ahead)
             _carried(transition[k - 1], p, half, noise[k - 1], power[k - 1])
         for m in range(2):
-            spread = p[m, m] + variances[m]
+            spread = max(p[m, m], 0.0) + variances[m]
             error = measured[k, m] - x[m]
             for i in range(size):
                 row[i] = p[m, i]

@@ -98,7 +98,7 @@ def filtered(system: System) -> Filtered:
         for m in range(2):
             row = here[m].copy()
             row[size] -= measured[k][m]
-            spread = row[m] + variances[m]
+            spread = max(row[m], 0.0) + variances[m]
             gain = gains[k, m] = row[:size] / spread
             here -= gain[:, None] * row
             here[m, m] = max(gain[m] * variances[m], 1e-300)  # Joseph's form, cheaply, as there

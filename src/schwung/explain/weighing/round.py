@@ -413,6 +413,8 @@ def _stepped(view: View, members: Sequence[Member], weighing: Weighing) -> _Step
     deviations = np.concatenate([m.deviations for m in members])
     rows = about.whitened([(m.candidate.about(m.coefficients), m.shape) for m in members], train)
     target = about.innovations(train) + present @ rows
+    if not np.all(np.isfinite(target)):  # its numbers run away: worth nothing, and no step leads on from here
+        return _Step(about, tuple(members), [0.0 * m.coefficients for m in members], 0.0, np.inf, -np.inf)
     view.work.add(PRODUCT * rows.size * rows.shape[0])
     found = weigh(Statistics.of(rows.T, target).tempered(excess), deviations)
     step, at = found.coefficients - present, np.cumsum([m.candidate.size for m in members])[:-1]
