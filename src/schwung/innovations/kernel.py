@@ -146,7 +146,8 @@ def filtered(system: System) -> Filtered:
             x = _times(transition[k - 1], x, forcing[k - 1], ahead)
             _carried(transition[k - 1], p, half, noise[k - 1], power[k - 1])
         for m in range(2):
-            spreads[k, m] = max(p[m, m], 0.0) + variances[m]  # below zero by rounding, where nearly nothing is noise
+            # below zero by rounding, where nearly nothing is noise
+            spreads[k, m] = max(p[m, m], 0.0) + variances[m]
             errors[k, m] = measured[k, m] - x[m]
             for i in range(size):
                 gain[i], row[i] = p[i, m] / spreads[k, m], p[m, i]

@@ -188,7 +188,10 @@ def likely_noise(
     noisier than that (rad). `repeats`: groups of runs that repeat a motion; noise is then what they do not share.
     """
     finest = max(FINEST * span_rad, 0.5 * max(run.count_rad for run in runs) / np.sqrt(12))
-    least_nm, least_rad_s = (  # a simulation's runs have none: below this the filter's own rounding would be told
+    (
+        least_nm,
+        least_rad_s,
+    ) = (  # a simulation's runs have none: below this the filter's own rounding would be told
         FINEST * max(float(np.ptp(getattr(run, name))) for run in runs) for name in ("load_nm", "speed_rad_s")
     )
     usual = float(np.sqrt(np.mean(np.concatenate([run.load_nm for run in runs]) ** 2))) if whole else 0.0
