@@ -215,6 +215,21 @@ def test_setpoints_do_not_run_away_from_a_drive_that_hears_none(deaf_s: float) -
         assert Power.FAULT_REACTION_ACTIVE not in room.states
 
 
+@pytest.mark.parametrize("full_for_s", [0.02, 0.15])
+def test_a_sync_that_waited_for_the_send_buffer_goes_out_after_the_stop(full_for_s: float) -> None:
+    """The buffer was full between an RPDO and its SYNC, and a stop came: SYNC had waited longer, went out first, and
+    the drive acted upon the RPDO from before, which enables (campaign seed 616968)."""
+    with enabled(STAYS) as room:
+        full_s = 0.2 + 0.25 / RATE_HZ
+        room.after(full_s, lambda: setattr(room.bus, "buffer_full", True))
+        room.after(full_s + 0.0011, lambda: room.side.at(0.0, room.drive.halt))
+        room.after(full_s + full_for_s, lambda: setattr(room.bus, "buffer_full", False))
+        with pytest.raises(DriveError):
+            room.drive.play(stroke(500, RATE_HZ))
+        room.drive.disable()
+    assert room.states == [Power.OPERATION_ENABLED, Power.QUICK_STOP_ACTIVE, Power.SWITCH_ON_DISABLED]
+
+
 def test_a_node_that_refuses_by_sdo_is_stopped_by_the_rpdo_it_has_to_hear_again() -> None:
     """Another master stopped the node, where RPDOs are not heard, and 6040 was refused by SDO: it stayed in operation
     (campaign seed 2573)."""

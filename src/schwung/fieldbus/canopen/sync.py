@@ -51,8 +51,8 @@ class _PythonProducer:
         """As Producer. Sent at once, too: an RPDO that waits for its SYNC in the drive would act after the stop."""
         frame = self._output.latch(controlword)  # first: what waits for the send buffer is no longer wanted
         with self._sending, contextlib.suppress(BusError):
-            if frame:
-                self._exchange.send_rpdo(frame)
+            if frame and self._exchange.send_rpdo(frame):
+                self._output.sent(Outgoing(frame, -1))
 
     def release(self) -> None:
         self._output.release()
@@ -74,11 +74,17 @@ class _PythonProducer:
         return outgoing
 
     def _send_sync(self, setpoint: int) -> None:
+        """Send SYNC, at which the drive acts upon the RPDO that it has: a stop that came since then goes first."""
         exchange = self._exchange
         exchange.sync_count += 1
         if exchange.recorder is not None:
             exchange.recorder.sync(self._clock.date(), exchange.sync_count, setpoint)
-        exchange.link.send_frame(self._syncs[(exchange.sync_count - 1) % len(self._syncs)])
+        frame = self._syncs[(exchange.sync_count - 1) % len(self._syncs)]
+        while not (self._is_last_wanted() and exchange.link.send_frame(frame, self._is_last_wanted)):
+            self._send_rpdo()
+
+    def _is_last_wanted(self) -> bool:
+        return not self._output.overtakes(self._output.last)
 
 
 class LockstepProducer(_PythonProducer):
