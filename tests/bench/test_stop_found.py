@@ -18,7 +18,7 @@ from driver_desk import NODE, stroke
 
 from schwung.errors import BusError, DriveError, NodeLostError, StateError
 from schwung.fieldbus.canopen import CanopenDrive
-from schwung.fieldbus.drive import Acquisition, ParameterValue
+from schwung.fieldbus.drive import Acquisition, ParameterValue, Setpoints
 from schwung.fieldbus.profile import load_profile
 from schwung_sim.bench import Bench
 from schwung_sim.campaign.side import Side, SideBus
@@ -244,6 +244,20 @@ def test_a_node_that_refuses_by_sdo_is_stopped_by_the_rpdo_it_has_to_hear_again(
         room.drive.disable()
         assert not room.bench.servo.power.energised
         other.shutdown()
+
+
+def test_each_motion_and_each_way_to_its_start_is_watched_by_its_own_setpoints() -> None:
+    """The one before was: at the approach to the next, a sound axis was not where that had sent it."""
+    there = 0.25 * (1 - np.cos(np.pi * np.arange(250) / 249))
+    with started() as room:
+        room.drive.stop()
+        room.drive.write([ParameterValue(room.drive.parameter(0x6065), round(0.1 * 2**20 / (2 * np.pi)))])
+        room.drive.start(CSP)
+        room.drive.enable()
+        for way in (there, np.full(20, 0.505), there[::-1] + 0.005):
+            room.drive.play(Setpoints(RATE_HZ, way, np.zeros(way.size)))
+        room.drive.disable()
+    assert Power.QUICK_STOP_ACTIVE not in room.states
 
 
 def test_setpoints_that_wait_on_the_wire_are_not_played_to_their_end() -> None:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -105,16 +107,17 @@ class Cyclic:
             return None
         return int(self._layouts.rpdo.unpack([last])[str(self._profile.quantities.position.demand)][0])
 
-    def follow(self, demand_counts: NDArray[np.int64], tolerated: float | None, patience_s: float) -> None:
-        """From now on it is trouble in cyclic position when the axis is not where these setpoints (n,) send it; see
-        Following. None tolerated: nobody has said how much."""
+    def following(
+        self, demand_counts: NDArray[np.int64], tolerated: float | None, patience_s: float
+    ) -> dict[int, Callable[[bytes | bytearray], None]]:
+        """Who watches, in cyclic position, that the axis is where these setpoints (n,) send it, by the TPDO that tells;
+        see Following. Nobody where nobody has said how much is tolerated, or the position is no signed integer."""
         exchange, number = self.exchange, self._position_tpdo
-        exchange.watchers.clear()
         if number is None or tolerated is None or self.acquisition.mode != "csp":
-            return
+            return {}
         position, layout = str(self._profile.quantities.position.object), self._layouts.tpdos[number]
         if layout.dtype[position].kind != "i":
-            return
+            return {}
         rate_hz = self.acquisition.sample_rate_hz
         watch = following.Following(layout, position, demand_counts, rate_hz, tolerated, patience_s)
 
@@ -123,7 +126,7 @@ class Cyclic:
             if recorder is not None and recorder.setpoints and watch.away(recorder.setpoints[-1], frame):
                 exchange.report(following.trouble(exchange.node_id))
 
-        exchange.watchers[number] = look
+        return {number: look}
 
     @property
     def statusword(self) -> int | None:

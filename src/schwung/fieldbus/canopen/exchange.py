@@ -18,6 +18,9 @@ from schwung.fieldbus.drive import Progress
 SYNC_ID = 0x080
 _STATE_BITS, _OPERATION_ENABLED = 0x6F, 0x27
 SILENT_S = 0.05  # who has not heard the other for so long does not go on as if nothing had been
+#: So many SYNCs in a row without an answer, and the node is lost, by the clock not before SILENT_S: else what it has
+#: missed would be one step when it hears us again.
+SILENT_CYCLES = 20
 COUNTER_OVERFLOW = 128  # of 1019: a ring of the kernel's holds as many cycles (CiA 301 allows up to 240)
 
 
@@ -167,8 +170,9 @@ class Exchange:
                 status = data[offset] | data[offset + 1] << 8
                 if status & self._guarded_bits != self._guarded_value:
                     self._left_operation(status)
-            if self.guarded and number in self.watchers:
-                self.watchers[number](data)
+            watch = self.watchers.get(number)
+            if watch is not None and self.guarded:
+                watch(data)
             if self.after_tpdo is not None:
                 self.after_tpdo(number)
 

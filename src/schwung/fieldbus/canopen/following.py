@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from schwung.errors import StateError
-from schwung.fieldbus.canopen.exchange import SILENT_S
+from schwung.fieldbus.canopen.exchange import SILENT_CYCLES, SILENT_S
 from schwung.fieldbus.canopen.pdo import Layout
 
 
@@ -29,24 +29,27 @@ class Following:
         tolerated: float,
         patience_s: float,
     ) -> None:
-        late = math.ceil(SILENT_S * rate_hz) + 1
+        # Answers may be late by as much as a drive may be silent.
+        late = max(math.ceil(SILENT_S * rate_hz), SILENT_CYCLES) + 2
         before = np.concatenate([np.full(late - 1, demand_counts[0]), demand_counts])
         windows = np.lib.stride_tricks.sliding_window_view(before, late)
-        self._low: list[float] = (windows.min(axis=1) - tolerated).tolist()
-        self._high: list[float] = (windows.max(axis=1) + tolerated).tolist()
+        off = math.ceil(tolerated)
+        self._low: list[int] = (windows.min(axis=1) - off).tolist()
+        self._wide: list[int] = (np.ptp(windows, axis=1) + 2 * off).tolist()
         self._place = layout.place(position)
+        self._turn = 1 << 8 * (self._place.stop - self._place.start)  # counts may run over
         self._patience, self._off = math.ceil(patience_s * rate_hz) + 1, 0
-        self._tolerated = tolerated
 
     def away(self, setpoint: int, frame: bytes | bytearray) -> bool:
         """Take an answer to the SYNC at which a setpoint was sent; whether the axis has been away for too long.
 
-        Away is what is further than tolerated from every place where it was sent within the last SILENT_S.
+        Away is what is further than tolerated from every place where it was sent within the time for which a drive may
+        be silent.
         """
-        if setpoint < 0:
+        if not 0 <= setpoint < len(self._low) or len(frame) < self._place.stop:
             return False
         position = int.from_bytes(frame[self._place], "little", signed=True)
-        off = not self._low[setpoint] <= position <= self._high[setpoint]
+        off = (position - self._low[setpoint]) % self._turn > self._wide[setpoint]
         self._off = self._off + 1 if off else 0
         return self._off > self._patience
 

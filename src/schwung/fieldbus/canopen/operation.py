@@ -7,6 +7,7 @@ import math
 from collections.abc import Callable, Iterator
 
 import numpy as np
+from numpy.typing import NDArray
 
 from schwung.errors import BusError, DriveError, EnergisedError, NodeLostError, StateError
 from schwung.fieldbus import cia402
@@ -69,10 +70,8 @@ class Operation:
         self._place = self._dialogue.place
         self._scales: Scales | None = None
         self._window_rad = START_WINDOW_RAD
-        self._tolerated: tuple[float | None, float] = (
-            None,
-            0.0,
-        )  # following error, and for how long (counts, s)
+        #: Following error that is tolerated, and for how long (counts, s).
+        self._tolerated: tuple[float | None, float] = (None, 0.0)
         self._stopping = Stopping(
             link, sdo, monitor, self._dialogue, self.own_means, lambda: read_scales().position_rad
         )
@@ -119,7 +118,10 @@ class Operation:
         off_rad = limits.following_error_rad or None
         self._window_rad = min(START_WINDOW_RAD, (off_rad or math.inf) / 2)
         off_counts = off_rad / abs(scales.position_rad) if off_rad else None
-        self._tolerated = (off_counts, limits.following_error_time_s or 0.0)
+        patiences = [limits.following_error_time_s]
+        if acquisition.guard is not None:
+            patiences.append(acquisition.guard.following_error_time_s)
+        self._tolerated = (off_counts, min((one for one in patiences if one is not None), default=0.0))
         cyclic = Cyclic(
             self._link,
             self._profile,
@@ -208,9 +210,10 @@ class Operation:
         acquisition, pp = cyclic.acquisition, cyclic.acquisition.mode == "pp"
         recorder = Recorder(len(self._layouts.tpdos))
         self.live.begin(recorder, playable, acquisition.sample_rate_hz)
-        cyclic.follow(playable.position_counts, *self._tolerated)
         with own.acting(self._require_untroubled):
-            error = self._run(cyclic, playable.frames, playable.after, recorder, progress)
+            error = self._run(
+                cyclic, playable.frames, playable.after, recorder, playable.position_counts, progress
+            )
         recording = playback.build(
             recorder, playable, self._profile, self._layouts, own.scales, cyclic.producer.name,
             acquisition.sample_rate_hz, setpoints.position_rad if pp else None,
@@ -268,11 +271,12 @@ class Operation:
     # ── within ───────────────────────────────────────────────────────────────────────────────────────────────────
 
     def _run(
-        self, cyclic: Cyclic, frames: list[bytes], after: bytes, recorder: Recorder, progress: Progress | None
-    ) -> BaseException | None:
+        self, cyclic: Cyclic, frames: list[bytes], after: bytes, recorder: Recorder, counts: NDArray[np.int64],
+        progress: Progress | None,
+    ) -> BaseException | None:  # fmt: skip
         """Play with the guard up. Trouble, Ctrl-C and defects stop the drive while it is still being recorded."""
         exchange = cyclic.exchange
-        exchange.recorder = recorder
+        exchange.recorder, exchange.watchers = recorder, cyclic.following(counts, *self._tolerated)
         exchange.guard(follows=cyclic.acquisition.mode == "csp")
         self._stopping.moved = True
         stopped: BaseException | None = None
@@ -280,7 +284,7 @@ class Operation:
             cyclic.producer.play(frames, after, recorder, progress)
         except BaseException as error:
             stopped = error
-        exchange.guarded = False
+        exchange.guarded, exchange.watchers = False, {}
         if stopped is None or isinstance(stopped, DriveError):  # then what came first counts
             stopped = exchange.trouble or stopped
         if stopped is not None:
@@ -360,7 +364,7 @@ class Operation:
             share = (1 - np.cos(np.pi * np.arange(1, count + 1) / count)) / 2
             way = np.rint(begin + share * (first - begin)).astype(np.int64)
             frames = [cyclic.frame(cia402.ENABLE_OPERATION, int(counts)) for counts in way]
-            error = self._run(cyclic, frames, frames[-1], Recorder(len(self._layouts.tpdos)), None)
+            error = self._run(cyclic, frames, frames[-1], Recorder(len(self._layouts.tpdos)), way, None)
             if error is not None:
                 raise self._explained(cyclic, error) if isinstance(error, DriveError) else error
         if armed:

@@ -99,14 +99,19 @@ class Stopping:
             with contextlib.suppress(Exception):
                 cyclic.producer.latch(cia402.QUICK_STOP)
                 cyclic.pump(0.0)  # a frame that the drive holds for its SYNC would undo what comes by SDO
-        heard = False
+        heard = answered = False
         for _ in range(_HALT_TRIES):
-            if self._monitor.nmt == "STOPPED" and not heard:  # where neither PDO nor SDO reaches it
+            if self._monitor.nmt == "STOPPED" and not answered:  # where neither PDO nor SDO reaches it
                 self._command_node(nmt.PRE_OPERATIONAL)
             outcome = self._sdo.write_once(CONTROLWORD, cia402.QUICK_STOP, 0.2)
-            heard = heard or outcome is not Outcome.NOT_ANSWERED
-            if outcome is Outcome.REFUSED and cyclic is not None and self._monitor.nmt != "OPERATIONAL":
-                self._command_node(nmt.START)  # where the RPDO that says the same is heard
+            answered = outcome is not Outcome.NOT_ANSWERED
+            heard = heard or answered
+            if not outcome and cyclic is not None and self._monitor.nmt != "OPERATIONAL":
+                self._command_node(
+                    nmt.START
+                )  # where the RPDO that says the same is heard, ahead of one from before
+                with contextlib.suppress(Exception):
+                    cyclic.producer.latch(cia402.QUICK_STOP)
             self._own_means.kill()
             if cyclic is None:
                 if heard:

@@ -13,7 +13,7 @@ import numpy as np
 
 from schwung.clock import Task
 from schwung.errors import BusError, NodeLostError
-from schwung.fieldbus.canopen.exchange import SILENT_S, Exchange
+from schwung.fieldbus.canopen.exchange import SILENT_CYCLES, SILENT_S, Exchange
 from schwung.fieldbus.canopen.link import Link
 from schwung.fieldbus.canopen.output import Outgoing, Output
 from schwung.fieldbus.canopen.recorder import Recorder, measure_timing
@@ -22,9 +22,6 @@ from schwung.fieldbus.drive import Progress, SyncTiming
 _PROGRESS_S = 0.05
 LOST_AFTER_S = 0.1  # lockstep: an answer that takes longer is lost, unless it turns up after all
 STRAGGLERS_S = 0.25  # lockstep: so long the last answers are waited for where some were missed
-# So many in a row without an answer, and the node is lost, by the clock not before SILENT_S: else what it has missed
-# would be one step when it hears us again.
-SILENT_CYCLES = 20
 _SILENT_AT_MOST_S = 0.5  # where SYNC does not go out either
 _LOOK_S = 0.01
 _PROBE_ID = 0x6FF  # restricted (CiA 301, table of CAN-IDs): no communication object uses it
