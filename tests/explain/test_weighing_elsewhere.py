@@ -61,6 +61,12 @@ def test_a_law_holds_and_a_name_is_not_asked() -> None:
     assert Recorded().held("one motion's") >= {"law", "one motion's"}
 
 
+def test_one_run_refutes_nothing() -> None:
+    alone = Recorded()
+    alone.data.train = range(1)
+    assert alone.held("name") == set(NAMES)
+
+
 def test_of_one_motion_each_run_is_predicted_by_the_others() -> None:
     one = Recorded()
     one.data.about.view.recorded = [SimpleNamespace(motion=None)] * RUNS

@@ -169,9 +169,8 @@ class Monitor:
     def __post_init__(self) -> None:
         self._asked = False  # somebody has asked for one time in operation
         self._enabled = self._stopped = False  # Enable operation was said; and then another word
-        self._waits = self._undone = (
-            False  # an RPDO that enables, for its SYNC; and a stop was said by SDO meanwhile
-        )
+        # An RPDO that enables waits for its SYNC; and a stop was said by SDO meanwhile.
+        self._waits = self._undone = False
         self._foreign_heard_s: float | None = None  # by the tool, while it enabled
         self._operated = False
         self._climbed: set[int] = set()  # controlwords since the power stage was last off

@@ -188,12 +188,9 @@ def likely_noise(
     noisier than that (rad). `repeats`: groups of runs that repeat a motion; noise is then what they do not share.
     """
     finest = max(FINEST * span_rad, 0.5 * max(run.count_rad for run in runs) / np.sqrt(12))
-    (
-        least_nm,
-        least_rad_s,
-    ) = (  # a simulation's runs have none: below this the filter's own rounding would be told
-        FINEST * max(float(np.ptp(getattr(run, name))) for run in runs) for name in ("load_nm", "speed_rad_s")
-    )
+    # a simulation's runs have no noise: below this the filter's own rounding would be told
+    least_nm = FINEST * max(float(np.ptp(run.load_nm)) for run in runs)
+    least_rad_s = FINEST * max(float(np.ptp(run.speed_rad_s)) for run in runs)
     usual = float(np.sqrt(np.mean(np.concatenate([run.load_nm for run in runs]) ** 2))) if whole else 0.0
 
     def noise_of(place: Array) -> Noise:

@@ -19,19 +19,24 @@ from schwung.innovations.statistics import Statistics
 
 
 def holding(search: Search, best: Scored, named: Collection[str]) -> Scored:
-    """The set without what is refuted where it was not fitted, the worst first; `named`: causes that stay anyway."""
+    """The set without what is refuted where it was not fitted, the worst first; `named`: causes that stay anyway.
+
+    One run refutes nothing, and neither does a tie.
+    """
+    if len(_motions(search.data)) < 2:
+        return best
     while True:
         doubted = [pick for pick in best.picks if search.name(pick) not in named]
         missed = missed_elsewhere(search, best) if doubted else 0.0
         fewer = [search.score(tuple(p for p in best.picks if p != pick)) for pick in doubted]
         gains = [missed - missed_elsewhere(search, one) for one in fewer]
-        if not gains or max(gains) < 0:
+        if not gains or max(gains) <= 0:
             return best
         best = fewer[int(np.argmax(gains))]
 
 
 def missed_elsewhere(search: Search, scored: Scored) -> float:
-    """Sum of squares of the innovations of each motion, about the coefficients that the others give."""
+    """Sum of squares of the innovations of each motion, about the coefficients that the others give; of two or more."""
     data = search.data
     rows, wheres = data.rows[scored.which], data.about.stretches(data.train)
     parts = []
@@ -41,9 +46,7 @@ def missed_elsewhere(search: Search, scored: Scored) -> float:
     total = 0.0
     for left in parts:
         others = [part for part in parts if part is not left]
-        total += (
-            left.missed(weigh(sum(others[1:], others[0]), scored.deviations).coefficients) if others else 0.0
-        )
+        total += left.missed(weigh(sum(others[1:], others[0]), scored.deviations).coefficients)
     return total
 
 

@@ -47,8 +47,6 @@ _UNITS: Mapping[str, str] = {
     "direction": "",
     "frequency": "Hz",
 }
-
-
 _NEEDLESS = (
     "the belief predicts the runs kept aside as well without what was fitted over {}: it is not published"
 )
@@ -156,7 +154,7 @@ class _Publishing:
         needless = bool(causes) and before is not None and after is not None and as_good(before, after)
         if needless:  # then the file is the belief
             causes, machine, after = [], self.machine, before
-            unsaid = (*unsaid, _NEEDLESS.format(", ".join(over)))
+            unsaid = (*unsaid, _NEEDLESS.format(", ".join(dict.fromkeys(over[i] for i in kept))))
         formulated = {}
         if after is not None:
             for number, cause in enumerate(causes):
