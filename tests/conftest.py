@@ -6,7 +6,8 @@ compiles every test, and every process that a test starts compiles all that it i
 The garbage collector rests while tests are collected, and never again looks at what was imported by then: a million
 objects of libraries that stay until the end, gone through dozens of times.
 
-Ctrl-C interrupts, also where the tests were started in the background of a script, which ignores it and hands that on.
+Ctrl-C interrupts, also where the tests were started in the background of a script, which ignores it and hands that on;
+so does a terminal that is closed, which nohup hands on as ignored.
 """
 
 import gc
@@ -22,6 +23,8 @@ os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
 sys.dont_write_bytecode = False
 if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
     signal.signal(signal.SIGINT, signal.default_int_handler)
+if os.name == "posix" and signal.getsignal(signal.SIGHUP) is signal.SIG_IGN:
+    signal.signal(signal.SIGHUP, signal.SIG_DFL)
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
