@@ -153,6 +153,28 @@ def test_failures_of_the_bus_are_handed_over_and_reading_goes_on() -> None:
     bus.shutdown()
 
 
+def test_a_reader_goes_on_behind_a_mistake_in_what_it_calls_and_says_so() -> None:
+    """It ended, and whoever held a drive heard nothing more, neither of faults nor the answers to a stop."""
+    came, failures = list[int](), list[Exception]()
+
+    def receive(message: can.Message) -> None:
+        came.append(message.arbitration_id)
+        if message.arbitration_id == 1:
+            raise IndexError("a mistake")
+
+    with (
+        can.Bus(interface="virtual", channel="mistake") as one,
+        can.Bus(interface="virtual", channel="mistake") as other,
+    ):
+        clock = WallClock()
+        reader = clock.read(other, receive, failures.append)
+        for can_id in (1, 2):
+            one.send(frame(can_id))
+        assert clock.wait(lambda: came == [1, 2], 5.0)
+        reader.close()
+    assert [type(error) for error in failures] == [IndexError]
+
+
 def _unexpected(what: object) -> None:
     pytest.fail(f"unexpected {what}")
 

@@ -109,7 +109,12 @@ class _ReaderThread(_Thread):
                     ending.wait(_FAILURE_PAUSE_S)
                 continue
             if message is not None:
-                self._receive(message)
+                try:
+                    self._receive(message)
+                except (
+                    Exception
+                ) as error:  # a mistake of ours: who moves an axis hears of it, and of the frames to come
+                    self._failed(error)
             elif asked:
                 self._asked.clear()
                 self._caught_up.set()
