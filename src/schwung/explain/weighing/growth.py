@@ -14,16 +14,10 @@ import numpy as np
 from schwung.explain.weighing.candidate import Candidate, Shape
 from schwung.explain.weighing.data import Atom, Data
 from schwung.explain.weighing.present import Member
-from schwung.explain.weighing.round import (
-    Settled,
-    View,
-    Weighing,
-    Wide,
-    settled,
-    settled_beyond,
-    wide_fit,
-)
+from schwung.explain.weighing.round import View
 from schwung.explain.weighing.search import MOST, Pick, Scored, Search
+from schwung.explain.weighing.settling import Settled, Weighing, settled, settled_beyond
+from schwung.explain.weighing.wide import Wide, wide_fit
 from schwung.motion import Array
 
 #: Rounds of linearising about what was found, at most.

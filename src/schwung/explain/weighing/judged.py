@@ -14,7 +14,8 @@ import numpy as np
 from schwung.drivetrain.machine import Machine
 from schwung.explain.weighing.growth import absent
 from schwung.explain.weighing.known import Known, known
-from schwung.explain.weighing.round import View, Weighing, settled
+from schwung.explain.weighing.round import View
+from schwung.explain.weighing.settling import Weighing, settled
 from schwung.explain.weighing.weigh import Posterior
 from schwung.innovations.effect import Passed
 from schwung.motion import Array

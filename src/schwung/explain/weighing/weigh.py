@@ -19,11 +19,12 @@ from schwung.explain.weighing.known import known
 from schwung.explain.weighing.present import Member
 from schwung.explain.weighing.publication import NAMED
 from schwung.explain.weighing.repeated import repeated
-from schwung.explain.weighing.round import Linearised, View, target_of, wide_fit
+from schwung.explain.weighing.round import Linearised, View, target_of
 from schwung.explain.weighing.search import Pick, Scored, Search
 from schwung.explain.weighing.standing import Standing, standing
 from schwung.explain.weighing.values import Named, Parameter, Proof, Unnamed, Weighed
 from schwung.explain.weighing.vocabulary import vocabulary
+from schwung.explain.weighing.wide import wide_fit
 from schwung.innovations.evidence import weigh as weigh_columns
 from schwung.innovations.likelihood import first_noise
 from schwung.innovations.signals import signals_of

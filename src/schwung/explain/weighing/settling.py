@@ -1,0 +1,140 @@
+"""A set at rest: its coefficients where a linear model promises nothing more, and its evidence there."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from schwung.explain.weighing.present import Member
+from schwung.explain.weighing.round import ALIKE, STEPS, Linearised, View, linearised, resmoothed
+from schwung.explain.weighing.work import PRODUCT
+from schwung.innovations.evidence import weigh
+from schwung.innovations.likelihood import Noise
+from schwung.innovations.statistics import Statistics
+from schwung.motion import Array
+
+#: Halvings of a step at most; at rest, where no coefficient moves by more than this (deviations).
+HALVINGS, _AT_REST = 4, 0.1
+
+
+@dataclass(frozen=True, eq=False)
+class Weighing:
+    """What a set is weighed by: the sizes of noise, the runs that are fitted, and the tempering."""
+
+    noise: Noise
+    train: Sequence[int]
+    excess: float
+
+
+@dataclass(frozen=True, eq=False)
+class Settled:
+    """The session about a set whose coefficients have come to rest, and the set's evidence there (log)."""
+
+    about: Linearised
+    members: tuple[Member, ...]
+    log: float
+
+
+def settled(view: View, members: Sequence[Member], weighing: Weighing) -> Settled:
+    """Gauss and Newton over the coefficients of a few members, whose noise is known.
+
+    A step that makes the runs less likely is halved: far from the truth, a linear model promises too much.
+    """
+    view = resmoothed(view, members, weighing.noise, weighing.train)
+    return _at_rest(_stepped(view, members, weighing), weighing)
+
+
+def settled_beyond(
+    about: Linearised, members: Sequence[Member], promised: Sequence[Array], weighing: Weighing
+) -> Settled:
+    """The same from members with the coefficients they have where all is linearised; `promised`: the linear model's.
+
+    Where no part of that step makes the runs likelier, the set is worth nothing: what it promised is no machine.
+    """
+    steps = [new - m.coefficients for new, m in zip(promised, members, strict=True)]
+    cost = _cost(about, members, weighing)
+    return _at_rest(_Step(about, tuple(members), steps, np.inf, cost, -np.inf), weighing)
+
+
+def _at_rest(at: _Step, weighing: Weighing) -> Settled:
+    samples = at.about.samples(weighing.train) / weighing.excess
+    for _ in range(STEPS):
+        missed = max(1.0, float(np.sqrt(at.cost / samples)))  # coefficients are known so many times less well
+        if at.moved < _AT_REST * missed or at.about.view.work.late:
+            break
+        share, better = 1.0, at
+        for _ in range(HALVINGS):
+            tried = [
+                replace(m, coefficients=within(m, m.coefficients + share * step))
+                for m, step in zip(at.members, at.steps, strict=True)
+            ]
+            view = resmoothed(at.about.view, tried, weighing.noise, weighing.train)
+            if finite(view):
+                better = _stepped(view, tried, weighing)
+                if better.cost < at.cost + ALIKE * missed**2:
+                    break
+            share /= 2
+        if better is at or better.cost >= at.cost + ALIKE * missed**2:
+            break
+        at = better
+    return Settled(at.about, at.members, at.log)
+
+
+def finite(view: View) -> bool:
+    """Whether the machine still moved as machines do: coefficients far off make its numbers run away."""
+    return all(bool(np.all(np.isfinite(run.states))) for run in view.runs)
+
+
+@dataclass(frozen=True, eq=False)
+class _Step:
+    """About coefficients: what the data ask for next, how unlikely they and the runs are (−2 log), and the evidence
+    there (Laplace's, of the coefficients as they are: what a further step promises is not kept everywhere).
+    """
+
+    about: Linearised
+    members: tuple[Member, ...]
+    steps: list[Array]
+    moved: float  # the largest step, over its deviation
+    cost: float
+    log: float
+
+
+def _cost(about: Linearised, members: Sequence[Member], weighing: Weighing) -> float:
+    """How unlikely the runs and the members' coefficients are (−2 log)."""
+    prior = sum(float(np.sum((m.coefficients / m.deviations) ** 2)) for m in members)
+    return about.square(weighing.train) / weighing.excess + prior
+
+
+def _stepped(view: View, members: Sequence[Member], weighing: Weighing) -> _Step:
+    about = linearised(view, members, weighing.noise, None, weighing.train)
+    train, excess = weighing.train, weighing.excess
+    present = np.concatenate([m.coefficients for m in members])
+    deviations = np.concatenate([m.deviations for m in members])
+    rows = about.whitened([(m.candidate.about(m.coefficients), m.shape) for m in members], train)
+    target = about.innovations(train) + present @ rows
+    if not np.all(np.isfinite(target)):  # its numbers run away: worth nothing, and no step leads on from here
+        return _Step(about, tuple(members), [0.0 * m.coefficients for m in members], 0.0, np.inf, -np.inf)
+    view.work.add(PRODUCT * rows.size * rows.shape[0])
+    found = weigh(Statistics.of(rows.T, target).tempered(excess), deviations)
+    step, at = found.coefficients - present, np.cumsum([m.candidate.size for m in members])[:-1]
+    cost = _cost(about, members, weighing)
+    return _Step(
+        about=about,
+        members=tuple(members),
+        steps=np.split(step, at),
+        moved=float(np.max(np.abs(step) / found.spread)),
+        cost=cost,
+        log=-0.5 * cost - float(np.sum(np.log(np.diag(found.factor)))),
+    )
+
+
+def within(member: Member, coefficients: Array) -> Array:
+    """Coefficients that leave a total above what no machine goes below; no step takes more than most of it."""
+    held = coefficients.copy()
+    for which, least in member.candidate.bounds_below:
+        total = member.coefficients[which] - least
+        if total > 0 and member.candidate.of_machine:
+            held[which] = max(held[which], least + total / 4)
+    return held

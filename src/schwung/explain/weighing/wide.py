@@ -1,0 +1,148 @@
+"""Everything that is smooth, fitted at once, from which noise and effective samples are found."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from schwung.explain.weighing.along import TrueTorque
+from schwung.explain.weighing.present import Member
+from schwung.explain.weighing.round import (
+    Linearised,
+    View,
+    acting,
+    at_rest,
+    linearised,
+    resmoothed_about,
+    torques_about,
+)
+from schwung.explain.weighing.settling import HALVINGS, finite, within
+from schwung.explain.weighing.work import PRODUCT
+from schwung.innovations.evidence import Weighed, weigh
+from schwung.innovations.likelihood import Noise
+from schwung.innovations.statistics import Statistics, colour
+from schwung.motion import Array
+
+#: Innovations further apart than this are taken as independent (s).
+STRETCH_S = 0.02
+
+
+@dataclass(frozen=True, eq=False)
+class Wide:
+    """Everything that is smooth, fitted at once: what noise and effective samples are found from."""
+
+    noise: Noise
+    excess: float  # variance of scores over that of white noise
+    torques: tuple[TrueTorque, ...]  # of each run, as far as it is known
+    dry_nm: float  # friction that leaves open where the shaft sticks
+
+    def seen(self, view: View) -> View:
+        """The session with what is known of all sets alike: they differ in what they predict, not in how surely."""
+        return replace(view, torques=self.torques, dry_nm=self.dry_nm)
+
+
+#: Passes of noise, coefficients and states at most; settled, where no size of noise moves by more than this (log).
+_PASSES, _SETTLED = 6, 0.05
+#: Of repeats the noise does not depend on what else is known.
+_PASSES_OF_REPEATS = 2
+#: How far off the sizes of noise may be in the next pass (log).
+_REACHES = (0.1, 1.0)
+#: Sizes of all curves are found by so many steps of their fixed point (MacKay), within these.
+_SIZING, _SMALLEST, _LARGEST = 12, 1e-4, 10.0
+
+
+def wide_fit(
+    view: View, candidates: Sequence[Member], noise: Noise, train: Sequence[int], reach: float = 1.0
+) -> Wide:
+    """Fit the belief with all of these present. `candidates` begin with the coefficients they have; `reach`: how far
+    off the noise may be (log).
+
+    Where repeats are likelier about the former states, what was found about those holds: curves that cancel one another
+    may make them differ by more than their noise.
+    """
+    members, least = list(candidates), np.inf
+    view = at_rest(replace(view, dry_nm=None), members, noise).view
+    passes = _PASSES_OF_REPEATS if any(len(group) > 1 for group in view.repeats) else _PASSES
+    for number in range(passes):
+        latest = linearised(view, members, noise, reach)
+        if latest.unlikely > least:
+            break
+        about, least = latest, latest.unlikely
+        moved, noise = about.noise.moved_from(noise), about.noise
+        reach = float(np.clip(moved, *_REACHES))
+        rows = about.whitened([(m.candidate.about(m.coefficients), m.shape) for m in members], train)
+        present = np.concatenate([m.coefficients for m in members])
+        target = about.innovations(train) + present @ rows
+        view.work.add(PRODUCT * rows.size * rows.shape[0])
+        data = Statistics.of(rows.T, target)
+        found = _sized(data, members)
+        members, view, torques = _nearer(about, members, found.coefficients - present, train)
+        if moved < _SETTLED or number == passes - 1 or view.work.spent:
+            break
+        view = replace(view, torques=torques)
+    excess = excess_of(rows, target - found.coefficients @ rows, about, train)
+    dry = max(acting(view, where, members).dry_nm for where in view.alongs(members))
+    return Wide(noise, excess, torques, dry)
+
+
+def _nearer(
+    about: Linearised, members: Sequence[Member], step: Array, train: Sequence[int]
+) -> tuple[list[Member], View, tuple[TrueTorque, ...]]:
+    """Members a step (P,) on, or so much of it as makes the runs likelier, and the runs about them."""
+    before, at = about.square(train), np.cumsum([m.candidate.size for m in members])[:-1]
+    share = 1.0
+    for _ in range(HALVINGS):
+        tried = [
+            replace(m, coefficients=within(m, m.coefficients + share * part))
+            for m, part in zip(members, np.split(step, at), strict=True)
+        ]
+        beyond = linearised(about.view, tried, about.noise, None)
+        view = resmoothed_about(beyond)
+        if finite(view) and linearised(view, tried, about.noise, None, train).square(train) < before:
+            return tried, view, torques_about(beyond)
+        share /= 2
+    whole = linearised(about.view, members, about.noise, None)
+    return list(members), resmoothed_about(whole), torques_about(whole)
+
+
+def excess_of(rows: Array, rest: Array, about: Linearised, train: Sequence[int]) -> float:
+    """How much more than white noise's the scores of these columns (P, Σ2n) vary, at least 1: the median column's.
+
+    Of what repeats do not share, where there are repeats: what they share is no noise.
+    """
+    wheres, every = dict(zip(train, about.stretches(train), strict=True)), []
+    groups = [[i for i in group if i in wheres] for group in about.view.repeats]
+    groups = [group for group in groups if len(group) > 1]
+    for group in groups or [[i] for i in train]:
+        length = min(about.passed[i].samples for i in group)
+        heads = [slice(wheres[i].start, wheres[i].start + length) for i in group]
+        rests = np.stack([rest[head] for head in heads])
+        if groups:
+            rests = (rests - np.mean(rests, axis=0)) * np.sqrt(len(group) / (len(group) - 1))
+        for i, head, own in zip(group, heads, rests, strict=True):
+            stretch = 2 * max(round(STRETCH_S / about.view.runs[i].step_s), 1)
+            every.append(colour(rows[:, head].T, own, stretch))
+    return max(1.0, float(np.median(np.mean(every, axis=0))))
+
+
+def _sized(data: Statistics, members: Sequence[Member]) -> Weighed:
+    """All columns, the size of each curve as the evidence wants it."""
+    natural = np.concatenate([np.array(m.candidate.deviations) for m in members])
+    blocks, at = [], 0
+    for member in members:
+        blocks.append(slice(at, at + member.candidate.size))
+        at += member.candidate.size
+    scale = np.ones(len(members))
+    for _ in range(_SIZING):
+        deviations = natural * np.repeat(scale, [m.candidate.size for m in members])
+        found = weigh(data, deviations)
+        sure = 1 - (found.spread / deviations) ** 2
+        for j, (member, where) in enumerate(zip(members, blocks, strict=True)):
+            if len(member.candidate.scales) > 1:
+                power = float(np.sum((found.coefficients[where] / natural[where]) ** 2))
+                scale[j] = np.clip(
+                    np.sqrt(power / max(float(np.sum(sure[where])), 1e-3)), _SMALLEST, _LARGEST
+                )
+    return found
