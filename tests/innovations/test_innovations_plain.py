@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from scipy.interpolate import CubicSpline
 
-from schwung.innovations import kernel, plain
+from schwung.innovations import kernel, plain, spline_kernel
 from schwung.innovations.splines import interpolated
 from schwung.innovations.values import Added, Shaft, System
 
@@ -79,7 +79,7 @@ def test_factors() -> None:
 
 def test_rows_of_splines() -> None:
     places = np.concatenate([np.linspace(-0.3, 1.4, 57), [0.0, 1.0]])  # straight on outside
-    _agree(kernel.spline_rows(0.0, 0.125, 8, places), plain.spline_rows(0.0, 0.125, 8, places))
+    _agree(spline_kernel.spline_rows(0.0, 0.125, 8, places), plain.spline_rows(0.0, 0.125, 8, places))
 
 
 @pytest.mark.parametrize("derivative", [0, 1, 2])

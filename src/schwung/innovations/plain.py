@@ -157,7 +157,7 @@ def cholesky(matrix: Array) -> Array:
 
 
 def spline_rows(low: float, step: float, pieces: int, places: Array) -> tuple[Array, Array]:
-    """As `kernel.spline_rows`."""
+    """As `spline_kernel.spline_rows`."""
     whole = (places - low) / step
     at = np.clip(whole, 0.0, pieces)
     piece = np.minimum(at.astype(int), pieces - 1)

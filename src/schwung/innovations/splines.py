@@ -7,20 +7,22 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from schwung.innovations import kernel
+from schwung.innovations import spline_kernel
 from schwung.motion import Array
 
 
 def slopes(values: Array, step: float) -> Array:
     """Of the cubic spline through evenly spaced values (n, …) at these, (n, …); n ≥ 4, "not a knot" at the ends."""
-    return np.asarray(kernel.spline_slopes(_flat(values), step)).reshape(values.shape)
+    return np.asarray(spline_kernel.spline_slopes(_flat(values), step)).reshape(values.shape)
 
 
 def interpolated(values: Array, start: float, step: float, places: Array, derivative: int = 0) -> Array:
     """The same spline through values (n, …) from `start` on, or its `derivative` up to the second, at places (m,),
     (m, …)."""
     flat = _flat(values)
-    found = kernel.spline_at(flat, kernel.spline_slopes(flat, step), start, step, places, derivative)
+    found = spline_kernel.spline_at(
+        flat, spline_kernel.spline_slopes(flat, step), start, step, places, derivative
+    )
     return np.asarray(found).reshape(places.size, *values.shape[1:])
 
 
@@ -64,5 +66,7 @@ class Basis:
     def rows(self, angle_rad: Array) -> tuple[Array, Array]:
         """All splines and their derivatives at angles (n,): (n, size) each."""
         step = (self.high_rad - self.low_rad) / self.pieces
-        values, slopes = kernel.spline_rows(self.low_rad, step, self.pieces, np.ascontiguousarray(angle_rad))
+        values, slopes = spline_kernel.spline_rows(
+            self.low_rad, step, self.pieces, np.ascontiguousarray(angle_rad)
+        )
         return values, slopes
