@@ -30,6 +30,7 @@ class Still:
     stepped_down: bool = False
     mode: int = 8
     deaf_until_s: float = 0.0
+    stands: bool = False
     excused: bool = False
 
 
@@ -245,6 +246,23 @@ def test_a_word_that_a_drive_has_in_its_queue_may_still_act_after_a_stop_was_sai
     stage.rpdo(0x02)
     stage.machine.energised = stage.machine.operating = False
     stage.pass_time(after_s)
+    stage.machine.energised = stage.machine.operating = True
+    stage.pass_time(0.001)
+    assert stage.rules == rules
+
+
+@pytest.mark.parametrize(("runs_s", "rules"), [(0.005, []), (0.05, ["re-enabled"])])
+def test_the_queue_of_a_drive_whose_processor_stands_gets_no_older(runs_s: float, rules: list[str]) -> None:
+    """Campaign seed 623565: it stood, and the word that enables had come, and was not yet looked at."""
+    stage = Stage()
+    stage.enable()
+    stage.rpdo(0x0F)
+    stage.machine.stands = True
+    stage.pass_time(0.05)
+    stage.rpdo(0x02)
+    stage.pass_time(0.1)
+    stage.machine.stands = stage.machine.energised = stage.machine.operating = False
+    stage.pass_time(runs_s)
     stage.machine.energised = stage.machine.operating = True
     stage.pass_time(0.001)
     assert stage.rules == rules

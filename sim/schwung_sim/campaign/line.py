@@ -38,7 +38,7 @@ LET_GO_RAD_S, GIVEN_UP_S = 0.5, 2.5
 class LineMachine:
     """Drive, axis and plant as the monitor sees them."""
 
-    mode, deaf_until_s = 1, float("-inf")
+    mode, deaf_until_s, stands = 1, float("-inf"), False
 
     def __init__(self, bench: Any, now: Callable[[], float]) -> None:
         self._servo, self._axis, self._state, self._now = bench.servo, bench.axis, bench.plant.state, now

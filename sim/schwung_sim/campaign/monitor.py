@@ -100,6 +100,11 @@ class Machine(Protocol):
         ...
 
     @property
+    def stands(self) -> bool:
+        """Its processor does."""
+        ...
+
+    @property
     def excused(self) -> bool:
         """It can neither brake nor react: its processor stands, or its motor gives no torque."""
         ...
@@ -184,6 +189,7 @@ class Monitor:
         )
         self._foreign_s = self._left_by_itself_s = float("-inf")
         self._enabling_s = float("-inf")  # when the last word that enables has come, or will, to the drive
+        self._looked_s = float("-inf")  # the last time
         self._others_beat_s = float(
             "-inf"
         )  # heard by the drive; and by the tool, the last and the first of them
@@ -262,7 +268,8 @@ class Monitor:
     def look(self) -> None:
         """A millisecond has passed."""
         machine, plan = self.machine, self.expected
-        operating = machine.operating
+        operating, excused = machine.operating, machine.excused
+        self._keep_queue()
         if not operating and 0x0F not in self._climbed:  # after that word, a brake may still have to open
             self._wrong_mode_looks = self._wrong_mode_looks + 1 if machine.mode != plan.mode else 0
         if operating is not self._was_operating:
@@ -271,7 +278,7 @@ class Monitor:
             self._last_target = None
             return
         angle, speed, torque = machine.position_rad, machine.speed_rad_s, machine.torque_nm
-        if machine.excused:
+        if excused:
             return
         if not plan.low_rad - OVERSHOOT_RAD <= angle <= plan.high_rad + OVERSHOOT_RAD:
             self._report("window", f"{angle:.4f} rad of {plan.low_rad:.4f} … {plan.high_rad:.4f} rad")
@@ -282,6 +289,13 @@ class Monitor:
         self._judge_silence(operating, angle)
 
     # Rules -----------------------------------------------------------------------------------------------
+
+    def _keep_queue(self) -> None:
+        """What lies in the queue of a drive whose processor stands gets no older."""
+        now = self.now()
+        if self.machine.stands:
+            self._enabling_s = min(self._enabling_s + now - max(self._looked_s, self._enabling_s), now)
+        self._looked_s = now
 
     def _operation(self, operating: bool) -> None:
         """Operation enabled was entered, or left."""
@@ -443,6 +457,10 @@ class BenchMachine:
     @property
     def mode(self) -> int:
         return int(self._servo.operation.mode)
+
+    @property
+    def stands(self) -> bool:
+        return bool(self._servo.stalled)
 
     @property
     def excused(self) -> bool:

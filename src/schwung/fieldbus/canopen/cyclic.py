@@ -44,6 +44,7 @@ class Cyclic:
         self._place = f"node {sdo.node_id}"
         carriers = (i for i, t in enumerate(layouts.tpdos) if t.carries(profile.quantities.position.object))
         self._position_tpdo = next(carriers, None)  # none: a drive that can only be looked at
+        self._watched: following.Following | None = None  # the last playback, which knows what is usual
         self.producer = self._producer(producer)
 
     def _producer(self, choice: SyncChoice) -> Producer:
@@ -119,11 +120,17 @@ class Cyclic:
         if layout.dtype[position].kind != "i":
             return {}
         rate_hz = self.acquisition.sample_rate_hz
-        watch = following.Following(layout, position, demand_counts, rate_hz, tolerated, patience_s)
+        lag = self._watched.lag_cycles if self._watched is not None else None
+        watch = following.Following(layout, position, demand_counts, rate_hz, tolerated, patience_s, lag)
+        self._watched, answers = watch, exchange.answer_counts
+        usual = exchange.sync_count - answers[number]  # what is always on its way is part of the lag
 
         def look(frame: bytes | bytearray) -> None:
             recorder = exchange.recorder
-            if recorder is not None and recorder.setpoints and watch.away(recorder.setpoints[-1], frame):
+            if recorder is None or not recorder.setpoints:
+                return
+            unanswered = exchange.sync_count - answers[number] - usual + 1
+            if watch.away(recorder.setpoints[-1], frame, unanswered):
                 exchange.report(following.trouble(exchange.node_id))
 
         return {number: look}
