@@ -4,6 +4,7 @@ import io
 import json
 import math
 import os
+import signal
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -18,7 +19,7 @@ from schwung.cli.console import Terminal, describe_table, json_text
 from schwung.cli.flow import finish
 from schwung.cli.options import export_choice, measured
 from schwung.drivetrain import InertiaTable
-from schwung.errors import InputError
+from schwung.errors import InputError, InterruptedByUser
 from schwung_sim.bench import Bench
 
 
@@ -38,6 +39,42 @@ def channel(request: pytest.FixtureRequest) -> Iterator[str]:
 def _commission(channel: str, *more: str) -> list[str]:
     bus = ["-i", "stepped", "-c", channel, "-b", "1000000"]
     return ["commission", "-m", "machine.toml", "--distance", "180deg", "--duration", "250ms", *bus, *more]
+
+
+@pytest.fixture
+def _signals() -> Iterator[None]:
+    kept = {number: signal.getsignal(number) for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)}
+    for number in kept:
+        signal.signal(number, signal.default_int_handler)
+    yield
+    for number, handler in kept.items():
+        signal.signal(number, handler)
+
+
+@pytest.mark.posix
+@pytest.mark.usefixtures("_signals")
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
+def test_whoever_asks_to_stop_twice_is_told_what_there_is_to_tell(
+    number: int, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """A terminal that closed ended the process by its second signal, after the drive was off and before a word."""
+    told, say = "stopped; 1 of 60 motions are in session.h5", typer.secho
+
+    def at_work(**_: object) -> None:
+        try:
+            os.kill(os.getpid(), number)
+        except KeyboardInterrupt:
+            raise InterruptedByUser("you", told) from None
+
+    def while_it_is_said(*words: object, **how: object) -> None:
+        os.kill(os.getpid(), number)
+        say(*words, **how)
+
+    monkeypatch.setattr("schwung.cli.app", at_work)
+    monkeypatch.setattr(typer, "secho", while_it_is_said)
+    code, _, err = invoke(capsys, "commission")
+    assert code == InterruptedByUser.exit_code
+    assert told in err
 
 
 @pytest.mark.parametrize(

@@ -156,6 +156,14 @@ def _interrupt(number: int, frame: object) -> None:
     raise KeyboardInterrupt
 
 
+def _on_signals(handler: Callable[[int, object], None] | signal.Handlers, *more: str) -> None:
+    """What a kill and a closed terminal do; signals that are ignored (nohup) stay so."""
+    for name in ("SIGTERM", "SIGHUP", *more):  # SIGHUP: not on Windows
+        number = getattr(signal, name, None)
+        if number is not None and signal.getsignal(number) is not signal.SIG_IGN:
+            signal.signal(number, handler)
+
+
 def _failure(error: BaseException) -> tuple[str, int]:
     """What to tell the user, and the exit code. Re-raises what is a defect of ours."""
     if isinstance(error, SchwungError):
@@ -176,12 +184,16 @@ def main(arguments: list[str] | None = None) -> None:
     logging.getLogger().addHandler(
         logging.NullHandler()
     )  # libraries' warnings: our own sentences say it better
-    signal.signal(signal.SIGTERM, _interrupt)  # the same way out as Ctrl-C: quick stop, parameters back
+    _on_signals(_interrupt)  # the same way out as Ctrl-C: quick stop, parameters back
     given = (sys.argv[1:] if arguments is None else arguments) or ["--help"]
     try:
         code = app(args=given, standalone_mode=False)
     except (Exception, KeyboardInterrupt) as error:
         sentence, code = _failure(error)
+        if code == InterruptedByUser.exit_code:
+            _on_signals(
+                signal.SIG_IGN, "SIGINT"
+            )  # what is left to say is said, however often people ask to stop
         notes = list(getattr(error, "__notes__", []))
         if "--json" in given:
             found = getattr(error, "document", {})  # what is known in spite of the failure
