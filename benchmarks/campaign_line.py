@@ -25,6 +25,7 @@ from schwung.fieldbus.modbus import ModbusDrive, ModbusLink, modbus_options
 from schwung.fieldbus.profile import DeviceProfile, ModbusProfile, load_profile
 from schwung_sim.campaign.draw import Scenario
 from schwung_sim.campaign.line import LineMachine, LineMonitor, LineScene
+from schwung_sim.campaign.machine import LOOK_S
 from schwung_sim.campaign.monitor import Expected
 from schwung_sim.campaign.points import Counts, Points
 from schwung_sim.campaign.side import Side
@@ -100,7 +101,7 @@ class LineRoom:
             expected(self.way, scenario.start_rad, brakes), self.machine, self.clock.now
         )
         self.monitor.serial = tcp is None
-        self.clock.every(0.001, self.monitor.look)
+        self.clock.every(LOOK_S, self.monitor.look)
         self.side = Side(self.clock, self.clock.now() + OVERDUE_S)
         self.drive: Any = None
         self.killed_with: Path | None = None

@@ -15,7 +15,8 @@ from schwung.fieldbus.canopen import CanopenDrive
 from schwung_sim.bench import Bench
 from schwung_sim.campaign.draw import Scenario
 from schwung_sim.campaign.incidents import Scene
-from schwung_sim.campaign.monitor import BenchMachine, Monitor
+from schwung_sim.campaign.machine import LOOK_S, BenchMachine
+from schwung_sim.campaign.monitor import Monitor
 from schwung_sim.campaign.points import Counts, Points
 from schwung_sim.campaign.side import Side, SideBus
 from schwung_sim.campaign.weather import Weather
@@ -78,7 +79,7 @@ class Room:
         self.weather = Weather(NODE, self.clock.now)
         self.machine = BenchMachine(self.bench)
         self.monitor = Monitor(expected(self.way, scenario.start_rad), self.machine, self.clock.now)
-        self.clock.every(0.001, self.monitor.look)
+        self.clock.every(LOOK_S, self.monitor.look)
         other = self._end()
         other.stepped.wire.ends.remove(other.stepped)  # it only talks
         self.weather.names[self.bench.bus.stepped] = "drive"

@@ -11,7 +11,7 @@ from typing import Any
 import can
 
 from schwung_sim.campaign.draw import TARGETS, Incident
-from schwung_sim.campaign.monitor import BenchMachine
+from schwung_sim.campaign.machine import BenchMachine
 from schwung_sim.campaign.side import Side, SideBus
 from schwung_sim.campaign.weather import Squall, Weather
 from schwung_sim.drives.dictionary import key

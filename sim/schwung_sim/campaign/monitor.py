@@ -30,21 +30,17 @@ import struct
 import zlib
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
-from typing import Any, Protocol
 
 import can
 
-from schwung_sim.drives.power import Power
+from schwung_sim.campaign.machine import Machine
 
-LOOK_S = 0.001
 #: What a controller may overshoot by, and what a look of 1 ms may be late for.
 OVERSHOOT_RAD, TORQUE_SLACK, SPEED_SLACK = 0.02, 1.001, 1.1
 #: Within so much a loop rings that had to stop, or a generator of the drive shakes the axis; a motion leads out of it.
 SWINGS_RAD = 0.1
 #: How far from the axis the first target may be: what somebody turned it by while it was enabled.
 STANDS_AT_RAD = 0.06
-#: A drive whose processor stood finds the targets of now, far from those of then; its own limits see to the way there.
-CATCHING_UP_S = 0.3
 #: How long another master's word may be fought over until the tool has noticed.
 FOREIGN_S = 0.1
 #: Who hears another's word stops with its very next frame; one may be on its way.
@@ -64,50 +60,6 @@ _LOOKS_AT_MODE = 50
 _WORDS = {0x00, 0x02, 0x06, 0x07, 0x0F}
 _PP_WORDS = _WORDS | {0x1F, 0x3F}
 _STAMP = struct.Struct("<dHB")
-
-
-class Machine(Protocol):
-    """The truth: what stands in the hall."""
-
-    @property
-    def position_rad(self) -> float: ...
-
-    @property
-    def speed_rad_s(self) -> float: ...
-
-    @property
-    def torque_nm(self) -> float: ...
-
-    @property
-    def energised(self) -> bool: ...
-
-    @property
-    def operating(self) -> bool:
-        """In Operation enabled."""
-        ...
-
-    @property
-    def stepped_down(self) -> bool:
-        """In Ready to switch on or Switched on, where only a command leads from operation (transitions 5 and 8)."""
-        ...
-
-    @property
-    def mode(self) -> int: ...
-
-    @property
-    def deaf_until_s(self) -> float:
-        """When its processor, if it stood, heard what had come meanwhile."""
-        ...
-
-    @property
-    def stands(self) -> bool:
-        """Its processor does."""
-        ...
-
-    @property
-    def excused(self) -> bool:
-        """It can neither brake nor react: its processor stands, or its motor gives no torque."""
-        ...
 
 
 @dataclass(frozen=True)
@@ -418,55 +370,3 @@ class Monitor:
         if rule not in self._seen:
             self._seen.add(rule)
             self.violations.append(Violation(self.now(), rule, saw))
-
-
-class BenchMachine:
-    """The bench's drive, axis and plant as the monitor sees them."""
-
-    def __init__(self, bench: Any) -> None:
-        self._servo, self._axis, self._plant = bench.servo, bench.axis, bench.plant
-        self._state = bench.plant.state
-        self.weak = False
-        self.held: set[str] = set()  # why it holds the axis, whatever it is told
-        self.deaf_until_s = self._caught_up_s = float("-inf")
-
-    @property
-    def position_rad(self) -> float:
-        return float(self._state["motor_rad"][0])
-
-    @property
-    def speed_rad_s(self) -> float:
-        return float(self._state["motor_rad_s"][0])
-
-    @property
-    def torque_nm(self) -> float:
-        return float(self._axis.torque_demand_nm)
-
-    @property
-    def energised(self) -> bool:
-        return bool(self._axis.energised)
-
-    @property
-    def operating(self) -> bool:
-        return self._servo.power.state is Power.OPERATION_ENABLED
-
-    @property
-    def stepped_down(self) -> bool:
-        return self._servo.power.state in (Power.READY_TO_SWITCH_ON, Power.SWITCHED_ON)
-
-    @property
-    def mode(self) -> int:
-        return int(self._servo.operation.mode)
-
-    @property
-    def stands(self) -> bool:
-        return bool(self._servo.stalled)
-
-    @property
-    def excused(self) -> bool:
-        now = float(self._axis.time_s)
-        if self._servo.stalled:
-            self.deaf_until_s = now + LOOK_S
-        if self._servo.stalled or self.held:
-            self._caught_up_s = now + CATCHING_UP_S
-        return self.weak or now < self._caught_up_s
