@@ -3,14 +3,14 @@
     python benchmarks/explain_founded.py --kind single --cases 24 --first 0
     python benchmarks/explain_founded.py --strangers
     python benchmarks/explain_founded.py --kind two --first 100 --cases 24 --only weighed --tally sessions.jsonl
-    python benchmarks/explain_founded.py --read sessions.jsonl
+    python benchmarks/explain_founded.py --read sessions.jsonl --picture docs/reliability.png
 
 Sealed sessions are drawn as benchmarks/explain.py draws them. Of each: the first name and whether it is right, wrong
 names (the former tells all it names; the other those with more than one half), how many sessions have 80 % of the
 excess on held-out motion taken, with a name or without, and seconds of processor time. A foreign effect has no name in
 the former's vocabulary; where the new one's has a word for it, that word is right. `--tally` adds a line for each
 session of the new one to a file; `--read` prints its rates and the calibration of its probabilities, with intervals
-(benchmarks/explain_tally.py).
+(benchmarks/explain_tally.py), `--picture` draws them (benchmarks/reliability.py).
 """
 
 from __future__ import annotations
@@ -23,6 +23,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from explain_tally import Told, printed, read_tally, write_tally
+from reliability import write_reliability
 from strangers import STRANGERS, belief_of, judged, session_of
 
 from schwung.drivetrain import load_machine
@@ -184,9 +185,15 @@ def main() -> None:
     parser.add_argument("--only", choices=("former", "weighed"), help="one of the two")
     parser.add_argument("--tally", type=Path, help="file to which every session of the new one is added")
     parser.add_argument("--read", type=Path, help="print such a file instead")
+    parser.add_argument("--picture", type=Path, help="with --read: its reliability diagram, a PNG")
     options = parser.parse_args()
+    if options.picture and not options.read:
+        parser.error("--picture draws a tally: give it with --read")
     if options.read:
-        print(printed(read_tally(options.read)))
+        read = read_tally(options.read)
+        print(printed(read))
+        if options.picture:
+            write_reliability(read, options.picture)
         return
     (strangers if options.strangers else sealed)(options)
 

@@ -110,9 +110,14 @@ def calibration_interval(sessions: Sequence[Told]) -> tuple[float, float]:
     return float(low), float(high)
 
 
-def _rate(hits: int, total: int) -> str:
+def interval_of_rate(hits: int, total: int) -> tuple[float, float]:
+    """Of 95 %, by Wilson."""
     interval = binomtest(hits, max(total, 1)).proportion_ci(method="wilson")
-    low, high = interval.low, interval.high
+    return float(interval.low), float(interval.high)
+
+
+def _rate(hits: int, total: int) -> str:
+    low, high = interval_of_rate(hits, total)
     return f"{hits}/{total} ({100 * low:.0f} to {100 * high:.0f} %)"
 
 

@@ -11,6 +11,7 @@ from explain_tally import (
     read_tally,
     write_tally,
 )
+from reliability import reliability_figure, write_reliability
 
 
 def told(kind="single", truth=("cogging",), seed=0, **names):
@@ -47,3 +48,16 @@ def test_a_tally_is_read_as_it_was_written(tmp_path):
     assert read_tally(file) == sessions
     assert [one.count for one in bins_of(sessions)] == [1, 1]
     assert "expected calibration error 0.10" in printed(sessions)
+
+
+def test_the_reliability_diagram_shows_every_bin_and_its_count(tmp_path):
+    sessions = [told(cogging=0.95), told(cogging=0.97), told(truth=("backlash",), cogging=0.6)]
+    (axes,) = reliability_figure(sessions).axes
+    assert [label.get_text() for label in axes.get_xticklabels()] == [
+        "50 to 70 %\n0 of 1",
+        "90 to 99 %\n2 of 2",
+    ]
+    dots = [line.get_ydata()[0] for line in axes.lines if line.get_marker() == "o"]
+    assert dots == [0.0, 100.0]
+    write_reliability([], tmp_path / "none.png")  # a tally in which nothing stands yet
+    assert (tmp_path / "none.png").read_bytes().startswith(b"\x89PNG")
