@@ -134,6 +134,9 @@ class Signals:
     band_hz: float  # within which the motion and the injection lie
     count_rad: float = 0.0  # of the encoder; 0 where the angle is not counted
     loss_std_s2: float = 0.0  # how far it is unknown what a filter took off torque and speed
+    speed_measured: bool = (
+        True  # if not, it was derived from the angle, whose errors it has, or there is none
+    )
 
     def about(self, states: Array) -> Signals:
         """With another belief of the states (n, s); what does not depend on them is not worked out again."""

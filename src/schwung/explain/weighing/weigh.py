@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -27,7 +27,7 @@ from schwung.explain.weighing.vocabulary import vocabulary
 from schwung.explain.weighing.wide import wide_fit
 from schwung.innovations.evidence import weigh as weigh_columns
 from schwung.innovations.likelihood import first_noise
-from schwung.innovations.signals import signals_of
+from schwung.innovations.signals import Signals, signals_of
 from schwung.innovations.statistics import Statistics
 from schwung.motion import Array
 from schwung.session.imports import repeats
@@ -108,7 +108,7 @@ def posterior_of(
     train = tuple(run for run in range(len(session.runs)) if run not in heldout)
     exciting = [run.excitation.frequency_hz for run in session.runs if run.excitation]
     band = max([BAND_HZ, *(BEYOND_INJECTION * f for f in exciting)])
-    runs = [signals_of(run, machine, band, 0.0) for run in session.runs]
+    runs = [_signals(run, machine, band) for run in session.runs]
     of = ranges_of(runs, machine, STICKING, band)
     torques = tuple(TrueTorque(run, run.drive.whole_nm) for run in runs)
     belief = known(machine, of.low_rad, of.high_rad)
@@ -123,6 +123,12 @@ def posterior_of(
     stands = standing(grown.search, grown.best, beside)
     sure = grown.search.tempered(stands.tempering)
     return Posterior(grown, stands, sure, tuple(heldout), view, growth)
+
+
+def _signals(run: Run, machine: Machine, band_hz: float) -> Signals:
+    """A run with all its samples; of a speed that was made of the angle, errors are not its own."""
+    of = signals_of(run, machine, band_hz, 0.0)
+    return replace(of, speed_measured="speed_origin" not in run.extra and bool(np.ptp(run.speed_rad_s)))
 
 
 def _repeats(session: Session) -> list[tuple[int, ...]]:
@@ -281,20 +287,23 @@ def _rms(search: Search, name: str) -> float:
 def _proof(outcome: Grown, best: Scored, heldout: Sequence[int]) -> Proof:
     """A set's and the bare belief's predictions of the motions kept aside, each linearised about itself."""
     data, (which, deviations) = outcome.data, outcome.search.columns(best.picks)
-    log, after = _predicted(data.at(which), data.aside(which, heldout), deviations)
     bare, members = outcome.nothing.about, outcome.nothing.members
+    apart = bare.beside(heldout)
+    count = apart.measured(heldout) / data.excess
+    log, after = _predicted(data.at(which), data.aside(which, heldout), deviations, count)
     seen, aside = (
         _statistics(about, members, runs).tempered(data.excess)
-        for about, runs in ((bare, data.train), (bare.beside(heldout), heldout))
+        for about, runs in ((bare, data.train), (apart, heldout))
     )
-    belief, before = _predicted(seen, aside, np.concatenate([m.deviations for m in members]))
-    return Proof(tuple(heldout), (log - belief) / aside.count, before, after)
+    belief, before = _predicted(seen, aside, np.concatenate([m.deviations for m in members]), count)
+    return Proof(tuple(heldout), (log - belief) / count, before, after)
 
 
-def _predicted(seen: Statistics, aside: Statistics, deviations: Array) -> tuple[float, float]:
-    """Log predictive likelihood of runs aside, and what is missed there over the noise (root mean square)."""
+def _predicted(seen: Statistics, aside: Statistics, deviations: Array, count: float) -> tuple[float, float]:
+    """Log predictive likelihood of runs aside, and what is missed there over the noise (root mean square); `count`: of
+    samples."""
     fitted, both = weigh_columns(seen, deviations), weigh_columns(seen + aside, deviations)
-    missed = float(np.sqrt(max(aside.missed(fitted.coefficients), 0.0) / aside.count))
+    missed = float(np.sqrt(max(aside.missed(fitted.coefficients), 0.0) / count))
     return both.log_evidence - fitted.log_evidence, missed
 
 
