@@ -14,6 +14,7 @@ import numpy as np
 from schwung.drivetrain.machine import Machine
 from schwung.explain.weighing.growth import absent
 from schwung.explain.weighing.known import Known, known
+from schwung.explain.weighing.phases import phased
 from schwung.explain.weighing.round import View
 from schwung.explain.weighing.settling import Weighing, settled
 from schwung.explain.weighing.weigh import Posterior
@@ -66,7 +67,7 @@ def judged(outcome: Posterior, machine: Machine, runs: Sequence[int]) -> Judged:
 def judged_by(outcome: Posterior, told: Known, runs: Sequence[int]) -> Judged:
     """The same of what is known of a machine, in whatever form."""
     growth = outcome.growth
-    view = replace(outcome.view, known=told)
+    view = phased(replace(outcome.view, known=told), growth.wide.noise)
     usual = [absent(growth.candidates[i]) for i in growth.always]
     at = settled(growth.wide.seen(view), usual, Weighing(growth.wide.noise, growth.train, growth.wide.excess))
     about = at.about.beside(runs)
