@@ -45,6 +45,7 @@ class Stranger:
     curves: tuple[str, ...] = ()  # coordinates of an unnamed curve that are right
     spot: tuple[float, float, float] = (0.0, 0.0, 1.0)  # a tight spot: torque, centre, width; (1 − x²)² of it
     bends: tuple[float, float] = (0.0, 1.0)  # friction that is a spring before it slides: torque, distance
+    hum: tuple[float, float] = (0.0, 1.0)  # a rectangular torque: amplitude, frequency (Hz); begins anywhere
 
     @property
     def laws(self) -> Array:
@@ -84,8 +85,8 @@ def _slopes(state: Array, torque: float, friction: Array, last: float) -> tuple[
 
 
 @njit(cache=True)
-def _played(demand: Array, added: Array, friction: Array) -> Array:
-    """Angle, speed and torque at every tick, (n, 3)."""
+def _played(demand: Array, added: Array, hum: Array, friction: Array) -> Array:
+    """Angle, speed and torque at every tick, (n, 3); `hum`: torque that the drive knows nothing of."""
     n, h = demand.size, TICK_S / SUBSTEPS
     rows, state, integral, shaft = np.empty((n, 3)), np.zeros(5), 0.0, 0.0
     gain, position_gain, reset = 100.0 * (ROTOR + LOAD), 45.0, 0.03
@@ -96,10 +97,10 @@ def _played(demand: Array, added: Array, friction: Array) -> Array:
         torque = min(max(gain * (error + integral) + added[i], -PEAK_NM), PEAK_NM)
         rows[i, 0], rows[i, 1], rows[i, 2] = state[0], state[1], torque
         for _ in range(SUBSTEPS):
-            a, shaft = _slopes(state, torque, friction, shaft)
-            b, _ = _slopes(state + 0.5 * h * a, torque, friction, shaft)
-            c, _ = _slopes(state + 0.5 * h * b, torque, friction, shaft)
-            d, _ = _slopes(state + h * c, torque, friction, shaft)
+            a, shaft = _slopes(state, torque + hum[i], friction, shaft)
+            b, _ = _slopes(state + 0.5 * h * a, torque + hum[i], friction, shaft)
+            c, _ = _slopes(state + 0.5 * h * b, torque + hum[i], friction, shaft)
+            d, _ = _slopes(state + h * c, torque + hum[i], friction, shaft)
             state = state + h * (a + 2 * b + 2 * c + d) / 6
     return rows
 
@@ -145,7 +146,9 @@ def session_of(
                     end_s=total,
                 )
             added = np.zeros_like(time) if sine is None else sine.torque(time)
-            rows = _played(demand, added, stranger.laws)
+            begins = chance.uniform() if stranger.hum[0] else 0.0
+            hum = stranger.hum[0] * np.sign(np.sin(2 * np.pi * (stranger.hum[1] * time + begins)))
+            rows = _played(demand, added, hum, stranger.laws)
             # the torque of a tick is held until the next: on average it belongs half a tick later
             torque = _filtered(
                 (rows[:, 2] + np.concatenate([[0.0], rows[:-1, 2]])) / 2, stranger.torque_filter_s

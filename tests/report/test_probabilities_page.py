@@ -99,7 +99,10 @@ def test_it_says_where_and_what_would_tell_rivals_apart():
     assert "stribeck_friction" in question
     assert "several times slower" in motion
     told = {title: rows for title, _, rows in tables(rivals)}
-    assert told["Where it is missing"][0] == ("the belief", "Over the whole range of position, 70 %.")
+    assert told["What the mismatch follows, in words"][0] == (
+        "the belief",
+        "Over the whole range of position, 70 %.",
+    )
     document = of.to_json()
     assert document["names"][0]["where"]["direction"] == "forward"
     assert document["mismatch"][0]["coordinate"] == "position"

@@ -52,7 +52,7 @@ def tables(of: Published) -> list[tuple[str, tuple[str, ...], list[tuple[str, ..
     every: list[tuple[str, tuple[str, ...], list[tuple[str, ...]]]] = [
         ("Names", NAME_HEAD, [*name_rows(of)]),
         ("Modelled, unnamed", CURVE_HEAD, [*curve_rows(of)]),
-        ("Where it is missing", PLACE_HEAD, [*place_rows(of)]),
+        ("What the mismatch follows, in words", PLACE_HEAD, [*place_rows(of)]),
         ("Sets of causes", SET_HEAD, [*set_rows(of)]),
         ("What cannot be told apart", APART_HEAD, [*separations(of)]),
         ("Proof, noise, and what is left", ("", ""), [*fact_rows(of, units_of(of.axis, of.effort))]),

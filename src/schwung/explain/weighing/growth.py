@@ -230,7 +230,7 @@ def _carried(data: Data, picks: Sequence[tuple[Atom, float]]) -> tuple[Pick, ...
         same = (i for i, a in enumerate(data.atoms) if (a.candidate, a.shape) == (old.candidate, old.shape))
         number = next(same, None)
         if number is None:
-            share = -float(np.log(len(data.candidates[old.candidate].shapes)))
+            share = data.candidates[old.candidate].shape_log
             data.append(old.candidate, old.shape, share if old.refined is None else old.refined, old.spread)
             number = len(data.atoms) - 1
         carried.append(Pick(number, scale))

@@ -15,6 +15,7 @@ from schwung.drivetrain.machine import Machine
 from schwung.explain.weighing.along import Along
 from schwung.explain.weighing.growth import absent
 from schwung.explain.weighing.known import Known, known
+from schwung.explain.weighing.phases import phased
 from schwung.explain.weighing.round import Linearised, View
 from schwung.explain.weighing.settling import Weighing, settled
 from schwung.explain.weighing.weigh import Posterior
@@ -51,8 +52,9 @@ class Judged:
 
     @property
     def missed_nm(self) -> float:
-        """The same of the torque (N·m), smoothed."""
-        return float(np.sqrt(np.mean(np.concatenate([shown.missed_nm for shown in self.runs]) ** 2)))
+        """The same of the torque (N·m), smoothed, while the axis moves."""
+        every = np.concatenate([shown.missed_nm[shown.along.moves] for shown in self.runs])
+        return float(np.sqrt(np.mean(every**2)))
 
     @property
     def logs(self) -> Array:
@@ -74,7 +76,7 @@ def judged(outcome: Posterior, machine: Machine, runs: Sequence[int]) -> Judged:
 def judged_by(outcome: Posterior, told: Known, runs: Sequence[int]) -> Judged:
     """The same of what is known of a machine, in whatever form."""
     growth = outcome.growth
-    view = replace(outcome.view, known=told)
+    view = phased(replace(outcome.view, known=told), growth.wide.noise)
     usual = [absent(growth.candidates[i]) for i in growth.always]
     at = settled(growth.wide.seen(view), usual, Weighing(growth.wide.noise, growth.train, growth.wide.excess))
     aside = _shown(at.about.beside(runs), runs) if runs else ()

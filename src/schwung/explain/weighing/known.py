@@ -37,6 +37,7 @@ class Known:
     nothing: bool = False  # is known
     curves: tuple[Residual, ...] = ()
     planes: tuple[Plane, ...] = ()
+    phases_rad: tuple[float, ...] = ()  # of the known periodic disturbance, each run's own; empty: the file's
 
     def effect(self, along: Along) -> Effect:
         """One column: all that is known, and what is known of the reporting."""
@@ -44,6 +45,8 @@ class Known:
         if self.nothing:
             none = np.zeros((along.speed.size, 1))
             return Effect(none, none, none, none)
+        if self.phases_rad:
+            e = e._replace(periodic_phase_rad=self.phases_rad[along.number])
         on_motor, on_load = _torques(
             e, along.angle, along.load_angle, along.speed, along.time_s, along.motion_time_s,
             along.share, along.ranges.sticking_rad_s,

@@ -40,12 +40,14 @@ def with_members(machine: Machine, members: Sequence[Member], of: Ranges) -> Mac
             ),
             damping_nms=max(coupling.damping_nms + damping, LEAST_SHARE * coupling.damping_nms),
         )
-    heavier = [(m.candidate.inertia, m) for m in members if m.candidate.inertia is not None]
+    heavier = [m for m in members if m.candidate.inertia is not None]
     if heavier:
         margin = 0.05 * of.span_rad
         angle = np.linspace(of.low_rad - margin, of.high_rad + margin, 3 + int(_POINTS_PER_RAD * of.span_rad))
         believed = machine.load_inertia_at(angle)
-        added = sum((unit(angle, m.shape) @ m.coefficients for unit, m in heavier), np.zeros(()))
+        added = sum(
+            (m.candidate.inertia_added(angle, m.shape, m.coefficients) for m in heavier), np.zeros(())
+        )
         inertia = np.maximum(believed + added, LEAST_SHARE * believed)
         load = Load(
             viscous_friction_nms=load.viscous_friction_nms,

@@ -10,7 +10,7 @@ from typing import TypeVar
 import numpy as np
 
 from schwung.explain.weighing.along import Along, Ranges, TrueTorque, along
-from schwung.explain.weighing.candidate import Candidate, Shape
+from schwung.explain.weighing.candidate import Candidate, Missed, Shape
 from schwung.explain.weighing.equations import Acting, equations_of
 from schwung.explain.weighing.known import Known
 from schwung.explain.weighing.present import Member, with_members
@@ -116,6 +116,12 @@ class Linearised:
     def beside(self, runs: Sequence[int]) -> Linearised:
         """Other runs about the same, with the states that it makes likely."""
         return at_rest(self.view, self.members, self.noise, runs)
+
+    def missed(self, run: int) -> Missed:
+        """What is missed in one of the runs."""
+        excitation = self.view.recorded[run].excitation
+        injected = () if excitation is None else tuple(excitation.lines_hz.tolist())
+        return Missed(-self.passed[run].states[:, -1], self.view.runs[run].step_s, injected)
 
     def samples(self, runs: Sequence[int]) -> int:
         """Σ2n of some runs."""

@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
+from numpy.typing import NDArray
 
 from schwung.drivetrain.machine import Machine
 from schwung.explain.proof import split
@@ -16,6 +17,7 @@ from schwung.explain.weighing.data import Atom
 from schwung.explain.weighing.elsewhere import holding
 from schwung.explain.weighing.growth import NOISE_SHARE, Grown, Growth, Progress, everything, slices
 from schwung.explain.weighing.known import known
+from schwung.explain.weighing.phases import phased
 from schwung.explain.weighing.present import Member
 from schwung.explain.weighing.publication import NAMED
 from schwung.explain.weighing.repeated import repeated
@@ -112,7 +114,8 @@ def posterior_of(
     of = ranges_of(runs, machine, STICKING, band)
     torques = tuple(TrueTorque(run, run.drive.whole_nm) for run in runs)
     belief = known(machine, of.low_rad, of.high_rad)
-    view = View(session.runs, tuple(runs), belief, of, torques, repeats=_repeats(session))
+    seen = View(session.runs, tuple(runs), belief, of, torques, repeats=_repeats(session))
+    view = phased(seen, first_noise(runs))
     candidates = vocabulary(of, view.known)
     tell("Finding the noise", NOISE_SHARE / 2)
     always = tuple(i for i, c in enumerate(candidates) if c.name.startswith("usual"))
@@ -287,23 +290,28 @@ def _rms(search: Search, name: str) -> float:
 def _proof(outcome: Grown, best: Scored, heldout: Sequence[int]) -> Proof:
     """A set's and the bare belief's predictions of the motions kept aside, each linearised about itself."""
     data, (which, deviations) = outcome.data, outcome.search.columns(best.picks)
+    own = data.of_each_run(which)
+    log, after = _predicted(data.at(which), data.aside(which, heldout), deviations, own)
     bare, members = outcome.nothing.about, outcome.nothing.members
-    apart = bare.beside(heldout)
-    count = apart.measured(heldout) / data.excess
-    log, after = _predicted(data.at(which), data.aside(which, heldout), deviations, count)
     seen, aside = (
         _statistics(about, members, runs).tempered(data.excess)
-        for about, runs in ((bare, data.train), (apart, heldout))
+        for about, runs in ((bare, data.train), (bare.beside(heldout), heldout))
     )
-    belief, before = _predicted(seen, aside, np.concatenate([m.deviations for m in members]), count)
-    return Proof(tuple(heldout), (log - belief) / count, before, after)
+    plain = np.concatenate([m.deviations for m in members])
+    belief, before = _predicted(seen, aside, plain, np.zeros(plain.size, dtype=bool))
+    return Proof(tuple(heldout), (log - belief) / aside.count, before, after)
 
 
-def _predicted(seen: Statistics, aside: Statistics, deviations: Array, count: float) -> tuple[float, float]:
-    """Log predictive likelihood of runs aside, and what is missed there over the noise (root mean square); `count`: of
-    samples."""
+def _predicted(
+    seen: Statistics, aside: Statistics, deviations: Array, own: NDArray[np.bool_]
+) -> tuple[float, float]:
+    """Log predictive likelihood of runs aside, and what is missed there over the noise (root mean square).
+
+    `own`: coefficients that are one run's own, as the phase of what no motion sets off: those it has to tell itself.
+    """
     fitted, both = weigh_columns(seen, deviations), weigh_columns(seen + aside, deviations)
-    missed = float(np.sqrt(max(aside.missed(fitted.coefficients), 0.0) / count))
+    told = np.where(own, both.coefficients, fitted.coefficients)
+    missed = float(np.sqrt(max(aside.missed(told), 0.0) / aside.count))
     return both.log_evidence - fitted.log_evidence, missed
 
 
@@ -311,4 +319,4 @@ def _statistics(about: Linearised, members: Sequence[Member], runs: Sequence[int
     """Of the members' columns on some runs."""
     target = target_of(about, members, runs)
     rows = about.whitened([(m.candidate.about(m.coefficients), m.shape) for m in members], runs)
-    return Statistics.of(rows.T, target)
+    return Statistics.of(rows.T, target, about.measured(runs))

@@ -266,9 +266,11 @@ class CanopenDrive:
     def start(self, acquisition: Acquisition) -> None:
         """Heartbeats on, node operational, PDO exchange running with the power stage off.
 
-        Raises StateError when the drive is not set up for the acquisition, or does not answer SYNC. EnergisedError
-        where somebody else has switched it on: it no longer watches us then, so that our leaving does not stop it.
+        Raises StateError when the drive is not set up for the acquisition, or does not answer SYNC, NodeLostError where
+        it restarts meanwhile: it may not watch us any more. EnergisedError where somebody else has switched it on: it
+        no longer watches us then, so that our leaving does not stop it.
         """
+        boot_ups = self._monitor.boot_ups
         missing = self.setup(acquisition)
         if missing:
             names = ", ".join(v.parameter.label for v in missing[:3])
@@ -284,6 +286,13 @@ class CanopenDrive:
             with contextlib.suppress(DriveError):
                 self._watch_us_no_more()
             raise
+        if self._monitor.boot_ups != boot_ups:
+            self._operation.stop()
+            raise NodeLostError(
+                f"node {self.node_id}",
+                "restarted while it was started: what it was set up for may be lost",
+                "Check its supply, and begin anew.",
+            )
 
     def enable(self) -> None:
         """Operation enabled, holding the position. Raises StateError naming what is missing, DriveFaultError."""
