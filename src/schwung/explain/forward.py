@@ -38,7 +38,8 @@ _STABLE = 2.5  # beyond 2.78 times the eigenvalue's inverse a step of fourth ord
 _PAD = 64.0  # samples by which the ends are prolonged
 _NEWTON = 3  # steps from a reported angle to the true one
 _FINER = 6  # pieces of a table's curve per piece of the table
-_FIRST = np.int64(0)  # a bare 0 is a type of its own to numba, which would compile everything that it is given to anew
+#: A bare 0 is a type of its own to numba, which would compile anew everything that it is given to.
+_FIRST = np.int64(0)
 
 
 _Plain = tuple[Any, ...]  # a Belief, Effects or Motion as a plain tuple
@@ -178,7 +179,8 @@ def coupling_needed(
     """
     steps = substeps(belief, e, motion.step)
     load, terms = tuple(_changed(belief, e)), tuple(map(float, e))
-    moved = (*map(np.ascontiguousarray, motion[:4]), motion.step)  # else each kernel is compiled a second time
+    # strided arrays are another type to numba: each kernel would be compiled a second time
+    moved = (*map(np.ascontiguousarray, motion[:4]), motion.step)
     if not belief.rigid:
         torque = _hung(load, terms, moved, steps, (float(begun[0]), float(begun[1])))
         return _sharpened(torque, steps) if e.gap_rad > 0 else torque
@@ -370,7 +372,7 @@ def motor_helped(
     e: Effects, motion: Motion, time: Array, phase: float, share: float, smoothing: float
 ) -> Array:
     """What friction (negative) and disturbances add to the motor's torque along the motion (N·m), (n,)."""
-    along = map(np.ascontiguousarray, (motion.angle, motion.speed, time))  # else it is compiled a second time
+    along = map(np.ascontiguousarray, (motion.angle, motion.speed, time))  # as above
     return _helped(tuple(map(float, e)), *along, float(phase), float(share), float(smoothing))
 
 
