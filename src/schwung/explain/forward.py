@@ -16,7 +16,7 @@ ways in take plain tuples, whose types numba knows at a glance (named ones cost 
 from __future__ import annotations
 
 from functools import lru_cache
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, cast
 
 import numpy as np
 from scipy.interpolate import CubicSpline, PchipInterpolator
@@ -39,7 +39,7 @@ _PAD = 64.0  # samples by which the ends are prolonged
 _NEWTON = 3  # steps from a reported angle to the true one
 _FINER = 6  # pieces of a table's curve per piece of the table
 #: A bare 0 is a type of its own to numba, which would compile anew everything that it is given to.
-_FIRST = np.int64(0)
+_FIRST = cast(int, np.int64(0))
 
 
 _Plain = tuple[Any, ...]  # a Belief, Effects or Motion as a plain tuple
@@ -372,8 +372,8 @@ def motor_helped(
     e: Effects, motion: Motion, time: Array, phase: float, share: float, smoothing: float
 ) -> Array:
     """What friction (negative) and disturbances add to the motor's torque along the motion (N·m), (n,)."""
-    along = map(np.ascontiguousarray, (motion.angle, motion.speed, time))  # as above
-    return _helped(tuple(map(float, e)), *along, float(phase), float(share), float(smoothing))
+    angle, speed, at = map(np.ascontiguousarray, (motion.angle, motion.speed, time))  # as above
+    return _helped(tuple(map(float, e)), angle, speed, at, float(phase), float(share), float(smoothing))
 
 
 @compiled
