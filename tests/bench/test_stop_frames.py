@@ -52,6 +52,20 @@ def test_a_tpdo_without_a_statusword_does_not_say_off() -> None:
         assert room.bench.servo.power.state is Power.SWITCH_ON_DISABLED
 
 
+def test_a_frame_with_a_long_identifier_is_nobodys_answer() -> None:
+    """Other protocols have 29 bits, and their numbers may be as ours. One said off, and was believed."""
+    said_off = can.Message(arbitration_id=FIRST_TPDO, data=b"\x50\x02" + bytes(6), is_extended_id=True)
+    with (
+        enabled(STAYS) as room,
+        can.Bus(interface="stepped", channel=room.bench.bus.channel) as other,
+    ):
+        task = room.bench.bus.clock.every(0.0003, lambda: other.send(said_off))
+        room.drive.play(stroke(100, RATE_HZ, 0.01))
+        room.drive.disable()
+        task.close()
+        assert room.bench.servo.power.state is Power.SWITCH_ON_DISABLED
+
+
 @pytest.mark.parametrize("after_s", np.arange(0.0055, 0.013, 0.0007).round(4))
 def test_a_drive_that_restarts_while_it_is_started_is_not_energised(after_s: float) -> None:
     """Between the look at what it is set up for and the first frame. It comes back with what it has stored: all but
@@ -69,3 +83,27 @@ def test_a_drive_that_restarts_while_it_is_started_is_not_energised(after_s: flo
         assert isinstance(raised.value, NodeLostError) or "not set up" in str(raised.value)
         assert not bench.servo.power.energised
         drive.close()
+
+
+def test_a_node_whose_drive_is_off_is_not_started_to_hear_a_stop() -> None:
+    """It came back set up for nothing: once started, it would take our frames as its default mapping has them."""
+    with enabled(STAYS) as room:
+        commands: list[bytes] = []
+        send = room.bus.stepped.send
+
+        def sending(message: can.Message, timeout: float | None = None) -> None:
+            if message.arbitration_id == 0:
+                commands.append(bytes(message.data))
+            send(message, timeout)
+
+        room.bus.stepped.send = sending
+
+        def restart() -> None:
+            room.bench.servo.reset_node()
+            room.bench.servo.sdo.aborts[0x6040] = 0x08000022
+
+        room.after(0.25, restart)
+        with pytest.raises(NodeLostError, match="restarted"):
+            room.drive.play(stroke(500, RATE_HZ))
+        room.drive.disable()
+        assert bytes([0x01, NODE]) not in commands
