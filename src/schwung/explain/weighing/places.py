@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -12,7 +12,7 @@ from schwung.explain.values import Located, Overlay
 from schwung.explain.weighing.along import Along
 from schwung.explain.weighing.candidate import Candidate, Shape
 from schwung.explain.weighing.judged import Shown
-from schwung.explain.weighing.publication import Where
+from schwung.explain.weighing.publication import Published, Where
 from schwung.motion import Array
 from schwung.session.model import Axis
 
@@ -99,12 +99,28 @@ def _way(acts: Array, speed: Array) -> str:
     return "backward" if forward < _OTHER_WAY * backward else ""
 
 
-def located(runs: Sequence[Shown], noise_nm: float, band_hz: float, groups: Sequence[Sequence[int]], axis: Axis,
-            *, surely: bool = True) -> tuple[Located, ...]:  # fmt: skip
-    """The coordinates that what is missed in some runs follows; `groups`: runs of each motion."""
-    of = {number: group[0] for group in groups for number in group}
-    return locate(
-        [_residual(run, noise_nm, band_hz, of.get(run.run, run.run)) for run in runs], axis, surely=surely
+def with_places(
+    found: Published,
+    before: Sequence[Shown],
+    after: Sequence[Shown],
+    band_hz: float,
+    groups: Sequence[Sequence[int]],
+) -> Published:
+    """With the coordinates that follows what the belief misses in fitted runs, and what the file does; nothing where
+    that is not plain. `groups`: runs of each motion."""
+    verdict, of = found.verdict, {number: group[0] for group in groups for number in group}
+    if verdict == "consistent":
+        return found
+
+    def missed(runs: Sequence[Shown], surely: bool) -> tuple[Located, ...]:
+        every = [_residual(run, found.noise.torque_nm, band_hz, of.get(run.run, run.run)) for run in runs]
+        return locate(every, found.axis, surely=surely)
+
+    left = found.in_file and verdict != "explained"
+    return replace(
+        found,
+        mismatch=missed(before, verdict != "unexplained"),
+        remainder=missed(after, True) if left else (),
     )
 
 

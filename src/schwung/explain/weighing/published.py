@@ -26,7 +26,7 @@ from schwung.explain.weighing.formula import Formula
 from schwung.explain.weighing.growth import Progress, slices
 from schwung.explain.weighing.judged import Judged, as_good, judged
 from schwung.explain.weighing.learned import Found, learned, table
-from schwung.explain.weighing.places import Acts, located, overlays, where_of
+from schwung.explain.weighing.places import Acts, overlays, where_of, with_places
 from schwung.explain.weighing.plainly import nearest
 from schwung.explain.weighing.publication import (
     NAMED,
@@ -118,20 +118,16 @@ class _Publishing:
     def published(self, notes: Sequence[str]) -> Published:
         """All of it."""
         self.tell("Writing the machine, and proving what was written", _SEARCH)
-        every = self._causes()
-        over = [over_words(self.search.candidate(cause.pick).coordinate) for cause in every]
-        of = self.outcome.view.ranges
-        visited = (of.low_rad, of.high_rad)
-        kept, unsaid = sayable(self.machine, [cause.found for cause in every], over, visited)
-        causes = [every[i] for i in kept]
+        causes, unsaid = self._sayable()
         machine = read_back(learned(self.machine, [cause.found for cause in causes]))
         aside = self.outcome.heldout
         before = after = judged(self.outcome, smooth(self.machine), aside)
         after = judged(self.outcome, smooth(machine), aside) if causes else before
         needless = bool(causes and aside) and as_good(before, after)
         if needless:  # then the file is the belief
+            what = ", ".join(dict.fromkeys(map(self._over, causes)))
             causes, machine, after = [], self.machine, before
-            unsaid = (*unsaid, _NEEDLESS.format(", ".join(dict.fromkeys(over[i] for i in kept))))
+            unsaid = (*unsaid, _NEEDLESS.format(what))
         formulated = {}
         if aside:
             for number, cause in enumerate(causes):
@@ -165,25 +161,10 @@ class _Publishing:
             machine=machine,
             notes=tuple(dict.fromkeys((*notes, *self._notes(causes), *unsaid, *self.weighed.notes))),
         )
-        answer = self._located(answer, before, after)
+        view = self.outcome.view
+        answer = with_places(answer, before.fitted, after.fitted, view.ranges.band_hz, repeats(self.session))
         self.tell("Done", 1.0)
         return answer
-
-    def _located(self, found: Published, before: Judged, after: Judged) -> Published:
-        """With where the belief misses, and the file; nothing where that is not plain."""
-        noise, view = self.weighed.noise, self.outcome.view
-        verdict, axis = found.verdict, self.session.axis
-        groups, band = repeats(self.session), view.ranges.band_hz
-        if verdict == "consistent":
-            return found
-        lost = verdict == "unexplained"
-        missed = located(before.fitted, noise.torque_nm, band, groups, axis, surely=not lost)
-        left = (
-            located(after.fitted, noise.torque_nm, band, groups, axis)
-            if found.in_file and verdict != "explained"
-            else ()
-        )
-        return replace(found, mismatch=missed, remainder=left)
 
     def _plain(self, curves: Sequence[Acts], after: Judged) -> Plain | None:
         """What comes near to all that is published without a name."""
@@ -200,6 +181,25 @@ class _Publishing:
         candidate, shape = self.search.candidate(cause.pick), self.search.data.atoms[cause.pick.atom].shape
         coefficients = self.set.found.coefficients[cause.where]
         return Acts(candidate.name, candidate, shape, coefficients)
+
+    def _sayable(self) -> tuple[list[_Cause], tuple[str, ...]]:
+        """The set's causes as far as a file can hold them, and a note for each other one.
+
+        Without one the others are others: curves that cancelled it would be left alone.
+        """
+        of, notes = self.outcome.view.ranges, tuple[str, ...]()
+        while True:
+            every = self._causes()
+            over = [self._over(cause) for cause in every]
+            found = [cause.found for cause in every]
+            kept, unsaid = sayable(self.machine, found, over, (of.low_rad, of.high_rad))
+            notes = (*notes, *unsaid)
+            if len(kept) == len(every):
+                return every, notes
+            self.set = self.search.score(tuple(every[i].pick for i in kept))
+
+    def _over(self, cause: _Cause) -> str:
+        return over_words(self.search.candidate(cause.pick).coordinate)
 
     def _set(self) -> Scored:
         """The most probable set without a parameter at its bound, and without what does not hold elsewhere."""

@@ -109,7 +109,7 @@ def posterior_of(
     heldout = split(session).heldout if heldout is None else tuple(heldout)
     train = tuple(run for run in range(len(session.runs)) if run not in heldout)
     band = band_of(session)
-    runs = [_signals(run, machine, band) for run in session.runs]
+    runs = signals_as_measured(session, machine)
     of = ranges_of(runs, machine, STICKING, band)
     torques = tuple(TrueTorque(run, run.drive.whole_nm) for run in runs)
     belief = known(machine, of.low_rad, of.high_rad)
@@ -133,10 +133,16 @@ def band_of(session: Session) -> float:
     return max([BAND_HZ, *(BEYOND_INJECTION * f for f in exciting)])
 
 
-def _signals(run: Run, machine: Machine, band_hz: float) -> Signals:
-    """A run with all its samples; of a speed that was made of the angle, errors are not its own."""
-    of = signals_of(run, machine, band_hz, 0.0)
-    return replace(of, speed_measured="speed_origin" not in run.extra and bool(np.ptp(run.speed_rad_s)))
+def signals_as_measured(session: Session, machine: Machine) -> list[Signals]:
+    """Every run with all its samples; of a speed that was made of the angle, errors are not its own."""
+    band = band_of(session)
+    return [
+        replace(
+            signals_of(run, machine, band, 0.0),
+            speed_measured="speed_origin" not in run.extra and bool(np.ptp(run.speed_rad_s)),
+        )
+        for run in session.runs
+    ]
 
 
 def _repeats(session: Session) -> list[tuple[int, ...]]:

@@ -1,0 +1,71 @@
+"""What weighing makes of recordings of machines that nobody here has built: an answer, whatever they lack.
+
+Cut short and thinned, so that each takes a few seconds. They have no repeats, no rests, one motion, no measured speed,
+no known load: none of that is an error, and what is published is a machine that can be read and moved.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+from real_recordings import RealRecordings, emps_machine, hsm150_machine, pendulum_machine
+
+from schwung.drivetrain import Machine, load_machine, write_machine
+from schwung.explain.weighing.published import publish
+from schwung.explain.weighing.weigh import signals_as_measured
+from schwung.report.probabilities import tables
+from schwung.session import Run, Session
+
+
+def thinned(session: Session, every: int, samples: int) -> Session:
+    """Every so many samples of the first so many of each run."""
+    return replace(session, runs=tuple(_thin(run, slice(0, samples, every), every) for run in session.runs))
+
+
+def _thin(run: Run, at: slice, every: int) -> Run:
+    demand = run.position_demand_rad
+    return replace(
+        run,
+        sample_rate_hz=run.sample_rate_hz / every,
+        time_s=run.time_s[at],
+        position_rad=run.position_rad[at],
+        speed_rad_s=run.speed_rad_s[at],
+        torque_nm=run.torque_nm[at],
+        position_demand_rad=None if demand is None else demand[at],
+    )
+
+
+def asked(recordings: RealRecordings, name: str) -> tuple[Session, Machine]:
+    """A little of a recording, and what is believed."""
+    if name == "pendulum":  # one run of one motion without a rest
+        return thinned(recordings.pendulum("ddp"), 4, 3000), pendulum_machine()
+    if name == "motor alone":  # with an unknown load
+        return thinned(recordings.hsm150("neg_0.04_1"), 10, 4000), hsm150_machine()
+    return thinned(recordings.emps, 16, 6240), emps_machine()  # no measured speed
+
+
+@pytest.mark.timeout(300)
+@pytest.mark.parametrize("name", ["pendulum", "motor alone"])
+def test_whatever_a_recording_lacks_there_is_an_answer(
+    recordings: RealRecordings, name: str, tmp_path: Path
+) -> None:
+    session, machine = asked(recordings, name)
+    found = publish(session, machine)
+    assert found.headline
+    assert found.proof is None
+    assert any("nothing is proven" in note for note in found.notes)
+    assert all(rows for _, _, rows in tables(found))
+    assert found.overlays
+    assert not found.overlays[0].heldout
+    write_machine(found.machine, tmp_path / "machine.toml")
+    assert len(load_machine(tmp_path / "machine.toml").physics) == len(found.machine.physics)
+
+
+def test_a_speed_that_was_made_of_the_position_is_no_measurement(recordings: RealRecordings) -> None:
+    """EMPS reports its position alone; taken for measured, a polynomial's slope has noise of 4 nm/s."""
+    session, machine = asked(recordings, "EMPS")
+    assert not any(run.speed_measured for run in signals_as_measured(session, machine))
+    measured, motor = asked(recordings, "motor alone")
+    assert all(run.speed_measured for run in signals_as_measured(measured, motor))
