@@ -44,7 +44,7 @@ class Additive:
 def stands(*causes: Cause):
     search = Additive(*causes)
     every = tuple(Pick(number, 1.0) for number in range(len(causes)))
-    return standing(search, search.score(every), ())  # type: ignore[arg-type]
+    return standing(search, search.score(every), (), {})  # type: ignore[arg-type]
 
 
 def test_a_name_that_leaves_nothing_is_nearly_sure():
