@@ -33,7 +33,7 @@ def odds(amounts: list[float], motions: int = 3, scales: tuple[float, ...] = (1.
     data.atoms = [SimpleNamespace(where=slice(i, i + 1)) for i in range(2)]
     data.at = Statistics.of(rows.T, target).at
     search: Any = SimpleNamespace(
-        data=data, candidate=lambda _: SimpleNamespace(scales=scales, deviations=(1.0,))
+        data=data, odds=-3.4, candidate=lambda _: SimpleNamespace(scales=scales, deviations=(1.0,))
     )
     scored: Any = SimpleNamespace(which=np.arange(2), deviations=np.ones(2))
     return one_law(search, scored, LAW)

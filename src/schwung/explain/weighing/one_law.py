@@ -2,12 +2,14 @@
 
 Evidence counts whatever a name's columns take. A law takes it with the same coefficients in every motion; an error
 that is only like it (a motion that the model's steps are too coarse for) takes it where it happens, and elsewhere
-another amount, or none. So one set of coefficients for all motions is weighed against some of its own for each, of
-unknown size, or none: to be told once is likelier only where it is needed in more than one. Where but one motion tells
-anything, the two are as likely.
+another amount, or none. So one set of coefficients for all motions is weighed against such in one motion alone, and
+against each motion's own, all of sizes of one ladder; what a motion has of its own is a cause like any, and several
+are so much less probable. Where but one motion tells anything, law and no law are as likely.
 """
 
 from __future__ import annotations
+
+from collections.abc import Sequence
 
 import numpy as np
 from scipy.linalg import solve_triangular
@@ -15,8 +17,12 @@ from scipy.linalg import solve_triangular
 from schwung.explain.weighing.candidate import LADDER
 from schwung.explain.weighing.elsewhere import motions_of
 from schwung.explain.weighing.search import Pick, Scored, Search
-from schwung.innovations.evidence import block_gains, weigh
+from schwung.innovations.evidence import ROUNDING, weigh
+from schwung.innovations.statistics import Statistics
 from schwung.motion import Array
+
+#: Of a cause's columns in one motion: their cross products with a set's columns, their own, and their slope.
+_Part = tuple[Array, Array, Array]
 
 
 def one_law(search: Search, scored: Scored, pick: Pick) -> float:
@@ -27,18 +33,30 @@ def one_law(search: Search, scored: Scored, pick: Pick) -> float:
         return np.inf
     beside = (scored.which < where.start) | (scored.which >= where.stop)
     which, deviations = scored.which[beside], scored.deviations[beside]
-    known, natural = weigh(data.at(which), deviations), np.array(candidate.deviations)
+    known, natural = data.at(which), np.array(candidate.deviations)
+    sizes = candidate.scales if len(candidate.scales) > 1 else LADDER
 
-    def averaged(of: tuple[Array, Array, Array], scales: tuple[float, ...]) -> float:
-        """Log evidence that columns add to the rest of the set, of any of these sizes."""
-        cross, gram, slope = of
-        across = solve_triangular(known.factor, deviations[:, None] * cross, lower=True, check_finite=False)
-        left = slope - known.coefficients @ cross
-        gains = block_gains((gram - across.T @ across)[None], left[None], natural, scales)
-        return float(np.logaddexp.reduce(gains[0]) - np.log(len(scales)))
+    def averaged(parts: Sequence[_Part]) -> float:
+        """Log evidence with coefficients for each of these parts, of any size."""
+        return float(np.logaddexp.reduce([_log(known, deviations, parts, s * natural) for s in sizes]))
 
     each = [data.within(which, where, places) for places in motions]
-    sizes = candidate.scales if len(candidate.scales) > 1 else LADDER
-    own = sum(float(np.logaddexp(averaged(one, sizes), 0.0) - np.log(2)) for one in each)
     cross, gram, slope = (np.sum(parts, axis=0) for parts in zip(*each, strict=True))
-    return averaged((cross, gram, slope), candidate.scales) - own
+    several = (len(each) - 1) * search.odds  # each motion's own is a cause more
+    own = [averaged(each) + several, *(averaged([part]) for part in each)]
+    return averaged([(cross, gram, slope)]) - float(np.logaddexp.reduce(own))
+
+
+def _log(known: Statistics, deviations: Array, parts: Sequence[_Part], own: Array) -> float:
+    """Log evidence of a set's columns (n,) and, for each part, such of a cause with deviations `own` (p,)."""
+    gram, slope, log = known.gram.copy(), known.slope.copy(), 0.0
+    for across, products, pulled in parts:
+        inner = products * own[:, None] * own
+        inner[np.diag_indices_from(inner)] += 1.0 + ROUNDING * float(np.max(np.diag(inner)))
+        factor = np.linalg.cholesky(inner)
+        half = solve_triangular(factor, own[:, None] * across.T, lower=True, check_finite=False)
+        pull = solve_triangular(factor, own * pulled, lower=True, check_finite=False)
+        gram -= half.T @ half
+        slope -= pull @ half
+        log += 0.5 * float(pull @ pull) - float(np.sum(np.log(np.diag(factor))))
+    return log + weigh(Statistics(gram, slope, known.square, known.count), deviations).log_evidence

@@ -9,7 +9,7 @@ likelier by 1 + G/L (Cauchy's distribution), not by exp G. A name that falls by 
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -49,9 +49,9 @@ class Standing:
 
 
 def standing(
-    search: Search, best: Scored, repeated: Sequence[Candidate], laws: Mapping[Pick, float]
+    search: Search, best: Scored, repeated: Sequence[Candidate], law: Callable[[Search, Scored, Pick], float]
 ) -> Standing:
-    """Of the best set's names; `repeated`: curves of what only repeats share; `laws`: log odds of being one law."""
+    """Of the best set's names; `repeated`: curves of what only repeats share; `law`: log odds of being one law."""
     left = sum(max(_gain(search, best, curve), 0.0) for curve in repeated)
     picks = best.picks
     for pick in picks:
@@ -61,11 +61,16 @@ def standing(
     names: dict[str, float] = {}
     while picks:
         worth = {pick: _worth(search, picks, pick) for pick in picks}
+        laws = {pick: law(search, search.sized(search.score(picks)), pick) for pick in picks}
         sure = {
-            p: _sure(search, gain, left + _others(search, worth, p)) * float(expit(laws.get(p, np.inf)))
-            for p, gain in worth.items()
+            pick: _sure(search, gain, left + _others(search, worth, pick)) * float(expit(laws[pick]))
+            for pick, gain in worth.items()
         }
-        weakest = min(picks, key=lambda pick: (laws.get(pick, np.inf) > 0, worth[pick]))
+        own = min(picks, key=lambda pick: laws[pick])
+        if laws[own] < 0:  # it says nothing about laws
+            names[search.candidate(own).name], picks = sure[own], _without(picks, own)
+            continue
+        weakest = min(picks, key=lambda pick: worth[pick])
         if sure[weakest] > 0.5:
             return Standing(left, {**names, **{search.candidate(p).name: sure[p] for p in picks}})
         names[search.candidate(weakest).name] = sure[weakest]

@@ -121,9 +121,7 @@ def posterior_of(
     wide = wide_fit(view, everything(candidates, ()), first_noise(runs), train)
     growth = Growth(candidates, always, train, wide, tell=tell)
     grown = growth.grown(view)
-    named = (pick for pick in grown.best.picks if grown.search.candidate(pick).named)
-    laws = {pick: one_law(grown.search, grown.best, pick) for pick in named}
-    stands = standing(grown.search, grown.best, beside, laws)
+    stands = standing(grown.search, grown.best, beside, one_law)
     sure = grown.search.tempered(stands.tempering)
     return Posterior(grown, stands, sure, tuple(heldout), view, growth)
 
