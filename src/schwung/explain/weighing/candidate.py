@@ -67,6 +67,9 @@ class Candidate:
         None  # coordinate that its law may be off over, −1…1; None: by name
     )
     tangent: Callable[[Along, Array], Array] | None = None  # to stiffness and damping along a run, (n, 2)
+    over_steps: Callable[[Along, Array], Array] | None = (
+        None  # torque between the shafts that samples miss, on the motor at each step's start and end (N·m), (n − 1, 2)
+    )
     whole: Callable[[Along, Shape, Array], Effect] | None = None  # `done`, where there is a shorter way
     bent: Bent | None = None  # where it is not in proportion to its coefficients; `effect` is then about 0
     inertia: Callable[[Array, Shape], Array] | None = (

@@ -8,7 +8,15 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from schwung.explain.weighing.present import Member
-from schwung.explain.weighing.round import ALIKE, STEPS, Linearised, View, linearised, resmoothed
+from schwung.explain.weighing.round import (
+    ALIKE,
+    STEPS,
+    Linearised,
+    View,
+    linearised,
+    resmoothed,
+    resmoothed_about,
+)
 from schwung.explain.weighing.work import PRODUCT
 from schwung.innovations.evidence import weigh
 from schwung.innovations.likelihood import Noise
@@ -42,8 +50,25 @@ def settled(view: View, members: Sequence[Member], weighing: Weighing) -> Settle
 
     A step that makes the runs less likely is halved: far from the truth, a linear model promises too much.
     """
-    view = resmoothed(view, members, weighing.noise, weighing.train)
-    return _at_rest(_stepped(view, members, weighing), weighing)
+    return _at_rest(_stepped(_smoothed(view, members, weighing), members, weighing), weighing)
+
+
+def _smoothed(view: View, members: Sequence[Member], weighing: Weighing) -> Linearised:
+    """The session about the states that the members make likely.
+
+    Where the coupling bends, whether it touches follows from the states that follow from whether it touches: so they
+    are smoothed for as long as that makes the runs likelier.
+    """
+    noise, train = weighing.noise, weighing.train
+    about = linearised(resmoothed(view, members, noise, train), members, noise, None, train)
+    for _ in range(STEPS if any(m.candidate.tangent is not None for m in members) else 0):
+        if not finite(about.view):
+            break
+        further = linearised(resmoothed_about(about), members, noise, None, train)
+        if not further.square(train) < about.square(train) - ALIKE * weighing.excess:
+            break
+        about = further
+    return about
 
 
 def settled_beyond(
@@ -70,9 +95,9 @@ def _at_rest(at: _Step, weighing: Weighing) -> Settled:
                 replace(m, coefficients=within(m, m.coefficients + share * step))
                 for m, step in zip(at.members, at.steps, strict=True)
             ]
-            view = resmoothed(at.about.view, tried, weighing.noise, weighing.train)
-            if finite(view):
-                better = _stepped(view, tried, weighing)
+            about = _smoothed(at.about.view, tried, weighing)
+            if finite(about.view):
+                better = _stepped(about, tried, weighing)
                 if better.cost < at.cost + ALIKE * missed**2:
                     break
             share /= 2
@@ -107,8 +132,7 @@ def _cost(about: Linearised, members: Sequence[Member], weighing: Weighing) -> f
     return about.square(weighing.train) / weighing.excess + prior
 
 
-def _stepped(view: View, members: Sequence[Member], weighing: Weighing) -> _Step:
-    about = linearised(view, members, weighing.noise, None, weighing.train)
+def _stepped(about: Linearised, members: Sequence[Member], weighing: Weighing) -> _Step:
     train, excess = weighing.train, weighing.excess
     present = np.concatenate([m.coefficients for m in members])
     deviations = np.concatenate([m.deviations for m in members])
@@ -116,7 +140,7 @@ def _stepped(view: View, members: Sequence[Member], weighing: Weighing) -> _Step
     target = about.innovations(train) + present @ rows
     if not np.all(np.isfinite(target)):  # its numbers run away: worth nothing, and no step leads on from here
         return _Step(about, tuple(members), [0.0 * m.coefficients for m in members], 0.0, np.inf, -np.inf)
-    view.work.add(PRODUCT * rows.size * rows.shape[0])
+    about.view.work.add(PRODUCT * rows.size * rows.shape[0])
     found = weigh(Statistics.of(rows.T, target).tempered(excess), deviations)
     step, at = found.coefficients - present, np.cumsum([m.candidate.size for m in members])[:-1]
     cost = _cost(about, members, weighing)
