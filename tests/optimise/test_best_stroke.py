@@ -54,9 +54,10 @@ def test_varying_inertia_moves_the_motion_where_it_is_light() -> None:
         assert ours.mechanical_j < rival.mechanical_j
 
 
-def test_it_is_within_one_per_cent_of_a_ten_times_finer_grid() -> None:
+def test_it_is_within_one_per_cent_of_a_three_times_finer_grid() -> None:
+    """Of fifth order: its errors are a hundredth there. benchmarks/optimise.py compares with a ten times finer one."""
     coarse = best_of_the_paper()
-    fine = best_stroke(PAPER, task(), intervals=10 * (coarse.share.size - 1))
+    fine = best_stroke(PAPER, task(), intervals=3 * (coarse.share.size - 1))
     figures = [merits_of(PAPER, follow(PAPER, s.motion(), 0.0)).copper_n2m2s for s in (coarse, fine)]
     assert figures[0] < 1.01 * figures[1]
 
@@ -188,7 +189,7 @@ def test_radau_integrates_exactly_to_its_order() -> None:
 
 
 def test_a_front_trades_one_merit_for_another() -> None:
-    over_time = front(PAPER, task(None), points=4)
+    over_time = front(PAPER, task(None), points=3)
     copper = [point.merits.copper_n2m2s for point in over_time]
     assert copper == sorted(copper, reverse=True)
     assert over_time[-1].duration_s == pytest.approx(3 * over_time[0].duration_s)

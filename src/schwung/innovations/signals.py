@@ -135,6 +135,9 @@ class Signals:
     count_rad: float = 0.0  # of the encoder; 0 where the angle is not counted
     loss_std_s2: float = 0.0  # how far it is unknown what a filter took off torque and speed
     thinned: bool = False  # samples were left out, after a filter
+    speed_measured: bool = (
+        True  # if not, it was derived from the angle, whose errors it has, or there is none
+    )
 
     def as_sampled(self, values: Array, finer: int) -> Array:
         """Values (n·finer,), so many in each step, as the filter before samples were left out passes them."""

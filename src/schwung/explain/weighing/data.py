@@ -153,7 +153,9 @@ class Data:
         causes = [starts[column] for column in which.tolist() if column in starts]
         about = self.about.beside(runs)
         target = target_of(about, self.members, runs)
-        return Statistics.of(about.whitened(causes, runs).T, target).tempered(self.excess)
+        return Statistics.of(about.whitened(causes, runs).T, target, about.measured(runs)).tempered(
+            self.excess
+        )
 
     def of_each_run(self, which: Numbers) -> NDArray[np.bool_]:
         """Which of some columns are one run's own."""

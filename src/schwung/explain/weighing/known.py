@@ -25,6 +25,8 @@ from schwung.innovations.effect import Effect
 from schwung.motion import Array
 
 _POINTS_PER_RAD = 100
+#: A load that is none, over the motor's inertia: steps are worked out over its logarithm.
+_NONE = 1e-6
 
 
 @dataclass(frozen=True, eq=False)
@@ -145,8 +147,14 @@ def _torques(
 
 
 def known(machine: Machine, low_rad: float, high_rad: float) -> Known:
-    """Take the belief's terms apart, for angles between these."""
+    """Take the belief's terms apart, for angles between these.
+
+    An unknown load of a rigid machine is none at all, its inertia the motor's. Raises InputError where another's is.
+    """
     e = effects_of(machine.physics)
+    if machine.load_inertia is None and machine.coupling is None:
+        none = machine.load.model_copy(update={"inertia_kgm2": _NONE * machine.motor.inertia_kgm2})
+        machine = machine.model_copy(update={"load": none})
     coupling, load = machine.coupling, machine.load
     if coupling is not None:
         coupling = Coupling(

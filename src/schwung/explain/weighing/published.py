@@ -31,7 +31,8 @@ from schwung.explain.weighing.growth import Progress, slices
 from schwung.explain.weighing.judged import Judged, as_good, judged
 from schwung.explain.weighing.known import known
 from schwung.explain.weighing.learned import Found, learned, table
-from schwung.explain.weighing.publication import NAMED, Before, Curve, Name, Published, merged, over_words
+from schwung.explain.weighing.places import Acts, located, overlays, where_of
+from schwung.explain.weighing.publication import NAMED, Curve, Name, Published, Where, merged, over_words
 from schwung.explain.weighing.search import Pick, Scored, Search
 from schwung.explain.weighing.values import Parameter, Proof, Weighed
 from schwung.explain.weighing.weigh import Posterior, at_bound, parameters_of, posterior_of
@@ -40,7 +41,7 @@ from schwung.session.imports import repeats
 from schwung.session.model import Session
 
 #: The share of the work that the search takes.
-_SEARCH = 0.85
+_SEARCH, _LOCATING = 0.85, 0.97
 #: Units of the coordinates; the direction of motion has none.
 _UNITS: Mapping[str, str] = {
     **{str(over): unit for over, unit in UNITS.items()},
@@ -149,14 +150,14 @@ class _Publishing:
         causes = [every[i] for i in kept]
         machine = _read_back(learned(self.machine, [cause.found for cause in causes]))
         aside = self.outcome.heldout
-        before = judged(self.outcome, _smooth(self.machine), aside) if aside else None
-        after = judged(self.outcome, _smooth(machine), aside) if aside and causes else before
-        needless = bool(causes) and before is not None and after is not None and as_good(before, after)
+        before = after = judged(self.outcome, _smooth(self.machine), aside)
+        after = judged(self.outcome, _smooth(machine), aside) if causes else before
+        needless = bool(causes and aside) and as_good(before, after)
         if needless:  # then the file is the belief
             causes, machine, after = [], self.machine, before
             unsaid = (*unsaid, _NEEDLESS.format(", ".join(dict.fromkeys(over[i] for i in kept))))
         formulated = {}
-        if after is not None:
+        if aside:
             for number, cause in enumerate(causes):
                 self.tell(
                     "Looking for formulas", _SEARCH + (1 - _SEARCH) * (0.3 + 0.7 * number / len(causes))
@@ -166,20 +167,51 @@ class _Publishing:
                     formulated[cause.pick] = found
         if formulated:
             machine = _read_back(learned(self.machine, [self._told(cause, formulated) for cause in causes]))
-        self.tell("Done", 1.0)
-        return Published(
+        self.tell("Locating what was missed", _LOCATING)
+        acts = [self._acts(cause) for cause in causes]
+        places = {
+            cause.pick: where_of(one, before.fitted, self.session.axis)
+            for cause, one in zip(causes, acts, strict=True)
+        }
+        named = [one for cause, one in zip(causes, acts, strict=True) if cause.found.named]
+        shown = (before.runs, after.runs) if aside else (before.fitted, after.fitted)
+        answer = Published(
             axis=self.session.axis,
             effort=self.session.effort,
-            names=self._names(causes, formulated),
-            curves=() if needless else self._curves(causes, formulated),
+            names=self._names(causes, formulated, places),
+            curves=() if needless else self._curves(causes, formulated, places),
             runners_up=self._runners_up(),
             noise=self.weighed.noise,
             excess=self.outcome.grown.data.excess,
             proof=self._proof(before, after),
-            shown=self._shown(before, after),
+            overlays=overlays(*shown, named, aside),
             machine=machine,
             notes=tuple(dict.fromkeys((*notes, *self._notes(causes), *unsaid, *self.weighed.notes))),
         )
+        answer = self._located(answer, before, after)
+        self.tell("Done", 1.0)
+        return answer
+
+    def _located(self, found: Published, before: Judged, after: Judged) -> Published:
+        """With where the belief misses, and the file; nothing where that is not plain."""
+        noise, view = self.weighed.noise, self.outcome.view
+        verdict, axis = found.verdict, self.session.axis
+        groups, band = repeats(self.session), view.ranges.band_hz
+        if verdict == "consistent":
+            return found
+        lost = verdict == "unexplained"
+        missed = located(before.fitted, noise.torque_nm, band, groups, axis, surely=not lost)
+        left = (
+            located(after.fitted, noise.torque_nm, band, groups, axis)
+            if found.in_file and verdict != "explained"
+            else ()
+        )
+        return replace(found, mismatch=missed, remainder=left)
+
+    def _acts(self, cause: _Cause) -> Acts:
+        candidate, shape = self.search.candidate(cause.pick), self.search.data.atoms[cause.pick.atom].shape
+        coefficients = self.set.found.coefficients[cause.where]
+        return Acts(candidate.name, candidate, shape, coefficients)
 
     def _set(self) -> Scored:
         """The most probable set without a parameter at its bound, and without what does not hold elsewhere."""
@@ -249,7 +281,10 @@ class _Publishing:
         return max(every, default=0.0)
 
     def _names(
-        self, causes: Sequence[_Cause], formulated: Mapping[Pick, tuple[Formula, float]]
+        self,
+        causes: Sequence[_Cause],
+        formulated: Mapping[Pick, tuple[Formula, float]],
+        places: Mapping[Pick, Where | None],
     ) -> tuple[Name, ...]:
         inside = {cause.found.law: cause for cause in causes if cause.found.law != "residual"}
         result = []
@@ -269,7 +304,8 @@ class _Publishing:
             in_file = cause is not None and cause.found.named
             formula = formulated.get(cause.pick) if cause is not None else None
             text = formula[0].text if formula is not None else ""
-            result.append(Name(one.name, one.probability, quantities, in_file, text))
+            where = places.get(cause.pick) if cause is not None else None
+            result.append(Name(one.name, one.probability, quantities, in_file, text, where))
         return tuple(result)
 
     def _unit(self, law: str, key: str) -> str:
@@ -278,7 +314,10 @@ class _Publishing:
         return unit if key == "phase_rad" else unit_on(unit, self.session.axis)
 
     def _curves(
-        self, causes: Sequence[_Cause], formulated: Mapping[Pick, tuple[Formula, float]]
+        self,
+        causes: Sequence[_Cause],
+        formulated: Mapping[Pick, tuple[Formula, float]],
+        places: Mapping[Pick, Where | None],
     ) -> tuple[Curve, ...]:
         by_name = {self.search.candidate(cause.pick).name: cause for cause in causes}
         result = []
@@ -294,6 +333,7 @@ class _Publishing:
                     cause.curve if cause is not None else None,
                     formula[0].text if formula else "", formula[1] if formula else None,
                     cause.plane if cause is not None else None,
+                    places.get(cause.pick) if cause is not None else None,
                 )
             )  # fmt: skip
         return tuple(result)
@@ -333,21 +373,13 @@ class _Publishing:
         every = by.shares()
         return merged((tuple(by.candidate(pick).name for pick in one.picks), share) for share, one in every)
 
-    def _proof(self, before: Judged | None, after: Judged | None) -> Proof | None:
-        if before is None or after is None:
+    def _proof(self, before: Judged, after: Judged) -> Proof | None:
+        if not self.outcome.heldout:
             return None
         gain = float(np.sum(after.logs) - np.sum(before.logs)) / after.samples
-        return Proof(self.outcome.heldout, gain, before.missed, after.missed)
-
-    def _shown(self, before: Judged | None, after: Judged | None) -> tuple[Before, ...]:
-        if before is None or after is None:
-            return ()
-        runs = self.outcome.view.runs
-        every = [
-            Before(one.run, runs[one.run].time_s, one.missed_nm, other.missed_nm)
-            for one, other in zip(before.runs, after.runs, strict=True)
-        ]
-        return tuple(sorted(every, key=lambda one: -float(np.mean(one.before_nm**2))))
+        return Proof(
+            self.outcome.heldout, gain, before.missed, after.missed, before.missed_nm, after.missed_nm
+        )
 
     def _notes(self, causes: Sequence[_Cause]) -> list[str]:
         notes = []

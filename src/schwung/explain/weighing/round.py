@@ -137,6 +137,10 @@ class Linearised:
         """Σ2n of some runs."""
         return sum(self.passed[run].samples for run in runs)
 
+    def measured(self, runs: Sequence[int]) -> int:
+        """How many of them tell anything."""
+        return sum(self.passed[run].measured for run in runs)
+
     def stretches(self, runs: Sequence[int]) -> list[slice]:
         """Where each of some runs is, one behind another."""
         ends = np.cumsum([self.passed[run].samples for run in runs]).tolist()

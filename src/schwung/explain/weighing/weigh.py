@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -29,7 +29,7 @@ from schwung.explain.weighing.vocabulary import vocabulary
 from schwung.explain.weighing.wide import wide_fit
 from schwung.innovations.evidence import weigh as weigh_columns
 from schwung.innovations.likelihood import first_noise
-from schwung.innovations.signals import signals_of
+from schwung.innovations.signals import Signals, signals_of
 from schwung.innovations.statistics import Statistics
 from schwung.motion import Array
 from schwung.session.imports import repeats
@@ -110,7 +110,7 @@ def posterior_of(
     train = tuple(run for run in range(len(session.runs)) if run not in heldout)
     exciting = [run.excitation.frequency_hz for run in session.runs if run.excitation]
     band = max([BAND_HZ, *(BEYOND_INJECTION * f for f in exciting)])
-    runs = [signals_of(run, machine, band, 0.0) for run in session.runs]
+    runs = [_signals(run, machine, band) for run in session.runs]
     of = ranges_of(runs, machine, STICKING, band)
     torques = tuple(TrueTorque(run, run.drive.whole_nm) for run in runs)
     belief = known(machine, of.low_rad, of.high_rad)
@@ -126,6 +126,12 @@ def posterior_of(
     stands = standing(grown.search, grown.best, beside)
     sure = grown.search.tempered(stands.tempering)
     return Posterior(grown, stands, sure, tuple(heldout), view, growth)
+
+
+def _signals(run: Run, machine: Machine, band_hz: float) -> Signals:
+    """A run with all its samples; of a speed that was made of the angle, errors are not its own."""
+    of = signals_of(run, machine, band_hz, 0.0)
+    return replace(of, speed_measured="speed_origin" not in run.extra and bool(np.ptp(run.speed_rad_s)))
 
 
 def _repeats(session: Session) -> list[tuple[int, ...]]:
@@ -313,4 +319,4 @@ def _statistics(about: Linearised, members: Sequence[Member], runs: Sequence[int
     """Of the members' columns on some runs."""
     target = target_of(about, members, runs)
     rows = about.whitened([(m.candidate.about(m.coefficients), m.shape) for m in members], runs)
-    return Statistics.of(rows.T, target)
+    return Statistics.of(rows.T, target, about.measured(runs))

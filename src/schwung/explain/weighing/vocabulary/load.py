@@ -101,7 +101,8 @@ def load(of: Ranges, torque_nm: float, machine: Machine) -> list[Candidate]:
     natural, ripples = (torque_nm, torque_nm), max(of.span_rad, 1e-9)
     share = torque_nm / of.peak_torque_nm
     inertia = machine.load_inertia_at(np.linspace(of.low_rad, of.high_rad, 65))
-    mass, varies = float(np.mean(inertia)), bool(np.ptp(inertia) > _VARIES * np.mean(inertia))
+    mass = float(np.mean(inertia)) + (machine.motor.inertia_kgm2 if machine.coupling is None else 0.0)
+    varies = bool(np.ptp(inertia) > _VARIES * np.mean(inertia))
     angle = Curve.over(of.low_rad, of.high_rad, 0.3)
     masses = BentCurve.over(of.low_rad, of.high_rad, 0.3)  # its slope is felt, too
     events = [

@@ -28,6 +28,8 @@ DAMPING_KNOWN_TO = 0.1
 LEAST_SHARE = 1e-3
 #: Gaps from which the search for one begins, as shares of the largest wind-up.
 _GAPS = (3e-4, 3e-3, 3e-2, 0.3)
+#: Where a further mass is looked for: frequencies as far apart as the least damped of them is wide.
+_RESONANCES_HZ, _DAMPING_RATIOS = np.geomspace(18, 120, 33), (0.03, 0.1)
 #: Places within a step where it is looked at what the coupling carries.
 _PLACES = 16
 
@@ -146,7 +148,7 @@ def shaft(of: Ranges, coupling: Coupling, torque_nm: float, inertia_kgm2: float)
         Candidate("extra_compliance", _third_mass, (3 * share * inertia_kgm2,),
                   lambda c, s: {"inertia_kgm2": c[0], "stiffness_nm_rad": c[0] * s[0] ** 2,
                                 "damping_nms": 2 * c[0] * s[0] * s[1]},
-                  shapes=grid(2 * np.pi * np.geomspace(18, 120, 14), [0.03, 0.1]), spacing=(0.1, 0.7),
+                  shapes=grid(2 * np.pi * _RESONANCES_HZ, _DAMPING_RATIOS), spacing=(0.06, 0.7),
                   logarithmic=(True, True), bounds=((2 * np.pi * 10, 2 * np.pi * of.band_hz), (0.005, 0.5)),
                   positive=(0,), coordinate="frequency"),
     ]  # fmt: skip
