@@ -56,6 +56,8 @@ def nearest(curves: Sequence[Acts], candidates: Sequence[Candidate], runs: Seque
         best = max(tried, key=lambda fit: fit.share, default=None)
         if best is None or 1 - best.share > _WORTH * (1 - share):
             break
+        alike = [fit for fit in tried if 1 - fit.share <= _ALIKE * (1 - best.share)]
+        best = min(alike, key=lambda fit: fit.size)
         chosen, share, numbers = best.laws, best.share, best.numbers
     if share < _HALF:
         return None
@@ -67,6 +69,8 @@ def nearest(curves: Sequence[Acts], candidates: Sequence[Candidate], runs: Seque
 
 #: One law more leaves less than this share of what was left, or it is not worth a word.
 _WORTH = 0.7
+#: Of laws that leave about as much as the best does, the one with the fewest numbers is told.
+_ALIKE = 1.1
 #: Less than this share is no description.
 _HALF = 0.5
 
@@ -111,6 +115,11 @@ class _Fitted:
     laws: tuple[_Law, ...]
     numbers: tuple[Array, ...]
     share: float
+
+    @property
+    def size(self) -> int:
+        """Numbers."""
+        return sum(mine.size for mine in self.numbers)
 
 
 def _fitted(laws: tuple[_Law, ...], whole: Array) -> _Fitted | None:

@@ -184,7 +184,8 @@ class Published:
             for one in self.curves
             if one.probability > NAMED
         ]
-        what = ", ".join([*likely, *curves]) + self._plainly(bool(curves))
+        formulated = all(one.formula for one in self.curves if one.in_file)
+        what = ", ".join([*likely, *curves]) + ("" if formulated or not curves else self._plainly)
         if not what and self.verdict == "unexplained":
             return f"unexplained: the belief misses {self._missed()}, and nothing was found that takes it"
         if not what:
@@ -195,9 +196,10 @@ class Published:
             return f"unexplained: the belief misses {self._missed()}, and what was found takes nothing of it: {what}"
         return f"left out: {what}; {self._share()}"
 
-    def _plainly(self, curves: bool) -> str:
+    @property
+    def _plainly(self) -> str:
         """What comes near to that which has no name."""
-        if self.plain is None or not curves:
+        if self.plain is None:
             return ""
         linear = self.axis == "linear"
         laws = " and ".join(words_of(name, linear=linear).name for name in self.plain.laws)
