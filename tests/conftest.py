@@ -3,6 +3,9 @@
 Byte code is kept also where PYTHONDONTWRITEBYTECODE says otherwise, as in many containers: without it every worker
 compiles every test, and every process that a test starts compiles all that it imports, each time.
 
+Temporary folders are in memory, where there is enough for them and programs may lie there: everything that we write is
+flushed to the disk, 250 times in tests/service/test_service_story.py alone, and the tests would wait for it.
+
 The garbage collector rests while tests are collected, and never again looks at what was imported by then: a million
 objects of libraries that stay until the end, gone through dozens of times.
 
@@ -18,7 +21,23 @@ from collections.abc import Generator
 
 import pytest
 
+#: What tests leave in temporary folders, several times over (bytes).
+ENOUGH = 4 << 30
+
+
+def _has_room(folder: str) -> bool:
+    """Whether it is there, may be written to and run from, and has room."""
+    try:
+        found = os.statvfs(folder)
+    except (AttributeError, OSError):  # Windows; macOS
+        return False
+    runs = not found.f_flag & os.ST_NOEXEC
+    return runs and os.access(folder, os.W_OK) and found.f_bavail * found.f_frsize > ENOUGH
+
+
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+if _has_room("/dev/shm"):
+    os.environ.setdefault("PYTEST_DEBUG_TEMPROOT", "/dev/shm")
 os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
 sys.dont_write_bytecode = False
 if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:

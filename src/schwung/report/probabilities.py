@@ -52,6 +52,7 @@ def tables(of: Published) -> list[tuple[str, tuple[str, ...], list[tuple[str, ..
     every: list[tuple[str, tuple[str, ...], list[tuple[str, ...]]]] = [
         ("Names", NAME_HEAD, [*name_rows(of)]),
         ("Modelled, unnamed", CURVE_HEAD, [*curve_rows(of)]),
+        ("What has no name comes near to", PLAIN_HEAD, [*plain_rows(of)]),
         ("What the mismatch follows, in words", PLACE_HEAD, [*place_rows(of)]),
         ("Sets of causes", SET_HEAD, [*set_rows(of)]),
         ("What cannot be told apart", APART_HEAD, [*separations(of)]),
@@ -123,6 +124,7 @@ _WORTH = 0.05
 #: Samples that count as fewer by this are told.
 _COLOURED = 1.05
 NAME_HEAD = ("physics", "probability", "parameters (95 %)", "where", "machine.toml")
+PLAIN_HEAD = ("physics", "parameters", "share of it, all together")
 PLACE_HEAD, APART_HEAD = ("missed by", "where"), ("one, or the other", "what would tell")
 SET_HEAD = ("together", "probability", "machine.toml")
 CURVE_HEAD = ("over", "probability", "torque, RMS", "where", "what is known of it", "machine.toml")
@@ -217,6 +219,17 @@ def set_rows(of: Published) -> list[tuple[str, str, str]]:
         for names, p in of.runners_up
     ]
     return rows if len(rows) > 1 or any(not this for *_, this in rows) else []
+
+
+def plain_rows(of: Published) -> list[tuple[str, str, str]]:
+    """Laws that come near to all that is published without a name: a description, not a finding."""
+    if of.plain is None:
+        return []
+    linear, share = of.axis == "linear", percent(of.plain.share)
+    return [
+        (words_of(name, linear=linear).name, "\n".join(parameter_lines(numbers, linear=linear)), share)
+        for name, numbers in of.plain.laws.items()
+    ]
 
 
 def place_rows(of: Published) -> list[tuple[str, str]]:

@@ -21,10 +21,10 @@ from schwung.drivetrain.residual import (
 from schwung.drivetrain.residual_plane import ON_LOAD as LOADED
 from schwung.drivetrain.residual_plane import Plane, planes_of
 from schwung.explain.weighing.along import Along
+from schwung.explain.weighing.present import points_of
 from schwung.innovations.effect import Effect
 from schwung.motion import Array
 
-_POINTS_PER_RAD = 100
 #: A load that is none, over the motor's inertia: steps are worked out over its logarithm.
 _NONE = 1e-6
 
@@ -164,7 +164,7 @@ def known(machine: Machine, low_rad: float, high_rad: float) -> Known:
     added = bool(inertia_points(machine.physics).size)
     if added or (e.inertia_delta_kgm2, e.inertia_scale, e.inertia_shift_rad) != (0.0, 1.0, 0.0):
         span = max(high_rad - low_rad, 1e-9)
-        angle = np.linspace(low_rad - 0.05 * span, high_rad + 0.05 * span, 3 + int(_POINTS_PER_RAD * span))
+        angle = np.linspace(low_rad - 0.05 * span, high_rad + 0.05 * span, points_of(span))
         true = e.inertia_scale * machine.load_inertia_at(angle + e.inertia_shift_rad) + e.inertia_delta_kgm2
         true = true + inertia_added(machine.physics, angle)
         load = Load(

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -78,13 +78,13 @@ def _unit(coordinate: str, axis: Axis) -> str:
 
 
 def _coordinate(along: Along, coordinate: str) -> Array:
-    return {
-        "position": along.load_angle,
-        "speed": along.speed,
-        "acceleration": along.load_acceleration,
-        "torque": along.torque,
-        "time_in_motion": along.motion_time_s,
-    }[coordinate]
+    choices: dict[str, Callable[[], Array]] = {
+        "position": lambda: along.load_angle,
+        "speed": lambda: along.speed,
+        "acceleration": lambda: along.load_acceleration,
+        "torque": lambda: along.torque,
+    }
+    return choices.get(coordinate, lambda: along.motion_time_s)()
 
 
 def _way(acts: Array, speed: Array) -> str:

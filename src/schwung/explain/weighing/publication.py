@@ -115,6 +115,14 @@ class Curve:
         return over_words(self.coordinate)
 
 
+@dataclass(frozen=True, eq=False)
+class Plain:
+    """Laws that come near to all that has no name, by least squares, and the share of it that they take."""
+
+    laws: Mapping[str, Mapping[str, Quantity]]
+    share: float  # mean square, 0…1
+
+
 def over_words(coordinate: str) -> str:
     """What a curve is over."""
     told = coordinate.replace("travel", "the way since a reversal")
@@ -140,6 +148,7 @@ class Published:
     notes: tuple[str, ...]
     mismatch: tuple[Located, ...] = ()
     remainder: tuple[Located, ...] = ()
+    plain: Plain | None = None
 
     @property
     def in_file(self) -> tuple[str, ...]:
@@ -175,7 +184,8 @@ class Published:
             for one in self.curves
             if one.probability > NAMED
         ]
-        what = ", ".join([*likely, *curves])
+        formulated = all(one.formula for one in self.curves if one.in_file)
+        what = ", ".join([*likely, *curves]) + ("" if formulated or not curves else self._plainly)
         if not what and self.verdict == "unexplained":
             return f"unexplained: the belief misses {self._missed()}, and nothing was found that takes it"
         if not what:
@@ -185,6 +195,15 @@ class Published:
         if self.proof.before > _FLOOR and self.proof.taken <= 0:
             return f"unexplained: the belief misses {self._missed()}, and what was found takes nothing of it: {what}"
         return f"left out: {what}; {self._share()}"
+
+    @property
+    def _plainly(self) -> str:
+        """What comes near to that which has no name."""
+        if self.plain is None:
+            return ""
+        linear = self.axis == "linear"
+        laws = " and ".join(words_of(name, linear=linear).name for name in self.plain.laws)
+        return f", together {percent(self.plain.share)} like {laws}"
 
     def _missed(self) -> str:
         assert self.proof is not None
@@ -229,6 +248,17 @@ class Published:
                 for one in self.names
             ],
             "unnamed": [_curve_json(one) for one in self.curves],
+            "plain": self.plain
+            and {
+                "share": self.plain.share,
+                "laws": [
+                    {
+                        "physics": name,
+                        "parameters": {key: {"value": q.value, "unit": q.unit} for key, q in of.items()},
+                    }
+                    for name, of in self.plain.laws.items()
+                ],
+            },
             "runners_up": [{"names": list(names), "probability": p} for names, p in self.runners_up],
             "noise": {
                 "torque_nm": self.noise.torque_nm,

@@ -6,20 +6,16 @@ back, and what was read is what is proven.
 
 from __future__ import annotations
 
-import tempfile
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from schwung.drivetrain.machine import Machine, load_machine, write_machine
+from schwung.drivetrain.machine import Machine
 from schwung.drivetrain.physics import PHYSICS
 from schwung.drivetrain.residual import OVER, TABLES, UNDIRECTED, UNITS
 from schwung.drivetrain.residual_plane import Plane
-from schwung.errors import InputError
-from schwung.explain.measured import measured
 from schwung.explain.naming import unit_on
 from schwung.explain.plausibility import examine
 from schwung.explain.values import Quantity
@@ -29,13 +25,23 @@ from schwung.explain.weighing.drawn_plane import PLANES, drawn_plane
 from schwung.explain.weighing.formula import Formula
 from schwung.explain.weighing.growth import Progress, slices
 from schwung.explain.weighing.judged import Judged, as_good, judged
-from schwung.explain.weighing.known import known
 from schwung.explain.weighing.learned import Found, learned, table
 from schwung.explain.weighing.places import Acts, located, overlays, where_of
-from schwung.explain.weighing.publication import NAMED, Curve, Name, Published, Where, merged, over_words
+from schwung.explain.weighing.plainly import nearest
+from schwung.explain.weighing.publication import (
+    NAMED,
+    Curve,
+    Name,
+    Plain,
+    Published,
+    Where,
+    merged,
+    over_words,
+)
 from schwung.explain.weighing.search import Pick, Scored, Search
 from schwung.explain.weighing.values import Parameter, Proof, Weighed
 from schwung.explain.weighing.weigh import Posterior, at_bound, parameters_of, posterior_of
+from schwung.explain.weighing.written import read_back, sayable, smooth
 from schwung.session.effort import require_alike
 from schwung.session.imports import repeats
 from schwung.session.model import Session
@@ -66,7 +72,7 @@ def publish(session: Session, machine: Machine, *, progress: Progress | None = N
     doubts.require(session.source or "session")
     outcome = posterior_of(
         session,
-        _smooth(machine),
+        smooth(machine),
         tell=lambda text, share: tell(text, 0.02 + (_SEARCH - 0.02) * share),
     )
     return published_of(session, machine, outcome, doubts.notes, tell)
@@ -80,44 +86,7 @@ def published_of(
     tell: Progress = lambda _text, _share: None,
 ) -> Published:
     """What is published of a session that was weighed about a belief; `notes`: of the session."""
-    tell("Writing the machine, and proving what was written", _SEARCH)
     return _Publishing(session, machine, outcome, tell).published(notes)
-
-
-def _smooth(machine: Machine) -> Machine:
-    """A measured table as the smooth curve through its scatter."""
-    curve = measured(machine)
-    return machine if curve is None else curve.machine
-
-
-def sayable(
-    machine: Machine,
-    found: Sequence[Found],
-    over: Sequence[str],
-    visited_rad: tuple[float, float] = (0.0, 0.0),
-) -> tuple[tuple[int, ...], tuple[str, ...]]:
-    """Which causes a file of the machine can hold together, and a note for each other one; `over`: their coordinates.
-
-    Where the belief misses nearly all, a curve may be fitted that is no machine, at an angle between `visited_rad`.
-    """
-    kept, notes = tuple[int, ...](), list[str]()
-    for number, coordinate in enumerate(over):
-        try:
-            known(_read_back(learned(machine, [found[i] for i in (*kept, number)])), *visited_rad)
-        except InputError as error:
-            why = f"it {error.problem}"
-            notes.append(f"what depends on {coordinate} is modelled, but machine.toml cannot say it: {why}")
-        else:
-            kept = (*kept, number)
-    return kept, tuple(notes)
-
-
-def _read_back(machine: Machine) -> Machine:
-    """The machine as its file says it."""
-    with tempfile.TemporaryDirectory(prefix="schwung-") as folder:
-        path = Path(folder) / "machine.toml"
-        write_machine(machine, path)
-        return load_machine(path)
 
 
 @dataclass(frozen=True, eq=False)
@@ -142,16 +111,17 @@ class _Publishing:
 
     def published(self, notes: Sequence[str]) -> Published:
         """All of it."""
+        self.tell("Writing the machine, and proving what was written", _SEARCH)
         every = self._causes()
         over = [over_words(self.search.candidate(cause.pick).coordinate) for cause in every]
         of = self.outcome.view.ranges
         visited = (of.low_rad, of.high_rad)
         kept, unsaid = sayable(self.machine, [cause.found for cause in every], over, visited)
         causes = [every[i] for i in kept]
-        machine = _read_back(learned(self.machine, [cause.found for cause in causes]))
+        machine = read_back(learned(self.machine, [cause.found for cause in causes]))
         aside = self.outcome.heldout
-        before = after = judged(self.outcome, _smooth(self.machine), aside)
-        after = judged(self.outcome, _smooth(machine), aside) if causes else before
+        before = after = judged(self.outcome, smooth(self.machine), aside)
+        after = judged(self.outcome, smooth(machine), aside) if causes else before
         needless = bool(causes and aside) and as_good(before, after)
         if needless:  # then the file is the belief
             causes, machine, after = [], self.machine, before
@@ -166,7 +136,7 @@ class _Publishing:
                 if found is not None:
                     formulated[cause.pick] = found
         if formulated:
-            machine = _read_back(learned(self.machine, [self._told(cause, formulated) for cause in causes]))
+            machine = read_back(learned(self.machine, [self._told(cause, formulated) for cause in causes]))
         self.tell("Locating what was missed", _LOCATING)
         acts = [self._acts(cause) for cause in causes]
         places = {
@@ -185,6 +155,7 @@ class _Publishing:
             excess=self.outcome.grown.data.excess,
             proof=self._proof(before, after),
             overlays=overlays(*shown, named, aside),
+            plain=self._plain([one for one in acts if one not in named], after),
             machine=machine,
             notes=tuple(dict.fromkeys((*notes, *self._notes(causes), *unsaid, *self.weighed.notes))),
         )
@@ -207,6 +178,17 @@ class _Publishing:
             else ()
         )
         return replace(found, mismatch=missed, remainder=left)
+
+    def _plain(self, curves: Sequence[Acts], after: Judged) -> Plain | None:
+        """What comes near to all that is published without a name."""
+        found = nearest(curves, self.search.data.candidates, after.fitted)
+        if found is None:
+            return None
+        laws = {
+            law: {key: Quantity(value, self._unit(law, key), None) for key, value in numbers.items()}
+            for law, numbers in found.laws.items()
+        }
+        return Plain(laws, found.share)
 
     def _acts(self, cause: _Cause) -> Acts:
         candidate, shape = self.search.candidate(cause.pick), self.search.data.atoms[cause.pick.atom].shape
@@ -350,7 +332,7 @@ class _Publishing:
                 break
             instead = Found("residual", False, _residual(shape), {})
             every = [instead if one is cause else one.found for one in causes]
-            tried = judged(self.outcome, _smooth(learned(self.machine, every)), self.outcome.heldout)
+            tried = judged(self.outcome, smooth(learned(self.machine, every)), self.outcome.heldout)
             if as_good(tried, after):
                 return formula, tried.missed
         return None
