@@ -14,7 +14,7 @@ from schwung.explain.weighing.present import Member
 from schwung.explain.weighing.round import View
 from schwung.explain.weighing.settling import Weighing, settled
 from schwung.explain.weighing.vocabulary import vocabulary
-from schwung.explain.weighing.vocabulary.shaft import over_steps, pushing, without
+from schwung.explain.weighing.vocabulary.shaft import over_steps, pushing, third_mass, without
 from schwung.innovations.likelihood import Noise
 from schwung.innovations.signals import signals_of
 
@@ -39,6 +39,16 @@ def test_a_contact_pushes_and_never_pulls():
     pushed = STIFFNESS * (2e-3 - gap / 2)
     np.testing.assert_allclose(left, [pushed, 0.0, -(pushed + DAMPING), 0.0, 0.0], atol=1e-12)
     assert pushing(COUPLING, twist, turning, 0.0).all()
+
+
+def test_a_further_mass_answers_a_sine_as_its_frequency_response_says():
+    """H = (2ζω₃ s + ω₃²)/(s² + 2ζω₃ s + ω₃²), however coarse the samples."""
+    rate, ratio, step = 2 * np.pi * 50.0, 0.05, 1e-3
+    time, s = np.arange(4000) * step, 2j * np.pi * 43.0
+    answer = (2 * ratio * rate * s + rate**2) / (s**2 + 2 * ratio * rate * s + rate**2)
+    swung = third_mass(np.sin(abs(s) * time), rate, ratio, step)[-500:]
+    expected = np.imag(answer * np.exp(s * time[-500:]))
+    np.testing.assert_allclose(swung, expected, atol=0.01 * abs(answer))
 
 
 def test_a_gap_comes_to_rest_where_it_is():

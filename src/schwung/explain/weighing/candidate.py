@@ -101,6 +101,19 @@ class Candidate:
         """Whether it is a change of the machine's inertia or coupling."""
         return self.inertia is not None or self.coupling != (0.0, 0.0)
 
+    def moved(self, shape: Shape, spacings: Array) -> Shape:
+        """A shape so many spacings of the grid on (d,), within its bounds."""
+        every = (
+            zip(shape, spacings, self.spacing, self.logarithmic, self.bounds, strict=True)
+            if self.spacing
+            else ()
+        )
+        found = []
+        for value, by, spacing, factor, (low, high) in every:
+            further = value * float(np.exp(by * spacing)) if factor else value + float(by) * spacing
+            found.append(min(max(further, low), high))
+        return tuple(found) if self.spacing else shape
+
     def inertia_added(self, angle: Array, shape: Shape, coefficients: Array) -> Array:
         """What it adds to J_l at angles (n,) with these coefficients, (n,)."""
         if self.inertia_whole is not None:
