@@ -175,6 +175,30 @@ def test_a_reader_goes_on_behind_a_mistake_in_what_it_calls_and_says_so() -> Non
     assert [type(error) for error in failures] == [IndexError]
 
 
+@pytest.mark.parametrize("kind", [IndexError, TypeError, AttributeError, RuntimeError])
+def test_a_reader_goes_on_whatever_an_adapter_raises(kind: type[Exception]) -> None:
+    """Some stumble over a line that is cut short; the thread ended, and nobody was told."""
+    came, failures = list[int](), list[Exception]()
+    with (
+        can.Bus(interface="virtual", channel="stumbles") as one,
+        can.Bus(interface="virtual", channel="stumbles") as other,
+    ):
+        recv, stumbles = other.recv, [True]
+
+        def stumble(timeout: float | None = None) -> can.Message | None:
+            if stumbles.pop() if stumbles else False:
+                raise kind("a line cut short")
+            return recv(timeout)
+
+        other.recv = stumble  # type: ignore[method-assign]
+        clock = WallClock()
+        reader = clock.read(other, lambda message: came.append(message.arbitration_id), failures.append)
+        one.send(frame(1))
+        assert clock.wait(lambda: came == [1], 5.0)
+        reader.close()
+    assert [type(error) for error in failures] == [kind]
+
+
 def _unexpected(what: object) -> None:
     pytest.fail(f"unexpected {what}")
 

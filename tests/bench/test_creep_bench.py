@@ -117,8 +117,18 @@ WRONG = {
 }  # fmt: skip
 
 
-@pytest.mark.parametrize("case", WRONG)
-@pytest.mark.parametrize("conceal", ["", "coulomb_friction=8"])
+#: What may hide in strong friction, of each kind the least and the furthest: the creep grows until they show.
+HIDDEN_BY_FRICTION = (
+    "position a tenth", "position half", "position twice", "position a hundredfold", "position half, no speed",
+    "position twice, no speed", "speed for rad/s", "rated half", "rated twice", "rated 1000", "60B2 reversed",
+    "6064 and 606C reversed", "60B2 and 6077 reversed",
+)  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ("conceal", "case"),
+    [*(("", case) for case in WRONG), *(("coulomb_friction=8", case) for case in HIDDEN_BY_FRICTION)],
+)
 def test_a_wrong_unit_or_sign_is_found_before_the_first_stroke(
     case: str, conceal: str, tmp_path: Path
 ) -> None:

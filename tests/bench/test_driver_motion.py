@@ -81,7 +81,8 @@ def test_a_set_up_that_is_cut_short_anywhere_is_put_back_by_its_backup(
     with connected() as (bench, drive):
         drive.write([ParameterValue(drive.parameter(0x1A00, 3), 0x60740010)])
         before = dict(bench.servo.dictionary.values)
-        done, write_one = [], drive._write_one
+        done, parameters = [], drive._parameters
+        write_one = parameters._write_one
 
         def killed(value: ParameterValue) -> None:
             done.append(value)
@@ -89,7 +90,7 @@ def test_a_set_up_that_is_cut_short_anywhere_is_put_back_by_its_backup(
                 raise KeyboardInterrupt
             write_one(value)
 
-        monkeypatch.setattr(drive, "_write_one", killed)
+        monkeypatch.setattr(parameters, "_write_one", killed)
         path = tmp_path / "setup.backup.json"
         with pytest.raises(KeyboardInterrupt):
             ParameterJournal(drive, path, drive.describe()).change(drive.setup(CSP))

@@ -167,8 +167,8 @@ def test_our_own_adapter_going_bus_off_is_a_bus_error_and_the_drive_stops_by_its
 
 def test_when_we_die_the_drive_stops_by_its_own_heartbeat_consumer() -> None:
     with enabled() as (bench, drive):
-        assert drive._heartbeat is not None
-        drive._heartbeat.close()  # what kill -9 does: our heartbeat ends, nothing else is said
+        assert drive._parameters._heartbeat is not None
+        drive._parameters._heartbeat.close()  # what kill -9 does: our heartbeat ends, nothing else is said
         assert bench.servo.settle(2.0)
         assert bench.servo.power.state is not Power.OPERATION_ENABLED
 

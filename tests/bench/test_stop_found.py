@@ -322,3 +322,21 @@ def test_a_drive_that_only_seems_to_be_off_gets_no_other_target() -> None:
         targets = {target for word, target in room.sent[stopped:] if word in (0x00, 0x02)}
         assert targets == {room.sent[stopped][1]}
     assert room.states[-1] is not Power.OPERATION_ENABLED
+
+
+def test_a_small_motion_does_not_say_how_late_a_drive_is() -> None:
+    """Setpoints take 20 ms to a drive, all alike. After a motion of some counts it was taken for one that is never
+    behind, and stopped amid the first stroke."""
+    count_rad = 2 * np.pi / 2**20
+    with started() as room:
+        room.drive.stop()
+        room.drive.write([ParameterValue(room.drive.parameter(0x6065), round(0.1 / count_rad))])
+        room.drive.start(CSP)
+        room.bench.bus.stepped.wire.weather = lambda _sender, _end, message: (
+            0.02 if message.arbitration_id == 0x200 + NODE else 0.0,
+        )
+        room.drive.enable()
+        room.drive.play(stroke(100, RATE_HZ, 3 * count_rad))
+        room.drive.play(stroke(500, RATE_HZ, 3.0))
+        room.drive.disable()
+    assert Power.QUICK_STOP_ACTIVE not in room.states

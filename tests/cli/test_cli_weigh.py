@@ -66,16 +66,17 @@ def test_it_tells_names_curves_and_proof_and_writes_all_three(
     code, text, _ = _run(capsys, monkeypatch, places, answer(), "--out", str(out))
     assert code == 0
     said = " ".join(text.split())
-    for words in ("torque offset (98 %)", "over speed without a name", "2.00 N·m", "backlash", "20 %", "sign ω",
+    for words in ("a constant offset (98 %, at −0.01 … 0.02 rad, while moving forward)",
+                  "over speed without a name", "2.00 N·m", "backlash", "20 %", "sign ω",
                   "6 σ", "1.01 σ", "the <first> note"):  # fmt: skip
         assert words in said
     document = json.loads((out / "explanation.json").read_text())
     assert document["names"][0]["parameters"]["torque_nm"]["ci95"] == [1.9, 2.1]
     assert [term.name for term in load_machine(out / "machine.toml").physics] == ["torque_offset", "residual"]
     page = (out / "explanation.html").read_text()
-    assert page.count("<svg") == 3  # bars, before and after, the curve
+    assert page.count("<svg") == 7  # bars, before and after, map, term, curve, mismatch, remainder
     assert "&lt;first&gt;" in page
-    assert "torque offset (98 %)" in explanation_note(out)[0]
+    assert "a constant offset (98 %, at −0.01 … 0.02 rad, while moving forward)" in explanation_note(out)[0]
 
 
 def test_json_is_the_document_alone(
@@ -91,7 +92,7 @@ def test_an_answer_of_nothing_and_without_proof_is_told(
     places: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     nothing = replace(
-        answer(), names=(), curves=(), runners_up=(), shown=(), proof=None, machine=paper_machine()
+        answer(), names=(), curves=(), runners_up=(), overlays=(), proof=None, machine=paper_machine()
     )
     code, out, _ = _run(capsys, monkeypatch, places, nothing, "--out", str(places / "result"))
     assert code == 0

@@ -175,13 +175,13 @@ class CanopenRoom(Room):
         self.wait_until(
             lambda: bool(heartbeats.watched)
         )  # who has never been heard is not missed (CiA 301 7.2.8.3.2.2)
-        heartbeat = self.drive._heartbeat
+        heartbeat = self.drive._parameters._heartbeat
         assert heartbeat is not None
         heartbeat.close()
-        self.drive._heartbeat = None
+        self.drive._parameters._heartbeat = None
 
         def speak() -> None:
-            self.drive._beat(SHORT_HEARTBEAT_S)
+            self.drive._parameters.beat(SHORT_HEARTBEAT_S)
             self.wait_until(
                 lambda: not heartbeats.silent
             )  # a fault by silence cannot be reset before we have been heard

@@ -262,7 +262,7 @@ def test_the_steps_are_short_enough_for_every_term() -> None:
             {"phase_rad": _phase()} if "frequency_hz" in case.parameters else {}
         )
         machine = _machine().model_copy(update={"physics": (_term(name, **parameters),)})
-        finer = simulate(machine, MOTION.demand(TIME), TIME, ADDED, session_share=1.0, substeps=60)
+        finer = simulate(machine, MOTION.demand(TIME), TIME, ADDED, session_share=1.0, substeps=30)
         np.testing.assert_allclose(made.speed_rad_s, finer.speed_rad_s, atol=case.close[0] / 2, err_msg=name)
 
 

@@ -204,7 +204,8 @@ def named(residuals, axis="rotary"):
 
 @pytest.mark.parametrize(
     ("effect", "ratio", "seed"),
-    [(effect, 3.0, 1) for effect in EFFECTS] + [(effect, 30.0, 2) for effect in EFFECTS],
+    [(effect, 3.0, 1) for effect in EFFECTS]
+    + [(effect, 30.0, 2) for effect in ("tight_spot", "event", "periodic", "stribeck", "drift")],
 )
 def test_the_coordinate_of_one_effect_comes_first_in_its_place(effect, ratio, seed):
     residuals, machine = session(seed, effect, ratio=ratio)
@@ -221,8 +222,8 @@ def test_the_coordinate_of_one_effect_comes_first_in_its_place(effect, ratio, se
 
 @pytest.mark.parametrize(("rho", "runs"), [(0.0, 6), (0.9, 4), (0.97, 8)])
 def test_noise_alone_is_not_located(rho, runs):
-    found = [named(session(seed, rho=rho, runs=runs)[0]) for seed in range(8)]
-    assert sum(bool(one) for one in found) <= 1
+    found = [named(session(seed, rho=rho, runs=runs)[0]) for seed in range(4)]
+    assert not any(found)
 
 
 @pytest.mark.parametrize("effect", ["coulomb", "viscous", "tight_spot", "drift", "event"])

@@ -7,15 +7,14 @@ from typing import Any
 
 import numpy as np
 import pytest
+from sealed_sessions import drawn
 
-from schwung.drivetrain import load_machine
 from schwung.drivetrain.machine import Machine
 from schwung.explain import sharpened
 from schwung.explain.explain import explain
 from schwung.explain.proof import split
 from schwung.motion import Excitation, Motion
-from schwung.session import Run, Session, read_session
-from schwung_sim.sealed import CaseWishes, draw_case, write_case
+from schwung.session import Run, Session
 
 
 def session_of(*runs: tuple[float, bool]) -> Session:
@@ -67,10 +66,8 @@ def test_a_third_repeat_checks_where_one_run_alone_is_for_the_proof() -> None:
 @pytest.fixture(scope="module")
 def rubbing(tmp_path_factory: pytest.TempPathFactory) -> tuple[Session, Machine]:
     """A session that conceals dry friction, and the belief."""
-    folder = tmp_path_factory.mktemp("rubbing")
-    write_case(draw_case(422, CaseWishes(among=("coulomb_friction",))), folder, "0000")
-    place = folder / "sessions" / "0000"
-    return read_session(place / "session.h5"), load_machine(place / "machine.toml")
+    session, machine, _ = drawn(tmp_path_factory.mktemp("rubbing"), 422, 2, among=("coulomb_friction",))
+    return session, machine
 
 
 def test_runs_for_the_proof_change_nothing_but_the_proof(rubbing: tuple[Session, Machine]) -> None:

@@ -11,8 +11,8 @@ from schwung.explain.weighing.along import Ranges
 from schwung.explain.weighing.drawn_plane import PLANES, drawn_plane
 from schwung.explain.weighing.known import known
 from schwung.explain.weighing.learned import Found, learned
-from schwung.explain.weighing.published import sayable
 from schwung.explain.weighing.vocabulary import vocabulary
+from schwung.explain.weighing.written import sayable
 
 RANGES = Ranges(0.0, 4.0, 50.0, 2000.0, 40.0, 1.0, 0.1, 8, 160.0)
 

@@ -44,9 +44,9 @@ def half_sine(_position: Array, _speed: Array, time: Array, _share: float) -> Ar
 
 
 def session(hidden: Hidden) -> Session:
-    """Strokes there and back of three times, three of each, in turn."""
+    """Strokes there and back of three times, two of each, in turn."""
     chance, runs = np.random.default_rng(3), []
-    for number in range(9):
+    for number in range(6):
         motion = Motion(
             kind="poly5",
             distance_rad=2.5,
@@ -56,7 +56,7 @@ def session(hidden: Hidden) -> Session:
         )
         time = motion.time(RATE_HZ)
         demand = motion.demand(time)
-        more = hidden(demand.position_rad, demand.speed_rad_s, time - 0.1, number / 8)
+        more = hidden(demand.position_rad, demand.speed_rad_s, time - 0.1, number / 5)
         torque = 0.06 * demand.acceleration_rad_s2 + 0.15 * demand.speed_rad_s + more
         runs.append(
             Run(

@@ -15,7 +15,9 @@ from schwung.innovations.statistics import Statistics
 SAMPLES, LAW = 300, Pick(1, 1.0)
 
 
-def odds(amounts: list[float], motions: int = 3, scales: tuple[float, ...] = (1.0,)) -> float:
+def odds(
+    amounts: list[float], motions: int = 3, scales: tuple[float, ...] = (1.0,), each_run: bool = False
+) -> float:
     """Of a column that acts by so much in each of six runs; they repeat some motions, and another column is beside."""
     chance = np.random.default_rng(5)
     runs, size = range(len(amounts)), SAMPLES * len(amounts)
@@ -33,7 +35,9 @@ def odds(amounts: list[float], motions: int = 3, scales: tuple[float, ...] = (1.
     data.atoms = [SimpleNamespace(where=slice(i, i + 1)) for i in range(2)]
     data.at = Statistics.of(rows.T, target).at
     search: Any = SimpleNamespace(
-        data=data, odds=-3.4, candidate=lambda _: SimpleNamespace(scales=scales, deviations=(1.0,))
+        data=data,
+        odds=-3.4,
+        candidate=lambda _: SimpleNamespace(scales=scales, deviations=(1.0,), each_run=each_run),
     )
     scored: Any = SimpleNamespace(which=np.arange(2), deviations=np.ones(2))
     return one_law(search, scored, LAW)
@@ -50,6 +54,10 @@ def test_what_each_motion_has_of_its_own_is_none(amounts: list[float]) -> None:
 
 def test_of_one_motion_nothing_is_known() -> None:
     assert odds([1.0, 0, 0, 0, 0, 0], motions=1) == np.inf
+
+
+def test_numbers_that_are_each_run_s_own_are_no_law_of_motions() -> None:
+    assert odds([1.0, 0, 0] * 2, each_run=True) == np.inf
 
 
 def test_sizes_of_a_curve_are_weighed_alike() -> None:

@@ -259,6 +259,40 @@ def test_another_masters_setpoints_are_trouble_at_standstill_too(setting: Settin
     assert "another master" in str(setting.exchange.trouble)
 
 
+@pytest.mark.parametrize("after_s", [0.0001, 0.0004, 0.0006, 0.0009])
+def test_another_masters_sync_is_trouble_wherever_it_falls(setting: Setting, after_s: float) -> None:
+    """Our own comes back, too: another's was counted as one of ours, and answers were given to the wrong setpoints."""
+    last_s = setting.drive.sync_s[-1] - setting.clock.date() + setting.clock.now()
+    cycles = np.ceil((setting.clock.now() + 0.3 - last_s) / PERIOD_S)
+    sync = can.Message(arbitration_id=0x080, data=b"", is_extended_id=False)
+    setting.clock.later(
+        last_s + cycles * PERIOD_S + after_s - setting.clock.now(), lambda: setting.stranger.send(sync)
+    )
+    setting.play(600)
+    assert "another master sends SYNC" in str(setting.exchange.trouble)
+    setting.producer.pump(0.1)
+    assert word(setting.drive.rpdos[-1]) == cia402.QUICK_STOP
+
+
+def test_echoes_that_are_lost_are_no_other_masters_sync(setting: Setting) -> None:
+    """The system drops what a program that is held up does not read: RPDOs and SYNCs as it comes."""
+    link = setting.exchange.link
+    lost = np.random.default_rng(0).random(2000) < 0.3
+    seen = iter(lost)
+    receive = link._receive
+
+    def sometimes(message: can.Message) -> None:
+        if message.arbitration_id not in (0x080, setting.exchange.layouts.rpdo.can_id) or not next(
+            seen, False
+        ):
+            receive(message)
+
+    setting.exchange.link._reader.close()
+    setting.exchange.link._reader = setting.clock.read(link.bus, sometimes, print)
+    setting.producer.pump(0.5)
+    assert setting.exchange.trouble is None
+
+
 def test_a_drive_that_falls_silent_is_lost(setting: Setting) -> None:
     def be_deaf() -> None:
         setting.drive.deaf = True

@@ -54,9 +54,10 @@ def test_varying_inertia_moves_the_motion_where_it_is_light() -> None:
         assert ours.mechanical_j < rival.mechanical_j
 
 
-def test_it_is_within_one_per_cent_of_a_ten_times_finer_grid() -> None:
+def test_it_is_within_one_per_cent_of_a_three_times_finer_grid() -> None:
+    """Of fifth order: its errors are a hundredth there. benchmarks/optimise.py compares with a ten times finer one."""
     coarse = best_of_the_paper()
-    fine = best_stroke(PAPER, task(), intervals=10 * (coarse.share.size - 1))
+    fine = best_stroke(PAPER, task(), intervals=3 * (coarse.share.size - 1))
     figures = [merits_of(PAPER, follow(PAPER, s.motion(), 0.0)).copper_n2m2s for s in (coarse, fine)]
     assert figures[0] < 1.01 * figures[1]
 
@@ -163,8 +164,12 @@ def test_too_short_a_time_names_the_limit_and_a_time_that_does() -> None:
         best_stroke(PAPER, task(0.05))
     shortest = float(str(told.value).split("takes ")[1].split(" ms")[0]) * 1e-3
     assert best_stroke(PAPER, task(1.001 * shortest)).duration_s > shortest
-    with pytest.raises(NoMotionError, match="speed"):
-        best_stroke(PAPER, task(0.1, limits={"speed_max_rad_s": 33.0}))
+    # one mass, at 100 rad/s² to 3.4 rad/s: 1/3.4 + 3.4/100 s
+    slow = task(0.3, distance_rad=1.0, limits={"speed_max_rad_s": 3.4})
+    with pytest.raises(NoMotionError, match=r"speed.*takes (\d+\.?\d*) ms") as told:
+        best_stroke(rigid(peak_torque_nm=10.0), slow)
+    shortest = float(str(told.value).split("takes ")[1].split(" ms")[0])
+    assert shortest == pytest.approx(328.1, rel=0.005)
 
 
 def test_what_may_not_be_built_upon_is_refused() -> None:
@@ -188,7 +193,7 @@ def test_radau_integrates_exactly_to_its_order() -> None:
 
 
 def test_a_front_trades_one_merit_for_another() -> None:
-    over_time = front(PAPER, task(None), points=4)
+    over_time = front(PAPER, task(None), points=3)
     copper = [point.merits.copper_n2m2s for point in over_time]
     assert copper == sorted(copper, reverse=True)
     assert over_time[-1].duration_s == pytest.approx(3 * over_time[0].duration_s)

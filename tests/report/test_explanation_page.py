@@ -15,6 +15,7 @@ from schwung.drivetrain.machine import paper_machine
 from schwung.drivetrain.physics import PHYSICS as CONTRACT
 from schwung.explain.terms import LIBRARY
 from schwung.explain.values import Explanation, Located, Quantity
+from schwung.explain.words import PHYSICS, told_apart_by, words_of
 from schwung.report.explanation import (
     ExplanationContent,
     explanation_pictures,
@@ -28,7 +29,6 @@ from schwung.report.explanation import (
     value_text,
     write_explanation,
 )
-from schwung.report.explanation_words import PHYSICS, told_apart_by, words_of
 
 LOCAL = next(effect for effect in OTHERS if effect.physics == "local_friction")
 

@@ -23,10 +23,10 @@ from matplotlib.figure import Figure
 
 from schwung.drivetrain.machine import Machine, paper_machine
 from schwung.explain.values import Explanation, Overlay
+from schwung.explain.words import words_of
 from schwung.motion import Array
 from schwung.report.content import ROTARY
 from schwung.report.explanation_terms import coupling_figure, term_figure
-from schwung.report.explanation_words import words_of
 from schwung.report.figures_explanation import (
     judged,
     map_figure,
@@ -64,17 +64,17 @@ def _line(axes: Axes, label: str) -> tuple[Array, Array]:
 
 
 def _shown(explanation: Explanation) -> Overlay:
-    run = shown_overlay(explanation)
+    run = shown_overlay(explanation.overlays)
     assert run is not None
     return run
 
 
 def test_the_run_shown_was_kept_aside() -> None:
     assert _shown(explained()).run in HELD_OUT
-    assert [run.run for run in judged(explained())] == list(HELD_OUT)
+    assert [run.run for run in judged(explained().overlays)] == list(HELD_OUT)
     without = tuple(run for run in explained().overlays if not run.heldout)
     assert _shown(replace(explained(), overlays=without)).run not in HELD_OUT
-    assert shown_overlay(replace(explained(), overlays=())) is None
+    assert shown_overlay(()) is None
 
 
 def test_what_is_left_stands_against_the_floor() -> None:
@@ -97,7 +97,7 @@ def test_a_small_mismatch_needs_no_magnifying_glass() -> None:
 
 
 def test_the_map_is_orange_forward_and_blue_backward_for_friction_and_fades_once_named() -> None:
-    figure = map_figure(judged(explained()), NOISE_NM, ROTARY)
+    figure = map_figure(judged(explained().overlays), NOISE_NM, ROTARY)
     strength = []
     for axes in figure.axes:
         (cells,) = [c for c in axes.collections if isinstance(c, PolyCollection)]

@@ -11,7 +11,14 @@ from schwung.drivetrain import paper_machine
 from schwung.drivetrain.residual_plane import Plane
 from schwung.explain.values import Quantity
 from schwung.explain.weighing.publication import Curve, Name, merged
-from schwung.report.probabilities import ProbabilitiesContent, render_probabilities, set_rows
+from schwung.report.probabilities import (
+    ProbabilitiesContent,
+    name_rows,
+    render_probabilities,
+    separations,
+    set_rows,
+    tables,
+)
 
 X, Y = np.linspace(0, 3, 31), np.linspace(-40, 40, 21)
 PLANE = Curve(
@@ -74,10 +81,35 @@ def test_pictures_stand_behind_what_was_found_and_before_the_rest():
     assert titles[-1] == "The learned machine"
     assert titles.index("Without a name, over position and speed") < titles.index("Sets of causes")
     assert "Friction that is a spring before it slides" in titles
-    assert text.count("<svg") == 5
+    assert text.count("<svg") == 9
     assert "−40" in text or "-40" in text
 
 
 def test_what_cannot_be_drawn_does_not_break_the_page():
     flat = replace(BENDS, parameters={**BENDS.parameters, "stiffness_nm_rad": Quantity(0.0, "N·m/rad", None)})
     assert "Friction that is a spring before it slides</h2>" not in shown(replace(answer(), names=(flat,)))
+
+
+def test_it_says_where_and_what_would_tell_rivals_apart():
+    of = answer()
+    assert name_rows(of)[0][3] == "at −0.01 … 0.02 rad, while moving forward\n40 % of what the belief misses"
+    rivals = replace(of, names=(Name("coulomb_friction", 0.6, {}, True),), curves=(),
+                     runners_up=((("coulomb_friction",), 0.6), (("stribeck_friction",), 0.4)))  # fmt: skip
+    ((question, motion),) = separations(rivals)
+    assert "stribeck_friction" in question
+    assert "several times slower" in motion
+    told = {title: rows for title, _, rows in tables(rivals)}
+    assert told["What the mismatch follows, in words"][0] == (
+        "the belief",
+        "Over the whole range of position, 70 %.",
+    )
+    document = of.to_json()
+    assert document["names"][0]["where"]["direction"] == "forward"
+    assert document["mismatch"][0]["coordinate"] == "position"
+    assert document["proof"]["after_nm"] == 0.14
+
+
+def test_without_anything_kept_aside_what_was_fitted_is_shown():
+    run = replace(answer().overlays[0], heldout=False)
+    text = shown(replace(answer(), proof=None, overlays=(run,)))
+    assert "which was fitted" in text

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import stat
+import time
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -191,7 +192,7 @@ def test_uploads_that_are_no_sessions_fail_with_a_sentence(service: Service, tmp
         assert answer.status_code == 202
         run = answer.json()
         while (run := client.get(f"/api/runs/{run['id']}").json())["state"] in ("queued", "running"):
-            pass
+            time.sleep(0.02)
         assert run["state"] == "failed"
         assert told in run["error"]["text"], run["error"]
         assert str(service.settings.folder) not in run["error"]["text"]

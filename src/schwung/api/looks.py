@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
+from schwung.explain.words import words_of
 from schwung.report.explanation import label_of
-from schwung.report.explanation_words import words_of
 from schwung.report.figures_explanation import probability
 from schwung.report.style import PALETTE, thin
 

@@ -102,7 +102,9 @@ class _ReaderThread(_Thread):
             asked = self._asked.is_set()
             try:
                 message = self._bus.recv(0.0 if asked else _READ_TIMEOUT_S)
-            except (can.CanError, OSError, ValueError) as error:  # ValueError: the socket was closed under us
+            except (
+                Exception
+            ) as error:  # adapters raise what they like, ValueError where one is closed under us
                 if not ending.is_set():
                     self._failed(error)
                     self._caught_up.set()

@@ -16,7 +16,7 @@ ways in take plain tuples, whose types numba knows at a glance (named ones cost 
 from __future__ import annotations
 
 from functools import lru_cache
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, cast
 
 import numpy as np
 from scipy.interpolate import CubicSpline, PchipInterpolator
@@ -38,6 +38,8 @@ _STABLE = 2.5  # beyond 2.78 times the eigenvalue's inverse a step of fourth ord
 _PAD = 64.0  # samples by which the ends are prolonged
 _NEWTON = 3  # steps from a reported angle to the true one
 _FINER = 6  # pieces of a table's curve per piece of the table
+#: A bare 0 is a type of its own to numba, which would compile anew everything that it is given to.
+_FIRST = cast(int, np.int64(0))
 
 
 _Plain = tuple[Any, ...]  # a Belief, Effects or Motion as a plain tuple
@@ -176,7 +178,9 @@ def coupling_needed(
     `begun`: angle (rad) and speed (rad/s) by which a load on a spring is ahead at first of one that moves as the motor.
     """
     steps = substeps(belief, e, motion.step)
-    load, terms, moved = tuple(_changed(belief, e)), tuple(map(float, e)), tuple(motion)
+    load, terms = tuple(_changed(belief, e)), tuple(map(float, e))
+    # strided arrays are another type to numba: each kernel would be compiled a second time
+    moved = (*map(np.ascontiguousarray, motion[:4]), motion.step)
     if not belief.rigid:
         torque = _hung(load, terms, moved, steps, (float(begun[0]), float(begun[1])))
         return _sharpened(torque, steps) if e.gap_rad > 0 else torque
@@ -286,7 +290,7 @@ def _taken(belief: Belief, e: Effects, motion: Motion, i: int, piece: int) -> tu
 def _wound_up(belief: Belief, e: Effects, motion: Motion) -> Hanging:
     """Where load and third mass are at first: wound up by what they take, moving with the motor."""
     third = e.third_inertia_kgm2 * motion.acceleration[0]
-    first = _taken(belief, e, motion, 0, 0)[0] + third
+    first = _taken(belief, e, motion, _FIRST, _FIRST)[0] + third
     angle = motion.angle[0] - first / belief.stiffness
     if e.gap_rad > 0.0:
         angle -= 0.5 * e.gap_rad * np.sign(first)
@@ -303,7 +307,7 @@ def _hung(load: _Plain, terms: _Plain, moved: _Plain, steps: int, begun: _Plain)
     """
     belief, e, motion = Belief(*load), Effects(*terms), Motion(*moved)
     angles, speeds = _halves(motion, steps)
-    state, piece = _moved(_wound_up(belief, e, motion), Hanging(begun[0], begun[1], 0.0, 0.0), 1.0), 0
+    state, piece = _moved(_wound_up(belief, e, motion), Hanging(begun[0], begun[1], 0.0, 0.0), 1.0), _FIRST
     n, h = motion.angle.size, motion.step / steps
     result = np.zeros(n)
     for i in range(n):
@@ -334,7 +338,7 @@ def _carried(load: _Plain, terms: _Plain, moved: _Plain) -> Array:
     """What a load takes that is one with the motor (N·m), (n,)."""
     belief, e, motion = Belief(*load), Effects(*terms), Motion(*moved)
     result = np.empty(motion.angle.size)
-    piece = 0
+    piece = _FIRST
     for i in range(result.size):
         result[i], piece = _taken(belief, e, motion, i, piece)
     return result
@@ -368,9 +372,8 @@ def motor_helped(
     e: Effects, motion: Motion, time: Array, phase: float, share: float, smoothing: float
 ) -> Array:
     """What friction (negative) and disturbances add to the motor's torque along the motion (N·m), (n,)."""
-    return _helped(
-        tuple(map(float, e)), motion.angle, motion.speed, time, float(phase), float(share), float(smoothing)
-    )
+    angle, speed, at = map(np.ascontiguousarray, (motion.angle, motion.speed, time))  # as above
+    return _helped(tuple(map(float, e)), angle, speed, at, float(phase), float(share), float(smoothing))
 
 
 @compiled

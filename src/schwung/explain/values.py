@@ -33,6 +33,17 @@ class Located:
     p_value: float
     text: str
 
+    def to_json(self) -> dict[str, Any]:
+        """For explanation.json."""
+        return {
+            "coordinate": self.coordinate,
+            "interval": list(self.interval),
+            "unit": self.unit,
+            "share_of_energy": self.share_of_energy,
+            "p_value": self.p_value,
+            "text": self.text,
+        }
+
 
 @dataclass(frozen=True, eq=False)
 class Quantity:
@@ -121,12 +132,12 @@ class Explanation:
             "version": 1,
             "verdict": self.verdict,
             "noise_floor": {"torque_nm": self.noise_floor.torque_nm, "how": self.noise_floor.how},
-            "mismatch": [_located(where) for where in self.mismatch],
+            "mismatch": [where.to_json() for where in self.mismatch],
             "findings": [
                 {
                     "physics": finding.physics,
                     "parameters": {key: _quantity(value) for key, value in finding.parameters.items()},
-                    "where": _located(finding.where),
+                    "where": finding.where.to_json(),
                     "indistinguishable_from": list(finding.indistinguishable_from),
                     "evidence": dict(finding.evidence),
                     "text": finding.text,
@@ -139,20 +150,9 @@ class Explanation:
                 "before": _misfit(self.fit.before),
                 "after": _misfit(self.fit.after),
             },
-            "remainder": [_located(where) for where in self.remainder],
+            "remainder": [where.to_json() for where in self.remainder],
             "notes": list(self.notes),
         }
-
-
-def _located(where: Located) -> dict[str, Any]:
-    return {
-        "coordinate": where.coordinate,
-        "interval": list(where.interval),
-        "unit": where.unit,
-        "share_of_energy": where.share_of_energy,
-        "p_value": where.p_value,
-        "text": where.text,
-    }
 
 
 def _quantity(quantity: Quantity) -> dict[str, Any]:

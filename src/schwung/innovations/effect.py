@@ -64,11 +64,13 @@ class Passed:
     equations: Equations
     steps: Steps
     result: Filtered
+    measured: int = 0  # how many of the samples tell anything: n where no speed was measured
 
     @classmethod
     def of(cls, equations: Equations, steps: Steps, noise: Noise, run: Signals) -> Passed:
         """Filter a run."""
-        return cls(equations, steps, kernel.filtered(problem_of(equations, noise, run)))
+        result = kernel.filtered(problem_of(equations, noise, run))
+        return cls(equations, steps, result, result.error.size // (1 if run.speed_measured else 2))
 
     @property
     def innovations(self) -> Array:
@@ -77,7 +79,7 @@ class Passed:
 
     @property
     def samples(self) -> int:
-        """2n: of angle and speed."""
+        """2n: of angle and speed, measured or not."""
         return int(self.result.error.size)
 
     @cached_property

@@ -25,6 +25,8 @@ _ANGLE_ERROR = 1e-6
 _LEAST_ROUGH = 1e-4
 #: Noise of a smaller share of the torque is as good as none.
 LEAST_SHARE = 1e-3
+#: Error of a speed that was not measured, over its range: it tells nothing.
+_UNTOLD = 1e6
 #: Some of the torque's noise does not go with the torque: at least so much of it, at the usual torque.
 _LEAST_EVEN = 0.05
 
@@ -109,10 +111,15 @@ def problem_of(equations: Equations, noise: Noise, run: Signals) -> System:
         equations.noise,
         power[1:],
         equations.measured,
-        np.array([noise.position_rad**2, noise.speed_rad_s**2]),
+        np.array([noise.position_rad**2, noise.speed_rad_s**2 if run.speed_measured else _untold(run) ** 2]),
         equations.first,
         np.array([*shaft, np.sqrt(power[0])]),
     )
+
+
+def _untold(run: Signals) -> float:
+    """Error of a speed that is none (rad/s): so large that the filter learns nothing of it."""
+    return _UNTOLD * max(float(np.ptp(run.states[:, 1])), 1e-12)
 
 
 def first_noise(runs: Sequence[Signals]) -> Noise:
@@ -192,9 +199,11 @@ def likely_noise(
     least_nm = FINEST * max(float(np.ptp(run.load_nm)) for run in runs)
     least_rad_s = FINEST * max(float(np.ptp(run.speed_rad_s)) for run in runs)
     usual = float(np.sqrt(np.mean(np.concatenate([run.load_nm for run in runs]) ** 2))) if whole else 0.0
+    speed_shows = any(run.speed_measured for run in runs)
 
     def noise_of(place: Array) -> Noise:
         torque, speed, position = (float(v) for v in np.exp(place[:3]))
+        speed = speed if speed_shows else start.speed_rad_s
         torque, speed = max(torque, least_nm), max(speed, least_rad_s)
         position = float(max(min(position, coarsest), finest))
         if not whole:

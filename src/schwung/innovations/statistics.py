@@ -23,9 +23,10 @@ class Statistics:
     count: float
 
     @classmethod
-    def of(cls, rows: Array, target: Array) -> Statistics:
-        """Of rows X (m, P) and y (m,)."""
-        return cls(rows.T @ rows, rows.T @ target, float(target @ target), float(target.size))
+    def of(cls, rows: Array, target: Array, count: float | None = None) -> Statistics:
+        """Of rows X (m, P) and y (m,); `count`: how many of them tell anything, None: all."""
+        many = float(target.size if count is None else count)
+        return cls(rows.T @ rows, rows.T @ target, float(target @ target), many)
 
     def __add__(self, other: Statistics) -> Statistics:
         return Statistics(

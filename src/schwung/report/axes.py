@@ -48,7 +48,7 @@ def draw_simulated(axes: Axes, simulated: Simulated, units: Units) -> None:
 
 def draw_explanation(axes: Axes, explanation: Explanation, units: Units) -> None:
     """What the belief misses of the torque over one run kept aside, before and after the physics that was named."""
-    overlay = shown_overlay(explanation)
+    overlay = shown_overlay(explanation.overlays)
     if overlay is None:
         return
     curve(axes, overlay.time_s, residual(overlay, overlay.before_nm), PLAIN, label="belief")
@@ -62,10 +62,10 @@ def draw_explanation(axes: Axes, explanation: Explanation, units: Units) -> None
 
 def draw_weighed(axes: Axes, found: Published, units: Units) -> None:
     """What belief and learned machine miss of the torque over one run kept aside; probabilities where there is none."""
-    if found.shown:
-        run = found.shown[0]
-        curve(axes, run.time_s, run.before_nm, PLAIN, label="belief")
-        curve(axes, run.time_s, run.after_nm, ESTIMATE, label="learned machine")
+    run = shown_overlay(found.overlays)
+    if run is not None:
+        curve(axes, run.time_s, residual(run, run.before_nm), PLAIN, label="belief")
+        curve(axes, run.time_s, residual(run, run.after_nm), ESTIMATE, label="learned machine")
     for sign in (1, -1):
         axes.axhline(sign * found.noise.torque_nm, color=INK.light, linewidth=0.8, linestyle=DASHED)
     name(axes, f"missed {units.torque_word} ({units.torque}), noise dashed", "time (s)")

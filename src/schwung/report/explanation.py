@@ -12,11 +12,11 @@ from pathlib import Path
 from matplotlib.figure import Figure
 
 from schwung.drivetrain.machine import Machine
-from schwung.explain.values import Explanation, Finding, Located, Quantity
+from schwung.explain.values import Explanation, Finding, Located, Overlay, Quantity
+from schwung.explain.words import View, told_apart_by, words_of
 from schwung.quantities import sentences_of
 from schwung.report.content import LINEAR, ROTARY, Units, units_of
-from schwung.report.explanation_terms import coupling_figure, term_figure
-from schwung.report.explanation_words import View, told_apart_by, words_of
+from schwung.report.explanation_terms import Term, coupling_figure, term_figure
 from schwung.report.figures_explanation import (
     judged,
     located_figure,
@@ -64,6 +64,10 @@ _DOTS = (
 _SPECTRUM = "Orange: what the model leaves without this term; green: with it. "
 _DRIFT = "Dots: the mean of what acts against the motion in each run; green: the term as fitted. "
 _WIND_UP = "Grey: what the coupling had to carry in the recorded runs; beyond it nothing was seen. "
+MAP = (
+    "Orange: the machine needed more than the model knows; blue: less; the stronger, the more. "
+    "Empty: the axis was not there."
+)
 _UNIT_WORDS = {"1/rev": "per turn"}
 _SMALL = 0.1  # s, rad, m: below it they are written in thousandths
 _LARGEST_POWER = 6  # numbers beyond are written with a power of ten
@@ -342,7 +346,7 @@ def explanation_pictures(content: ExplanationContent) -> Iterator[Picture]:
     """Every picture for which the explanation has something to show, in reading order."""
     explanation, units = content.explanation, content.units
     floor, named = explanation.noise_floor.torque_nm, bool(explanation.findings)
-    shown, runs = shown_overlay(explanation), judged(explanation)
+    shown, runs = shown_overlay(explanation.overlays), judged(explanation.overlays)
     if shown is not None:
         aside = "kept aside from fitting" if shown.heldout else "which was fitted"
         caption = (
@@ -352,16 +356,19 @@ def explanation_pictures(content: ExplanationContent) -> Iterator[Picture]:
         title = "Before and after" if named else "Measured and believed"
         yield Picture("overlay", title, caption, overlay_figure(shown, floor, units, named=named))
     if runs and explanation.verdict != "consistent":
-        caption = (
-            "Orange: the machine needed more than the model knows; blue: less; the stronger, the more. "
-            "Empty: the axis was not there."
-        )
-        yield Picture("map", "Where it is missing", caption, map_figure(runs, floor, units, named=named))
-    yield from _term_pictures(content)
+        yield Picture("map", "Where it is missing", MAP, map_figure(runs, floor, units, named=named))
+    texts = {finding.physics: finding.text for finding in explanation.findings}
+    yield from named_pictures(explanation.findings, explanation.overlays, content.believed, units, texts)
     yield Picture("proof", "The proof", _proof_caption(explanation), proof_figure(explanation, units))
+    left = explanation.remainder if named or not explanation.mismatch else ()
+    yield from located_pictures(explanation.mismatch, left)
+
+
+def located_pictures(mismatch: Sequence[Located], remainder: Sequence[Located]) -> Iterator[Picture]:
+    """Which coordinates the mismatch follows, and what is left of it."""
     for name, title, located in (
-        ("located", "What the mismatch follows", explanation.mismatch),
-        ("remainder", "What is left", explanation.remainder if named or not explanation.mismatch else ()),
+        ("located", "What the mismatch follows", mismatch),
+        ("remainder", "What is left", remainder),
     ):
         if located:
             caption = (
@@ -372,28 +379,35 @@ def explanation_pictures(content: ExplanationContent) -> Iterator[Picture]:
             yield Picture(name, title, caption, located_figure(located, places, "Share of the energy, %"))
 
 
-def _term_pictures(content: ExplanationContent) -> Iterator[Picture]:
+def named_pictures(
+    terms: Sequence[Term],
+    runs: Sequence[Overlay],
+    believed: Machine,
+    units: Units,
+    texts: Mapping[str, str] | None = None,
+) -> Iterator[Picture]:
     """Each named term over its own coordinate; all that was named of the coupling's law in one picture."""
-    findings, runs = content.explanation.findings, content.explanation.overlays
-    for number, finding in enumerate(findings):
-        figure = term_figure(finding, runs, content.units)
+    told = texts or {}
+    for number, term in enumerate(terms):
+        figure = term_figure(term, runs, units)
         if figure is not None:
-            yield _term_picture(content, f"term{number}", [finding], figure)
-    law = [finding for finding in findings if words_of(finding.physics).view == "wind_up"]
-    figure = coupling_figure(law, runs, content.believed, content.units) if law else None
+            yield _term_picture(units, f"term{number}", [term], figure, told)
+    law = [term for term in terms if words_of(term.physics).view == "wind_up"]
+    figure = coupling_figure(law, runs, believed, units) if law else None
     if figure is not None:
-        yield _term_picture(content, "coupling", law, figure)
+        yield _term_picture(units, "coupling", law, figure, told)
 
 
 def _term_picture(
-    content: ExplanationContent, name: str, findings: Sequence[Finding], figure: Figure
+    units: Units, name: str, terms: Sequence[Term], figure: Figure, texts: Mapping[str, str]
 ) -> Picture:
-    words = [words_of(finding.physics, linear=content.linear) for finding in findings]
-    where, _, slope = _DRAWN[words[0].view].format(u=content.units).partition(": ")
+    words = [words_of(term.physics, linear=units.position == "m") for term in terms]
+    where, _, slope = _DRAWN[words[0].view].format(u=units).partition(": ")
     called = _listed([each.name for each in words])
     own = {"wind_up": _WIND_UP, "frequency": _SPECTRUM, "run": _DRIFT}
-    caption = own.get(words[0].view, _DOTS.format(u=content.units))
-    caption += " ".join(finding.text for finding in findings) + (f" {slope.capitalize()}." if slope else "")
+    caption = own.get(words[0].view, _DOTS.format(u=units))
+    caption += " ".join(texts[term.physics] for term in terms if term.physics in texts)
+    caption += f" {slope.capitalize()}." if slope else ""
     return Picture(name, f"{called[:1].upper()}{called[1:]}, {where}", caption, figure)
 
 

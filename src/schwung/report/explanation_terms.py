@@ -6,8 +6,9 @@ The line is the term as fitted. Where both agree over the whole coordinate, the 
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from typing import Protocol
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -15,10 +16,10 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 
 from schwung.drivetrain.machine import Machine
-from schwung.explain.values import Finding, Overlay
+from schwung.explain.values import Overlay, Quantity
+from schwung.explain.words import View, words_of
 from schwung.motion import Array
 from schwung.report.content import Units
-from schwung.report.explanation_words import View, words_of
 from schwung.report.figures_explanation import compared, residual
 from schwung.report.style import (
     DASHED,
@@ -44,6 +45,18 @@ _CARRIED = 0.97  # of what the term explains lies below the highest frequency dr
 _WIND_UP_POINTS = 401
 
 
+class Term(Protocol):
+    """What is drawn: a physics name and its parameters."""
+
+    @property
+    def physics(self) -> str:
+        """As machine.toml has it."""
+
+    @property
+    def parameters(self) -> Mapping[str, Quantity]:
+        """By the file's keys."""
+
+
 @dataclass(frozen=True, eq=False)
 class _Samples:
     """The compared samples of all runs along one coordinate; each (n,)."""
@@ -55,7 +68,7 @@ class _Samples:
 
 
 @in_style
-def term_figure(finding: Finding, runs: Sequence[Overlay], units: Units) -> Figure | None:
+def term_figure(finding: Term, runs: Sequence[Overlay], units: Units) -> Figure | None:
     """The term over its own coordinate, from all runs given; None where there is nothing to draw it from.
 
     Terms of the coupling's law have no such picture: `coupling_figure` draws it.
@@ -74,7 +87,7 @@ def term_figure(finding: Finding, runs: Sequence[Overlay], units: Units) -> Figu
 # ----------------------------------------------------------------------------------------- over samples
 
 
-def _scatter_figure(finding: Finding, runs: Sequence[Overlay], view: View, units: Units) -> Figure:
+def _scatter_figure(finding: Term, runs: Sequence[Overlay], view: View, units: Units) -> Figure:
     figure = new_figure(3.0)
     axes = figure.axes[0]
     samples = _samples(finding, runs, _coordinate(view))
@@ -102,7 +115,7 @@ def _scatter_figure(finding: Finding, runs: Sequence[Overlay], view: View, units
     return figure
 
 
-def _samples(finding: Finding, runs: Sequence[Overlay], coordinate: Callable[[Overlay], Array]) -> _Samples:
+def _samples(finding: Term, runs: Sequence[Overlay], coordinate: Callable[[Overlay], Array]) -> _Samples:
     parts = []
     for run in runs:
         inside = compared(run)
@@ -138,7 +151,7 @@ def _axis_label(view: View, units: Units, *, since_start: bool) -> str:
     }.get(view, "time since the motion began, s" if since_start else "time in the run, s")
 
 
-def _period(finding: Finding) -> float | None:
+def _period(finding: Term) -> float | None:
     """After how much angle (rad, or m) a term repeats; None where it does not."""
     if finding.physics not in ("cogging", "encoder_eccentricity"):
         return None
@@ -202,7 +215,7 @@ def _bin_means(x: Array, y: Array, edges: Array) -> tuple[Array, Array]:
 # --------------------------------------------------------------------------------- over run and frequency
 
 
-def _drift_figure(finding: Finding, runs: Sequence[Overlay], units: Units) -> Figure:
+def _drift_figure(finding: Term, runs: Sequence[Overlay], units: Units) -> Figure:
     """Friction of each run, as the mean of what acts against the motion."""
     figure = new_figure(2.6)
     axes = figure.axes[0]
@@ -223,7 +236,7 @@ def _drift_figure(finding: Finding, runs: Sequence[Overlay], units: Units) -> Fi
     return figure
 
 
-def _spectrum_figure(finding: Finding, runs: Sequence[Overlay], units: Units) -> Figure:
+def _spectrum_figure(finding: Term, runs: Sequence[Overlay], units: Units) -> Figure:
     """Amplitude of what is left over frequency, root mean square over the runs, before and after."""
     figure = new_figure(3.0)
     axes = figure.axes[0]
@@ -262,7 +275,7 @@ def _amplitude(values: Array, length: int) -> Array:
     return np.asarray(2 * np.abs(np.fft.rfft(weighted)) / max(float(window.sum()), 1e-300))
 
 
-def _mark_frequency(axes: Axes, finding: Finding) -> None:
+def _mark_frequency(axes: Axes, finding: Term) -> None:
     quantity = finding.parameters.get("frequency_hz")
     if quantity is None or not isinstance(quantity.value, int | float):
         return
@@ -278,7 +291,7 @@ def _mark_frequency(axes: Axes, finding: Finding) -> None:
 
 @in_style
 def coupling_figure(
-    findings: Sequence[Finding], runs: Sequence[Overlay], believed: Machine, units: Units
+    findings: Sequence[Term], runs: Sequence[Overlay], believed: Machine, units: Units
 ) -> Figure | None:
     """Torque in the coupling over its wind-up: as believed and as named; None where no run is at hand."""
     if not runs:
@@ -307,7 +320,7 @@ def coupling_figure(
     return figure
 
 
-def _wind_up(findings: Sequence[Finding], torque: Array, stiffness: float) -> Array:
+def _wind_up(findings: Sequence[Term], torque: Array, stiffness: float) -> Array:
     """Wind-up (rad) at each torque (N·m), (n,), of the coupling with all that was named of it.
 
     |T| = k δ + c δ³ beyond half of the play, k as named or as believed (infinite: rigid).

@@ -57,15 +57,15 @@ def residual(overlay: Overlay, needed_nm: Array) -> Array:
     return np.where(compared(overlay), overlay.torque_nm - needed_nm, np.nan)
 
 
-def judged(explanation: Explanation) -> tuple[Overlay, ...]:
+def judged(overlays: Sequence[Overlay]) -> tuple[Overlay, ...]:
     """The runs to show: those kept aside, or all where none of them is at hand."""
-    kept = tuple(overlay for overlay in explanation.overlays if overlay.heldout)
-    return kept or explanation.overlays
+    kept = tuple(overlay for overlay in overlays if overlay.heldout)
+    return kept or tuple(overlays)
 
 
-def shown_overlay(explanation: Explanation) -> Overlay | None:
+def shown_overlay(overlays: Sequence[Overlay]) -> Overlay | None:
     """The run that stands for all: of those kept aside the one in which most was missing."""
-    runs = judged(explanation)
+    runs = judged(overlays)
     return max(runs, key=lambda run: rms(residual(run, run.before_nm)), default=None)
 
 

@@ -1,21 +1,18 @@
-"""Pictures of an explanation by probabilities: bars, what a run shows before and after, curves with their bands."""
+"""Pictures of an explanation by probabilities: bars, curves with their bands."""
 
 from __future__ import annotations
 
 import numpy as np
-from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from schwung.explain.weighing.publication import NAMED, Before, Curve, Published, percent
-from schwung.motion import Array
+from schwung.explain.weighing.publication import NAMED, Curve, Published, percent
+from schwung.explain.words import words_of
 from schwung.report.content import Units
-from schwung.report.explanation_words import words_of
 from schwung.report.style import (
     DASHED,
     ESTIMATE,
     EXCITED,
     GOOD,
-    GRID,
     INK,
     MUTED,
     Colour,
@@ -27,7 +24,6 @@ from schwung.report.style import (
 
 _MOST_BARS = 14
 _BAND = 1.96
-_OUT_OF_SIGHT = 6.0  # what is so many times smaller needs a panel of its own
 
 
 @in_style
@@ -59,28 +55,6 @@ def probabilities_figure(of: Published) -> Figure:
     axes.set_xlim(0, 108)
     axes.set_xlabel("probability, %")
     axes.grid(axis="y", visible=False)
-    return figure
-
-
-@in_style
-def before_figure(run: Before, noise_nm: float, units: Units) -> Figure:
-    """What belief and file miss in one run."""
-    before, after = run.before_nm, run.after_nm
-    own = _rms(before) > _OUT_OF_SIGHT * _rms(after)
-    figure = new_figure(4.8 if own else 3.2, (1.6, 1.2) if own else (1.0,))
-    for axes in figure.axes:
-        axes.axhspan(-2 * noise_nm, 2 * noise_nm, color=GRID.light, linewidth=0, zorder=0.5)
-    above = figure.axes[0]
-    curve(above, run.time_s, before, EXCITED, label="missed by the belief", width=1.0)
-    curve(above, run.time_s, after, GOOD, label="missed by machine.toml", width=1.0)
-    _reach(above, (before, after), 3 * noise_nm)
-    above.set_title(f"Motor {units.torque_word} that is missed, {units.torque} · grey: ± 2 σ of the noise")
-    if own:
-        curve(figure.axes[1], run.time_s, after, GOOD, width=0.8)
-        _reach(figure.axes[1], (after,), 3 * noise_nm)
-        figure.axes[1].set_title("The same, by machine.toml alone")
-    figure.axes[-1].set_xlabel("time, s")
-    key(above)
     return figure
 
 
@@ -151,13 +125,3 @@ def plane_figure(one: Curve, units: Units) -> Figure:
     axes.set_title(f"Added to the {units.torque_word}, {units.torque}, at a {second} of")
     key(axes)
     return figure
-
-
-def _rms(values: Array) -> float:
-    return float(np.sqrt(np.mean(values**2)))
-
-
-def _reach(axes: Axes, signals: tuple[Array, ...], least: float) -> None:
-    """Symmetric limits that hold all but single spikes."""
-    reach = max([least, *(1.2 * float(np.quantile(np.abs(signal), 0.998)) for signal in signals)])
-    axes.set_ylim(-reach, reach)

@@ -9,13 +9,13 @@ from pathlib import Path
 
 from schwung.drivetrain.machine import Machine
 from schwung.drivetrain.physics import PHYSICS
-from schwung.explain.weighing.publication import NAMED, Curve, Published, over_words, percent
+from schwung.explain.weighing.publication import NAMED, Curve, Published, Where, over_words, percent
+from schwung.explain.words import told_apart_by, words_of
 from schwung.quantities import sentences_of
 from schwung.report.content import Units, units_of
-from schwung.report.explanation import parameter_lines, runs_text
-from schwung.report.explanation_words import words_of
+from schwung.report.explanation import MAP, located_pictures, named_pictures, parameter_lines, runs_text
+from schwung.report.figures_explanation import judged, map_figure, overlay_figure, shown_overlay
 from schwung.report.figures_probabilities import (
-    before_figure,
     curve_figure,
     plane_figure,
     presliding_figure,
@@ -52,7 +52,10 @@ def tables(of: Published) -> list[tuple[str, tuple[str, ...], list[tuple[str, ..
     every: list[tuple[str, tuple[str, ...], list[tuple[str, ...]]]] = [
         ("Names", NAME_HEAD, [*name_rows(of)]),
         ("Modelled, unnamed", CURVE_HEAD, [*curve_rows(of)]),
+        ("What has no name comes near to", PLAIN_HEAD, [*plain_rows(of)]),
+        ("What the mismatch follows, in words", PLACE_HEAD, [*place_rows(of)]),
         ("Sets of causes", SET_HEAD, [*set_rows(of)]),
+        ("What cannot be told apart", APART_HEAD, [*separations(of)]),
         ("Proof, noise, and what is left", ("", ""), [*fact_rows(of, units_of(of.axis, of.effort))]),
     ]
     return [(title, head, rows) for title, head, rows in every if rows]
@@ -120,12 +123,14 @@ def _verdict(of: Published) -> str:
 _WORTH = 0.05
 #: Samples that count as fewer by this are told.
 _COLOURED = 1.05
-NAME_HEAD = ("physics", "probability", "parameters (95 %)", "machine.toml")
+NAME_HEAD = ("physics", "probability", "parameters (95 %)", "where", "machine.toml")
+PLAIN_HEAD = ("physics", "parameters", "share of it, all together")
+PLACE_HEAD, APART_HEAD = ("missed by", "where"), ("one, or the other", "what would tell")
 SET_HEAD = ("together", "probability", "machine.toml")
-CURVE_HEAD = ("over", "probability", "torque, RMS", "what is known of it", "machine.toml")
+CURVE_HEAD = ("over", "probability", "torque, RMS", "where", "what is known of it", "machine.toml")
 
 
-def name_rows(of: Published) -> list[tuple[str, str, str, str]]:
+def name_rows(of: Published) -> list[tuple[str, ...]]:
     """Names for a table; lines within a cell by line feeds."""
     linear = of.axis == "linear"
     return [
@@ -133,6 +138,7 @@ def name_rows(of: Published) -> list[tuple[str, str, str, str]]:
             f"{words_of(one.physics, linear=linear).name.capitalize()}\n{one.physics}",
             percent(one.probability),
             one.formula or "\n".join(parameter_lines(one.parameters, linear=linear)) or "a curve",
+            _place(one.where),
             "yes" if one.in_file else "no",
         )
         for one in of.names
@@ -140,7 +146,14 @@ def name_rows(of: Published) -> list[tuple[str, str, str, str]]:
     ]
 
 
-def curve_rows(of: Published) -> list[tuple[str, str, str, str, str]]:
+def _place(where: Where | None) -> str:
+    """Where it acts, and how much of the mismatch that is."""
+    if where is None:
+        return ""
+    return f"{where.text or 'wherever the axis was'}\n{100 * where.share:.0f} % of what the belief misses"
+
+
+def curve_rows(of: Published) -> list[tuple[str, ...]]:
     """What has no name, for a table."""
     unit = units_of(of.axis, "torque").torque
     return [
@@ -148,6 +161,7 @@ def curve_rows(of: Published) -> list[tuple[str, str, str, str, str]]:
             one.over,
             percent(one.probability),
             f"{one.torque_nm:.2g} {unit}" if one.torque_nm > 0 else "",
+            _place(one.where),
             _known_of(one, of),
             "residual" if one.in_file else "no",
         )
@@ -171,10 +185,17 @@ def fact_rows(of: Published, units: Units) -> list[tuple[str, str]]:
     rows = []
     if of.proof is not None:
         runs = runs_text(of.proof.runs)
-        rows.append(
-            (f"missed on runs {runs}, kept aside, by the belief", f"{of.proof.before:.3g} σ of the noise")
+        before, after = (
+            f", {value:.3g} {units.torque} RMS" if value is not None else ""
+            for value in (of.proof.before_nm, of.proof.after_nm)
         )
-        rows.append(("missed there by machine.toml, read back", f"{of.proof.after:.3g} σ"))
+        rows.append(
+            (
+                f"missed on runs {runs}, kept aside, by the belief",
+                f"{of.proof.before:.3g} σ of the noise{before}",
+            )
+        )
+        rows.append(("missed there by machine.toml, read back", f"{of.proof.after:.3g} σ{after}"))
         rows.append(
             ("left unexplained there, of what is beyond noise", f"{100 * (1 - of.proof.taken):.0f} %")
         )
@@ -200,6 +221,42 @@ def set_rows(of: Published) -> list[tuple[str, str, str]]:
     return rows if len(rows) > 1 or any(not this for *_, this in rows) else []
 
 
+def plain_rows(of: Published) -> list[tuple[str, str, str]]:
+    """Laws that come near to all that is published without a name: a description, not a finding."""
+    if of.plain is None:
+        return []
+    linear, share = of.axis == "linear", percent(of.plain.share)
+    return [
+        (words_of(name, linear=linear).name, "\n".join(parameter_lines(numbers, linear=linear)), share)
+        for name, numbers in of.plain.laws.items()
+    ]
+
+
+def place_rows(of: Published) -> list[tuple[str, str]]:
+    """Which coordinates the mismatch follows: what the belief misses, and what is left of it."""
+    return [
+        *(("the belief", one.text) for one in of.mismatch),
+        *(("machine.toml", one.text) for one in of.remainder),
+    ]
+
+
+def separations(of: Published) -> Iterator[tuple[str, str]]:
+    """A row for each pair of names that two sets of causes have in each other's place: what would tell them."""
+    linear, seen = of.axis == "linear", set()
+    for names, p in of.runners_up:
+        if names == of.in_file or p < _WORTH:
+            continue
+        ours, others = ([name for name in one if name in PHYSICS] for one in (of.in_file, names))
+        for first in (name for name in ours if name not in others):
+            for other in (name for name in others if name not in ours):
+                pair = frozenset((first, other))
+                motion = told_apart_by(first, other, linear=linear)
+                if pair not in seen and motion:
+                    seen.add(pair)
+                    one, instead = (words_of(name, linear=linear).name for name in (first, other))
+                    yield f"{one.capitalize()}, or {instead} ({other})?", motion
+
+
 def _set_text(names: Sequence[str], of: Published) -> str:
     linear = of.axis == "linear"
     told = [
@@ -221,14 +278,23 @@ def probability_pictures(content: ProbabilitiesContent) -> Iterator[Picture]:
             f"The line is at {100 * NAMED:.0f} %."
         )
         yield Picture("probabilities", "Probabilities", caption, probabilities_figure(of))
-    if of.shown:
-        shown = of.shown[0]
+    shown, runs, named = shown_overlay(of.overlays), judged(of.overlays), bool(of.in_file)
+    if shown is not None:
+        aside = "kept aside from fitting" if shown.heldout else "which was fitted"
+        learned = " Green: the same by machine.toml, as it was read back." if named else ""
         caption = (
-            f"Run {shown.run}, kept aside from fitting. Orange: the {units.torque_word} that the belief misses, green: "
-            "what machine.toml misses, as it was read back. Within the grey band is noise."
+            f"Run {shown.run}, {aside}. Orange: the {units.torque_word} that the belief asks for the recorded motion."
+            f"{learned} Within the grey band is noise."
         )
-        figure = before_figure(shown, of.noise.torque_nm, units)
-        yield Picture("before_after", "Before and after", caption, figure)
+        figure = overlay_figure(shown, of.noise.torque_nm, units, named=named)
+        yield Picture(
+            "before_after", "Before and after" if named else "Measured and believed", caption, figure
+        )
+    if runs and of.verdict != "consistent":
+        yield Picture(
+            "map", "Where it is missing", MAP, map_figure(runs, of.noise.torque_nm, units, named=named)
+        )
+    yield from named_pictures([one for one in of.names if one.in_file], of.overlays, content.believed, units)
     for name in of.names:
         if name.physics == "presliding_friction" and name.in_file:
             torque, stiffness = (name.parameters[key].value for key in ("torque_nm", "stiffness_nm_rad"))
@@ -247,3 +313,4 @@ def probability_pictures(content: ProbabilitiesContent) -> Iterator[Picture]:
             )
             title = f"Without a name, over {one.over}"
             yield Picture(f"unnamed{number}", title, caption, curve_figure(one, units))
+    yield from located_pictures(of.mismatch, of.remainder)

@@ -5,7 +5,6 @@ from __future__ import annotations
 import time
 from collections.abc import Callable
 from typing import Any
-from urllib.parse import urlsplit
 
 import pytest
 from page_process import Served, visiting
@@ -125,16 +124,6 @@ def test_stop_is_first_in_tab_order_and_says_when_nobody_answers(page: Any, serv
     page.unroute("**/*stop")
     page.troubles.clear()  # the browser has told of the requests that were cut
     assert not served.call("GET", "/api/stop")["stopped"] or served.call("POST", "/api/release")
-
-
-def test_nothing_is_asked_of_another_host(page: Any, served: Served) -> None:
-    for path in ("/", "/runs", "/compare", "/machines", "/trail", f"/drive/{served.drive_id}"):
-        page.goto(served.url + path)
-        page.wait_for_load_state("networkidle")
-        assert page.locator("h1").count() == 1
-    own = urlsplit(served.url).hostname
-    assert {urlsplit(url).hostname for url in page.asked if not url.startswith(("data:", "blob:"))} == {own}
-    assert page.troubles == []
 
 
 def test_without_the_token_one_may_look_and_stop(browser: Any, served: Served) -> None:

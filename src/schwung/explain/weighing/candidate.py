@@ -27,6 +27,15 @@ Bent = Callable[[Along, Shape, Array], tuple[Effect, Effect]]
 
 
 @dataclass(frozen=True, eq=False)
+class Missed:
+    """Of one run: torque that is missed with what is present (N·m, (n,)), each `step_s`, and what was injected (Hz)."""
+
+    torque_nm: Array
+    step_s: float
+    injected_hz: tuple[float, ...]
+
+
+@dataclass(frozen=True, eq=False)
 class Candidate:
     """A cause of the vocabulary. Its coefficients are normal about 0 with `deviations` times one of `scales`.
 
@@ -39,6 +48,10 @@ class Candidate:
     deviations: Shape
     keys: Callable[[Array, Shape], Mapping[str, float]] = lambda _coefficients, _shape: {}
     shapes: tuple[Shape, ...] = ((),)
+    sought: Callable[[Sequence[Missed]], tuple[Shape, ...]] | None = (
+        None  # shapes that are worth a look, where there are too many to have columns for all
+    )
+    choices: int = 0  # how many those are sought among
     spacing: Shape = ()  # of the shapes' grid, in each of their numbers
     bounds: tuple[tuple[float, float], ...] = ()  # within which a shape is one
     logarithmic: tuple[bool, ...] = ()  # numbers of the shape that are refined by factors
@@ -54,17 +67,29 @@ class Candidate:
         None  # coordinate that its law may be off over, −1…1; None: by name
     )
     tangent: Callable[[Along, Array], Array] | None = None  # to stiffness and damping along a run, (n, 2)
+    over_steps: Callable[[Along, Array], Array] | None = (
+        None  # torque between the shafts that samples miss, on the motor at each step's start and end (N·m), (n − 1, 2)
+    )
     whole: Callable[[Along, Shape, Array], Effect] | None = None  # `done`, where there is a shorter way
     bent: Bent | None = None  # where it is not in proportion to its coefficients; `effect` is then about 0
     inertia: Callable[[Array, Shape], Array] | None = (
         None  # what a unit of each adds to J_l at angles, (n, p)
     )
+    inertia_whole: Callable[[Array, Array], Array] | None = (
+        None  # what all of it adds to J_l at angles, (n,), where that is not in proportion to its coefficients
+    )
+    each_run: bool = False  # its coefficients are each run's own, and say nothing of another
     coupling: tuple[float, float] = (0.0, 0.0)  # what a unit of its coefficient adds to stiffness and damping
 
     @property
     def size(self) -> int:
         """Coefficients of one shape."""
         return len(self.deviations)
+
+    @property
+    def shape_log(self) -> float:
+        """Log of the share that one shape has of all that there are, before anything is seen."""
+        return -float(np.log(self.choices or len(self.shapes)))
 
     @property
     def bounds_below(self) -> tuple[tuple[int, float], ...]:
@@ -75,6 +100,26 @@ class Candidate:
     def of_machine(self) -> bool:
         """Whether it is a change of the machine's inertia or coupling."""
         return self.inertia is not None or self.coupling != (0.0, 0.0)
+
+    def moved(self, shape: Shape, spacings: Array) -> Shape:
+        """A shape so many spacings of the grid on (d,), within its bounds."""
+        every = (
+            zip(shape, spacings, self.spacing, self.logarithmic, self.bounds, strict=True)
+            if self.spacing
+            else ()
+        )
+        found = []
+        for value, by, spacing, factor, (low, high) in every:
+            further = value * float(np.exp(by * spacing)) if factor else value + float(by) * spacing
+            found.append(min(max(further, low), high))
+        return tuple(found) if self.spacing else shape
+
+    def inertia_added(self, angle: Array, shape: Shape, coefficients: Array) -> Array:
+        """What it adds to J_l at angles (n,) with these coefficients, (n,)."""
+        if self.inertia_whole is not None:
+            return self.inertia_whole(angle, coefficients)
+        assert self.inertia is not None
+        return np.asarray(self.inertia(angle, shape) @ coefficients)
 
     def done(self, along: Along, shape: Shape, coefficients: Array) -> Effect:
         """All that it does with these coefficients, one column."""

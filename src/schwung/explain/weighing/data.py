@@ -72,9 +72,15 @@ class Data:
         memory: Array | None = None,
     ) -> Data:
         """Whiten every shape of every candidate; into the `memory` of a former round, which is lost."""
-        every = [(index, shape) for index, c in enumerate(candidates) for shape in c.shapes]
+        missed = [about.missed(run) for run in train]
+        every = [
+            (index, shape)
+            for index, c in enumerate(candidates)
+            for shape in (c.shapes if c.sought is None else c.sought(missed))
+        ]
         room = _ROOM * sum(candidates[index].size for index, _ in every)
         rows = np.empty((room, about.samples(train))) if memory is None else memory
+        room = rows.shape[0]
         target = target_of(about, members, train)
         empty = Statistics(
             np.zeros((room, room)), np.zeros(room), float(target @ target) / excess, target.size / excess
@@ -163,7 +169,14 @@ class Data:
         causes = [starts[column] for column in which.tolist() if column in starts]
         about = self.about.beside(runs)
         target = target_of(about, self.members, runs)
-        return Statistics.of(about.whitened(causes, runs).T, target).tempered(self.excess)
+        return Statistics.of(about.whitened(causes, runs).T, target, about.measured(runs)).tempered(
+            self.excess
+        )
+
+    def of_each_run(self, which: Numbers) -> NDArray[np.bool_]:
+        """Which of some columns are one run's own."""
+        own = [where for where, (candidate, _) in self.causes if candidate.each_run]
+        return np.array([any(where.start <= column < where.stop for where in own) for column in which])
 
     def append(self, index: int, shape: Shape, refined: float, spread: Shape = ()) -> Atom:
         """Make a shape an atom."""

@@ -12,9 +12,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from schwung.drivetrain.machine import Machine
+from schwung.explain.weighing.along import Along
 from schwung.explain.weighing.growth import absent
 from schwung.explain.weighing.known import Known, known
-from schwung.explain.weighing.round import View
+from schwung.explain.weighing.phases import phased
+from schwung.explain.weighing.round import Linearised, View
 from schwung.explain.weighing.settling import Weighing, settled
 from schwung.explain.weighing.weigh import Posterior
 from schwung.innovations.effect import Passed
@@ -29,21 +31,29 @@ class Shown:
     """A run as a machine explains it: torque that it misses (N·m), smoothed, and likelihood (log) by stretches."""
 
     run: int
+    along: Along
     missed_nm: Array  # (n,)
-    innovations: Array  # (2n,) over their deviations
+    innovations: Array  # (2n,) over their deviations; (n,) where no speed was measured
     logs: Array  # (stretches,)
 
 
 @dataclass(frozen=True, eq=False)
 class Judged:
-    """A machine over some runs."""
+    """A machine over some runs, and over those that were fitted."""
 
     runs: tuple[Shown, ...]
+    fitted: tuple[Shown, ...]
 
     @property
     def missed(self) -> float:
         """Root mean square of the innovations over the noise's; 1: nothing but noise."""
         every = np.concatenate([shown.innovations for shown in self.runs])
+        return float(np.sqrt(np.mean(every**2)))
+
+    @property
+    def missed_nm(self) -> float:
+        """The same of the torque (N·m), smoothed, while the axis moves."""
+        every = np.concatenate([shown.missed_nm[shown.along.moves] for shown in self.runs])
         return float(np.sqrt(np.mean(every**2)))
 
     @property
@@ -53,7 +63,7 @@ class Judged:
 
     @property
     def samples(self) -> int:
-        """2n, of all runs."""
+        """Of angle and of measured speed, of all runs."""
         return sum(shown.innovations.size for shown in self.runs)
 
 
@@ -66,21 +76,26 @@ def judged(outcome: Posterior, machine: Machine, runs: Sequence[int]) -> Judged:
 def judged_by(outcome: Posterior, told: Known, runs: Sequence[int]) -> Judged:
     """The same of what is known of a machine, in whatever form."""
     growth = outcome.growth
-    view = replace(outcome.view, known=told)
+    view = phased(replace(outcome.view, known=told), growth.wide.noise)
     usual = [absent(growth.candidates[i]) for i in growth.always]
     at = settled(growth.wide.seen(view), usual, Weighing(growth.wide.noise, growth.train, growth.wide.excess))
-    about = at.about.beside(runs)
-    return Judged(tuple(_shown(about.view, about.passed[run], run) for run in runs))
+    aside = _shown(at.about.beside(runs), runs) if runs else ()
+    return Judged(aside, _shown(at.about, growth.train))
 
 
-def _shown(view: View, passed: Passed, run: int) -> Shown:
+def _shown(about: Linearised, runs: Sequence[int]) -> tuple[Shown, ...]:
+    return tuple(_run(about.view, about.passed[run], about.alongs[run], run) for run in runs)
+
+
+def _run(view: View, passed: Passed, along: Along, run: int) -> Shown:
     error, variance = passed.result.error, passed.result.variance
     logs = -0.5 * np.sum(error**2 / variance + np.log(variance), axis=1)
     stretch = max(round(_STRETCH_S / view.runs[run].step_s), 1)
     return Shown(
         run=run,
+        along=along,
         missed_nm=-passed.states[:, -1],
-        innovations=passed.innovations,
+        innovations=passed.innovations if view.runs[run].speed_measured else passed.innovations[::2],
         logs=np.add.reduceat(logs, np.arange(0, logs.size, stretch)),
     )
 

@@ -21,10 +21,12 @@ from schwung.drivetrain.residual import (
 from schwung.drivetrain.residual_plane import ON_LOAD as LOADED
 from schwung.drivetrain.residual_plane import Plane, planes_of
 from schwung.explain.weighing.along import Along
+from schwung.explain.weighing.present import points_of
 from schwung.innovations.effect import Effect
 from schwung.motion import Array
 
-_POINTS_PER_RAD = 100
+#: A load that is none, over the motor's inertia: steps are worked out over its logarithm.
+_NONE = 1e-6
 
 
 @dataclass(frozen=True, eq=False)
@@ -37,6 +39,7 @@ class Known:
     nothing: bool = False  # is known
     curves: tuple[Residual, ...] = ()
     planes: tuple[Plane, ...] = ()
+    phases_rad: tuple[float, ...] = ()  # of the known periodic disturbance, each run's own; empty: the file's
 
     def effect(self, along: Along) -> Effect:
         """One column: all that is known, and what is known of the reporting."""
@@ -44,6 +47,8 @@ class Known:
         if self.nothing:
             none = np.zeros((along.speed.size, 1))
             return Effect(none, none, none, none)
+        if self.phases_rad:
+            e = e._replace(periodic_phase_rad=self.phases_rad[along.number])
         on_motor, on_load = _torques(
             e, along.angle, along.load_angle, along.speed, along.time_s, along.motion_time_s,
             along.share, along.ranges.sticking_rad_s,
@@ -142,8 +147,14 @@ def _torques(
 
 
 def known(machine: Machine, low_rad: float, high_rad: float) -> Known:
-    """Take the belief's terms apart, for angles between these."""
+    """Take the belief's terms apart, for angles between these.
+
+    An unknown load of a rigid machine is none at all, its inertia the motor's. Raises InputError where another's is.
+    """
     e = effects_of(machine.physics)
+    if machine.load_inertia is None and machine.coupling is None:
+        none = machine.load.model_copy(update={"inertia_kgm2": _NONE * machine.motor.inertia_kgm2})
+        machine = machine.model_copy(update={"load": none})
     coupling, load = machine.coupling, machine.load
     if coupling is not None:
         coupling = Coupling(
@@ -153,7 +164,7 @@ def known(machine: Machine, low_rad: float, high_rad: float) -> Known:
     added = bool(inertia_points(machine.physics).size)
     if added or (e.inertia_delta_kgm2, e.inertia_scale, e.inertia_shift_rad) != (0.0, 1.0, 0.0):
         span = max(high_rad - low_rad, 1e-9)
-        angle = np.linspace(low_rad - 0.05 * span, high_rad + 0.05 * span, 3 + int(_POINTS_PER_RAD * span))
+        angle = np.linspace(low_rad - 0.05 * span, high_rad + 0.05 * span, points_of(span))
         true = e.inertia_scale * machine.load_inertia_at(angle + e.inertia_shift_rad) + e.inertia_delta_kgm2
         true = true + inertia_added(machine.physics, angle)
         load = Load(

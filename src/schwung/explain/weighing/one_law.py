@@ -26,10 +26,13 @@ _Part = tuple[Array, Array, Array]
 
 
 def one_law(search: Search, scored: Scored, pick: Pick) -> float:
-    """Log odds that a cause of a set is one law, all else of the set beside it; of one motion alone ∞."""
+    """Log odds that a cause of a set is one law, all else of the set beside it.
+
+    ∞ where there is one motion alone, and for a law whose numbers are each run's own.
+    """
     data, candidate, where = search.data, search.candidate(pick), search.data.atoms[pick.atom].where
     motions = motions_of(data)
-    if len(motions) < 2:
+    if len(motions) < 2 or candidate.each_run:
         return np.inf
     beside = (scored.which < where.start) | (scored.which >= where.stop)
     which, deviations = scored.which[beside], scored.deviations[beside]

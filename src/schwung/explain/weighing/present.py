@@ -13,9 +13,15 @@ from schwung.explain.weighing.along import Ranges
 from schwung.explain.weighing.candidate import Candidate, Shape
 from schwung.motion import Array
 
-_POINTS_PER_RAD = 100
+#: Points of an inertia over the angle; of a spindle's, which turns on and on, no more than so many.
+_POINTS_PER_RAD, _MOST_POINTS = 100, 20_000
 #: No change leaves less than this share of what is believed: nothing moves without inertia or stiffness.
 LEAST_SHARE = 0.05
+
+
+def points_of(span_rad: float) -> int:
+    """How many points an inertia has over a range of angles."""
+    return min(3 + int(_POINTS_PER_RAD * span_rad), _MOST_POINTS)
 
 
 @dataclass(frozen=True, eq=False)
@@ -40,12 +46,14 @@ def with_members(machine: Machine, members: Sequence[Member], of: Ranges) -> Mac
             ),
             damping_nms=max(coupling.damping_nms + damping, LEAST_SHARE * coupling.damping_nms),
         )
-    heavier = [(m.candidate.inertia, m) for m in members if m.candidate.inertia is not None]
+    heavier = [m for m in members if m.candidate.inertia is not None]
     if heavier:
         margin = 0.05 * of.span_rad
-        angle = np.linspace(of.low_rad - margin, of.high_rad + margin, 3 + int(_POINTS_PER_RAD * of.span_rad))
+        angle = np.linspace(of.low_rad - margin, of.high_rad + margin, points_of(of.span_rad))
         believed = machine.load_inertia_at(angle)
-        added = sum((unit(angle, m.shape) @ m.coefficients for unit, m in heavier), np.zeros(()))
+        added = sum(
+            (m.candidate.inertia_added(angle, m.shape, m.coefficients) for m in heavier), np.zeros(())
+        )
         inertia = np.maximum(believed + added, LEAST_SHARE * believed)
         load = Load(
             viscous_friction_nms=load.viscous_friction_nms,

@@ -8,11 +8,11 @@ from typing import Any
 
 from schwung.drivetrain.machine import Machine
 from schwung.drivetrain.residual_plane import Plane
-from schwung.explain.values import Quantity, Verdict
+from schwung.explain.values import Located, Overlay, Quantity, Verdict
 from schwung.explain.weighing.drawn import Drawn
 from schwung.explain.weighing.values import Proof
+from schwung.explain.words import words_of
 from schwung.innovations.likelihood import Noise
-from schwung.motion import Array
 from schwung.quantities import Effort
 from schwung.session.model import Axis
 
@@ -50,6 +50,37 @@ def merged(shares: Iterable[tuple[Sequence[str], float]]) -> tuple[tuple[tuple[s
     return tuple((names, min(share, 1.0)) for names, share in told if share >= _TOLD)[:_MOST]
 
 
+@dataclass(frozen=True)
+class Where:
+    """Where a cause acts: over its coordinate, between which values, the axis moving which way."""
+
+    coordinate: str
+    interval: tuple[float, float] | None  # None: wherever the axis was
+    unit: str
+    way: str  # "forward" or "backward" where it acts in that direction alone
+    share: float  # of what the belief misses (mean square), 0…1
+
+    @property
+    def text(self) -> str:
+        """'at 1.2 … 1.6 rad, while moving forward'; empty: wherever the axis was."""
+        place = ""
+        if self.interval is not None:
+            low, high = (f"{end:.3g}".replace("-", "−") for end in self.interval)
+            told = "" if self.coordinate == "position" else f" of {over_words(self.coordinate)}"
+            place = f"at {low} … {high} {self.unit}{told}"
+        return ", ".join(part for part in (place, self.way and f"while moving {self.way}") if part)
+
+    def to_json(self) -> dict[str, Any]:
+        """For explanation.json."""
+        return {
+            "coordinate": self.coordinate,
+            "interval": None if self.interval is None else list(self.interval),
+            "unit": self.unit,
+            "direction": self.way or None,
+            "share_of_energy": self.share,
+        }
+
+
 @dataclass(frozen=True, eq=False)
 class Name:
     """A physics name, its probability, and its parameters with 95 % intervals."""
@@ -59,6 +90,7 @@ class Name:
     parameters: Mapping[str, Quantity]
     in_file: bool  # by this name
     formula: str = ""  # of a curve, as good as it on runs that were not fitted
+    where: Where | None = None  # None: not published, or of what is reported alone
 
 
 @dataclass(frozen=True, eq=False)
@@ -75,11 +107,20 @@ class Curve:
     formula: str = ""  # as good as the curve on runs that were not fitted
     formula_missed: float | None = None  # there, over the noise
     plane: Plane | None = None  # over two coordinates at once
+    where: Where | None = None
 
     @property
     def over(self) -> str:
         """The coordinate in words."""
         return over_words(self.coordinate)
+
+
+@dataclass(frozen=True, eq=False)
+class Plain:
+    """Laws that come near to all that has no name, by least squares, and the share of it that they take."""
+
+    laws: Mapping[str, Mapping[str, Quantity]]
+    share: float  # mean square, 0…1
 
 
 def over_words(coordinate: str) -> str:
@@ -89,19 +130,10 @@ def over_words(coordinate: str) -> str:
 
 
 @dataclass(frozen=True, eq=False)
-class Before:
-    """A run that was not fitted: torque (N·m) that the belief and the file miss, smoothed; (n,) each."""
-
-    run: int
-    time_s: Array
-    before_nm: Array
-    after_nm: Array
-
-
-@dataclass(frozen=True, eq=False)
 class Published:
     """The answer as it is published. `runners_up`: sets of names with probabilities, the most probable first, each
-    once; the published one among them."""
+    once; the published one among them. `overlays`: runs for pictures, those kept aside first. `mismatch`,
+    `remainder`: which coordinates the torque follows that the belief, that the file misses on the fitted runs."""
 
     axis: Axis
     effort: Effort
@@ -111,9 +143,12 @@ class Published:
     noise: Noise
     excess: float
     proof: Proof | None
-    shown: tuple[Before, ...]
+    overlays: tuple[Overlay, ...]
     machine: Machine
     notes: tuple[str, ...]
+    mismatch: tuple[Located, ...] = ()
+    remainder: tuple[Located, ...] = ()
+    plain: Plain | None = None
 
     @property
     def in_file(self) -> tuple[str, ...]:
@@ -137,17 +172,20 @@ class Published:
     @property
     def headline(self) -> str:
         """In one sentence."""
+        linear = self.axis == "linear"
         likely = [
-            f"{one.physics.replace('_', ' ')} ({percent(one.probability)})"
+            f"{words_of(one.physics, linear=linear).name} ({percent(one.probability)}{_at(one.where)})"
             for one in self.names
             if one.in_file
         ]
+        force = "force" if linear else "torque"
         curves = [
-            f"a torque over {one.over} without a name ({percent(one.probability)})"
+            f"a {force} over {one.over} without a name ({percent(one.probability)}{_at(one.where)})"
             for one in self.curves
             if one.probability > NAMED
         ]
-        what = ", ".join([*likely, *curves])
+        formulated = all(one.formula for one in self.curves if one.in_file)
+        what = ", ".join([*likely, *curves]) + ("" if formulated or not curves else self._plainly)
         if not what and self.verdict == "unexplained":
             return f"unexplained: the belief misses {self._missed()}, and nothing was found that takes it"
         if not what:
@@ -157,6 +195,15 @@ class Published:
         if self.proof.before > _FLOOR and self.proof.taken <= 0:
             return f"unexplained: the belief misses {self._missed()}, and what was found takes nothing of it: {what}"
         return f"left out: {what}; {self._share()}"
+
+    @property
+    def _plainly(self) -> str:
+        """What comes near to that which has no name."""
+        if self.plain is None:
+            return ""
+        linear = self.axis == "linear"
+        laws = " and ".join(words_of(name, linear=linear).name for name in self.plain.laws)
+        return f", together {percent(self.plain.share)} like {laws}"
 
     def _missed(self) -> str:
         assert self.proof is not None
@@ -192,6 +239,7 @@ class Published:
                     "probability": one.probability,
                     "in_file": one.in_file,
                     "formula": one.formula or None,
+                    "where": one.where and one.where.to_json(),
                     "parameters": {
                         key: {"value": q.value, "unit": q.unit, "ci95": q.ci95}
                         for key, q in one.parameters.items()
@@ -200,6 +248,17 @@ class Published:
                 for one in self.names
             ],
             "unnamed": [_curve_json(one) for one in self.curves],
+            "plain": self.plain
+            and {
+                "share": self.plain.share,
+                "laws": [
+                    {
+                        "physics": name,
+                        "parameters": {key: {"value": q.value, "unit": q.unit} for key, q in of.items()},
+                    }
+                    for name, of in self.plain.laws.items()
+                ],
+            },
             "runners_up": [{"names": list(names), "probability": p} for names, p in self.runners_up],
             "noise": {
                 "torque_nm": self.noise.torque_nm,
@@ -215,10 +274,18 @@ class Published:
                 "after": self.proof.after,
                 "gain_per_sample": self.proof.gain,
                 "taken": self.proof.taken,
+                "before_nm": self.proof.before_nm,
+                "after_nm": self.proof.after_nm,
             },
+            "mismatch": [one.to_json() for one in self.mismatch],
+            "remainder": [one.to_json() for one in self.remainder],
             "left": self.left,
             "notes": list(self.notes),
         }
+
+
+def _at(where: Where | None) -> str:
+    return f", {where.text}" if where is not None and where.text else ""
 
 
 def _curve_json(one: Curve) -> dict[str, Any]:
@@ -232,6 +299,7 @@ def _curve_json(one: Curve) -> dict[str, Any]:
         "in_file": one.in_file,
         "formula": one.formula or None,
         "formula_after": one.formula_missed,
+        "where": one.where and one.where.to_json(),
         "plane": one.plane and one.plane.parameters(),
         "curve": curve
         and {

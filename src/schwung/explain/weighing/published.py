@@ -6,20 +6,16 @@ back, and what was read is what is proven.
 
 from __future__ import annotations
 
-import tempfile
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from schwung.drivetrain.machine import Machine, load_machine, write_machine
+from schwung.drivetrain.machine import Machine
 from schwung.drivetrain.physics import PHYSICS
 from schwung.drivetrain.residual import OVER, TABLES, UNDIRECTED, UNITS
 from schwung.drivetrain.residual_plane import Plane
-from schwung.errors import InputError
-from schwung.explain.measured import measured
 from schwung.explain.naming import unit_on
 from schwung.explain.plausibility import examine
 from schwung.explain.values import Quantity
@@ -29,18 +25,29 @@ from schwung.explain.weighing.drawn_plane import PLANES, drawn_plane
 from schwung.explain.weighing.formula import Formula
 from schwung.explain.weighing.growth import Progress, slices
 from schwung.explain.weighing.judged import Judged, as_good, judged
-from schwung.explain.weighing.known import known
 from schwung.explain.weighing.learned import Found, learned, table
-from schwung.explain.weighing.publication import NAMED, Before, Curve, Name, Published, merged, over_words
+from schwung.explain.weighing.places import Acts, located, overlays, where_of
+from schwung.explain.weighing.plainly import nearest
+from schwung.explain.weighing.publication import (
+    NAMED,
+    Curve,
+    Name,
+    Plain,
+    Published,
+    Where,
+    merged,
+    over_words,
+)
 from schwung.explain.weighing.search import Pick, Scored, Search
 from schwung.explain.weighing.values import Parameter, Proof, Weighed
 from schwung.explain.weighing.weigh import Posterior, at_bound, parameters_of, posterior_of
+from schwung.explain.weighing.written import read_back, sayable, smooth
 from schwung.session.effort import require_alike
 from schwung.session.imports import repeats
 from schwung.session.model import Session
 
 #: The share of the work that the search takes.
-_SEARCH = 0.85
+_SEARCH, _LOCATING = 0.85, 0.97
 #: Units of the coordinates; the direction of motion has none.
 _UNITS: Mapping[str, str] = {
     **{str(over): unit for over, unit in UNITS.items()},
@@ -65,7 +72,7 @@ def publish(session: Session, machine: Machine, *, progress: Progress | None = N
     doubts.require(session.source or "session")
     outcome = posterior_of(
         session,
-        _smooth(machine),
+        smooth(machine),
         tell=lambda text, share: tell(text, 0.02 + (_SEARCH - 0.02) * share),
     )
     return published_of(session, machine, outcome, doubts.notes, tell)
@@ -79,44 +86,7 @@ def published_of(
     tell: Progress = lambda _text, _share: None,
 ) -> Published:
     """What is published of a session that was weighed about a belief; `notes`: of the session."""
-    tell("Writing the machine, and proving what was written", _SEARCH)
     return _Publishing(session, machine, outcome, tell).published(notes)
-
-
-def _smooth(machine: Machine) -> Machine:
-    """A measured table as the smooth curve through its scatter."""
-    curve = measured(machine)
-    return machine if curve is None else curve.machine
-
-
-def sayable(
-    machine: Machine,
-    found: Sequence[Found],
-    over: Sequence[str],
-    visited_rad: tuple[float, float] = (0.0, 0.0),
-) -> tuple[tuple[int, ...], tuple[str, ...]]:
-    """Which causes a file of the machine can hold together, and a note for each other one; `over`: their coordinates.
-
-    Where the belief misses nearly all, a curve may be fitted that is no machine, at an angle between `visited_rad`.
-    """
-    kept, notes = tuple[int, ...](), list[str]()
-    for number, coordinate in enumerate(over):
-        try:
-            known(_read_back(learned(machine, [found[i] for i in (*kept, number)])), *visited_rad)
-        except InputError as error:
-            why = f"it {error.problem}"
-            notes.append(f"what depends on {coordinate} is modelled, but machine.toml cannot say it: {why}")
-        else:
-            kept = (*kept, number)
-    return kept, tuple(notes)
-
-
-def _read_back(machine: Machine) -> Machine:
-    """The machine as its file says it."""
-    with tempfile.TemporaryDirectory(prefix="schwung-") as folder:
-        path = Path(folder) / "machine.toml"
-        write_machine(machine, path)
-        return load_machine(path)
 
 
 @dataclass(frozen=True, eq=False)
@@ -141,22 +111,23 @@ class _Publishing:
 
     def published(self, notes: Sequence[str]) -> Published:
         """All of it."""
+        self.tell("Writing the machine, and proving what was written", _SEARCH)
         every = self._causes()
         over = [over_words(self.search.candidate(cause.pick).coordinate) for cause in every]
         of = self.outcome.view.ranges
         visited = (of.low_rad, of.high_rad)
         kept, unsaid = sayable(self.machine, [cause.found for cause in every], over, visited)
         causes = [every[i] for i in kept]
-        machine = _read_back(learned(self.machine, [cause.found for cause in causes]))
+        machine = read_back(learned(self.machine, [cause.found for cause in causes]))
         aside = self.outcome.heldout
-        before = judged(self.outcome, _smooth(self.machine), aside) if aside else None
-        after = judged(self.outcome, _smooth(machine), aside) if aside and causes else before
-        needless = bool(causes) and before is not None and after is not None and as_good(before, after)
+        before = after = judged(self.outcome, smooth(self.machine), aside)
+        after = judged(self.outcome, smooth(machine), aside) if causes else before
+        needless = bool(causes and aside) and as_good(before, after)
         if needless:  # then the file is the belief
             causes, machine, after = [], self.machine, before
             unsaid = (*unsaid, _NEEDLESS.format(", ".join(dict.fromkeys(over[i] for i in kept))))
         formulated = {}
-        if after is not None:
+        if aside:
             for number, cause in enumerate(causes):
                 self.tell(
                     "Looking for formulas", _SEARCH + (1 - _SEARCH) * (0.3 + 0.7 * number / len(causes))
@@ -165,21 +136,64 @@ class _Publishing:
                 if found is not None:
                     formulated[cause.pick] = found
         if formulated:
-            machine = _read_back(learned(self.machine, [self._told(cause, formulated) for cause in causes]))
-        self.tell("Done", 1.0)
-        return Published(
+            machine = read_back(learned(self.machine, [self._told(cause, formulated) for cause in causes]))
+        self.tell("Locating what was missed", _LOCATING)
+        acts = [self._acts(cause) for cause in causes]
+        places = {
+            cause.pick: where_of(one, before.fitted, self.session.axis)
+            for cause, one in zip(causes, acts, strict=True)
+        }
+        named = [one for cause, one in zip(causes, acts, strict=True) if cause.found.named]
+        shown = (before.runs, after.runs) if aside else (before.fitted, after.fitted)
+        answer = Published(
             axis=self.session.axis,
             effort=self.session.effort,
-            names=self._names(causes, formulated),
-            curves=() if needless else self._curves(causes, formulated),
+            names=self._names(causes, formulated, places),
+            curves=() if needless else self._curves(causes, formulated, places),
             runners_up=self._runners_up(),
             noise=self.weighed.noise,
             excess=self.outcome.grown.data.excess,
             proof=self._proof(before, after),
-            shown=self._shown(before, after),
+            overlays=overlays(*shown, named, aside),
+            plain=self._plain([one for one in acts if one not in named], after),
             machine=machine,
             notes=tuple(dict.fromkeys((*notes, *self._notes(causes), *unsaid, *self.weighed.notes))),
         )
+        answer = self._located(answer, before, after)
+        self.tell("Done", 1.0)
+        return answer
+
+    def _located(self, found: Published, before: Judged, after: Judged) -> Published:
+        """With where the belief misses, and the file; nothing where that is not plain."""
+        noise, view = self.weighed.noise, self.outcome.view
+        verdict, axis = found.verdict, self.session.axis
+        groups, band = repeats(self.session), view.ranges.band_hz
+        if verdict == "consistent":
+            return found
+        lost = verdict == "unexplained"
+        missed = located(before.fitted, noise.torque_nm, band, groups, axis, surely=not lost)
+        left = (
+            located(after.fitted, noise.torque_nm, band, groups, axis)
+            if found.in_file and verdict != "explained"
+            else ()
+        )
+        return replace(found, mismatch=missed, remainder=left)
+
+    def _plain(self, curves: Sequence[Acts], after: Judged) -> Plain | None:
+        """What comes near to all that is published without a name."""
+        found = nearest(curves, self.search.data.candidates, after.fitted)
+        if found is None:
+            return None
+        laws = {
+            law: {key: Quantity(value, self._unit(law, key), None) for key, value in numbers.items()}
+            for law, numbers in found.laws.items()
+        }
+        return Plain(laws, found.share)
+
+    def _acts(self, cause: _Cause) -> Acts:
+        candidate, shape = self.search.candidate(cause.pick), self.search.data.atoms[cause.pick.atom].shape
+        coefficients = self.set.found.coefficients[cause.where]
+        return Acts(candidate.name, candidate, shape, coefficients)
 
     def _set(self) -> Scored:
         """The most probable set without a parameter at its bound, and without what does not hold elsewhere."""
@@ -249,7 +263,10 @@ class _Publishing:
         return max(every, default=0.0)
 
     def _names(
-        self, causes: Sequence[_Cause], formulated: Mapping[Pick, tuple[Formula, float]]
+        self,
+        causes: Sequence[_Cause],
+        formulated: Mapping[Pick, tuple[Formula, float]],
+        places: Mapping[Pick, Where | None],
     ) -> tuple[Name, ...]:
         inside = {cause.found.law: cause for cause in causes if cause.found.law != "residual"}
         result = []
@@ -269,7 +286,8 @@ class _Publishing:
             in_file = cause is not None and cause.found.named
             formula = formulated.get(cause.pick) if cause is not None else None
             text = formula[0].text if formula is not None else ""
-            result.append(Name(one.name, one.probability, quantities, in_file, text))
+            where = places.get(cause.pick) if cause is not None else None
+            result.append(Name(one.name, one.probability, quantities, in_file, text, where))
         return tuple(result)
 
     def _unit(self, law: str, key: str) -> str:
@@ -278,7 +296,10 @@ class _Publishing:
         return unit if key == "phase_rad" else unit_on(unit, self.session.axis)
 
     def _curves(
-        self, causes: Sequence[_Cause], formulated: Mapping[Pick, tuple[Formula, float]]
+        self,
+        causes: Sequence[_Cause],
+        formulated: Mapping[Pick, tuple[Formula, float]],
+        places: Mapping[Pick, Where | None],
     ) -> tuple[Curve, ...]:
         by_name = {self.search.candidate(cause.pick).name: cause for cause in causes}
         result = []
@@ -294,6 +315,7 @@ class _Publishing:
                     cause.curve if cause is not None else None,
                     formula[0].text if formula else "", formula[1] if formula else None,
                     cause.plane if cause is not None else None,
+                    places.get(cause.pick) if cause is not None else None,
                 )
             )  # fmt: skip
         return tuple(result)
@@ -310,7 +332,7 @@ class _Publishing:
                 break
             instead = Found("residual", False, _residual(shape), {})
             every = [instead if one is cause else one.found for one in causes]
-            tried = judged(self.outcome, _smooth(learned(self.machine, every)), self.outcome.heldout)
+            tried = judged(self.outcome, smooth(learned(self.machine, every)), self.outcome.heldout)
             if as_good(tried, after):
                 return formula, tried.missed
         return None
@@ -333,21 +355,13 @@ class _Publishing:
         every = by.shares()
         return merged((tuple(by.candidate(pick).name for pick in one.picks), share) for share, one in every)
 
-    def _proof(self, before: Judged | None, after: Judged | None) -> Proof | None:
-        if before is None or after is None:
+    def _proof(self, before: Judged, after: Judged) -> Proof | None:
+        if not self.outcome.heldout:
             return None
         gain = float(np.sum(after.logs) - np.sum(before.logs)) / after.samples
-        return Proof(self.outcome.heldout, gain, before.missed, after.missed)
-
-    def _shown(self, before: Judged | None, after: Judged | None) -> tuple[Before, ...]:
-        if before is None or after is None:
-            return ()
-        runs = self.outcome.view.runs
-        every = [
-            Before(one.run, runs[one.run].time_s, one.missed_nm, other.missed_nm)
-            for one, other in zip(before.runs, after.runs, strict=True)
-        ]
-        return tuple(sorted(every, key=lambda one: -float(np.mean(one.before_nm**2))))
+        return Proof(
+            self.outcome.heldout, gain, before.missed, after.missed, before.missed_nm, after.missed_nm
+        )
 
     def _notes(self, causes: Sequence[_Cause]) -> list[str]:
         notes = []

@@ -116,7 +116,7 @@ def refined(data: Data, atom: Atom, members: Numbers, deviations: Array, scale: 
     if height <= first + (_SETTLED if atom.refined is not None else 0.0):
         return None
     shape = _decoded(candidate, start + centre * np.array(candidate.spacing))
-    share, widths = -float(np.log(len(candidate.shapes))), np.zeros(start.size)
+    share, widths = candidate.shape_log, np.zeros(start.size)
     for axis in range(start.size):
         width = _width(partial(_on_line, box.gain, centre, np.eye(start.size)[axis]), height)
         share += min(0.0, float(np.log(np.sqrt(2 * np.pi) * width)))

@@ -169,7 +169,7 @@ class Search:
 
     @staticmethod
     def _shape_log(atom: Atom, candidate: Candidate) -> float:
-        return -float(np.log(len(candidate.shapes))) if atom.refined is None else atom.refined
+        return candidate.shape_log if atom.refined is None else atom.refined
 
     def additions(self, picks: Set) -> list[tuple[float, Pick]]:
         """The best atom of every candidate that is not in the set, by what it would add, the best first."""

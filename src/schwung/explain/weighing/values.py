@@ -44,6 +44,8 @@ class Proof:
     gain: float  # of the log predictive likelihood over the belief's, per effective sample
     before: float  # root mean square of the innovations over the noise's: of the belief, of what is published
     after: float
+    before_nm: float | None = None  # torque that is missed, smoothed, root mean square; None: not worked out
+    after_nm: float | None = None
 
     @property
     def taken(self) -> float:

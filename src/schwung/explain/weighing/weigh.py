@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
+from numpy.typing import NDArray
 
 from schwung.drivetrain.machine import Machine
 from schwung.explain.proof import split
@@ -17,6 +18,7 @@ from schwung.explain.weighing.elsewhere import holding
 from schwung.explain.weighing.growth import NOISE_SHARE, Grown, Growth, Progress, everything, slices
 from schwung.explain.weighing.known import known
 from schwung.explain.weighing.one_law import one_law
+from schwung.explain.weighing.phases import phased
 from schwung.explain.weighing.present import Member
 from schwung.explain.weighing.publication import NAMED
 from schwung.explain.weighing.repeated import repeated
@@ -28,7 +30,7 @@ from schwung.explain.weighing.vocabulary import vocabulary
 from schwung.explain.weighing.wide import wide_fit
 from schwung.innovations.evidence import weigh as weigh_columns
 from schwung.innovations.likelihood import first_noise
-from schwung.innovations.signals import signals_of
+from schwung.innovations.signals import Signals, signals_of
 from schwung.innovations.statistics import Statistics
 from schwung.motion import Array
 from schwung.session.imports import repeats
@@ -109,11 +111,12 @@ def posterior_of(
     train = tuple(run for run in range(len(session.runs)) if run not in heldout)
     exciting = [run.excitation.frequency_hz for run in session.runs if run.excitation]
     band = max([BAND_HZ, *(BEYOND_INJECTION * f for f in exciting)])
-    runs = [signals_of(run, machine, band, 0.0) for run in session.runs]
+    runs = [_signals(run, machine, band) for run in session.runs]
     of = ranges_of(runs, machine, STICKING, band)
     torques = tuple(TrueTorque(run, run.drive.whole_nm) for run in runs)
     belief = known(machine, of.low_rad, of.high_rad)
-    view = View(session.runs, tuple(runs), belief, of, torques, repeats=_repeats(session))
+    seen = View(session.runs, tuple(runs), belief, of, torques, repeats=_repeats(session))
+    view = phased(seen, first_noise(runs))
     candidates = vocabulary(of, view.known)
     tell("Finding the noise", NOISE_SHARE / 2)
     always = tuple(i for i, c in enumerate(candidates) if c.name.startswith("usual"))
@@ -124,6 +127,12 @@ def posterior_of(
     stands = standing(grown.search, grown.best, beside, one_law)
     sure = grown.search.tempered(stands.tempering)
     return Posterior(grown, stands, sure, tuple(heldout), view, growth)
+
+
+def _signals(run: Run, machine: Machine, band_hz: float) -> Signals:
+    """A run with all its samples; of a speed that was made of the angle, errors are not its own."""
+    of = signals_of(run, machine, band_hz, 0.0)
+    return replace(of, speed_measured="speed_origin" not in run.extra and bool(np.ptp(run.speed_rad_s)))
 
 
 def _repeats(session: Session) -> list[tuple[int, ...]]:
@@ -282,20 +291,28 @@ def _rms(search: Search, name: str) -> float:
 def _proof(outcome: Grown, best: Scored, heldout: Sequence[int]) -> Proof:
     """A set's and the bare belief's predictions of the motions kept aside, each linearised about itself."""
     data, (which, deviations) = outcome.data, outcome.search.columns(best.picks)
-    log, after = _predicted(data.at(which), data.aside(which, heldout), deviations)
+    own = data.of_each_run(which)
+    log, after = _predicted(data.at(which), data.aside(which, heldout), deviations, own)
     bare, members = outcome.nothing.about, outcome.nothing.members
     seen, aside = (
         _statistics(about, members, runs).tempered(data.excess)
         for about, runs in ((bare, data.train), (bare.beside(heldout), heldout))
     )
-    belief, before = _predicted(seen, aside, np.concatenate([m.deviations for m in members]))
+    plain = np.concatenate([m.deviations for m in members])
+    belief, before = _predicted(seen, aside, plain, np.zeros(plain.size, dtype=bool))
     return Proof(tuple(heldout), (log - belief) / aside.count, before, after)
 
 
-def _predicted(seen: Statistics, aside: Statistics, deviations: Array) -> tuple[float, float]:
-    """Log predictive likelihood of runs aside, and what is missed there over the noise (root mean square)."""
+def _predicted(
+    seen: Statistics, aside: Statistics, deviations: Array, own: NDArray[np.bool_]
+) -> tuple[float, float]:
+    """Log predictive likelihood of runs aside, and what is missed there over the noise (root mean square).
+
+    `own`: coefficients that are one run's own, as the phase of what no motion sets off: those it has to tell itself.
+    """
     fitted, both = weigh_columns(seen, deviations), weigh_columns(seen + aside, deviations)
-    missed = float(np.sqrt(max(aside.missed(fitted.coefficients), 0.0) / aside.count))
+    told = np.where(own, both.coefficients, fitted.coefficients)
+    missed = float(np.sqrt(max(aside.missed(told), 0.0) / aside.count))
     return both.log_evidence - fitted.log_evidence, missed
 
 
@@ -303,4 +320,4 @@ def _statistics(about: Linearised, members: Sequence[Member], runs: Sequence[int
     """Of the members' columns on some runs."""
     target = target_of(about, members, runs)
     rows = about.whitened([(m.candidate.about(m.coefficients), m.shape) for m in members], runs)
-    return Statistics.of(rows.T, target)
+    return Statistics.of(rows.T, target, about.measured(runs))

@@ -123,14 +123,12 @@ class Cyclic:
         lag = self._watched.lag_cycles if self._watched is not None else None
         watch = following.Following(layout, position, demand_counts, rate_hz, tolerated, patience_s, lag)
         self._watched, answers = watch, exchange.answer_counts
-        usual = exchange.sync_count - answers[number]  # what is always on its way is part of the lag
 
         def look(frame: bytes | bytearray) -> None:
             recorder = exchange.recorder
             if recorder is None or not recorder.setpoints:
                 return
-            unanswered = exchange.sync_count - answers[number] - usual + 1
-            if watch.away(recorder.setpoints[-1], frame, unanswered):
+            if watch.away(recorder.setpoints[-1], frame, exchange.sync_count - answers[number]):
                 exchange.report(following.trouble(exchange.node_id))
 
         return {number: look}

@@ -4,20 +4,21 @@ from __future__ import annotations
 
 import contextlib
 import math
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Sequence
 from typing import Any
 
 import can
 
-from schwung.errors import DriveError, EnergisedError, InputError, NodeLostError, SdoError, StateError
+from schwung.errors import DriveError, EnergisedError, InputError, NodeLostError, StateError
 from schwung.fieldbus import cia402, eds
-from schwung.fieldbus.canopen import capabilities, guard, pdo, playback, setup
+from schwung.fieldbus.canopen import capabilities, guard, pdo, setup
 from schwung.fieldbus.canopen.bus import ASSUMED_BIT_RATE, BusOptions, bus_load
 from schwung.fieldbus.canopen.emcy import describe_code
 from schwung.fieldbus.canopen.foreign import ForeignMasters
 from schwung.fieldbus.canopen.link import Link
-from schwung.fieldbus.canopen.nmt import BEATS_PER_LIMIT, HeartbeatProducer, NodeMonitor, OtherMasters
+from schwung.fieldbus.canopen.nmt import NodeMonitor, OtherMasters
 from schwung.fieldbus.canopen.operation import Operation
+from schwung.fieldbus.canopen.parameters import Parameters
 from schwung.fieldbus.canopen.scan import read_identity
 from schwung.fieldbus.canopen.sdo import SdoChannel
 from schwung.fieldbus.canopen.traffic import Traffic
@@ -41,9 +42,6 @@ from schwung.fieldbus.drive import (
 from schwung.fieldbus.profile import CanopenProfile
 from schwung.fieldbus.units import Scales, read_scales
 
-_SAVE = 0x65766173  # "save", little-endian, for 1010
-_STORE_TIMEOUT_S = 10.0
-
 
 class CanopenDrive:
     """One drive on a bus that somebody else opened, and closes.
@@ -51,8 +49,6 @@ class CanopenDrive:
     The constructor only reads. It raises InputError when nobody answers at the node id, or when profile and 1018
     disagree. `sync` chooses the producer of SYNC: "auto" takes lockstep where the drive's time is SYNC, the kernel
     on SocketCAN, and a thread elsewhere.
-
-    Our heartbeat runs from the write that makes the drive listen for it (1016) until that is written back.
     """
 
     def __init__(
@@ -72,9 +68,8 @@ class CanopenDrive:
         self._bit_rate, self._bus_options = bit_rate, bus_options
         self._scales: Scales | None = None
         self._eds = eds.read_eds(profile.eds_path, node_id)
+        self._lookup = self._eds.find
         self._layouts = pdo.layouts(profile, self._lookup, node_id)
-        self._heartbeat: HeartbeatProducer | None = None
-        self._played: list[Parameter] = []  # what playing changes, and puts back by itself
         self._link = Link(bus, bit_rate or ASSUMED_BIT_RATE)
         self.clock = self._link.clock
         try:
@@ -86,6 +81,11 @@ class CanopenDrive:
                 self._link, self._sdo, self._monitor, profile, self._layouts, sync, self._lookup, lambda: self.scales,
                 counter=setup.has_counter(profile, self._lookup),
             )  # fmt: skip
+            self._parameters = Parameters(
+                self._link, self._sdo, self._monitor, self._masters, self._operation, profile, self._eds, self._layouts,
+                lambda: self.scales,
+            )  # fmt: skip
+            self._integer = self._parameters.integer
             self._foreign = ForeignMasters(self._link, node_id, lambda: self._operation.running)
         except BaseException:
             self._link.close()
@@ -123,7 +123,9 @@ class CanopenDrive:
     def limits(self) -> DriveLimits:
         """607D, 6080 (rpm), 6072, 6076, 6065 and 6066; a disabled limit is None. And what changes their meaning."""
         scales = self.scales
-        meaning = guard.meaning(scales, self._lookup, self._read_integer, self._quick_stop_option)
+        meaning = guard.meaning(
+            scales, self._lookup, self._parameters.read_integer, self._parameters.quick_stop_option
+        )
         offset = round(meaning["home_offset_rad"] / scales.position_rad)
         ends = guard.window_rad(self._integer(0x607D, 1), self._integer(0x607D, 2), scales, offset)
         peak = self._integer(0x6072, 0)
@@ -138,14 +140,6 @@ class CanopenDrive:
             following_error_rad=None if window is None else abs(window * scales.position_rad),
             following_error_time_s=None if patience is None else patience / 1000,
             **meaning,
-        )
-
-    @property
-    def _quick_stop_option(self) -> int | None:
-        """What the profile puts into 605A."""
-        setting = self.profile.stop.quick_stop_option
-        return (
-            setting.value if setting is not None and setting.object.index == guard.QUICK_STOP_OPTION else None
         )
 
     @property
@@ -202,73 +196,35 @@ class CanopenDrive:
         return self._eds.parameter(index, subindex)
 
     def read(self, parameter: Parameter) -> ParameterValue:
-        """Read one parameter. Raises SdoError. A PDO mapping entry that the drive does not show counts as 0."""
-        try:
-            return self._sdo.read(parameter)
-        except SdoError:
-            mapping = pdo.is_pdo_object(parameter) and parameter.index & 0x200 and parameter.subindex > 0
-            if mapping and parameter.subindex > (self._integer(parameter.index, 0) or 0):
-                return ParameterValue(parameter, 0)
-            raise
+        """See Parameters.read."""
+        return self._parameters.read(parameter)
 
     def write(self, values: Sequence[ParameterValue]) -> None:
-        """Write parameters in the order that the standard demands, in pre-operational where that is needed.
-
-        Any subset will do, also what a backup holds. Raises SdoError at the first that the drive refuses, StateError
-        where PDO objects shall change while the drive is energised or exchanging PDOs.
-        """
-        with contextlib.ExitStack() as stack:
-            if setup.needs_pre_operational(values):
-                self._require_quiet()
-                stack.enter_context(self._operation.pre_operational())
-            setup.write_ordered(values, self._lookup, self._read_needed, self._write_one)
+        """See Parameters.write."""
+        self._parameters.write(values)
 
     def setup(self, acquisition: Acquisition) -> list[ParameterValue]:
-        """What must be written for it and differs from what the drive holds. Raises InputError, SdoError."""
-        wanted = setup.wanted_values(
-            self.profile, self._layouts, acquisition, self._lookup, self._read_integer
-        )
-        strokes = playback.dynamics(acquisition.moves, self.scales, self._lookup)
-        wanted += [value for value in strokes if self._read_integer(value.parameter) != value.raw]
-        if acquisition.guard is not None:
-            option = self._quick_stop_option
-            held = self._integer(guard.QUICK_STOP_OPTION, 0) if option is None else option
-            limits = guard.tightened(acquisition.guard, self.scales, self._lookup, self._read_integer, held)
-            shaped = {value.parameter.index for value in strokes}  # 6084 is the stroke's in PP
-            wanted += self._taken(value for value in limits if value.parameter.index not in shaped)
-        own = self._operation.own_means
-        self._played = own.parameters(acquisition)
-        return wanted + [v for v in own.settings(acquisition) if self.read(v.parameter).raw != v.raw]
+        """See Parameters.setup."""
+        return self._parameters.setup(acquisition)
 
     def passed_through(self, values: Sequence[ParameterValue]) -> list[Parameter]:
-        """Parameters, beyond these, that writing them changes on the way, and after `setup` what playing changes; see
-        Drive.passed_through."""
-        given = [value.parameter for value in values]
-        found = setup.passed_through(values, self._lookup)
-        return found + [p for p in self._played if p not in given and p not in found]
+        """See Parameters.passed_through."""
+        return self._parameters.passed_through(values)
 
     def store(self) -> None:
-        """Save all parameters in the drive (1010:01). Raises SdoError where it refuses, NodeLostError where it restarts
-        meanwhile: what is confirmed then, after the transfer was repeated, are not the parameters that were meant."""
-        boot_ups = self._monitor.boot_ups
-        self._sdo.write(
-            ParameterValue(Parameter(0x1010, 1, "UNSIGNED32", "Save all"), _SAVE), _STORE_TIMEOUT_S
-        )
-        if self._monitor.boot_ups != boot_ups:
-            raise NodeLostError(
-                f"node {self.node_id}",
-                "restarted while it stored its parameters (1010): nobody knows which it holds",
-                "Check its supply, compare them with what they shall be, and store again.",
-            )
+        """See Parameters.store."""
+        self._parameters.store()
 
     # ── moving ───────────────────────────────────────────────────────────────────────────────────────────────────
 
     def start(self, acquisition: Acquisition) -> None:
         """Heartbeats on, node operational, PDO exchange running with the power stage off.
 
-        Raises StateError when the drive is not set up for the acquisition, or does not answer SYNC. EnergisedError
-        where somebody else has switched it on: it no longer watches us then, so that our leaving does not stop it.
+        Raises StateError when the drive is not set up for the acquisition, or does not answer SYNC, NodeLostError where
+        it restarts meanwhile: it may not watch us any more. EnergisedError where somebody else has switched it on: it
+        no longer watches us then, so that our leaving does not stop it.
         """
+        boot_ups = self._monitor.boot_ups
         missing = self.setup(acquisition)
         if missing:
             names = ", ".join(v.parameter.label for v in missing[:3])
@@ -277,13 +233,20 @@ class CanopenDrive:
                 f"is not set up: {names}{' …' if len(missing) > 3 else ''}",
                 "Write `setup` first.",
             )
-        self._beat(acquisition.heartbeat_s)
+        self._parameters.beat(acquisition.heartbeat_s)
         try:
             self._operation.start(acquisition, self.scales, self.limits())
         except EnergisedError:
             with contextlib.suppress(DriveError):
-                self._watch_us_no_more()
+                self._parameters.watch_us_no_more()
             raise
+        if self._monitor.boot_ups != boot_ups:
+            self._operation.stop()
+            raise NodeLostError(
+                f"node {self.node_id}",
+                "restarted while it was started: what it was set up for may be lost",
+                "Check its supply, and begin anew.",
+            )
 
     def enable(self) -> None:
         """Operation enabled, holding the position. Raises StateError naming what is missing, DriveFaultError."""
@@ -326,9 +289,7 @@ class CanopenDrive:
     def close(self) -> None:
         """End all of ours; the bus stays open. Never hangs. A drive that still runs is stopped and switched off."""
         self._operation.close()
-        if self._heartbeat is not None:
-            self._heartbeat.close()
-            self._heartbeat = None
+        self._parameters.close()
         self._monitor.close()
         self._masters.close()
         self._foreign.close()
@@ -343,74 +304,10 @@ class CanopenDrive:
 
     # ── within ───────────────────────────────────────────────────────────────────────────────────────────────────
 
-    def _taken(self, values: Iterable[ParameterValue]) -> Iterator[ParameterValue]:
-        """Limits as far as the drive takes them: left out is what it only shows, cut what it has no range for."""
-        for value in values:
-            variable = self._eds.variable(value.parameter.index, value.parameter.subindex)
-            if variable is None or not variable.writable or not isinstance(value.raw, int):
-                continue
-            raw = value.raw if variable.high is None else min(value.raw, variable.high)
-            raw = raw if variable.low is None else max(raw, variable.low)
-            if raw == value.raw or raw != self._read_integer(value.parameter):
-                yield ParameterValue(value.parameter, raw)
-
-    def _lookup(self, index: int, subindex: int) -> Parameter | None:
-        return self._eds.find(index, subindex)
-
-    def _read_integer(self, parameter: Parameter) -> int | None:
-        return self._sdo.read_integer(parameter.index, parameter.subindex, parameter.type)
-
-    def _integer(self, index: int, subindex: int) -> int | None:
-        parameter = self._lookup(index, subindex)
-        return None if parameter is None else self._read_integer(parameter)
-
-    def _read_needed(self, parameter: Parameter) -> int:
-        raw = self.read(parameter).raw
-        if not isinstance(raw, int):
-            raise InputError(parameter.label, "is no integer", "Use the EDS of this drive.")
-        return raw
-
     def _position_rad(self) -> float:
         ref = self.profile.quantities.position.object
         counts = self._integer(ref.index, ref.subindex)
         return math.nan if counts is None else counts * self.scales.position_rad
-
-    def _write_one(self, value: ParameterValue) -> None:
-        """Write, with our heartbeat running exactly while the drive listens for it."""
-        heard = (
-            value.parameter.index == 0x1016 and isinstance(value.raw, int) and value.parameter.subindex > 0
-        )
-        listens = heard and setup.listens_to_us(int(value.raw))
-        if listens:
-            self._beat(int(value.raw) % 0x10000 / 1000 / BEATS_PER_LIMIT)
-        if value.parameter.index == 0x1017 and not value.raw:
-            self._monitor.expect(None)
-        self._sdo.write(value)
-        if heard and not listens and self._heartbeat is not None:
-            self._heartbeat.close()
-            self._heartbeat = None
-
-    def _beat(self, period_s: float) -> None:
-        if self._heartbeat is not None and math.isclose(self._heartbeat.period_s, period_s):
-            return
-        if self._heartbeat is not None:
-            self._heartbeat.close()
-        self._heartbeat = HeartbeatProducer(self._link, self._monitor, self._masters, period_s)
-
-    def _watch_us_no_more(self) -> None:
-        slot = setup.consumer_slot(self._lookup, self._read_integer)
-        watching = None if slot is None else self._lookup(0x1016, slot)
-        if watching is not None and setup.listens_to_us(self._read_integer(watching) or 0):
-            self._write_one(ParameterValue(watching, 0))
-
-    def _require_quiet(self) -> None:
-        place = f"node {self.node_id}"
-        if self._operation.running:
-            raise StateError(place, "exchanges PDOs, which cannot be changed meanwhile", "Stop it first.")
-        status = self._integer(0x6041, 0)
-        state = cia402.decode(status)
-        if state in cia402.ENERGISED or state is cia402.State.UNKNOWN:
-            raise StateError(place, f'is in "{state.value}"', "Disable it before changing PDOs.")
 
     def _check_identity(self) -> DriveIdentity:
         place = f"node {self.node_id}"

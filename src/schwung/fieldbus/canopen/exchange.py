@@ -158,9 +158,13 @@ class Exchange:
 
     def _tpdo_callback(self, number: int) -> FrameCallback:
         latest, watched, offset = self.latest, number == self._status_tpdo, self._status_offset
+        size = self.layouts.tpdos[number].size
 
         def on_tpdo(message: can.Message) -> None:
             data = message.data
+            if len(data) < size:
+                self._too_short(message, size)
+                return
             latest[number] = data
             self.answer_counts[number] += 1
             recorder = self.recorder
@@ -177,6 +181,13 @@ class Exchange:
                 self.after_tpdo(number)
 
         return on_tpdo
+
+    def _too_short(self, message: can.Message, size: int) -> None:
+        """What a frame lacks is unknown. It is no answer: without a statusword a drive would seem to be off."""
+        self.report(StateError(
+            f"node {self.node_id}",
+            f"TPDO 0x{message.arbitration_id:03X} came with {len(message.data)} bytes, not with the {size} mapped",
+            "Was it mapped anew, did the drive restart, or does another node send as it?"))  # fmt: skip
 
     def _left_operation(self, statusword: int) -> None:
         self.guarded = False

@@ -8,6 +8,7 @@ against what was sent.
 from __future__ import annotations
 
 import math
+from collections import deque
 
 import numpy as np
 from numpy.typing import NDArray
@@ -36,52 +37,68 @@ class Following:
         lag_cycles: int | None = None,
     ) -> None:
         self._demand: list[int] = demand_counts.tolist()
-        self._steps: list[int] = np.diff(demand_counts, prepend=demand_counts[:1]).tolist()
         self._latest = max(math.ceil(SILENT_S * rate_hz), SILENT_CYCLES) + JITTER_CYCLES
         self._known_lag = lag_cycles
         self._tolerated = math.ceil(tolerated)
         self._place = layout.place(position)
         self._turn = 1 << 8 * (self._place.stop - self._place.start)  # counts may run over
         self._patience, self._off = math.ceil(patience_s * rate_hz) + 1, 0
-        self._behind = self._moved = 0  # sums: how far it was behind, by steps; and steps squared
+        self._open = deque[int](maxlen=self._latest)
+        self._seen: list[tuple[int, int, int]] = []  # last setpoint sent, SYNCs open then, position
 
     @property
     def lag_cycles(self) -> int | None:
         """By how many cycles the axis has been behind, on the way and by its loop; the most of all playbacks so far.
 
-        By least squares over all that moved: an oscillation about the way has no part in it. None while nothing moved.
+        The delay that leaves least of the way unexplained; an offset, or an oscillation about the way, has no part in
+        it. What is sent by less than a count within the time by which setpoints jitter tells nothing, nor does an axis
+        that does not go along: None while nothing else has been played.
         """
-        if self._moved == 0:
+        if len(self._seen) < 2:
             return self._known_lag
-        return max(math.ceil(self._behind / self._moved), self._known_lag or 0, 0)
+        last, still_open, position = np.array(self._seen, dtype=np.int64).T
+        # What stays open for longer than an answer may be late is lost, or always on its way.
+        ahead = np.append(still_open, np.full(self._latest - 1, still_open[-1]))
+        usual = np.lib.stride_tricks.sliding_window_view(ahead, self._latest).min(axis=1)
+        answered = last - (still_open - usual)
+        demand = np.array(self._demand, dtype=np.int64)
 
-    def away(self, setpoint: int, frame: bytes | bytearray, unanswered: int = 1) -> bool:
+        def sent(cycles_ago: int) -> NDArray[np.int64]:
+            places: NDArray[np.int64] = demand[np.maximum(answered - cycles_ago, 0)]
+            return places
+
+        behind = sent(0) - position
+        if self._turn < 1 << 63:  # else it runs over as these integers do
+            half = self._turn >> 1
+            behind = (behind + half) % self._turn - half
+        unexplained = [float(np.var(behind - (sent(0) - sent(late)))) for late in range(self._latest + 1)]
+        lag = int(np.argmin(unexplained))
+        jitter = sent(lag) - sent(lag + JITTER_CYCLES)
+        if np.mean(jitter**2) < 1 or unexplained[lag] >= np.var(sent(lag)):
+            return self._known_lag
+        return max(lag, self._known_lag or 0)
+
+    def away(self, setpoint: int, frame: bytes | bytearray, still_open: int = 0) -> bool:
         """Take an answer that came while a setpoint was the last sent; whether the axis has been away for too long.
 
-        `unanswered`: so many SYNCs had no answer yet, the one that this frame answers among them. Away is what is
-        further than tolerated from every place where it was sent within the time by which an answer and the axis may be
-        late: the answers that are missing, and what the axis has been behind before.
+        `still_open`: by how many SYNCs more than answers came, this one counted. Away is what is further than tolerated
+        from every place where it was sent within the time by which an answer and the axis may be late: the answers that
+        are missing, and what the axis has been behind before. An answer that has been missing for as long as it may be
+        late is lost, and waited for no longer.
         """
         if not 0 <= setpoint < len(self._demand) or len(frame) < self._place.stop:
             return False
         position = int.from_bytes(frame[self._place], "little", signed=True)
-        missing = max(unanswered, 1) - 1
+        self._open.append(still_open)
+        self._seen.append((setpoint, still_open, position))
         late = self._latest
         if self._known_lag is not None:
-            late = min(missing + self._known_lag + JITTER_CYCLES, late)
+            late = min(still_open - min(self._open) + self._known_lag + JITTER_CYCLES, late)
         sent = self._demand[max(setpoint - late, 0) : setpoint + 1]
         low, high = min(sent) - self._tolerated, max(sent) + self._tolerated
-        self._weigh(max(setpoint - missing, 0), position)
         off = (position - low) % self._turn > high - low
         self._off = self._off + 1 if off else 0
         return self._off > self._patience
-
-    def _weigh(self, answered: int, position: int) -> None:
-        step = self._steps[answered]
-        if step:
-            half = self._turn >> 1
-            self._behind += ((self._demand[answered] - position + half) % self._turn - half) * step
-            self._moved += step * step
 
 
 def trouble(node_id: int) -> StateError:

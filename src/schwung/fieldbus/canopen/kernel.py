@@ -72,6 +72,7 @@ class KernelProducer:
         self._over = self._clock.event()
         self._over.set()
         self._rpdo_s = math.inf  # date of the last echo
+        self._sync_s = -math.inf  # date of the last SYNC, where no RPDO has come since
         self._stamps: list[float] | None = None  # of SYNC, while it is measured
 
     @property
@@ -84,7 +85,7 @@ class KernelProducer:
         exchange = self._exchange
         exchange.expecting_echo = True
         with self._lock:
-            self._ring, self._rpdo_s = self._new_ring(frame), math.inf
+            self._ring, self._rpdo_s, self._sync_s = self._new_ring(frame), math.inf, -math.inf
             self._interval_us = round(self.period_s * 1e6 / 2)
             self._broadcast = self._open(str(getattr(exchange.link.bus, "channel", exchange.link.name)))
         exchange.link.subscribe(self._rpdo_id, self._on_rpdo)
@@ -228,13 +229,16 @@ class KernelProducer:
             if not ring.sent(data):
                 self._exchange.report_foreign(message)
                 return
-            self._rpdo_s = message.timestamp
+            self._rpdo_s, self._sync_s = message.timestamp, -math.inf
             if ring.met_guard:
                 self._write(ring.give_up(self._position()))
 
     def _on_sync(self, message: can.Message) -> None:
         with self._lock:
             exchange, ring = self._exchange, self._ring
+            if message.timestamp - self._sync_s < self.period_s / 2:  # of ours, two are twice as far apart
+                exchange.report_foreign(message)
+            self._sync_s = message.timestamp
             exchange.sync_count += 1
             if self._stamps is not None:
                 self._stamps.append(message.timestamp)

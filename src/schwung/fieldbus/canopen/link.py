@@ -126,7 +126,9 @@ class Link:
         self.traffic.receive(len(message.data))
         if message.is_error_frame:
             self._error_frame(message)
-        elif not message.is_remote_frame:
+        elif not (
+            message.is_remote_frame or message.is_extended_id
+        ):  # 29 bits: not CANopen's, whatever they say
             for callback in self._callbacks.get(message.arbitration_id, ()):
                 callback(message)
             for callback in self._watchers:

@@ -106,7 +106,7 @@ class Stopping:
             outcome = self._sdo.write_once(CONTROLWORD, cia402.QUICK_STOP, 0.2)
             answered = outcome is not Outcome.NOT_ANSWERED
             heard = heard or answered
-            if not outcome and cyclic is not None and self._monitor.nmt != "OPERATIONAL":
+            if cyclic is not None and self._is_to_be_started(outcome):
                 self._command_node(
                     nmt.START
                 )  # where the RPDO that says the same is heard, ahead of one from before
@@ -127,6 +127,17 @@ class Stopping:
             else:
                 with contextlib.suppress(Exception):
                     self._comes_to_rest(Slowing())
+
+    def _is_to_be_started(self, outcome: Outcome) -> bool:
+        """A node that takes no RPDO, where the quick stop was not taken by SDO: it has to hear the RPDO. But not where
+        it answers that its drive has left operation: it would take our frames as it is set up now, perhaps anew.
+        """
+        if outcome is Outcome.CONFIRMED or self._monitor.nmt == "OPERATIONAL":
+            return False
+        if outcome is Outcome.REFUSED:
+            with contextlib.suppress(DriveError):
+                return self._dialogue.state() in (State.OPERATION_ENABLED, State.UNKNOWN)
+        return True
 
     def _command_node(self, command: int) -> None:
         with contextlib.suppress(BusError):

@@ -132,11 +132,14 @@ def canopen(profile: DeviceProfile) -> CanopenProfile:
 
 
 def secure(task: Task) -> Mapping[str, Any]:
-    """See SecureRequest. What an interrupted run has left gets a note of how the drive was found."""
+    """See SecureRequest. What an interrupted run has left gets a note of how the drive was found.
+
+    A drive of which nobody can tell whether it is on is switched off as one that is.
+    """
     task.phase("Looking at the drive")
     drive = task.connect().drive
     found = drive.state().cia402
-    if found.lower() in ENERGISED:
+    if found.lower() in (*ENERGISED, "unknown"):
         task.phase("Stopping it, switching it off")
         drive.halt()
         drive.disable()

@@ -9,6 +9,7 @@ from schwung.explain.weighing.candidate import NATURAL, Candidate
 from schwung.explain.weighing.known import Known
 from schwung.explain.weighing.vocabulary.friction import friction
 from schwung.explain.weighing.vocabulary.load import load, table_error
+from schwung.explain.weighing.vocabulary.periodic import periodic
 from schwung.explain.weighing.vocabulary.presliding import presliding
 from schwung.explain.weighing.vocabulary.reporting import reporting, usual
 from schwung.explain.weighing.vocabulary.shaft import shaft
@@ -28,6 +29,7 @@ def vocabulary(of: Ranges, believed: Known) -> list[Candidate]:
         *friction(of, natural, machine.coupling is None, believed),
         presliding(of, natural, believed),
         *load(of, natural, machine),
+        periodic(of, natural),
         *reporting(of, NATURAL),
     ]
     if machine.coupling is not None:

@@ -2,7 +2,7 @@
 
 load torque a sin θ_l + b cos θ_l, or T(θ_l)        offset T        event T · bump(t)
     cogging a sin nθ + b cos nθ
-inertia −(δJ α + ½ δJ' ω²): δJ constant, ∝ J, J' · shift, or any curve; α, ω of the load
+inertia −(δJ α + ½ δJ' ω²): δJ constant, ∝ J, J(θ_l + shift) − J(θ_l), or any curve; α, ω of the load
 direction-dependent load T(θ_l) where it moves forward, another backward
 """
 
@@ -25,6 +25,8 @@ _HIGHEST = 60
 #: A believed inertia that varies by less than this share has no profile to shift or to scale.
 _VARIES = 0.02
 _DIFFERENCE_RAD = 1e-3
+#: Shifts from which the search for one begins: about none, a large one looks like another curve.
+_SHIFTS_RAD = (-0.5, -0.2, -0.08, -0.03, 0.03, 0.08, 0.2, 0.5)
 #: What is wrong with a measured curve is alike within this share of the visited angles.
 _TABLE_REACH = 0.1
 
@@ -99,7 +101,8 @@ def load(of: Ranges, torque_nm: float, machine: Machine) -> list[Candidate]:
     natural, ripples = (torque_nm, torque_nm), max(of.span_rad, 1e-9)
     share = torque_nm / of.peak_torque_nm
     inertia = machine.load_inertia_at(np.linspace(of.low_rad, of.high_rad, 65))
-    mass, varies = float(np.mean(inertia)), bool(np.ptp(inertia) > _VARIES * np.mean(inertia))
+    mass = float(np.mean(inertia)) + (machine.motor.inertia_kgm2 if machine.coupling is None else 0.0)
+    varies = bool(np.ptp(inertia) > _VARIES * np.mean(inertia))
     angle = Curve.over(of.low_rad, of.high_rad, 0.3)
     masses = BentCurve.over(of.low_rad, of.high_rad, 0.3)  # its slope is felt, too
     events = [
@@ -116,8 +119,16 @@ def load(of: Ranges, torque_nm: float, machine: Machine) -> list[Candidate]:
     def scaled(where: Array, _shape: Shape) -> Array:
         return column(machine.load_inertia_at(where))
 
-    def shifted(where: Array, _shape: Shape) -> Array:
-        return column(inertia_of(machine, where)[1])
+    def shifted(where: Array, coefficients: Array) -> Array:
+        return machine.load_inertia_at(where + coefficients[0]) - machine.load_inertia_at(where)
+
+    def towards(where: Array, shape: Shape) -> Array:
+        return column(shifted(where, np.array(shape)) / shape[0])
+
+    def shift_about(along: Along, shape: Shape, coefficients: Array) -> tuple[Effect, Effect]:
+        more = of_inertia(lambda where, _: column(inertia_of(machine, where + coefficients[0])[1]), step)
+        whole = of_inertia(lambda where, _: column(shifted(where, coefficients)), step)
+        return more(along, shape), whole(along, shape)
 
     def profile(where: Array, _shape: Shape) -> Array:
         return machine.load_inertia_at(where)[:, None] * masses.at(where)
@@ -167,7 +178,8 @@ def load(of: Ranges, torque_nm: float, machine: Machine) -> list[Candidate]:
                       positive=(0,), least=(-1.0,), coordinate="acceleration", inertia=scaled)
         )  # fmt: skip
         found.append(
-            Candidate("inertia_profile_shift", of_inertia(shifted, step), (share,),
-                      lambda c, _: {"shift_rad": c[0]}, coordinate="position", inertia=shifted)
+            Candidate("inertia_profile_shift", of_inertia(towards, step), (share,),
+                      lambda c, _: {"shift_rad": c[0]}, shapes=grid(_SHIFTS_RAD), coordinate="position",
+                      bent=shift_about, inertia=towards, inertia_whole=shifted)
         )  # fmt: skip
     return found

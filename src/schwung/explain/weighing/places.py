@@ -1,0 +1,166 @@
+"""Where a belief misses and where each cause acts: over which coordinate, between which values, in which direction."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from schwung.explain.location import Residual, interval_of, locate, unit_of
+from schwung.explain.values import Located, Overlay
+from schwung.explain.weighing.along import Along
+from schwung.explain.weighing.candidate import Candidate, Shape
+from schwung.explain.weighing.judged import Shown
+from schwung.explain.weighing.publication import Where
+from schwung.motion import Array
+from schwung.session.model import Axis
+
+#: Samples that locate a mismatch: so many per period of the band's end.
+_PER_PERIOD = 4
+#: A cause acts in one direction where its mean square in the other is a smaller share than this.
+_OTHER_WAY = 0.02
+#: Runs for pictures, at most.
+_OVERLAYS = 4
+
+
+@dataclass(frozen=True, eq=False)
+class Acts:
+    """A cause of the published file: who it is, and what it does."""
+
+    name: str  # of the physics, or the coordinate of a curve
+    candidate: Candidate
+    shape: Shape
+    coefficients: Array
+
+    def takes(self, along: Along) -> Array | None:
+        """What it takes of the torque that is missed in a run (N·m), (n,); None: it is of what is reported alone."""
+        motor, load, _, _ = self.candidate.done(along, self.shape, self.coefficients).of(np.ones(1))
+        if not (np.any(motor) or np.any(load)):
+            return None
+        both = -(motor + load + 0.0 * along.speed)
+        # between the shafts it is the same on both, and takes nothing of the whole
+        return both if np.any(both) else -(motor + 0.0 * along.speed)
+
+
+def where_of(cause: Acts, runs: Sequence[Shown], axis: Axis) -> Where | None:
+    """Where a cause acts, along these runs; None where it is of what is reported alone, or does nothing."""
+    parts = [cause.takes(run.along) for run in runs]
+    taken = [part for part in parts if part is not None]
+    if len(taken) < len(runs) or not taken:
+        return None
+    coordinate = cause.candidate.coordinate.partition(",")[0]
+    acts, missed = np.concatenate(taken), np.concatenate([_asked(run) for run in runs])
+    speed = np.concatenate([run.along.speed for run in runs])
+    energy = float(missed @ missed)
+    share = float(np.clip(acts @ missed / energy, 0.0, 1.0)) if energy > 0 else 0.0
+    interval: tuple[float, float] | None = None
+    if coordinate in _VALUES:
+        values = np.concatenate([_coordinate(run.along, coordinate) for run in runs])
+        low, high = interval_of(values, acts)
+        visited = float(np.ptp(values))
+        interval = (low, high) if high - low < _EVERYWHERE * visited else None
+    return Where(coordinate, interval, _unit(coordinate, axis), _way(acts, speed), share)
+
+
+def _asked(run: Shown) -> Array:
+    """What the motion asked for beyond what the machine needs (N·m), (n,): reported minus needed."""
+    return -run.missed_nm
+
+
+#: An interval that is a larger part of what was visited is all of it.
+_EVERYWHERE = 0.98
+_VALUES = ("position", "speed", "acceleration", "torque", "time_in_motion")
+
+
+def _unit(coordinate: str, axis: Axis) -> str:
+    return unit_of(coordinate, axis) if coordinate in _VALUES else ""  # type: ignore[arg-type]
+
+
+def _coordinate(along: Along, coordinate: str) -> Array:
+    choices: dict[str, Callable[[], Array]] = {
+        "position": lambda: along.load_angle,
+        "speed": lambda: along.speed,
+        "acceleration": lambda: along.load_acceleration,
+        "torque": lambda: along.torque,
+    }
+    return choices.get(coordinate, lambda: along.motion_time_s)()
+
+
+def _way(acts: Array, speed: Array) -> str:
+    """The only direction of motion in which it acts; empty: both, or only one was recorded."""
+    still = 0.02 * float(np.max(np.abs(speed), initial=0.0))
+    ahead, back = (acts[way] for way in (speed > still, speed < -still))
+    if not (ahead.size and back.size):
+        return ""
+    forward, backward = float(np.mean(ahead**2)), float(np.mean(back**2))
+    if backward < _OTHER_WAY * forward:
+        return "forward"
+    return "backward" if forward < _OTHER_WAY * backward else ""
+
+
+def located(runs: Sequence[Shown], noise_nm: float, band_hz: float, groups: Sequence[Sequence[int]], axis: Axis,
+            *, surely: bool = True) -> tuple[Located, ...]:  # fmt: skip
+    """The coordinates that what is missed in some runs follows; `groups`: runs of each motion."""
+    of = {number: group[0] for group in groups for number in group}
+    return locate(
+        [_residual(run, noise_nm, band_hz, of.get(run.run, run.run)) for run in runs], axis, surely=surely
+    )
+
+
+def _residual(run: Shown, noise_nm: float, band_hz: float, group: int) -> Residual:
+    along, step = run.along, run.along.run.step_s
+    every = max(1, int(1 / (_PER_PERIOD * band_hz * step)))
+    at = slice(None, None, every)
+    return Residual(
+        run=run.run,
+        rate_hz=1 / (step * every),
+        time_in_motion_s=along.motion_time_s[at],
+        position_rad=along.load_angle[at],
+        speed_rad_s=along.speed[at],
+        acceleration_rad_s2=along.acceleration[at],
+        torque_nm=along.torque[at],
+        residual_nm=along.run.quiet(_asked(run))[at],
+        considered=along.moves[at],
+        noise_nm=noise_nm,
+        repeat_of=group,
+    )
+
+
+def overlays(
+    before: Sequence[Shown], after: Sequence[Shown], causes: Sequence[Acts], heldout: Sequence[int]
+) -> tuple[Overlay, ...]:
+    """A few runs for pictures: those kept aside first, the worst first, and those in which a cause does the most."""
+    pairs = {one.run: (one, other) for one, other in zip(before, after, strict=True)}
+    aside = [run for run in pairs if run in heldout]
+    order = sorted(pairs, key=lambda run: (run not in aside, -float(np.mean(pairs[run][0].missed_nm ** 2))))
+    chosen = order[:1]
+    for cause in causes:
+        sizes = {run: _size(cause.takes(pairs[run][1].along)) for run in order}
+        chosen.append(max(order, key=lambda run: sizes[run]))
+    every = list(dict.fromkeys([*chosen, *order]))[:_OVERLAYS]
+    return tuple(_overlay(*pairs[run], causes, run in aside) for run in every)
+
+
+def _size(taken: Array | None) -> float:
+    return 0.0 if taken is None else float(np.mean(taken**2))
+
+
+def _overlay(before: Shown, after: Shown, causes: Sequence[Acts], heldout: bool) -> Overlay:
+    along, of = after.along, after.along.run
+    torque = np.asarray(of.quiet(of.drive.whole_nm))
+    terms = {cause.name: cause.takes(along) for cause in causes}
+    return Overlay(
+        run=after.run,
+        heldout=heldout,
+        time_s=of.time_s,
+        position_rad=along.angle,
+        speed_rad_s=along.speed,
+        acceleration_rad_s2=along.acceleration,
+        torque_nm=torque,
+        before_nm=torque - _asked(before),
+        after_nm=torque - _asked(after),
+        terms_nm={name: taken for name, taken in terms.items() if taken is not None},
+        considered=along.moves,
+        motion_time_s=along.motion_time_s,
+    )
