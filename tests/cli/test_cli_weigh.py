@@ -116,11 +116,11 @@ def test_what_goes_wrong_leaves_nothing_behind(
     assert not (places / "result").exists()
 
 
-def test_an_fmu_is_no_machine_file(places: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_an_fmu_needs_its_map(places: Path, capsys: pytest.CaptureFixture[str]) -> None:
     with pytest.raises(SystemExit) as ended:
         main(["explain", str(places / "session.h5"), "--belief", "x.fmu", "--weigh"])
     assert ended.value.code == 2
-    assert "needs a machine file" in capsys.readouterr().err
+    assert "without a map" in capsys.readouterr().err
 
 
 def test_a_belief_with_learned_physics_is_weighed_unless_told_otherwise(

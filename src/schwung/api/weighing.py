@@ -96,11 +96,11 @@ def weigh(
     Traceback (most recent call last):
     schwung.errors.InputError: machine "...": is in A, the session in N·m. Give the machine in N·m, without effort = ...
     """
-    return _shown(publish(session, with_recorded_gains(machine, session), progress=progress))
+    return weighed_shown(publish(session, with_recorded_gains(machine, session), progress=progress))
 
 
-def _shown(found: Published) -> Weighed:
-    """An answer from below, with its machine."""
+def weighed_shown(found: Published) -> Weighed:
+    """An answer from below, with its machine, as notebooks show it."""
     return as_shown(Weighed, found, machine=machine_shown(found.machine))
 
 

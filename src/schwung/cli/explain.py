@@ -99,9 +99,10 @@ def explain(
         weigh = WEIGHS or bool(
             believed is not None and believed.physics
         )  # which the former way does not act with
-    if weigh and believed is not None and machine is not None:
-        document = _weigh(terminal, recorded, believed, (session, machine), folder)
-        if next_plan is not None:
+    if weigh:
+        asked: Machine | tuple[Path, Path] = believed if believed is not None else _with_map(belief, mapped)
+        document = _weigh(terminal, recorded, asked, (session, machine or belief), folder)
+        if next_plan is not None and believed is not None:
             document["next"] = next_and_show(terminal, recorded, believed, next_plan)
         terminal.result(document)
         return
@@ -134,9 +135,6 @@ def _require_sense(machine: Path | None, belief: Path | None, weigh: bool | None
         raise InputError(
             "schwung explain", "needs one belief", "Give -m machine.toml, or --belief model.fmu."
         )
-    if weigh and belief is not None:
-        remedy = "Give -m machine.toml, or leave --weigh out."
-        raise InputError("--weigh", "needs a machine file, and an FMU is none", remedy)
     if plan is not None and machine is None:
         raise InputError(
             "--next", "simulates the motion, which an FMU's belief cannot", "Give -m machine.toml."
@@ -146,10 +144,15 @@ def _require_sense(machine: Path | None, belief: Path | None, weigh: bool | None
 
 
 def _weigh(
-    terminal: Terminal, recorded: Session, believed: Machine, places: tuple[Path, Path], folder: Path
+    terminal: Terminal,
+    recorded: Session,
+    belief: Machine | tuple[Path, Path],
+    places: tuple[Path, Path | None],
+    folder: Path,
 ) -> dict[str, Any]:
-    """The same by probabilities; `places`: of session and belief."""
+    """The same by probabilities; `belief`: a machine, or an FMU and its map; `places`: of session and belief."""
     from schwung.api.folders import make_folder
+    from schwung.api.simulators import weigh_against
     from schwung.api.weighing import weigh as weigh_session
     from schwung.api.weighing import write_probabilities
     from schwung.cli.console import progress_bar
@@ -158,7 +161,11 @@ def _weigh(
     from schwung.quantities import document_of
 
     with in_file(places[0]), progress_bar(terminal) as progress:
-        found = weigh_session(recorded, believed, progress=progress)
+        if isinstance(belief, tuple):
+            against = weigh_against(recorded, *belief, progress=progress)
+            found, believed = against.weighed, against.stand_in
+        else:
+            found, believed = weigh_session(recorded, belief, progress=progress), belief
     make_folder(folder)
     about = {"session": str(places[0]), "machine": str(places[1])}
     document = document_of(recorded.effort, found.to_json()) | about

@@ -39,6 +39,7 @@ from schwung.explain.weighing.publication import (
     over_words,
 )
 from schwung.explain.weighing.search import Pick, Scored, Search
+from schwung.explain.weighing.twin import as_missed_by
 from schwung.explain.weighing.values import Parameter, Proof, Weighed
 from schwung.explain.weighing.weigh import Posterior, at_bound, parameters_of, posterior_of
 from schwung.explain.weighing.written import read_back, sayable, smooth
@@ -59,17 +60,22 @@ _NEEDLESS = (
 )
 
 
-def publish(session: Session, machine: Machine, *, progress: Progress | None = None) -> Published:
+def publish(
+    session: Session, machine: Machine, *, twin: Session | None = None, progress: Progress | None = None
+) -> Published:
     """Weigh what a belief leaves out of a session, and make of it what is published.
 
-    `progress`: told what is being done, and the share that is done, 0…1. Raises InputError where the session cannot be
-    what it says (units, signs, wraps), or where the inertia is unknown.
+    `twin`: what a simulator did along the very runs, for which the machine stands in. `progress`: told what is being
+    done, and the share that is done, 0…1. Raises InputError where the session cannot be what it says (units, signs,
+    wraps), or where the inertia is unknown.
     """
     tell = progress or (lambda _text, _share: None)
     tell("Looking at the recordings", 0.0)
     require_alike(session, machine)
     doubts = examine(session, machine)
     doubts.require(session.source or "session")
+    if twin is not None:
+        session = as_missed_by(session, smooth(machine), twin)
     outcome = posterior_of(
         session,
         smooth(machine),

@@ -109,8 +109,7 @@ def posterior_of(
     """
     heldout = split(session).heldout if heldout is None else tuple(heldout)
     train = tuple(run for run in range(len(session.runs)) if run not in heldout)
-    exciting = [run.excitation.frequency_hz for run in session.runs if run.excitation]
-    band = max([BAND_HZ, *(BEYOND_INJECTION * f for f in exciting)])
+    band = band_of(session)
     runs = [_signals(run, machine, band) for run in session.runs]
     of = ranges_of(runs, machine, STICKING, band)
     torques = tuple(TrueTorque(run, run.drive.whole_nm) for run in runs)
@@ -127,6 +126,12 @@ def posterior_of(
     stands = standing(grown.search, grown.best, beside, one_law)
     sure = grown.search.tempered(stands.tempering)
     return Posterior(grown, stands, sure, tuple(heldout), view, growth)
+
+
+def band_of(session: Session) -> float:
+    """Up to which frequency (Hz) causes are looked for."""
+    exciting = [run.excitation.frequency_hz for run in session.runs if run.excitation]
+    return max([BAND_HZ, *(BEYOND_INJECTION * f for f in exciting)])
 
 
 def _signals(run: Run, machine: Machine, band_hz: float) -> Signals:
