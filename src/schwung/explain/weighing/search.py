@@ -311,11 +311,23 @@ class Search:
                     self._with(others, instead)
 
     def tempered(self, ratio: float) -> Search:
-        """The same sets as so many times fewer samples would tell them apart."""
+        """The same sets as so many times fewer samples would tell them apart, but for those that are then hopeless.
+
+        ∫ p^(1/r) π ≤ (∫ p π)^(1/r), for the root is concave: so a set's log evidence, over r, is the most that it has
+        then, whatever size of its curves is best there.
+        """
         other = Search(self.data.tempered(ratio), self.always)
         other.kept, other.resting = {kind: log / ratio for kind, log in self.kept.items()}, self.resting
-        for scored in self.table.values():
-            other.sized(other.score(scored.picks))
+        upper = [
+            ((one.log - self.prior(one.picks)) / ratio + other.prior(one.picks) + other.unkept(kind), one)
+            for kind, one in self.table.items()
+        ]
+        best = -np.inf
+        for most, one in sorted(upper, key=lambda pair: -pair[0]):
+            if most < best - _HOPELESS:
+                break
+            log = other.sized(other.score(one.picks)).log
+            best = max(best, log + other.unkept(self.kind(one.picks)))
         return other
 
     def unkept(self, kind: frozenset[int]) -> float:
