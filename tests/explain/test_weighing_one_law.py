@@ -52,6 +52,12 @@ def test_what_each_motion_has_of_its_own_is_none(amounts: list[float]) -> None:
     assert odds(amounts) < -3
 
 
+def test_a_law_is_right_to_a_per_cent_or_so() -> None:
+    """However surely each motion's own amount is known."""
+    assert odds([30.0, 30.3, 29.7] * 2) > 3
+    assert odds([30.0, 60.0, 15.0] * 2) < -3
+
+
 def test_of_one_motion_nothing_is_known() -> None:
     assert odds([1.0, 0, 0, 0, 0, 0], motions=1) == np.inf
 
