@@ -125,17 +125,18 @@ def _first(serving: Serving, drive_id: str, witness: Witness, tally: Tally) -> t
     )
 
 
-def _wait(ready: Callable[[], bool]) -> None:
+def _wait(ready: Callable[[], bool], every_s: float = 0.002) -> None:
     end = time.monotonic() + 60.0
     while not ready():
         if time.monotonic() > end:
             raise FailedError("the run did not come to its motion within 60 s")
-        time.sleep(0.002)
+        time.sleep(every_s)
 
 
 def _until_motion(serving: Serving, run_id: str, witness: Witness) -> None:
     """The motor has torque, or the run has ended without."""
-    _wait(lambda: witness.bench.axis.energised or serving.get(f"runs/{run_id}")["state"] in ENDED)
+    # asked more often, the service would do little else
+    _wait(lambda: witness.bench.axis.energised or serving.get(f"runs/{run_id}")["state"] in ENDED, 0.05)
 
 
 def _with_torque(witness: Witness) -> float:

@@ -168,7 +168,7 @@ class Serving:
         while (run := self.get(f"runs/{run_id}"))["state"] not in ENDED:
             if time.monotonic() > end:
                 raise FailedError(f"run {run_id} has not ended within {within_s:g} s: {run}")
-            time.sleep(0.02)
+            time.sleep(0.05)
         return dict(run)
 
     def done(self, request: Mapping[str, Any]) -> dict[str, Any]:

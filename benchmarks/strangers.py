@@ -45,12 +45,21 @@ class Stranger:
     curves: tuple[str, ...] = ()  # coordinates of an unnamed curve that are right
     spot: tuple[float, float, float] = (0.0, 0.0, 1.0)  # a tight spot: torque, centre, width; (1 − x²)² of it
     bends: tuple[float, float] = (0.0, 1.0)  # friction that is a spring before it slides: torque, distance
+    gap: float = 0.0  # play: a dead zone with round corners, whole
+    dips: tuple[float, float] = (0.0, 1.0)  # friction that falls as 1/(1 + (ω/ω_s)²): by how much, ω_s
+    teeth: tuple[float, float, float] = (
+        0.0,
+        1.0,
+        0.0,
+    )  # cogging: amplitude, order, how far its phase wanders (rad)
+    power: float = 0.0  # of friction that grows as |ω|^1.2
     hum: tuple[float, float] = (0.0, 1.0)  # a rectangular torque: amplitude, frequency (Hz); begins anywhere
 
     @property
     def laws(self) -> Array:
         """All numbers of its friction."""
-        return np.array([*self.friction, *self.spot, *self.bends])
+        each = (*self.friction, *self.spot, *self.bends, self.gap, *self.dips, *self.teeth, self.power)
+        return np.array(each)
 
 
 STRANGERS = (
@@ -63,23 +72,37 @@ STRANGERS = (
     Stranger("inertia 5 % off, dry friction", ("load_inertia", "coulomb_friction"), (0.8, 0.0, 0.0, 0.0),
              believed_scale=0.95),
     Stranger("friction that bends over 0.5 rad before it slides", ("presliding_friction",), bends=(1.2, 0.5)),
+    Stranger("play with round corners", ("backlash",), gap=2e-4),
+    Stranger("friction that falls as 1/(1 + (ω/ω_s)²)", ("stribeck_friction",), (0.8, 0.0, 0.0, 0.0), dips=(0.7, 2.0),
+             curves=("speed",)),
+    Stranger("cogging whose phase wanders", ("cogging",), teeth=(0.5, 12.0, 0.4), curves=("position",)),
+    Stranger("friction ∝ |ω|^1.2", ("viscous_friction",), power=0.02, curves=("speed",)),
+    Stranger("a rectangular hum", ("periodic_disturbance",), hum=(0.3, 71.3)),
 )  # fmt: skip
 
 
 @njit(cache=True)
 def _slopes(state: Array, torque: float, friction: Array, last: float) -> tuple[Array, float]:
     """Rates of motor angle and speed, load angle and speed, and of what is bent; and the shaft's torque."""
-    shaft = STIFFNESS * (state[0] - state[2]) + DAMPING * (state[1] - state[3])
+    twist, touch = state[0] - state[2], 1.0
+    if friction[9] > 0:
+        free = np.tanh(2 * twist / friction[9])
+        twist, touch = twist - friction[9] / 2 * free, free**2
+    shaft = STIFFNESS * twist + DAMPING * touch * (state[1] - state[3])
     way = state[1] / np.sqrt(state[1] ** 2 + 1e-4)
     level = friction[0] * (1 + friction[1] * np.cos(1.3 * state[0] + 0.4))
     level += friction[2] * np.sqrt(abs(state[1])) + friction[3] * abs(last)
     level += friction[4] * max(1 - (2 * (state[0] - friction[5]) / friction[6]) ** 2, 0.0) ** 2
+    level += friction[10] / (1 + (state[1] / friction[11]) ** 2) + friction[15] * abs(state[1]) ** 1.2
+    cogs = friction[12] * np.sin(friction[13] * state[0] + friction[14] * np.sin(0.6 * state[0]))
     rates = np.empty(5)
     rates[0], rates[2] = state[1], state[3]
     # R. Bouc 1967, Y. K. Wen 1976: the share of the friction that is there, with the exponent 1.4
     bent = abs(state[4]) ** 1.4 * (0.6 * np.sign(state[1] * state[4]) + 0.4)
     rates[4] = state[1] * (1 - bent) / friction[8]
-    rates[1] = (torque - shaft - ROTOR_VISCOUS * state[1] - level * way - friction[7] * state[4]) / ROTOR
+    rates[1] = (
+        torque - shaft - ROTOR_VISCOUS * state[1] - level * way - friction[7] * state[4] + cogs
+    ) / ROTOR
     rates[3] = (shaft - LOAD_VISCOUS * state[3]) / LOAD
     return rates, shaft
 

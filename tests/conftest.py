@@ -3,6 +3,9 @@
 Byte code is kept also where PYTHONDONTWRITEBYTECODE says otherwise, as in many containers: without it every worker
 compiles every test, and every process that a test starts compiles all that it imports, each time.
 
+Temporary folders are in memory, where there is enough for them and programs may lie there: everything that we write is
+flushed to the disk, 250 times in tests/service/test_service_story.py alone, and the tests would wait for it.
+
 The garbage collector rests while tests are collected, and never again looks at what was imported by then: a million
 objects of libraries that stay until the end, gone through dozens of times.
 
@@ -15,10 +18,27 @@ import os
 import signal
 import sys
 from collections.abc import Generator
+from typing import Any
 
 import pytest
 
+#: What tests leave in temporary folders, several times over (bytes).
+ENOUGH = 4 << 30
+
+
+def _has_room(folder: str) -> bool:
+    """Whether it is there, may be written to and run from, and has room."""
+    try:
+        found = os.statvfs(folder)
+    except (AttributeError, OSError):  # Windows; macOS
+        return False
+    runs = not found.f_flag & os.ST_NOEXEC
+    return runs and os.access(folder, os.W_OK) and found.f_bavail * found.f_frsize > ENOUGH
+
+
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+if _has_room("/dev/shm"):
+    os.environ.setdefault("PYTEST_DEBUG_TEMPROOT", "/dev/shm")
 os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
 sys.dont_write_bytecode = False
 if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
@@ -41,6 +61,21 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
                 item.add_marker(
                     pytest.mark.skip(reason="Windows has no such signals, terminals or file modes")
                 )
+
+
+@pytest.hookimpl(optionalhook=True)
+def pytest_xdist_make_scheduler(config: pytest.Config, log: Any) -> Any:
+    """The browser's files go to one worker: they share a bench, a service and a browser, slow to start."""
+    if config.getoption("dist") != "loadfile":
+        return None
+    from xdist.scheduler import LoadFileScheduling  # noqa: PLC0415  (only where there are workers)
+
+    class Files(LoadFileScheduling):
+        def _split_scope(self, nodeid: str) -> str:
+            folder = nodeid.partition("::")[0].rpartition("/")[0]
+            return folder if folder.endswith("/browser") else super()._split_scope(nodeid)
+
+    return Files(config, log)
 
 
 @pytest.hookimpl(wrapper=True)

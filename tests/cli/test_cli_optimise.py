@@ -38,7 +38,6 @@ def test_it_writes_what_can_be_taken_away_and_says_what_is_saved(
     ("arguments", "sentence"),
     [
         (("--distance", "180deg"), "--duration: is given beside --fastest, or neither is"),
-        (("--distance", "180deg", "--duration", "40ms"), "The shortest that does takes"),
         (("--distance", "270deg", "--duration", "1s"), "covers 0 … 3.142 rad"),
         (
             ("--distance", "180deg", "--duration", "0.2", "--objective", "energy"),

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 from scipy.stats import multivariate_normal, norm
+from sealed_sessions import fewer
 from strangers import Stranger, belief_of, session_of
 
 from schwung.explain.weighing.experiment import Rival, Rivals, _Set, _Weigher
@@ -67,7 +68,7 @@ def test_the_predictive_likelihood_is_that_of_the_normal_recording():
 
 def test_of_a_weighed_session():
     hidden = Stranger("dry friction", ("coulomb_friction",), (0.8, 0.0, 0.0, 0.0))
-    session = session_of(hidden, 5, every=8, times=(0.25,))
+    session = fewer(session_of(hidden, 5, every=8, times=(0.25,)), 1)
     posterior = posterior_of(session, belief_of(hidden), heldout=())
     rivals = Rivals.of(posterior)
     assert sum(one.probability for one in rivals.rivals) == pytest.approx(1.0)

@@ -1,6 +1,7 @@
 """Names that stand out from what is left to none, and names that do not."""
 
 from dataclasses import dataclass
+from math import inf
 
 import pytest
 
@@ -44,7 +45,7 @@ class Additive:
 def stands(*causes: Cause):
     search = Additive(*causes)
     every = tuple(Pick(number, 1.0) for number in range(len(causes)))
-    return standing(search, search.score(every), ())  # type: ignore[arg-type]
+    return standing(search, search.score(every), (), lambda *_: inf)  # type: ignore[arg-type]
 
 
 def test_a_name_that_leaves_nothing_is_nearly_sure():

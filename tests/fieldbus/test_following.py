@@ -147,6 +147,19 @@ def test_an_axis_that_stands_beside_its_setpoints_is_not_behind_them(offset: int
     assert _learnt(WAY, _late(WAY, 5) + offset) == 5
 
 
+@pytest.mark.parametrize("kind", ["<i2", "<i4", "<i8"])
+@pytest.mark.parametrize("direction", [-1, 1])
+def test_counts_of_any_width_in_either_direction(kind: str, direction: int) -> None:
+    """Two bytes run over on the way."""
+    layout = Layout(Pdo.model_construct(number=1), 0x181, (), np.dtype([(POSITION, kind)]))
+    watch = Following(layout, POSITION, direction * WAY, RATE_HZ, 2000.0, 0.0)
+    bits = 8 * np.dtype(kind).itemsize
+    for index, counts in enumerate(_late(direction * WAY, 7)):
+        wrapped = (int(counts) + 2 ** (bits - 1)) % 2**bits - 2 ** (bits - 1)
+        assert not watch.away(index, layout.pack({POSITION: wrapped}, 1))
+    assert watch.lag_cycles == 7
+
+
 def test_an_axis_that_is_stuck_tells_nothing_new() -> None:
     assert _learnt(_stroke(2.0, 2**20), np.zeros(780)) is None
     assert _learnt(_stroke(2.0, 2**20), np.zeros(780), 3) == 3

@@ -164,8 +164,12 @@ def test_too_short_a_time_names_the_limit_and_a_time_that_does() -> None:
         best_stroke(PAPER, task(0.05))
     shortest = float(str(told.value).split("takes ")[1].split(" ms")[0]) * 1e-3
     assert best_stroke(PAPER, task(1.001 * shortest)).duration_s > shortest
-    with pytest.raises(NoMotionError, match="speed"):
-        best_stroke(PAPER, task(0.1, limits={"speed_max_rad_s": 33.0}))
+    # one mass, at 100 rad/s² to 3.4 rad/s: 1/3.4 + 3.4/100 s
+    slow = task(0.3, distance_rad=1.0, limits={"speed_max_rad_s": 3.4})
+    with pytest.raises(NoMotionError, match=r"speed.*takes (\d+\.?\d*) ms") as told:
+        best_stroke(rigid(peak_torque_nm=10.0), slow)
+    shortest = float(str(told.value).split("takes ")[1].split(" ms")[0])
+    assert shortest == pytest.approx(328.1, rel=0.005)
 
 
 def test_what_may_not_be_built_upon_is_refused() -> None:

@@ -55,7 +55,7 @@ class ServiceDesk:
         end = time.monotonic() + within_s
         while (run := self.service.run(run_id)).state not in ENDED:
             assert time.monotonic() < end, run
-            time.sleep(0.005)
+            time.sleep(0.02)
         return run
 
     def phase(self, run_id: str) -> str:

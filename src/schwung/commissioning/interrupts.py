@@ -35,21 +35,35 @@ class OneInterrupt:
             raise KeyboardInterrupt
 
     def __enter__(self) -> Self:
-        if threading.current_thread() is threading.main_thread():
-            for number in _WATCHED:
-                before = signal.getsignal(number)
-                if before is not signal.SIG_IGN:
-                    self._before[number] = before
-                    signal.signal(number, self._on_signal)
+        try:
+            if threading.current_thread() is threading.main_thread():
+                for number in _WATCHED:
+                    before = signal.getsignal(number)
+                    if before is not signal.SIG_IGN:
+                        self._before[number] = before
+                        signal.signal(number, self._on_signal)
+        except BaseException:
+            self._put_back()
+            raise
         return self
 
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
-        for number, handler in self._before.items():
-            signal.signal(number, signal.SIG_DFL if handler is None else handler)
+        self.hold_off()
+        self._put_back()
         if kind is None:
             self.let_through()
+
+    def _put_back(self) -> None:
+        """All handlers, whichever of them interrupts meanwhile: one that stayed would be deaf for ever."""
+        try:
+            for number, handler in list(self._before.items()):
+                signal.signal(number, signal.SIG_DFL if handler is None else handler)
+                del self._before[number]
+        finally:
+            if self._before:
+                self._put_back()
 
     def _on_signal(self, number: int, frame: FrameType | None) -> None:
         self._pending = True

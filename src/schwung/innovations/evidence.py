@@ -17,7 +17,7 @@ from schwung.innovations.statistics import Numbers, Statistics
 from schwung.motion import Array
 
 #: Of sums of products, over the largest of them.
-_ROUNDING = 1e-13
+ROUNDING = 1e-13
 
 
 @dataclass(frozen=True, eq=False)
@@ -46,7 +46,7 @@ def weigh(data: Statistics, deviations: Array) -> Weighed:
     """All columns of `data`, with prior deviations (P,)."""
     inner = data.gram * deviations[:, None] * deviations
     # columns that are nearly one another's sum leave nothing of the 1 but rounding
-    inner[np.diag_indices_from(inner)] += 1.0 + _ROUNDING * float(np.max(np.diag(inner), initial=0.0))
+    inner[np.diag_indices_from(inner)] += 1.0 + ROUNDING * float(np.max(np.diag(inner), initial=0.0))
     factor, _ = cho_factor(inner, lower=True, check_finite=False)
     pull = deviations * data.slope
     found = cho_solve((factor, True), pull, check_finite=False)

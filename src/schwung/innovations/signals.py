@@ -134,9 +134,17 @@ class Signals:
     band_hz: float  # within which the motion and the injection lie
     count_rad: float = 0.0  # of the encoder; 0 where the angle is not counted
     loss_std_s2: float = 0.0  # how far it is unknown what a filter took off torque and speed
+    thinned: bool = False  # samples were left out, after a filter
     speed_measured: bool = (
         True  # if not, it was derived from the angle, whose errors it has, or there is none
     )
+
+    def as_sampled(self, values: Array, finer: int) -> Array:
+        """Values (n·finer,), so many in each step, as the filter before samples were left out passes them."""
+        if not self.thinned:
+            return values
+        taps = _taps(finer)
+        return np.convolve(np.pad(values, taps.size // 2, mode="edge"), taps, "valid")
 
     def about(self, states: Array) -> Signals:
         """With another belief of the states (n, s); what does not depend on them is not worked out again."""
@@ -206,6 +214,7 @@ def signals_of(recorded: Run, machine: Machine, band_hz: float, pieces_hz: float
         band_hz=band_hz,
         count_rad=count_of(recorded),
         loss_std_s2=float(run.extra.get(LOSS_STD, 0.0)),
+        thinned=run is not recorded,
     )
 
 
@@ -231,8 +240,7 @@ def thinned(run: Run, machine: Machine, band_hz: float, pieces_hz: float) -> Run
     half = _HALF * every
     if every < 2 or run.is_held or len(run) < _EDGE * every + 2 * half:
         return run
-    taps = np.sinc(np.arange(-half, half + 1) / every) * np.kaiser(2 * half + 1, _TAPS)
-    taps /= taps.sum()
+    taps = _taps(every)
 
     def thin(values: Array) -> Array:
         return np.convolve(values, taps, "valid")[::every]
@@ -247,6 +255,13 @@ def thinned(run: Run, machine: Machine, band_hz: float, pieces_hz: float) -> Run
         torque_added_nm=None,
         position_demand_rad=None,
     )
+
+
+def _taps(every: int) -> Array:
+    """Of the filter before all but every so manieth sample are left out."""
+    half = _HALF * every
+    taps = np.sinc(np.arange(-half, half + 1) / every) * np.kaiser(2 * half + 1, _TAPS)
+    return np.asarray(taps / taps.sum())
 
 
 def load_angle_range(runs: Sequence[Signals], machine: Machine) -> tuple[float, float]:

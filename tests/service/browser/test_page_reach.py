@@ -135,7 +135,14 @@ def test_configurations_and_profiles(page: Any, served: Served) -> None:
 @pytest.mark.timeout(240)
 def test_a_frequency_response_and_the_best_motion_are_confirmed_and_made(page: Any, served: Served) -> None:
     here = {"drive_id": served.drive_id}
-    still = {"kind": "propose_bode", "angles_rad": [0.2], "repeats": 1, "periods": 2, **here}
+    still = {
+        "kind": "propose_bode",
+        "angles_rad": [0.2],
+        "repeats": 1,
+        "periods": 2,
+        "sample_rate_hz": 500.0,
+        **here,
+    }
     _carry_out(page, served, still)
     page.locator(".sw-figure svg").first.wait_for()  # what was measured, and what was fitted
     machine = served.call("GET", "/api/machines")[-1]["id"]

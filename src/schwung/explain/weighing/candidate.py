@@ -67,6 +67,9 @@ class Candidate:
         None  # coordinate that its law may be off over, −1…1; None: by name
     )
     tangent: Callable[[Along, Array], Array] | None = None  # to stiffness and damping along a run, (n, 2)
+    over_steps: Callable[[Along, Array], Array] | None = (
+        None  # torque between the shafts that samples miss, on the motor at each step's start and end (N·m), (n − 1, 2)
+    )
     whole: Callable[[Along, Shape, Array], Effect] | None = None  # `done`, where there is a shorter way
     bent: Bent | None = None  # where it is not in proportion to its coefficients; `effect` is then about 0
     inertia: Callable[[Array, Shape], Array] | None = (
@@ -97,6 +100,19 @@ class Candidate:
     def of_machine(self) -> bool:
         """Whether it is a change of the machine's inertia or coupling."""
         return self.inertia is not None or self.coupling != (0.0, 0.0)
+
+    def moved(self, shape: Shape, spacings: Array) -> Shape:
+        """A shape so many spacings of the grid on (d,), within its bounds."""
+        every = (
+            zip(shape, spacings, self.spacing, self.logarithmic, self.bounds, strict=True)
+            if self.spacing
+            else ()
+        )
+        found = []
+        for value, by, spacing, factor, (low, high) in every:
+            further = value * float(np.exp(by * spacing)) if factor else value + float(by) * spacing
+            found.append(min(max(further, low), high))
+        return tuple(found) if self.spacing else shape
 
     def inertia_added(self, angle: Array, shape: Shape, coefficients: Array) -> Array:
         """What it adds to J_l at angles (n,) with these coefficients, (n,)."""

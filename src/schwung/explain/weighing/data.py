@@ -147,6 +147,22 @@ class Data:
         self.work.add(PRODUCT * added.size * added.shape[0])
         return cross / self.excess, added @ added.T / self.excess, added @ self.target / self.excess
 
+    def within(self, which: Numbers, where: slice, places: Sequence[int]) -> tuple[Array, Array, Array]:
+        """Of a cause's columns on some of the fitted runs alone: their cross products with a set's columns, their own,
+        and their slope; `places`: of the runs among all that are fitted.
+        """
+        size = where.stop - where.start
+        cross, gram, slope = np.zeros((which.size, size)), np.zeros((size, size)), np.zeros(size)
+        stretches, segments = self.about.stretches(self.train), _segments(which)
+        for place in places:
+            stretch = stretches[place]
+            mine = self.rows[where, stretch]
+            cross += np.concatenate([self.rows[segment, stretch] @ mine.T for segment in segments])
+            gram += mine @ mine.T
+            slope += mine @ self.target[stretch]
+            self.work.add(PRODUCT * mine.size * (which.size + size))
+        return cross / self.excess, gram / self.excess, slope / self.excess
+
     def aside(self, which: Numbers, runs: Sequence[int]) -> Statistics:
         """Of a set's columns on runs that are not fitted."""
         starts = {where.start: cause for where, cause in self.causes}

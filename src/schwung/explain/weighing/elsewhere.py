@@ -23,7 +23,7 @@ def holding(search: Search, best: Scored, named: Collection[str]) -> Scored:
 
     One run refutes nothing, and neither does a tie.
     """
-    if len(_motions(search.data)) < 2:
+    if len(_kept_apart(search.data)) < 2:
         return best
     while True:
         doubted = [pick for pick in best.picks if search.name(pick) not in named]
@@ -40,7 +40,7 @@ def missed_elsewhere(search: Search, scored: Scored) -> float:
     data = search.data
     rows, wheres = data.rows[scored.which], data.about.stretches(data.train)
     parts = []
-    for group in _motions(data):
+    for group in _kept_apart(data):
         where = np.concatenate([np.arange(wheres[i].start, wheres[i].stop) for i in group])
         parts.append(Statistics.of(rows[:, where].T, data.target[where]).tempered(data.excess))
     total = 0.0
@@ -50,10 +50,16 @@ def missed_elsewhere(search: Search, scored: Scored) -> float:
     return total
 
 
-def _motions(data: Data) -> list[list[int]]:
-    """Fitted runs of each motion, as places among all that are fitted; each run, where there is one motion only."""
+def _kept_apart(data: Data) -> list[list[int]]:
+    """What is left out at once: the runs of each motion; each run, where there is one motion only."""
+    groups = motions_of(data)
+    return groups if len(groups) > 1 else [[place] for place in range(len(data.train))]
+
+
+def motions_of(data: Data) -> list[list[int]]:
+    """Fitted runs of each motion, as places among all that are fitted."""
     alone, groups = count(), dict[object, list[int]]()
     for place, number in enumerate(data.train):
         motion = data.about.view.recorded[number].motion
         groups.setdefault(next(alone) if motion is None else motion.model_dump_json(), []).append(place)
-    return list(groups.values()) if len(groups) > 1 else [[place] for place in range(len(data.train))]
+    return list(groups.values())

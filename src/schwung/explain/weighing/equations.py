@@ -9,13 +9,12 @@ import numpy as np
 from schwung.drivetrain.machine import Machine
 from schwung.explain.weighing.along import Along
 from schwung.explain.weighing.vocabulary.load import inertia_of
+from schwung.explain.weighing.vocabulary.shaft import LEAST_SHARE
 from schwung.innovations.likelihood import Equations
 from schwung.innovations.steps import Steps, bulge, off_middle
 from schwung.innovations.values import Shaft
 from schwung.motion import Array
 
-#: A coupling that carries nothing within its play still has this share of its stiffness.
-LEAST_SHARE = 1e-3
 #: Where the shaft may stick, dry friction is anything within its own size: a variance of so many times its square.
 _OPEN = 100.0
 
@@ -30,6 +29,9 @@ class Acting:
     speed: Array | float = 0.0
     dry_nm: float = 0.0
     coupling: Array | float = 0.0  # stiffness and damping beyond the machine's, about the wind-up, (n, 2)
+    over_steps: Array | float = (
+        0.0  # between the shafts, on the motor at the start and end of each step, (n − 1, 2)
+    )
 
     def __add__(self, other: Acting) -> Acting:
         return Acting(
@@ -39,6 +41,7 @@ class Acting:
             self.speed + other.speed,
             max(self.dry_nm, other.dry_nm),
             self.coupling + other.coupling,
+            self.over_steps + other.over_steps,
         )
 
 
@@ -64,12 +67,13 @@ def equations_of(along: Along, acting: Acting) -> tuple[Equations, Steps]:
     push = np.broadcast_to(np.asarray(acting.on_motor, dtype=float), load.shape)
     motor = run.drive.undelayed
     early, late, between = off_middle(inertia, run)
+    first, last = np.broadcast_to(np.asarray(acting.over_steps, dtype=float), (load.size - 1, 2)).T
     torques = np.stack(
         [
-            motor.start_nm + push[:-1],
-            load[:-1] - early,
-            motor.end_nm + push[1:],
-            load[1:] - late,
+            motor.start_nm + push[:-1] + first,
+            load[:-1] - early - first,
+            motor.end_nm + push[1:] + last,
+            load[1:] - late - last,
             motor.bulge_nm,
             bulge(load) - between,
         ],
@@ -93,5 +97,5 @@ def equations_of(along: Along, acting: Acting) -> tuple[Equations, Steps]:
     measured = np.column_stack([run.position_rad - acting.position, run.speed_rad_s - acting.speed])
     sticking = np.exp(-((along.speed / (3 * along.ranges.sticking_rad_s)) ** 2))
     slack = _OPEN * acting.dry_nm**2 * sticking + run.drive.sharp_nm2
-    first = np.append(run.states[0], 0.0)
-    return Equations(transition, forcing, noise, slack, measured, first, torques), steps
+    begin = np.append(run.states[0], 0.0)
+    return Equations(transition, forcing, noise, slack, measured, begin, torques), steps

@@ -78,7 +78,7 @@ class Growth:
                 taken = self._further(search, start, at)
                 if taken is not None:
                     best, at = taken
-                    picks, fresh = _kept(search, best), False
+                    picks, fresh = _kept(search, best, at), False
                     continue
                 growing = not fresh and self._renewed(at)
                 if growing:
@@ -90,7 +90,7 @@ class Growth:
                 best = start
                 break
             best, at = taken
-            picks = _kept(search, best)
+            picks = _kept(search, best, at)
         else:
             search = self._search(at)
             best = search.score(_carried(search.data, picks))
@@ -219,8 +219,13 @@ def members_of(search: Search, best: Scored, candidates: Sequence[Candidate]) ->
     return result
 
 
-def _kept(search: Search, best: Scored) -> tuple[tuple[Atom, float], ...]:
-    return tuple((search.data.atoms[pick.atom], pick.scale) for pick in best.picks)
+def _kept(search: Search, best: Scored, at: Settled) -> tuple[tuple[Atom, float], ...]:
+    """A set's atoms, in the shapes that they have come to rest in."""
+    own = at.members[len(at.members) - len(best.picks) :]
+    return tuple(
+        (replace(search.data.atoms[pick.atom], shape=member.shape), pick.scale)
+        for pick, member in zip(best.picks, own, strict=True)
+    )
 
 
 def _carried(data: Data, picks: Sequence[tuple[Atom, float]]) -> tuple[Pick, ...]:

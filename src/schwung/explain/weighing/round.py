@@ -85,16 +85,26 @@ def acting(view: View, along: Along, members: Sequence[Member]) -> Acting:
         whole = whole + parts[0] + parts[1]
         if member.candidate.of_machine:
             continue
-        total += Acting(*parts)
-        if (
-            member.candidate.tangent is not None
-        ):  # then the filter knows how much more it winds up for more torque
-            coupling = member.candidate.tangent(along, member.coefficients)
-            wound = coupling[:, 0] * along.twist + coupling[:, 1] * along.twist_speed
-            total += Acting(on_motor=wound, on_load=-wound, coupling=coupling)
+        if member.candidate.over_steps is None:
+            total += Acting(*parts)
+        total += _coupled(along, member)
         if member.candidate.dry:
             dry = dry + parts[0]
     return replace(total, dry_nm=_dry(along, dry, whole) if view.dry_nm is None else view.dry_nm)
+
+
+def _coupled(along: Along, member: Member) -> Acting:
+    """What bends the coupling: the filter then knows how much more it winds up for more torque."""
+    if member.candidate.tangent is None:
+        return Acting()
+    bent = member.candidate.tangent(along, member.coefficients)
+    if member.candidate.over_steps is None:
+        wound = bent[:, 0] * along.twist + bent[:, 1] * along.twist_speed
+        return Acting(on_motor=wound, on_load=-wound, coupling=bent)
+    twist, each = along.run.states[:, 2], (bent[1:] + bent[:-1]) / 2
+    wound = np.stack([twist, along.run.states[:, 1] - along.run.states[:, 3]], 1)
+    taken = np.stack([np.sum(each * wound[:-1], axis=1), np.sum(each * wound[1:], axis=1)], 1)
+    return Acting(coupling=bent, over_steps=taken + member.candidate.over_steps(along, member.coefficients))
 
 
 def _dry(along: Along, dry: Array, whole: Array) -> float:

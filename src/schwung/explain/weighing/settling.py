@@ -1,4 +1,4 @@
-"""A set at rest: its coefficients where a linear model promises nothing more, and its evidence there."""
+"""A set at rest: its coefficients and shapes where a linear model promises nothing more, and its evidence there."""
 
 from __future__ import annotations
 
@@ -7,9 +7,21 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from schwung.explain.weighing.along import Along
+from schwung.explain.weighing.candidate import Candidate, Shape
 from schwung.explain.weighing.present import Member
-from schwung.explain.weighing.round import ALIKE, STEPS, Linearised, View, linearised, resmoothed
+from schwung.explain.weighing.round import (
+    ALIKE,
+    STEPS,
+    Cause,
+    Linearised,
+    View,
+    linearised,
+    resmoothed,
+    resmoothed_about,
+)
 from schwung.explain.weighing.work import PRODUCT
+from schwung.innovations.effect import Effect
 from schwung.innovations.evidence import weigh
 from schwung.innovations.likelihood import Noise
 from schwung.innovations.statistics import Statistics
@@ -38,12 +50,29 @@ class Settled:
 
 
 def settled(view: View, members: Sequence[Member], weighing: Weighing) -> Settled:
-    """Gauss and Newton over the coefficients of a few members, whose noise is known.
+    """Gauss and Newton over the coefficients and shapes of a few members, whose noise is known.
 
     A step that makes the runs less likely is halved: far from the truth, a linear model promises too much.
     """
-    view = resmoothed(view, members, weighing.noise, weighing.train)
-    return _at_rest(_stepped(view, members, weighing), weighing)
+    return _at_rest(_stepped(_smoothed(view, members, weighing), members, weighing), weighing)
+
+
+def _smoothed(view: View, members: Sequence[Member], weighing: Weighing) -> Linearised:
+    """The session about the states that the members make likely.
+
+    Where the coupling bends, whether it touches follows from the states that follow from whether it touches: so they
+    are smoothed for as long as that makes the runs likelier.
+    """
+    noise, train = weighing.noise, weighing.train
+    about = linearised(resmoothed(view, members, noise, train), members, noise, None, train)
+    for _ in range(STEPS if any(m.candidate.tangent is not None for m in members) else 0):
+        if not finite(about.view):
+            break
+        further = linearised(resmoothed_about(about), members, noise, None, train)
+        if not further.square(train) < about.square(train) - ALIKE * weighing.excess:
+            break
+        about = further
+    return about
 
 
 def settled_beyond(
@@ -55,7 +84,8 @@ def settled_beyond(
     """
     steps = [new - m.coefficients for new, m in zip(promised, members, strict=True)]
     cost = _cost(about, members, weighing)
-    return _at_rest(_Step(about, tuple(members), steps, np.inf, cost, -np.inf), weighing)
+    still = [np.zeros(len(m.candidate.spacing)) for m in members]
+    return _at_rest(_Step(about, tuple(members), steps, still, np.inf, cost, -np.inf), weighing)
 
 
 def _at_rest(at: _Step, weighing: Weighing) -> Settled:
@@ -67,12 +97,16 @@ def _at_rest(at: _Step, weighing: Weighing) -> Settled:
         share, better = 1.0, at
         for _ in range(HALVINGS):
             tried = [
-                replace(m, coefficients=within(m, m.coefficients + share * step))
-                for m, step in zip(at.members, at.steps, strict=True)
+                replace(
+                    m,
+                    coefficients=within(m, m.coefficients + share * step),
+                    shape=m.candidate.moved(m.shape, share * moved),
+                )
+                for m, step, moved in zip(at.members, at.steps, at.shifts, strict=True)
             ]
-            view = resmoothed(at.about.view, tried, weighing.noise, weighing.train)
-            if finite(view):
-                better = _stepped(view, tried, weighing)
+            about = _smoothed(at.about.view, tried, weighing)
+            if finite(about.view):
+                better = _stepped(about, tried, weighing)
                 if better.cost < at.cost + ALIKE * missed**2:
                     break
             share /= 2
@@ -96,6 +130,7 @@ class _Step:
     about: Linearised
     members: tuple[Member, ...]
     steps: list[Array]
+    shifts: list[Array]  # of their shapes, in spacings of the grid
     moved: float  # the largest step, over its deviation
     cost: float
     log: float
@@ -107,27 +142,55 @@ def _cost(about: Linearised, members: Sequence[Member], weighing: Weighing) -> f
     return about.square(weighing.train) / weighing.excess + prior
 
 
-def _stepped(view: View, members: Sequence[Member], weighing: Weighing) -> _Step:
-    about = linearised(view, members, weighing.noise, None, weighing.train)
+def _stepped(about: Linearised, members: Sequence[Member], weighing: Weighing) -> _Step:
     train, excess = weighing.train, weighing.excess
     present = np.concatenate([m.coefficients for m in members])
     deviations = np.concatenate([m.deviations for m in members])
-    rows = about.whitened([(m.candidate.about(m.coefficients), m.shape) for m in members], train)
-    target = about.innovations(train) + present @ rows
+    slopes = [slope for m in members for slope in _slopes(m)]
+    size = present.size
+    rows = about.whitened([*((m.candidate.about(m.coefficients), m.shape) for m in members), *slopes], train)
+    target = about.innovations(train) + present @ rows[:size]
+    still = [np.zeros(len(m.candidate.spacing)) for m in members]
     if not np.all(np.isfinite(target)):  # its numbers run away: worth nothing, and no step leads on from here
-        return _Step(about, tuple(members), [0.0 * m.coefficients for m in members], 0.0, np.inf, -np.inf)
-    view.work.add(PRODUCT * rows.size * rows.shape[0])
-    found = weigh(Statistics.of(rows.T, target).tempered(excess), deviations)
-    step, at = found.coefficients - present, np.cumsum([m.candidate.size for m in members])[:-1]
+        nowhere = [0.0 * m.coefficients for m in members]
+        return _Step(about, tuple(members), nowhere, still, 0.0, np.inf, -np.inf)
+    about.view.work.add(PRODUCT * rows.size * rows.shape[0])
+    statistics = Statistics.of(rows.T, target).tempered(excess)
+    found = weigh(statistics, np.concatenate([deviations, np.ones(len(slopes))]))
+    step = found.coefficients - np.concatenate([present, np.zeros(len(slopes))])
+    at, ends = (
+        np.cumsum(sizes)[:-1] for sizes in ([m.candidate.size for m in members], [one.size for one in still])
+    )
     cost = _cost(about, members, weighing)
+    factor = weigh(statistics.at(np.arange(size)), deviations).factor if slopes else found.factor
     return _Step(
         about=about,
         members=tuple(members),
-        steps=np.split(step, at),
+        steps=np.split(step[:size], at),
+        shifts=np.split(step[size:], ends),
         moved=float(np.max(np.abs(step) / found.spread)),
         cost=cost,
-        log=-0.5 * cost - float(np.sum(np.log(np.diag(found.factor)))),
+        log=-0.5 * cost - float(np.sum(np.log(np.diag(factor)))),
     )
+
+
+#: Of a spacing of the grid, over which the slope by a shape is taken.
+_DIFFERENCE = 0.02
+
+
+def _slopes(member: Member) -> list[Cause]:
+    """What a spacing more of each number of a member's shape adds, with its coefficients."""
+    candidate, found = member.candidate, []
+    for step in _DIFFERENCE * np.eye(len(candidate.spacing)):
+        ends = (candidate.moved(member.shape, step), candidate.moved(member.shape, -step))
+
+        def slope(along: Along, _shape: Shape, ends: tuple[Shape, Shape] = ends) -> Effect:
+            ahead, behind = (candidate.done(along, end, member.coefficients).parts for end in ends)
+            each = zip(ahead, behind, strict=True)
+            return Effect(*(None if a is None or b is None else (a - b) / (2 * _DIFFERENCE) for a, b in each))
+
+        found.append((Candidate(f"{candidate.name}, shape", slope, (1.0,), named=False), member.shape))
+    return found
 
 
 def within(member: Member, coefficients: Array) -> Array:

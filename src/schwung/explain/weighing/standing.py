@@ -9,7 +9,7 @@ likelier by 1 + G/L (Cauchy's distribution), not by exp G. A name that falls by 
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -17,6 +17,7 @@ from scipy.linalg import solve_triangular
 from scipy.special import expit
 
 from schwung.explain.weighing.candidate import Candidate
+from schwung.explain.weighing.one_law import one_law
 from schwung.explain.weighing.search import Pick, Scored, Search, Set
 from schwung.innovations.evidence import block_gains, weigh
 
@@ -29,7 +30,7 @@ class Standing:
     """What is left, as a log evidence, and how probable it is that names of the best set are no part of it."""
 
     left: float
-    names: Mapping[str, float]
+    names: Mapping[str, float]  # of the best set
 
     def of(self, search: Search, name: str) -> float:
         """The same of any name that was visited: of one that the best set does not hold, in the best that does."""
@@ -37,7 +38,8 @@ class Standing:
             sets = [one for one in search.table.values() if name in map(search.name, one.picks)]
             best = max(sets, key=lambda one: one.log)
             pick = next(one for one in best.picks if search.name(one) == name)
-            return _sure(search, _worth(search, best.picks, pick), self.left)
+            sure = _sure(search, _worth(search, best.picks, pick), self.left)
+            return sure * float(expit(one_law(search, best, pick)))
         return self.names[name]
 
     @property
@@ -46,8 +48,10 @@ class Standing:
         return 1 + 2 * self.left
 
 
-def standing(search: Search, best: Scored, repeated: Sequence[Candidate]) -> Standing:
-    """Of the best set's names; `repeated`: curves of what only repeats share."""
+def standing(
+    search: Search, best: Scored, repeated: Sequence[Candidate], law: Callable[[Search, Scored, Pick], float]
+) -> Standing:
+    """Of the best set's names; `repeated`: curves of what only repeats share; `law`: log odds of being one law."""
     left = sum(max(_gain(search, best, curve), 0.0) for curve in repeated)
     picks = best.picks
     for pick in picks:
@@ -57,7 +61,15 @@ def standing(search: Search, best: Scored, repeated: Sequence[Candidate]) -> Sta
     names: dict[str, float] = {}
     while picks:
         worth = {pick: _worth(search, picks, pick) for pick in picks}
-        sure = {p: _sure(search, gain, left + _others(search, worth, p)) for p, gain in worth.items()}
+        laws = {pick: law(search, search.sized(search.score(picks)), pick) for pick in picks}
+        sure = {
+            pick: _sure(search, gain, left + _others(search, worth, pick)) * float(expit(laws[pick]))
+            for pick, gain in worth.items()
+        }
+        own = min(picks, key=lambda pick: laws[pick])
+        if laws[own] < 0:  # it says nothing about laws
+            names[search.candidate(own).name], picks = sure[own], _without(picks, own)
+            continue
         weakest = min(picks, key=lambda pick: worth[pick])
         if sure[weakest] > 0.5:
             return Standing(left, {**names, **{search.candidate(p).name: sure[p] for p in picks}})

@@ -17,6 +17,7 @@ from schwung.explain.weighing.data import Atom
 from schwung.explain.weighing.elsewhere import holding
 from schwung.explain.weighing.growth import NOISE_SHARE, Grown, Growth, Progress, everything, slices
 from schwung.explain.weighing.known import known
+from schwung.explain.weighing.one_law import one_law
 from schwung.explain.weighing.phases import phased
 from schwung.explain.weighing.present import Member
 from schwung.explain.weighing.publication import NAMED
@@ -122,7 +123,7 @@ def posterior_of(
     wide = wide_fit(view, everything(candidates, ()), first_noise(runs), train)
     growth = Growth(candidates, always, train, wide, tell=tell)
     grown = growth.grown(view)
-    stands = standing(grown.search, grown.best, beside)
+    stands = standing(grown.search, grown.best, beside, one_law)
     sure = grown.search.tempered(stands.tempering)
     return Posterior(grown, stands, sure, tuple(heldout), view, growth)
 

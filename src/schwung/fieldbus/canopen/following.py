@@ -67,8 +67,10 @@ class Following:
             places: NDArray[np.int64] = demand[np.maximum(answered - cycles_ago, 0)]
             return places
 
-        half = self._turn >> 1
-        behind = (sent(0) - position + half) % self._turn - half
+        behind = sent(0) - position
+        if self._turn < 1 << 63:  # else it runs over as these integers do
+            half = self._turn >> 1
+            behind = (behind + half) % self._turn - half
         unexplained = [float(np.var(behind - (sent(0) - sent(late)))) for late in range(self._latest + 1)]
         lag = int(np.argmin(unexplained))
         jitter = sent(lag) - sent(lag + JITTER_CYCLES)

@@ -1,0 +1,88 @@
+"""Whether a cause is one law, the same in all motions, or what single motions have of their own.
+
+Evidence counts whatever a name's columns take. A law takes it with the same coefficients in every motion; an error
+that is only like it (a motion that the model's steps are too coarse for) takes it where it happens, and elsewhere
+another amount, or none. So one set of coefficients for all motions, off by a per cent or so in each, is weighed
+against such in one motion alone, and against each motion's own, all of sizes of one ladder; what a motion has of its
+own is a cause like any, and several are so much less probable. Where but one motion tells anything, law and no law are
+as likely.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from scipy.linalg import solve_triangular
+
+from schwung.explain.weighing.candidate import LADDER
+from schwung.explain.weighing.elsewhere import motions_of
+from schwung.explain.weighing.inexact import SHARES
+from schwung.explain.weighing.search import Pick, Scored, Search
+from schwung.innovations.evidence import ROUNDING, weigh
+from schwung.innovations.statistics import Statistics
+from schwung.motion import Array
+
+#: Of a cause's columns in one motion: their cross products with a set's columns, their own, and their slope.
+_Part = tuple[Array, Array, Array]
+
+
+def one_law(search: Search, scored: Scored, pick: Pick) -> float:
+    """Log odds that a cause of a set is one law, all else of the set beside it.
+
+    ∞ where there is one motion alone, and for a law whose numbers are each run's own.
+    """
+    data, candidate, where = search.data, search.candidate(pick), search.data.atoms[pick.atom].where
+    motions = motions_of(data)
+    if len(motions) < 2 or candidate.each_run:
+        return np.inf
+    beside = (scored.which < where.start) | (scored.which >= where.stop)
+    which, deviations = scored.which[beside], scored.deviations[beside]
+    known, natural = data.at(which), np.array(candidate.deviations)
+    sizes = candidate.scales if len(candidate.scales) > 1 else LADDER
+
+    each = [data.within(which, where, places) for places in motions]
+    cross, gram, slope = (np.sum(parts, axis=0) for parts in zip(*each, strict=True))
+    beyond = [(np.vstack([across, own]), own, pulled) for across, own, pulled in each]
+    joined = _joined(known, cross, gram, slope)
+    found = weigh(joined, np.append(deviations, pick.scale * natural)).coefficients
+
+    def averaged(parts: Sequence[_Part]) -> float:
+        """Log evidence with coefficients for each of these parts, of any size."""
+        return float(np.logaddexp.reduce([_log(known, deviations, parts, size * natural) for size in sizes]))
+
+    def nearly(share: float) -> float:
+        """Log evidence of a law whose coefficients are off by such a share in each motion."""
+        off = share * np.abs(found[which.size :])
+        logs = [_log(joined, np.append(deviations, size * natural), beyond, off) for size in sizes]
+        return float(np.logaddexp.reduce(logs))
+
+    several = (len(each) - 1) * search.odds  # each motion's own is a cause more
+    own = [averaged(each) + several, *(averaged([part]) for part in each)]
+    law = np.logaddexp.reduce([nearly(share) for share in SHARES]) - np.log(len(SHARES))
+    return float(law - np.logaddexp.reduce(own))
+
+
+def _joined(known: Statistics, cross: Array, gram: Array, slope: Array) -> Statistics:
+    """A set's columns, and a cause's behind them."""
+    return Statistics(
+        np.block([[known.gram, cross], [cross.T, gram]]),
+        np.append(known.slope, slope),
+        known.square,
+        known.count,
+    )
+
+
+def _log(known: Statistics, deviations: Array, parts: Sequence[_Part], own: Array) -> float:
+    """Log evidence of a set's columns (n,) and, for each part, such of a cause with deviations `own` (p,)."""
+    gram, slope, log = known.gram.copy(), known.slope.copy(), 0.0
+    for across, products, pulled in parts:
+        inner = products * own[:, None] * own
+        inner[np.diag_indices_from(inner)] += 1.0 + ROUNDING * float(np.max(np.diag(inner)))
+        factor = np.linalg.cholesky(inner)
+        half = solve_triangular(factor, own[:, None] * across.T, lower=True, check_finite=False)
+        pull = solve_triangular(factor, own * pulled, lower=True, check_finite=False)
+        gram -= half.T @ half
+        slope -= pull @ half
+        log += 0.5 * float(pull @ pull) - float(np.sum(np.log(np.diag(factor))))
+    return log + weigh(Statistics(gram, slope, known.square, known.count), deviations).log_evidence

@@ -1,0 +1,71 @@
+"""A law is the same in every motion; what only one motion shows is not."""
+
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from schwung.explain.weighing.data import Data
+from schwung.explain.weighing.one_law import one_law
+from schwung.explain.weighing.search import Pick
+from schwung.explain.weighing.work import Work
+from schwung.innovations.statistics import Statistics
+
+SAMPLES, LAW = 300, Pick(1, 1.0)
+
+
+def odds(
+    amounts: list[float], motions: int = 3, scales: tuple[float, ...] = (1.0,), each_run: bool = False
+) -> float:
+    """Of a column that acts by so much in each of six runs; they repeat some motions, and another column is beside."""
+    chance = np.random.default_rng(5)
+    runs, size = range(len(amounts)), SAMPLES * len(amounts)
+    rows = chance.normal(size=(2, size))
+    target = 0.2 * rows[0] + np.repeat(amounts, SAMPLES) * rows[1] + chance.normal(size=size)
+    data: Any = object.__new__(Data)
+    motion = [
+        SimpleNamespace(motion=SimpleNamespace(model_dump_json=lambda i=i: str(i % motions))) for i in runs
+    ]
+    data.about = SimpleNamespace(
+        stretches=lambda _: [slice(i * SAMPLES, (i + 1) * SAMPLES) for i in runs],
+        view=SimpleNamespace(recorded=motion, work=Work()),
+    )
+    data.train, data.rows, data.target, data.excess = runs, rows, target, 1.0
+    data.atoms = [SimpleNamespace(where=slice(i, i + 1)) for i in range(2)]
+    data.at = Statistics.of(rows.T, target).at
+    search: Any = SimpleNamespace(
+        data=data,
+        odds=-3.4,
+        candidate=lambda _: SimpleNamespace(scales=scales, deviations=(1.0,), each_run=each_run),
+    )
+    scored: Any = SimpleNamespace(which=np.arange(2), deviations=np.ones(2))
+    return one_law(search, scored, LAW)
+
+
+def test_the_same_in_every_motion_is_a_law() -> None:
+    assert odds([0.5] * 6) > 3
+
+
+@pytest.mark.parametrize("amounts", [[1.0, 0, 0] * 2, [1.0, -1.0, 0] * 2, [0.2, 1.5, 0.7] * 2])
+def test_what_each_motion_has_of_its_own_is_none(amounts: list[float]) -> None:
+    assert odds(amounts) < -3
+
+
+def test_a_law_is_right_to_a_per_cent_or_so() -> None:
+    """However surely each motion's own amount is known."""
+    assert odds([30.0, 30.3, 29.7] * 2) > 3
+    assert odds([30.0, 60.0, 15.0] * 2) < -3
+
+
+def test_of_one_motion_nothing_is_known() -> None:
+    assert odds([1.0, 0, 0, 0, 0, 0], motions=1) == np.inf
+
+
+def test_numbers_that_are_each_run_s_own_are_no_law_of_motions() -> None:
+    assert odds([1.0, 0, 0] * 2, each_run=True) == np.inf
+
+
+def test_sizes_of_a_curve_are_weighed_alike() -> None:
+    assert odds([0.5] * 6, scales=(1.0, 0.1)) > 3
+    assert odds([1.0, 0, 0] * 2, scales=(1.0, 0.1)) < -3
