@@ -177,17 +177,6 @@ class _Publishing:
         }
         return Plain(laws, found.share)
 
-    def _plain(self, curves: Sequence[Acts], after: Judged) -> Plain | None:
-        """What comes near to all that is published without a name."""
-        found = nearest(curves, self.search.data.candidates, after.fitted)
-        if found is None:
-            return None
-        laws = {
-            law: {key: Quantity(value, self._unit(law, key), None) for key, value in numbers.items()}
-            for law, numbers in found.laws.items()
-        }
-        return Plain(laws, found.share)
-
     def _acts(self, cause: _Cause) -> Acts:
         candidate, shape = self.search.candidate(cause.pick), self.search.data.atoms[cause.pick.atom].shape
         coefficients = self.set.found.coefficients[cause.where]
