@@ -16,7 +16,7 @@ from schwung.explain.weighing.candidate import Candidate, Shape
 from schwung.explain.weighing.inexact import error_of
 from schwung.explain.weighing.present import Member
 from schwung.explain.weighing.round import Cause, Linearised, target_of
-from schwung.explain.weighing.work import PRODUCT, Work
+from schwung.explain.weighing.work import CUBED, PRODUCT, SCORED, Work
 from schwung.innovations.evidence import Beyond
 from schwung.innovations.statistics import Numbers, Statistics
 from schwung.motion import Array
@@ -130,6 +130,7 @@ class Data:
             self._note(lone, np.arange(span.start, span.stop), self._products(self.rows[lone], span))
         known = self.statistics
         everything = Statistics(known.gram[:width, :width], known.slope[:width], known.square, known.count)
+        self.work.add(SCORED + CUBED * which.size**2 * (which.size + width))
         return Beyond.of(everything, which, deviations)
 
     def gain(
@@ -138,6 +139,7 @@ class Data:
         """Log evidence that columns add to a set's, with their `own` prior deviations times each of the scales."""
         both = self.at(np.concatenate([which, np.arange(where.start, where.stop)]))
         beyond = Beyond.of(both, np.arange(which.size), deviations)
+        self.work.add(SCORED + CUBED * which.size**2 * (which.size + own.size))
         return np.asarray(beyond.gains([slice(which.size, both.slope.size)], own, scales)[0])
 
     def beside(self, which: Numbers, causes: Sequence[Cause]) -> tuple[Array, Array, Array]:

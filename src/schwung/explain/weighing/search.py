@@ -135,7 +135,8 @@ class Search:
             top = int(np.argmax(logs))
             found, deviations = weighed[top], each[top]
             evidence = logsumexp(logs) - float(np.log(len(SHARES)))
-        self.data.work.add(SCORED + CUBED * which.size**3)
+        times = 1 if errors is None else 1 + len(SHARES)
+        self.data.work.add(SCORED + times * CUBED * which.size**3)
         scored = Scored(picks, evidence + self._log(picks, found, first), found, which, deviations)
         self.known[picks] = scored
         kind = self.kind(picks)
