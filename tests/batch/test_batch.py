@@ -18,6 +18,7 @@ import numpy as np
 import pytest
 from cli_running import RIGID_MACHINE, invoke
 from distributed import Client, LocalCluster
+from probability_samples import answer
 from report_samples import session
 
 import schwung.batch.cluster
@@ -26,7 +27,8 @@ from schwung.batch import Item, Results, Wish, items_of, run_batch
 from schwung.batch.archive import key_of
 from schwung.batch.cluster import outcomes, workers
 from schwung.batch.picture import drift_figure, left_out_figure
-from schwung.batch.summary import Row
+from schwung.batch.summary import Row, rows_of
+from schwung.batch.work import Outcome
 from schwung.drivetrain import InertiaTable, paper_machine, write_machine
 from schwung.errors import InputError
 from schwung.report.style import to_png
@@ -224,6 +226,18 @@ def test_wishes_that_cannot_be_are_refused_before_anything(
         assert code == 2
         assert sentence in said
         assert not out.exists()
+
+
+def test_a_weighed_session_is_a_row_like_any_other(archive: Path) -> None:
+    item = Item(archive / "older" / "session.h5", archive / "older" / "machine.toml")
+    assert key_of(item, Wish("explain")) != key_of(item, Wish("explain", weigh=True))
+    (row,) = rows_of({item: Outcome("0", machine_name="Axis", document=answer().to_json())})
+    assert (row.verdict, row.physics) == ("explained", "torque_offset, unnamed over speed")
+    assert (row.rmse_before_nm, row.rmse_after_nm) == (2.1, 0.14)
+    assert left_out_figure([row]).axes
+    bare = replace(answer(), proof=None).to_json()
+    (unproven,) = rows_of({item: Outcome("0", document=bare)})
+    assert unproven.rmse_after_nm is None
 
 
 def test_pictures_can_be_drawn_of_any_row() -> None:

@@ -24,13 +24,14 @@ _NO_SESSION = "verification.h5"
 
 @dataclass(frozen=True)
 class Wish:
-    """What shall be done with every session; all but `kind` as `schwung estimate` has it."""
+    """What shall be done with every session; all but `kind` as `schwung estimate` and `explain` have it."""
 
     kind: Kind
     method: str = "auto"
     inversion: Inversion = "complex"
     frequency_hz: float | None = None
     points: int | None = None
+    weigh: bool = False  # with probabilities; a belief with learned physics is, whatever this says
 
 
 @dataclass(frozen=True)
@@ -80,7 +81,8 @@ def key_of(item: Item, wish: Wish) -> str:
     if item.machine is None:
         names = " nor ".join(MACHINE_NAMES)
         raise InputError(str(item.session), f"has neither {names} beside it", "Give --machine.")
-    whole = hashlib.sha256(json.dumps(asdict(wish), sort_keys=True).encode())
+    asked = {name: value for name, value in asdict(wish).items() if name != "weigh" or value}
+    whole = hashlib.sha256(json.dumps(asked, sort_keys=True).encode())
     for path in (item.session, *machine_files(item.machine)):
         whole.update(digest_of(path).encode())
     return whole.hexdigest()

@@ -86,6 +86,21 @@ def _row(file: Path, outcome: Outcome) -> Row:
     if outcome.error is not None:
         return replace(row, error=outcome.error)
     document = outcome.document
+    if "unnamed" in document:  # weighed
+        proof = document["proof"] or {}
+        named = [one["physics"] for one in document["names"] if one["in_file"]]
+        curves = [
+            f"unnamed over {one['coordinate'].replace(', ', ' and ')}"
+            for one in document["unnamed"]
+            if one["in_file"]
+        ]
+        return replace(
+            row,
+            verdict=document["verdict"],
+            physics=", ".join(dict.fromkeys([*named, *curves])),
+            rmse_before_nm=proof.get("before_nm"),
+            rmse_after_nm=proof.get("after_nm"),
+        )
     if "trust" not in document:
         fit = document["fit"]
         return replace(

@@ -37,7 +37,9 @@ def carry_out(item: Item, wish: Wish, key: str) -> Outcome:
         assert item.machine is not None  # else it had no key
         session = read_session(item.session)
         machine = with_recorded_gains(load_machine(item.machine), session)
-        return _estimated(session, machine, wish) if wish.kind == "estimate" else _explained(session, machine)
+        if wish.kind == "estimate":
+            return _estimated(session, machine, wish)
+        return _weighed(session, machine) if wish.weigh or machine.physics else _explained(session, machine)
     except SchwungError as error:
         place = str(item.session)
         return failed(f"{place}: {error.problem}. {error.remedy}" if error.place == "session" else str(error))
@@ -66,6 +68,13 @@ def _explained(session: Session, machine: Machine) -> Outcome:
     from schwung.explain.explain import explain  # noqa: PLC0415 (its compiled parts take a second to load)
 
     found = explain(session, machine)
+    return _outcome(session, machine, found.to_json(), learned=found.machine)
+
+
+def _weighed(session: Session, machine: Machine) -> Outcome:
+    from schwung.explain.weighing.published import publish  # noqa: PLC0415 (as above)
+
+    found = publish(session, machine)
     return _outcome(session, machine, found.to_json(), learned=found.machine)
 
 

@@ -96,6 +96,13 @@ def explain(
     scheduler: Scheduler = None,
     jobs: Jobs = None,
     again: Again = False,
+    weigh: Annotated[
+        bool,
+        typer.Option(
+            "--weigh",
+            help="Names with probabilities, as schwung explain --weigh. A belief with learned [[physics]] always is.",
+        ),
+    ] = False,
     json_output: Json = False,
 ) -> None:
     """Explain every session of an archive: what each belief leaves out; a second call does only what is missing.
@@ -111,7 +118,7 @@ def explain(
     require("schwung batch", "batch")
     from schwung.batch import Wish
 
-    _carry_out(patterns, machine, out, Wish("explain"), scheduler, jobs, again, json_output)
+    _carry_out(patterns, machine, out, Wish("explain", weigh=weigh), scheduler, jobs, again, json_output)
 
 
 def _carry_out(
