@@ -51,7 +51,7 @@ def world(tmp_path_factory: pytest.TempPathFactory) -> Iterator[dict[str, Any]]:
                 noise=Noise(0.1, 0.01, 1e-5),
                 excess=1.0,
                 proof=None,
-                shown=(),
+                overlays=(),
                 machine=made["believed"],
                 notes=(),
             ),
