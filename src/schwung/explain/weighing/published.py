@@ -16,6 +16,7 @@ from schwung.drivetrain.machine import Machine
 from schwung.drivetrain.physics import PHYSICS
 from schwung.drivetrain.residual import OVER, TABLES, UNDIRECTED, UNITS
 from schwung.drivetrain.residual_plane import Plane
+from schwung.explain import free_run
 from schwung.explain.naming import unit_on
 from schwung.explain.plausibility import examine
 from schwung.explain.values import Quantity
@@ -55,6 +56,10 @@ _UNITS: Mapping[str, str] = {
     "direction": "",
     "frequency": "Hz",
 }
+_STEADY = (
+    "what is named here of inertia, scale of the torque, lag or coupling is not to be relied on: hardly anything "
+    "accelerates in this session"
+)
 _NEEDLESS = (
     "the belief predicts the runs kept aside as well without what was fitted over {}: it is not published"
 )
@@ -81,7 +86,8 @@ def publish(
         smooth(machine),
         tell=lambda text, share: tell(text, 0.02 + (_SEARCH - 0.02) * share),
     )
-    return published_of(session, machine, outcome, doubts.notes, tell)
+    steady = (_STEADY,) if "inertia_undetermined" in doubts.kinds() else ()
+    return published_of(session, machine, outcome, (*doubts.notes, *steady), tell)
 
 
 def published_of(
@@ -147,6 +153,7 @@ class _Publishing:
         }
         named = [one for cause, one in zip(causes, acts, strict=True) if cause.found.named]
         shown = (before.runs, after.runs) if aside else (before.fitted, after.fitted)
+        driven = free_run.told(self.machine, machine, self.session) if causes else ()
         answer = Published(
             axis=self.session.axis,
             effort=self.session.effort,
@@ -159,7 +166,7 @@ class _Publishing:
             overlays=overlays(*shown, named, aside),
             plain=self._plain([one for one in acts if one not in named], after),
             machine=machine,
-            notes=tuple(dict.fromkeys((*notes, *self._notes(causes), *unsaid, *self.weighed.notes))),
+            notes=tuple(dict.fromkeys((*notes, *self._notes(causes), *unsaid, *self.weighed.notes, *driven))),
         )
         view = self.outcome.view
         answer = with_places(answer, before.fitted, after.fitted, view.ranges.band_hz, repeats(self.session))
