@@ -86,7 +86,8 @@ class Room:
         self.weather.on_frame, self.weather.on_way = self._on_frame, self.monitor.under_way
         self.bench.bus.stepped.wire.weather = self.weather
         self.side, self.tool_bus = self.connect()
-        self.tool_bus.on_received = self.monitor.reached
+        # a tool that stalls hears it when it goes on, whichever of its threads then runs first
+        self.tool_bus.on_received = lambda message: self.side.run(lambda: self.monitor.reached(message))
         self.drive: Any = None
         self.killed_with: Path | None = None
         traits = Traits(self.bench.servo)
