@@ -7,7 +7,7 @@ floors of a wrong stiffness a late torque explains, to first order, more than th
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -15,7 +15,7 @@ from schwung.explain.weighing.candidate import Candidate, Shape
 from schwung.explain.weighing.data import Atom, Data
 from schwung.explain.weighing.present import Member
 from schwung.explain.weighing.round import View
-from schwung.explain.weighing.search import MOST, Pick, Scored, Search
+from schwung.explain.weighing.search import HOPELESS, MOST, Pick, Scored, Search
 from schwung.explain.weighing.settling import Settled, Weighing, settled, settled_beyond
 from schwung.explain.weighing.wide import Wide, wide_fit
 from schwung.motion import Array
@@ -29,6 +29,8 @@ KNOWN = 0.3
 #: Causes of one shape that are smooth along any motion, and so are present where the noise is found.
 SMOOTH = ("torque_constant", "torque_lag", "measurement_delay", "coupling_stiffness", "coupling_damping")
 
+#: Causes in their shapes, with their sizes.
+_Shaped = tuple[tuple[Atom, float], ...]
 #: Told what is being done, and the share that is done.
 Progress = Callable[[str, float], None]
 #: The share of the work that the noise takes, and what of the rest is left after each round.
@@ -58,13 +60,15 @@ class Growth:
     wide: Wide
     memory: Array | None = None
     tell: Progress = lambda _text, _share: None
+    #: Kinds of sets that came to rest about the noise as it is known: their best shapes and sizes, and log probability.
+    rested: dict[frozenset[int], tuple[_Shaped, float]] = field(default_factory=dict)
 
     def grown(self, view: View) -> Grown:
         """From nothing but what is always there."""
         always = [absent(self.candidates[i]) for i in self.always]
         nothing = at = settled(self.wide.seen(view), always, self._weighing)
         first = self.wide
-        picks: tuple[tuple[Atom, float], ...] = ()
+        picks: _Shaped = ()
         growing, fresh = True, False  # whether the noise was looked at since something was found
         for number in range(ROUNDS):
             share = NOISE_SHARE + (1 - NOISE_SHARE) * (1 - _FURTHER**number)
@@ -83,6 +87,7 @@ class Growth:
                 growing = not fresh and self._renewed(at)
                 if growing:
                     at, fresh = settled(self.wide.seen(at.about.view), at.members, self._weighing), True
+                    self.rested.clear()
                     continue
             search.best(start.picks)
             taken = self._instead(search, start, at)
@@ -94,6 +99,7 @@ class Growth:
         else:
             search = self._search(at)
             best = search.score(_carried(search.data, picks))
+        self._recall(search, best, at)
         if self.wide is not first:
             nothing = settled(self.wide.seen(view), always, self._weighing)
         return Grown(search.data, search, best, nothing)
@@ -151,16 +157,31 @@ class Growth:
             tried = settled_beyond(at.about, _from(at.members, members), promised, self._weighing)
         else:
             tried = settled(at.about.view, members, self._weighing)
+        kind, log = search.kind(one.picks), tried.log + search.prior(one.picks)
+        if kind not in self.rested or self.rested[kind][1] < log:
+            self.rested[kind] = _kept(search, one, tried), log
         return tried, tried.log + search.prior(one.picks) - at.log - search.prior(start.picks)
+
+    def _recall(self, search: Search, best: Scored, at: Settled) -> None:
+        """Weigh sets that were at rest by what they were worth there: about another set, a linear model may show little
+        of it, and of two that explain the same the last would have all."""
+        here = at.log + search.prior(best.picks)
+        for kind, (picks, log) in self.rested.items():
+            promised = search.table.get(kind)
+            if promised is None and log - here > -HOPELESS:
+                promised = search.score(_carried(search.data, picks))
+            if promised is not None and kind != search.kind(best.picks):
+                search.kept[kind] = log - here - (promised.log - best.log)
 
     def _renewed(self, at: Settled) -> bool:
         """Whether noise found about what is present differs: far from the truth, noise had to be taken for what a
-        linear model could not do."""
+        linear model could not do. Where it hardly does it stays as it is: sets are compared by one and the same."""
         members = everything(self.candidates, at.members)
         nearer = wide_fit(at.about.view, members, self.wide.noise, self.train, KNOWN)
-        moved = nearer.noise.moved_from(self.wide.noise)
+        if nearer.noise.moved_from(self.wide.noise) <= RENEWED:
+            return False
         self.wide = nearer
-        return moved > RENEWED
+        return True
 
 
 def _from(present: Sequence[Member], members: Sequence[Member]) -> list[Member]:
@@ -219,7 +240,7 @@ def members_of(search: Search, best: Scored, candidates: Sequence[Candidate]) ->
     return result
 
 
-def _kept(search: Search, best: Scored, at: Settled) -> tuple[tuple[Atom, float], ...]:
+def _kept(search: Search, best: Scored, at: Settled) -> _Shaped:
     """A set's atoms, in the shapes that they have come to rest in."""
     own = at.members[len(at.members) - len(best.picks) :]
     return tuple(

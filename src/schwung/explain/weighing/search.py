@@ -29,8 +29,8 @@ _LOOKED_AT = 3
 _ROUNDS = 4
 #: No set holds more causes: what needs more is not understood, and each costs a search of its own.
 MOST = 6
-#: A neighbour is not looked at closely where its shapes' grid leaves it so much less probable (log).
-_HOPELESS = 50.0
+#: What is so much less probable (log) is not looked at closely.
+HOPELESS = 50.0
 #: The error of a law whose largest share is not worth so much (log) is not looked at.
 _SEEN = 1.0
 
@@ -300,7 +300,7 @@ class Search:
     def _neighbours(self, best: Scored) -> None:
         """Whatever is one step away is in the table, too."""
         for gain, pick in self.additions(best.picks)[: 2 * _LOOKED_AT]:
-            if gain > -_HOPELESS and not self.data.work.spent:
+            if gain > -HOPELESS and not self.data.work.spent:
                 self._with(best.picks, pick)
         for pick in best.picks:
             others = tuple(other for other in best.picks if other != pick)
@@ -308,7 +308,7 @@ class Search:
             if self.data.work.spent:
                 break
             for gain, instead in self.additions(others)[: 2 * _LOOKED_AT]:
-                if less.log + gain > best.log - _HOPELESS and not self.data.work.spent:
+                if less.log + gain > best.log - HOPELESS and not self.data.work.spent:
                     self._with(others, instead)
 
     def tempered(self, ratio: float) -> Search:
@@ -325,19 +325,19 @@ class Search:
         ]
         best = -np.inf
         for most, one in sorted(upper, key=lambda pair: -pair[0]):
-            if most < best - _HOPELESS:
+            if most < best - HOPELESS:
                 break
             log = other.sized(other.score(one.picks)).log
             best = max(best, log + other.unkept(self.kind(one.picks)))
         return other
 
     def unkept(self, kind: frozenset[int]) -> float:
-        """What of a set's log probability is promised but not kept at rest; of one that was not brought there, what was
+        """By how much a set's log probability differs at rest; of one that was not brought there, what was promised but
         not kept of the same causes with fewer beside them."""
         if kind in self.kept:
             return self.kept[kind]
         fewer = (log for other, log in self.kept.items() if frozenset() < other - self.resting <= kind)
-        return min(fewer, default=0.0)
+        return min(0.0, min(fewer, default=0.0))
 
     def shares(self) -> list[tuple[float, Scored]]:
         """Every visited kind of set with its probability, the most probable first."""
