@@ -10,14 +10,15 @@ The garbage collector rests while tests are collected, and never again looks at 
 objects of libraries that stay until the end, gone through dozens of times.
 
 Ctrl-C interrupts, also where the tests were started in the background of a script, which ignores it and hands that on;
-so does a terminal that is closed, which nohup hands on as ignored.
+so does a terminal that is closed, which nohup hands on as ignored. What a test does to signals ends with it: the
+command line, which has its process for itself, ignores them at its end.
 """
 
 import gc
 import os
 import signal
 import sys
-from collections.abc import Generator
+from collections.abc import Generator, Iterator
 from typing import Any
 
 import pytest
@@ -45,6 +46,16 @@ if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
     signal.signal(signal.SIGINT, signal.default_int_handler)
 if os.name == "posix" and signal.getsignal(signal.SIGHUP) is signal.SIG_IGN:
     signal.signal(signal.SIGHUP, signal.SIG_DFL)
+
+
+@pytest.fixture(autouse=True)
+def _signals_as_before() -> Iterator[None]:
+    numbers = [getattr(signal, name) for name in ("SIGINT", "SIGTERM", "SIGHUP") if hasattr(signal, name)]
+    before = {number: signal.getsignal(number) for number in numbers}
+    yield
+    for number, handler in before.items():
+        if signal.getsignal(number) is not handler:
+            signal.signal(number, handler)
 
 
 #: Folders of files that take a second or two each. They come last, so that no worker is still at a long file when the

@@ -41,18 +41,7 @@ def _commission(channel: str, *more: str) -> list[str]:
     return ["commission", "-m", "machine.toml", "--distance", "180deg", "--duration", "250ms", *bus, *more]
 
 
-@pytest.fixture
-def _signals() -> Iterator[None]:
-    kept = {number: signal.getsignal(number) for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)}
-    for number in kept:
-        signal.signal(number, signal.default_int_handler)
-    yield
-    for number, handler in kept.items():
-        signal.signal(number, handler)
-
-
 @pytest.mark.posix
-@pytest.mark.usefixtures("_signals")
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
 def test_whoever_asks_to_stop_twice_is_told_what_there_is_to_tell(
     number: int, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
