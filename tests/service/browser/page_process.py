@@ -89,6 +89,7 @@ class Served:
     token: str
     drive_id: str
     watch: BusWatch
+    put_back: set[str] = field(default_factory=set)  # exports
 
     def call(self, method: str, path: str, body: Any = None) -> Any:
         """One call of the API."""
@@ -112,14 +113,27 @@ class Served:
         return run
 
     def settle(self) -> None:
-        """Nothing goes on, and nothing is stopped."""
-        for run in self.call("GET", "/api/runs?limit=10"):
+        """Nothing goes on, nothing is stopped, and the drive is as it was: one that feeds forward plays no other's."""
+        runs = self.call("GET", "/api/runs?limit=10")
+        for run in runs:
             if run["state"] in ("queued", "running"):
                 with contextlib.suppress(urllib.error.HTTPError):  # it has ended meanwhile
                     self.call("POST", f"/api/runs/{run['id']}/cancel")
                 self.ended(run["id"])
         if self.call("GET", "/api/stop")["stopped"]:
             self.call("POST", "/api/release")
+        for run in runs:
+            if run["kind"] == "export" and run["state"] == "done" and run["id"] not in self.put_back:
+                self._put_back(run)
+
+    def _put_back(self, export: Any) -> None:
+        files = self.call("GET", f"/api/runs/{export['id']}/files")
+        backup = next(file["id"] for file in files if file["name"] == "export.backup.json")
+        asked = {"kind": "propose_restore", "drive_id": export["drive_id"], "file_id": backup}
+        shown = self.ended(self.call("POST", "/api/runs", asked)["id"])["result"]
+        confirmed = {"kind": "restore", "proposal_id": shown["proposal_id"], "digest": shown["digest"]}
+        assert self.ended(self.call("POST", "/api/runs", confirmed)["id"])["state"] == "done"
+        self.put_back.add(export["id"])
 
     def begin_motion(self, repeats: int = 50) -> Any:
         """A long commissioning, when it moves; the run.
