@@ -99,6 +99,19 @@ def test_a_fault_ends_the_climb_at_once() -> None:
     assert drive.sent == []
 
 
+def test_a_drive_that_falls_back_is_not_sent_up_again_though_this_climb_has_not_said_the_lower_words() -> (
+    None
+):
+    """An enable input that went for 7 ms: it was led up anew from Switched on (campaign seed 695105)."""
+    drive = TableDrive(delay_s=0.3)
+    drive.walker.climb(State.SWITCHED_ON, fine)
+    drive.sent.clear()
+    drive.clock.later(0.1, lambda: setattr(drive, "state", State.SWITCH_ON_DISABLED))
+    with pytest.raises(StateError):
+        drive.walker.climb(State.OPERATION_ENABLED, fine)
+    assert drive.sent == [cia402.ENABLE_OPERATION]
+
+
 def test_a_disturbance_ends_the_climb() -> None:
     drive = TableDrive()
 

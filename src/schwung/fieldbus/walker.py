@@ -58,12 +58,12 @@ class Walker:
             )
 
     def climb(self, wanted: State, check: Callable[[], None]) -> None:
-        """Step by step up to a state, each controlword once: a drive that falls back is not sent up again.
+        """Step by step up to a state, by words that only rise: a drive that falls back is not sent up again, also not
+        where it was on its way up before this climb.
 
         `check` raises what has come between. Raises StateError or DriveFaultError naming what is missing.
         """
         access, previous, since, sent = self._access, None, self._clock.now(), -1
-        former: set[int] = set()
         while True:
             word = access.statusword()
             state = cia402.decode(word)
@@ -74,13 +74,12 @@ class Walker:
                 previous, since = state, self._clock.now()
             step = cia402.next_controlword(state, wanted)
             # an unknown state may be one on its way to the next
-            hopeless = step in former or (step is None and state is not State.UNKNOWN)
+            hopeless = state is not State.UNKNOWN if step is None else step < sent
             if hopeless or self._clock.now() - since > self._patience_s:
                 raise access.stuck(word, max(sent, 0), wanted)
             if step is None or step == sent:
                 access.pause()
             else:
-                former.add(sent)
                 access.command(step)
                 sent = step
 
