@@ -9,8 +9,9 @@ import pytest
 from scipy.signal import lfilter
 
 from schwung.drivetrain.machine import Coupling, Load, Machine, Motor
+from schwung.explain.channels import Noise
 from schwung.explain.noise import ORDER, Whitener, impedance, motion_noise, usable, whitener
-from schwung.explain.signals import Noise, Prepared, prepare
+from schwung.explain.signals import Prepared, prepare
 from schwung.motion import Array, Motion
 from schwung.session.model import Run, Session
 

@@ -7,7 +7,8 @@ from dataclasses import replace
 import pytest
 
 from schwung.drivetrain import paper_machine
-from schwung.explain.signals import Noise, Prepared
+from schwung.explain.channels import Noise
+from schwung.explain.signals import Prepared
 from schwung.explain.timing import Times, shift
 
 NOISE = Noise(1e-6, 1e-2, 1e-1)

@@ -20,7 +20,8 @@ from scipy.ndimage import convolve1d
 from scipy.signal import czt
 
 from schwung.drivetrain.machine import Machine
-from schwung.explain.signals import MOTION_BAND, Noise, Prepared, Signals, speed_share
+from schwung.explain.channels import Noise
+from schwung.explain.signals import MOTION_BAND, Prepared, Signals, speed_share
 from schwung.motion import Array
 
 #: Coefficients of the whitening filter.

@@ -22,6 +22,7 @@ from numpy.typing import NDArray
 
 from schwung.drivetrain.machine import Machine
 from schwung.errors import InputError
+from schwung.explain.channels import Noise, alike_noise, channel_noise, nothing_new, repeating
 from schwung.explain.filtered import SpeedFilter, speed_filter
 from schwung.explain.spectrum import ORDER, Spectrum
 from schwung.motion import Array
@@ -49,20 +50,6 @@ REACH = 1.0
 BEYOND = 6.0
 #: The torque's filter bends like the speed's but for this share of that, and never surer than so (s²).
 UNLIKE_SPEED, SURE_S2 = 0.3, 1e-9
-#: Repeats of which the differences have this share of the noise's variance have none in common.
-UNLIKE = 0.7
-_DIFFERENCES = 6
-_DIFFERENCE_GAIN = np.sqrt(924.0)  # of white noise by six differences: √C(12, 6)
-_MAD = 1.4826
-
-
-@dataclass(frozen=True)
-class Noise:
-    """Standard deviations of what each reported channel has beyond the motion, from its sixth differences."""
-
-    position_rad: float
-    speed_rad_s: float
-    torque_nm: float
 
 
 @dataclass(frozen=True, eq=False)
@@ -111,23 +98,6 @@ class Prepared:
     samples: tuple[int, ...] = ()  # of each recorded run
 
 
-def differences_noise(values: Array) -> float:
-    """Standard deviation of white noise in a smooth signal (n,): robust, of its sixth differences."""
-    spread = _roughness(values)
-    steps = np.abs(np.diff(values))
-    steps = steps[steps > 0]
-    if steps.size and np.mean(np.diff(values) == 0) > 0.02:  # it repeats values: it is counted
-        spread = max(spread, float(steps.min()) / np.sqrt(12))
-    return spread
-
-
-def _roughness(values: Array) -> float:
-    if values.size <= 2 * _DIFFERENCES:
-        return 0.0
-    sixth = np.diff(values, _DIFFERENCES)
-    return _MAD * float(np.median(np.abs(sixth - np.median(sixth)))) / float(_DIFFERENCE_GAIN)
-
-
 def prepare(session: Session, machine: Machine, seen: Sequence[int] | None = None) -> Prepared:
     """Every run on one grid; band, noise and the speed's filter as the runs `seen` tell them (None: all).
 
@@ -140,7 +110,7 @@ def prepare(session: Session, machine: Machine, seen: Sequence[int] | None = Non
         )
     rate = rates.pop()
     looked_at = session.runs if seen is None else tuple(session.runs[number] for number in seen)
-    noise = _channel_noise(looked_at)
+    noise = channel_noise(looked_at)
     band = _clear(looked_at, noise, _band(noise, machine, rate))
     factor = max(1, int(rate / (GRID_PER_BAND * band)))
     filtered = _speed_filter(looked_at, noise, band)
@@ -186,7 +156,7 @@ def prepare(session: Session, machine: Machine, seen: Sequence[int] | None = Non
         source_rate_hz=rate,
         every=max(1, int(grid / (COMPARED_PER_BAND * band))),
         noise=noise,
-        alike=_alike(looked_at if _repeating(looked_at) else session.runs, noise),
+        alike=alike_noise(looked_at if repeating(looked_at) else session.runs, noise),
         speed_delay_s=filtered.delay_s,
         speed_delay_std_s=filtered.delay_std_s,
         smoothing_rad_s=smoothing,
@@ -256,62 +226,6 @@ def _within_table(
     return within if within.sum() >= 0.5 * moving.sum() else moving
 
 
-def _channel_noise(runs: Sequence[Run]) -> Noise:
-    def of(name: str) -> float:
-        return float(np.median([differences_noise(getattr(run, name)) for run in runs]))
-
-    position, torque = max(of("position_rad"), 1e-12), max(of("torque_nm"), 1e-12)
-    speed = np.inf if any(_derived(run) for run in runs) else max(of("speed_rad_s"), 1e-12)
-    return Noise(position, speed, torque)
-
-
-def _repeating(runs: Sequence[Run]) -> bool:
-    """Whether any of them repeats another."""
-    return len({motion_identity(run) for run in runs}) < len(runs)
-
-
-def _alike(runs: Sequence[Run], noise: Noise) -> Noise:
-    """Noise that comes again in each repeat: counts that fall alike, and what a controller makes of them."""
-    pairs: list[tuple[Run, Run]] = []
-    last: dict[object, Run] = {}
-    for run in runs:
-        motion = motion_identity(run)
-        if motion in last:
-            pairs.append((last[motion], run))
-        last[motion] = run
-
-    def of(name: str, whole: float) -> float:
-        if not pairs or not np.isfinite(whole):
-            return 0.0
-        differences = []
-        for first, second in pairs:
-            size = min(len(first), len(second))
-            differences.append(
-                _roughness(getattr(first, name)[:size] - getattr(second, name)[:size]) ** 2 / 2
-            )
-        share = float(np.median(differences)) / whole**2
-        return whole * float(np.sqrt(1 - share)) if share < UNLIKE else 0.0
-
-    return Noise(
-        of("position_rad", noise.position_rad),
-        of("speed_rad_s", noise.speed_rad_s),
-        of("torque_nm", noise.torque_nm),
-    )
-
-
-def _derived(run: Run) -> bool:
-    """Whether a run's speed is worked out from its angle, or is worse than what could be."""
-    return _nothing_new(run) or run.extra.get("speed_source") == "position" or run.is_held
-
-
-def _nothing_new(run: Run) -> bool:
-    """Whether a run's speed says what its angle says: by its own word, or being the difference of two angles."""
-    if "speed_origin" in run.extra:
-        return True
-    difference = np.diff(run.position_rad) * run.sample_rate_hz
-    return _roughness(run.speed_rad_s[1:] - difference) < 0.5 * _roughness(difference)
-
-
 def _band(noise: Noise, machine: Machine, rate_hz: float) -> float:
     """Up to where the acceleration's noise times the moved inertia stays within reach of the torque's (Hz)."""
     load = machine.load_inertia
@@ -364,7 +278,7 @@ def _speed_filter(runs: Sequence[Run], noise: Noise, band_hz: float) -> SpeedFil
         return SpeedFilter()
     jumps = [_unstepped(run).jumps_nm for run in runs]
     found = speed_filter(runs, jumps, band_hz, noise.position_rad, noise.speed_rad_s)
-    if any(_nothing_new(run) for run in runs):
+    if any(nothing_new(run) for run in runs):
         found = replace(found, delay_s=0.0, delay_std_s=np.inf)
     if any(run.is_held for run in runs):
         return replace(found, bend_s2=0.0, bend_std_s2=0.0, seen_s2=0.0, seen_std_s2=np.inf)
