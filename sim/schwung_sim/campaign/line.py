@@ -16,6 +16,7 @@ from typing import Any
 
 from schwung_sim.campaign.draw import Incident
 from schwung_sim.campaign.incidents import STATUSWORDS
+from schwung_sim.campaign.machine import Motor
 from schwung_sim.campaign.monitor import Heard, Monitor
 from schwung_sim.campaign.side import Side
 from schwung_sim.drives.modbus.faults import RTU_DROP_S, Fault
@@ -35,28 +36,16 @@ _ANSWER_S = 1.2
 LET_GO_RAD_S, GIVEN_UP_S = 0.5, 2.5
 
 
-class LineMachine:
+class LineMachine(Motor):
     """Drive, axis and plant as the monitor sees them."""
 
     mode, deaf_until_s, stands = 1, float("-inf"), False
 
     def __init__(self, bench: Any, now: Callable[[], float]) -> None:
-        self._servo, self._axis, self._state, self._now = bench.servo, bench.axis, bench.plant.state, now
-        self.weak = False
+        super().__init__(bench)
+        self._now = now
         self.troubles = 0  # of the line, under way
         self._sound_since_s = 0.0
-
-    @property
-    def position_rad(self) -> float:
-        return float(self._state["motor_rad"][0])
-
-    @property
-    def speed_rad_s(self) -> float:
-        return float(self._state["motor_rad_s"][0])
-
-    @property
-    def torque_nm(self) -> float:
-        return float(self._axis.torque_demand_nm)
 
     @property
     def energised(self) -> bool:

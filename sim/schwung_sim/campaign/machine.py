@@ -56,15 +56,12 @@ class Machine(Protocol):
         ...
 
 
-class BenchMachine:
-    """The bench's drive, axis and plant as the monitor sees them."""
+class Motor:
+    """The motor of a bench, whatever bus its drive is on."""
 
     def __init__(self, bench: Any) -> None:
-        self._servo, self._axis, self._plant = bench.servo, bench.axis, bench.plant
-        self._state = bench.plant.state
-        self.weak = False
-        self.held: set[str] = set()  # why it holds the axis, whatever it is told
-        self.deaf_until_s = self._caught_up_s = float("-inf")
+        self._servo, self._axis, self._state = bench.servo, bench.axis, bench.plant.state
+        self.weak = False  # it gives no torque
 
     @property
     def position_rad(self) -> float:
@@ -77,6 +74,15 @@ class BenchMachine:
     @property
     def torque_nm(self) -> float:
         return float(self._axis.torque_demand_nm)
+
+
+class BenchMachine(Motor):
+    """The bench's drive, axis and plant as the monitor sees them."""
+
+    def __init__(self, bench: Any) -> None:
+        super().__init__(bench)
+        self.held: set[str] = set()  # why it holds the axis, whatever it is told
+        self.deaf_until_s = self._caught_up_s = float("-inf")
 
     @property
     def energised(self) -> bool:
