@@ -3,7 +3,7 @@
     python benchmarks/weigh_speed.py [--only friction] [--alone] [--profile]
 
 What has a plain answer is recorded on benchmarks/strangers.py's machine (six motion times, every second of 8000 ticks a
-second), the rest with the motions of benchmarks/explain_speed.py and long rests. Of each session the processor seconds
+second), the rest with the motions and long rests of benchmarks/long_session.py. Of each session the processor seconds
 of `weigh`, of `explain`, and their ratio; a short session before pays for compiling. `--profile` says where `weigh`
 spends them.
 """
@@ -17,7 +17,7 @@ import time
 from collections.abc import Callable, Mapping
 from typing import TypeVar
 
-from explain_speed import session
+from long_session import session
 from strangers import STRANGERS, Stranger, belief_of, session_of
 
 from schwung.drivetrain.machine import Machine

@@ -249,7 +249,7 @@ class Explanation(Shown, explained.Explanation):
 
     def missed(self) -> Missed:
         """What was missed on the runs kept aside: by the belief, with the named physics, by the noise alone."""
-        from schwung.report.explanation import runs_text
+        from schwung.report.wording import runs_text
 
         rows = [("belief", self.fit.before.torque_rmse_nm)]
         rows += [("belief + physics", self.fit.after.torque_rmse_nm)] if self.findings else []

@@ -15,7 +15,7 @@ from schwung.commissioning.commission import Prepared, prepare, record_prepared
 from schwung.commissioning.experiments import SURE, Experiment, Setting, faint, next_experiments, told_apart
 from schwung.commissioning.procedure import Observer
 from schwung.errors import InputError, InterruptedByUser, RefusedError, SchwungError
-from schwung.explain.proof import split
+from schwung.explain.kept_aside import split
 from schwung.explain.weighing.experiment import Rival, Rivals
 from schwung.explain.weighing.values import Weighed
 from schwung.explain.weighing.weigh import posterior_of

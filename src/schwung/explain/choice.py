@@ -7,7 +7,8 @@ from dataclasses import replace
 import numpy as np
 
 from schwung.explain.fit import Fitted, Model, Problem
-from schwung.explain.proof import Split, missed_nm
+from schwung.explain.kept_aside import Split
+from schwung.explain.proof import missed_nm
 from schwung.explain.refine import refined, slimmed
 from schwung.explain.search import CONSISTENT, Found, Progress, chosen, reduced, search
 

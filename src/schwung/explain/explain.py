@@ -12,11 +12,12 @@ from schwung.explain import free_run, naming
 from schwung.explain.choice import AT_FLOOR, SEEN, WORSE, missed, needed, searched
 from schwung.explain.fit import TIMING, Fitted, Model, Problem
 from schwung.explain.intervals import parameters
+from schwung.explain.kept_aside import Split, split
 from schwung.explain.location import Residual, locate
 from schwung.explain.measured import measured
 from schwung.explain.noise import whitener
 from schwung.explain.plausibility import examine
-from schwung.explain.proof import Split, misfit, missed_nm, remainder, split
+from schwung.explain.proof import misfit, missed_nm, remainder, usable
 from schwung.explain.residual import Residuals, Unknowns
 from schwung.explain.scale import scale_note
 from schwung.explain.search import CONSISTENT, Found, Progress, reduced
@@ -79,7 +80,7 @@ def explain(
     believed = machine if curve is None else curve.machine
     parts = split(session)
     prepared = prepare(session, believed, parts.seen)
-    parts = parts.usable(prepared)
+    parts = usable(parts, prepared)
     tell("Simulating the belief (at its first use it is compiled)", 0.02)
     residuals = Residuals(prepared, believed)
     if twin is not None:

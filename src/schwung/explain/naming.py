@@ -12,14 +12,16 @@ from schwung.drivetrain.physics import PHYSICS
 from schwung.drivetrain.physics_term import PhysicsTerm
 from schwung.explain.fit import PERIODIC, Fitted, Model, without
 from schwung.explain.intervals import alternatives, interval, parameters
+from schwung.explain.kept_aside import Split
 from schwung.explain.location import interval_of, unit_of
-from schwung.explain.proof import Split, remainder
+from schwung.explain.proof import remainder
 from schwung.explain.residual import Residuals
 from schwung.explain.search import Found
 from schwung.explain.signals import Prepared
 from schwung.explain.terms import LIBRARY, LOAD_TABLE, published
 from schwung.explain.timing import Shift
 from schwung.explain.values import Coordinate, Finding, Located, Overlay, Quantity
+from schwung.explain.words import unit_on
 from schwung.motion import Array
 from schwung.session.model import Axis
 
@@ -27,17 +29,8 @@ _OVERLAYS = 4
 _FINER = (
     3  # published pieces of a load torque per piece of its spline: whoever reads it may draw straight lines
 )
-_LINEAR = {
-    "N·m·s²/rad²": "N·s²/m²", "N·m·s/rad": "N·s/m", "N·m/rad³": "N/m³", "N·m/rad": "N/m", "N·m": "N",
-    "rad/s": "m/s", "rad": "m", "kg·m²": "kg", "1/rev": "1/m",
-}  # fmt: skip
 #: Angles of these keys repeat every turn.
 _PHASES = ("load_phase_rad", "cogging_phase_rad", "eccentricity_phase_rad", "local_centre_rad")
-
-
-def unit_on(unit: str, axis: Axis) -> str:
-    """A unit of a rotary axis as that of either."""
-    return _LINEAR.get(unit, unit) if axis == "linear" else unit
 
 
 def finding(

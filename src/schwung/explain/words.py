@@ -5,6 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Literal
 
+from schwung.session.model import Axis
+
 #: What a term is drawn over. "run": over the number of the run, "wind_up": the coupling's characteristic.
 View = Literal[
     "speed", "position", "torque", "torque_rate", "acceleration", "time", "frequency", "run", "wind_up"
@@ -158,6 +160,17 @@ _PAIRS: dict[tuple[str, str], str] = {
     ("coulomb_friction", "friction_drift"): "Repeat the first motion at the end of the session.",
     ("friction_drift", "viscous_friction"): "Mix the motion times over the session instead of sorting them.",
 }  # fmt: skip
+
+
+_UNITS = {
+    "N·m·s²/rad²": "N·s²/m²", "N·m·s/rad": "N·s/m", "N·m/rad³": "N/m³", "N·m/rad": "N/m", "N·m": "N",
+    "rad/s": "m/s", "rad": "m", "kg·m²": "kg", "1/rev": "1/m",
+}  # fmt: skip
+
+
+def unit_on(unit: str, axis: Axis) -> str:
+    """A unit of a rotary axis as that of either."""
+    return _UNITS.get(unit, unit) if axis == "linear" else unit
 
 
 def words_of(physics: str, *, linear: bool = False) -> Words:

@@ -13,7 +13,6 @@ from schwung.explain.weighing.publication import NAMED, Curve, Published, Where,
 from schwung.explain.words import told_apart_by, words_of
 from schwung.quantities import sentences_of
 from schwung.report.content import Units, units_of
-from schwung.report.explanation import MAP, located_pictures, named_pictures, parameter_lines, runs_text
 from schwung.report.figures_explanation import judged, map_figure, overlay_figure, shown_overlay
 from schwung.report.figures_probabilities import (
     curve_figure,
@@ -23,6 +22,8 @@ from schwung.report.figures_probabilities import (
 )
 from schwung.report.html import bullets, drawn_figure, page, rows_table, section, write_page
 from schwung.report.pictures import Picture
+from schwung.report.pictures_explanation import MAP, located_pictures, named_pictures
+from schwung.report.wording import parameter_lines, runs_text
 from schwung.session import Session
 
 

@@ -17,7 +17,6 @@ from schwung.drivetrain.physics import PHYSICS
 from schwung.drivetrain.residual import OVER, TABLES, UNDIRECTED, UNITS
 from schwung.drivetrain.residual_plane import Plane
 from schwung.explain import free_run
-from schwung.explain.naming import unit_on
 from schwung.explain.plausibility import examine
 from schwung.explain.values import Quantity
 from schwung.explain.weighing.drawn import Drawn, drawn
@@ -44,6 +43,7 @@ from schwung.explain.weighing.twin import as_missed_by
 from schwung.explain.weighing.values import Parameter, Proof, Weighed
 from schwung.explain.weighing.weigh import Posterior, at_bound, parameters_of, posterior_of
 from schwung.explain.weighing.written import read_back, sayable, smooth
+from schwung.explain.words import unit_on
 from schwung.session.effort import require_alike
 from schwung.session.imports import repeats
 from schwung.session.model import Session

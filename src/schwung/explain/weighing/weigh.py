@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from schwung.drivetrain.machine import Machine
-from schwung.explain.proof import split
+from schwung.explain.kept_aside import split
 from schwung.explain.weighing.along import TrueTorque, ranges_of
 from schwung.explain.weighing.candidate import NATURAL, Candidate
 from schwung.explain.weighing.data import Atom
