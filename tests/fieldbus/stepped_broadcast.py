@@ -115,18 +115,23 @@ class Seen:
         self.rpdo_id, self.sync_id = rpdo_id, sync_id
         self.rpdos: list[bytes] = []
         self.at_sync: list[bytes] = []
+        self.heard: list[bytes] = []  # of these, the ones while it was not deaf
         self.sync_s: list[float] = []
         self.counters: list[bytes] = []
         self.deaf = False
+        self.deaf_during = range(0)  # SYNCs, counted from the first that found an RPDO
         SteppedClock.read(clock, bus, self._received, print)  # it never hangs
 
     def _received(self, message: can.Message) -> None:
         if message.arbitration_id == self.rpdo_id:
             self.rpdos.append(bytes(message.data))
         elif message.arbitration_id == self.sync_id and self.rpdos:
+            deaf = self.deaf or len(self.at_sync) in self.deaf_during
             self.at_sync.append(self.rpdos[-1])
+            if not deaf:
+                self.heard.append(self.rpdos[-1])
             self.sync_s.append(message.timestamp)
             self.counters.append(bytes(message.data))
             for can_id, data in self.answers.items():
-                if not self.deaf:
+                if not deaf:
                     self.bus.send(can.Message(arbitration_id=can_id, data=data, is_extended_id=False))

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-
 import numpy as np
 from numpy.typing import NDArray
 
@@ -108,17 +106,15 @@ class Cyclic:
             return None
         return int(self._layouts.rpdo.unpack([last])[str(self._profile.quantities.position.demand)][0])
 
-    def following(
-        self, demand_counts: NDArray[np.int64], tolerated: float | None, patience_s: float
-    ) -> dict[int, Callable[[bytes | bytearray], None]]:
-        """Who watches, in cyclic position, that the axis is where these setpoints (n,) send it, by the TPDO that tells;
-        see Following. Nobody where nobody has said how much is tolerated, or the position is no signed integer."""
+    def watch(self, demand_counts: NDArray[np.int64], tolerated: float | None, patience_s: float) -> None:
+        """Watch, in cyclic position, that the axis is where these setpoints (n,) send it, and that none of them is a
+        leap; see Following. Not where nobody has said how much is tolerated, or the position is no signed integer."""
         exchange, number = self.exchange, self._position_tpdo
         if number is None or tolerated is None or self.acquisition.mode != "csp":
-            return {}
+            return
         position, layout = str(self._profile.quantities.position.object), self._layouts.tpdos[number]
         if layout.dtype[position].kind != "i":
-            return {}
+            return
         rate_hz = self.acquisition.sample_rate_hz
         lag = self._watched.lag_cycles if self._watched is not None else None
         watch = following.Following(layout, position, demand_counts, rate_hz, tolerated, patience_s, lag)
@@ -131,7 +127,11 @@ class Cyclic:
             if watch.away(recorder.setpoints[-1], frame, exchange.sync_count - answers[number]):
                 exchange.report(following.trouble(exchange.node_id))
 
-        return {number: look}
+        exchange.watchers, exchange.leaps = {number: look}, watch.leaps
+
+    def unwatch(self) -> None:
+        """End `watch`."""
+        self.exchange.watchers, self.exchange.leaps = {}, None
 
     @property
     def statusword(self) -> int | None:

@@ -8,11 +8,12 @@ from typing import Protocol
 
 import can
 
-from schwung.errors import DriveError, DriveFaultError, StateError
+from schwung.errors import DriveError, DriveFaultError, NodeLostError, StateError
 from schwung.fieldbus import cia402
 from schwung.fieldbus.canopen.link import Frame, FrameCallback, Link
 from schwung.fieldbus.canopen.pdo import Layouts
 from schwung.fieldbus.canopen.recorder import Recorder
+from schwung.fieldbus.canopen.silence import Silence
 from schwung.fieldbus.drive import Progress
 
 SYNC_ID = 0x080
@@ -84,6 +85,8 @@ class Exchange:
         )
         self.after_tpdo: Callable[[int], None] | None = None
         self.watchers: dict[int, Callable[[bytes | bytearray], None]] = {}  # of TPDOs, while guarded
+        self.leaps: Callable[[int, int], bool] | None = None  # a setpoint, behind so many unanswered SYNCs
+        self.silence = Silence()
         self.latch: Callable[[int], object] | None = None  # a controlword, for all that goes out
         self.trouble: DriveError | None = None
         self._turn_s = math.inf  # when something went out last
@@ -137,13 +140,32 @@ class Exchange:
             return [Frame(SYNC_ID, b"")]
         return [Frame(SYNC_ID, bytes([count])) for count in range(1, COUNTER_OVERFLOW + 1)]
 
-    def take_turn(self, period_s: float) -> None:
-        """Before something goes out, each time; `period_s`: how often that is. One that was held up hears first what
-        came meanwhile: it may forbid to go on. Not from callbacks."""
+    def take_turn(self, period_s: float, setpoint: int | None = None) -> None:
+        """Before something goes out, each time; `period_s`: how often that is, `setpoint`: which one, if any. One that
+        was held up hears first what came meanwhile: it may forbid to go on. Not from callbacks."""
         now = self.link.clock.now()
-        if now - self._turn_s > period_s + SILENT_S:
+        leaps = setpoint is not None and self._would_leap(setpoint)
+        if leaps or now - self._turn_s > period_s + SILENT_S:
             self.link.catch_up()
         self._turn_s = now
+        if leaps and setpoint is not None:
+            self.refuse_leap(setpoint)
+
+    def refuse_leap(self, setpoint: int) -> None:
+        """Before a setpoint acts: it is trouble where it would be a step, since a drive that does not answer may have
+        missed those before it. From callbacks, too."""
+        if self._would_leap(setpoint):
+            self.report(NodeLostError(
+                f"node {self.node_id}",
+                f"did not answer {self.silence.length(self.sync_count)} SYNCs in a row, in which its setpoint went on "
+                "by more than the following error that it tolerates: what it has missed would be one step",
+                "Check its power, the cable, and what else is on the bus."))  # fmt: skip
+
+    def _would_leap(self, setpoint: int) -> bool:
+        unanswered = self.silence.length(self.sync_count)
+        if self.leaps is None or not unanswered:
+            return False
+        return self.leaps(setpoint, unanswered + 1 - self.silence.usual)
 
     def send_rpdo(self, frame: bytes, wanted: Callable[[], bool] | None = None) -> bool:
         """Send one RPDO frame; False where it was no longer `wanted` when the send buffer had room. Raises BusError."""
@@ -167,6 +189,7 @@ class Exchange:
                 return
             latest[number] = data
             self.answer_counts[number] += 1
+            self.silence.answered(self.sync_count)
             recorder = self.recorder
             if recorder is not None:
                 recorder.frames[number].append((len(recorder.sync_times) - 1, message.timestamp, data))

@@ -100,6 +100,13 @@ class Following:
         self._off = self._off + 1 if off else 0
         return self._off > self._patience
 
+    def leaps(self, setpoint: int, missed: int) -> bool:
+        """Whether a drive that may have missed so many setpoints before this one is sent off by more than tolerated."""
+        if missed <= JITTER_CYCLES or not 0 <= setpoint < len(self._demand):
+            return False
+        heard = self._demand[max(setpoint - missed + JITTER_CYCLES, 0)]
+        return abs(self._demand[setpoint] - heard) > self._tolerated
+
 
 def trouble(node_id: int) -> StateError:
     """What is said of an axis that is away."""

@@ -230,6 +230,7 @@ class KernelProducer:
                 self._exchange.report_foreign(message)
                 return
             self._rpdo_s, self._sync_s = message.timestamp, -math.inf
+            self._exchange.refuse_leap(ring.setpoint)
             if ring.met_guard:
                 self._write(ring.give_up(self._position()))
 

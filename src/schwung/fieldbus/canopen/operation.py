@@ -276,7 +276,8 @@ class Operation:
     ) -> BaseException | None:  # fmt: skip
         """Play with the guard up. Trouble, Ctrl-C and defects stop the drive while it is still being recorded."""
         exchange = cyclic.exchange
-        exchange.recorder, exchange.watchers = recorder, cyclic.following(counts, *self._tolerated)
+        exchange.recorder = recorder
+        cyclic.watch(counts, *self._tolerated)
         exchange.guard(follows=cyclic.acquisition.mode == "csp")
         self._stopping.moved = True
         stopped: BaseException | None = None
@@ -284,7 +285,8 @@ class Operation:
             cyclic.producer.play(frames, after, recorder, progress)
         except BaseException as error:
             stopped = error
-        exchange.guarded, exchange.watchers = False, {}
+        exchange.guarded = False
+        cyclic.unwatch()
         if stopped is None or isinstance(stopped, DriveError):  # then what came first counts
             stopped = exchange.trouble or stopped
         if stopped is not None:

@@ -67,6 +67,12 @@ class Output:
         """A playback is under way."""
         return bool(self._frames)
 
+    @property
+    def coming(self) -> int | None:
+        """The setpoint whose turn is next; None: none is."""
+        with self._lock:
+            return self._position if self._position < len(self._frames) else None
+
     def hold(self, frame: bytes) -> None:
         """Hold this frame; a playback is given up. Raises StateError for one that enables after a stop."""
         with self._lock:

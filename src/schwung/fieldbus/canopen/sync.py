@@ -56,7 +56,7 @@ class _PythonProducer:
 
     def _send_rpdo(self) -> int:
         """Send the frame whose turn it is; the setpoint in it. A stop that came in between is not overwritten."""
-        self._exchange.take_turn(self.period_s)
+        self._exchange.take_turn(self.period_s, self._output.coming)
         with self._sending:
             outgoing = self._send_next()
             while self._output.overtakes(outgoing.frame):
