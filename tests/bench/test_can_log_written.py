@@ -16,6 +16,7 @@ import pytest
 from bench_machine import guessed_machine
 
 from schwung.clock import SteppedBus
+from schwung.clock.python_can import with_mf4
 from schwung.commissioning import Wishes, carry_out, prepare
 from schwung.errors import InputError, InterruptedByUser
 from schwung.fieldbus.canopen import BusOptions, open_bus
@@ -60,6 +61,7 @@ def commission(log: Path, out: Path, *, interrupt: bool = False) -> list[can.Mes
 
 
 def read_back(path: Path) -> list[can.Message]:
+    with_mf4()  # where this process has got to know python-can by schwung, as other tests make it
     with can.LogReader(path) as reader:
         return list(reader)
 
