@@ -162,6 +162,7 @@ class LineRoom:
 
     def calm(self) -> None:
         """All that befell is over."""
+        self.points.calm()
         self.scene.calm()
         self.clock.sleep(1.0)
 

@@ -175,6 +175,7 @@ class Room:
 
     def calm(self) -> None:
         """All that befell is over; a drive without torque is switched off and on."""
+        self.points.calm()
         self.scene.calm()
         if self.machine.weak:
             self.bench.servo.reset_node()

@@ -29,6 +29,11 @@ class Points:
         self.stages: dict[str, Counts] = {}
         self._clock, self._pending, self._typical, self._befall = clock, list(incidents), typical, befall
         self._stage, self._counts, self._stage_s = "connect", {"frames": 0.0, "waits": 0.0}, 0.0
+        self._calm = False
+
+    def calm(self) -> None:
+        """Nothing befalls any more."""
+        self._calm = True
 
     def enter(self, stage: str) -> None:
         """The tool begins with this."""
@@ -65,6 +70,8 @@ class Points:
         """It befalls so much later; those that follow it come after it."""
 
         def now() -> None:
+            if self._calm:
+                return
             self._befall(incident)
             following = [i for i in self._pending if i.after_s is not None]
             if following:
