@@ -6,6 +6,8 @@ import can
 import pytest
 
 from schwung.clock import SteppedClock, Wire, clock_of
+from schwung_sim.campaign.draw import Incident
+from schwung_sim.campaign.points import Points
 from schwung_sim.campaign.side import Killed, Overdue, Side, SideBus
 
 
@@ -129,3 +131,22 @@ def test_an_adapter_that_is_bus_off_or_full() -> None:
         bus.send(frame(1))
         clock.sleep(0.01)
         assert [m.arbitration_id for m in other.waiting] == [0x101]
+
+
+@pytest.mark.parametrize(("calm_s", "befallen"), [(0.25, ["kill"]), (2.0, ["kill", "sdo-abort"])])
+def test_what_follows_an_incident_does_not_befall_whoever_clears_up(
+    calm_s: float, befallen: list[str]
+) -> None:
+    """Campaign seed 705485: the drive refused a restore what it was to refuse the tool that had been killed."""
+    clock, happened = SteppedClock(), list[str]()
+    kill = Incident("kill", "enable", 0.5, "frames", None, 0.1, 0.5, 0)
+    later = Incident("sdo-abort", "enable", 0.0, "waits", 0.86, 0.8, 0.5, 0)
+    usual = {"enable": {"frames": 2.0}}
+    points = Points(clock, [kill, later], usual, lambda incident: happened.append(incident.kind))
+    points.enter("enable")
+    points.count("frames")
+    points.count("frames")
+    clock.sleep(calm_s)
+    points.calm()
+    clock.sleep(3.0)
+    assert happened == befallen
