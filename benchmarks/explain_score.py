@@ -82,8 +82,9 @@ def score_case(label: Mapping[str, Any], folder: Path) -> CaseScore:
         text = error.read_text(encoding="utf-8").strip() if error.exists() else "was not run"
         return CaseScore(*base, "", [], [], seconds, error=text.splitlines()[-1])
     document = json.loads((folder / "explanation.json").read_text(encoding="utf-8"))
-    findings = document["findings"]
-    floor, after = document["noise_floor"]["torque_nm"], document["fit"]["after"]["torque_rmse_nm"]
+    findings = document["names"]
+    floor = document["noise"]["torque_nm"]
+    after = document["proof"]["after_nm"] if document["proof"] else float("nan")
     score = CaseScore(
         *base,
         document["verdict"],

@@ -80,9 +80,9 @@ def test_it_writes_document_machine_and_page(
         "explanation.html", "explanation.json", "machine.toml", "machine_inertia.csv",
     ]  # fmt: skip
     document = json.loads((out / "explanation.json").read_text())
-    assert (document["format"], document["version"]) == ("schwung-explanation", 1)
+    assert (document["format"], document["version"]) == ("schwung-explanation", 2)
     assert document["verdict"] == "explained"
-    assert document["findings"][0]["parameters"]["torque_nm"]["value"] == 4.0
+    assert document["names"][0]["parameters"]["torque_nm"]["value"] == 4.0
     learned = load_machine(out / "machine.toml")
     assert learned.physics[0].number("torque_nm") == 4.0
     angles = np.linspace(0, np.pi, 7)
@@ -108,7 +108,7 @@ def test_json_is_the_document_and_nothing_else_is_on_stdout(
     code, out, err = _run(capsys, places, "--out", str(places / "result"), "--json")
     assert code == 0
     assert json.loads(out) == json.loads((places / "result" / "explanation.json").read_text())
-    assert json.loads(out)["findings"] == []
+    assert json.loads(out)["names"] == []
     assert "consistent" in err
 
 

@@ -107,8 +107,8 @@ def test_the_learned_machine_is_written_read_and_simulated(
 def test_the_document_is_the_contract_s(rubbing: tuple[Session, Machine, Explanation]) -> None:
     document = json.loads(json.dumps(rubbing[2].to_json()))
     assert document["format"] == "schwung-explanation"
-    assert document["version"] == 1
-    finding = document["findings"][0]
+    assert document["version"] == 2
+    finding = document["names"][0]
     assert finding["parameters"]["torque_nm"]["unit"] == "N·m"
     low, high = finding["parameters"]["torque_nm"]["ci95"]
     assert low < finding["parameters"]["torque_nm"]["value"] < high

@@ -35,7 +35,7 @@ def test_runs_for_the_proof_change_nothing_but_the_proof(rubbing: tuple[Session,
     assert before.verdict == "explained"
     assert after.verdict == "partly_explained"
     assert after.noise_floor == before.noise_floor
-    assert after.to_json()["findings"] == before.to_json()["findings"]
+    assert after.to_json()["names"] == before.to_json()["names"]
     assert (
         after.fit.after.torque_rmse_nm > 1.2 * before.noise_floor.torque_nm >= before.fit.after.torque_rmse_nm
     )

@@ -65,7 +65,7 @@ def test_a_fresh_session_of_the_machine_finds_nothing_beyond_the_file(root: Publ
 
 def test_the_document_has_everything(root: Published) -> None:
     document = root.to_json()
-    assert document["format"] == "schwung-probabilities"
+    assert (document["format"], document["version"]) == ("schwung-explanation", 2)
     (unnamed,) = [one for one in document["unnamed"] if one["probability"] > 0.5]
     assert len(unnamed["curve"]["x"]) == len(unnamed["curve"]["forward_std_nm"])
     assert document["proof"]["runs"]

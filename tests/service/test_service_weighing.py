@@ -12,7 +12,7 @@ from test_service_reach import _asked, _brought, _strange_csv
 from schwung.cli.demo import BELIEF
 from schwung.service.app import make_app
 from schwung.service.guard import Guard, own_token
-from schwung.service.pages.weighed import planned, told_table
+from schwung.service.pages.explaining import planned, told_table
 from schwung.service.pages.wizard.guide import wishes_of
 from schwung.service.service import Service
 
@@ -32,7 +32,7 @@ def test_a_session_is_weighed_and_the_next_motion_asked_for(tmp_path: Path) -> N
         assert run["state"] == "done", run["error"]
         found = client.get(f"/api/explanations/{run['result']['explanation_id']}").json()
         document = found["document"]
-        assert document["format"] == "schwung-probabilities"
+        assert document["format"] == "schwung-explanation"
         assert document["names"] or document["unnamed"]  # the recorded machine is another one
         assert found["verdict"] in {"explained", "partly_explained", "unexplained"}
         named = {

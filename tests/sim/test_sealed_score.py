@@ -48,9 +48,9 @@ def explanation(
 ) -> dict[str, Any]:
     return {
         "verdict": verdict,
-        "noise_floor": {"torque_nm": 0.12},
+        "noise": {"torque_nm": 0.12},
         "mismatch": [{"coordinate": place[0], "interval": place[1]}] if place else [],
-        "findings": [
+        "names": [
             {
                 "physics": name,
                 "parameters": {
@@ -60,7 +60,7 @@ def explanation(
             }
             for name, values in effects.items()
         ],
-        "fit": {"after": {"torque_rmse_nm": 0.126}},
+        "proof": {"after_nm": 0.126},
     }
 
 
@@ -108,15 +108,15 @@ def test_a_wrong_name_place_and_number_are_wrong(benchmark: dict[str, ModuleType
 def test_angles_turn_and_inertias_compare_by_their_change(benchmark: dict[str, ModuleType]) -> None:
     errors = benchmark["explain_truth"].parameter_errors
     truth = label({"cogging": {"order": 12.0, "amplitude_nm": 1.0, "phase_rad": 3.1}})
-    found = explanation({"cogging": {"order": 12.0, "amplitude_nm": 1.0, "phase_rad": -3.1}})["findings"][0]
+    found = explanation({"cogging": {"order": 12.0, "amplitude_nm": 1.0, "phase_rad": -3.1}})["names"][0]
     by_key = {key: error for key, error, _ in errors(truth["effects"][0], found["parameters"], truth)}
     assert by_key["phase_rad"] == pytest.approx(2 * 3.141592653589793 - 6.2)
     truth = label({"load_inertia": {"scale": 1.2, "delta_kgm2": 0.0}})
-    found = explanation({"load_inertia": {"scale": 1.0, "delta_kgm2": 0.02}})["findings"][0]
+    found = explanation({"load_inertia": {"scale": 1.0, "delta_kgm2": 0.02}})["names"][0]
     assert errors(truth["effects"][0], found["parameters"], truth)[0][1] == pytest.approx(0.0, abs=1e-9)
     truth = label({"load_torque": {"amplitude_nm": 2.0, "phase_rad": 0.5}})
     found = explanation({"load_torque": {"amplitude_nm": -2.0, "phase_rad": 0.5 - 3.141592653589793}})
-    assert errors(truth["effects"][0], found["findings"][0]["parameters"], truth)[0][1] < 1e-9
+    assert errors(truth["effects"][0], found["names"][0]["parameters"], truth)[0][1] < 1e-9
 
 
 def test_a_load_torque_is_a_curve_through_its_points(benchmark: dict[str, ModuleType]) -> None:

@@ -199,9 +199,9 @@ def test_the_commands_of_the_page_for_users(
         json.loads(Path("explanation/explanation.json").read_text("utf-8")),
         json.loads(told.out),
     )
-    assert [finding["physics"] for finding in learned["findings"]] == ["coulomb_friction"]
+    assert [finding["physics"] for finding in learned["names"]] == ["coulomb_friction"]
     assert document["verdict"] == "consistent"
-    assert document["fit"]["before"]["torque_rmse_nm"] < 1.2 * learned["fit"]["after"]["torque_rmse_nm"]
+    assert document["proof"]["before_nm"] < 1.2 * learned["proof"]["after_nm"]
     assert any("stand-in" in note for note in document["notes"])
     assert load_machine("against/machine.toml").coupling is not None
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -206,16 +207,17 @@ def explanation_note(folder: Path) -> tuple[str, ...]:
     for place in (folder, folder / "explanation"):
         try:
             found = json.loads((place / "explanation.json").read_text(encoding="utf-8"))
-            if found["format"] == "schwung-probabilities":
-                return (f"Explained: {found['headline']} (see {place / 'explanation.html'}).",)
             if found["format"] == "schwung-explanation":
-                verdict = str(found["verdict"]).replace("_", " ")
-                return (
-                    f"What the believed machine leaves out is {verdict}: see {place / 'explanation.html'}.",
-                )
+                told = ", ".join([str(found["verdict"]).replace("_", " "), *_headline(found)])
+                return (f"Explanation: {told} (see {place / 'explanation.html'}).",)
         except (OSError, ValueError, KeyError, TypeError):
             continue
     return ()
+
+
+def _headline(document: Mapping[str, Any]) -> tuple[str, ...]:
+    """Of an explanation; those of version 1 have none."""
+    return (str(document["headline"]),) if "headline" in document else ()
 
 
 def change_row(change: Change, remark: str) -> ChangeRow:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 from schwung import drivetrain, session
@@ -203,15 +202,6 @@ class Estimate(Shown, estimation.Estimate):
         return self.table._columns()
 
 
-@dataclass(frozen=True)
-class Missed:
-    """RMS of the torque that is missed on some runs, in their unit (N·m or N): name and value each."""
-
-    runs: str
-    unit: str
-    rows: tuple[tuple[str, float], ...]
-
-
 class Explanation(Shown, explained.Explanation):
     """What a belief leaves out of a recording.
 
@@ -247,14 +237,22 @@ class Explanation(Shown, explained.Explanation):
 
         return list(dict.fromkeys((*separations(self), *self.notes)))
 
-    def missed(self) -> Missed:
-        """What was missed on the runs kept aside: by the belief, with the named physics, by the noise alone."""
-        from schwung.report.wording import runs_text
+    @property
+    def tone(self) -> str:
+        """Whether the answer is "good", "doubtful" or "unusable" by its proof."""
+        from schwung.report.explanation import tone_of
 
-        rows = [("belief", self.fit.before.torque_rmse_nm)]
-        rows += [("belief + physics", self.fit.after.torque_rmse_nm)] if self.findings else []
-        rows += [("noise floor", self.noise_floor.torque_nm)]
-        return Missed(runs_text(self.fit.heldout_runs), units_of(self.axis).torque, tuple(rows))
+        return tone_of(self)
+
+    def tables(self) -> list[tuple[str, tuple[str, ...], list[tuple[str, ...]]]]:
+        """Everything in words: title, heads of the columns, and rows of each table."""
+        from schwung.report.explanation import tables
+
+        return tables(self)
+
+    def to_json(self) -> dict[str, Any]:
+        """The document of explanation.json."""
+        return super().to_json() | {"headline": self.headline}
 
     def _facts(self) -> Sequence[tuple[str, str]]:
         unit = units_of(self.axis).torque

@@ -27,7 +27,7 @@ class Results:
             if (document.pop("format"), document.pop("version")) != (FORMAT, VERSION):
                 return None
             outcome = Outcome(**document)
-            return outcome if {"trust", "fit"} & set(outcome.document) else None
+            return outcome if {"trust", "names"} & set(outcome.document) else None
         except (OSError, ValueError, KeyError, TypeError, AttributeError):
             return None
 

@@ -86,7 +86,7 @@ def _row(file: Path, outcome: Outcome) -> Row:
     if outcome.error is not None:
         return replace(row, error=outcome.error)
     document = outcome.document
-    if "unnamed" in document:  # weighed
+    if "trust" not in document:  # explained
         proof = document["proof"] or {}
         named = [one["physics"] for one in document["names"] if one["in_file"]]
         curves = [
@@ -100,15 +100,6 @@ def _row(file: Path, outcome: Outcome) -> Row:
             physics=", ".join(dict.fromkeys([*named, *curves])),
             rmse_before_nm=proof.get("before_nm"),
             rmse_after_nm=proof.get("after_nm"),
-        )
-    if "trust" not in document:
-        fit = document["fit"]
-        return replace(
-            row,
-            verdict=document["verdict"],
-            physics=", ".join(finding["physics"] for finding in document["findings"]),
-            rmse_before_nm=fit["before"]["torque_rmse_nm"],
-            rmse_after_nm=fit["after"]["torque_rmse_nm"],
         )
     curve = _curve(document["table"])
     inertia = curve.inertia_kgm2

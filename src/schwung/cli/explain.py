@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -17,12 +17,7 @@ if TYPE_CHECKING:
 
 #: Whether names come with probabilities where nobody says which way is wanted.
 WEIGHS = False
-_COLOURS = {
-    "consistent": "green",
-    "explained": "green",
-    "partly_explained": "yellow",
-    "unexplained": "red",
-}
+_COLOURS = {"good": "green", "doubtful": "yellow", "unusable": "red"}
 
 
 def explain(
@@ -85,7 +80,7 @@ def explain(
     from schwung.cli.next_motion import next_and_show
     from schwung.cli.sessions import in_file
     from schwung.files import json_text, replace_file
-    from schwung.quantities import document_of, sentences_of
+    from schwung.quantities import document_of
 
     terminal = Terminal(json_output)
     _require_sense(machine, belief, weigh, next_plan)
@@ -113,14 +108,14 @@ def explain(
             against = explain_against(recorded, *_with_map(belief, mapped), progress=progress)
             found, believed = against.explanation, against.stand_in
     make_folder(folder)
-    words = sentences_of(recorded.effort)
     document = document_of(recorded.effort, found.to_json()) | {
         "session": str(session),
         "machine": str(machine or belief),
     }
     replace_file(folder / "explanation.json", json_text(document))
     write_explanation(found, recorded, believed, folder)
-    _tell(terminal, found, words)
+    verdict = found.verdict.replace("_", " ")
+    _tell(terminal, found, f"{verdict}: {found.headline}", found.cautions(), recorded.effort)
     terminal.say(f"Explanation: [bold]{folder / 'explanation.html'}[/]  Learned machine: [bold]{learned}[/]")
     if next_plan is not None:
         document["next"] = next_and_show(terminal, recorded, believed, next_plan)
@@ -171,25 +166,10 @@ def _weigh(
     document = document_of(recorded.effort, found.to_json()) | about
     replace_file(folder / "explanation.json", json_text(document))
     write_probabilities(found, recorded, believed, folder)
-    _tell_weighed(terminal, found, recorded.effort)
+    _tell(terminal, found, found.headline, found.notes, recorded.effort)
     page, learned = folder / "explanation.html", folder / "machine.toml"
     terminal.say(f"Explanation: [bold]{page}[/]  Learned machine: [bold]{learned}[/]")
     return document
-
-
-def _tell_weighed(terminal: Terminal, found: Weighed, effort: Effort) -> None:
-    """Names, curves, proof and notes for people."""
-    from rich.markup import escape
-
-    from schwung.quantities import sentences_of
-
-    words_in = sentences_of(effort)
-    colour = {"good": "green", "doubtful": "yellow", "unusable": "red"}[found.tone]
-    terminal.say(f"[bold {colour}]{escape(words_in(found.headline))}[/]")
-    for title, head, rows in found.tables():
-        terminal.table(title, head, [tuple(map(words_in, row)) for row in rows])
-    for note in found.notes:
-        terminal.say(f"[cyan]i[/] {escape(words_in(note))}")
 
 
 def _with_map(belief: Path | None, mapped: Path | None) -> tuple[Path, Path]:
@@ -212,20 +192,17 @@ def _keep_beliefs(learned: Path, machine: Path | None) -> None:
         raise InputError(str(learned), "is a machine file that would be lost", "Choose another --out.")
 
 
-def _tell(terminal: Terminal, found: Explanation, words_in: Callable[[str], str]) -> None:
-    """Verdict, findings, proof and notes for people."""
+def _tell(
+    terminal: Terminal, found: Explanation | Weighed, headline: str, notes: Sequence[str], effort: Effort
+) -> None:
+    """In one sentence, then every table, then what limits it: for people."""
     from rich.markup import escape
 
-    words = found.verdict.replace("_", " ")
-    terminal.say(f"[bold {_COLOURS[found.verdict]}]{words}[/]: {escape(words_in(found.headline))}")
-    if found.findings:
-        rows = [
-            (name, words_in(given), words_in(where.partition("\n")[0]), others)
-            for name, given, where, others in found.rows()
-        ]
-        terminal.table("Left out", ("physics", "parameters (95 %)", "where", "could as well be"), rows)
-    missed = found.missed()
-    head = (f"on runs {missed.runs}, kept aside", words_in(f"RMS, {missed.unit}"))
-    terminal.table("Error", head, [(name, f"{value:.3g}") for name, value in missed.rows])
-    for note in found.cautions():
+    from schwung.quantities import sentences_of
+
+    words_in = sentences_of(effort)
+    terminal.say(f"[bold {_COLOURS[found.tone]}]{escape(words_in(headline))}[/]")
+    for title, head, rows in found.tables():
+        terminal.table(title, head, [tuple(map(words_in, row)) for row in rows])
+    for note in notes:
         terminal.say(f"[cyan]i[/] {escape(words_in(note))}")

@@ -126,31 +126,49 @@ class Explanation:
     remainder: tuple[Located, ...] = field(default=())  # where structure is left after the named terms
 
     def to_json(self) -> dict[str, Any]:
-        """The document of `explanation.json`."""
+        """The document of `explanation.json`: as that of names with probabilities, which this way does not know."""
+        fit, floor = self.fit, self.noise_floor.torque_nm
+        before, after = (of.torque_rmse_nm / floor for of in (fit.before, fit.after))
+        beyond = before**2 - 1
+        left = min(1.0, max(after**2 - 1, 0.0) / beyond) if beyond > 0 else 0.0
         return {
             "format": "schwung-explanation",
-            "version": 1,
+            "version": 2,
             "verdict": self.verdict,
-            "noise_floor": {"torque_nm": self.noise_floor.torque_nm, "how": self.noise_floor.how},
-            "mismatch": [where.to_json() for where in self.mismatch],
-            "findings": [
+            "names": [
                 {
                     "physics": finding.physics,
-                    "parameters": {key: _quantity(value) for key, value in finding.parameters.items()},
+                    "probability": None,
+                    "in_file": True,
+                    "formula": None,
                     "where": finding.where.to_json(),
+                    "parameters": {key: _quantity(value) for key, value in finding.parameters.items()},
                     "indistinguishable_from": list(finding.indistinguishable_from),
                     "evidence": dict(finding.evidence),
                     "text": finding.text,
                 }
                 for finding in self.findings
             ],
-            "fit": {
-                "train_runs": list(self.fit.train_runs),
-                "heldout_runs": list(self.fit.heldout_runs),
-                "before": _misfit(self.fit.before),
-                "after": _misfit(self.fit.after),
-            },
+            "unnamed": [],
+            "plain": None,
+            "runners_up": [],
+            "noise": {"torque_nm": floor, "how": self.noise_floor.how},
+            "proof": {
+                "runs": list(fit.heldout_runs),
+                "fitted_runs": list(fit.train_runs),
+                "before": before,
+                "after": after,
+                "taken": 1 - left,
+                "before_nm": fit.before.torque_rmse_nm,
+                "after_nm": fit.after.torque_rmse_nm,
+                "before_rad_s": fit.before.speed_rmse_rad_s,
+                "after_rad_s": fit.after.speed_rmse_rad_s,
+            }
+            if fit.heldout_runs
+            else None,
+            "mismatch": [where.to_json() for where in self.mismatch],
             "remainder": [where.to_json() for where in self.remainder],
+            "left": left if fit.heldout_runs else None,
             "notes": list(self.notes),
         }
 
@@ -162,7 +180,3 @@ def _quantity(quantity: Quantity) -> dict[str, Any]:
         "unit": quantity.unit,
         "ci95": None if quantity.ci95 is None else list(quantity.ci95),
     }
-
-
-def _misfit(misfit: Misfit) -> dict[str, float]:
-    return {"torque_rmse_nm": misfit.torque_rmse_nm, "speed_rmse_rad_s": misfit.speed_rmse_rad_s}

@@ -27,6 +27,7 @@ from schwung.report.pictures_explanation import MAP, located_pictures, named_pic
 from schwung.report.wording import listed, parameter_lines, place_of, runs_text, unbroken
 from schwung.session import Session
 
+_HEAD = ("Physics", "Parameters (95 % interval)", "Where", "Could as well be")
 _TONES = {
     "consistent": ("good", "✓ Consistent"),
     "explained": ("good", "✓ Explained"),
@@ -125,6 +126,26 @@ def headline(explanation: Explanation) -> str:
     return f"the belief leaves out {what}; {gain}{left}"
 
 
+def tone_of(explanation: Explanation) -> str:
+    """How good the answer is, as the look of the page has it."""
+    return _TONES[explanation.verdict][0]
+
+
+def tables(explanation: Explanation) -> list[tuple[str, tuple[str, ...], list[tuple[str, ...]]]]:
+    """Everything in words: title, heads of the columns, and rows of each table that has some."""
+    linear = explanation.axis == "linear"
+    units, fit = LINEAR if linear else ROTARY, explanation.fit
+    errors = [("belief", fit.before.torque_rmse_nm)]
+    errors += [("belief + physics", fit.after.torque_rmse_nm)] if explanation.findings else []
+    errors += [("noise floor", explanation.noise_floor.torque_nm)]
+    runs = f"error on runs {runs_text(fit.heldout_runs)}, kept aside"
+    every: list[tuple[str, tuple[str, ...], list[tuple[str, ...]]]] = [
+        ("Left out", _HEAD, [finding_row(one, linear=linear) for one in explanation.findings]),
+        ("Error", (runs, f"RMS, {units.torque}"), [(name, f"{value:.3g}") for name, value in errors]),
+    ]
+    return [(title, head, rows) for title, head, rows in every if rows]
+
+
 def separations(explanation: Explanation) -> Iterator[str]:
     """One sentence for each pair of names that this session cannot tell apart: the motion that would."""
     seen, linear = set(), explanation.axis == "linear"
@@ -175,11 +196,10 @@ def _key_numbers(content: ExplanationContent) -> Iterator[tuple[str, str, str]]:
 
 
 def _findings_table(content: ExplanationContent) -> str:
-    head = ("Physics", "Parameters (95 % interval)", "Where", "Could as well be")
     rows = [finding_row(finding, linear=content.linear) for finding in content.explanation.findings]
     if not rows:
         return ""
-    top = "".join(f"<th>{text}</th>" for text in head)
+    top = "".join(f"<th>{text}</th>" for text in _HEAD)
     lines = "".join(_row(*row) for row in rows)
     return f'<div class="wide"><table><thead><tr>{top}</tr></thead><tbody>{lines}</tbody></table></div>'
 

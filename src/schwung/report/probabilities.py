@@ -243,19 +243,10 @@ def place_rows(of: Published) -> list[tuple[str, str]]:
 
 def separations(of: Published) -> Iterator[tuple[str, str]]:
     """A row for each pair of names that two sets of causes have in each other's place: what would tell them."""
-    linear, seen = of.axis == "linear", set()
-    for names, p in of.runners_up:
-        if names == of.in_file or p < _WORTH:
-            continue
-        ours, others = ([name for name in one if name in PHYSICS] for one in (of.in_file, names))
-        for first in (name for name in ours if name not in others):
-            for other in (name for name in others if name not in ours):
-                pair = frozenset((first, other))
-                motion = told_apart_by(first, other, linear=linear)
-                if pair not in seen and motion:
-                    seen.add(pair)
-                    one, instead = (words_of(name, linear=linear).name for name in (first, other))
-                    yield f"{one.capitalize()}, or {instead} ({other})?", motion
+    linear = of.axis == "linear"
+    for first, other in of.confused:
+        one, instead = (words_of(name, linear=linear).name for name in (first, other))
+        yield f"{one.capitalize()}, or {instead} ({other})?", told_apart_by(first, other, linear=linear)
 
 
 def _set_text(names: Sequence[str], of: Published) -> str:

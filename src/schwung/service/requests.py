@@ -284,6 +284,9 @@ class BatchRequest(Request):
     inversion: Literal["complex", "magnitude"] = "complex"
     frequency_hz: _Positive | None = None
     points: Annotated[int, Field(ge=4, le=1000)] | None = None
+    weigh: bool = Field(
+        False, description="Of `explain`: every name with its probability, as ExplainRequest."
+    )
     jobs: Annotated[int, Field(ge=1, le=64)] | None = None
 
 

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from schwung.drivetrain.machine import Machine
+from schwung.drivetrain.physics import PHYSICS
 from schwung.drivetrain.residual_plane import Plane
 from schwung.explain.values import Located, Overlay, Quantity, Verdict
 from schwung.explain.weighing.drawn import Drawn
@@ -33,6 +34,8 @@ def percent(p: float) -> str:
     return "> 99 %" if p > _ALL else "< 1 %" if p < 1 - _ALL else f"{100 * p:.0f} %"
 
 
+#: A set of causes that is less probable is no rival.
+_RIVAL = 0.05
 #: Sets of causes that are less probable are not told, nor more than so many.
 _TOLD, _MOST = 0.01, 6
 
@@ -157,6 +160,18 @@ class Published:
         return tuple(sorted(named | {one.like or one.coordinate for one in self.curves if one.in_file}))
 
     @property
+    def confused(self) -> tuple[tuple[str, str], ...]:
+        """Names of the published set, each with one that another set, not much less probable, has in its place."""
+        pairs: dict[frozenset[str], tuple[str, str]] = {}
+        for names, p in self.runners_up:
+            if names != self.in_file and p >= _RIVAL:
+                ours, others = ([name for name in one if name in PHYSICS] for one in (self.in_file, names))
+                for one in (name for name in ours if name not in others):
+                    for other in (name for name in others if name not in ours):
+                        pairs.setdefault(frozenset((one, other)), (one, other))
+        return tuple(pairs.values())
+
+    @property
     def verdict(self) -> Verdict:
         """By what the file takes of what runs kept aside show beyond noise."""
         found, left = bool(self.in_file), self.left
@@ -229,8 +244,8 @@ class Published:
     def to_json(self) -> dict[str, Any]:
         """The document of explanation.json."""
         return {
-            "format": "schwung-probabilities",
-            "version": 1,
+            "format": "schwung-explanation",
+            "version": 2,
             "verdict": self.verdict,
             "headline": self.headline,
             "names": [
@@ -244,6 +259,7 @@ class Published:
                         key: {"value": q.value, "unit": q.unit, "ci95": q.ci95}
                         for key, q in one.parameters.items()
                     },
+                    "indistinguishable_from": [other for name, other in self.confused if name == one.physics],
                 }
                 for one in self.names
             ],
@@ -270,6 +286,7 @@ class Published:
             "proof": self.proof
             and {
                 "runs": list(self.proof.runs),
+                "fitted_runs": list(self.proof.fitted),
                 "before": self.proof.before,
                 "after": self.proof.after,
                 "gain_per_sample": self.proof.gain,

@@ -19,6 +19,7 @@ from schwung.drivetrain.residual_plane import Plane
 from schwung.explain import free_run
 from schwung.explain.plausibility import examine
 from schwung.explain.values import Quantity
+from schwung.explain.weighing.advice import advice
 from schwung.explain.weighing.drawn import Drawn, drawn
 from schwung.explain.weighing.drawn_formula import formulas_of
 from schwung.explain.weighing.drawn_plane import PLANES, drawn_plane
@@ -171,7 +172,7 @@ class _Publishing:
         view = self.outcome.view
         answer = with_places(answer, before.fitted, after.fitted, view.ranges.band_hz, repeats(self.session))
         self.tell("Done", 1.0)
-        return answer
+        return replace(answer, notes=(*answer.notes, *advice(answer, self.machine, view.ranges)))
 
     def _plain(self, curves: Sequence[Acts], after: Judged) -> Plain | None:
         """What comes near to all that is published without a name."""
@@ -373,8 +374,9 @@ class _Publishing:
             return None
         gain = float(np.sum(after.logs) - np.sum(before.logs)) / after.samples
         return Proof(
-            self.outcome.heldout, gain, before.missed, after.missed, before.missed_nm, after.missed_nm
-        )
+            runs=self.outcome.heldout, gain=gain, before=before.missed, after=after.missed,
+            before_nm=before.missed_nm, after_nm=after.missed_nm, fitted=tuple(self.outcome.growth.train),
+        )  # fmt: skip
 
     def _notes(self, causes: Sequence[_Cause]) -> list[str]:
         notes = []

@@ -46,6 +46,7 @@ class Proof:
     after: float
     before_nm: float | None = None  # torque that is missed, smoothed, root mean square; None: not worked out
     after_nm: float | None = None
+    fitted: tuple[int, ...] = ()  # the runs that all was fitted on
 
     @property
     def taken(self) -> float:

@@ -1,86 +1,78 @@
-"""An explanation: what the belief left out, where, how sure, and the proof on runs that were kept aside."""
+"""An explanation: what the belief left out, how sure, the proof; and the motion that would tell most."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from html import escape
 from typing import Any
 
-from schwung.api.looks import label_of, probability, words_of
+from nicegui import ui
+
 from schwung.service.pages.desk import Desk, grid, html, panel
-from schwung.service.pages.markup import Safe, muted, numbers, percent, si, table, verdict
+from schwung.service.pages.markup import Safe, facts, link, muted, percent, si, table, verdict
 from schwung.service.pages.reported import show_drawings
-from schwung.service.pages.weighed import show_next_motion, show_weighed
 from schwung.service.pages.words import VERDICTS
 from schwung.service.records import ResultRecord
 
 
 def show_explanation(desk: Desk, found: ResultRecord) -> None:
-    """Everything about an explanation."""
+    """Everything about an explanation; of one that an earlier version has stored, what can be read of it."""
     document = found.document
-    if "told" in document:  # weighed: names with probabilities
-        show_weighed(desk, found)
-        return
-    tone, word = VERDICTS.get(document["verdict"], ("", document["verdict"]))
-    findings, mismatch = document["findings"], document["mismatch"]
-    reasons = [one["text"] for one in findings or mismatch] or [
-        "Nothing is missed: the belief explains every run."
-    ]
+    tone, word = VERDICTS[found.verdict or "unexplained"]
     with panel("What the belief left out"):
-        html(verdict(tone, word, reasons))
-        html(proof_numbers(document))
-        if findings:
-            html(findings_table(findings))
+        html(verdict(tone, word, [document["headline"]] if "headline" in document else []))
+        for one in document.get("told", ()):
+            html(escape(one["title"]), "h3", "sw-body")
+            html(told_table(one["heads"], one["rows"]), "div", "" if any(one["heads"]) else "sw-body")
     with grid():
         show_drawings(desk, desk.service.run(found.run_id))
-    left = document.get("remainder") or ()
-    notes = [*(one["text"] for one in left), *document.get("cautions", document.get("notes", ()))]
+    notes = document.get("notes", ())
     if notes:
-        with panel("What is left, and what would help"):
+        with panel("What to know of it"):
             html("<ul>" + "".join(f"<li>{escape(note)}</li>" for note in notes) + "</ul>", "div", "sw-body")
     show_next_motion(desk, found)
 
 
-def proof_numbers(document: Mapping[str, Any]) -> Safe:
-    """Before and after, on runs that were kept aside, against the noise."""
-    fit, floor = document["fit"], document["noise_floor"]["torque_nm"]
-    before, after = fit["before"]["torque_rmse_nm"], fit["after"]["torque_rmse_nm"]
-    count = len(fit["heldout_runs"])
-    aside = f"{count} run{'s' if count > 1 else ''} kept aside" if count else "the runs it was fitted to"
-    share = f"{before / after:.3g} ×" if after and document["findings"] else "–"
-    return numbers(
-        (
-            (si(before, 3), "N·m", f"missed before, RMS on {aside}"),
-            (si(after, 3), "N·m", "missed with the named physics"),
-            (share, "", "better"),
-            (si(floor, 3), "N·m", "noise: nobody can be better"),
-        )
-    )
+def told_table(heads: Sequence[str], rows: Sequence[Sequence[str]]) -> Safe:
+    """A table in words; the first line of a name's cell is for people, the second for files."""
+    if not any(heads):
+        return facts((row[0], Safe("<br>".join(map(escape, row[1:])))) for row in rows)
+    return table([head.capitalize() for head in heads], [[_cell(cell) for cell in row] for row in rows])
 
 
-def findings_table(findings: list[Mapping[str, Any]]) -> Safe:
-    """Named physics with parameters, place, share of the mismatch, and what it could as well be."""
-    rows = []
-    for one in findings:
-        where = one["where"]
-        name = Safe(
-            f"<b>{escape(words_of(one['physics']).name.capitalize())}</b><br>"
-            f'<span class="mono">{escape(one["physics"])}</span>'
-        )
-        values = "<br>".join(escape(f"{label_of(key)}: {_value(q)}") for key, q in one["parameters"].items())
-        place = f"{escape(where['text'])}<br>{muted('p ' + probability(where['p_value']))}"
-        others = (
-            ", ".join(words_of(other).name for other in one["indistinguishable_from"]) or "nothing else known"
-        )
-        rows.append((name, Safe(values), Safe(place), percent(where["share_of_energy"]), others))
-    heads = ("Physics", "Parameters (95 %)", "Where", "Share", "Could as well be")
-    return table(heads, rows, (3,))
+def _cell(text: str) -> Safe:
+    return Safe("<br>".join(escape(line) for line in text.split("\n")))
 
 
-def _value(quantity: Mapping[str, Any]) -> str:
-    value, interval = quantity["value"], quantity.get("ci95")
-    unit = f" {quantity['unit']}" if quantity["unit"] not in ("", "1") else ""
-    if isinstance(value, list):
-        return f"a curve of {len(value)} points{unit}"
-    told = f"{si(value, 3)}{unit}"
-    return f"{told} ({si(interval[0], 3)} … {si(interval[1], 3)})" if interval else told
+def show_next_motion(desk: Desk, found: ResultRecord) -> None:
+    """The motion that best tells apart what is confused, and its plan to look at; nothing where nobody asked."""
+    chosen = found.document.get("next")
+    if chosen is None:
+        return
+    with panel("What to measure next"), ui.element("div").classes("sw-body sw-column"):
+        html(escape(chosen["sentence"]), "p")
+        if chosen["rivals"]:
+            rows = [
+                (", ".join(one["names"]) or "nothing", percent(one["probability"]))
+                for one in chosen["rivals"]
+            ]
+            html(table(("Left out could be", "Probability"), rows, (1,)))
+        plan = chosen["plan"]
+        if plan is None:
+            return
+        html(facts(planned(plan, chosen["start_rad"])))
+        drive_id = desk.service.store.session(found.session_id or "").drive_id
+        if drive_id is None:
+            html(muted("The recording was brought from elsewhere: plan it at a drive of yours."))
+            return
+
+        url = f"/commission/{drive_id}?next={found.id}"
+        html(link(url, "Commission with this motion: check, predict, confirm"), "p")
+
+
+def planned(plan: Mapping[str, Any], start_rad: float) -> list[tuple[str, str]]:
+    """The stroke in words."""
+    return [
+        ("Stroke", f"{si(plan['distance_rad'])} rad in {si(plan['duration_s'])} s, from {si(start_rad)} rad"),
+        ("Injected", f"{si(plan['amplitude_nm'], 3)} N·m at {si(plan['frequency_hz'], 3)} Hz"),
+    ]

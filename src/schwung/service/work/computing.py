@@ -90,42 +90,40 @@ def explain_session(
 ) -> dict[str, Any]:
     """Explain; explanation.json, machine.toml (learned) and explanation.html into `folder`. Raises InputError.
 
-    weigh, next_motion: see ExplainRequest. A next motion that nobody can choose leaves the explanation as it is.
+    weigh, next_motion: see ExplainRequest. A next motion that nobody can choose leaves the explanation as it is. In the
+    document, beside the numbers, `told`: title, heads and rows of every table in words.
     """
     from schwung.api.computing import explain, load_machine, read_session
     from schwung.api.reports import write_explanation
     from schwung.api.responses import with_recorded_gains
+    from schwung.api.weighing import weigh as weigh_session
+    from schwung.api.weighing import write_probabilities
     from schwung.files import json_text, replace_file
+    from schwung.quantities import document_of, sentences_of
 
     recorded = read_session(session)
     believed = with_recorded_gains(load_machine(machine), recorded)
     if bool(believed.physics) if weigh is None else weigh:
-        verdict, document = _weighed(recorded, believed, folder, tell)
+        weighed = weigh_session(recorded, believed, progress=tell)
+        verdict, tables, document = weighed.verdict, weighed.tables(), weighed.to_json()
+        write_probabilities(weighed, recorded, believed, folder)
     else:
         found = explain(recorded, believed, progress=tell)
-        verdict = found.verdict
-        document = found.to_json() | {"headline": found.headline, "cautions": found.cautions()}
+        verdict, tables = found.verdict, found.tables()
+        document = found.to_json() | {"notes": found.cautions()}
         write_explanation(found, recorded, believed, folder)
+    words = sentences_of(recorded.effort)
+    document = document_of(recorded.effort, document) | {
+        "told": [
+            {"title": title, "heads": list(heads), "rows": [[words(cell) for cell in row] for row in rows]}
+            for title, heads, rows in tables
+        ]
+    }
     if next_motion:
         tell("Choosing the next motion", 0.0)
         document["next"] = _next_of(recorded, believed)
     replace_file(folder / "explanation.json", json_text(document))
     return {"verdict": verdict, "document": document}
-
-
-def _weighed(recorded: Session, believed: Any, folder: Path, tell: Tell) -> tuple[str, dict[str, Any]]:
-    """The same by probabilities; beside the numbers `told`: title, heads and rows of every table in words."""
-    from schwung.api.weighing import weigh, write_probabilities
-    from schwung.quantities import document_of, sentences_of
-
-    found = weigh(recorded, believed, progress=tell)
-    words = sentences_of(recorded.effort)
-    told = [
-        {"title": title, "heads": list(heads), "rows": [[words(cell) for cell in row] for row in rows]}
-        for title, heads, rows in found.tables()
-    ]
-    write_probabilities(found, recorded, believed, folder)
-    return found.verdict, document_of(recorded.effort, found.to_json()) | {"told": told}
 
 
 def _next_of(recorded: Session, believed: Any) -> dict[str, Any]:
@@ -256,7 +254,7 @@ def work_through(
         from schwung.batch.summary import document_of
     except ImportError:
         raise InputError("batch", "needs Dask", "Install it: pip install 'schwung[batch]'.") from None
-    wanted = Wish("explain") if kind == "explain" else Wish("estimate", **wish)
+    wanted = Wish("explain", weigh=wish["weigh"]) if kind == "explain" else Wish("estimate", **wish)
     tell("Starting the workers", 0.0)
     (folder / "results").mkdir()
     done = run_batch(

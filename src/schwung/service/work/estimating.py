@@ -80,7 +80,7 @@ def batch(task: Task) -> Mapping[str, Any]:
         assert session.file_id is not None
         items.append((store.run_folder(session.run_id) / store.file(session.file_id).name, machine))
     wish = {"method": asked.method, "inversion": asked.inversion, "frequency_hz": asked.frequency_hz,
-            "points": asked.points}  # fmt: skip
+            "points": asked.points, "weigh": asked.weigh}  # fmt: skip
     found = task.compute(
         work_through, items=items, kind=asked.work, wish=wish, jobs=asked.jobs, folder=task.folder, alone=True
     )
