@@ -54,6 +54,9 @@ def test_a_session_is_weighed_and_the_next_motion_asked_for(tmp_path: Path) -> N
 def test_tables_in_words_are_text_and_keep_their_lines() -> None:
     drawn = told_table(("physics", "probability"), [("Dry friction\ncoulomb_friction", "< 1 %")])
     assert "Dry friction<br>coulomb_friction" in drawn
+    heads = told_table(("torque, RMS", "machine.toml"), [("1 N·m", "yes")])
+    assert "Torque, RMS" in heads
+    assert "machine.toml" in heads
     assert "&lt; 1 %" in drawn
     assert "<script>" not in told_table(("", ""), [("<script>", "<script>")])
     plan = {"distance_rad": -1.57, "duration_s": 2.0, "amplitude_nm": 14.0, "frequency_hz": 50.0, "repeats": 1,

@@ -185,14 +185,14 @@ def fact_rows(of: Published, units: Units) -> list[tuple[str, str]]:
     """Proof, noise and what is left."""
     rows = []
     if of.proof is not None:
-        runs = runs_text(of.proof.runs)
+        runs = f"run{'s' * (len(of.proof.runs) > 1)} {runs_text(of.proof.runs)}"
         before, after = (
             f", {value:.3g} {units.torque} RMS" if value is not None else ""
             for value in (of.proof.before_nm, of.proof.after_nm)
         )
         rows.append(
             (
-                f"missed on runs {runs}, kept aside, by the belief",
+                f"missed on {runs}, kept aside, by the belief",
                 f"{of.proof.before:.3g} σ of the noise{before}",
             )
         )

@@ -37,7 +37,12 @@ def told_table(heads: Sequence[str], rows: Sequence[Sequence[str]]) -> Safe:
     """A table in words; the first line of a name's cell is for people, the second for files."""
     if not any(heads):
         return facts((row[0], Safe("<br>".join(map(escape, row[1:])))) for row in rows)
-    return table([head.capitalize() for head in heads], [[_cell(cell) for cell in row] for row in rows])
+    return table([_headed(head) for head in heads], [[_cell(cell) for cell in row] for row in rows])
+
+
+def _headed(text: str) -> str:
+    """With a capital, but for the name of a file."""
+    return text if "." in text else text[:1].upper() + text[1:]
 
 
 def _cell(text: str) -> Safe:
