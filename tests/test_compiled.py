@@ -4,9 +4,12 @@ from __future__ import annotations
 
 import subprocess
 import sys
+import time
 from pathlib import Path
 from types import FunctionType
 from typing import Any, cast
+
+import pytest
 
 from schwung import compiled
 from schwung.drivetrain import kernel, learned, physics
@@ -44,3 +47,14 @@ def test_the_stamp_covers_what_a_kernel_calls() -> None:
 def test_nothing_is_imported_before_a_kernel_is_called() -> None:
     told = "import sys, schwung; schwung.estimate; schwung.commission; sys.exit('numba' in sys.modules)"
     assert subprocess.run([sys.executable, "-c", told], check=False).returncode == 0
+
+
+@pytest.mark.skipif(not compiled.IS_FAST, reason="nothing is compiled")
+def test_compiling_is_no_part_of_the_time_that_a_computation_takes() -> None:
+    import numba  # noqa: PLC0415
+
+    double(1.0)  # from now on it is heeded
+    began, taken = time.process_time(), compiled.computing_s()
+    numba.njit(lambda x: x + 1.0)(1.0)  # no cache has it
+    whole, computed = time.process_time() - began, compiled.computing_s() - taken
+    assert computed < whole / 2

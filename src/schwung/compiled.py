@@ -6,12 +6,15 @@ imported, let alone compiled, before a kernel is first called: a command that co
 Compiled code is cached on disk. numba ties it to the file that a function stands in; a kernel that inlines a function
 of another file would go on running that function's old text after an edit. So the stamp here covers every file that a
 kernel takes something from.
+
+What may not take too long asks `computing_s`: a kernel is compiled once for a computer, whoever calls it first.
 """
 
 from __future__ import annotations
 
 import hashlib
 import sys
+import time
 from collections.abc import Callable, Iterator
 from functools import cached_property, partial, update_wrapper
 from importlib.util import find_spec
@@ -75,6 +78,7 @@ class Kernel:
         """
         import numba  # noqa: PLC0415  (a tenth of a second)
 
+        _COMPILING.heed()
         made = numba.njit(cache=True, error_model="numpy", **self._options)(self.py_func)
         file: Any = getattr(getattr(made, "_cache", None), "_cache_file", None)
         if hasattr(file, "_source_stamp"):
@@ -86,6 +90,57 @@ class Kernel:
     def _numba_type_(self) -> Any:
         """By which numba knows what a kernel calls when it calls another."""
         return self.dispatcher._numba_type_
+
+
+def computing_s() -> float:
+    """Time that this process has had of its processors (s), in all threads and since some instant, but for compiling.
+
+    While it waits, or others have the processors, this stands still.
+    """
+    return time.process_time() - _COMPILING.taken_s
+
+
+class _Compiling:
+    """What numba's compiling has taken of the processors: kernels that others call are compiled within theirs."""
+
+    def __init__(self) -> None:
+        self.taken_s, self._began_s, self._deep, self._heeded = 0.0, 0.0, 0, False
+
+    def heed(self) -> None:
+        """From now on, whenever numba compiles."""
+        if not self._heeded:
+            from numba.core import event  # noqa: PLC0415  (see above)
+
+            event.register("numba:compile", _listener(event.Listener, self))
+            self._heeded = True
+
+    def begin(self) -> None:
+        """Another kernel."""
+        if self._deep == 0:
+            self._began_s = time.process_time()
+        self._deep += 1
+
+    def end(self) -> None:
+        """The last begun."""
+        self._deep -= 1
+        if self._deep == 0:
+            self.taken_s += time.process_time() - self._began_s
+
+
+def _listener(base: Any, compiling: _Compiling) -> Any:
+    """What numba tells of it: of its own type, which is known once numba is there."""
+
+    class Listener(base):  # type: ignore[misc]
+        def on_start(self, _event: object) -> None:
+            compiling.begin()
+
+        def on_end(self, _event: object) -> None:
+            compiling.end()
+
+    return Listener()
+
+
+_COMPILING = _Compiling()
 
 
 def _first(kernel: Kernel, *arguments: Any) -> Any:

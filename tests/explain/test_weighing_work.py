@@ -1,5 +1,7 @@
 """What weighing costs, in numbers worked out: no more than it did, and no more than it may."""
 
+from itertools import count
+
 import pytest
 from strangers import Stranger, belief_of, session_of
 
@@ -31,6 +33,27 @@ def test_where_work_is_spent_the_search_ends_and_says_so(recorded, monkeypatch):
     told = posterior.told
     assert any("the search ended before all was tried" in note for note in told.notes)
     assert posterior.view.work.done < 0.8 * TAKEN
+
+
+def test_where_the_processors_time_is_spent_the_search_ends_and_says_so(recorded):
+    def hurried():
+        seconds = count()  # one at each question
+        return posterior_of(*recorded, work=Work(seconds=20.0, now=lambda: next(seconds)))
+
+    one, again = hurried(), hurried()
+    assert any("processor time was spent, before all was tried" in note for note in one.told.notes)
+    assert one.view.work.done < 0.8 * TAKEN
+    assert one.names == again.names
+
+
+def test_time_that_is_left_changes_nothing():
+    seconds = iter([5.0, 64.0, 65.5, 100.0])
+    work = Work(seconds=60.0, now=lambda: next(seconds))
+    assert not work.spent
+    assert not work.hurried
+    assert work.spent  # after 60.5 s
+    assert work.hurried
+    assert work.late
 
 
 def test_room_is_used_again():

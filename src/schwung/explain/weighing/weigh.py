@@ -28,6 +28,7 @@ from schwung.explain.weighing.standing import Standing, standing
 from schwung.explain.weighing.values import Named, Parameter, Proof, Unnamed, Weighed
 from schwung.explain.weighing.vocabulary import vocabulary
 from schwung.explain.weighing.wide import wide_fit
+from schwung.explain.weighing.work import Work
 from schwung.innovations.evidence import weigh as weigh_columns
 from schwung.innovations.likelihood import first_noise
 from schwung.innovations.signals import Signals, signals_of
@@ -43,6 +44,10 @@ STICKING = 0.002
 #: A shape is at its bound within this share of the range.
 _END = 1e-3
 _UNFINISHED = "the search ended before all was tried: probabilities are those of what was"
+_HURRIED = (
+    "the search was ended when its processor time was spent, before all was tried: probabilities are those of what "
+    "was, and a faster computer may find more"
+)
 _REFUTED = (
     "{} takes something of the motions at hand, and makes others worse that it is not fitted to: left out"
 )
@@ -100,13 +105,16 @@ def posterior_of(
     machine: Machine,
     heldout: Sequence[int] | None = None,
     tell: Progress = lambda _text, _share: None,
+    work: Work | None = None,
 ) -> Posterior:
     """The same with all that was weighed.
 
     `heldout`: runs for the proof; None: as `split` chooses them. `tell`: what is being done, and the share of it, 0…1.
+    `work`: that may be done; None: the usual, from now on.
 
     Raises InputError where the inertia is unknown.
     """
+    work = work or Work()
     heldout = split(session).heldout if heldout is None else tuple(heldout)
     train = tuple(run for run in range(len(session.runs)) if run not in heldout)
     band = band_of(session)
@@ -114,7 +122,7 @@ def posterior_of(
     of = ranges_of(runs, machine, STICKING, band)
     torques = tuple(TrueTorque(run, run.drive.whole_nm) for run in runs)
     belief = known(machine, of.low_rad, of.high_rad)
-    seen = View(session.runs, tuple(runs), belief, of, torques, repeats=_repeats(session))
+    seen = View(session.runs, tuple(runs), belief, of, torques, repeats=_repeats(session), work=work)
     view = phased(seen, first_noise(runs))
     candidates = vocabulary(of, view.known)
     tell("Finding the noise", NOISE_SHARE / 2)
@@ -188,7 +196,7 @@ def _told(posterior: Posterior) -> Weighed:
         notes=(
             *(_REFUTED.format(name.replace("_", " ")) for name in sorted(posterior.refuted)),
             *(f"{name} only fits at the end of its range, and is not named" for name in sorted(ends)),
-            *((_UNFINISHED,) if data.work.spent else ()),
+            *((_HURRIED if data.work.hurried else _UNFINISHED,) if data.work.spent else ()),
         ),
     )
 

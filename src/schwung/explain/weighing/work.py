@@ -1,20 +1,25 @@
 """How much work a session may cost: counted in numbers worked out, so that an answer does not depend on the computer.
 
-On one core of 2023 a number takes 7 to 15 ns. The search ends at `MOST`, what is told of it at half as much more.
+On one core of 2023 a number takes 7 to 15 ns. The search ends at `MOST`, what is told of it at half as much more. Where
+the processor has taken `SECONDS` before that, the search ends as well, and says so.
 """
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, field
 
 import numpy as np
 
+from schwung.compiled import computing_s
 from schwung.motion import Array
 
 #: Whitened numbers (one column at one sample of angle or speed) after which nothing more is tried.
 MOST = 3e9
+#: Time of the processor (s) after which nothing more is tried either; nobody waits for more than half as much again.
+SECONDS = 60.0
 #: Beyond so many times that, sets are taken as far as they have come to rest, and no further formula is tried.
-_LATE = 1.5
+_LATE, _LATE_S = 1.5, 1.25
 #: What else takes time, in whitened numbers: to linearise about a sample of angle or speed; to find the sizes of noise
 #: from one; to score a set, for the set and for each of its columns cubed; and a product in a sum of products.
 LINEARISED, NOISE, SCORED, CUBED, PRODUCT = 100.0, 1000.0, 1e5, 0.1, 1 / 60
@@ -22,11 +27,17 @@ LINEARISED, NOISE, SCORED, CUBED, PRODUCT = 100.0, 1000.0, 1e5, 0.1, 1 / 60
 
 @dataclass(eq=False)
 class Work:
-    """Counts."""
+    """Counts; and the time since it was made, by the clock that it is given (s)."""
 
     most: float = MOST
+    seconds: float = SECONDS
+    now: Callable[[], float] = computing_s
     done: float = 0.0
     scratch: Array = field(default_factory=lambda: np.empty(0))
+    hurried: bool = False  # whether it was the time that ended something
+
+    def __post_init__(self) -> None:
+        self.began = self.now()
 
     def add(self, numbers: float) -> None:
         """Count."""
@@ -35,12 +46,17 @@ class Work:
     @property
     def spent(self) -> bool:
         """Whether there was enough of it."""
-        return self.done > self.most
+        return self.done > self.most or self._overdue(self.seconds)
 
     @property
     def late(self) -> bool:
         """Whether not even what was begun should be finished."""
-        return self.done > _LATE * self.most
+        return self.done > _LATE * self.most or self._overdue(_LATE_S * self.seconds)
+
+    def _overdue(self, seconds: float) -> bool:
+        overdue = self.now() - self.began > seconds
+        self.hurried = self.hurried or overdue
+        return overdue
 
     def rows(self, count: int, samples: int) -> Array:
         """Room (count, samples), in C's order, for numbers that are used up before it is asked for again.
