@@ -325,7 +325,7 @@ class Search:
         ]
         best = -np.inf
         for most, one in sorted(upper, key=lambda pair: -pair[0]):
-            if most < best - HOPELESS:
+            if most < best - HOPELESS or (other.table and self.data.work.late):
                 break
             log = other.sized(other.score(one.picks)).log
             best = max(best, log + other.unkept(self.kind(one.picks)))

@@ -196,9 +196,17 @@ def _told(posterior: Posterior) -> Weighed:
         notes=(
             *(_REFUTED.format(name.replace("_", " ")) for name in sorted(posterior.refuted)),
             *(f"{name} only fits at the end of its range, and is not named" for name in sorted(ends)),
-            *((_HURRIED if data.work.hurried else _UNFINISHED,) if data.work.spent else ()),
+            *_ended(data.work),
         ),
     )
+
+
+def _ended(work: Work) -> tuple[str, ...]:
+    """A note, where not all was tried."""
+    spent = work.spent
+    if work.hurried:
+        return (_HURRIED,)
+    return (_UNFINISHED,) if spent else ()
 
 
 def _probabilities(search: Search) -> dict[str, float]:

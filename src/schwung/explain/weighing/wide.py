@@ -47,6 +47,8 @@ class Wide:
 _PASSES, _SETTLED = 6, 0.05
 #: Of repeats the noise does not depend on what else is known.
 _PASSES_OF_REPEATS = 2
+#: No pass begins after this share of the processor's time: the search needs the rest.
+_TIME = 0.3
 #: How far off the sizes of noise may be in the next pass (log).
 _REACHES = (0.1, 1.0)
 #: Sizes of all curves are found by so many steps of their fixed point (MacKay), within these.
@@ -79,7 +81,7 @@ def wide_fit(
         data = Statistics.of(rows.T, target)
         found = _sized(data, members)
         members, view, torques = _nearer(about, members, found.coefficients - present, train)
-        if moved < _SETTLED or number == passes - 1 or view.work.spent:
+        if moved < _SETTLED or number == passes - 1 or view.work.spent or view.work.overdue(_TIME):
             break
         view = replace(view, torques=torques)
     excess = excess_of(rows, target - found.coefficients @ rows, about, train)

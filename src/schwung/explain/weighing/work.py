@@ -46,15 +46,16 @@ class Work:
     @property
     def spent(self) -> bool:
         """Whether there was enough of it."""
-        return self.done > self.most or self._overdue(self.seconds)
+        return self.done > self.most or self.overdue(1.0)
 
     @property
     def late(self) -> bool:
         """Whether not even what was begun should be finished."""
-        return self.done > _LATE * self.most or self._overdue(_LATE_S * self.seconds)
+        return self.done > _LATE * self.most or self.overdue(_LATE_S)
 
-    def _overdue(self, seconds: float) -> bool:
-        overdue = self.now() - self.began > seconds
+    def overdue(self, share: float) -> bool:
+        """Whether this share of the time is over; what asks ends something where it is."""
+        overdue = self.now() - self.began > share * self.seconds
         self.hurried = self.hurried or overdue
         return overdue
 
