@@ -2,12 +2,18 @@
 
 from dataclasses import dataclass
 from math import inf
+from types import SimpleNamespace
 
+import numpy as np
 import pytest
 
+from schwung.explain.weighing.candidate import Candidate
 from schwung.explain.weighing.search import Pick
+from schwung.explain.weighing.settling import Weighing
 from schwung.explain.weighing.standing import standing
 from schwung.explain.weighing.values import Proof
+from schwung.innovations.effect import Effect
+from schwung.innovations.likelihood import Noise
 
 
 @dataclass
@@ -16,6 +22,8 @@ class Cause:
     worth: float  # log evidence that it adds to any set
     named: bool = True
     scales: tuple[float, ...] = (1.0,)
+    taken: float = 0.0  # of the recording, where that is more
+    larger: float = 1.0  # probability of being more than is usual
 
 
 @dataclass
@@ -45,7 +53,14 @@ class Additive:
 def stands(*causes: Cause):
     search = Additive(*causes)
     every = tuple(Pick(number, 1.0) for number in range(len(causes)))
-    return standing(search, search.score(every), (), lambda *_: inf)  # type: ignore[arg-type]
+    return standing(
+        search,  # type: ignore[arg-type]
+        search.score(every),  # type: ignore[arg-type]
+        (),
+        lambda *_: inf,
+        lambda _search, _scored, pick: causes[pick.atom].larger,
+        lambda _search, _picks, pick: causes[pick.atom].taken or causes[pick.atom].worth,
+    )
 
 
 def test_a_name_that_leaves_nothing_is_nearly_sure():
@@ -73,6 +88,37 @@ def test_two_that_are_both_large_both_stand():
     assert min(found.names.values()) > 0.95
 
 
+def test_a_change_that_is_as_much_as_is_usual_is_no_finding_and_tells_nothing_of_laws():
+    found = stands(Cause("stiffness", 5000.0, larger=0.01), Cause("friction", 300.0))
+    assert found.names["stiffness"] < 0.02
+    assert found.names["friction"] > 0.99
+    assert found.usual == pytest.approx({"stiffness": 0.99, "friction": 0.0})
+
+
+@pytest.mark.parametrize(("taken", "stands_out"), [(0.0, False), (20_000.0, True)])
+def test_what_is_left_is_held_against_what_a_name_takes_of_the_recording(taken: float, stands_out: bool):
+    """A usual timing would take as much as a late speed does, so that the speed's evidence is the prior's."""
+    found = stands(Cause("late speed", 6.0, taken=taken), Cause("curve", 150.0, named=False))
+    assert (found.names["late speed"] > 0.5) is stands_out
+
+
+@pytest.mark.parametrize(
+    ("change", "spread", "expected"),
+    [(0.001, 1e-4, 0.0), (0.003, 1e-4, 0.5), (-0.01, 1e-3, 1.0), (0.01, 0.007, 0.84)],
+)
+def test_a_change_is_a_finding_as_far_as_it_is_more_than_the_belief_is_off_by(change, spread, expected):
+    cause = Candidate("inertia", lambda *_: Effect(), (0.1,), known_to=0.003)
+    probability = cause.beyond(np.array([change]), np.array([[spread**2]]))
+    assert probability == pytest.approx(expected, abs=0.01)
+
+
+def test_the_size_of_a_curve_is_that_of_its_values():
+    modes = np.array([[1.0, 0.0], [0.0, 3.0]])
+    curve = Candidate("profile", lambda *_: Effect(), (1.0, 1.0), known_to=1.5, products=modes.T @ modes / 2)
+    assert curve.beyond(np.array([1.0, 0.5]), 1e-6 * np.eye(2)) == 0.0  # values 1 and 1.5
+    assert curve.beyond(np.array([1.0, 1.0]), 1e-6 * np.eye(2)) == 1.0  # values 1 and 3
+
+
 @pytest.mark.parametrize("alone", [True, False])
 def test_a_curve_has_its_name_only_where_it_is_the_only_one(alone):
     curve = Cause("friction over angle", 14_000.0, scales=(1.0, 0.1))
@@ -96,3 +142,10 @@ def test_what_a_proof_takes_is_nothing_where_it_makes_worse(
     before: float, after: float, taken: float
 ) -> None:
     assert Proof((1,), 0.0, before, after).taken == pytest.approx(taken)
+
+
+@pytest.mark.parametrize(("unsure", "cost"), [(100.0, 0.0), (80.0, 0.0), (130.0, 7.5)])
+def test_a_set_that_is_less_sure_than_the_belief_pays_for_it_and_a_surer_one_gains_nothing(unsure, cost):
+    about = SimpleNamespace(unsure=lambda _runs: unsure)
+    weighing = Weighing(Noise(1.0, 1.0, 1.0), (0,), 2.0, unsure=100.0)
+    assert weighing.less_sure(about) == pytest.approx(cost)  # type: ignore[arg-type]

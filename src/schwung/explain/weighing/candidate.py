@@ -8,6 +8,7 @@ from itertools import product
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.special import ndtr
 
 from schwung.compiled import compiled
 from schwung.explain.weighing.along import Along
@@ -18,6 +19,8 @@ from schwung.motion import Array
 Shape = tuple[float, ...]
 #: Standard deviation of a cause's torque, over the session's peak torque.
 NATURAL = 0.1
+#: A law is right to this share of what it does, and so is what is believed.
+RIGHT_TO = 0.003
 #: Sizes of a curve that are tried, over its natural one: evenly in the logarithm, a factor of about three apart.
 LADDER = (3.0, 1.0, 0.3, 0.1, 0.03, 0.01, 0.003)
 
@@ -79,6 +82,12 @@ class Candidate:
         None  # what all of it adds to J_l at angles, (n,), where that is not in proportion to its coefficients
     )
     each_run: bool = False  # its coefficients are each run's own, and say nothing of another
+    known_to: float = (
+        0.0  # size of its coefficients that the belief is usually off by: a smaller change is no finding
+    )
+    products: Array | None = (
+        None  # of a curve's modes, by which its size is measured (p, p); None: of the coefficients
+    )
     coupling: tuple[float, float] = (0.0, 0.0)  # what a unit of its coefficient adds to stiffness and damping
 
     @property
@@ -95,6 +104,15 @@ class Candidate:
     def bounds_below(self) -> tuple[tuple[int, float], ...]:
         """Coefficients that have a lower bound, and that bound."""
         return tuple(zip(self.positive, self.least or (0.0,) * len(self.positive), strict=True))
+
+    def beyond(self, coefficients: Array, covariance: Array) -> float:
+        """Probability that a change is larger than the belief is usually off by; (p,), (p, p)."""
+        if self.known_to == 0:
+            return 1.0
+        along = coefficients if self.products is None else self.products @ coefficients
+        size = float(np.sqrt(along @ coefficients))
+        spread = float(np.sqrt(along @ covariance @ along)) / max(size, 1e-300)
+        return float(ndtr((size - self.known_to) / max(spread, 1e-300)))
 
     @property
     def of_machine(self) -> bool:

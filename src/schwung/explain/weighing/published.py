@@ -210,11 +210,15 @@ class _Publishing:
         return over_words(self.search.candidate(cause.pick).coordinate)
 
     def _set(self) -> Scored:
-        """The most probable set without a parameter at its bound, and without what does not hold elsewhere."""
+        """The most probable set without a parameter at its bound, without what does not hold elsewhere, and without
+        changes that are no larger than is usual: so far what is believed stays.
+        """
         shares = self.search.shares()  # tempered by what has no name, they would leave out what has none
         sound = (one for _, one in shares if all(self._publishable(pick) for pick in one.picks))
         best = next(sound, self.search.score(()))
-        kept = tuple(pick for pick in best.picks if self.search.name(pick) not in self.outcome.refuted)
+        usual = {name for name, p in self.outcome.stands.usual.items() if p > NAMED}
+        left_out = usual | self.outcome.refuted
+        kept = tuple(pick for pick in best.picks if self.search.name(pick) not in left_out)
         return self.search.score(kept)
 
     def _publishable(self, pick: Pick) -> bool:

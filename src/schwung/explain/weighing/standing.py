@@ -5,24 +5,29 @@ does, each surely. What is left to no name (curves, and what repeats of a motion
 any name's columns: it is one sample, of an unknown size, of how far a name may be wrong, however many there are of the
 noise. Of a normal error of unknown size, of which one other is seen, a gain of evidence G beyond what is left, L, is
 likelier by 1 + G/L (Cauchy's distribution), not by exp G. A name that falls by this counts to what is left.
+
+What is left is an error of the torque that the model foresees, and is held against what a name takes of the recording
+while all that is usual keeps what it has. Whether a late speed is a defect or usual no recording tells: both take the
+same of it, and what each is worth is the prior's.
+
+A change of what is believed is a finding if it is larger than that is usually off by, however surely it is recorded:
+no machine is built, and no drive timed, as exactly as a recording tells.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 from scipy.linalg import solve_triangular
 from scipy.special import expit
 
-from schwung.explain.weighing.candidate import Candidate
+from schwung.explain.weighing.candidate import RIGHT_TO, Candidate
 from schwung.explain.weighing.one_law import one_law
 from schwung.explain.weighing.search import Pick, Scored, Search, Set
 from schwung.innovations.evidence import block_gains, weigh
-
-#: A law is right to this share of what it does: so much of all that is named is left, at least.
-RIGHT_TO = 0.003
+from schwung.innovations.statistics import Statistics
 
 
 @dataclass(frozen=True)
@@ -31,6 +36,9 @@ class Standing:
 
     left: float
     names: Mapping[str, float]  # of the best set
+    usual: Mapping[str, float] = field(
+        default_factory=dict
+    )  # of its names: that they are as much as is usual
 
     def of(self, search: Search, name: str) -> float:
         """The same of any name that was visited: of one that the best set does not hold, in the best that does."""
@@ -38,8 +46,9 @@ class Standing:
             sets = [one for one in search.table.values() if name in map(search.name, one.picks)]
             best = max(sets, key=lambda one: one.log)
             pick = next(one for one in best.picks if search.name(one) == name)
-            sure = _sure(search, _worth(search, best.picks, pick), self.left)
-            return sure * float(expit(one_law(search, best, pick)))
+            worth = _worth(search, best.picks, pick)
+            sure = _sure(search, worth, max(worth, taken(search, best.picks, pick)), self.left)
+            return sure * float(expit(one_law(search, best, pick))) * finding(search, best, pick)
         return self.names[name]
 
     @property
@@ -48,10 +57,44 @@ class Standing:
         return 1 + 2 * self.left
 
 
+#: Of a cause in a set.
+Of = Callable[[Search, Scored, Pick], float]
+
+
+def finding(search: Search, scored: Scored, pick: Pick) -> float:
+    """Probability that a cause of a set is larger than the belief is usually off by."""
+    where = search.data.atoms[pick.atom].where
+    mine = np.flatnonzero((scored.which >= where.start) & (scored.which < where.stop))
+    found = scored.found
+    return search.candidate(pick).beyond(found.coefficients[mine], found.covariance[np.ix_(mine, mine)])
+
+
+def taken(search: Search, picks: Set, pick: Pick) -> float:
+    """Log evidence that goes with a cause from a set while what is usual keeps the coefficients that it has there."""
+    whole, less = (search.sized(search.score(one)) for one in (picks, _without(picks, pick)))
+    count = sum(search.data.candidates[index].size for index in search.always)
+    usual, kept = whole.which[:count], whole.found.coefficients[:count]
+
+    def beside(scored: Scored) -> float:
+        data = search.data.at(np.concatenate([usual, scored.which[count:]]))
+        slope = data.slope[count:] - data.gram[count:, :count] @ kept
+        own = Statistics(data.gram[count:, count:], slope, data.square, data.count)
+        return weigh(own, scored.deviations[count:]).log_evidence
+
+    return beside(whole) - beside(less)
+
+
 def standing(
-    search: Search, best: Scored, repeated: Sequence[Candidate], law: Callable[[Search, Scored, Pick], float]
+    search: Search,
+    best: Scored,
+    repeated: Sequence[Candidate],
+    law: Of,
+    larger: Of = finding,
+    takes: Callable[[Search, Set, Pick], float] = taken,
 ) -> Standing:
-    """Of the best set's names; `repeated`: curves of what only repeats share; `law`: log odds of being one law."""
+    """Of the best set's names; `repeated`: curves of what only repeats share; `law`: log odds of being one law;
+    `larger`: probability of being more than is usual; `takes`: log evidence of the recording alone.
+    """
     left = sum(max(_gain(search, best, curve), 0.0) for curve in repeated)
     picks = best.picks
     for pick in picks:
@@ -59,23 +102,30 @@ def standing(
             left, picks = left + max(_worth(search, picks, pick), 0.0), _without(picks, pick)
     left += RIGHT_TO**2 * max(_log(search, picks) - _log(search, ()), 0.0)
     names: dict[str, float] = {}
+    usual: dict[str, float] = {}
     while picks:
         worth = {pick: _worth(search, picks, pick) for pick in picks}
-        laws = {pick: law(search, search.sized(search.score(picks)), pick) for pick in picks}
+        data = {pick: max(gain, takes(search, picks, pick)) for pick, gain in worth.items()}
+        here = search.sized(search.score(picks))
+        laws = {pick: law(search, here, pick) for pick in picks}
+        large = {pick: larger(search, here, pick) for pick in picks}
+        usual |= {search.candidate(pick).name: 1 - share for pick, share in large.items()}
         sure = {
-            pick: _sure(search, gain, left + _others(search, worth, pick)) * float(expit(laws[pick]))
+            pick: _sure(search, gain, data[pick], left + _others(search, worth, pick))
+            * float(expit(laws[pick]))
+            * large[pick]
             for pick, gain in worth.items()
         }
-        own = min(picks, key=lambda pick: laws[pick])
-        if laws[own] < 0:  # it says nothing about laws
+        own = min(picks, key=lambda pick: min(laws[pick], large[pick] - 0.5))
+        if laws[own] < 0 or large[own] < 0.5:  # it says nothing about laws
             names[search.candidate(own).name], picks = sure[own], _without(picks, own)
             continue
-        weakest = min(picks, key=lambda pick: worth[pick])
+        weakest = min(picks, key=lambda pick: data[pick])
         if sure[weakest] > 0.5:
-            return Standing(left, {**names, **{search.candidate(p).name: sure[p] for p in picks}})
+            return Standing(left, {**names, **{search.candidate(p).name: sure[p] for p in picks}}, usual)
         names[search.candidate(weakest).name] = sure[weakest]
         left, picks = left + max(worth[weakest], 0.0), _without(picks, weakest)
-    return Standing(left, names)
+    return Standing(left, names, usual)
 
 
 def _others(search: Search, worth: Mapping[Pick, float], pick: Pick) -> float:
@@ -88,11 +138,11 @@ def _others(search: Search, worth: Mapping[Pick, float], pick: Pick) -> float:
     return sum((max(gain, 0.0) for gain in others), 0.0) if is_curve(pick) else 0.0
 
 
-def _sure(search: Search, gain: float, left: float) -> float:
-    """Probability of a name that adds so much evidence, where so much is left."""
+def _sure(search: Search, gain: float, data: float, left: float) -> float:
+    """Probability of a name that adds so much evidence, `data` of it the recording's, where so much is left."""
     if gain <= 0:
         return 0.0
-    counted = min(gain, float(np.log1p(gain / left))) if left > 0 else gain
+    counted = min(gain, float(np.log1p(data / left))) if left > 0 else gain
     return float(expit(counted + search.odds))
 
 

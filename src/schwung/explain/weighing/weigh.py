@@ -187,7 +187,7 @@ def _told(posterior: Posterior) -> Weighed:
     second = shares[1] if len(shares) > 1 else (0.0, outcome.best)
     return Weighed(
         names=tuple(told),
-        unnamed=_unnamed(search, likely, posterior.refuted),
+        unnamed=_unnamed(search, likely, posterior.refuted, posterior.stands.usual),
         runner_up=tuple(sorted(search.candidate(pick).name for pick in second[1].picks)),
         runner_up_probability=second[0],
         noise=data.about.noise,
@@ -218,17 +218,20 @@ def _probabilities(search: Search) -> dict[str, float]:
     return found
 
 
-def _unnamed(search: Search, names: Mapping[str, float], refuted: frozenset[str]) -> tuple[Unnamed, ...]:
+def _unnamed(
+    search: Search, names: Mapping[str, float], refuted: frozenset[str], usual: Mapping[str, float]
+) -> tuple[Unnamed, ...]:
     """What describes the motion without being a name, the most probable first: curves, and names that are only like it.
 
-    `names`: probabilities that a name is right; what is more probable by the description alone is not named.
+    `names`: probabilities that a name is right; what is more probable by the description alone is not named. `usual`:
+    that it is as much as is usual, which is no finding.
     """
     found = []
     for name, p in _probabilities(search).items():
         if name in refuted:
             continue
         candidate = next(c for c in search.data.candidates if c.name == name)
-        more = p - names.get(name, 0.0) if candidate.named else p
+        more = p * (1 - usual.get(name, 0.0)) - names.get(name, 0.0) if candidate.named else p
         if more >= TOLD:
             like = name if candidate.named else ""
             found.append(Unnamed(candidate.coordinate, more, _rms(search, name), like))

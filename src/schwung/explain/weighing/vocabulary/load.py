@@ -15,7 +15,16 @@ import numpy as np
 from schwung.drivetrain.inertia import InertiaTable
 from schwung.drivetrain.machine import Machine
 from schwung.explain.weighing.along import Along, Ranges
-from schwung.explain.weighing.candidate import LADDER, BentCurve, Candidate, Curve, Shape, column, grid
+from schwung.explain.weighing.candidate import (
+    LADDER,
+    RIGHT_TO,
+    BentCurve,
+    Candidate,
+    Curve,
+    Shape,
+    column,
+    grid,
+)
 from schwung.explain.weighing.vocabulary.friction import bump
 from schwung.innovations.effect import Effect
 from schwung.motion import Array
@@ -168,14 +177,16 @@ def load(of: Ranges, torque_nm: float, machine: Machine) -> list[Candidate]:
                   coordinate="position", family="load", whole=directed_whole),
         Candidate("load_inertia", of_inertia(constant, step), (share * mass,),
                   lambda c, _: {"delta_kgm2": c[0]}, positive=(0,), least=(-float(inertia.min()),),
-                  coordinate="acceleration", inertia=constant),
+                  coordinate="acceleration", inertia=constant, known_to=RIGHT_TO * mass),
         Candidate("inertia_profile", of_inertia(profile, 1e-4 * of.span_rad), (1.0,) * masses.size,
-                  scales=tuple(s * share for s in LADDER), coordinate="position", inertia=profile),
+                  scales=tuple(s * share for s in LADDER), coordinate="position", inertia=profile,
+                  known_to=RIGHT_TO, products=masses.modes.T @ masses.modes / masses.points.size),
     ]  # fmt: skip
     if varies:
         found.append(
             Candidate("load_inertia", of_inertia(scaled, step), (share,), lambda c, _: {"scale": 1 + c[0]},
-                      positive=(0,), least=(-1.0,), coordinate="acceleration", inertia=scaled)
+                      positive=(0,), least=(-1.0,), coordinate="acceleration", inertia=scaled,
+                      known_to=RIGHT_TO)
         )  # fmt: skip
         found.append(
             Candidate("inertia_profile_shift", of_inertia(towards, step), (share,),

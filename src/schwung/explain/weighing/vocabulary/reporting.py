@@ -12,7 +12,7 @@ import numpy as np
 from scipy.signal import lfilter, lfilter_zi
 
 from schwung.explain.weighing.along import Along, Ranges
-from schwung.explain.weighing.candidate import Candidate, Shape, column, grid
+from schwung.explain.weighing.candidate import RIGHT_TO, Candidate, Shape, column, grid
 from schwung.explain.weighing.vocabulary.load import polar
 from schwung.innovations.effect import Effect
 from schwung.innovations.splines import slopes
@@ -72,22 +72,23 @@ def _eccentric(along: Along, _shape: Shape) -> Effect:
 
 def reporting(of: Ranges, share: float) -> list[Candidate]:
     """The family; `share`: of the peak torque, natural for any cause."""
-    peak = of.peak_torque_nm
+    peak, apart = of.peak_torque_nm, float(np.hypot(APART_S, APART_S))  # of two signals
 
     def drop(along: Along, _shape: Shape) -> Effect:
         return Effect(column(-np.abs(along.torque) * along.torque / peak))
 
     return [
-        Candidate("torque_constant", _gain, (share,), lambda c, _: {"gain": 1 + c[0]}, coordinate="torque"),
+        Candidate("torque_constant", _gain, (share,), lambda c, _: {"gain": 1 + c[0]}, coordinate="torque",
+                  known_to=RIGHT_TO),
         Candidate("torque_lag", _later, (DEFECT_S,), lambda c, _: {"time_constant_s": c[0]}, positive=(0,),
                   shapes=grid(BENDS_S), spacing=(BEND_STEP_S,), logarithmic=(False,),
-                  bounds=((LEAST_BEND_S, MOST_BEND_S),), coordinate="frequency"),
+                  bounds=((LEAST_BEND_S, MOST_BEND_S),), coordinate="frequency", known_to=apart),
         Candidate("torque_filter", _earlier, (DEFECT_S,), lambda c, _: {"time_constant_s": c[0]},
                   positive=(0,), shapes=grid(BENDS_S), spacing=(BEND_STEP_S,), logarithmic=(False,),
-                  bounds=((LEAST_BEND_S, MOST_BEND_S),), coordinate="frequency"),
+                  bounds=((LEAST_BEND_S, MOST_BEND_S),), coordinate="frequency", known_to=apart),
         Candidate("measurement_delay", _speed_later, (DEFECT_S,), lambda c, _: {"delay_s": c[0]},
                   positive=(0,), shapes=grid(BENDS_S), spacing=(BEND_STEP_S,), logarithmic=(False,),
-                  bounds=((LEAST_BEND_S, MOST_BEND_S),), coordinate="acceleration"),
+                  bounds=((LEAST_BEND_S, MOST_BEND_S),), coordinate="acceleration", known_to=apart),
         Candidate("torque_constant_drop", drop, (share,),
                   lambda c, _: {"share_at_peak": c[0], "peak_nm": peak}, positive=(0,), coordinate="torque"),
         Candidate("torque_ripple", _ripple, (share, share),

@@ -16,14 +16,12 @@ from scipy.linalg import expm
 
 from schwung.drivetrain.machine import Coupling
 from schwung.explain.weighing.along import Along, Ranges
-from schwung.explain.weighing.candidate import Candidate, Shape, column, grid
+from schwung.explain.weighing.candidate import RIGHT_TO, Candidate, Shape, column, grid
 from schwung.innovations import kernel
 from schwung.innovations.effect import Effect
 from schwung.innovations.signals import Signals
 from schwung.motion import Array
 
-#: A coupling's damping is believed to this share of it: so far off, it is no name.
-DAMPING_KNOWN_TO = 0.1
 #: A coupling that carries nothing within its play still has this share of its stiffness.
 LEAST_SHARE = 1e-3
 #: Gaps from which the search for one begins, as shares of the largest wind-up.
@@ -143,12 +141,10 @@ def shaft(of: Ranges, coupling: Coupling, torque_nm: float, inertia_kgm2: float)
     return [
         Candidate("coupling_stiffness", _stiffness, (3 * share * k,),
                   lambda c, _: {"stiffness_nm_rad": k + c[0]}, positive=(0,), least=(-k,),
-                  coordinate="torque", coupling=(1.0, 0.0)),
+                  coordinate="torque", coupling=(1.0, 0.0), known_to=RIGHT_TO * k),
         Candidate("coupling_damping", _damping, (10 * share * max(b, 1e-3 * k / of.band_hz),),
                   lambda c, _: {"damping_nms": b + c[0]}, positive=(0,), least=(-b,),
-                  coordinate="frequency", coupling=(0.0, 1.0)),
-        Candidate("usual_damping", _damping, (DAMPING_KNOWN_TO * max(b, 1e-3 * k / of.band_hz),), named=False,
-                  coordinate="frequency", coupling=(0.0, 1.0)),
+                  coordinate="frequency", coupling=(0.0, 1.0), known_to=RIGHT_TO * b),
         Candidate("nonlinear_stiffness", _cubic, (3 * share * k / wound**2,),
                   lambda c, _: {"cubic_nm_rad3": c[0]}, positive=(0,), coordinate="torque",
                   tangent=cubic_tangent),
