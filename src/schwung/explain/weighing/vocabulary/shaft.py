@@ -22,6 +22,8 @@ from schwung.innovations.effect import Effect
 from schwung.innovations.signals import Signals
 from schwung.motion import Array
 
+#: A coupling's damping is believed to this share of it: nobody knows it better.
+DAMPING_KNOWN_TO = 0.1
 #: A coupling that carries nothing within its play still has this share of its stiffness.
 LEAST_SHARE = 1e-3
 #: Gaps from which the search for one begins, as shares of the largest wind-up.
@@ -138,13 +140,14 @@ def shaft(of: Ranges, coupling: Coupling, torque_nm: float, inertia_kgm2: float)
     def cubic_tangent(along: Along, cubic: Array) -> Array:
         return np.stack([3 * cubic[0] * along.twist**2, 0 * along.twist], 1)
 
+    damping = max(b, 1e-3 * k / of.band_hz)
     return [
         Candidate("coupling_stiffness", _stiffness, (3 * share * k,),
                   lambda c, _: {"stiffness_nm_rad": k + c[0]}, positive=(0,), least=(-k,),
                   coordinate="torque", coupling=(1.0, 0.0), known_to=RIGHT_TO * k),
-        Candidate("coupling_damping", _damping, (10 * share * max(b, 1e-3 * k / of.band_hz),),
+        Candidate("coupling_damping", _damping, (10 * share * damping,),
                   lambda c, _: {"damping_nms": b + c[0]}, positive=(0,), least=(-b,),
-                  coordinate="frequency", coupling=(0.0, 1.0), known_to=RIGHT_TO * b),
+                  coordinate="frequency", coupling=(0.0, 1.0), known_to=DAMPING_KNOWN_TO * damping),
         Candidate("nonlinear_stiffness", _cubic, (3 * share * k / wound**2,),
                   lambda c, _: {"cubic_nm_rad3": c[0]}, positive=(0,), coordinate="torque",
                   tangent=cubic_tangent),
