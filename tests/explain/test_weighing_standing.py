@@ -2,18 +2,15 @@
 
 from dataclasses import dataclass
 from math import inf
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 from schwung.explain.weighing.candidate import Candidate
 from schwung.explain.weighing.search import Pick
-from schwung.explain.weighing.settling import Weighing
 from schwung.explain.weighing.standing import standing
 from schwung.explain.weighing.values import Proof
 from schwung.innovations.effect import Effect
-from schwung.innovations.likelihood import Noise
 
 
 @dataclass
@@ -142,10 +139,3 @@ def test_what_a_proof_takes_is_nothing_where_it_makes_worse(
     before: float, after: float, taken: float
 ) -> None:
     assert Proof((1,), 0.0, before, after).taken == pytest.approx(taken)
-
-
-@pytest.mark.parametrize(("unsure", "cost"), [(100.0, 0.0), (80.0, 0.0), (130.0, 7.5)])
-def test_a_set_that_is_less_sure_than_the_belief_pays_for_it_and_a_surer_one_gains_nothing(unsure, cost):
-    about = SimpleNamespace(unsure=lambda _runs: unsure)
-    weighing = Weighing(Noise(1.0, 1.0, 1.0), (0,), 2.0, unsure=100.0)
-    assert weighing.less_sure(about) == pytest.approx(cost)  # type: ignore[arg-type]

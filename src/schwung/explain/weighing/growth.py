@@ -14,7 +14,7 @@ import numpy as np
 from schwung.explain.weighing.candidate import Candidate, Shape
 from schwung.explain.weighing.data import Atom, Data
 from schwung.explain.weighing.present import Member
-from schwung.explain.weighing.round import View, linearised
+from schwung.explain.weighing.round import View
 from schwung.explain.weighing.search import HOPELESS, MOST, Pick, Scored, Search
 from schwung.explain.weighing.settling import Settled, Weighing, settled, settled_beyond
 from schwung.explain.weighing.wide import Wide, wide_fit
@@ -59,7 +59,6 @@ class Growth:
     train: Sequence[int]
     wide: Wide
     memory: Array | None = None
-    unsure: float = np.inf  # the belief is, with the noise at hand
     tell: Progress = lambda _text, _share: None
     #: Kinds of sets that came to rest about the noise as it is known: their best shapes and sizes, and log probability.
     rested: dict[frozenset[int], tuple[_Shaped, float]] = field(default_factory=dict)
@@ -68,7 +67,7 @@ class Growth:
         """From nothing but what is always there."""
         always = [absent(self.candidates[i]) for i in self.always]
         nothing = at = settled(self.wide.seen(view), always, self._weighing)
-        first, self.unsure = self.wide, nothing.about.unsure(self.train)
+        first = self.wide
         picks: _Shaped = ()
         growing, fresh = True, False  # whether the noise was looked at since something was found
         for number in range(ROUNDS):
@@ -87,11 +86,7 @@ class Growth:
                     continue
                 growing = not fresh and self._renewed(at)
                 if growing:
-                    seen = self.wide.seen(at.about.view)
-                    self.unsure = linearised(seen, always, self.wide.noise, None, self.train).unsure(
-                        self.train
-                    )
-                    at, fresh = settled(seen, at.members, self._weighing), True
+                    at, fresh = settled(self.wide.seen(at.about.view), at.members, self._weighing), True
                     self.rested.clear()
                     continue
             search.best(start.picks)
@@ -111,7 +106,7 @@ class Growth:
 
     @property
     def _weighing(self) -> Weighing:
-        return Weighing(self.wide.noise, self.train, self.wide.excess, self.unsure)
+        return Weighing(self.wide.noise, self.train, self.wide.excess)
 
     def _search(self, at: Settled) -> Search:
         present = {m.candidate.name: m.coefficients for m in at.members if m.candidate.bent is not None}

@@ -167,10 +167,6 @@ class Linearised:
         """Sum of squares of some runs' innovations."""
         return float(np.sum(self.innovations(runs) ** 2))
 
-    def unsure(self, runs: Sequence[int]) -> float:
-        """Sum of the logarithms of their variances: how little sure the filter is of what it foresees."""
-        return sum(float(np.sum(np.log(self.passed[run].result.variance))) for run in runs)
-
     def innovations(self, runs: Sequence[int]) -> Array:
         """Of some runs, one behind another, (Σ2n,)."""
         return np.concatenate([self.passed[run].innovations for run in runs])

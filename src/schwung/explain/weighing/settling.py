@@ -33,22 +33,11 @@ HALVINGS, _AT_REST = 4, 0.1
 
 @dataclass(frozen=True, eq=False)
 class Weighing:
-    """What a set is weighed by: the sizes of noise, the runs that are fitted, the tempering, and how unsure the belief
-    is of them (`Linearised.unsure`).
-
-    Noise of the torque shakes a machine the more the less it is damped: what a set misses is then less over its
-    deviation, whatever it explains. How much noise shakes it is not known well enough to be counted for a set, but a
-    set that is less sure than the belief has to be likelier with that counted, too.
-    """
+    """What a set is weighed by: the sizes of noise, the runs that are fitted, and the tempering."""
 
     noise: Noise
     train: Sequence[int]
     excess: float
-    unsure: float = np.inf
-
-    def less_sure(self, about: Linearised) -> float:
-        """What it costs (log) that a set is less sure than the belief."""
-        return max(about.unsure(self.train) - self.unsure, 0.0) / (2 * self.excess)
 
 
 @dataclass(frozen=True, eq=False)
@@ -181,7 +170,7 @@ def _stepped(about: Linearised, members: Sequence[Member], weighing: Weighing) -
         shifts=np.split(step[size:], ends),
         moved=float(np.max(np.abs(step) / found.spread)),
         cost=cost,
-        log=-0.5 * cost - float(np.sum(np.log(np.diag(factor)))) - weighing.less_sure(about),
+        log=-0.5 * cost - float(np.sum(np.log(np.diag(factor)))),
     )
 
 

@@ -22,7 +22,7 @@ from schwung.innovations.effect import Effect
 from schwung.innovations.signals import Signals
 from schwung.motion import Array
 
-#: A coupling's damping is believed to this share of it: nobody knows it better.
+#: A coupling's damping is believed to this share of it: so far off, it is no name.
 DAMPING_KNOWN_TO = 0.1
 #: A coupling that carries nothing within its play still has this share of its stiffness.
 LEAST_SHARE = 1e-3
@@ -140,14 +140,15 @@ def shaft(of: Ranges, coupling: Coupling, torque_nm: float, inertia_kgm2: float)
     def cubic_tangent(along: Along, cubic: Array) -> Array:
         return np.stack([3 * cubic[0] * along.twist**2, 0 * along.twist], 1)
 
-    damping = max(b, 1e-3 * k / of.band_hz)
     return [
         Candidate("coupling_stiffness", _stiffness, (3 * share * k,),
                   lambda c, _: {"stiffness_nm_rad": k + c[0]}, positive=(0,), least=(-k,),
                   coordinate="torque", coupling=(1.0, 0.0), known_to=RIGHT_TO * k),
-        Candidate("coupling_damping", _damping, (10 * share * damping,),
+        Candidate("coupling_damping", _damping, (10 * share * max(b, 1e-3 * k / of.band_hz),),
                   lambda c, _: {"damping_nms": b + c[0]}, positive=(0,), least=(-b,),
-                  coordinate="frequency", coupling=(0.0, 1.0), known_to=DAMPING_KNOWN_TO * damping),
+                  coordinate="frequency", coupling=(0.0, 1.0)),
+        Candidate("usual_damping", _damping, (DAMPING_KNOWN_TO * max(b, 1e-3 * k / of.band_hz),), named=False,
+                  coordinate="frequency", coupling=(0.0, 1.0)),
         Candidate("nonlinear_stiffness", _cubic, (3 * share * k / wound**2,),
                   lambda c, _: {"cubic_nm_rad3": c[0]}, positive=(0,), coordinate="torque",
                   tangent=cubic_tangent),
