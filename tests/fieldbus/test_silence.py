@@ -167,3 +167,22 @@ def test_one_long_silence_is_not_usual() -> None:
     for sync in range(600, 6000, 16):
         silence.answered(sync)
     assert silence.usual == 16
+
+
+def test_answers_that_wait_in_this_computer_are_heard_before_anything_is_said(
+    settings: Callable[[str], Setting], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The thread that reads may be held up while the one that sends is not."""
+    setting = settings("thread")
+    answers, setting.drive.answers = setting.drive.answers, {}
+    link, heard = setting.exchange.link, list[int]()
+
+    def catch_up() -> None:
+        heard.append(setting.exchange.sync_count)
+        for can_id, data in answers.items():
+            link._receive(can.Message(arbitration_id=can_id, data=data, is_extended_id=False))
+
+    monkeypatch.setattr(link, "catch_up", catch_up)
+    setting.play()
+    assert heard
+    assert setting.exchange.trouble is None

@@ -31,6 +31,7 @@ from schwung.service.jobs import Jobs, Shared
 from schwung.service.lanes import DriveStatus, Lane
 from schwung.service.latch import Latch, Stopped
 from schwung.service.live import Live
+from schwung.service.machines import write_machine_files
 from schwung.service.meters import Meters
 from schwung.service.proposals import Proposals
 from schwung.service.records import DriveRecord
@@ -343,8 +344,6 @@ class Service:
 
     def add_machine(self, name: str, toml: str, tables: Mapping[str, str], who: str) -> Any:
         """Add a machine from its toml and the tables that it names. Raises InputError where they are not sound."""
-        from schwung.service.machines import write_machine_files  # noqa: PLC0415  # this module is long enough
-
         folder = self.store.new_machine_folder()
         try:
             found = write_machine_files(folder, toml, tables)

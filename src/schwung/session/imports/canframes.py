@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import gzip
+import io
 import re
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
@@ -233,8 +234,6 @@ def _read_by_library(path: Path, kind: str, found: _Collected) -> None:
         with _opened(path) as raw:
             opened: Any = raw
             if kind in ("ASC", "TRC"):
-                import io  # noqa: PLC0415
-
                 opened = io.TextIOWrapper(raw, encoding="utf-8", errors="replace")
             options = {"relative_timestamp": False} if kind == "ASC" else {}
             for message in makers[kind](opened, **options):

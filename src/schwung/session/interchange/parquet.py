@@ -24,7 +24,7 @@ def library() -> tuple[Any, Any]:
     """pyarrow and its Parquet. Raises InputError where it is not installed."""
     require("Parquet", "logs", "pyarrow")
     import pyarrow  # noqa: PLC0415  (an extra, and slow to import)
-    from pyarrow import parquet  # noqa: PLC0415
+    from pyarrow import parquet  # noqa: PLC0415  (likewise)
 
     return pyarrow, parquet
 
