@@ -69,6 +69,6 @@ def test_one_run_refutes_nothing() -> None:
 
 def test_of_one_motion_each_run_is_predicted_by_the_others() -> None:
     one = Recorded()
-    one.data.about.view.recorded = [SimpleNamespace(motion=None)] * RUNS
+    one.data.about.view.recorded = [SimpleNamespace(motion=None, extra={})] * RUNS
     with_law, without = (missed_elsewhere(one, Scored(picks)) for picks in ((Pick(0, 1.0),), ()))  # type: ignore[arg-type]
     assert without - with_law == pytest.approx(0.3**2 * RUNS * SAMPLES, rel=0.2)

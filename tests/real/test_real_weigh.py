@@ -12,13 +12,15 @@ from pathlib import Path
 import pytest
 from real_recordings import RealRecordings, emps_machine, hsm150_machine, pendulum_machine
 
-from schwung.drivetrain import Machine, load_machine, write_machine
+from schwung.drivetrain import Load, Machine, load_machine, write_machine
+from schwung.explain.free_run import free_runs
 from schwung.explain.weighing.published import publish
 from schwung.explain.weighing.weigh import signals_as_measured
 from schwung.explain.weighing.work import Work
 from schwung.report.probabilities import tables
 from schwung.session import Run, Session
 
+LIGHTER_KG = 5.1
 #: Work after which nothing more is tried: there has to be an answer then, too.
 ENOUGH = 6e7
 
@@ -75,3 +77,22 @@ def test_a_speed_that_was_made_of_the_position_is_no_measurement(recordings: Rea
     assert not any(run.speed_measured for run in signals_as_measured(session, machine))
     measured, motor = asked(recordings, "motor alone")
     assert all(run.speed_measured for run in signals_as_measured(measured, motor))
+
+
+@pytest.mark.timeout(600)
+def test_emps_says_which_laws_it_is_like_and_runs_free(recordings: RealRecordings) -> None:
+    """Believed 5 kg lighter. Published (Janot, Gautier, Brunot 2019): 203.5 N·s/m, 20.4 N, 5.3 mm rms."""
+    lighter = emps_machine().model_copy(update={"load": Load(inertia_kgm2=80.0 - LIGHTER_KG)})
+    found = publish(recordings.emps, lighter)
+    assert [name for name in found.names if name.probability > 0.5] == []
+    assert found.plain is not None
+    assert found.plain.share > 0.99
+    laws = found.plain.laws
+    assert laws["viscous_friction"]["coefficient_nms"].value == pytest.approx(203.5, rel=0.05)
+    dry = laws["asymmetric_friction"]
+    levels = [dry[key].value for key in ("torque_positive_nm", "torque_negative_nm")]
+    assert sum(levels) / 2 == pytest.approx(20.4, rel=0.05)
+    assert laws["load_inertia"]["delta_kgm2"].value == pytest.approx(LIGHTER_KG, rel=0.3)
+    for record in (recordings.emps, recordings.emps_pulses):
+        (driven,) = free_runs(found.machine, record)
+        assert driven.position_rms_rad < 6.5e-3

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property, wraps
 
 import numpy as np
@@ -29,6 +29,7 @@ class Ranges:
     sticking_rad_s: float
     runs: int
     band_hz: float
+    one_motion: bool = False  # whether all runs repeat one
 
     @property
     def span_rad(self) -> float:
@@ -40,19 +41,31 @@ class Ranges:
 class TrueTorque:
     """Of one run, as far as it is known (N·m, (n,)): the reported one but for its noise, which would else explain
     itself.
+
+    `driving_nm`: what drives the machine with what is present. What is missed is no part of it: if it were, a scale of
+    the torque would make all of the equation smaller, and with it what is missed.
     """
 
     run: Signals
     nm: Array
+    driving_nm: Array | None = None
+
+    def with_driving(self, nm: Array) -> TrueTorque:
+        """The same about something else; how the torque changes is not worked out again."""
+        other = replace(self, driving_nm=nm)
+        other.__dict__.update(
+            {name: self.__dict__[name] for name in ("rate", "bend") if name in self.__dict__}
+        )
+        return other
 
     @cached_property
     def quiet_nm(self) -> Array:
         """Within the band."""
-        return np.asarray(self.run.quiet(self.nm))
+        return np.asarray(self.run.quiet(self.nm if self.driving_nm is None else self.driving_nm))
 
     @cached_property
     def rate(self) -> Array:
-        return slopes(self.quiet_nm, self.run.step_s)
+        return slopes(self.run.quiet(self.nm), self.run.step_s)
 
     @cached_property
     def bend(self) -> Array:

@@ -23,6 +23,8 @@ NATURAL = 0.1
 RIGHT_TO = 0.003
 #: Sizes of a curve that are tried, over its natural one: evenly in the logarithm, a factor of about three apart.
 LADDER = (3.0, 1.0, 0.3, 0.1, 0.03, 0.01, 0.003)
+#: And of what one motion has of its own: it could be anything, so that what is larger has to follow something else.
+SMALL = LADDER[3:]
 
 
 #: About coefficients: what a unit more of each adds, and all that they do (one column).
@@ -81,6 +83,7 @@ class Candidate:
     inertia_whole: Callable[[Array, Array], Array] | None = (
         None  # what all of it adds to J_l at angles, (n,), where that is not in proportion to its coefficients
     )
+    of_motion: bool = False  # what one motion has of its own: no file says it, for another motion has another
     each_run: bool = False  # its coefficients are each run's own, and say nothing of another
     known_to: float = (
         0.0  # size of its coefficients that the belief is usually off by: a smaller change is no finding

@@ -8,11 +8,11 @@ of the fitted runs and predicted with the coefficients that the others give; wha
 from __future__ import annotations
 
 from collections.abc import Collection
-from itertools import count
 
 import numpy as np
 
 from schwung.explain.weighing.data import Data
+from schwung.explain.weighing.repeated import motions_of
 from schwung.explain.weighing.search import Scored, Search
 from schwung.innovations.evidence import weigh
 from schwung.innovations.statistics import Statistics
@@ -52,14 +52,10 @@ def missed_elsewhere(search: Search, scored: Scored) -> float:
 
 def _kept_apart(data: Data) -> list[list[int]]:
     """What is left out at once: the runs of each motion; each run, where there is one motion only."""
-    groups = motions_of(data)
+    groups = motions_of_fitted(data)
     return groups if len(groups) > 1 else [[place] for place in range(len(data.train))]
 
 
-def motions_of(data: Data) -> list[list[int]]:
+def motions_of_fitted(data: Data) -> list[list[int]]:
     """Fitted runs of each motion, as places among all that are fitted."""
-    alone, groups = count(), dict[object, list[int]]()
-    for place, number in enumerate(data.train):
-        motion = data.about.view.recorded[number].motion
-        groups.setdefault(next(alone) if motion is None else motion.model_dump_json(), []).append(place)
-    return list(groups.values())
+    return motions_of([data.about.view.recorded[number] for number in data.train])

@@ -16,7 +16,7 @@ import numpy as np
 from scipy.linalg import solve_triangular
 
 from schwung.explain.weighing.candidate import LADDER
-from schwung.explain.weighing.elsewhere import motions_of
+from schwung.explain.weighing.elsewhere import motions_of_fitted
 from schwung.explain.weighing.inexact import SHARES
 from schwung.explain.weighing.search import Pick, Scored, Search
 from schwung.innovations.evidence import ROUNDING, weigh
@@ -33,7 +33,7 @@ def one_law(search: Search, scored: Scored, pick: Pick) -> float:
     ∞ where there is one motion alone, and for a law whose numbers are each run's own.
     """
     data, candidate, where = search.data, search.candidate(pick), search.data.atoms[pick.atom].where
-    motions = motions_of(data)
+    motions = motions_of_fitted(data)
     if len(motions) < 2 or candidate.each_run:
         return np.inf
     beside = (scored.which < where.start) | (scored.which >= where.stop)

@@ -61,6 +61,10 @@ _STEADY = (
     "what is named here of inertia, scale of the torque, lag or coupling is not to be relied on: hardly anything "
     "accelerates in this session"
 )
+_OF_MOTION = (
+    "all runs repeat one motion: what it has of its own over its time is told, and not in machine.toml, for another "
+    "motion has another: record motions of several times or distances"
+)
 _NEEDLESS = (
     "the belief predicts the runs kept aside as well without what was fitted over {}: it is not published"
 )
@@ -147,7 +151,7 @@ class _Publishing:
         if formulated:
             machine = read_back(learned(self.machine, [self._told(cause, formulated) for cause in causes]))
         self.tell("Locating what was missed", _LOCATING)
-        acts = [self._acts(cause) for cause in causes]
+        acts = [self._acts(cause.pick, cause.where) for cause in causes]
         places = {
             cause.pick: where_of(one, before.fitted, self.session.axis)
             for cause, one in zip(causes, acts, strict=True)
@@ -165,7 +169,7 @@ class _Publishing:
             excess=self.outcome.grown.data.excess,
             proof=self._proof(before, after),
             overlays=overlays(*shown, named, aside),
-            plain=self._plain([one for one in acts if one not in named], after),
+            plain=self._plain([*(one for one in acts if one not in named), *self._of_motion()], after),
             machine=machine,
             notes=tuple(dict.fromkeys((*notes, *self._notes(causes), *unsaid, *self.weighed.notes, *driven))),
         )
@@ -185,10 +189,14 @@ class _Publishing:
         }
         return Plain(laws, found.share)
 
-    def _acts(self, cause: _Cause) -> Acts:
-        candidate, shape = self.search.candidate(cause.pick), self.search.data.atoms[cause.pick.atom].shape
-        coefficients = self.set.found.coefficients[cause.where]
-        return Acts(candidate.name, candidate, shape, coefficients)
+    def _acts(self, pick: Pick, where: slice) -> Acts:
+        candidate, shape = self.search.candidate(pick), self.search.data.atoms[pick.atom].shape
+        return Acts(candidate.name, candidate, shape, self.set.found.coefficients[where])
+
+    def _of_motion(self) -> list[Acts]:
+        """What the one motion has of its own: a part of what laws come near to."""
+        own = zip(self.set.picks, slices(self.search, self.set), strict=True)
+        return [self._acts(pick, where) for pick, where in own if self.search.candidate(pick).of_motion]
 
     def _sayable(self) -> tuple[list[_Cause], tuple[str, ...]]:
         """The set's causes as far as a file can hold them, and a note for each other one.
@@ -231,6 +239,8 @@ class _Publishing:
         of, places = self.outcome.view.ranges, slices(self.search, self.set)
         result = []
         for pick, where in zip(self.set.picks, places, strict=True):
+            if self.search.candidate(pick).of_motion:
+                continue
             candidate, shape = self.search.candidate(pick), self.search.data.atoms[pick.atom].shape
             coefficients, found = self.set.found.coefficients[where], self.set.found
             curve = drawn(candidate, shape, coefficients, found.covariance[where, where], of)
@@ -395,6 +405,8 @@ class _Publishing:
                 if repeated
                 else "no motion was repeated, so that the noise is what no smooth curve explains: record repeats"
             )
+        if any(self.search.candidate(pick).of_motion for pick in self.set.picks):
+            notes.append(_OF_MOTION)
         if any(cause.found.law == "torque_filter" for cause in causes):
             notes.append(
                 "torque_filter is of what the drive reports: simulations report it, exported models leave it out"

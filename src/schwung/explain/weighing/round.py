@@ -49,6 +49,11 @@ class View:
     repeats: Sequence[Sequence[int]] = ()  # runs of each motion and injection
     work: Work = field(default_factory=Work)  # that was done since the session was first looked at
 
+    @property
+    def noise_found(self) -> bool:
+        """Whether what all sets have alike is known."""
+        return self.dry_nm is not None
+
     @cached_property
     def _kept(self) -> list[dict[str, Array]]:
         """Coordinates of each run, as they were asked for."""
@@ -209,32 +214,39 @@ def _few(every: Sequence[T]) -> list[T]:
 def resmoothed(
     view: View, members: Sequence[Member], noise: Noise, runs: Sequence[int] | None = None
 ) -> View:
-    """Some runs (None: all) with the states that these members make likely, given the noise.
-
-    What the true torque is taken to be stays: were it smoothed about a set, what that set cannot do would be in it, and
-    from there in the set's own columns.
-    """
+    """Some runs (None: all) with the states that these members make likely, given the noise."""
     return resmoothed_about(linearised(view, members, noise, None, runs))
 
 
 def resmoothed_about(about: Linearised) -> View:
-    """With the states that what is present makes likely."""
-    runs = list(about.view.runs)
+    """With the states that what is present makes likely, and the torque that drives the machine then.
+
+    How the true torque changes stays what it is taken to be for all sets: the second derivative of what a set cannot do
+    would look like that.
+    """
+    view = about.view
+    runs, torques = list(view.runs), list(view.torques)
     for i, passed in about.passed.items():
         runs[i] = runs[i].about(np.ascontiguousarray(passed.states[:, :-1]))
-    return replace(about.view, runs=tuple(runs))
+        if view.noise_found:
+            torques[i] = torques[i].with_driving(_without_noise(about, i))
+    return replace(view, runs=tuple(runs), torques=tuple(torques))
 
 
 def torques_about(about: Linearised) -> tuple[TrueTorque, ...]:
     """The torque of each run without what is noise of it."""
-    view, noise = about.view, about.noise
-    torques = list(view.torques)
-    for i, passed in about.passed.items():
-        run = view.runs[i]
-        size = float(np.sqrt(noise.torque_nm**2 + np.mean((noise.torque_share * run.load_nm) ** 2)))
-        reported = run.drive.smooth_nm - passed.states[:, -1]
-        torques[i] = TrueTorque(run, heard(reported, size) + run.drive.injected_nm)
+    torques = list(about.view.torques)
+    for i in about.passed:
+        torques[i] = TrueTorque(about.view.runs[i], _without_noise(about, i))
     return tuple(torques)
+
+
+def _without_noise(about: Linearised, number: int) -> Array:
+    """The torque of a run (N·m), (n,), as far as it moves the machine and can be heard."""
+    run, noise = about.view.runs[number], about.noise
+    size = float(np.sqrt(noise.torque_nm**2 + np.mean((noise.torque_share * run.load_nm) ** 2)))
+    reported = run.drive.smooth_nm - about.passed[number].states[:, -1]
+    return np.asarray(heard(reported, size) + run.drive.injected_nm)
 
 
 def at_rest(

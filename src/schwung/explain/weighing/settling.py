@@ -9,6 +9,7 @@ import numpy as np
 
 from schwung.explain.weighing.along import Along
 from schwung.explain.weighing.candidate import Candidate, Shape
+from schwung.explain.weighing.inexact import SHARES, deviations_of, error_of
 from schwung.explain.weighing.present import Member
 from schwung.explain.weighing.round import (
     ALIKE,
@@ -20,6 +21,7 @@ from schwung.explain.weighing.round import (
     resmoothed,
     resmoothed_about,
 )
+from schwung.explain.weighing.search import logsumexp
 from schwung.explain.weighing.work import PRODUCT
 from schwung.innovations.effect import Effect
 from schwung.innovations.evidence import weigh
@@ -42,7 +44,8 @@ class Weighing:
 
 @dataclass(frozen=True, eq=False)
 class Settled:
-    """The session about a set whose coefficients have come to rest, and the set's evidence there (log)."""
+    """The session about a set whose coefficients have come to rest, and the set's evidence there (log), with what its
+    laws may be off by."""
 
     about: Linearised
     members: tuple[Member, ...]
@@ -113,7 +116,7 @@ def _at_rest(at: _Step, weighing: Weighing) -> Settled:
         if better is at or better.cost >= at.cost + ALIKE * missed**2:
             break
         at = better
-    return Settled(at.about, at.members, at.log)
+    return Settled(at.about, at.members, at.log + _inexact(at.about, at.members, weighing))
 
 
 def finite(view: View) -> bool:
@@ -172,6 +175,27 @@ def _stepped(about: Linearised, members: Sequence[Member], weighing: Weighing) -
         cost=cost,
         log=-0.5 * cost - float(np.sum(np.log(np.diag(factor)))),
     )
+
+
+def _inexact(about: Linearised, members: Sequence[Member], weighing: Weighing) -> float:
+    """What the errors of the members' laws add to the evidence (log): about coefficients that fit without them, for an
+    error is as large as its law, and a law that grew with it would have no size.
+    """
+    laws = [(m.candidate.about(m.coefficients), m.shape) for m in members]
+    found = [(error_of(law), m) for (law, _), m in zip(laws, members, strict=True) if np.any(m.coefficients)]
+    errors = [((error, m.shape), deviations_of(m.coefficients)) for error, m in found if error is not None]
+    if not errors or not finite(about.view):
+        return 0.0
+    present = np.concatenate([m.coefficients for m in members])
+    deviations = np.concatenate([m.deviations for m in members])
+    rows = about.whitened([*laws, *(cause for cause, _ in errors)], weighing.train)
+    about.view.work.add(PRODUCT * rows.size * rows.shape[0])
+    target = about.innovations(weighing.train) + present @ rows[: present.size]
+    statistics = Statistics.of(rows.T, target).tempered(weighing.excess)
+    exact = weigh(statistics.at(np.arange(present.size)), deviations).log_evidence
+    sizes = np.concatenate([size for _, size in errors])
+    logs = [weigh(statistics, np.concatenate([deviations, share * sizes])).log_evidence for share in SHARES]
+    return logsumexp(np.array(logs)) - float(np.log(len(SHARES))) - exact
 
 
 #: Of a spacing of the grid, over which the slope by a shape is taken.

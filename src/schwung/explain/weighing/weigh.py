@@ -21,7 +21,7 @@ from schwung.explain.weighing.one_law import one_law
 from schwung.explain.weighing.phases import phased
 from schwung.explain.weighing.present import Member
 from schwung.explain.weighing.publication import NAMED
-from schwung.explain.weighing.repeated import repeated
+from schwung.explain.weighing.repeated import motions_of, repeated
 from schwung.explain.weighing.round import Linearised, View, target_of
 from schwung.explain.weighing.search import Pick, Scored, Search
 from schwung.explain.weighing.standing import Standing, standing
@@ -119,7 +119,8 @@ def posterior_of(
     train = tuple(run for run in range(len(session.runs)) if run not in heldout)
     band = band_of(session)
     runs = signals_as_measured(session, machine)
-    of = ranges_of(runs, machine, STICKING, band)
+    one_motion = len(motions_of(session.runs)) == 1
+    of = replace(ranges_of(runs, machine, STICKING, band), one_motion=one_motion)
     torques = tuple(TrueTorque(run, run.drive.whole_nm) for run in runs)
     belief = known(machine, of.low_rad, of.high_rad)
     seen = View(session.runs, tuple(runs), belief, of, torques, repeats=_repeats(session), work=work)
@@ -235,7 +236,7 @@ def _unnamed(
         if more >= TOLD:
             like = name if candidate.named else ""
             found.append(Unnamed(candidate.coordinate, more, _rms(search, name), like))
-    return tuple(sorted(found, key=lambda one: -one.probability))
+    return tuple(sorted(found, key=lambda one: (-round(one.probability, 2), -one.torque_nm)))
 
 
 def _worth(search: Search, best: Scored, name: str) -> float:

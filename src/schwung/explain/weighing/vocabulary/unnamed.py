@@ -12,7 +12,8 @@ from collections.abc import Callable
 import numpy as np
 
 from schwung.explain.weighing.along import Along, Ranges
-from schwung.explain.weighing.candidate import LADDER, Candidate, Curve, Plane, Shape, column
+from schwung.explain.weighing.candidate import LADDER, SMALL, Candidate, Curve, Plane, Shape, column
+from schwung.explain.weighing.repeated import curve_over_time
 from schwung.innovations.effect import Effect
 from schwung.motion import Array
 
@@ -40,7 +41,8 @@ def unnamed(of: Ranges, torque_nm: float) -> list[Candidate]:
     speed = Curve.over(0.0, end, 0.2)
     acceleration = Curve.over(-of.peak_acceleration_rad_s2, of.peak_acceleration_rad_s2, 0.3)
     torque = Curve.over(0.0, of.peak_torque_nm, 0.3)
-    time = Curve.over(0.0, of.longest_s, 0.08, 97)
+    own = of.one_motion  # then nothing tells what follows from the time from what follows from anything else
+    time = curve_over_time(of.longest_s) if own else Curve.over(0.0, of.longest_s, 0.08, 97)
 
     place = Curve.over(of.low_rad, of.high_rad, 0.15, 65)
     pace = Curve.over(-of.peak_speed_rad_s, of.peak_speed_rad_s, 0.5)
@@ -102,7 +104,8 @@ def unnamed(of: Ranges, torque_nm: float) -> list[Candidate]:
         return Effect(load_time.folded(along.torque, along.motion_time_s, coefficients))
 
     return [
-        Candidate(name, effect, (torque_nm,) * size, scales=LADDER, named=False, dry=dry, coordinate=name,
+        Candidate(name, effect, (torque_nm,) * size, scales=SMALL if own and name == "time_in_motion" else LADDER,
+                  named=False, of_motion=own and name == "time_in_motion", dry=dry, coordinate=name,
                   cases=frozenset(_CASES.get(name, ())), whole=whole)
         for name, (effect, whole), size, dry in (
             ("position", of_both(angle, lambda a: a.angle), 2 * angle.size, True),
