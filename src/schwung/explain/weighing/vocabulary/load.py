@@ -9,8 +9,10 @@ direction-dependent load T(θ_l) where it moves forward, another backward
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import partial
 
 import numpy as np
+from scipy.interpolate import CubicSpline, PchipInterpolator, PPoly
 
 from schwung.drivetrain.inertia import InertiaTable
 from schwung.drivetrain.machine import Machine
@@ -89,10 +91,15 @@ def of_inertia(unit: Callable[[Array, Shape], Array], step_rad: float) -> Callab
 
 
 def table_error(of: Ranges, machine: Machine) -> list[Candidate]:
-    """Present in every set: how far a measured inertia may be off, as its table says; nothing where it does not."""
+    """Present in every set: how far a measured inertia may be off, between its table's points and, where the table
+    says so, at them.
+    """
     table = machine.load.inertia_table
-    if not isinstance(table, InertiaTable) or table.std_kgm2 is None:
+    if not isinstance(table, InertiaTable):
         return []
+    between = Candidate("usual_table", partial(_between_points, _off_spline(table)), (1.0,), named=False)
+    if table.std_kgm2 is None:
+        return [between]
     at, std = table.position_rad, table.std_kgm2
     curve = BentCurve.over(of.low_rad, of.high_rad, _TABLE_REACH)
 
@@ -100,9 +107,23 @@ def table_error(of: Ranges, machine: Machine) -> list[Candidate]:
         return np.asarray(np.interp(where, at, std)[:, None] * curve.at(where))
 
     return [
+        between,
         Candidate("usual_inertia", of_inertia(error, 1e-4 * of.span_rad), (1.0,) * curve.size, named=False,
-                  inertia=error)
+                  inertia=error),
     ]  # fmt: skip
+
+
+def _off_spline(table: InertiaTable) -> PPoly:
+    """What the cubic spline through a table's points has more than its PCHIP: so far it is unknown between them."""
+    at = table.position_rad
+    spline, pchip = CubicSpline(at, table.inertia_kgm2), PchipInterpolator(at, table.inertia_kgm2)
+    return PPoly(spline.c - pchip.c, at)
+
+
+def _between_points(off: PPoly, along: Along, _shape: Shape) -> Effect:
+    where = np.clip(along.load_angle, off.x[0], off.x[-1])
+    taken = off(where) * along.load_acceleration + 0.5 * off(where, 1) * along.load_speed**2
+    return Effect(on_load=column(-taken))
 
 
 def load(of: Ranges, torque_nm: float, machine: Machine) -> list[Candidate]:
