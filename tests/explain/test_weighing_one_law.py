@@ -16,12 +16,20 @@ SAMPLES, LAW = 300, Pick(1, 1.0)
 
 
 def odds(
-    amounts: list[float], motions: int = 3, scales: tuple[float, ...] = (1.0,), each_run: bool = False
+    amounts: list[float],
+    motions: int = 3,
+    scales: tuple[float, ...] = (1.0,),
+    each_run: bool = False,
+    shows: tuple[float, ...] = (1.0,) * 6,
 ) -> float:
-    """Of a column that acts by so much in each of six runs; they repeat some motions, and another column is beside."""
+    """Of a column that acts by so much in each of six runs; they repeat some motions, and another column is beside.
+
+    `shows`: how much of the column there is in each run.
+    """
     chance = np.random.default_rng(5)
     runs, size = range(len(amounts)), SAMPLES * len(amounts)
     rows = chance.normal(size=(2, size))
+    rows[1] *= np.repeat(shows, SAMPLES)
     target = 0.2 * rows[0] + np.repeat(amounts, SAMPLES) * rows[1] + chance.normal(size=size)
     data: Any = object.__new__(Data)
     motion = [
@@ -50,6 +58,12 @@ def test_the_same_in_every_motion_is_a_law() -> None:
 @pytest.mark.parametrize("amounts", [[1.0, 0, 0] * 2, [1.0, -1.0, 0] * 2, [0.2, 1.5, 0.7] * 2])
 def test_what_each_motion_has_of_its_own_is_none(amounts: list[float]) -> None:
     assert odds(amounts) < -3
+
+
+def test_what_one_motion_alone_can_show_is_a_law_unless_another_denies_it() -> None:
+    """A torque that saturates does so in the fastest motion: that it acts so there by chance is as unlikely as any."""
+    assert odds([0.5] * 6, shows=(1.0, 0, 0) * 2) == pytest.approx(3.4, abs=0.3)
+    assert odds([0.5, 0, 0] * 2, shows=(1.0, 1.0, 0) * 2) < -3
 
 
 def test_a_law_is_right_to_a_per_cent_or_so() -> None:

@@ -3,9 +3,10 @@
 Evidence counts whatever a name's columns take. A law takes it with the same coefficients in every motion; an error
 that is only like it (a motion that the model's steps are too coarse for) takes it where it happens, and elsewhere
 another amount, or none. So one set of coefficients for all motions, off by a per cent or so in each, is weighed
-against such in one motion alone, and against each motion's own, all of sizes of one ladder; what a motion has of its
-own is a cause like any, and several are so much less probable. Where but one motion tells anything, law and no law are
-as likely.
+against such in one motion alone, and against each motion's own, all of sizes of one ladder. What a motion has of its
+own has a form of its own: that it is this law's, of all that there are, is a coincidence as unlikely as any cause, in
+each motion anew. So what one motion alone can show (a torque that saturates where it is largest) is a law, unless
+another motion denies it.
 """
 
 from __future__ import annotations
@@ -57,8 +58,7 @@ def one_law(search: Search, scored: Scored, pick: Pick) -> float:
         logs = [_log(joined, np.append(deviations, size * natural), beyond, off) for size in sizes]
         return float(np.logaddexp.reduce(logs))
 
-    several = (len(each) - 1) * search.odds  # each motion's own is a cause more
-    own = [averaged(each) + several, *(averaged([part]) for part in each)]
+    own = [averaged(parts) + len(parts) * search.odds for parts in (each, *([part] for part in each))]
     law = np.logaddexp.reduce([nearly(share) for share in SHARES]) - np.log(len(SHARES))
     return float(law - np.logaddexp.reduce(own))
 
