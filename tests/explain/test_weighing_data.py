@@ -21,9 +21,7 @@ from schwung.explain.weighing.work import Work
 from schwung.innovations.effect import Effect, Passed
 from schwung.innovations.evidence import weigh as weigh_columns
 from schwung.innovations.likelihood import first_noise, likely_noise
-from schwung.innovations.low_pass import low_passed
 from schwung.innovations.signals import signals_of
-from schwung.innovations.splines import slopes
 
 SPOT = Stranger("tight spot", ("local_friction",), spot=(1.2, 2.0, 0.5))
 
@@ -186,21 +184,6 @@ def test_the_usual_timing_of_a_torque_is_any_small_delay(data):
     columns = where.run.quiet(timing.effect(where, ()).on_motor)
     rest = [np.std((wanted - columns @ [delay, bend])[100:-100]) for bend in (delay**2 / 2, 0.0)]
     assert rest[0] < 0.2 * rest[1]
-
-
-def test_the_rate_of_the_true_torque_holds_nothing_that_a_set_misses(view):
-    """A filter's time is in every set: what the belief misses of a tight spot would be, too."""
-    about = rounds.at_rest(view, (), first_noise(view.runs))
-    (torque, *_), run = rounds.torques_about(about), about.view.runs[0]
-    missed, reported = about.passed[0].states[:, -1], run.drive.whole_nm
-
-    def share(values, of):  # of one in another, where the spot's 25 ms are felt and noise hardly is
-        one, other = (low_passed(v, 2 * 60.0 * run.step_s, 4)[60:-60] for v in (values, of))
-        return float(one @ other / (other @ other))
-
-    assert share(torque.quiet_nm - reported, missed) == pytest.approx(-1.0, abs=0.1)
-    rate, of_missed = (slopes(values, run.step_s) for values in (reported, missed))
-    assert share(torque.rate - rate, of_missed) == pytest.approx(0.0, abs=0.2)
 
 
 def test_what_was_not_kept_is_not_promised_by_more_of_the_same(data):

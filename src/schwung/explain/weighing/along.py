@@ -43,9 +43,7 @@ class TrueTorque:
     itself.
 
     `driving_nm`: what drives the machine with what is present. What is missed is no part of it: if it were, a scale of
-    the torque would make all of the equation smaller, and with it what is missed. `nm`, whose rate it is, is what is
-    heard of the reported one alone: what a set was taken to miss would be in every set by a filter's time, which all
-    have, and noise is no rate of itself.
+    the torque would make all of the equation smaller, and with it what is missed.
     """
 
     run: Signals

@@ -234,23 +234,19 @@ def resmoothed_about(about: Linearised) -> View:
 
 
 def torques_about(about: Linearised) -> tuple[TrueTorque, ...]:
-    """What is heard of each run's torque, and what of it moves the machine."""
+    """The torque of each run without what is noise of it."""
     torques = list(about.view.torques)
     for i in about.passed:
-        torques[i] = TrueTorque(about.view.runs[i], _heard(about, i), _without_noise(about, i))
+        torques[i] = TrueTorque(about.view.runs[i], _without_noise(about, i))
     return tuple(torques)
 
 
 def _without_noise(about: Linearised, number: int) -> Array:
     """The torque of a run (N·m), (n,), as far as it moves the machine and can be heard."""
-    return _heard(about, number, about.passed[number].states[:, -1])
-
-
-def _heard(about: Linearised, number: int, missed: Array | float = 0.0) -> Array:
-    """The reported torque of a run (N·m), (n,), without what is missed, as far as it can be heard."""
     run, noise = about.view.runs[number], about.noise
     size = float(np.sqrt(noise.torque_nm**2 + np.mean((noise.torque_share * run.load_nm) ** 2)))
-    return np.asarray(heard(run.drive.smooth_nm - missed, size) + run.drive.injected_nm)
+    reported = run.drive.smooth_nm - about.passed[number].states[:, -1]
+    return np.asarray(heard(reported, size) + run.drive.injected_nm)
 
 
 def at_rest(
