@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from strangers import STRANGERS, belief_of
 
+from schwung.drivetrain import Load, Machine, Motor
 from schwung.drivetrain.inertia import InertiaTable, slider_crank_inertia
-from schwung.drivetrain.machine import Load
 from schwung.drivetrain.physics_term import PhysicsTerm
 from schwung.explain.weighing.along import Ranges
 from schwung.explain.weighing.known import known
@@ -97,3 +97,16 @@ def test_what_a_table_misses_between_its_points_is_present_in_every_set():
     missed = -(off(angle) * along.load_acceleration + slope * along.load_speed**2 / 2)
     found = usual.effect(along, ()).on_load[:, 0]
     assert np.std(missed - found) < 0.35 * np.std(missed)
+
+
+def test_no_set_can_be_made_of_the_equation_of_motion_itself() -> None:
+    """c T = c (J α + friction): scales of torque and acceleration and a friction take nothing together."""
+    machine = Machine(
+        name="rigid", motor=Motor(inertia_kgm2=0.1, viscous_friction_nms=0.0), load=Load(inertia_kgm2=0.1)
+    )
+    every = {one.name: one for one in vocabulary(RANGES, known(machine, RANGES.low_rad, RANGES.high_rad))}
+    curve = every["acceleration"]
+    for other in ("torque", "position, torque", "torque, time_in_motion", "torque_constant", "torque_ripple"):
+        assert curve.excludes(every[other])
+    assert not curve.excludes(every["speed"])
+    assert not every["torque_constant"].excludes(every["load_inertia"])  # both may be believed wrong

@@ -128,7 +128,6 @@ def test_in_real_time_the_kernels_ring_brings_the_table_of_the_truth(
     ):  # runs that differ by as much as the sine have no table: the computer's doing, or a defect
         measured("verdict in real time", f"no table; SYNC was uneven: {'; '.join(uneven) or 'nowhere'}")
         assert uneven, result["error"]
-        assert "the injected sine is too weak" in result["error"]
         return
     table = read_inertia_csv(tmp_path / "wall" / "inertia.csv")
     assert table.std_kgm2 is not None

@@ -21,7 +21,12 @@ from schwung.motion import Array
 _Both = tuple[Callable[[Along, Shape], Effect], Callable[[Along, Shape, Array], Effect]]
 #: Speeds are told apart the finer the slower they are, down to this share of the peak.
 _SLOW = 0.02
-#: Names that are cases of a curve: where the curve stands, they say nothing more.
+#: Family of what follows the torque or the acceleration. Of two the equation of motion itself can be made,
+#: c T = c (J α + friction): it takes nothing, and carries of friction what its prior makes cheap.
+_BALANCE = "balance"
+#: What scales the torque, in one way or another.
+_SCALES = ("torque_constant", "torque_constant_drop", "torque_ripple", "torque_saturation")
+#: Names that are cases of a curve, or cancel it: where the curve stands, they say nothing more.
 _CASES = {
     "position": ("coulomb_friction", "asymmetric_friction", "local_friction", "friction_over_angle"),
     "speed": (
@@ -31,6 +36,10 @@ _CASES = {
         "quadratic_drag",
         "stribeck_friction",
     ),
+    "acceleration": ("load_inertia", *_SCALES),
+    "torque": _SCALES,
+    "position, torque": _SCALES,
+    "torque, time_in_motion": _SCALES,
 }
 
 
@@ -106,6 +115,7 @@ def unnamed(of: Ranges, torque_nm: float) -> list[Candidate]:
     return [
         Candidate(name, effect, (torque_nm,) * size, scales=SMALL if own and name == "time_in_motion" else LADDER,
                   named=False, of_motion=own and name == "time_in_motion", dry=dry, coordinate=name,
+                  family=_BALANCE if "torque" in name or name == "acceleration" else "",
                   cases=frozenset(_CASES.get(name, ())), whole=whole)
         for name, (effect, whole), size, dry in (
             ("position", of_both(angle, lambda a: a.angle), 2 * angle.size, True),
