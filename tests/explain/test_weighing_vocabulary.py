@@ -101,9 +101,8 @@ def test_what_a_table_misses_between_its_points_is_present_in_every_set():
 
 def test_no_set_can_be_made_of_the_equation_of_motion_itself() -> None:
     """c T = c (J α + friction): scales of torque and acceleration and a friction take nothing together."""
-    machine = Machine(
-        name="rigid", motor=Motor(inertia_kgm2=0.1, viscous_friction_nms=0.0), load=Load(inertia_kgm2=0.1)
-    )
+    motor = Motor(inertia_kgm2=0.1, viscous_friction_nms=0.0, peak_torque_nm=40.0)
+    machine = Machine(name="rigid", motor=motor, load=Load(inertia_kgm2=0.1))
     every = {one.name: one for one in vocabulary(RANGES, known(machine, RANGES.low_rad, RANGES.high_rad))}
     curve = every["acceleration"]
     for other in ("torque", "position, torque", "torque, time_in_motion", "torque_constant", "torque_ripple"):

@@ -18,6 +18,7 @@ from schwung.explain.weighing.known import Known, known
 from schwung.explain.weighing.phases import phased
 from schwung.explain.weighing.round import Linearised, View
 from schwung.explain.weighing.settling import Weighing, settled
+from schwung.explain.weighing.vocabulary.reporting import usual
 from schwung.explain.weighing.weigh import Posterior
 from schwung.innovations.effect import Passed
 from schwung.motion import Array
@@ -77,8 +78,11 @@ def judged_by(outcome: Posterior, told: Known, runs: Sequence[int]) -> Judged:
     """The same of what is known of a machine, in whatever form."""
     growth = outcome.growth
     view = phased(replace(outcome.view, known=told), growth.wide.noise)
-    usual = [absent(growth.candidates[i]) for i in growth.always]
-    at = settled(growth.wide.seen(view), usual, Weighing(growth.wide.noise, growth.train, growth.wide.excess))
+    timing = {one.name for one in usual(outcome.view.ranges)}
+    always = [absent(growth.candidates[i]) for i in growth.always if growth.candidates[i].name in timing]
+    at = settled(
+        growth.wide.seen(view), always, Weighing(growth.wide.noise, growth.train, growth.wide.excess)
+    )
     aside = _shown(at.about.beside(runs), runs) if runs else ()
     return Judged(aside, _shown(at.about, growth.train))
 

@@ -34,6 +34,28 @@ class Member:
     deviations: Array
 
 
+def moves(machine: Machine, members: Sequence[Member], of: Ranges) -> bool:
+    """Whether every inertia is more than the least that a machine has: what is below has no acceleration."""
+    heavier = [m for m in members if m.candidate.inertia is not None]
+    if not heavier:
+        return True
+    angle, believed = _believed(machine, of)
+    return bool(np.all(believed + _added(angle, heavier) > LEAST_SHARE * believed))
+
+
+def _believed(machine: Machine, of: Ranges) -> tuple[Array, Array]:
+    """Angles (rad), a little beyond those visited, and the inertia that is believed there (kg·m²)."""
+    margin = 0.05 * of.span_rad
+    angle = np.linspace(of.low_rad - margin, of.high_rad + margin, points_of(of.span_rad))
+    return angle, machine.load_inertia_at(angle)
+
+
+def _added(angle: Array, heavier: Sequence[Member]) -> Array:
+    return np.asarray(
+        sum((m.candidate.inertia_added(angle, m.shape, m.coefficients) for m in heavier), np.zeros(()))
+    )
+
+
 def with_members(machine: Machine, members: Sequence[Member], of: Ranges) -> Machine:
     """The believed machine with the members' inertia, stiffness and damping."""
     coupling, load = machine.coupling, machine.load
@@ -48,13 +70,8 @@ def with_members(machine: Machine, members: Sequence[Member], of: Ranges) -> Mac
         )
     heavier = [m for m in members if m.candidate.inertia is not None]
     if heavier:
-        margin = 0.05 * of.span_rad
-        angle = np.linspace(of.low_rad - margin, of.high_rad + margin, points_of(of.span_rad))
-        believed = machine.load_inertia_at(angle)
-        added = sum(
-            (m.candidate.inertia_added(angle, m.shape, m.coefficients) for m in heavier), np.zeros(())
-        )
-        inertia = np.maximum(believed + added, LEAST_SHARE * believed)
+        angle, believed = _believed(machine, of)
+        inertia = np.maximum(believed + _added(angle, heavier), LEAST_SHARE * believed)
         load = Load(
             viscous_friction_nms=load.viscous_friction_nms,
             inertia_table=InertiaTable(angle, inertia),

@@ -10,7 +10,7 @@ import numpy as np
 from schwung.explain.weighing.along import Along
 from schwung.explain.weighing.candidate import Candidate, Shape
 from schwung.explain.weighing.inexact import SHARES, deviations_of, error_of
-from schwung.explain.weighing.present import Member
+from schwung.explain.weighing.present import Member, moves
 from schwung.explain.weighing.round import (
     ALIKE,
     STEPS,
@@ -57,7 +57,20 @@ def settled(view: View, members: Sequence[Member], weighing: Weighing) -> Settle
 
     A step that makes the runs less likely is halved: far from the truth, a linear model promises too much.
     """
+    members = _that_move(view, members)
     return _at_rest(_stepped(_smoothed(view, members, weighing), members, weighing), weighing)
+
+
+def _that_move(view: View, members: Sequence[Member]) -> Sequence[Member]:
+    """With so much of a change of the inertia as leaves one."""
+    for _ in range(HALVINGS):
+        if moves(view.known.machine, members, view.ranges):
+            break
+        members = [
+            replace(m, coefficients=m.coefficients / 2) if m.candidate.inertia is not None else m
+            for m in members
+        ]
+    return members
 
 
 def _smoothed(view: View, members: Sequence[Member], weighing: Weighing) -> Linearised:
@@ -154,7 +167,9 @@ def _stepped(about: Linearised, members: Sequence[Member], weighing: Weighing) -
     rows = about.whitened([*((m.candidate.about(m.coefficients), m.shape) for m in members), *slopes], train)
     target = about.innovations(train) + present @ rows[:size]
     still = [np.zeros(len(m.candidate.spacing)) for m in members]
-    if not np.all(np.isfinite(target)):  # its numbers run away: worth nothing, and no step leads on from here
+    machine = about.view.known.machine
+    if not np.all(np.isfinite(target)) or not moves(machine, members, about.view.ranges):
+        # its numbers run away, or would, were the inertia not held: worth nothing, and no step leads on from here
         nowhere = [0.0 * m.coefficients for m in members]
         return _Step(about, tuple(members), nowhere, still, 0.0, np.inf, -np.inf)
     about.view.work.add(PRODUCT * rows.size * rows.shape[0])
