@@ -7,7 +7,7 @@ from strangers import STRANGERS, Stranger, belief_of, session_of
 
 from schwung.explain.weighing import round as rounds
 from schwung.explain.weighing.along import TrueTorque, ranges_of
-from schwung.explain.weighing.candidate import Curve, Plane
+from schwung.explain.weighing.candidate import Candidate, Curve, Plane
 from schwung.explain.weighing.data import Data
 from schwung.explain.weighing.equations import Acting, equations_of
 from schwung.explain.weighing.growth import slices
@@ -184,6 +184,18 @@ def test_the_usual_timing_of_a_torque_is_any_small_delay(data):
     columns = where.run.quiet(timing.effect(where, ()).on_motor)
     rest = [np.std((wanted - columns @ [delay, bend])[100:-100]) for bend in (delay**2 / 2, 0.0)]
     assert rest[0] < 0.2 * rest[1]
+
+
+@pytest.mark.parametrize("side", ["on_motor", "on_load"])
+def test_friction_leaves_rest_open_whichever_curve_carries_it(view, side):
+    """Found with all that is smooth present, a surface over angle and speed had it: dry friction was no law then."""
+    friction = Candidate("surface", lambda a, _: Effect(**{side: -a.direction[:, None]}), (1.0,))
+    swings = Candidate("curve", lambda a, _: Effect(on_load=a.load_acceleration[:, None]), (1.0,))
+    along = view.alongs(())[0]
+    swing = 2.0 / np.max(np.abs(along.load_acceleration))
+    members = [Member(c, (), np.array([by]), np.ones(1)) for c, by in ((friction, 0.7), (swings, swing))]
+    assert rounds.acting(view, along, members).dry_nm == pytest.approx(0.7, rel=0.1)
+    assert rounds.acting(view, along, members[1:]).dry_nm < 0.1
 
 
 def test_what_was_not_kept_is_not_promised_by_more_of_the_same(data):

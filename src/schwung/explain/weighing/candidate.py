@@ -64,7 +64,6 @@ class Candidate:
     positive: tuple[int, ...] = ()  # coefficients that cannot be below `least`
     least: Shape = ()  # what is believed, the sign turned: no total is negative; empty: nothing is believed
     named: bool = True
-    dry: bool = False  # holds the shaft at rest
     coordinate: str = ""
     family: str = ""  # of which a set holds one at most: each is a case of another
     cases: frozenset[str] = frozenset()  # names that are cases of this curve: a set holds it or them

@@ -81,21 +81,18 @@ def acting(view: View, along: Along, members: Sequence[Member]) -> Acting:
     """What the belief and the members do along a run."""
     known = view.known
     what = known.effect(along)
-    total, dry = Acting(*what.of(np.ones(1))), known.dry(along)
-    whole = dry  # whatever acts beyond the belief
+    total, opposed = Acting(*what.of(np.ones(1))), known.dry(along)
     for member in members:
         if member.candidate.of_machine and view.dry_nm is not None:
             continue
         parts = member.candidate.done(along, member.shape, member.coefficients).of(np.ones(1))
-        whole = whole + parts[0] + parts[1]
+        opposed = opposed - parts[0] - parts[1]
         if member.candidate.of_machine:
             continue
         if member.candidate.over_steps is None:
             total += Acting(*parts)
         total += _coupled(along, member)
-        if member.candidate.dry:
-            dry = dry + parts[0]
-    return replace(total, dry_nm=_dry(along, dry, whole) if view.dry_nm is None else view.dry_nm)
+    return replace(total, dry_nm=_dry(along, opposed) if view.dry_nm is None else view.dry_nm)
 
 
 def _coupled(along: Along, member: Member) -> Acting:
@@ -112,9 +109,13 @@ def _coupled(along: Along, member: Member) -> Acting:
     return Acting(coupling=bent, over_steps=taken + member.candidate.over_steps(along, member.coefficients))
 
 
-def _dry(along: Along, dry: Array, whole: Array) -> float:
-    """Size of dry friction where the shaft slides (N·m): curves may cancel, and no more of it is dry than there is."""
-    return float(np.sqrt(min(np.mean(each[along.moves] ** 2) for each in (dry, whole))))
+def _dry(along: Along, opposed: Array) -> float:
+    """Size of dry friction (N·m): what `opposed` (n,) takes from the motion on average where the shaft slides.
+
+    `opposed` is the believed dry friction and all that acts beyond the belief, for where everything smooth is present,
+    any curve may carry friction, and others may cancel it.
+    """
+    return max(float(np.mean((opposed * along.direction)[along.moves])), 0.0)
 
 
 @dataclass(frozen=True, eq=False)

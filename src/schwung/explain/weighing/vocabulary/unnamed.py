@@ -116,18 +116,18 @@ def unnamed(of: Ranges, torque_nm: float) -> list[Candidate]:
 
     return [
         Candidate(name, effect, (torque_nm,) * size, scales=SMALL if own and name == "time_in_motion" else LADDER,
-                  named=False, of_motion=own and name == "time_in_motion", dry=dry, coordinate=name,
+                  named=False, of_motion=own and name == "time_in_motion", coordinate=name,
                   family=_BALANCE if "torque" in name or name == "acceleration" else "",
                   cases=frozenset(_CASES.get(name, ())), whole=whole)
-        for name, (effect, whole), size, dry in (
-            ("position", of_both(angle, lambda a: a.angle), 2 * angle.size, True),
-            ("speed", of_both(speed, ways), 2 * speed.size, True),
-            ("acceleration", of_load(acceleration, lambda a: a.load_acceleration), acceleration.size, False),
-            ("torque", of_both(torque, lambda a: np.abs(a.torque)), 2 * torque.size, True),
-            ("time_in_motion", of_load(time, lambda a: a.motion_time_s), time.size, False),
-            ("run", (over_runs, over_runs_whole), 2 * of.runs, False),
-            ("position, speed", (over_angle_and_speed, over_angle_and_speed_whole), place_pace.size, False),
-            ("position, torque", (over_angle_and_torque, over_angle_and_torque_whole), place_load.size, False),
-            ("torque, time_in_motion", (over_torque_and_time, over_torque_and_time_whole), load_time.size, False),
+        for name, (effect, whole), size in (
+            ("position", of_both(angle, lambda a: a.angle), 2 * angle.size),
+            ("speed", of_both(speed, ways), 2 * speed.size),
+            ("acceleration", of_load(acceleration, lambda a: a.load_acceleration), acceleration.size),
+            ("torque", of_both(torque, lambda a: np.abs(a.torque)), 2 * torque.size),
+            ("time_in_motion", of_load(time, lambda a: a.motion_time_s), time.size),
+            ("run", (over_runs, over_runs_whole), 2 * of.runs),
+            ("position, speed", (over_angle_and_speed, over_angle_and_speed_whole), place_pace.size),
+            ("position, torque", (over_angle_and_torque, over_angle_and_torque_whole), place_load.size),
+            ("torque, time_in_motion", (over_torque_and_time, over_torque_and_time_whole), load_time.size),
         )
     ]  # fmt: skip
