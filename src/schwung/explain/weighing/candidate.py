@@ -98,11 +98,6 @@ class Candidate:
         return len(self.deviations)
 
     @property
-    def is_law(self) -> bool:
-        """Whether it has a form; a curve has sizes instead, and any form."""
-        return self.named and len(self.scales) == 1
-
-    @property
     def shape_log(self) -> float:
         """Log of the share that one shape has of all that there are, before anything is seen."""
         return -float(np.log(self.choices or len(self.shapes)))

@@ -79,7 +79,7 @@ class Growth:
                 break
             start = search.score(_carried(search.data, picks))
             if growing:
-                taken = self._laws_instead(search, start, at) or self._further(search, start, at)
+                taken = self._further(search, start, at)
                 if taken is not None:
                     best, at = taken
                     picks, fresh = _kept(search, best, at), False
@@ -129,20 +129,6 @@ class Growth:
             if gain > top:
                 best, top = (one, tried), gain
         return best
-
-    def _laws_instead(self, search: Search, start: Scored, at: Settled) -> tuple[Scored, Settled] | None:
-        """Laws in place of the curves of the set at hand: several may be needed for what one curve takes, and beside it
-        none of them promises anything.
-        """
-        laws = tuple(pick for pick in start.picks if search.candidate(pick).is_law)
-        if len(laws) == len(start.picks):
-            return None
-        curves = frozenset(i for i, candidate in enumerate(self.candidates) if not candidate.is_law)
-        instead = search.added(search.score(laws), curves)
-        if instead.log <= start.log or search.kind(instead.picks) in self.rested:
-            return None
-        tried, gain = self._rested(search, instead, start, at)
-        return (instead, tried) if gain > 0 else None
 
     def _instead(self, search: Search, start: Scored, at: Settled) -> tuple[Scored, Settled] | None:
         """A visited set that is more probable than the one at hand at rest, too; what was only promised is noted."""
