@@ -109,3 +109,11 @@ def test_no_set_can_be_made_of_the_equation_of_motion_itself() -> None:
         assert curve.excludes(every[other])
     assert not curve.excludes(every["speed"])
     assert not every["torque_constant"].excludes(every["load_inertia"])  # both may be believed wrong
+
+
+def test_a_torque_is_late_or_early_and_not_both() -> None:
+    """A lag of 14 N·m and a filter of 14 N·m took each other's place beside dry friction of 4."""
+    machine = belief_of(STRANGERS[0])
+    every = {one.name: one for one in vocabulary(RANGES, known(machine, RANGES.low_rad, RANGES.high_rad))}
+    assert every["torque_lag"].excludes(every["torque_filter"])
+    assert not every["torque_lag"].excludes(every["measurement_delay"])
