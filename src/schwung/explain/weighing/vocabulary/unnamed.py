@@ -24,9 +24,8 @@ _SLOW = 0.02
 #: Family of what follows the torque or the acceleration. Of two the equation of motion itself can be made,
 #: c T = c (J α + friction): it takes nothing, and carries of friction what its prior makes cheap.
 _BALANCE = "balance"
-#: What scales the torque, in one way or another, and what scales the acceleration.
+#: What scales the torque, in one way or another.
 _SCALES = ("torque_constant", "torque_constant_drop", "torque_ripple", "torque_saturation")
-_INERTIAS = ("load_inertia", "inertia_profile")
 #: Names that are cases of a curve, or cancel it: where the curve stands, they say nothing more.
 _CASES = {
     "position": ("coulomb_friction", "asymmetric_friction", "local_friction", "friction_over_angle"),
@@ -47,9 +46,9 @@ _CASES = {
         "offset_drift",
     ),
     "acceleration": ("load_inertia", *_SCALES),
-    "torque": (*_SCALES, *_INERTIAS),
-    "position, torque": (*_SCALES, *_INERTIAS),
-    "torque, time_in_motion": (*_SCALES, *_INERTIAS),
+    "torque": _SCALES,
+    "position, torque": _SCALES,
+    "torque, time_in_motion": _SCALES,
 }
 
 
