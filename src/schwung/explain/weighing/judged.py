@@ -1,7 +1,8 @@
 """The proof of a machine file: what belief and file, each as it is read, miss on runs that were not fitted.
 
 Nothing of the file is fitted again. The usual timing of a drive, which no file says, is found about each of the two
-from the runs that were fitted.
+from the runs that were fitted. What a measured inertia and the damping are usually off by is the same for both, as it
+was found beside all causes: about the belief alone it would be fitted to what the belief leaves out.
 """
 
 from __future__ import annotations
@@ -13,12 +14,12 @@ import numpy as np
 
 from schwung.drivetrain.machine import Machine
 from schwung.explain.weighing.along import Along
-from schwung.explain.weighing.growth import absent
+from schwung.explain.weighing.growth import absent, members_of
 from schwung.explain.weighing.known import Known, known
 from schwung.explain.weighing.phases import phased
+from schwung.explain.weighing.present import with_members
 from schwung.explain.weighing.round import Linearised, View
 from schwung.explain.weighing.settling import Weighing, settled
-from schwung.explain.weighing.vocabulary.reporting import usual
 from schwung.explain.weighing.weigh import Posterior
 from schwung.innovations.effect import Passed
 from schwung.motion import Array
@@ -76,10 +77,13 @@ def judged(outcome: Posterior, machine: Machine, runs: Sequence[int]) -> Judged:
 
 def judged_by(outcome: Posterior, told: Known, runs: Sequence[int]) -> Judged:
     """The same of what is known of a machine, in whatever form."""
-    growth = outcome.growth
+    growth, of = outcome.growth, outcome.view.ranges
+    found = members_of(outcome.grown.search, outcome.holding, growth.candidates)
+    usual = found[: len(growth.always)]
+    off = [member for member in usual if member.candidate.of_machine]
+    told = replace(told, machine=with_members(told.machine, off, of))
     view = phased(replace(outcome.view, known=told), growth.wide.noise)
-    timing = {one.name for one in usual(outcome.view.ranges)}
-    always = [absent(growth.candidates[i]) for i in growth.always if growth.candidates[i].name in timing]
+    always = [absent(member.candidate) for member in usual if not member.candidate.of_machine]
     at = settled(
         growth.wide.seen(view), always, Weighing(growth.wide.noise, growth.train, growth.wide.excess)
     )
