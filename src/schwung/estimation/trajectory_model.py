@@ -170,7 +170,8 @@ class Model:
         sticking = np.exp(-((along.speed / (3 * self.sticking_rad_s)) ** 2))
         slack = 100 * parameters[at.coulomb] ** 2 * sticking
         first = np.append(run.states[0], 0.0)
-        return _Linear(transition, forcing, noise, slack, measured, first, torques, along, motor)
+        apart = np.zeros(load.size - 1)
+        return _Linear(transition, forcing, noise, slack, apart, measured, first, torques, along, motor)
 
     def columns(self, run: Signals, parameters: Array, equations: Equations) -> Added:
         """What a unit of each parameter adds to each step, and to the samples.

@@ -114,8 +114,10 @@ def _times(matrix: Array, vector: Array, added: Array, result: Array) -> Array:
 
 
 @compiled
-def _carried(phi: Array, p: Array, half: Array, noise: Array, power: float) -> None:
-    """p becomes Φ p Φᵀ + noise·noiseᵀ·power; small matrices are faster without BLAS."""
+def _carried(phi: Array, p: Array, half: Array, noise: Array, power: float, apart: float) -> None:
+    """p becomes Φ p Φᵀ + noise·noiseᵀ·power, and `apart` of what torques at the step's ends do; small matrices are
+    faster without BLAS.
+    """
     size = p.shape[0]
     for i in range(size):
         for j in range(size):
@@ -128,12 +130,17 @@ def _carried(phi: Array, p: Array, half: Array, noise: Array, power: float) -> N
             for c in range(size):
                 p[i, j] += half[i, c] * phi[j, c]
             p[j, i] = p[i, j]
+    if apart > 0.0:
+        for i in range(size - 1):
+            for j in range(size - 1):
+                p[i, j] += apart * (phi[i, size - 1] * phi[j, size - 1] + noise[i] * noise[j])
 
 
 @compiled_or(plain.filtered)
 def filtered(system: System) -> Filtered:
     """Kalman's filter."""
     transition, forcing, noise, power = system.transition, system.forcing, system.noise, system.power
+    apart = system.apart
     measured, variances = system.measured, system.variances
     count, size = measured.shape[0], system.first.size
     errors, spreads = np.empty((count, 2)), np.empty((count, 2))
@@ -144,7 +151,7 @@ def filtered(system: System) -> Filtered:
     for k in range(count):
         if k > 0:
             x = _times(transition[k - 1], x, forcing[k - 1], ahead)
-            _carried(transition[k - 1], p, half, noise[k - 1], power[k - 1])
+            _carried(transition[k - 1], p, half, noise[k - 1], power[k - 1], apart[k - 1])
         for m in range(2):
             # below zero by rounding, where nearly nothing is noise
             spreads[k, m] = max(p[m, m], 0.0) + variances[m]
@@ -169,6 +176,7 @@ def filtered(system: System) -> Filtered:
 def deviance(system: System) -> tuple[float, float]:
     """Σ log of the innovations' variances, and Σ innovation²/variance: `filtered`, of which nothing else is kept."""
     transition, forcing, noise, power = system.transition, system.forcing, system.noise, system.power
+    apart = system.apart
     measured, variances = system.measured, system.variances
     count, size = measured.shape[0], system.first.size
     x, p = system.first.copy(), np.diag(system.spread**2)
@@ -177,7 +185,7 @@ def deviance(system: System) -> tuple[float, float]:
     for k in range(count):
         if k > 0:
             x = _times(transition[k - 1], x, forcing[k - 1], ahead)
-            _carried(transition[k - 1], p, half, noise[k - 1], power[k - 1])
+            _carried(transition[k - 1], p, half, noise[k - 1], power[k - 1], apart[k - 1])
         for m in range(2):
             spread = max(p[m, m], 0.0) + variances[m]
             error = measured[k, m] - x[m]

@@ -67,6 +67,7 @@ class Equations:
     forcing: Array  # (n − 1, s)
     noise: Array  # (n − 1, s): what the torque's error of the sample at the end of each step does
     slack: Array  # (n,) variance of the torque (N·m)² beyond the sensor's
+    apart: Array  # (n − 1,) and of what acts within each step alone
     measured: Array  # (n, 2)
     first: Array  # (s,)
     torques: Array  # (n − 1, 6) over each step, see `Steps`
@@ -110,6 +111,7 @@ def problem_of(equations: Equations, noise: Noise, run: Signals) -> System:
         equations.forcing,
         equations.noise,
         power[1:],
+        equations.apart,
         equations.measured,
         np.array([noise.position_rad**2, noise.speed_rad_s**2 if run.speed_measured else _untold(run) ** 2]),
         equations.first,

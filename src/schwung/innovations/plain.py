@@ -86,6 +86,8 @@ def filtered(system: System) -> Filtered:
     across[:, size, size] = 1.0
     added = np.empty((count - 1, size, size + 1))
     added[:, :, :size] = system.noise[:, :, None] * (system.noise * system.power[:, None])[:, None, :]
+    for ends in (system.transition[:, :-1, size - 1], system.noise[:, :-1]):
+        added[:, :-1, : size - 1] += ends[:, :, None] * (ends * system.apart[:, None])[:, None, :]
     added[:, :, size] = system.forcing
     measured, variances = system.measured.tolist(), system.variances.tolist()
     here = np.column_stack([np.diag(system.spread**2), system.first])

@@ -22,12 +22,16 @@ class Shaft(NamedTuple):
 
 
 class System(NamedTuple):
-    """x⁺ = Φx + forcing + noise·w, of which the first two states are measured."""
+    """x⁺ = Φx + forcing + noise·w, of which the first two states are measured; the last is the torque's error.
+
+    Where `apart` is not 0, a step has torque at its start and at its end of which the steps beside it have nothing.
+    """
 
     transition: Array  # (n − 1, s, s)
     forcing: Array  # (n − 1, s)
     noise: Array  # (n − 1, s)
     power: Array  # (n − 1,) variance of w
+    apart: Array  # (n − 1,) that of a step's own torques, (N·m)²
     measured: Array  # (n, 2)
     variances: Array  # (2,) of the measurements
     first: Array  # (s,) the state at first, and how well it is known

@@ -138,6 +138,13 @@ class Along:
 
     @property
     @_kept
+    def slowest(self) -> Array:
+        """Speed of the motor where it is slowest within each step (rad/s), not negative, (n − 1,): none where it turns."""
+        ends = np.abs(np.stack([self.speed[:-1], self.speed[1:]]))
+        return np.asarray(np.where(self.speed[:-1] * self.speed[1:] > 0, np.min(ends, axis=0), 0.0))
+
+    @property
+    @_kept
     def direction(self) -> Array:
         """Of the motor's motion, −1…1."""
         return np.tanh(self.speed / self.ranges.sticking_rad_s)

@@ -15,7 +15,8 @@ from schwung.innovations.steps import Steps, bulge, off_middle
 from schwung.innovations.values import Shaft
 from schwung.motion import Array
 
-#: Where the shaft may stick, dry friction is anything within its own size: a variance of so many times its square.
+#: Where the shaft may stick or turn, dry friction is anything within its own size: a variance of so many times its
+#: square.
 _OPEN = 100.0
 
 
@@ -96,10 +97,10 @@ def equations_of(along: Along, acting: Acting) -> tuple[Equations, Steps]:
     noise = np.column_stack([-noisy[:, :, 2], np.ones(load.size - 1)])
     forcing[:, :size] = np.einsum("ksi,ki->ks", steps.inputs, torques)
     measured = np.column_stack([run.position_rad - acting.position, run.speed_rad_s - acting.speed])
-    sticking = np.exp(-((along.speed / (3 * along.ranges.sticking_rad_s)) ** 2))
-    slack = _OPEN * acting.dry_nm**2 * sticking + run.drive.sharp_nm2
+    sticking = np.exp(-((along.slowest / (3 * along.ranges.sticking_rad_s)) ** 2))
+    apart = _OPEN * acting.dry_nm**2 * sticking
     begin = np.append(run.states[0], 0.0)
-    return Equations(transition, forcing, noise, slack, measured, begin, torques), steps
+    return Equations(transition, forcing, noise, run.drive.sharp_nm2, apart, measured, begin, torques), steps
 
 
 def _noise_inputs(along: Along, shaft: Shaft, steps: Steps) -> Array:

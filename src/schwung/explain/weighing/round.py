@@ -46,6 +46,7 @@ class View:
     dry_nm: float | None = (
         None  # dry friction that leaves open where the shaft sticks; None: that of what is present
     )
+    slowest: tuple[Array, ...] = ()  # `Along.slowest` of each run for all sets alike; empty: as the states say
     repeats: Sequence[Sequence[int]] = ()  # runs of each motion and injection
     work: Work = field(default_factory=Work)  # that was done since the session was first looked at
 
@@ -57,7 +58,7 @@ class View:
     @cached_property
     def _kept(self) -> list[dict[str, Array]]:
         """Coordinates of each run, as they were asked for."""
-        return [{} for _ in self.runs]
+        return [{"slowest": one} for one in self.slowest] or [{} for _ in self.runs]
 
     def alongs(self, members: Sequence[Member]) -> list[Along]:
         """Every run's coordinates, with these members present."""

@@ -36,11 +36,12 @@ class Wide:
     noise: Noise
     excess: float  # variance of scores over that of white noise
     torques: tuple[TrueTorque, ...]  # of each run, as far as it is known
-    dry_nm: float  # friction that leaves open where the shaft sticks
+    dry_nm: float  # friction that leaves open where the shaft sticks or turns
+    slowest: tuple[Array, ...]  # where it does, `Along.slowest` of each run
 
     def seen(self, view: View) -> View:
         """The session with what is known of all sets alike: they differ in what they predict, not in how surely."""
-        return replace(view, torques=self.torques, dry_nm=self.dry_nm)
+        return replace(view, torques=self.torques, dry_nm=self.dry_nm, slowest=self.slowest)
 
 
 #: Passes of noise, coefficients and states at most; settled, where no size of noise moves by more than this (log).
@@ -65,7 +66,7 @@ def wide_fit(
     may make them differ by more than their noise.
     """
     members, least = list(candidates), np.inf
-    view = at_rest(replace(view, dry_nm=None), members, noise).view
+    view = at_rest(replace(view, dry_nm=None, slowest=()), members, noise).view
     passes = _PASSES_OF_REPEATS if any(len(group) > 1 for group in view.repeats) else _PASSES
     for number in range(passes):
         latest = linearised(view, members, noise, reach)
@@ -85,8 +86,9 @@ def wide_fit(
             break
         view = replace(view, torques=torques)
     excess = excess_of(rows, target - found.coefficients @ rows, about, train)
-    dry = max(acting(view, where, members).dry_nm for where in view.alongs(members))
-    return Wide(noise, excess, torques, dry)
+    alongs = view.alongs(members)
+    dry = max(acting(view, where, members).dry_nm for where in alongs)
+    return Wide(noise, excess, torques, dry, tuple(where.slowest for where in alongs))
 
 
 def _nearer(
