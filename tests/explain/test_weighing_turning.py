@@ -28,7 +28,9 @@ def session() -> Session:
     plant = TwoMassPlant(TwoMassMachine(), flat, parse_conceal(f"coulomb_friction={RUBS_NM}"))
     chance, ticks = np.random.default_rng(2), int(0.4 / TICK_S)
     time = TICK_S * np.arange(ticks + 1)
-    torque, held = (40 * np.cos(80 * np.pi * at) + 10 * np.cos(5 * np.pi * at) for at in (time, time + TICK_S / 2))
+    torque, held = (
+        40 * np.cos(80 * np.pi * at) + 10 * np.cos(5 * np.pi * at) for at in (time, time + TICK_S / 2)
+    )
     moved = np.empty((ticks + 1, 2))
     for tick in range(ticks + 1):
         moved[tick] = plant.state["motor_rad"][0], plant.state["motor_rad_s"][0]
@@ -57,7 +59,9 @@ def test_a_machine_with_dry_friction_misses_noise_where_it_turns(session: Sessio
     runs = [signals_of(run, machine, 160.0, 0.0) for run in session.runs]
     of = ranges_of(runs, machine, 0.002, 160.0)
     torques = tuple(TrueTorque(run, run.drive.whole_nm) for run in runs)
-    view = View(session.runs, tuple(runs), known(machine, of.low_rad, of.high_rad), of, torques, dry_nm=RUBS_NM)
+    view = View(
+        session.runs, tuple(runs), known(machine, of.low_rad, of.high_rad), of, torques, dry_nm=RUBS_NM
+    )
     about = at_rest(view, (), NOISE)
     (where,) = about.alongs
     turns = where.speed[:-1] * where.speed[1:] < 0

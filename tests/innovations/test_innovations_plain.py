@@ -40,7 +40,8 @@ def system(request: pytest.FixtureRequest) -> System:
     measured = np.cumsum(noise.normal(size=(300, 2)), axis=0) * [1e-3, 0.1]
     apart = np.where(np.arange(299) % 50 == 7, 20.0, 0.0)
     return System(
-        transition, forcing, noises, np.full(299, 0.1), apart, measured, np.array([1e-10, 1e-4]), np.zeros(size + 1), spread
+        transition, forcing, noises, np.full(299, 0.1), apart, measured, np.array([1e-10, 1e-4]),
+        np.zeros(size + 1), spread,
     )  # fmt: skip
 
 

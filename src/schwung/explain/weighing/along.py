@@ -139,7 +139,7 @@ class Along:
     @property
     @_kept
     def slowest(self) -> Array:
-        """Speed of the motor where it is slowest within each step (rad/s), not negative, (n − 1,): none where it turns."""
+        """Of the motor, without its sign, where it is slowest within each step (rad/s), (n − 1,): 0 where it turns."""
         ends = np.abs(np.stack([self.speed[:-1], self.speed[1:]]))
         return np.asarray(np.where(self.speed[:-1] * self.speed[1:] > 0, np.min(ends, axis=0), 0.0))
 
@@ -170,10 +170,29 @@ class Along:
         return self._rate(self.speed)
 
     @property
+    def held(self) -> tuple[Array, Array]:
+        """Of a held injection ½ ΔT/J_r and ⅙ Δ²T/J_r (rad/s²), (n,) each: ΔT its jump at the sample, Δ²T by how much
+        the next one differs.
+
+        The smooth curve that passes the motion's samples lies so far above the motor's acceleration just before one: a
+        staircase about a curve that has its mean falls over each step from half of a jump to minus half of it.
+        """
+        jumps = self.run.drive.jumps_nm / self.machine.motor.inertia_kgm2
+        return jumps / 2, np.gradient(jumps) / 6
+
+    @property
     @_kept
     def acceleration_before(self) -> Array:
         """Of the motor just before each sample, which is what a late speed is late by: a held injection jumps there."""
-        return self.acceleration - self.run.drive.jumps_nm / (2 * self.machine.motor.inertia_kgm2)
+        jump, change = self.held
+        return np.asarray(self.acceleration - jump + change)
+
+    @property
+    @_kept
+    def jerk_before(self) -> Array:
+        """Of the motor just before each sample: against the smooth curve a held injection falls within each step."""
+        jump, _ = self.held
+        return self._rate(self.acceleration) - 2 * jump / self.run.step_s
 
     @cached_property
     def load_acceleration(self) -> Array:
@@ -192,12 +211,6 @@ class Along:
     def torque_bend(self) -> Array:
         """Second derivative of the true torque."""
         return self.true_torque.bend
-
-    @property
-    @_kept
-    def jerk(self) -> Array:
-        """Of the motor."""
-        return self._rate(self.acceleration)
 
     @property
     @_kept

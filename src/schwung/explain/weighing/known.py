@@ -21,6 +21,7 @@ from schwung.drivetrain.residual import (
 from schwung.drivetrain.residual_plane import ON_LOAD as LOADED
 from schwung.drivetrain.residual_plane import Plane, planes_of
 from schwung.explain.weighing.along import Along
+from schwung.explain.weighing.late import acceleration_bent
 from schwung.explain.weighing.present import points_of
 from schwung.innovations.effect import Effect
 from schwung.motion import Array
@@ -83,9 +84,9 @@ class Known:
             coupled = coupled - k * np.clip(along.twist, -e.gap_rad / 2, e.gap_rad / 2)
         turned = along.angle + e.eccentricity_phase_rad
         position = e.eccentricity_rad * np.sin(turned)
-        speed = (
-            e.eccentricity_rad * np.cos(turned) * along.speed - e.speed_delay_s * along.acceleration_before
-        )
+        speed = e.eccentricity_rad * np.cos(turned) * along.speed
+        if e.speed_delay_s > 0:
+            speed = speed - e.speed_delay_s * acceleration_bent(along, e.speed_delay_s / 2)
         return Effect(*(part[:, None] for part in (on_motor - coupled, on_load + coupled, position, speed)))
 
     def _bristles(self, along: Along, held_nm: float) -> Array:

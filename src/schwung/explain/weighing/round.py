@@ -46,7 +46,9 @@ class View:
     dry_nm: float | None = (
         None  # dry friction that leaves open where the shaft sticks; None: that of what is present
     )
-    slowest: tuple[Array, ...] = ()  # `Along.slowest` of each run for all sets alike; empty: as the states say
+    slowest: tuple[
+        Array, ...
+    ] = ()  # `Along.slowest` of each run for all sets alike; empty: as the states say
     repeats: Sequence[Sequence[int]] = ()  # runs of each motion and injection
     work: Work = field(default_factory=Work)  # that was done since the session was first looked at
 

@@ -9,14 +9,13 @@ eccentricity a sin(θ + φ) in the angle, its rate in the speed
 from __future__ import annotations
 
 import numpy as np
-from scipy.signal import lfilter, lfilter_zi
 
 from schwung.explain.weighing.along import Along, Ranges
 from schwung.explain.weighing.candidate import RIGHT_TO, Candidate, Shape, column, grid
+from schwung.explain.weighing.late import acceleration_bent, bent
 from schwung.explain.weighing.vocabulary.load import polar
 from schwung.innovations.effect import Effect
 from schwung.innovations.splines import slopes
-from schwung.motion import Array
 
 #: Standard deviations (s): of delays and lags that are a defect, of the filter that torque and speed share in any
 #: drive, and of the times by which each of the two is off it.
@@ -26,23 +25,12 @@ BENDS_S = np.concatenate([np.linspace(-2e-4, 6e-4, 9), np.geomspace(9e-4, 5e-3, 
 BEND_STEP_S, LEAST_BEND_S, MOST_BEND_S = 1e-4, -1e-3, 2e-2
 
 
-def _bent(along: Along, values: Array, time_s: float) -> Array:
-    """Through a first-order filter (bilinear), backwards where its time is negative; at rest before."""
-    step, later = along.run.step_s, abs(time_s)
-    signal = values if time_s >= 0 else values[::-1]
-    first = lfilter_zi([step, step], [step + 2 * later, step - 2 * later]) * signal[0] if later > 0 else None
-    if first is None:
-        return values
-    bent, _ = lfilter([step, step], [step + 2 * later, step - 2 * later], signal, zi=first)
-    return np.asarray(bent if time_s >= 0 else bent[::-1])
-
-
 def _gain(along: Along, _shape: Shape) -> Effect:
     return Effect(column(along.torque))
 
 
 def _later(along: Along, shape: Shape) -> Effect:
-    return Effect(column(-_bent(along, along.torque_rate, shape[0])))
+    return Effect(column(-bent(along, along.torque_rate, shape[0])))
 
 
 def _earlier(along: Along, shape: Shape) -> Effect:
@@ -50,7 +38,7 @@ def _earlier(along: Along, shape: Shape) -> Effect:
 
 
 def _speed_later(along: Along, shape: Shape) -> Effect:
-    return Effect(speed=column(-_bent(along, along.acceleration_before, shape[0])))
+    return Effect(speed=column(-acceleration_bent(along, shape[0])))
 
 
 def _clipped(along: Along, shape: Shape) -> Effect:
@@ -123,7 +111,7 @@ def usual(of: Ranges) -> list[Candidate]:
         return Effect(np.stack([along.torque_rate, along.torque_bend], 1))
 
     def speed(along: Along, _shape: Shape) -> Effect:
-        return Effect(speed=np.stack([-along.acceleration_before, along.jerk], 1))
+        return Effect(speed=np.stack([-along.acceleration_before, along.jerk_before], 1))
 
     def held(along: Along, _shape: Shape) -> Effect:
         step, rotor = along.run.step_s, along.machine.motor.inertia_kgm2

@@ -1,0 +1,43 @@
+"""A speed that comes late, of a motor whose injection a bus holds: it moves in straight lines between samples."""
+
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+from scipy.interpolate import CubicSpline
+
+from schwung.explain.weighing.along import Along, Ranges
+from schwung.explain.weighing.late import acceleration_bent
+from schwung.innovations.signals import Drive, Signals
+
+ROTOR, STEP_S, INJECTED_NM, HZ = 0.012, 1e-3, 46.6, 50.0
+
+
+@pytest.fixture(scope="module")
+def held() -> Along:
+    """A rotor alone under a sine that is held for a millisecond each, exactly."""
+    time = STEP_S * np.arange(401)
+    injected = INJECTED_NM * np.sin(2 * np.pi * HZ * (time[:-1] + STEP_S / 2))
+    speed = np.concatenate([[0.0], np.cumsum(injected) * STEP_S / ROTOR])
+    drive = Drive(time, CubicSpline(time, 0 * time), injected)
+    run = Signals(
+        time, STEP_S, 0 * time, speed, drive, np.column_stack([0 * time, speed]), True, band_hz=450.0
+    )
+    machine = SimpleNamespace(motor=SimpleNamespace(inertia_kgm2=ROTOR))
+    ranges = Ranges(0.0, 1.0, 1.0, 1.0, INJECTED_NM, 0.4, 1e-3, 1, 450.0)
+    return Along(run, machine, machine, ranges, 0, 0.0, SimpleNamespace())
+
+
+@pytest.mark.parametrize("delay_s", [1e-4, 3e-4, 5e-4, 8e-4])
+def test_a_late_speed_is_what_it_was(held: Along, delay_s: float) -> None:
+    """The lines' own speeds say it, whatever part of a step the delay is."""
+    was = np.interp(held.time_s - delay_s, held.time_s, held.speed)
+    late = delay_s * acceleration_bent(held, delay_s / 2)
+    inside = slice(20, -20)
+    largest = np.max(np.abs(held.speed - was)[inside])
+    assert np.max(np.abs(held.speed - late - was)[inside]) < 0.01 * largest
+
+
+def test_before_a_sample_acceleration_is_that_of_its_step(held: Along) -> None:
+    inside, step = slice(20, -20), np.append(0.0, held.run.drive.held_nm) / ROTOR
+    assert held.acceleration_before[inside] == pytest.approx(step[inside], abs=2e-3 * np.max(step))
