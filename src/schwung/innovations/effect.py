@@ -8,7 +8,7 @@ inertia −δJ·α on the load, a late speed −δt·α in the speed's samples.
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -71,6 +71,22 @@ class Passed:
         """Filter a run."""
         result = kernel.filtered(problem_of(equations, noise, run))
         return cls(equations, steps, result, result.error.size // (1 if run.speed_measured else 2))
+
+    def of_noise(self, noise: Noise, run: Signals, chance: np.random.Generator) -> Passed:
+        """The same run, had there been nothing but noise: of a linear filter, what its states hold of that."""
+        count = run.time_s.size
+        sizes = np.array([noise.position_rad, noise.speed_rad_s])
+        torque = np.hypot(noise.torque_nm, noise.torque_share * run.load_nm) * chance.standard_normal(count)
+        first, last = self.equations.transition[:, :-1, -1], self.equations.noise[:, :-1]
+        forcing = np.zeros_like(self.equations.forcing)
+        forcing[:, :-1] = -(first * torque[:-1, None] + last * torque[1:, None])
+        still = replace(
+            self.equations,
+            forcing=forcing,
+            measured=chance.standard_normal((count, 2)) * sizes,
+            first=np.zeros_like(self.equations.first),
+        )
+        return Passed.of(still, self.steps, noise, run)
 
     @property
     def innovations(self) -> Array:

@@ -8,8 +8,8 @@ from scipy.fft import dst, idst
 from schwung.compiled import compiled_or
 from schwung.motion import Array
 
-#: Frequencies on either side that a signal's power is averaged over.
-_BESIDE = 7
+#: Frequencies on either side that a signal's power is averaged over, and that of a draw of noise, which has no lines.
+_BESIDE, _BROADLY = 7, 15
 #: What the filter still knows of a sample after so many of its slowest time constants is rounding.
 _FORGOTTEN = 34.0
 #: What it remembers longer than so many lengths of the signal is worked out by sines.
@@ -85,19 +85,27 @@ def _there_and_back(each: Array, within: float, order: int, ahead: int) -> Array
     return result
 
 
-def heard(values: Array, noise: float) -> Array:
-    """What is expected of a signal (n,) in white noise of this deviation (Wiener): at each frequency the share of the
-    power about it that is not noise's.
+def heard(values: Array, noise: float | Array) -> Array:
+    """What is expected of a signal (n,) in noise (Wiener): at each frequency the share of the power about it that is
+    not noise's. `noise`: its deviation, where it is white, or as much of it alone (n,).
 
     Used as a regressor, a noisy signal meets its own noise in what it shall explain; its expectation does not.
     """
-    if values.size < 4 * _BESIDE:
+    if values.size < 4 * _BROADLY:
         return values
     line, sines = _in_sines(values)
-    about = np.ones(2 * _BESIDE + 1)
-    power = np.convolve(sines**2, about, "same") / np.convolve(np.ones_like(sines), about, "same")
-    white = 2 * (values.size - 1) * noise**2  # of each of the unnormalised sines
-    return _from_sines(line, sines * np.clip(1 - white / np.maximum(power, 1e-300), 0.0, 1.0))
+    if isinstance(noise, float):
+        loud: float | Array = 2 * (values.size - 1) * noise**2  # of each of the unnormalised sines
+    else:
+        loud = _averaged(_in_sines(noise)[1] ** 2, _BROADLY)
+    power = np.maximum(_averaged(sines**2, _BESIDE), 1e-300)
+    return _from_sines(line, sines * np.clip(1 - loud / power, 0.0, 1.0))
+
+
+def _averaged(power: Array, beside: int) -> Array:
+    """With as many on either side, fewer at the ends."""
+    about = np.ones(2 * beside + 1)
+    return np.convolve(power, about, "same") / np.convolve(np.ones_like(power), about, "same")
 
 
 def _in_sines(values: Array) -> tuple[Array, Array]:

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from schwung.drivetrain.machine import Machine
+from schwung.innovations.low_pass import heard
 from schwung.innovations.signals import Signals
 from schwung.innovations.splines import slopes
 from schwung.motion import Array
@@ -98,6 +99,7 @@ class Along:
     starts_s: float  # when the motion leaves rest
     true_torque: TrueTorque
     kept: dict[str, Array] = field(default_factory=dict)  # coordinates by their names, for these states
+    noise: Array | None = None  # of the coupling's wind-up and its rate alone, (n, 2); None: not known
 
     @property
     def time_s(self) -> Array:
@@ -215,15 +217,17 @@ class Along:
     @property
     @_kept
     def twist(self) -> Array:
-        """Of the coupling (rad); 0 where there is none."""
-        return 0.0 * self.speed if self.run.rigid else np.asarray(self.run.quiet(self.run.states[:, 2]))
+        """Of the coupling (rad), as far as it is heard; 0 where there is none."""
+        return 0.0 * self.speed if self.run.rigid else self._heard(self.run.states[:, 2], 0)
 
     @property
     @_kept
     def twist_speed(self) -> Array:
-        return (
-            0.0 * self.speed if self.run.rigid else np.asarray(self.run.quiet(self.speed - self.load_speed))
-        )
+        return 0.0 * self.speed if self.run.rigid else self._heard(self.speed - self.load_speed, 1)
+
+    def _heard(self, values: Array, which: int) -> Array:
+        quiet = np.asarray(self.run.quiet(values))
+        return quiet if self.noise is None else heard(quiet, self.run.quiet(self.noise[:, which]))
 
     @cached_property
     def inertia(self) -> Array:
@@ -248,12 +252,14 @@ def along(
     number: int,
     true_torque: TrueTorque,
     kept: dict[str, Array] | None = None,
+    noise: Array | None = None,
 ) -> Along:
-    """The coordinates of a run of a session; `kept`: those that were worked out for the same states."""
+    """The coordinates of a run of a session; `kept`: those that were worked out for the same states; `noise`: of its
+    coupling's wind-up and rate, (n, 2).
+    """
     starts = recorded.motion.start_time_s if recorded.motion is not None else 0.0
-    return Along(
-        run, machine, present, ranges, number, float(starts or 0.0), true_torque, {} if kept is None else kept
-    )
+    begins, kept = float(starts or 0.0), {} if kept is None else kept
+    return Along(run, machine, present, ranges, number, begins, true_torque, kept, noise)
 
 
 def ranges_of(runs: list[Signals], machine: Machine, sticking: float, band_hz: float) -> Ranges:

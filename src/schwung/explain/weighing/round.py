@@ -50,6 +50,7 @@ class View:
         Array, ...
     ] = ()  # `Along.slowest` of each run for all sets alike; empty: as the states say
     repeats: Sequence[Sequence[int]] = ()  # runs of each motion and injection
+    noises: tuple[Array, ...] = ()  # of each run's wind-up and its rate alone, (n, 2); empty: not known
     work: Work = field(default_factory=Work)  # that was done since the session was first looked at
 
     @property
@@ -75,6 +76,7 @@ class View:
                 number,
                 self.torques[number],
                 self._kept[number],
+                self.noises[number] if self.noises else None,
             )
             for number, (run, recorded) in enumerate(zip(self.runs, self.recorded, strict=True))
         ]
@@ -251,6 +253,18 @@ def _without_noise(about: Linearised, number: int) -> Array:
     size = float(np.sqrt(noise.torque_nm**2 + np.mean((noise.torque_share * run.load_nm) ** 2)))
     reported = run.drive.smooth_nm - about.passed[number].torque_error_nm
     return np.asarray(heard(reported, size) + run.drive.injected_nm)
+
+
+def noises_about(about: Linearised) -> tuple[Array, ...]:
+    """What noise alone winds up each run's coupling, and how fast, (n, 2): of what is smoothed, that is noise."""
+    if about.view.known.machine.coupling is None:
+        return ()
+    noises = []
+    for i, passed in sorted(about.passed.items()):
+        states = passed.of_noise(about.noise, about.view.runs[i], np.random.default_rng(i)).states
+        about.view.work.add(LINEARISED * passed.samples)
+        noises.append(np.stack([states[:, 2], states[:, 1] - states[:, 3]], 1))
+    return tuple(noises)
 
 
 def at_rest(
