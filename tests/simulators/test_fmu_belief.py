@@ -26,6 +26,7 @@ from schwung.explain.explain import explain
 from schwung.explain.residual import Residuals, Unknowns
 from schwung.explain.signals import prepare, prepare_twin
 from schwung.explain.values import Explanation
+from schwung.explain.weighing.published import publish
 from schwung.motion import Array, Excitation, Motion
 from schwung.session import Run, Session, SessionWriter, read_session
 from schwung.simulators.belief import fmu_belief
@@ -171,6 +172,11 @@ def test_a_payload_is_named_against_an_fmu_as_with_a_machine_file(tmp_path: Path
     assert found.verdict == "explained"
     assert named.physics == hidden["physics"] == "load_inertia"
     assert named.parameters["scale"].value == pytest.approx(hidden["parameters"]["scale"], rel=0.005)
+
+    belief = fmu_belief(session, fmu, tmp_path / "map.toml")
+    (weighed,) = (one for one in publish(session, belief.machine, twin=belief.twin).names if one.in_file)
+    assert weighed.physics == "load_inertia"
+    assert weighed.parameters["scale"].value == pytest.approx(hidden["parameters"]["scale"], rel=0.005)
 
 
 def test_the_commands_of_the_page_for_users(

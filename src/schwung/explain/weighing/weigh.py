@@ -132,9 +132,19 @@ def posterior_of(
     wide = wide_fit(view, everything(candidates, ()), first_noise(runs), train)
     growth = Growth(candidates, always, train, wide, tell=tell)
     grown = growth.grown(view)
-    stands = standing(grown.search, grown.best, beside, one_law)
-    sure = grown.search.tempered(stands.tempering)
-    return Posterior(grown, stands, sure, tuple(heldout), view, growth)
+
+    def about(best: Scored) -> Posterior:
+        stands = standing(grown.search, best, beside, one_law)
+        sure = grown.search.tempered(stands.tempering)
+        return Posterior(grown, stands, sure, tuple(heldout), view, growth)
+
+    outcome = about(grown.best)
+    laws = {c.name for c in candidates if c.named} & outcome.refuted
+    if not laws:
+        return outcome
+    # beside a law that does not hold elsewhere, none stands out whose place it can take
+    kept = tuple(pick for pick in grown.best.picks if grown.search.name(pick) not in laws)
+    return about(grown.search.score(kept))
 
 
 def band_of(session: Session) -> float:
