@@ -1,12 +1,16 @@
-"""A speed that comes late, of a motor whose injection a bus holds: it moves in straight lines between samples."""
+"""What comes late: the speed of a motor whose injection a bus holds, and a torque that a file says to lag."""
 
+from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
 from scipy.interpolate import CubicSpline
 
-from schwung.explain.weighing.along import Along, Ranges
+from schwung.drivetrain.machine import Load, Machine, Motor
+from schwung.drivetrain.physics_term import PhysicsTerm
+from schwung.explain.weighing.along import Along, Ranges, TrueTorque
+from schwung.explain.weighing.known import known
 from schwung.explain.weighing.late import acceleration_bent
 from schwung.innovations.signals import Drive, Signals
 
@@ -41,3 +45,20 @@ def test_a_late_speed_is_what_it_was(held: Along, delay_s: float) -> None:
 def test_before_a_sample_acceleration_is_that_of_its_step(held: Along) -> None:
     inside, step = slice(20, -20), np.append(0.0, held.run.drive.held_nm) / ROTOR
     assert held.acceleration_before[inside] == pytest.approx(step[inside], abs=2e-3 * np.max(step))
+
+
+def test_a_file_s_lag_is_one_whatever_the_frequency(held: Along) -> None:
+    """T/(1 + τs) of a sine, ωτ about 1: T − τ T' would be larger than T."""
+    lag_s, rate = 3.5e-3, 2 * np.pi * HZ
+    motor = Motor(inertia_kgm2=ROTOR, viscous_friction_nms=0.0, peak_torque_nm=100.0)
+    lags = PhysicsTerm.model_validate({"name": "torque_lag", "time_constant_s": lag_s})
+    machine = Machine(name="lags", motor=motor, load=Load(inertia_kgm2=0.1), physics=(lags,))
+    torque = INJECTED_NM * np.sin(rate * held.time_s)
+    drive = Drive(held.time_s, CubicSpline(held.time_s, torque), 0 * held.run.drive.held_nm)
+    run = replace(held.run, drive=drive)
+    along = replace(
+        held, run=run, machine=machine, present=machine, true_torque=TrueTorque(run, torque), kept={}
+    )
+    late = INJECTED_NM * np.imag(np.exp(1j * rate * held.time_s) / (1 + 1j * rate * lag_s))
+    found = known(machine, 0.0, 1.0).effect(along).on_motor[:, 0]
+    assert np.max(np.abs(torque + found - late)[100:-20]) < 0.03 * INJECTED_NM

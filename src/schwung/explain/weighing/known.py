@@ -21,7 +21,7 @@ from schwung.drivetrain.residual import (
 from schwung.drivetrain.residual_plane import ON_LOAD as LOADED
 from schwung.drivetrain.residual_plane import Plane, planes_of
 from schwung.explain.weighing.along import Along
-from schwung.explain.weighing.late import acceleration_bent
+from schwung.explain.weighing.late import acceleration_bent, lagging
 from schwung.explain.weighing.present import points_of
 from schwung.innovations.effect import Effect
 from schwung.motion import Array
@@ -63,7 +63,9 @@ class Known:
         true = (e.torque_gain - e.torque_drop * np.abs(torque) / e.torque_drop_at_nm) * torque
         true = np.clip(true, -e.torque_limit_nm, e.torque_limit_nm)
         true = true * (1 + e.ripple_share * np.sin(e.ripple_order * along.angle + e.ripple_phase_rad))
-        on_motor = on_motor + true - torque + (e.torque_filter_s - e.torque_lag_s) * along.torque_rate
+        on_motor = on_motor + true - torque + e.torque_filter_s * along.torque_rate
+        if e.torque_lag_s > 0:
+            on_motor = on_motor - e.torque_lag_s * lagging(along, along.torque_rate, e.torque_lag_s)
         if e.carried_share:
             on_motor = on_motor - e.carried_share * np.abs(along.carried) * along.direction
         if e.load_coulomb_nm:

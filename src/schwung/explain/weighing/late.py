@@ -9,7 +9,7 @@ from schwung.explain.weighing.along import Along
 from schwung.motion import Array
 
 
-def bent(along: Along, values: Array, time_s: float) -> Array:
+def lagging(along: Along, values: Array, time_s: float) -> Array:
     """Through a first-order filter (bilinear), backwards where its time is negative; at rest before."""
     step, later = along.run.step_s, abs(time_s)
     signal = values if time_s >= 0 else values[::-1]
@@ -31,4 +31,4 @@ def acceleration_bent(along: Along, time_s: float) -> Array:
     late = steps % 1.0 if steps > 0 else steps
     whole = late / steps if steps else 1.0
     jump, change = along.held
-    return bent(along, along.acceleration, time_s) - whole * ((1 - late) * jump - (1 - late**2) * change)
+    return lagging(along, along.acceleration, time_s) - whole * ((1 - late) * jump - (1 - late**2) * change)

@@ -12,7 +12,7 @@ import numpy as np
 
 from schwung.explain.weighing.along import Along, Ranges
 from schwung.explain.weighing.candidate import RIGHT_TO, Candidate, Shape, column, grid
-from schwung.explain.weighing.late import acceleration_bent, bent
+from schwung.explain.weighing.late import acceleration_bent, lagging
 from schwung.explain.weighing.vocabulary.load import polar
 from schwung.innovations.effect import Effect
 from schwung.innovations.splines import slopes
@@ -30,7 +30,7 @@ def _gain(along: Along, _shape: Shape) -> Effect:
 
 
 def _later(along: Along, shape: Shape) -> Effect:
-    return Effect(column(-bent(along, along.torque_rate, shape[0])))
+    return Effect(column(-lagging(along, along.torque_rate, shape[0])))
 
 
 def _earlier(along: Along, shape: Shape) -> Effect:
