@@ -172,6 +172,11 @@ class TestDefects:
         with pytest.raises(InputError, match=problem):
             load_machine(path)
 
+    def test_an_inertia_table_in_place_of_the_machine(self, tmp_path: Path) -> None:
+        (tmp_path / "inertia.csv").write_text("position_rad,inertia_kgm2\n0,0.05\n1,0.07\n")
+        with pytest.raises(InputError, match=r"inertia\.csv: is not TOML.*Give a machine\.toml"):
+            load_machine(tmp_path / "inertia.csv")
+
     def test_missing_and_directory(self, tmp_path: Path) -> None:
         with pytest.raises(InputError, match="no such file"):
             load_machine(tmp_path / "none.toml")

@@ -332,7 +332,11 @@ def _read_toml(path: Path) -> dict[str, Any]:
     except UnicodeDecodeError:
         raise InputError(str(path), "is not UTF-8 text", "Give the path of a machine.toml.") from None
     except (ValueError, RecursionError) as error:
-        raise InputError(str(path), f"is not TOML: {error}", "Correct that line.") from None
+        named = path.suffix.lower() == ".toml"
+        remedy = (
+            "Correct that line." if named else "Give a machine.toml; load.inertia_table in it names a table."
+        )
+        raise InputError(str(path), f"is not TOML: {error}", remedy) from None
 
 
 _TABLES = {"inertia_table": read_inertia_csv, "torque_table": read_load_torque_csv}
