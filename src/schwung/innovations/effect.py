@@ -100,14 +100,8 @@ class Passed:
 
     @cached_property
     def states(self) -> Array:
-        """Smoothed ones, (n, s), and the torque's error behind them, as `noise` of the equations takes it."""
+        """Smoothed ones, (n, s), and the torque's error (N·m) behind them."""
         return np.asarray(kernel.smoothed(self.equations.transition, self.result))
-
-    @property
-    def torque_error_nm(self) -> Array:
-        """Smoothed error of the measured torque, (n,), by what it does to the motor's speed in a step."""
-        alike = -self.equations.noise[:, 1] / self.steps.inputs[:, 1, 2]
-        return self.states[:, -1] * np.append(alike[:1], alike)
 
     def whitened(self, effects: Sequence[Effect]) -> Array:
         """Effects side by side as the innovations show them, (Σp, 2n): filtered alike, over their deviation."""

@@ -88,29 +88,15 @@ def equations_of(along: Along, acting: Acting) -> tuple[Equations, Steps]:
         steps = Steps.of_each(shaft, each, middle, run.step_s)
     else:
         steps = Steps.of(shaft, middle, run.step_s, slopes=False)
-    noisy = _noise_inputs(along, shaft, steps)
     size = steps.transition.shape[1]
     transition = np.zeros((load.size - 1, size + 1, size + 1))
     forcing = np.zeros((load.size - 1, size + 1))
     transition[:, :size, :size] = steps.transition
-    transition[:, :size, size] = -noisy[:, :, 0]
-    noise = np.column_stack([-noisy[:, :, 2], np.ones(load.size - 1)])
+    transition[:, :size, size] = -steps.inputs[:, :, 0]
+    noise = np.column_stack([-steps.inputs[:, :, 2], np.ones(load.size - 1)])
     forcing[:, :size] = np.einsum("ksi,ki->ks", steps.inputs, torques)
     measured = np.column_stack([run.position_rad - acting.position, run.speed_rad_s - acting.speed])
     sticking = np.exp(-((along.slowest / (3 * along.ranges.sticking_rad_s)) ** 2))
     apart = _OPEN * acting.dry_nm**2 * sticking
     begin = np.append(run.states[0], 0.0)
     return Equations(transition, forcing, noise, run.drive.sharp_nm2, apart, measured, begin, torques), steps
-
-
-def _noise_inputs(along: Along, shaft: Shaft, steps: Steps) -> Array:
-    """What noise of the torque does in each step, (n − 1, s, 6): as much in every set as with the believed inertia.
-
-    Were it to move a heavier load less, sets would differ in how surely they predict: a load of nearly nothing would
-    explain whatever its noise can.
-    """
-    if along.present.load is along.machine.load:
-        return steps.inputs
-    inertia, _, _ = inertia_of(along.machine, along.load_angle)
-    middle = (inertia[1:] + inertia[:-1]) / 2
-    return Steps.of(shaft, middle, along.run.step_s, slopes=False).inputs

@@ -142,7 +142,7 @@ class Linearised:
         """What is missed in one of the runs."""
         excitation = self.view.recorded[run].excitation
         injected = () if excitation is None else tuple(excitation.lines_hz.tolist())
-        return Missed(-self.passed[run].torque_error_nm, self.view.runs[run].step_s, injected)
+        return Missed(-self.passed[run].states[:, -1], self.view.runs[run].step_s, injected)
 
     def samples(self, runs: Sequence[int]) -> int:
         """Σ2n of some runs."""
@@ -251,7 +251,7 @@ def _without_noise(about: Linearised, number: int) -> Array:
     """The torque of a run (N·m), (n,), as far as it moves the machine and can be heard."""
     run, noise = about.view.runs[number], about.noise
     size = float(np.sqrt(noise.torque_nm**2 + np.mean((noise.torque_share * run.load_nm) ** 2)))
-    reported = run.drive.smooth_nm - about.passed[number].torque_error_nm
+    reported = run.drive.smooth_nm - about.passed[number].states[:, -1]
     return np.asarray(heard(reported, size) + run.drive.injected_nm)
 
 
