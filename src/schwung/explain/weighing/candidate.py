@@ -83,6 +83,9 @@ class Candidate:
         None  # what all of it adds to J_l at angles, (n,), where that is not in proportion to its coefficients
     )
     of_motion: bool = False  # what one motion has of its own: no file says it, for another motion has another
+    unsaid: Callable[[Array, Array, Shape, str], str] | None = (
+        None  # what no file can say of it, in words: by coefficients, their deviations, shape and the torque's unit
+    )
     each_run: bool = False  # its coefficients are each run's own, and say nothing of another
     known_to: float = (
         0.0  # size of its coefficients that the belief is usually off by: a smaller change is no finding

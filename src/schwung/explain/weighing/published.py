@@ -407,10 +407,22 @@ class _Publishing:
             )
         if any(self.search.candidate(pick).of_motion for pick in self.set.picks):
             notes.append(_OF_MOTION)
+        notes += self._beyond_file(causes)
         if any(cause.found.law == "torque_filter" for cause in causes):
             notes.append(
                 "torque_filter is of what the drive reports: simulations report it, exported models leave it out"
             )
+        return notes
+
+    def _beyond_file(self, causes: Sequence[_Cause]) -> list[str]:
+        """What is found of the published causes and no file can say."""
+        notes, unit = [], unit_on("N·m", self.session.axis)
+        for cause in causes:
+            candidate, atom = self.search.candidate(cause.pick), self.search.data.atoms[cause.pick.atom]
+            if candidate.unsaid is not None:
+                found, spread = self.set.found.coefficients[cause.where], self.set.found.spread[cause.where]
+                words = candidate.unsaid(found, spread, atom.shape, unit)
+                notes += [f"{candidate.name}: machine.toml cannot say {words}"] if words else []
         return notes
 
 

@@ -29,7 +29,7 @@ def vocabulary(of: Ranges, believed: Known) -> list[Candidate]:
         *friction(of, natural, machine.coupling is None, believed),
         presliding(of, natural, believed),
         *load(of, natural, machine),
-        periodic(of, natural),
+        *periodic(of, natural),
         *reporting(of, NATURAL),
     ]
     if machine.coupling is not None:
