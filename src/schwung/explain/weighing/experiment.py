@@ -158,7 +158,14 @@ class Rivals:
         signals = tuple(signals_of(run, known.machine, ranges.band_hz, 0.0) for run in runs)
         torques = tuple(TrueTorque(run, run.drive.whole_nm) for run in signals)
         view: View = replace(
-            about.view, recorded=runs, runs=signals, torques=torques, repeats=(), work=Work()
+            about.view,
+            recorded=runs,
+            runs=signals,
+            torques=torques,
+            slowest=(),
+            repeats=(),
+            noises=(),
+            work=Work(),
         )
         view = resmoothed(view, (), about.noise)
         present = with_members(known.machine, members, ranges)
