@@ -26,6 +26,8 @@ _SLOW = 0.02
 _BALANCE = "balance"
 #: What scales the torque, in one way or another.
 _SCALES = ("torque_constant", "torque_constant_drop", "torque_ripple", "torque_saturation")
+#: What makes it late.
+_LATE = ("torque_lag", "torque_filter")
 #: Names that are cases of a curve, or cancel it: where the curve stands, they say nothing more.
 _CASES = {
     "position": ("coulomb_friction", "asymmetric_friction", "local_friction", "friction_over_angle"),
@@ -45,10 +47,10 @@ _CASES = {
         "torque_offset",
         "offset_drift",
     ),
-    "acceleration": ("load_inertia", *_SCALES),
-    "torque": _SCALES,
-    "position, torque": _SCALES,
-    "torque, time_in_motion": _SCALES,
+    "acceleration": ("load_inertia", "inertia_profile", *_SCALES, *_LATE),
+    "torque": (*_SCALES, *_LATE),
+    "position, torque": (*_SCALES, *_LATE),
+    "torque, time_in_motion": (*_SCALES, *_LATE),
 }
 
 
