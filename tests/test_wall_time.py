@@ -23,7 +23,6 @@ WITH_PROCESSES = {
     "tests/bench/bench_process.py",
     "tests/bench/test_bench_process.py",
     "tests/bench/test_can_log_written.py",
-    "tests/bench/test_canlog_bench.py",
     "tests/bench/test_commission_process.py",
     "tests/bench/test_modbus_process.py",
     "tests/campaign/test_campaign_replay.py",

@@ -2,13 +2,17 @@
 
 from __future__ import annotations
 
+import io
 import re
 import subprocess
 import sys
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, redirect_stderr, redirect_stdout
 from pathlib import Path
 
+import pytest
+
+from schwung.cli import main
 from schwung.cli.demo import BELIEF
 
 
@@ -32,15 +36,12 @@ def bench_process(*options: str) -> Iterator[list[str]]:
         process.stdout.close()
 
 
-def schwung(*arguments: str, timeout_s: float = 60) -> subprocess.CompletedProcess[str]:
-    """Run the tool to its end."""
-    return subprocess.run(
-        [sys.executable, "-m", "schwung", *arguments],
-        capture_output=True,
-        text=True,
-        timeout=timeout_s,
-        check=False,
-    )
+def schwung(*arguments: str) -> subprocess.CompletedProcess[str]:
+    """Run the tool to its end within this process: a new interpreter takes longer to import than most of it lasts."""
+    out, err = io.StringIO(), io.StringIO()
+    with redirect_stdout(out), redirect_stderr(err), pytest.raises(SystemExit) as ended:
+        main(list(arguments))
+    return subprocess.CompletedProcess(arguments, int(ended.value.code or 0), out.getvalue(), err.getvalue())
 
 
 def commission_arguments(folder: Path, bus: list[str], *more: str) -> list[str]:

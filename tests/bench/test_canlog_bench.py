@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import gzip
 import re
-import subprocess
-import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -15,6 +13,7 @@ import can
 import numpy as np
 import pytest
 from bench_machine import Desk, desk
+from bench_process import schwung
 
 from schwung.clock import SteppedBus
 from schwung.commissioning import Commissioned
@@ -300,10 +299,10 @@ def test_several_nodes_and_buses_are_asked_for(logged: Logged, tmp_path: Path) -
 
 def test_the_command_line_imports_a_log(logged: Logged, tmp_path: Path) -> None:
     out = tmp_path / "s.h5"
-    command = [sys.executable, "-m", "schwung", "import", str(logged.log), "-o", str(out)]
-    without = subprocess.run(command, capture_output=True, text=True, check=False)
+    command = ["import", str(logged.log), "-o", str(out)]
+    without = schwung(*command)
     assert without.returncode == 2
     assert "--eds" in without.stderr
-    given = subprocess.run([*command, "--eds", str(EDS)], capture_output=True, text=True, check=False)
+    given = schwung(*command, "--eds", str(EDS))
     assert given.returncode == 0, given.stderr
     assert out.is_file()
