@@ -151,7 +151,7 @@ def _by_scipy(
         def rates(_: float, y: Array, torque: float = torque) -> list[float]:
             return [y[1], (torque - friction * y[1] + terms(y[1])) / total]
 
-        state = solve_ivp(rates, (0, period), state, rtol=1e-10, atol=1e-12).y[:, -1]
+        state = solve_ivp(rates, (0, period), state, method="DOP853", rtol=1e-10, atol=1e-12).y[:, -1]
     return np.array(speeds)
 
 
