@@ -120,6 +120,7 @@ class Programme:
             "interval",
             [first, last, start, inner, duration, top, drawn],
             [ca.vertcat(*defects) if defects else ca.SX(0, 1), ca.horzcat(*limits), costs],
+            {"cse": True},  # a tenth of the time: costs and limits have much in common
         )
 
     def _limits(self, now: Instant, top: Any, jerk: Any, load: Any, duration: Any, motor: Any) -> Any:
