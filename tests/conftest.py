@@ -19,6 +19,7 @@ import os
 import signal
 import sys
 from collections.abc import Generator, Iterator
+from pathlib import Path
 from typing import Any
 
 import pytest
@@ -58,14 +59,31 @@ def _signals_as_before() -> Iterator[None]:
             signal.signal(number, handler)
 
 
+#: What comes first. Kernels are compiled once for a computer, by whoever wants them first, and twice where two workers
+#: want them at a time: so one worker compiles what most tests need while the other is at what needs none, and what
+#: weighing needs while the other is at the browser. Then long files, so that no worker is left with one at the end.
+FIRST = (
+    "api/test_moving_safely.py", "session/", "fieldbus/", "service/browser/", "real/test_real_weigh.py",
+    "simulators/test_fmu_belief.py", "sim/test_sealed_cases.py",
+)  # fmt: skip
 #: Folders of files that take a second or two each. They come last, so that no worker is still at a long file when the
 #: others have nothing left to do.
-SHORT = ("fieldbus", "golden", "motion", "session", "sim")
+SHORT = ("golden/", "motion/", "sim/")
+_HERE = Path(__file__).parent
+
+
+def _place(item: pytest.Item) -> int:
+    """Before and behind all others, which stay in the folders' order."""
+    name = item.path.relative_to(_HERE).as_posix()
+    for place, first in enumerate(FIRST):
+        if name.startswith(first):
+            return place
+    return len(FIRST) + name.startswith(SHORT)
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """Short files last; skip what is marked `posix` on Windows."""
-    items.sort(key=lambda item: item.path.parent.name in SHORT)
+    """The order of files; skip what is marked `posix` on Windows."""
+    items.sort(key=_place)
     if os.name != "posix":
         for item in items:
             if item.get_closest_marker("posix") is not None:
