@@ -1,7 +1,8 @@
 """Processes that compute, so that neither the event loop nor a lane waits for the interpreter's lock.
 
 A process is kept for the next work, ends when cancelled or when its parent is gone, and is replaced after `USES`
-works, so that nothing that a library forgets to free adds up.
+works, so that nothing that a library forgets to free adds up. On Linux each is a fork of one that has nothing but the
+libraries: they are imported once, and the next process is there at once.
 """
 
 from __future__ import annotations
@@ -11,9 +12,11 @@ import gc
 import multiprocessing
 import os
 import signal
+import sys
 import threading
 import traceback
 from collections.abc import Callable, Mapping
+from multiprocessing import forkserver
 from multiprocessing.connection import Connection
 from multiprocessing.process import BaseProcess
 from typing import Any
@@ -29,6 +32,9 @@ USES = 50
 _LOOK_S = 0.05
 _NICE = 5  # what moves goes first
 _ENDED_WITHIN_S = 2.0
+_FORKS = sys.platform == "linux"  # elsewhere the system's own libraries do not outlive a fork
+#: What most works need. What is not installed is left out.
+_LIBRARIES = ["schwung.service.work.computing", "schwung.report.html", "numba"]
 
 
 class ComputeError(SchwungError):
@@ -39,17 +45,29 @@ class Workshop:
     """Runs functions in processes of its own; `run` may be called from several threads at a time."""
 
     def __init__(self) -> None:
-        self._context = multiprocessing.get_context("spawn")
         self._idle: list[_Process] = []
         self._busy: set[_Process] = set()
+        self._warming = False
         self._lock = threading.Lock()
         self._closed = False
 
     def warm(self) -> None:
-        """Have a process ready, its libraries loading, before it is needed."""
+        """Have a process ready, its libraries loaded, before it is needed; returns at once."""
         with self._lock:
-            if not self._idle and not self._closed:
-                self._idle.append(_Process(self._context))
+            if self._idle or self._warming or self._closed:
+                return
+            self._warming = True
+        threading.Thread(target=self._add_process, name="schwung warming", daemon=True).start()
+
+    def _add_process(self) -> None:
+        process = _Process()
+        with self._lock:
+            self._warming = False
+            keep = not self._idle and not self._closed
+            if keep:
+                self._idle.append(process)
+        if not keep:
+            process.end()
 
     def run(
         self,
@@ -69,11 +87,15 @@ class Workshop:
         with self._lock:
             if self._closed:
                 raise KeyboardInterrupt
-            idle = self._idle and not alone
-            process = self._idle.pop() if idle else _Process(self._context, alone=alone)
-            self._busy.add(process)
+            process = self._idle.pop() if self._idle and not alone else None
+        process = process or _Process(alone=alone)
+        with self._lock:
+            self._busy.add(process)  # which `close` ends, but for one that came too late for that
+            closed = self._closed
         keep = False
         try:
+            if closed:
+                raise KeyboardInterrupt
             result = process.run(function, arguments, tell, cancelled)
             keep = process.uses < USES
             return result
@@ -100,7 +122,8 @@ class Workshop:
 
 
 class _Process:
-    def __init__(self, context: Any, *, alone: bool = False) -> None:
+    def __init__(self, *, alone: bool = False) -> None:
+        context = _context(alone)
         self._ours, theirs = context.Pipe()
         self._process: BaseProcess = context.Process(
             target=_serve, args=(theirs,), name="schwung compute", daemon=not alone
@@ -144,6 +167,20 @@ class _Process:
             self._process.join(_ENDED_WITHIN_S)
         with contextlib.suppress(OSError):
             self._ours.close()
+
+
+def _context(alone: bool) -> Any:
+    """How a process begins: one that has processes of its own as a program of its own, others by a fork."""
+    if alone or not _FORKS:
+        return multiprocessing.get_context("spawn")
+    context = multiprocessing.get_context("forkserver")
+    context.set_forkserver_preload(_LIBRARIES)
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})  # inherited: Ctrl-C is for the service
+    try:
+        forkserver.ensure_running()
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)
+    return context
 
 
 def _serve(pipe: Connection) -> None:
