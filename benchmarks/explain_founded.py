@@ -9,7 +9,7 @@ Sealed sessions are drawn as benchmarks/explain.py draws them. Of each: the firs
 names (the former tells all it names; the other those with more than one half), how many sessions have 80 % of the
 excess on held-out motion taken, with a name or without, and seconds of processor time. A foreign effect has no name in
 the former's vocabulary; where the new one's has a word for it, that word is right. `--tally` adds a line for each
-session of the new one to a file; `--read` prints its rates and the calibration of its probabilities, with intervals
+answer to a file; `--read` prints both ways' rates and the calibration of the new one's probabilities, with intervals
 (benchmarks/explain_tally.py), `--picture` draws them (benchmarks/reliability.py).
 """
 
@@ -29,6 +29,7 @@ from strangers import STRANGERS, belief_of, judged, session_of
 from schwung.drivetrain import load_machine
 from schwung.drivetrain.machine import Machine
 from schwung.explain.explain import explain
+from schwung.explain.weighing.values import Proof
 from schwung.explain.weighing.weigh import weigh
 from schwung.session import read_session
 from schwung.session.model import Session
@@ -61,7 +62,10 @@ def former(session: Session, machine: Machine) -> Answer:
     began = time.process_time()
     found = explain(session, machine)
     names = dict.fromkeys((finding.physics for finding in found.findings), 1.0)
-    return Answer(names, {}, found.verdict, time.process_time() - began)
+    seconds, floor = time.process_time() - began, found.noise_floor.torque_nm
+    missed = (each.torque_rmse_nm / floor for each in (found.fit.before, found.fit.after))
+    proof = Proof(found.fit.heldout_runs, 0.0, *missed)
+    return Answer(names, {}, found.verdict, seconds, proof.taken)
 
 
 def founded(session: Session, machine: Machine) -> Answer:
@@ -119,17 +123,10 @@ def sealed(options: argparse.Namespace) -> None:
             wrong[name].append(bool(stray))
             taken[name].append(answer.taken >= MOST_OF_IT)
             seconds[name].append(answer.seconds)
-            if options.tally and way is founded:
-                told = Told(
-                    options.kind,
-                    seed,
-                    tuple(sorted(truth)),
-                    answer.names,
-                    answer.taken,
-                    answer.seconds,
-                    answer.said,
-                )
-                write_tally(options.tally, told)
+            if options.tally:
+                hidden = tuple(sorted(truth))
+                each = (answer.names, answer.taken, answer.seconds, answer.said, name)
+                write_tally(options.tally, Told(options.kind, seed, hidden, *each))
             print(f"    {name:8}{'right' if right[name][-1] else 'WRONG'} {line(answer)}", flush=True)
     for name in ways:
         count = len(right[name])
@@ -183,7 +180,7 @@ def main() -> None:
     )
     parser.add_argument("--strangers", action="store_true", help="other laws, filters and noise instead")
     parser.add_argument("--only", choices=("former", "weighed"), help="one of the two")
-    parser.add_argument("--tally", type=Path, help="file to which every session of the new one is added")
+    parser.add_argument("--tally", type=Path, help="file to which every answer is added")
     parser.add_argument("--read", type=Path, help="print such a file instead")
     parser.add_argument("--picture", type=Path, help="with --read: its reliability diagram, a PNG")
     options = parser.parse_args()

@@ -1,5 +1,7 @@
 """Rates and calibration of weighed sessions."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from explain_tally import (
@@ -48,6 +50,14 @@ def test_a_tally_is_read_as_it_was_written(tmp_path):
     assert read_tally(file) == sessions
     assert [one.count for one in bins_of(sessions)] == [1, 1]
     assert "expected calibration error 0.10" in printed(sessions)
+
+
+def test_both_ways_have_their_rates_and_one_its_calibration():
+    former = replace(told(backlash=1.0), way="former")
+    lines = printed([told(cogging=0.995), former]).splitlines()
+    assert lines[0].startswith("single  former   right 0/1")
+    assert lines[1].startswith("single  weighed  right 1/1")
+    assert lines[-1].endswith("1 sessions")
 
 
 def test_the_reliability_diagram_shows_every_bin_and_its_count(tmp_path):

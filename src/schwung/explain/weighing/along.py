@@ -206,6 +206,12 @@ class Along:
         return self.true_torque.quiet_nm
 
     @property
+    @_kept
+    def reported(self) -> Array:
+        """The reported torque within the band (N·m), with its noise and whatever of it never drove the machine."""
+        return np.asarray(self.run.quiet(self.run.drive.whole_nm))
+
+    @property
     def torque_rate(self) -> Array:
         return self.true_torque.rate
 

@@ -70,12 +70,15 @@ class Data:
         train: Sequence[int],
         excess: float,
         memory: Array | None = None,
+        among: frozenset[int] | None = None,
     ) -> Data:
-        """Whiten every shape of every candidate; into the `memory` of a former round, which is lost."""
+        """Whiten every shape of every candidate, or of those `among` them; into the `memory` of a former round, which
+        is lost."""
         missed = [about.missed(run) for run in train]
         every = [
             (index, shape)
             for index, c in enumerate(candidates)
+            if among is None or index in among
             for shape in (c.shapes if c.sought is None else c.sought(missed))
         ]
         room = _ROOM * sum(candidates[index].size for index, _ in every)

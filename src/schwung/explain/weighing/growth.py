@@ -36,6 +36,8 @@ Progress = Callable[[str, float], None]
 #: The share of the work that the noise takes, and what of the rest is left after each round.
 NOISE_SHARE, _FURTHER = 0.2, 0.7
 
+#: Of the work, what all causes may take before laws alone are tried; and what those may take beside it.
+_FIRST, _LAWS = 0.5, 0.4
 #: Sets that are brought to rest each round.
 _TRIED = 3
 
@@ -50,6 +52,21 @@ class Grown:
     nothing: Settled  # the belief with what is always there
 
 
+@dataclass(frozen=True, eq=False)
+class _Climbed:
+    """A set at rest, and all that were visited about it."""
+
+    search: Search
+    best: Scored
+    at: Settled
+    rests: bool = True  # whether nothing further is found
+
+    @property
+    def picks(self) -> _Shaped:
+        """The set's, in the shapes that they have come to rest in."""
+        return _kept(self.search, self.best, self.at)
+
+
 @dataclass(eq=False)
 class Growth:
     """One session's."""
@@ -59,25 +76,44 @@ class Growth:
     train: Sequence[int]
     wide: Wide
     memory: Array | None = None
+    rounds: int = 0  # of linearising, up to now
+    among: frozenset[int] | None = None  # candidates that are looked at; None: all
     tell: Progress = lambda _text, _share: None
     #: Kinds of sets that came to rest about the noise as it is known: their best shapes and sizes, and log probability.
     rested: dict[frozenset[int], tuple[_Shaped, float]] = field(default_factory=dict)
 
     def grown(self, view: View) -> Grown:
         """From nothing but what is always there."""
-        always = [absent(self.candidates[i]) for i in self.always]
-        nothing = at = settled(self.wide.seen(view), always, self._weighing)
         first = self.wide
-        picks: _Shaped = ()
+        nothing = self._nothing(view)
+        climbed = self._climbed(nothing, (), _FIRST)
+        if not climbed.rests:
+            unnamed = any(not climbed.search.candidate(pick).named for pick in climbed.best.picks)
+            climbed = self._by_laws(view, climbed) if unnamed else self._on(climbed)
+        search, best, at = climbed.search, climbed.best, climbed.at
+        self._recall(search, best, at)
+        if self.wide is not first:
+            nothing = self._nothing(view)
+        return Grown(search.data, search, best, nothing)
+
+    def _nothing(self, view: View) -> Settled:
+        """The belief with what is always there."""
+        always = [absent(self.candidates[i]) for i in self.always]
+        return settled(self.wide.seen(view), always, self._weighing)
+
+    def _climbed(self, at: Settled, picks: _Shaped, until: float = np.inf) -> _Climbed:
+        """From a set at rest, by one cause more at a time; then by what may stand in its place. No round begins after
+        the share `until` of the work.
+        """
         growing, fresh = True, False  # whether the noise was looked at since something was found
-        for number in range(ROUNDS):
-            share = NOISE_SHARE + (1 - NOISE_SHARE) * (1 - _FURTHER**number)
+        for _ in range(ROUNDS):
+            self.rounds += 1
+            share = NOISE_SHARE + (1 - NOISE_SHARE) * (1 - _FURTHER ** (self.rounds - 1))
             self.tell(f"Weighing causes beside {len(picks)} found" if picks else "Weighing causes", share)
             search = self._search(at)
-            if search.data.work.spent:
-                best = search.score(_carried(search.data, picks))
-                break
             start = search.score(_carried(search.data, picks))
+            if search.data.work.spent or search.data.work.share > until:
+                return _Climbed(search, start, at, rests=False)
             if growing:
                 taken = self._further(search, start, at)
                 if taken is not None:
@@ -92,17 +128,36 @@ class Growth:
             search.best(start.picks)
             taken = self._instead(search, start, at)
             if taken is None:
-                best = start
-                break
+                return _Climbed(search, start, at)
             best, at = taken
             picks = _kept(search, best, at)
-        else:
-            search = self._search(at)
-            best = search.score(_carried(search.data, picks))
-        self._recall(search, best, at)
-        if self.wide is not first:
-            nothing = settled(self.wide.seen(view), always, self._weighing)
-        return Grown(search.data, search, best, nothing)
+        search = self._search(at)
+        return _Climbed(search, search.score(_carried(search.data, picks)), at)
+
+    def _on(self, climbed: _Climbed) -> _Climbed:
+        """Further from there."""
+        return self._climbed(climbed.at, climbed.picks)
+
+    def _by_laws(self, view: View, found: _Climbed) -> _Climbed:
+        """From laws alone, where that comes to rest at something likelier: what a curve was found to be first, no pair
+        of laws takes from it one at a time.
+        """
+        named = frozenset(i for i, c in enumerate(self.candidates) if c.named or i in self.always)
+        laws = replace(self, among=named, rested={})
+        with view.work.apart(_LAWS):
+            other = laws._climbed(laws._nothing(view), ())
+        self.memory, self.rounds = laws.memory, laws.rounds
+        here = found.at
+        if laws.wide is not self.wide:
+            here = settled(laws.wide.seen(here.about.view), here.members, laws._weighing)
+        mine, theirs = (
+            at.log + one.search.prior(one.best.picks) for one, at in ((found, here), (other, other.at))
+        )
+        if theirs <= mine:
+            return self._on(found)
+        self.wide, self.rested = laws.wide, laws.rested
+        self.rested[found.search.kind(found.best.picks)] = _kept(found.search, found.best, here), mine
+        return self._on(other)
 
     @property
     def _weighing(self) -> Weighing:
@@ -111,7 +166,7 @@ class Growth:
     def _search(self, at: Settled) -> Search:
         present = {m.candidate.name: m.coefficients for m in at.members if m.candidate.bent is not None}
         linear = [c.about(present[c.name]) if c.bent and c.name in present else c for c in self.candidates]
-        data = Data.of(at.about, at.members, linear, self.train, self.wide.excess, self.memory)
+        data = Data.of(at.about, at.members, linear, self.train, self.wide.excess, self.memory, self.among)
         self.memory = data.rows
         return Search(data, self.always)
 

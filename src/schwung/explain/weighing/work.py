@@ -6,7 +6,8 @@ the processor has taken `SECONDS` before that, the search ends as well, and says
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -42,6 +43,22 @@ class Work:
     def add(self, numbers: float) -> None:
         """Count."""
         self.done += numbers
+
+    @contextmanager
+    def apart(self, share: float) -> Iterator[None]:
+        """Within, so much more may be done; it counts to nothing else."""
+        most, seconds, hurried, done, began = self.most, self.seconds, self.hurried, self.done, self.now()
+        self.most, self.seconds = done + share * most, began - self.began + share * seconds
+        try:
+            yield
+        finally:
+            self.most, self.seconds = most + self.done - done, seconds + self.now() - began
+            self.hurried = hurried
+
+    @property
+    def share(self) -> float:
+        """How much of it was done, 0…"""
+        return self.done / self.most
 
     @property
     def spent(self) -> bool:

@@ -91,25 +91,50 @@ def of_inertia(unit: Callable[[Array, Shape], Array], step_rad: float) -> Callab
 
 
 def table_error(of: Ranges, machine: Machine) -> list[Candidate]:
-    """Present in every set: how far a measured inertia may be off, between its table's points and, where the table
-    says so, at them.
+    """Present in every set: how far a measured inertia may be off, between its table's points, beyond its ends and,
+    where the table says so, at its points.
     """
     table = machine.load.inertia_table
     if not isinstance(table, InertiaTable):
         return []
     between = Candidate("usual_table", partial(_between_points, _off_spline(table)), (1.0,), named=False)
+    known = [between, *_beyond_ends(of, table)]
     if table.std_kgm2 is None:
-        return [between]
+        return known
     at, std = table.position_rad, table.std_kgm2
     curve = BentCurve.over(of.low_rad, of.high_rad, _TABLE_REACH)
 
     def error(where: Array, _shape: Shape) -> Array:
         return np.asarray(np.interp(where, at, std)[:, None] * curve.at(where))
 
-    return [
-        between,
+    known.append(
         Candidate("usual_inertia", of_inertia(error, 1e-4 * of.span_rad), (1.0,) * curve.size, named=False,
-                  inertia=error),
+                  inertia=error)
+    )  # fmt: skip
+    return known
+
+
+def _beyond_ends(of: Ranges, table: InertiaTable) -> list[Candidate]:
+    """Where the motion passes a table's end the inertia is not known: a slope and a bend from there on, as large as
+    they are within the table. As it is held there, a motion that overshot its table by 0.15 rad had five causes.
+    """
+    first, last = float(table.position_rad[0]), float(table.position_rad[-1])
+    passed = [end for end, over in ((first, first - of.low_rad), (last, of.high_rad - last)) if over > 0]
+    within = np.linspace(first, last, 4 * table.position_rad.size)
+    steep = float(np.sqrt(np.mean(table.slope_at(within) ** 2)))
+    if not passed or steep == 0:
+        return []
+    bent = steep**2 / float(np.std(table.at(within)))  # of a sine, exactly
+
+    def further(where: Array, _shape: Shape) -> Array:
+        beyond = [
+            np.minimum(where - end, 0.0) if end == first else np.maximum(where - end, 0.0) for end in passed
+        ]
+        return np.stack([power for over in beyond for power in (over, over**2 / 2)], 1)
+
+    return [
+        Candidate("usual_continuation", of_inertia(further, _DIFFERENCE_RAD), (steep, bent) * len(passed),
+                  named=False, inertia=further)
     ]  # fmt: skip
 
 

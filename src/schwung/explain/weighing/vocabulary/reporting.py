@@ -42,7 +42,8 @@ def _speed_later(along: Along, shape: Shape) -> Effect:
 
 
 def _clipped(along: Along, shape: Shape) -> Effect:
-    return Effect(column(np.clip(along.torque, -shape[0], shape[0]) - along.torque))
+    """Of what is asked for, which is reported: what drives the machine is clipped, and so is noise that is reported."""
+    return Effect(column(np.clip(along.reported, -shape[0], shape[0]) - along.reported))
 
 
 def _ripple(along: Along, shape: Shape) -> Effect:
