@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from scipy.interpolate import CubicSpline
 
-from schwung.innovations import kernel, plain, spline_kernel
+from schwung.innovations import kalman, kernel, plain, spline_kernel
 from schwung.innovations.splines import interpolated
 from schwung.innovations.values import Added, Shaft, System
 
@@ -56,9 +56,9 @@ def test_steps(shaft: Shaft) -> None:
 
 
 def test_filter_and_sensitivities(system: System) -> None:
-    compiled, found = kernel.filtered(system), plain.filtered(system)
+    compiled, found = kalman.filtered(system), plain.filtered(system)
     _agree(found, compiled)
-    np.testing.assert_allclose(kernel.deviance(system), plain.deviance(system), rtol=1e-9)
+    np.testing.assert_allclose(kalman.deviance(system), plain.deviance(system), rtol=1e-9)
     _agree(kernel.smoothed(system.transition, compiled), plain.smoothed(system.transition, compiled))
     size, random = system.first.size - 1, np.random.default_rng(5)
     torque, share = random.normal(size=(300, 6)), random.normal(size=(299, 4))

@@ -20,7 +20,7 @@ from schwung.errors import InputError
 from schwung.estimation.sampling import is_held
 from schwung.estimation.trajectory_model import Layout, Model
 from schwung.estimation.trajectory_prior import Posterior, posterior, prior_for
-from schwung.innovations import kernel
+from schwung.innovations import kalman, kernel
 from schwung.innovations.likelihood import (
     STICKING,
     Equations,
@@ -270,7 +270,7 @@ def passed_over(
     size = model.layout.size
     information, scores, smoothed = np.zeros((size, size)), [], []
     for system, run in zip(about, runs, strict=True):
-        result = kernel.filtered(problem_of(system, noise, run))
+        result = kalman.filtered(problem_of(system, noise, run))
         rows = kernel.whitened(system.transition, result, model.columns(run, parameters, system))
         information += rows.T @ rows
         parts = rows * (result.error / np.sqrt(result.variance)).reshape(-1, 1)

@@ -13,7 +13,7 @@ from functools import cached_property
 
 import numpy as np
 
-from schwung.innovations import kernel
+from schwung.innovations import kalman, kernel
 from schwung.innovations.likelihood import Equations, Noise, problem_of
 from schwung.innovations.signals import Signals
 from schwung.innovations.steps import Steps
@@ -69,7 +69,7 @@ class Passed:
     @classmethod
     def of(cls, equations: Equations, steps: Steps, noise: Noise, run: Signals) -> Passed:
         """Filter a run."""
-        result = kernel.filtered(problem_of(equations, noise, run))
+        result = kalman.filtered(problem_of(equations, noise, run))
         return cls(equations, steps, result, result.error.size // (1 if run.speed_measured else 2))
 
     def of_noise(self, noise: Noise, run: Signals, chance: np.random.Generator) -> Passed:

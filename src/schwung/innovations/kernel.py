@@ -1,4 +1,4 @@
-"""The compiled inside of the trajectory fit: exact steps of the two-mass model, Kalman filter, smoother.
+"""The compiled inside of the trajectory fit: exact steps of the two-mass model, and what follows Kalman's filter.
 
 State of the flexible machine: motor angle, motor speed, wind-up θ_r − θ_l, load speed; of the rigid one: angle and
 speed. Over one sampling interval the load inertia stands still and the torques are parabolas; the step is then made of
@@ -11,7 +11,7 @@ import numpy as np
 
 from schwung.compiled import compiled, compiled_fastmath, compiled_or
 from schwung.innovations import plain
-from schwung.innovations.values import REACH, TERMS, Added, Filtered, Shaft, System
+from schwung.innovations.values import REACH, TERMS, Added, Filtered, Shaft
 from schwung.motion import Array
 
 #: Samples whose rows are turned at once, from one after another to one column after another.
@@ -100,107 +100,6 @@ def steps_of_each(shaft: Shaft, coupling: Array, inertia: Array, duration: float
         )
         result[i] = steps(there, inertia[i : i + 1], duration)[0]
     return result
-
-
-@compiled
-def _times(matrix: Array, vector: Array, added: Array, result: Array) -> Array:
-    """matrix·vector + added, by way of `result`; written into `vector`."""
-    for i in range(vector.size):
-        result[i] = added[i]
-        for j in range(vector.size):
-            result[i] += matrix[i, j] * vector[j]
-    vector[:] = result
-    return vector
-
-
-@compiled
-def _carried(phi: Array, p: Array, half: Array, noise: Array, power: float, apart: float) -> None:
-    """p becomes Φ p Φᵀ + noise·noiseᵀ·power, and `apart` of what torques at the step's ends do; small matrices are
-    faster without BLAS.
-    """
-    size = p.shape[0]
-    for i in range(size):
-        for j in range(size):
-            half[i, j] = 0.0
-            for c in range(size):
-                half[i, j] += phi[i, c] * p[c, j]
-    for i in range(size):
-        for j in range(i + 1):
-            p[i, j] = noise[i] * noise[j] * power
-            for c in range(size):
-                p[i, j] += half[i, c] * phi[j, c]
-            p[j, i] = p[i, j]
-    if apart > 0.0:
-        for i in range(size - 1):
-            for j in range(size - 1):
-                p[i, j] += apart * (phi[i, size - 1] * phi[j, size - 1] + noise[i] * noise[j])
-
-
-@compiled_or(plain.filtered)
-def filtered(system: System) -> Filtered:
-    """Kalman's filter."""
-    transition, forcing, noise, power = system.transition, system.forcing, system.noise, system.power
-    apart = system.apart
-    measured, variances = system.measured, system.variances
-    count, size = measured.shape[0], system.first.size
-    errors, spreads = np.empty((count, 2)), np.empty((count, 2))
-    gains = np.empty((count, 2, size))
-    states, covariances = np.empty((count, size)), np.empty((count, size, size))
-    x, p = system.first.copy(), np.diag(system.spread**2)
-    gain, row, ahead, half = np.empty(size), np.empty(size), np.empty(size), np.empty((size, size))
-    for k in range(count):
-        if k > 0:
-            x = _times(transition[k - 1], x, forcing[k - 1], ahead)
-            _carried(transition[k - 1], p, half, noise[k - 1], power[k - 1], apart[k - 1])
-        for m in range(2):
-            # below zero by rounding, where nearly nothing is noise
-            spreads[k, m] = max(p[m, m], 0.0) + variances[m]
-            errors[k, m] = measured[k, m] - x[m]
-            for i in range(size):
-                gain[i], row[i] = p[i, m] / spreads[k, m], p[m, i]
-            for i in range(size):
-                gains[k, m, i] = gain[i]
-                x[i] += gain[i] * errors[k, m]
-                for j in range(size):
-                    p[i, j] -= gain[i] * row[j]
-            for i in range(size):  # Joseph's form, cheaply: symmetric and with its smallest entry exact
-                for j in range(i):
-                    p[i, j] = p[j, i] = (p[i, j] + p[j, i]) / 2
-            p[m, m] = max(gain[m] * variances[m], 1e-300)
-        states[k] = x
-        covariances[k] = p
-    return Filtered(errors, spreads, gains, states, covariances)
-
-
-@compiled_or(plain.deviance)
-def deviance(system: System) -> tuple[float, float]:
-    """Σ log of the innovations' variances, and Σ innovation²/variance: `filtered`, of which nothing else is kept."""
-    transition, forcing, noise, power = system.transition, system.forcing, system.noise, system.power
-    apart = system.apart
-    measured, variances = system.measured, system.variances
-    count, size = measured.shape[0], system.first.size
-    x, p = system.first.copy(), np.diag(system.spread**2)
-    row, ahead, half = np.empty(size), np.empty(size), np.empty((size, size))
-    logs = squares = 0.0
-    for k in range(count):
-        if k > 0:
-            x = _times(transition[k - 1], x, forcing[k - 1], ahead)
-            _carried(transition[k - 1], p, half, noise[k - 1], power[k - 1], apart[k - 1])
-        for m in range(2):
-            spread = max(p[m, m], 0.0) + variances[m]
-            error = measured[k, m] - x[m]
-            for i in range(size):
-                row[i] = p[m, i]
-            for i in range(size):
-                gain = row[i] / spread
-                x[i] += gain * error
-                for j in range(i + 1):
-                    p[i, j] -= gain * row[j]
-                    p[j, i] = p[i, j]
-            p[m, m] = max(row[m] / spread * variances[m], 1e-300)
-            logs += np.log(spread)
-            squares += error * error / spread
-    return logs, squares
 
 
 @compiled_or(plain.smoothed)

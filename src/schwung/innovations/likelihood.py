@@ -12,7 +12,7 @@ from typing import Protocol
 import numpy as np
 from scipy.optimize import minimize
 
-from schwung.innovations import kernel
+from schwung.innovations import kalman, kernel
 from schwung.innovations.signals import FINEST, Signals
 from schwung.innovations.values import Added, System
 from schwung.motion import Array
@@ -91,7 +91,7 @@ def systems_of(model: Model, runs: Sequence[Signals], parameters: Array) -> list
 def resmoothed(model: Model, runs: Sequence[Signals], parameters: Array, noise: Noise) -> tuple[Signals, ...]:
     """The runs with the states that these parameters make likely."""
     systems = systems_of(model, runs, parameters)
-    results = [kernel.filtered(problem_of(s, noise, r)) for s, r in zip(systems, runs, strict=True)]
+    results = [kalman.filtered(problem_of(s, noise, r)) for s, r in zip(systems, runs, strict=True)]
     return tuple(
         run.about(kernel.smoothed(system.transition, result)[:, :-1])
         for run, system, result in zip(runs, systems, results, strict=True)
@@ -153,7 +153,7 @@ def deviance_of(
     """−2 log likelihood but for a constant; `scaled`: with the best common factor of all noise."""
     logs = squares = 0.0
     for system, run in zip(systems, runs, strict=True):
-        log, square = kernel.deviance(problem_of(system, noise, run))
+        log, square = kalman.deviance(problem_of(system, noise, run))
         logs, squares = logs + log, squares + square
     if not (np.isfinite(logs) and np.isfinite(squares)):
         return float(np.finfo(float).max)
@@ -170,7 +170,7 @@ def unshared_deviance_of(
     """
     logs = squares = 0.0
     for group in repeats:
-        passed = [kernel.filtered(problem_of(systems[i], noise, runs[i])) for i in group]
+        passed = [kalman.filtered(problem_of(systems[i], noise, runs[i])) for i in group]
         count = min(one.error.shape[0] for one in passed)
         errors = np.stack([one.error[:count] / np.sqrt(one.variance[:count]) for one in passed])
         share = len(group) / (len(group) - 1)

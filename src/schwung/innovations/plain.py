@@ -77,7 +77,7 @@ def _exponentials(rates: Array, duration: float, doublings: int) -> tuple[Array,
 
 
 def filtered(system: System) -> Filtered:
-    """As `kernel.filtered`. The state stands beside its covariance, as one more column: both move and learn alike."""
+    """As `kalman.filtered`. The state stands beside its covariance, as one more column: both move and learn alike."""
     count, size = system.measured.shape[0], system.first.size
     errors, spreads, gains = np.empty((count, 2)), np.empty((count, 2)), np.empty((count, 2, size))
     both = np.empty((count, size, size + 1))
@@ -110,7 +110,7 @@ def filtered(system: System) -> Filtered:
 
 
 def deviance(system: System) -> tuple[float, float]:
-    """As `kernel.deviance`."""
+    """As `kalman.deviance`."""
     result = filtered(system)
     return float(np.sum(np.log(result.variance))), float(np.sum(result.error**2 / result.variance))
 
