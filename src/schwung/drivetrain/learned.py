@@ -105,15 +105,18 @@ def _rates(machine: Learned, state: Masses, torque: float, time: float) -> Masse
     ahead = float(np.tanh(state.motor_speed / machine.smoothing))
     load_ahead = float(np.tanh(state.load_speed / machine.smoothing))
     load -= e.load_coulomb_nm * load_ahead
-    curves = machine.curves
-    if curves.any:
+    if (
+        machine.curves.any
+    ):  # taken out only here and below: it has thirty arrays, each counted by whoever holds it
+        curves = machine.curves
         motor += sided(curves.position, state.motor_angle, ahead)
         motor += sided(curves.speed, abs(state.motor_speed), ahead)
         motor += sided(curves.torque, abs(torque), ahead)
         motor += sided(curves.run, machine.share, ahead)
         load += sided(curves.load_position, state.load_angle, load_ahead)
         load += value_and_slope(curves.time_in_motion, time - machine.leaves_rest)[0]
-    if curves.any_plane:
+    if machine.curves.any_plane:
+        curves = machine.curves
         load += sheet_at(curves.position_speed, state.load_angle, state.load_speed)
         motor += sheet_at(curves.position_torque, state.motor_angle, torque)
         motor += sheet_at(curves.torque_time, torque, time - machine.leaves_rest)
@@ -131,7 +134,9 @@ def _rates(machine: Learned, state: Masses, torque: float, time: float) -> Masse
     if plant.rigid:
         lost = e.carried_share * ahead * inertia  # |carried| is inertia times |acceleration|
         whole = plant.rotor_inertia + inertia + (lost if motor + load > 0.0 else -lost)
-        both = accelerated(curves.acceleration, motor + load, whole) if curves.any else (motor + load) / whole
+        both = (motor + load) / whole
+        if machine.curves.any:
+            both = accelerated(machine.curves.acceleration, motor + load, whole)
         return Masses(state.motor_speed, both, state.load_speed, both, state.third_speed, third, bending)
     shaft = coupling_torque(
         e,
@@ -145,7 +150,7 @@ def _rates(machine: Learned, state: Masses, torque: float, time: float) -> Masse
         state.motor_speed,
         (motor - shaft - e.carried_share * abs(shaft) * ahead) / plant.rotor_inertia,
         state.load_speed,
-        accelerated(curves.acceleration, load, inertia) if curves.any else load / inertia,
+        accelerated(machine.curves.acceleration, load, inertia) if machine.curves.any else load / inertia,
         state.third_speed,
         third,
         bending,
