@@ -105,9 +105,7 @@ def _rates(machine: Learned, state: Masses, torque: float, time: float) -> Masse
     ahead = float(np.tanh(state.motor_speed / machine.smoothing))
     load_ahead = float(np.tanh(state.load_speed / machine.smoothing))
     load -= e.load_coulomb_nm * load_ahead
-    if (
-        machine.curves.any
-    ):  # taken out only here and below: it has thirty arrays, each counted by whoever holds it
+    if machine.curves.any:  # taken out here alone: whoever holds them has each of thirty arrays counted
         curves = machine.curves
         motor += sided(curves.position, state.motor_angle, ahead)
         motor += sided(curves.speed, abs(state.motor_speed), ahead)
