@@ -16,12 +16,12 @@ import pytest
 from bench_machine import guessed_machine
 
 from schwung.clock import SteppedBus
-from schwung.clock.python_can import with_mf4
 from schwung.commissioning import Wishes, carry_out, prepare
 from schwung.errors import InputError, InterruptedByUser
 from schwung.fieldbus.canopen import BusOptions, open_bus
 from schwung.fieldbus.canopen.logged import LoggedBus, require_log
 from schwung.fieldbus.connecting import connected
+from schwung.python_can import with_mf4
 from schwung_sim.bench import Bench
 
 _channels = itertools.count()

@@ -83,7 +83,7 @@ def bench(
     from schwung.errors import InputError
 
     require_plant("schwung bench", plant)
-    import schwung.clock  # noqa: F401  # first: python-can without what only its MF4 files need
+    import schwung.python_can  # noqa: F401  # first: without what only its MF4 files need
     from schwung_sim.bench import Bench
 
     terminal = Terminal(json_output)

@@ -7,7 +7,7 @@ Callbacks of `every`, `read` and `later` note what came and do not wait: under t
 
 from __future__ import annotations
 
-from schwung.clock.python_can import can  # isort: skip  # first: see there
+from schwung.python_can import can  # isort: skip  # first: see there
 from schwung.clock.protocol import Clock, Event, Failed, Reader, Receive, Task
 from schwung.clock.stepped import EPOCH_S, SteppedClock
 from schwung.clock.wall import WallClock

@@ -17,9 +17,9 @@ from can.io.logger import MESSAGE_WRITERS
 from can.io.player import MESSAGE_READERS
 
 from schwung.clock import clock_of
-from schwung.clock.python_can import with_mf4
 from schwung.errors import InputError
 from schwung.extras import require
+from schwung.python_can import with_mf4
 
 _WRITE_EVERY_S = 0.05
 #: An adapter whose stamps are further off the clock counts from an instant of its own, and is not taken at its word.
