@@ -2,6 +2,7 @@
 
 from pathlib import Path
 
+import pytest
 from sealed_sessions import drawn
 
 from schwung.explain.weighing.weigh import weigh
@@ -13,3 +14,15 @@ def test_noise_of_the_wind_up_is_no_damping(tmp_path: Path) -> None:
     session, machine, label = drawn(tmp_path, 202003, each=4, kind="none")
     assert not label["effects"]
     assert all(name.probability < 0.1 for name in weigh(session, machine).names)
+
+
+def test_a_damping_that_is_a_sixteenth_off_has_a_name(tmp_path: Path) -> None:
+    """A coupling's damping is heard to a thousandth, however little anybody knows of it before."""
+    session, machine, label = drawn(tmp_path, 190016, each=2, kind="single")
+    assert machine.coupling is not None
+    (effect,) = label["effects"]
+    true = effect["parameters"]["damping_nms"]
+    assert true == pytest.approx(1.063 * machine.coupling.damping_nms, rel=1e-3)
+    (found,) = (name for name in weigh(session, machine).names if name.probability > 0.5)
+    assert found.name == "coupling_damping"
+    assert found.parameters["damping_nms"].value == pytest.approx(true, rel=5e-3)

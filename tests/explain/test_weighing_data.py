@@ -10,7 +10,7 @@ from schwung.explain.weighing.along import TrueTorque, ranges_of
 from schwung.explain.weighing.candidate import Candidate, Curve, Plane
 from schwung.explain.weighing.data import Data
 from schwung.explain.weighing.equations import Acting, equations_of
-from schwung.explain.weighing.growth import slices
+from schwung.explain.weighing.growth import members_of, slices
 from schwung.explain.weighing.known import known
 from schwung.explain.weighing.present import Member
 from schwung.explain.weighing.refine import refined
@@ -196,6 +196,18 @@ def test_friction_leaves_rest_open_whichever_curve_carries_it(view, side):
     members = [Member(c, (), np.array([by]), np.ones(1)) for c, by in ((friction, 0.7), (swings, swing))]
     assert rounds.acting(view, along, members).dry_nm == pytest.approx(0.7, rel=0.1)
     assert rounds.acting(view, along, members[1:]).dry_nm < 0.1
+
+
+def test_a_set_is_settled_from_what_its_laws_would_be_without_errors(data):
+    """Beside the errors' columns coefficients are others: as a step for the laws alone they led nowhere."""
+    search = Search(data, (0, 1, 2))
+    scored = max(search.offered(()), key=lambda one: one.log)
+    exact = scored.which[: scored.exact.size]
+    assert scored.which.size > exact.size
+    alone = weigh_columns(data.at(exact), scored.deviations[: exact.size]).coefficients
+    assert not np.allclose(scored.found.coefficients[: exact.size], alone, rtol=1e-9, atol=0.0)
+    members = members_of(search, scored, data.candidates)
+    np.testing.assert_allclose(np.concatenate([m.coefficients for m in members]), alone, rtol=1e-9)
 
 
 def test_what_was_not_kept_is_not_promised_by_more_of_the_same(data):

@@ -52,6 +52,8 @@ def test_no_total_is_negative(candidates, name, least):
         ("coulomb_friction", "stribeck_friction", True),
         ("speed", "friction_over_angle", False),
         ("coulomb_friction", "viscous_friction", False),
+        ("asymmetric_friction", "torque_offset", True),
+        ("asymmetric_friction", "coulomb_friction", True),
     ],
 )
 def test_a_set_holds_a_curve_or_its_cases(candidates, one, other, apart):
@@ -117,3 +119,11 @@ def test_a_torque_is_late_or_early_and_not_both() -> None:
     every = {one.name: one for one in vocabulary(RANGES, known(machine, RANGES.low_rad, RANGES.high_rad))}
     assert every["torque_lag"].excludes(every["torque_filter"])
     assert not every["torque_lag"].excludes(every["measurement_delay"])
+
+
+def test_friction_that_differs_by_direction_is_an_offset_and_a_dry_friction_also_at_rest(candidates) -> None:
+    """One name for the two: were it another torque where the shaft rests, rest would tell between the same."""
+    along = SimpleNamespace(direction=np.array([-1.0, -0.4, 0.0, 0.7, 1.0]))
+    ahead, back = 1.9, 0.5
+    found = candidates["asymmetric_friction"].effect(along, ()).parts[0] @ [ahead, back]
+    np.testing.assert_allclose(found, (back - ahead) / 2 - (ahead + back) / 2 * along.direction)

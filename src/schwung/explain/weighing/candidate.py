@@ -66,7 +66,7 @@ class Candidate:
     named: bool = True
     coordinate: str = ""
     family: str = ""  # of which a set holds one at most: each is a case of another
-    cases: frozenset[str] = frozenset()  # names that are cases of this curve: a set holds it or them
+    cases: frozenset[str] = frozenset()  # names that are cases of this one: a set holds it or them
     own: Callable[[Along, Shape], Array] | None = (
         None  # coordinate that its law may be off over, −1…1; None: by name
     )

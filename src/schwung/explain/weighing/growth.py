@@ -22,8 +22,6 @@ from schwung.motion import Array
 
 #: Rounds of linearising about what was found, at most.
 ROUNDS = 10
-#: Noise that moves by more than this (log), about what was found, is looked at again.
-RENEWED = 0.05
 #: How far off the noise may be, once it was found (log).
 KNOWN = 0.3
 #: Causes of one shape that are smooth along any motion, and so are present where the noise is found.
@@ -120,11 +118,11 @@ class Growth:
                     best, at = taken
                     picks, fresh = _kept(search, best, at), False
                     continue
-                growing = not fresh and self._renewed(at)
-                if growing:
+                if not fresh:
+                    self._renew(at)
                     at, fresh = settled(self.wide.seen(at.about.view), at.members, self._weighing), True
-                    self.rested.clear()
                     continue
+                growing = False
             search.best(start.picks)
             taken = self._instead(search, start, at)
             if taken is None:
@@ -228,15 +226,13 @@ class Growth:
             if promised is not None and kind != search.kind(best.picks):
                 search.kept[kind] = log - here - (promised.log - best.log)
 
-    def _renewed(self, at: Settled) -> bool:
-        """Whether noise found about what is present differs: far from the truth, noise had to be taken for what a
-        linear model could not do. Where it hardly does it stays as it is: sets are compared by one and the same."""
+    def _renew(self, at: Settled) -> None:
+        """Look for the noise again about what is present: far from the truth, noise had to be taken for what a linear
+        model could not do. Sets are compared about one and the same, so that none has been at rest about the new one.
+        """
         members = everything(self.candidates, at.members)
-        nearer = wide_fit(at.about.view, members, self.wide.noise, self.train, KNOWN)
-        if nearer.noise.moved_from(self.wide.noise) <= RENEWED:
-            return False
-        self.wide = nearer
-        return True
+        self.wide = wide_fit(at.about.view, members, self.wide.noise, self.train, KNOWN)
+        self.rested.clear()
 
 
 def _from(present: Sequence[Member], members: Sequence[Member]) -> list[Member]:
@@ -281,17 +277,18 @@ def slices(search: Search, best: Scored) -> list[slice]:
 
 
 def members_of(search: Search, best: Scored, candidates: Sequence[Candidate]) -> list[Member]:
-    """What is always there, and the set, with its coefficients; `candidates`: as they are about nothing."""
+    """What is always there, and the set, with the coefficients of laws without errors, which is how they are settled;
+    `candidates`: as they are about nothing."""
     result, at = [], 0
     for index in search.always:
         candidate = candidates[index]
-        coefficients = best.found.coefficients[at : at + candidate.size]
+        coefficients = best.exact[at : at + candidate.size]
         result.append(Member(candidate, candidate.shapes[0], coefficients, np.array(candidate.deviations)))
         at += candidate.size
     for pick, where in zip(best.picks, slices(search, best), strict=True):
         candidate, shape = candidates[search.index(pick)], search.data.atoms[pick.atom].shape
         deviations = pick.scale * np.array(candidate.deviations)
-        result.append(Member(candidate, shape, best.found.coefficients[where], deviations))
+        result.append(Member(candidate, shape, best.exact[where], deviations))
     return result
 
 

@@ -1,8 +1,8 @@
 """The proof of a machine file: what belief and file, each as it is read, miss on runs that were not fitted.
 
 Nothing of the file is fitted again. The usual timing of a drive, which no file says, is found about each of the two
-from the runs that were fitted. What a measured inertia and the damping are usually off by is the same for both, as it
-was found beside all causes: about the belief alone it would be fitted to what the belief leaves out.
+from the runs that were fitted. What a measured inertia is usually off by is the same for both, as it was found beside
+all causes: about the belief alone it would be fitted to what the belief leaves out.
 """
 
 from __future__ import annotations

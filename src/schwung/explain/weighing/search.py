@@ -61,6 +61,7 @@ class Scored:
     found: Weighed
     which: Numbers  # its columns: what is always there, the picks', the errors of their laws
     deviations: Array
+    exact: Array  # coefficients if its laws had no errors: those of what is always there, and of the picks
 
 
 @dataclass(eq=False)
@@ -124,7 +125,8 @@ class Search:
         which, deviations = self._exact(picks)
         first = len(which) - sum(self.candidate(p).size for p in picks)
         found = weigh(self.data.at(which), deviations)
-        evidence, errors = found.log_evidence, self._errors(picks, found.coefficients[first:])
+        evidence, exact = found.log_evidence, found.coefficients
+        errors = self._errors(picks, exact[first:])
         if errors is not None:
             where, sizes = errors
             which = np.concatenate([which, where])
@@ -137,7 +139,7 @@ class Search:
             evidence = logsumexp(logs) - float(np.log(len(SHARES)))
         times = 1 if errors is None else 1 + len(SHARES)
         self.data.work.add(SCORED + times * CUBED * which.size**3)
-        scored = Scored(picks, evidence + self._log(picks, found, first), found, which, deviations)
+        scored = Scored(picks, evidence + self._log(picks, found, first), found, which, deviations, exact)
         self.known[picks] = scored
         kind = self.kind(picks)
         if kind not in self.table or self.table[kind].log < scored.log:

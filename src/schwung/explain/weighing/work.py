@@ -18,7 +18,7 @@ from schwung.motion import Array
 #: Whitened numbers (one column at one sample of angle or speed) after which nothing more is tried.
 MOST = 3e9
 #: Time of the processor (s) after which nothing more is tried either; nobody waits for more than half as much again.
-SECONDS = 60.0
+SECONDS = 50.0
 #: Beyond so many times that, sets are taken as far as they have come to rest, and no further formula is tried.
 _LATE, _LATE_S = 1.5, 1.25
 #: What else takes time, in whitened numbers: to linearise about a sample of angle or speed; to find the sizes of noise

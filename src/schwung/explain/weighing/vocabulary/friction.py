@@ -1,6 +1,6 @@
 """Friction, all of it against the motion: −F·d, d = tanh(ω/ω_s) the direction on the motor, d_l that of the load.
 
-coulomb −F d        asymmetric −F₊ d [ω>0] − F₋ d [ω<0]        viscous −b ω        drag −c |ω| ω
+coulomb −F d        asymmetric −F₊ (1 + d)/2 + F₋ (1 − d)/2       viscous −b ω        drag −c |ω| ω
 stribeck −(F + ΔF e^{−(ω/ω_S)²}) d        local −F d · bump(θ)        over the angle −F(θ) d
 drift −ΔF d · share of the session        load-dependent −s |C| d, C what the shaft carries        behind it −F d_l
 """
@@ -35,7 +35,8 @@ def _coulomb(along: Along, _shape: Shape) -> Effect:
 
 
 def _asymmetric(along: Along, _shape: Shape) -> Effect:
-    return Effect(np.stack([-np.maximum(along.direction, 0), -np.minimum(along.direction, 0)], 1))
+    """At rest the middle of what it may be: as an offset and a dry friction would be, of which it is the sum."""
+    return Effect(np.stack([-(1 + along.direction) / 2, (1 - along.direction) / 2], 1))
 
 
 def _viscous(along: Along, _shape: Shape) -> Effect:
@@ -100,7 +101,8 @@ def friction(of: Ranges, torque_nm: float, rigid: bool, known: Known) -> list[Ca
                   positive=(0,), least=(-min(ahead, back),), coordinate="direction", family="dry"),
         Candidate("asymmetric_friction", _asymmetric, (natural, natural),
                   lambda c, _: {"torque_positive_nm": c[0], "torque_negative_nm": c[1]},
-                  positive=(0, 1), least=(-ahead, -back), coordinate="direction", family="dry"),
+                  positive=(0, 1), least=(-ahead, -back), coordinate="direction", family="dry",
+                  cases=frozenset({"torque_offset", "coulomb_friction"})),
         Candidate("viscous_friction", _viscous, (viscous,), lambda c, _: {"coefficient_nms": c[0]},
                   positive=(0,), least=(-rubbing,), coordinate="speed"),
         Candidate("quadratic_drag", _drag, (viscous / speed,), lambda c, _: {"coefficient_nms2": c[0]},

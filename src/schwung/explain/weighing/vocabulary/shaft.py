@@ -22,8 +22,6 @@ from schwung.innovations.effect import Effect
 from schwung.innovations.signals import Signals
 from schwung.motion import Array
 
-#: A coupling's damping is believed to this share of it: so far off, it is no name.
-DAMPING_KNOWN_TO = 0.1
 #: A coupling that carries nothing within its play still has this share of its stiffness.
 LEAST_SHARE = 1e-3
 #: Gaps from which the search for one begins, as shares of the largest wind-up.
@@ -113,6 +111,7 @@ def _third_mass(along: Along, shape: Shape) -> Effect:
 def shaft(of: Ranges, coupling: Coupling, torque_nm: float, inertia_kgm2: float) -> list[Candidate]:
     """The family of a machine with a coupling."""
     k, b = coupling.stiffness_nm_rad, coupling.damping_nms
+    damping = max(b, 1e-3 * k / of.band_hz)
     share, wound = torque_nm / of.peak_torque_nm, of.peak_torque_nm / k
 
     def play_about(along: Along, _shape: Shape, gap: Array) -> tuple[Effect, Effect]:
@@ -144,11 +143,9 @@ def shaft(of: Ranges, coupling: Coupling, torque_nm: float, inertia_kgm2: float)
         Candidate("coupling_stiffness", _stiffness, (3 * share * k,),
                   lambda c, _: {"stiffness_nm_rad": k + c[0]}, positive=(0,), least=(-k,),
                   coordinate="torque", coupling=(1.0, 0.0), known_to=RIGHT_TO * k),
-        Candidate("coupling_damping", _damping, (10 * share * max(b, 1e-3 * k / of.band_hz),),
+        Candidate("coupling_damping", _damping, (10 * share * damping,),
                   lambda c, _: {"damping_nms": b + c[0]}, positive=(0,), least=(-b,),
-                  coordinate="frequency", coupling=(0.0, 1.0)),
-        Candidate("usual_damping", _damping, (DAMPING_KNOWN_TO * max(b, 1e-3 * k / of.band_hz),), named=False,
-                  coordinate="frequency", coupling=(0.0, 1.0)),
+                  coordinate="frequency", coupling=(0.0, 1.0), known_to=RIGHT_TO * damping),
         Candidate("nonlinear_stiffness", _cubic, (3 * share * k / wound**2,),
                   lambda c, _: {"cubic_nm_rad3": c[0]}, positive=(0,), coordinate="torque",
                   tangent=cubic_tangent),
