@@ -127,3 +127,12 @@ def test_friction_that_differs_by_direction_is_an_offset_and_a_dry_friction_also
     ahead, back = 1.9, 0.5
     found = candidates["asymmetric_friction"].effect(along, ()).parts[0] @ [ahead, back]
     np.testing.assert_allclose(found, (back - ahead) / 2 - (ahead + back) / 2 * along.direction)
+
+
+def test_a_signal_that_is_early_is_not_late(candidates) -> None:
+    """Truncated, its prior alone does not keep a coefficient from where it cannot be: a sound machine's speed was
+    late by −0.25 ms."""
+    assert candidates["measurement_delay"].possible(np.array([2.5e-4]))
+    assert not candidates["measurement_delay"].possible(np.array([-2.5e-4]))
+    assert not candidates["coupling_damping"].possible(np.array([-2.0]))
+    assert candidates["coupling_damping"].possible(np.array([-1.0]))

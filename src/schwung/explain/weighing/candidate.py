@@ -119,6 +119,10 @@ class Candidate:
         spread = float(np.sqrt(along @ covariance @ along)) / max(size, 1e-300)
         return float(ndtr((size - self.known_to) / max(spread, 1e-300)))
 
+    def possible(self, coefficients: Array) -> bool:
+        """Whether none of its coefficients is beyond its bound."""
+        return all(coefficients[which] > least for which, least in self.bounds_below)
+
     @property
     def of_machine(self) -> bool:
         """Whether it is a change of the machine's inertia or coupling."""

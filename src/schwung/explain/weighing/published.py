@@ -222,18 +222,18 @@ class _Publishing:
         changes that are no larger than is usual: so far what is believed stays.
         """
         shares = self.search.shares()  # tempered by what has no name, they would leave out what has none
-        sound = (one for _, one in shares if all(self._publishable(pick) for pick in one.picks))
+        sound = (one for _, one in shares if all(self._publishable(one, pick) for pick in one.picks))
         best = next(sound, self.search.score(()))
         usual = {name for name, p in self.outcome.stands.usual.items() if p > NAMED}
         left_out = usual | self.outcome.refuted
         kept = tuple(pick for pick in best.picks if self.search.name(pick) not in left_out)
         return self.search.score(kept)
 
-    def _publishable(self, pick: Pick) -> bool:
-        """Whether a file can say it, inside its bounds."""
+    def _publishable(self, of: Scored, pick: Pick) -> bool:
+        """Whether a file can say a cause of a set, inside its bounds."""
         candidate = self.search.candidate(pick)
         told = candidate.named or candidate.coordinate in OVER or candidate.coordinate in PLANES
-        return told and not at_bound(self.search, pick)
+        return told and not at_bound(self.search, of, pick)
 
     def _causes(self) -> list[_Cause]:
         of, places = self.outcome.view.ranges, slices(self.search, self.set)

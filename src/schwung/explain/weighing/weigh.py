@@ -297,19 +297,22 @@ def _spread(candidate: Candidate, centre: Array, covariance: Array, atom: Atom) 
 
 
 def _at_bound(search: Search, name: str) -> bool:
-    """Whether the most probable set that holds a name has its shape at the end of what is tried."""
+    """Whether it is so in the most probable set that holds a name."""
     for _, scored in search.shares():
         for pick in scored.picks:
             if search.candidate(pick).name == name:
-                return at_bound(search, pick)
+                return at_bound(search, scored, pick)
     return False
 
 
-def at_bound(search: Search, pick: Pick) -> bool:
-    """Whether a shape is at the end of what is tried."""
+def at_bound(search: Search, scored: Scored, pick: Pick) -> bool:
+    """Whether a cause of a set is at the end of what is tried, or nothing that there can be."""
     candidate, shape = search.candidate(pick), search.data.atoms[pick.atom].shape
     ends = zip(shape, candidate.bounds, strict=bool(candidate.bounds))
-    return any(min(v - low, high - v) <= _END * (high - low) for v, (low, high) in ends)
+    where = slices(search, scored)[scored.picks.index(pick)]
+    return not candidate.possible(scored.found.coefficients[where]) or any(
+        min(v - low, high - v) <= _END * (high - low) for v, (low, high) in ends
+    )
 
 
 def _rms(search: Search, name: str) -> float:

@@ -24,6 +24,8 @@ from schwung.motion import Array
 
 #: A coupling that carries nothing within its play still has this share of its stiffness.
 LEAST_SHARE = 1e-3
+#: Nobody knows a coupling's damping better than to this share: a smaller change is no finding.
+_DAMPING_KNOWN_TO = 0.05
 #: Gaps from which the search for one begins, as shares of the largest wind-up.
 _GAPS = (3e-4, 3e-3, 3e-2, 0.3)
 #: Where a further mass is looked for: frequencies as far apart as the least damped of them is wide.
@@ -145,7 +147,7 @@ def shaft(of: Ranges, coupling: Coupling, torque_nm: float, inertia_kgm2: float)
                   coordinate="torque", coupling=(1.0, 0.0), known_to=RIGHT_TO * k),
         Candidate("coupling_damping", _damping, (10 * share * damping,),
                   lambda c, _: {"damping_nms": b + c[0]}, positive=(0,), least=(-b,),
-                  coordinate="frequency", coupling=(0.0, 1.0), known_to=RIGHT_TO * damping),
+                  coordinate="frequency", coupling=(0.0, 1.0), known_to=_DAMPING_KNOWN_TO * damping),
         Candidate("nonlinear_stiffness", _cubic, (3 * share * k / wound**2,),
                   lambda c, _: {"cubic_nm_rad3": c[0]}, positive=(0,), coordinate="torque",
                   tangent=cubic_tangent),
