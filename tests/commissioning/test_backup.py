@@ -258,7 +258,7 @@ def test_negative_values_of_untyped_files_are_equal() -> None:
 # ── writing ──────────────────────────────────────────────────────────────────────────────────────────────────────
 
 
-def _write(drive: PaperDrive, values: list[ParameterValue], folder: Path):  # type: ignore[no-untyped-def]
+def _write(drive: PaperDrive, values: list[ParameterValue], folder: Path):
     journal = ParameterJournal(drive, folder / "restore.backup.json", {"identity": vars(IDENTITY)})
     return write_plan(drive, plan_restore(drive, values), journal)
 

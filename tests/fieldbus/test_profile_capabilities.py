@@ -18,7 +18,7 @@ def assessed(profile: CanopenProfile, **lacking: bool) -> dict[str, Capability]:
     dictionary = eds.load_dictionary(profile.eds_path, 5)
     gone = {int(name[1:], 16) for name, is_gone in lacking.items() if is_gone}
 
-    def lookup(index: int, subindex: int):  # type: ignore[no-untyped-def]
+    def lookup(index: int, subindex: int):
         return None if index in gone else eds.find_parameter(dictionary, index, subindex)
 
     def read(index: int, subindex: int) -> int | None:

@@ -16,7 +16,7 @@ BENCH = {
 }  # fmt: skip
 
 
-def scales_of(objects: dict[tuple[int, int], int], profile: DeviceProfile | None = None):  # type: ignore[no-untyped-def]
+def scales_of(objects: dict[tuple[int, int], int], profile: DeviceProfile | None = None):
     return read_scales(profile or load_profile("schwung-bench"), lambda i, s: objects.get((i, s)))
 
 

@@ -48,7 +48,7 @@ def test_varying_inertia_moves_the_motion_where_it_is_light() -> None:
     machine = PAPER.model_copy(update={"coupling": None})
     ours = merits_of(machine, follow(machine, best_stroke(machine, task(0.2)).motion(), 0.0))
     for kind in ("third", "poly5", "scurve", "cosine"):
-        motion = Motion(kind=kind, distance_rad=np.pi, duration_s=0.2)  # type: ignore[arg-type]  # a literal
+        motion = Motion(kind=kind, distance_rad=np.pi, duration_s=0.2)  # a literal
         rival = merits_of(machine, follow(machine, motion, 0.0))
         assert ours.copper_n2m2s < 0.75 * rival.copper_n2m2s
         assert ours.mechanical_j < rival.mechanical_j

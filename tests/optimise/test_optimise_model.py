@@ -26,7 +26,7 @@ TERMS = {
     "torque_offset": {"torque_nm": 0.8},
     "local_friction": {"torque_nm": 4.0, "centre_rad": 1.0, "width_rad": 0.6},
 }
-LEARNED = with_physics(PAPER, **TERMS)  # type: ignore[arg-type]  # keyword names are data
+LEARNED = with_physics(PAPER, **TERMS)  # keyword names are data
 
 
 def model_of(machine: object = LEARNED) -> Model:

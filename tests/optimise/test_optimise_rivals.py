@@ -25,7 +25,7 @@ def test_zv_takes_the_vibration_that_it_is_shaped_for() -> None:
     bare = follow(machine, Motion(kind="third", distance_rad=np.pi, duration_s=0.1), 0.0)
     residual = merits_of(machine, bare).residual_rad
     for shaper in ("zv", "zvd"):
-        demand = shaped_demand(model, shaper, np.pi, 0.1, np.pi, time)  # type: ignore[arg-type]  # a literal
+        demand = shaped_demand(model, shaper, np.pi, 0.1, np.pi, time)  # a literal
         assert demand is not None
         assert demand.position_rad[-1] == pytest.approx(np.pi)
         merits = merits_of(machine, follow_demand(machine, demand, 0.1, 0.0))

@@ -11,8 +11,10 @@ from schwung.drivetrain import paper_machine
 from schwung.drivetrain.residual_plane import Plane
 from schwung.explain.values import Quantity
 from schwung.explain.weighing.publication import Curve, Name, merged
+from schwung.report.content import units_of
 from schwung.report.probabilities import (
     ProbabilitiesContent,
+    fact_rows,
     name_rows,
     render_probabilities,
     separations,
@@ -113,3 +115,12 @@ def test_without_anything_kept_aside_what_was_fitted_is_shown():
     run = replace(answer().overlays[0], heldout=False)
     text = shown(replace(answer(), proof=None, overlays=(run,)))
     assert "which was fitted" in text
+
+
+def test_of_nothing_beyond_noise_no_share_is_told():
+    found, units = answer(), units_of("rotary", "torque")
+    assert found.proof is not None
+    quiet = replace(found, names=(), curves=(), proof=replace(found.proof, before=1.0, after=1.0))
+    assert quiet.verdict == "consistent"
+    shares = [[what for what, _ in fact_rows(of, units) if "unexplained" in what] for of in (found, quiet)]
+    assert [len(one) for one in shares] == [1, 0]

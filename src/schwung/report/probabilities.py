@@ -197,9 +197,9 @@ def fact_rows(of: Published, units: Units) -> list[tuple[str, str]]:
             )
         )
         rows.append(("missed there by machine.toml, read back", f"{of.proof.after:.3g} σ{after}"))
-        rows.append(
-            ("left unexplained there, of what is beyond noise", f"{100 * (1 - of.proof.taken):.0f} %")
-        )
+        if of.verdict != "consistent":  # of nothing there is no share
+            left = f"{100 * (1 - of.proof.taken):.0f} %"
+            rows.append(("left unexplained there, of what is beyond noise", left))
     share = (
         f", and {100 * of.noise.torque_share:.2g} % of the {units.torque_word}"
         if of.noise.torque_share > 0

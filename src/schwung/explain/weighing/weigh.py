@@ -297,7 +297,7 @@ def _spread(candidate: Candidate, centre: Array, covariance: Array, atom: Atom) 
 
 
 def _at_bound(search: Search, name: str) -> bool:
-    """Whether it is so in the most probable set that holds a name."""
+    """Whether the most probable set that holds a name has it at its bound."""
     for _, scored in search.shares():
         for pick in scored.picks:
             if search.candidate(pick).name == name:
