@@ -20,7 +20,7 @@ SIZES = (3, 5)
 
 
 @inlined
-def _begun(system: System, x: Array, p: Array, size: int) -> None:
+def begun(system: System, x: Array, p: Array, size: int) -> None:
     """The first state and its covariance, into x and p."""
     for i in range(size):
         x[i] = system.first[i]
@@ -29,7 +29,7 @@ def _begun(system: System, x: Array, p: Array, size: int) -> None:
 
 
 @inlined
-def _carried(system: System, k: int, x: Array, p: Array, ahead: Array, half: Array, size: int) -> None:
+def carried(system: System, k: int, x: Array, p: Array, ahead: Array, half: Array, size: int) -> None:
     """x and p over step k: Φ x + forcing; Φ p Φᵀ + noise·noiseᵀ·power, and `apart` of what torques at its ends do."""
     phi, noise, power, apart = system.transition, system.noise, system.power[k], system.apart[k]
     for i in range(size):
@@ -55,35 +55,50 @@ def _carried(system: System, k: int, x: Array, p: Array, ahead: Array, half: Arr
                 p[i, j] += apart * (phi[k, i, last] * phi[k, j, last] + noise[k, i] * noise[k, j])
 
 
+@inlined
+def updated(
+    system: System,
+    k: int,
+    x: Array,
+    p: Array,
+    gain: Array,
+    row: Array,
+    errors: Array,
+    spreads: Array,
+    size: int,
+) -> None:
+    """x and p after both samples at k; what their innovations are into errors and spreads (2,), gains into gain (2, s)."""
+    measured, variances = system.measured, system.variances
+    for m in range(2):
+        # below zero by rounding, where nearly nothing is noise
+        spreads[m] = max(p[m, m], 0.0) + variances[m]
+        errors[m] = measured[k, m] - x[m]
+        for i in range(size):
+            gain[m, i], row[i] = p[i, m] / spreads[m], p[m, i]
+        for i in range(size):
+            x[i] += gain[m, i] * errors[m]
+            for j in range(size):
+                p[i, j] -= gain[m, i] * row[j]
+        for i in range(size):  # Joseph's form, cheaply: symmetric and with its smallest entry exact
+            for j in range(i):
+                p[i, j] = p[j, i] = (p[i, j] + p[j, i]) / 2
+        p[m, m] = max(gain[m, m] * variances[m], 1e-300)
+
+
 def _filter_of(size: int) -> Callable[[System], Filtered]:
     @compiled_or(plain.filtered)
     def kalman_filter(system: System) -> Filtered:
-        measured, variances = system.measured, system.variances
-        count = measured.shape[0]
+        count = system.measured.shape[0]
         errors, spreads = np.empty((count, 2)), np.empty((count, 2))
         gains = np.empty((count, 2, size))
         states, covariances = np.empty((count, size)), np.empty((count, size, size))
         x, p = np.empty(size), np.empty((size, size))
-        gain, row, ahead, half = np.empty(size), np.empty(size), np.empty(size), np.empty((size, size))
-        _begun(system, x, p, size)
+        row, ahead, half = np.empty(size), np.empty(size), np.empty((size, size))
+        begun(system, x, p, size)
         for k in range(count):
             if k > 0:
-                _carried(system, k - 1, x, p, ahead, half, size)
-            for m in range(2):
-                # below zero by rounding, where nearly nothing is noise
-                spreads[k, m] = max(p[m, m], 0.0) + variances[m]
-                errors[k, m] = measured[k, m] - x[m]
-                for i in range(size):
-                    gain[i], row[i] = p[i, m] / spreads[k, m], p[m, i]
-                for i in range(size):
-                    gains[k, m, i] = gain[i]
-                    x[i] += gain[i] * errors[k, m]
-                    for j in range(size):
-                        p[i, j] -= gain[i] * row[j]
-                for i in range(size):  # Joseph's form, cheaply: symmetric and with its smallest entry exact
-                    for j in range(i):
-                        p[i, j] = p[j, i] = (p[i, j] + p[j, i]) / 2
-                p[m, m] = max(gain[m] * variances[m], 1e-300)
+                carried(system, k - 1, x, p, ahead, half, size)
+            updated(system, k, x, p, gains[k], row, errors[k], spreads[k], size)
             for i in range(size):
                 states[k, i] = x[i]
                 for j in range(size):
@@ -100,11 +115,11 @@ def _deviance_of(size: int) -> Callable[[System], tuple[float, float]]:
         count = measured.shape[0]
         x, p = np.empty(size), np.empty((size, size))
         row, ahead, half = np.empty(size), np.empty(size), np.empty((size, size))
-        _begun(system, x, p, size)
+        begun(system, x, p, size)
         logs = squares = 0.0
         for k in range(count):
             if k > 0:
-                _carried(system, k - 1, x, p, ahead, half, size)
+                carried(system, k - 1, x, p, ahead, half, size)
             for m in range(2):
                 spread = max(p[m, m], 0.0) + variances[m]
                 error = measured[k, m] - x[m]

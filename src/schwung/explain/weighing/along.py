@@ -100,6 +100,7 @@ class Along:
     true_torque: TrueTorque
     kept: dict[str, Array] = field(default_factory=dict)  # coordinates by their names, for these states
     noise: Array | None = None  # of the coupling's wind-up and its rate alone, (n, 2); None: not known
+    gap_rad: float = 0.0  # of the coupling, known and present
 
     @property
     def time_s(self) -> Array:
@@ -231,6 +232,32 @@ class Along:
     def twist_speed(self) -> Array:
         return 0.0 * self.speed if self.run.rigid else self._heard(self.speed - self.load_speed, 1)
 
+    @cached_property
+    def touches(self) -> NDArray[np.bool_]:
+        """Whether the coupling touches: it can only push. Without a gap it always does."""
+        return self.touches_with(self.gap_rad)
+
+    def touches_with(self, gap_rad: float) -> NDArray[np.bool_]:
+        """The same with another gap."""
+        coupling = self.present.coupling
+        if gap_rad <= 0 or coupling is None:
+            return np.ones(self.twist.shape, dtype=bool)
+        wound = np.abs(self.twist) - gap_rad / 2
+        push = (
+            coupling.stiffness_nm_rad * wound + coupling.damping_nms * np.sign(self.twist) * self.twist_speed
+        )
+        return (wound > 0) & (push > 0)
+
+    @cached_property
+    def wound(self) -> Array:
+        """How far the coupling is wound up beyond its gap (rad)."""
+        return np.where(self.touches, self.twist - self.gap_rad / 2 * np.sign(self.twist), 0.0)
+
+    @cached_property
+    def winding(self) -> Array:
+        """And how fast (rad/s)."""
+        return np.where(self.touches, self.twist_speed, 0.0)
+
     def _heard(self, values: Array, which: int) -> Array:
         quiet = np.asarray(self.run.quiet(values))
         return quiet if self.noise is None else heard(quiet, self.run.quiet(self.noise[:, which]))
@@ -246,7 +273,7 @@ class Along:
         if self.present.coupling is None:
             return np.asarray(self.inertia * self.load_acceleration)
         k, b = self.present.coupling.stiffness_nm_rad, self.present.coupling.damping_nms
-        return np.asarray(k * self.twist + b * self.twist_speed)
+        return np.asarray(k * self.wound + b * self.winding)
 
 
 def along(
@@ -259,13 +286,14 @@ def along(
     true_torque: TrueTorque,
     kept: dict[str, Array] | None = None,
     noise: Array | None = None,
+    gap_rad: float = 0.0,
 ) -> Along:
     """The coordinates of a run of a session; `kept`: those that were worked out for the same states; `noise`: of its
-    coupling's wind-up and rate, (n, 2).
+    coupling's wind-up and rate, (n, 2); `gap_rad`: of the coupling, known and present.
     """
     starts = recorded.motion.start_time_s if recorded.motion is not None else 0.0
     begins, kept = float(starts or 0.0), {} if kept is None else kept
-    return Along(run, machine, present, ranges, number, begins, true_torque, kept, noise)
+    return Along(run, machine, present, ranges, number, begins, true_torque, kept, noise, gap_rad)
 
 
 def ranges_of(runs: list[Signals], machine: Machine, sticking: float, band_hz: float) -> Ranges:

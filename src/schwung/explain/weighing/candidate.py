@@ -71,9 +71,6 @@ class Candidate:
         None  # coordinate that its law may be off over, −1…1; None: by name
     )
     tangent: Callable[[Along, Array], Array] | None = None  # to stiffness and damping along a run, (n, 2)
-    over_steps: Callable[[Along, Array], Array] | None = (
-        None  # torque between the shafts that samples miss, on the motor at each step's start and end (N·m), (n − 1, 2)
-    )
     whole: Callable[[Along, Shape, Array], Effect] | None = None  # `done`, where there is a shorter way
     bent: Bent | None = None  # where it is not in proportion to its coefficients; `effect` is then about 0
     inertia: Callable[[Array, Shape], Array] | None = (
@@ -93,7 +90,7 @@ class Candidate:
     products: Array | None = (
         None  # of a curve's modes, by which its size is measured (p, p); None: of the coefficients
     )
-    coupling: tuple[float, float] = (0.0, 0.0)  # what a unit of its coefficient adds to stiffness and damping
+    coupling: tuple[float, float, float] = (0.0,) * 3  # what a unit of it adds to stiffness, damping and gap
 
     @property
     def size(self) -> int:
@@ -126,7 +123,7 @@ class Candidate:
     @property
     def of_machine(self) -> bool:
         """Whether it is a change of the machine's inertia or coupling."""
-        return self.inertia is not None or self.coupling != (0.0, 0.0)
+        return self.inertia is not None or any(self.coupling)
 
     def moved(self, shape: Shape, spacings: Array) -> Shape:
         """A shape so many spacings of the grid on (d,), within its bounds."""

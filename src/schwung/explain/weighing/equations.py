@@ -9,8 +9,8 @@ import numpy as np
 from schwung.drivetrain.machine import Machine
 from schwung.explain.weighing.along import Along
 from schwung.explain.weighing.vocabulary.load import inertia_of
-from schwung.explain.weighing.vocabulary.shaft import LEAST_SHARE
-from schwung.innovations.likelihood import Equations
+from schwung.innovations.likelihood import Equations, Noise
+from schwung.innovations.play import LEAST_SHARE, through_play
 from schwung.innovations.steps import Steps, bulge, off_middle
 from schwung.innovations.values import Shaft
 from schwung.motion import Array
@@ -30,9 +30,6 @@ class Acting:
     speed: Array | float = 0.0
     dry_nm: float = 0.0
     coupling: Array | float = 0.0  # stiffness and damping beyond the machine's, about the wind-up, (n, 2)
-    over_steps: Array | float = (
-        0.0  # between the shafts, on the motor at the start and end of each step, (n − 1, 2)
-    )
 
     def __add__(self, other: Acting) -> Acting:
         return Acting(
@@ -42,7 +39,6 @@ class Acting:
             self.speed + other.speed,
             max(self.dry_nm, other.dry_nm),
             self.coupling + other.coupling,
-            self.over_steps + other.over_steps,
         )
 
 
@@ -60,21 +56,20 @@ def shaft_of(machine: Machine) -> Shaft:
     )
 
 
-def equations_of(along: Along, acting: Acting) -> tuple[Equations, Steps]:
-    """Of one run about its states."""
+def equations_of(along: Along, acting: Acting, noise: Noise) -> tuple[Equations, Steps]:
+    """Of one run about its states; `noise`: as far as it is known, where the coupling has play."""
     run, machine = along.run, along.present
     inertia, slope, _ = inertia_of(machine, along.load_angle)
     load = machine.load_torque_at(along.load_angle) - slope * along.load_speed**2 / 2 + acting.on_load
     push = np.broadcast_to(np.asarray(acting.on_motor, dtype=float), load.shape)
     motor = run.drive.undelayed
     early, late, between = off_middle(inertia, run)
-    first, last = np.broadcast_to(np.asarray(acting.over_steps, dtype=float), (load.size - 1, 2)).T
     torques = np.stack(
         [
-            motor.start_nm + push[:-1] + first,
-            load[:-1] - early - first,
-            motor.end_nm + push[1:] + last,
-            load[1:] - late - last,
+            motor.start_nm + push[:-1],
+            load[:-1] - early,
+            motor.end_nm + push[1:],
+            load[1:] - late,
             motor.bulge_nm,
             bulge(load) - between,
         ],
@@ -82,21 +77,25 @@ def equations_of(along: Along, acting: Acting) -> tuple[Equations, Steps]:
     )
     middle = (inertia[1:] + inertia[:-1]) / 2
     shaft, bent = shaft_of(machine), np.asarray(acting.coupling, dtype=float)
+    whole = np.array([shaft.stiffness, shaft.damping])
     if bent.ndim:
-        whole = np.array([shaft.stiffness, shaft.damping])
-        each = np.maximum(whole + (bent[1:] + bent[:-1]) / 2, LEAST_SHARE * whole)
-        steps = Steps.of_each(shaft, each, middle, run.step_s)
+        coupling = np.maximum(whole + (bent[1:] + bent[:-1]) / 2, LEAST_SHARE * whole)
+        steps = Steps.of_each(shaft, coupling, middle, run.step_s)
     else:
+        coupling = np.broadcast_to(whole, (middle.size, 2))
         steps = Steps.of(shaft, middle, run.step_s, slopes=False)
     size = steps.transition.shape[1]
     transition = np.zeros((load.size - 1, size + 1, size + 1))
     forcing = np.zeros((load.size - 1, size + 1))
     transition[:, :size, :size] = steps.transition
     transition[:, :size, size] = -steps.inputs[:, :, 0]
-    noise = np.column_stack([-steps.inputs[:, :, 2], np.ones(load.size - 1)])
+    driven = np.column_stack([-steps.inputs[:, :, 2], np.ones(load.size - 1)])
     forcing[:, :size] = np.einsum("ksi,ki->ks", steps.inputs, torques)
     measured = np.column_stack([run.position_rad - acting.position, run.speed_rad_s - acting.speed])
     sticking = np.exp(-((along.slowest / (3 * along.ranges.sticking_rad_s)) ** 2))
     apart = _OPEN * acting.dry_nm**2 * sticking
     begin = np.append(run.states[0], 0.0)
-    return Equations(transition, forcing, noise, run.drive.sharp_nm2, apart, measured, begin, torques), steps
+    equations = Equations(transition, forcing, driven, run.drive.sharp_nm2, apart, measured, begin, torques)
+    if along.gap_rad > 0 and not shaft.rigid:
+        return through_play(equations, steps, shaft, coupling, middle, along.gap_rad, noise, run)
+    return equations, steps

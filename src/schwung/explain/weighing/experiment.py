@@ -22,7 +22,7 @@ from schwung.explain.weighing.candidate import Candidate, Shape
 from schwung.explain.weighing.data import Atom
 from schwung.explain.weighing.equations import equations_of
 from schwung.explain.weighing.growth import slices
-from schwung.explain.weighing.present import with_members
+from schwung.explain.weighing.present import gap_of, with_members
 from schwung.explain.weighing.round import Cause, Linearised, View, acting, resmoothed
 from schwung.explain.weighing.search import Scored
 from schwung.explain.weighing.weigh import Posterior
@@ -169,14 +169,15 @@ class Rivals:
         )
         view = resmoothed(view, (), about.noise)
         present = with_members(known.machine, members, ranges)
+        gap = gap_of(known.effects.gap_rad, members)
         alongs, passed = [], []
         for number, (signal, recorded, torque) in enumerate(zip(view.runs, runs, torques, strict=True)):
             place = ranges.runs + number  # what drifts goes on drifting
-            where = along(signal, recorded, known.machine, present, ranges, place, torque)
+            where = along(signal, recorded, known.machine, present, ranges, place, torque, gap_rad=gap)
             true = TrueTorque(signal, torque.nm - _beyond_belief(where, self.posterior))
             where = replace(where, true_torque=true)
             alongs.append(where)
-            equations, steps = equations_of(where, acting(view, where, members))
+            equations, steps = equations_of(where, acting(view, where, members), about.noise)
             passed.append(Passed.of(equations, steps, about.noise, signal))
         return Linearised(view, alongs, dict(enumerate(passed)), about.noise)
 

@@ -80,10 +80,7 @@ class Known:
             on_motor, on_load = (
                 (on_motor, on_load + acts) if plane.over in LOADED else (on_motor + acts, on_load)
             )
-        coupled = e.cubic_nm_rad3 * along.twist**3
-        if e.gap_rad > 0 and self.machine.coupling is not None:
-            k = self.machine.coupling.stiffness_nm_rad
-            coupled = coupled - k * np.clip(along.twist, -e.gap_rad / 2, e.gap_rad / 2)
+        coupled = e.cubic_nm_rad3 * along.wound**3
         turned = along.angle + e.eccentricity_phase_rad
         position = e.eccentricity_rad * np.sin(turned)
         speed = e.eccentricity_rad * np.cos(turned) * along.speed

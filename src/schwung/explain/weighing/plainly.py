@@ -90,7 +90,7 @@ _SAME = 0.99
 def _law(candidate: Candidate, runs: Sequence[Shown], every: int) -> _Law | None:
     """Of a candidate without a shape and of few numbers that acts as a torque; None of others."""
     simple = candidate.named and candidate.shapes == ((),) and len(candidate.scales) == 1
-    if not simple or candidate.bent is not None or candidate.coupling != (0.0, 0.0):
+    if not simple or candidate.bent is not None or any(candidate.coupling):
         return None
     units = np.eye(candidate.size)
     parts = [[_taken(Acts(candidate.name, candidate, (), unit), run) for run in runs] for unit in units]

@@ -79,3 +79,9 @@ def with_members(machine: Machine, members: Sequence[Member], of: Ranges) -> Mac
             torque_table=load.torque_table,
         )
     return machine.model_copy(update={"coupling": coupling, "load": load})
+
+
+def gap_of(known_rad: float, members: Sequence[Member]) -> float:
+    """The coupling's gap (rad): what is known, and the members'."""
+    added = sum(m.candidate.coupling[2] * float(m.coefficients[0]) for m in members)
+    return max(known_rad + added, 0.0)

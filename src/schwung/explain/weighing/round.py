@@ -13,7 +13,7 @@ from schwung.explain.weighing.along import Along, Ranges, TrueTorque, along
 from schwung.explain.weighing.candidate import Candidate, Missed, Shape
 from schwung.explain.weighing.equations import Acting, equations_of
 from schwung.explain.weighing.known import Known
-from schwung.explain.weighing.present import Member, with_members
+from schwung.explain.weighing.present import Member, gap_of, with_members
 from schwung.explain.weighing.work import LINEARISED, NOISE, Work
 from schwung.innovations.effect import Passed
 from schwung.innovations.likelihood import Noise, likely_noise, unshared_deviance_of
@@ -66,6 +66,7 @@ class View:
     def alongs(self, members: Sequence[Member]) -> list[Along]:
         """Every run's coordinates, with these members present."""
         present = with_members(self.known.machine, members, self.ranges)
+        gap = gap_of(self.known.effects.gap_rad, members)
         return [
             along(
                 run,
@@ -77,6 +78,7 @@ class View:
                 self.torques[number],
                 self._kept[number],
                 self.noises[number] if self.noises else None,
+                gap,
             )
             for number, (run, recorded) in enumerate(zip(self.runs, self.recorded, strict=True))
         ]
@@ -94,9 +96,7 @@ def acting(view: View, along: Along, members: Sequence[Member]) -> Acting:
         opposed = opposed - parts[0] - parts[1]
         if member.candidate.of_machine:
             continue
-        if member.candidate.over_steps is None:
-            total += Acting(*parts)
-        total += _coupled(along, member)
+        total += Acting(*parts) + _coupled(along, member)
     return replace(total, dry_nm=_dry(along, opposed) if view.dry_nm is None else view.dry_nm)
 
 
@@ -105,13 +105,8 @@ def _coupled(along: Along, member: Member) -> Acting:
     if member.candidate.tangent is None:
         return Acting()
     bent = member.candidate.tangent(along, member.coefficients)
-    if member.candidate.over_steps is None:
-        wound = bent[:, 0] * along.twist + bent[:, 1] * along.twist_speed
-        return Acting(on_motor=wound, on_load=-wound, coupling=bent)
-    twist, each = along.run.states[:, 2], (bent[1:] + bent[:-1]) / 2
-    wound = np.stack([twist, along.run.states[:, 1] - along.run.states[:, 3]], 1)
-    taken = np.stack([np.sum(each * wound[:-1], axis=1), np.sum(each * wound[1:], axis=1)], 1)
-    return Acting(coupling=bent, over_steps=taken + member.candidate.over_steps(along, member.coefficients))
+    wound = bent[:, 0] * along.wound + bent[:, 1] * along.winding
+    return Acting(on_motor=wound, on_load=-wound, coupling=bent)
 
 
 def _dry(along: Along, opposed: Array) -> float:
@@ -197,7 +192,7 @@ def linearised(
     runs = range(len(alongs)) if runs is None else runs
     pairs = _few([group for group in view.repeats if len(group) > 1])
     few = [] if reach is None else [i for pair in pairs for i in pair[:2]] or _few(range(len(alongs)))
-    made = {i: equations_of(alongs[i], acting(view, alongs[i], members)) for i in {*runs, *few}}
+    made = {i: equations_of(alongs[i], acting(view, alongs[i], members), noise) for i in {*runs, *few}}
     unlikely = 0.0
     if reach is not None:
         equations = [made[i][0] for i in few]
