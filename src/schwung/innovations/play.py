@@ -9,12 +9,12 @@ wind-up is uncertain.
 
 from __future__ import annotations
 
+from dataclasses import replace
 from math import erf
 
 import numpy as np
 
 from schwung.compiled import compiled, inlined
-from schwung.innovations import kernel
 from schwung.innovations.kalman import begun, carried, updated
 from schwung.innovations.likelihood import Equations, Noise, problem_of
 from schwung.innovations.signals import Signals
@@ -42,28 +42,26 @@ def through_play(
 ) -> tuple[Equations, Steps]:
     """The equations of a run whose coupling has a gap (rad), from those of one without.
 
-    `coupling`: stiffness and damping where it touches, `inertia`: of the load, in each step, (n − 1, 2), (n − 1,).
+    `coupling`: stiffness and damping where it touches, (n − 1, 2), or (2,) where they are the same in all steps;
+    `inertia`: of the load in each step, (n − 1,).
     """
-    part_s = run.step_s / _PARTS
-    touching = kernel.steps_of_each(shaft, coupling, inertia, part_s)
-    open_ = kernel.steps_of_each(shaft, LEAST_SHARE * coupling, inertia, part_s)
+    part_s, count = run.step_s / _PARTS, inertia.size
+    free = shaft._replace(stiffness=LEAST_SHARE * shaft.stiffness, damping=LEAST_SHARE * shaft.damping)
+    if coupling.ndim == 1:
+        touching = Steps.of(shaft, inertia, part_s, slopes=False)
+    else:
+        touching = Steps.of_each(shaft, coupling, inertia, part_s)
     system = problem_of(equations, noise, run)
     system = system._replace(
         transition=system.transition.copy(), forcing=system.forcing.copy(), noise=system.noise.copy()
     )
-    inputs = steps.inputs.copy()
-    _through(system, touching, open_, equations.torques, coupling, gap_rad, inputs)
-    passed = Equations(
-        system.transition,
-        system.forcing,
-        system.noise,
-        equations.slack,
-        equations.apart,
-        equations.measured,
-        equations.first,
-        equations.torques,
+    inputs, coupling = steps.inputs.copy(), np.ascontiguousarray(np.broadcast_to(coupling, (count, 2)))
+    parts = (touching.whole, Steps.of(free, inertia, part_s, slopes=False).whole)
+    _through(system, *parts, equations.torques, coupling, gap_rad, inputs)
+    passed = replace(
+        equations, transition=system.transition, forcing=system.forcing, noise=system.noise
     )
-    return passed, Steps(system.transition[:, :-1, :-1], inputs, *(np.empty(0),) * 3)
+    return passed, replace(steps, transition=system.transition[:, :-1, :-1], inputs=inputs)
 
 
 @inlined

@@ -32,6 +32,11 @@ class Steps:
     by_stiffness: Array  # ∂/∂ log k
     by_damping: Array
 
+    @property
+    def whole(self) -> Array:
+        """Φ and inputs side by side, (m, s, s + 6)."""
+        return np.concatenate([self.transition, self.inputs], axis=2)
+
     @classmethod
     def of(cls, shaft: Shaft, inertia: Array, step_s: float, *, slopes: bool) -> Steps:
         """Steps of the given inertias (m,); without `slopes` the derivatives are empty.

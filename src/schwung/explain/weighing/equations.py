@@ -82,7 +82,7 @@ def equations_of(along: Along, acting: Acting, noise: Noise) -> tuple[Equations,
         coupling = np.maximum(whole + (bent[1:] + bent[:-1]) / 2, LEAST_SHARE * whole)
         steps = Steps.of_each(shaft, coupling, middle, run.step_s)
     else:
-        coupling = np.broadcast_to(whole, (middle.size, 2))
+        coupling = whole
         steps = Steps.of(shaft, middle, run.step_s, slopes=False)
     size = steps.transition.shape[1]
     transition = np.zeros((load.size - 1, size + 1, size + 1))
