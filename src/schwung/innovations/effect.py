@@ -93,6 +93,12 @@ class Passed:
         """Angle's and speed's in turn, white with deviation 1 where the model holds, (2n,)."""
         return np.asarray(self.result.error / np.sqrt(self.result.variance)).reshape(-1)
 
+    @cached_property
+    def unsure(self) -> float:
+        """How much less surely the samples are foreseen for the coupling's gap (−2 log likelihood)."""
+        without = self.equations.logs_without_gap
+        return 0.0 if without is None else float(np.sum(np.log(self.result.variance))) - without
+
     @property
     def samples(self) -> int:
         """2n: of angle and speed, measured or not."""

@@ -6,7 +6,7 @@ A `Model` says what one run's equations are about its states; all else here hold
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Protocol
 
 import numpy as np
@@ -71,6 +71,9 @@ class Equations:
     measured: Array  # (n, 2)
     first: Array  # (s,)
     torques: Array  # (n − 1, 6) over each step, see `Steps`
+    logs_without_gap: float | None = field(
+        default=None, kw_only=True
+    )  # Σ log of the innovations' variances, had the coupling no gap
 
 
 class Model(Protocol):

@@ -15,7 +15,7 @@ from math import erf
 import numpy as np
 
 from schwung.compiled import compiled, inlined
-from schwung.innovations.kalman import begun, carried, updated
+from schwung.innovations.kalman import begun, carried, deviance, updated
 from schwung.innovations.likelihood import Equations, Noise, problem_of
 from schwung.innovations.signals import Signals
 from schwung.innovations.steps import Steps
@@ -57,9 +57,14 @@ def through_play(
     )
     inputs, coupling = steps.inputs.copy(), np.ascontiguousarray(np.broadcast_to(coupling, (count, 2)))
     parts = (touching.whole, Steps.of(free, inertia, part_s, slopes=False).whole)
+    logs, _ = deviance(system)
     _through(system, *parts, equations.torques, coupling, gap_rad, inputs)
     passed = replace(
-        equations, transition=system.transition, forcing=system.forcing, noise=system.noise
+        equations,
+        transition=system.transition,
+        forcing=system.forcing,
+        noise=system.noise,
+        logs_without_gap=logs,
     )
     return passed, replace(steps, transition=system.transition[:, :-1, :-1], inputs=inputs)
 

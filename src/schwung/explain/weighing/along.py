@@ -224,7 +224,7 @@ class Along:
     @property
     @_kept
     def twist(self) -> Array:
-        """Of the coupling (rad), as far as it is heard; 0 where there is none."""
+        """Of the coupling (rad), as far as it is heard, all of it where that has play; 0 where there is none."""
         return 0.0 * self.speed if self.run.rigid else self._heard(self.run.states[:, 2], 0)
 
     @property
@@ -259,6 +259,8 @@ class Along:
         return np.where(self.touches, self.twist_speed, 0.0)
 
     def _heard(self, values: Array, which: int) -> Array:
+        if self.gap_rad > 0:
+            return values  # free flights are far above the band
         quiet = np.asarray(self.run.quiet(values))
         return quiet if self.noise is None else heard(quiet, self.run.quiet(self.noise[:, which]))
 

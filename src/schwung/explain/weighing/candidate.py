@@ -121,6 +121,12 @@ class Candidate:
         return all(coefficients[which] > least for which, least in self.bounds_below)
 
     @property
+    def opens(self) -> bool:
+        """Whether it opens a gap: what that does is no line about a coupling without, so that it is tried, whatever a line
+        promises."""
+        return self.coupling[2] != 0
+
+    @property
     def of_machine(self) -> bool:
         """Whether it is a change of the machine's inertia or coupling."""
         return self.inertia is not None or any(self.coupling)

@@ -172,10 +172,11 @@ class Growth:
         """The best set of one cause more, at rest; None where none is more probable than the one at hand."""
         if len(start.picks) >= MOST:
             return None
-        offered = [one for one in search.offered(start.picks) if one.log > start.log]
-        offered.sort(key=lambda one: -one.log)
+        offered = sorted(search.offered(start.picks), key=lambda one: -one.log)
+        promising = [one for one in offered if one.log > start.log][:_TRIED]
+        opening = [one for one in offered if search.candidate(one.picks[-1]).opens][:1]
         best, top = None, 0.0
-        for one in offered[:_TRIED]:
+        for one in [*promising, *(one for one in opening if one not in promising)]:
             if best is not None and search.data.work.spent:
                 break
             tried, gain = self._rested(search, one, start, at)

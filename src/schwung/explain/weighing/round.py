@@ -173,6 +173,10 @@ class Linearised:
         """Sum of squares of some runs' innovations."""
         return float(np.sum(self.innovations(runs) ** 2))
 
+    def unsure(self, runs: Sequence[int]) -> float:
+        """What some runs' innovations are less sure of for a coupling's gap (−2 log likelihood)."""
+        return sum(self.passed[run].unsure for run in runs)
+
     def innovations(self, runs: Sequence[int]) -> Array:
         """Of some runs, one behind another, (Σ2n,)."""
         return np.concatenate([self.passed[run].innovations for run in runs])

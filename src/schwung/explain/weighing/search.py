@@ -212,10 +212,11 @@ class Search:
         return best
 
     def offered(self, picks: Set, without: frozenset[int] = frozenset()) -> list[Scored]:
-        """Sets of one cause more, those that promise most, and curves in place of their cases."""
+        """Sets of one cause more, those that promise most or open a gap, and curves in place of their cases."""
         offers = [o for o in self.additions(picks) if self.index(o[1]) not in without]
+        beyond = [o for o in offers[_LOOKED_AT:] if self.candidate(o[1]).opens][:1]
         return [
-            *(self._with(picks, pick) for _, pick in offers[:_LOOKED_AT]),
+            *(self._with(picks, pick) for _, pick in [*offers[:_LOOKED_AT], *beyond]),
             *self._curves_instead(picks, without),
         ]
 

@@ -98,10 +98,33 @@ def settled_beyond(
 
     Where no part of that step makes the runs likelier, the set is worth nothing: what it promised is no machine.
     """
+    if any(_shut(m) for m in members):
+        opened = _opened(about, members, weighing)
+        if opened is None:
+            return Settled(about, tuple(members), -np.inf)
+        return settled(about.view, opened, weighing)
     steps = [new - m.coefficients for new, m in zip(promised, members, strict=True)]
     cost = _cost(about, members, weighing)
     still = [np.zeros(len(m.candidate.spacing)) for m in members]
     return _at_rest(_Step(about, tuple(members), steps, still, np.inf, cost, -np.inf), weighing)
+
+
+def _shut(member: Member) -> bool:
+    """Whether it opens a gap that is not open yet."""
+    return member.candidate.opens and not np.any(member.coefficients)
+
+
+def _opened(about: Linearised, members: Sequence[Member], weighing: Weighing) -> list[Member] | None:
+    """With a gap from which the search for one begins: the likeliest; None where each is less likely than none."""
+    least, best = _cost(about, members, weighing), None
+    place = next(i for i, member in enumerate(members) if _shut(member))
+    for (gap,) in members[place].candidate.shapes:
+        tried = list(members)
+        tried[place] = replace(members[place], coefficients=np.array([gap]))
+        cost = _cost(linearised(about.view, tried, weighing.noise, None, weighing.train), tried, weighing)
+        if cost < least:
+            least, best = cost, tried
+    return best
 
 
 def _at_rest(at: _Step, weighing: Weighing) -> Settled:
@@ -155,7 +178,7 @@ class _Step:
 def _cost(about: Linearised, members: Sequence[Member], weighing: Weighing) -> float:
     """How unlikely the runs and the members' coefficients are (−2 log)."""
     prior = sum(float(np.sum((m.coefficients / m.deviations) ** 2)) for m in members)
-    return about.square(weighing.train) / weighing.excess + prior
+    return (about.square(weighing.train) + about.unsure(weighing.train)) / weighing.excess + prior
 
 
 def _stepped(about: Linearised, members: Sequence[Member], weighing: Weighing) -> _Step:
