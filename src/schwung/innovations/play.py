@@ -58,7 +58,7 @@ def through_play(
     inputs, coupling = steps.inputs.copy(), np.ascontiguousarray(np.broadcast_to(coupling, (count, 2)))
     parts = (touching.whole, Steps.of(free, inertia, part_s, slopes=False).whole)
     logs, _ = deviance(system)
-    _through(system, *parts, equations.torques, coupling, gap_rad, inputs)
+    _through(system, *parts, equations.torques, coupling, gap_rad, part_s / 2, inputs)
     passed = replace(
         equations,
         transition=system.transition,
@@ -81,6 +81,46 @@ def _touching(twist: float, ahead: float, half: float, spread: float) -> tuple[f
     return sure, half * sure - spread * np.exp(-0.5 * away * away) / np.sqrt(2.0 * np.pi)
 
 
+@inlined
+def _torque(torques: Array, side: int, share: float) -> float:
+    """On motor (`side` 0) or load (1), so much of a step on: straight from start to end, with a parabola on top."""
+    straight = torques[side] * (1 - share) + torques[2 + side] * share
+    return float(straight + 4 * share * (1 - share) * torques[4 + side])
+
+
+@inlined
+def _further(step: Array, phi: Array, onto: Array, push: Array, after: tuple[Array, Array, Array]) -> None:
+    """Φ and what torques do, one part of a step further: by Φ of the part, and what was added to `after` within it."""
+    new_phi, new_onto, new_push = after
+    for a in range(4):
+        for b in range(4):
+            new_phi[a, b] = 0.0
+        for c in range(4):
+            factor = step[a, c]
+            new_push[a] += factor * push[c]
+            for b in range(4):
+                new_phi[a, b] += factor * phi[c, b]
+                new_onto[a, b] += factor * onto[c, b]
+
+
+@inlined
+def _within(
+    step: Array, torques: Array, early: float, late: float, lacks: float, after: tuple[Array, Array, Array]
+) -> None:
+    """What torques do within a part of a step: those of the step, and units at its start and its end."""
+    _, new_onto, new_push = after
+    first = _torque(torques, 0, early) + lacks, _torque(torques, 1, early) - lacks
+    last = _torque(torques, 0, late) + lacks, _torque(torques, 1, late) - lacks
+    height = (late - early) ** 2
+    for a in range(4):
+        new_push[a] = 0.0
+        for side in range(2):
+            start, end, bulge = step[a, 4 + side], step[a, 6 + side], step[a, 8 + side]
+            new_push[a] += start * first[side] + end * last[side] + bulge * height * torques[4 + side]
+            new_onto[a, side] = start * (1 - early) + end * (1 - late)
+            new_onto[a, 2 + side] = start * early + end * late
+
+
 @compiled
 def _through(
     system: System,
@@ -89,74 +129,46 @@ def _through(
     torques: Array,
     coupling: Array,
     gap: float,
+    middle: float,
     inputs: Array,
 ) -> None:
-    """Write to the system's steps, and to what torques at their ends do, those of a coupling with a gap."""
-    count, size, half = system.measured.shape[0], 5, gap / 2
+    """Write to the system's steps, and to what torques at their ends do, those of a coupling with a gap.
+
+    `middle`: half of a part (s).
+    """
+    count, size = system.measured.shape[0], 5
     x, p = np.empty(size), np.empty((size, size))
     gain, row, ahead, lower = np.empty((2, size)), np.empty(size), np.empty(size), np.empty((size, size))
     phi, onto, push = np.empty((4, 4)), np.empty((4, 4)), np.empty(4)
-    new_phi, new_onto, new_push = np.empty((4, 4)), np.empty((4, 4)), np.empty(4)
+    after = (np.empty((4, 4)), np.empty((4, 4)), np.empty(4))
     step, here = np.empty((4, 10)), np.empty(4)
     errors, spreads = np.empty(2), np.empty(2)
     begun(system, x, p, size)
-    for k in range(count):
-        if k > 0:
-            i = k - 1
-            spread = max(np.sqrt(max(p[2, 2], 0.0)), _SUREST * gap)
-            stiffness, damping = coupling[i, 0], coupling[i, 1]
-            phi[:, :], onto[:, :], push[:] = 0.0, 0.0, 0.0
-            for a in range(4):
-                phi[a, a] = 1.0
-            for part in range(_PARTS):
-                early, late = part / _PARTS, (part + 1) / _PARTS
-                for a in range(4):
-                    here[a] = push[a] - onto[a, 0] * x[4]
-                    for b in range(4):
-                        here[a] += phi[a, b] * x[b]
-                bent = here[2] + damping / stiffness * (here[1] - here[3])
-                sure, lacks = _touching(here[2], bent, half, spread)
-                other, misses = _touching(-here[2], -bent, half, spread)
-                sure, lacks = sure + other, stiffness * (lacks - misses)
-                for a in range(4):
-                    for b in range(10):
-                        step[a, b] = sure * touching[i, a, b] + (1.0 - sure) * free[i, a, b]
-                bulge_m, bulge_l = (
-                    4 * early * (1 - early) * torques[i, 4],
-                    4 * early * (1 - early) * torques[i, 5],
-                )
-                later_m, later_l = (
-                    4 * late * (1 - late) * torques[i, 4],
-                    4 * late * (1 - late) * torques[i, 5],
-                )
-                motor = torques[i, 0] * (1 - early) + torques[i, 2] * early + bulge_m + lacks
-                load = torques[i, 1] * (1 - early) + torques[i, 3] * early + bulge_l - lacks
-                motor_on = torques[i, 0] * (1 - late) + torques[i, 2] * late + later_m + lacks
-                load_on = torques[i, 1] * (1 - late) + torques[i, 3] * late + later_l - lacks
-                for a in range(4):
-                    new_push[a] = (
-                        step[a, 4] * motor + step[a, 5] * load + step[a, 6] * motor_on + step[a, 7] * load_on
-                    )
-                    new_push[a] += (step[a, 8] * torques[i, 4] + step[a, 9] * torques[i, 5]) / _PARTS**2
-                    new_onto[a, 0] = step[a, 4] * (1 - early) + step[a, 6] * (1 - late)
-                    new_onto[a, 1] = step[a, 5] * (1 - early) + step[a, 7] * (1 - late)
-                    new_onto[a, 2] = step[a, 4] * early + step[a, 6] * late
-                    new_onto[a, 3] = step[a, 5] * early + step[a, 7] * late
-                    for b in range(4):
-                        new_phi[a, b] = 0.0
-                    for c in range(4):
-                        factor = step[a, c]
-                        new_push[a] += factor * push[c]
-                        for b in range(4):
-                            new_phi[a, b] += factor * phi[c, b]
-                            new_onto[a, b] += factor * onto[c, b]
-                phi, new_phi = new_phi, phi
-                onto, new_onto = new_onto, onto
-                push, new_push = new_push, push
-            for a in range(4):
-                system.forcing[i, a] = push[a]
-                system.transition[i, a, 4], system.noise[i, a] = -onto[a, 0], -onto[a, 2]
+    updated(system, 0, x, p, gain, row, errors, spreads, size)
+    for k in range(count - 1):
+        spread = max(np.sqrt(max(p[2, 2], 0.0)), _SUREST * gap)
+        phi[:, :], onto[:, :], push[:] = np.eye(4), 0.0, 0.0
+        for part in range(_PARTS):
+            for a in range(4):  # the torque's error is a state as well: it acts as torque on the motor does
+                here[a] = push[a] - onto[a, 0] * x[4]
                 for b in range(4):
-                    system.transition[i, a, b], inputs[i, a, b] = phi[a, b], onto[a, b]
-            carried(system, i, x, p, ahead, lower, size)
-        updated(system, k, x, p, gain, row, errors, spreads, size)
+                    here[a] += phi[a, b] * x[b]
+            turning = here[1] - here[3]
+            twist = here[2] + turning * middle  # of the part
+            damped = twist + coupling[k, 1] / coupling[k, 0] * turning
+            one, missing = _touching(twist, damped, gap / 2, spread)
+            other, misses = _touching(-twist, -damped, gap / 2, spread)
+            for a in range(4):
+                for b in range(10):
+                    step[a, b] = free[k, a, b] + (one + other) * (touching[k, a, b] - free[k, a, b])
+            lacks = coupling[k, 0] * (missing - misses)
+            _within(step, torques[k], part / _PARTS, (part + 1) / _PARTS, lacks, after)
+            _further(step, phi, onto, push, after)
+            phi[:, :], onto[:, :], push[:] = after
+        for a in range(4):
+            system.forcing[k, a] = push[a]
+            system.transition[k, a, 4], system.noise[k, a] = -onto[a, 0], -onto[a, 2]
+            for b in range(4):
+                system.transition[k, a, b], inputs[k, a, b] = phi[a, b], onto[a, b]
+        carried(system, k, x, p, ahead, lower, size)
+        updated(system, k + 1, x, p, gain, row, errors, spreads, size)

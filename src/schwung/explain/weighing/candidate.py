@@ -122,8 +122,7 @@ class Candidate:
 
     @property
     def opens(self) -> bool:
-        """Whether it opens a gap: what that does is no line about a coupling without, so that it is tried, whatever a line
-        promises."""
+        """Whether it opens a gap: that is no line about a coupling without, so that it is always tried."""
         return self.coupling[2] != 0
 
     @property
