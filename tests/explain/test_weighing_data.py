@@ -50,10 +50,10 @@ def test_a_column_is_what_the_filter_makes_of_its_cause(view, side):
     noise, along = first_noise(view.runs), view.alongs(())[0]
     size = {"on_motor": 0.1, "on_load": 0.1, "position": 1e-5, "speed": 1e-2}[side]
     acts = size * np.sin(2 * np.pi * np.outer(along.time_s, [5.0, 13.0, 23.0]))
-    plain = Passed.of(*equations_of(along, Acting()), noise, view.runs[0])
+    plain = Passed.of(*equations_of(along, Acting(), noise), noise, view.runs[0])
     column = plain.whitened([Effect(**{side: acts[:, :1]}), Effect(**{side: acts[:, 1:]})])
     for i in range(3):
-        pushed = Passed.of(*equations_of(along, Acting(**{side: acts[:, i]})), noise, view.runs[0])
+        pushed = Passed.of(*equations_of(along, Acting(**{side: acts[:, i]}), noise), noise, view.runs[0])
         change = plain.innovations - pushed.innovations
         # between samples a column's torque is straight, the equations' load is bent: (ωh)²/12 at 23 Hz and 1 kHz
         np.testing.assert_allclose(column[i], change, atol=2e-3 * np.max(np.abs(change)))
@@ -121,8 +121,8 @@ def test_work_is_counted_and_ends_the_search(monkeypatch):
 
 def test_noise_is_what_repeats_do_not_share(view):
     """Without the tight spot the equations are far off, the same in both references; the torque's noise is 0.05 N·m."""
-    systems = [equations_of(along, Acting())[0] for along in view.alongs(())[:2]]
     start, runs = first_noise(view.runs), view.runs[:2]
+    systems = [equations_of(along, Acting(), start)[0] for along in view.alongs(())[:2]]
     shared = likely_noise(systems, runs, start, 1.0, 4.3)
     unshared = likely_noise(systems, runs, start, 1.0, 4.3, repeats=[(0, 1)])
     assert shared.torque_nm > 0.12

@@ -1,44 +1,18 @@
 """Play: what a contact does within a step, and the gap that a machine with a rounded dead zone shows."""
 
-from types import SimpleNamespace
-
 import numpy as np
 import pytest
-from strangers import DAMPING, NOISE, STIFFNESS, Stranger, belief_of, session_of
+from strangers import NOISE, Stranger, belief_of, session_of
 
-from schwung.drivetrain.machine import Coupling
 from schwung.explain.weighing.along import TrueTorque, ranges_of
 from schwung.explain.weighing.growth import absent
 from schwung.explain.weighing.known import known
-from schwung.explain.weighing.present import Member
 from schwung.explain.weighing.round import View
-from schwung.explain.weighing.settling import Weighing, settled
+from schwung.explain.weighing.settling import Weighing, settled, settled_beyond
 from schwung.explain.weighing.vocabulary import vocabulary
-from schwung.explain.weighing.vocabulary.shaft import over_steps, pushing, third_mass, without
+from schwung.explain.weighing.vocabulary.shaft import third_mass
 from schwung.innovations.likelihood import Noise
 from schwung.innovations.signals import signals_of
-
-COUPLING = Coupling(stiffness_nm_rad=STIFFNESS, damping_nms=DAMPING)
-
-
-def test_a_line_over_a_step_pushes_and_moves_as_far_as_what_jumps_within_it():
-    """A torque of 1 from 0.3 of a unit step on: its impulse is 0.7, and a unit mass moves by 0.7²/2."""
-    states = np.zeros((3, 4))
-    states[:, 2] = [-0.3, 0.7, 1.7]
-    run = SimpleNamespace(states=states, as_sampled=lambda values, _finer: values)
-    (start, end), (then, last) = over_steps(lambda twist, _: (twist > 0).astype(float), run)
-    assert (start + end) / 2 == pytest.approx(0.7, abs=0.04)
-    assert start / 3 + end / 6 == pytest.approx(0.7**2 / 2, abs=0.04)
-    assert (then, last) == pytest.approx((1.0, 1.0))
-
-
-def test_a_contact_pushes_and_never_pulls():
-    gap, twist = 1e-3, np.array([2e-3, 2e-3, -2e-3, 4e-4, -4e-4])
-    turning = np.array([0.0, -20.0, -1.0, 5.0, -5.0])
-    left = STIFFNESS * twist + DAMPING * turning - without(COUPLING, twist, turning, gap)
-    pushed = STIFFNESS * (2e-3 - gap / 2)
-    np.testing.assert_allclose(left, [pushed, 0.0, -(pushed + DAMPING), 0.0, 0.0], atol=1e-12)
-    assert pushing(COUPLING, twist, turning, 0.0).all()
 
 
 def test_a_further_mass_answers_a_sine_as_its_frequency_response_says():
@@ -52,7 +26,7 @@ def test_a_further_mass_answers_a_sine_as_its_frequency_response_says():
 
 
 def test_a_gap_comes_to_rest_where_it_is():
-    """From several times as large; the dead zone that is hidden has round corners, (gap/2) tanh(2 φ/gap)."""
+    """The dead zone that is hidden has round corners, (gap/2) tanh(2 φ/gap)."""
     gap, stranger = 2e-4, Stranger("play with round corners", ("backlash",), gap=2e-4)
     session, machine = session_of(stranger, 5, every=8, times=(0.25,)), belief_of(stranger)
     runs = [signals_of(run, machine, 160.0, 0.0) for run in session.runs]
@@ -63,8 +37,13 @@ def test_a_gap_comes_to_rest_where_it_is():
     play = next(one for one in causes if one.name == "backlash")
     usual = [absent(one) for one in causes if one.name.startswith("usual")]
     noise = Noise(torque_nm=NOISE[2], speed_rad_s=NOISE[1], position_rad=NOISE[0])
-    begin = Member(play, play.shapes[-2], np.array([4 * gap]), np.array(play.deviations))
-    at = settled(view, [*usual, begin], Weighing(noise, range(len(runs)), 1.0))
-    assert at.members[-1].coefficients[0] == pytest.approx(gap, rel=0.25)
     without_play = settled(view, usual, Weighing(noise, range(len(runs)), 1.0))
+    promised = [*(m.coefficients for m in usual), np.zeros(1)]
+    at = settled_beyond(
+        without_play.about,
+        [*without_play.members, absent(play)],
+        promised,
+        Weighing(noise, range(len(runs)), 1.0),
+    )
+    assert at.members[-1].coefficients[0] == pytest.approx(gap, rel=0.25)
     assert at.log > without_play.log + 1000

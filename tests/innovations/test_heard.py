@@ -23,7 +23,7 @@ def test_states_of_a_run_are_those_without_noise_and_those_of_noise() -> None:
     of = ranges_of([run], machine, 0.002, 160.0)
     torques = (TrueTorque(run, run.drive.smooth_nm),)
     view = rounds.View(session.runs[:1], (run,), known(machine, of.low_rad, of.high_rad), of, torques)
-    equations, steps = equations_of(view.alongs(())[0], Acting())
+    equations, steps = equations_of(view.alongs(())[0], Acting(), NOISE)
     run = view.runs[0]
     clean = Passed.of(equations, steps, NOISE, run)
     noise = clean.of_noise(NOISE, run, np.random.default_rng(3))

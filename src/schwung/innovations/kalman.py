@@ -67,7 +67,7 @@ def updated(
     spreads: Array,
     size: int,
 ) -> None:
-    """x and p after both samples at k; innovations, their variances and gains into errors, spreads (2,), gain (2, s)."""
+    """x and p after both samples at k; innovations, variances and gains are left in errors, spreads, gain (2, s)."""
     measured, variances = system.measured, system.variances
     for m in range(2):
         # below zero by rounding, where nearly nothing is noise

@@ -52,12 +52,12 @@ def through_play(
     else:
         touching = Steps.of_each(shaft, coupling, inertia, part_s)
     system = problem_of(equations, noise, run)
+    logs, _ = deviance(system)
     system = system._replace(
         transition=system.transition.copy(), forcing=system.forcing.copy(), noise=system.noise.copy()
     )
     inputs, coupling = steps.inputs.copy(), np.ascontiguousarray(np.broadcast_to(coupling, (count, 2)))
     parts = (touching.whole, Steps.of(free, inertia, part_s, slopes=False).whole)
-    logs, _ = deviance(system)
     _through(system, *parts, equations.torques, coupling, gap_rad, part_s / 2, inputs)
     passed = replace(
         equations,
@@ -146,7 +146,8 @@ def _through(
     begun(system, x, p, size)
     updated(system, 0, x, p, gain, row, errors, spreads, size)
     for k in range(count - 1):
-        spread = max(np.sqrt(max(p[2, 2], 0.0)), _SUREST * gap)
+        drifting = p[2, 1] - p[2, 3]  # covariance of the wind-up and its rate; and the variance of that
+        turned = p[1, 1] + p[3, 3] - 2 * p[1, 3]
         phi[:, :], onto[:, :], push[:] = np.eye(4), 0.0, 0.0
         for part in range(_PARTS):
             for a in range(4):  # the torque's error is a state as well: it acts as torque on the motor does
@@ -155,6 +156,9 @@ def _through(
                     here[a] += phi[a, b] * x[b]
             turning = here[1] - here[3]
             twist = here[2] + turning * middle  # of the part
+            since = (2 * part + 1) * middle
+            variance = p[2, 2] + 2 * since * drifting + since * since * turned
+            spread = max(np.sqrt(max(variance, 0.0)), _SUREST * gap)
             damped = twist + coupling[k, 1] / coupling[k, 0] * turning
             one, missing = _touching(twist, damped, gap / 2, spread)
             other, misses = _touching(-twist, -damped, gap / 2, spread)

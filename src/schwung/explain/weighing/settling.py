@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+from scipy.optimize import minimize_scalar
 
 from schwung.explain.weighing.along import Along
 from schwung.explain.weighing.candidate import Candidate, Shape
@@ -31,6 +32,8 @@ from schwung.motion import Array
 
 #: Halvings of a step at most; at rest, where no coefficient moves by more than this (deviations).
 HALVINGS, _AT_REST = 4, 0.1
+#: How well a gap is found (log) before all else comes to rest with it.
+_NEARLY = 0.03
 
 
 @dataclass(frozen=True, eq=False)
@@ -115,16 +118,25 @@ def _shut(member: Member) -> bool:
 
 
 def _opened(about: Linearised, members: Sequence[Member], weighing: Weighing) -> list[Member] | None:
-    """With a gap from which the search for one begins: the likeliest; None where each is less likely than none."""
-    least, best = _cost(about, members, weighing), None
+    """With the likeliest gap, all else as it is; None where none is likelier than no gap.
+
+    The likelihood has one maximum over the gap, and far from it no column says where that is.
+    """
     place = next(i for i, member in enumerate(members) if _shut(member))
-    for (gap,) in members[place].candidate.shapes:
-        tried = list(members)
-        tried[place] = replace(members[place], coefficients=np.array([gap]))
-        cost = _cost(linearised(about.view, tried, weighing.noise, None, weighing.train), tried, weighing)
-        if cost < least:
-            least, best = cost, tried
-    return best
+
+    def tried(log: float) -> list[Member]:
+        gap = np.array([float(np.exp(log))])
+        return [replace(m, coefficients=gap) if i == place else m for i, m in enumerate(members)]
+
+    def cost(log: float) -> float:
+        found = tried(log)
+        return _cost(linearised(about.view, found, weighing.noise, None, weighing.train), found, weighing)
+
+    grid = np.log([gap for (gap,) in members[place].candidate.shapes])
+    best = int(np.argmin([cost(log) for log in grid]))
+    ends = grid[max(best - 1, 0)], grid[min(best + 1, grid.size - 1)]
+    found = minimize_scalar(cost, bounds=ends, method="bounded", options={"xatol": _NEARLY})
+    return tried(found.x) if found.fun < _cost(about, members, weighing) else None
 
 
 def _at_rest(at: _Step, weighing: Weighing) -> Settled:

@@ -22,7 +22,7 @@ from schwung.motion import Array
 #: Nobody knows a coupling's damping better than to this share: a smaller change is no finding.
 _DAMPING_KNOWN_TO = 0.05
 #: Gaps from which the search for one begins, as shares of the largest wind-up.
-_GAPS = (3e-4, 3e-3, 3e-2, 0.3)
+_GAPS = np.geomspace(1e-4, 1.0, 9)
 #: Where a further mass is looked for: frequencies as far apart as the least damped of them is wide.
 _RESONANCES_HZ, _DAMPING_RATIOS = np.geomspace(18, 120, 33), (0.03, 0.1)
 
@@ -108,7 +108,7 @@ def shaft(of: Ranges, coupling: Coupling, torque_nm: float, inertia_kgm2: float)
                   lambda c, _: {"cubic_nm_rad3": c[0]}, positive=(0,), coordinate="torque",
                   tangent=cubic_tangent),
         Candidate("backlash", play, (2 * share * wound,), lambda c, _: {"gap_rad": c[0]}, positive=(0,),
-                  shapes=grid(wound * np.array(_GAPS)),
+                  shapes=grid(wound * _GAPS),
                   coordinate="torque", bent=play_about, coupling=(0.0, 0.0, 1.0)),
         Candidate("extra_compliance", _third_mass, (3 * share * inertia_kgm2,),
                   lambda c, s: {"inertia_kgm2": c[0], "stiffness_nm_rad": c[0] * s[0] ** 2,
