@@ -94,7 +94,7 @@ def usual(view: View) -> Member:
 
 
 def missed(at: Settled) -> float:
-    """Innovations' mean square: 1.17 of the same runs without a gap; until it first touches nobody knows where it is."""
+    """Innovations' mean square: 1.17 of these runs without a gap; until it first touches nobody knows where it is."""
     return at.about.square(range(3)) / at.about.samples(range(3))
 
 
