@@ -216,4 +216,5 @@ def test_what_was_not_kept_is_not_promised_by_more_of_the_same(data):
     assert search.unkept(frozenset({10, 11})) == -8.0
     assert search.unkept(frozenset({11, 12, 13})) == -8.0
     assert search.unkept(frozenset({12, 14})) == -3.0
-    assert search.unkept(frozenset({10, 14})) == 0.0
+    assert search.unkept(frozenset({10, 14})) == -3.0  # no better than the best of those that were tried
+    assert search.unkept(frozenset({10})) == 0.0

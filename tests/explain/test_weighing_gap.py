@@ -100,7 +100,9 @@ def missed(at: Settled) -> float:
 
 @pytest.mark.parametrize("begin", [GAP / 30, GAP / 3, 3 * GAP])
 def test_from_wherever_it_begins_the_gap_comes_to_rest_where_it_is(view, play, begin):
-    at = settled(view, [Member(play, play.shapes[0], np.array([begin]), np.array(play.deviations))], WEIGHING)
+    at = settled(
+        view, [Member(play, play.shapes[0], np.array([begin, 0.0]), np.array(play.deviations))], WEIGHING
+    )
     assert at.members[-1].coefficients[0] == pytest.approx(GAP, rel=0.01)
     assert missed(at) < 1.5
 
@@ -108,7 +110,7 @@ def test_from_wherever_it_begins_the_gap_comes_to_rest_where_it_is(view, play, b
 def test_a_gap_is_tried_whatever_a_line_promises(view, play):
     nothing = settled(view, [usual(view)], WEIGHING)
     members = [*nothing.members, absent(play)]
-    at = settled_beyond(nothing.about, members, [np.zeros(1)] * 2, WEIGHING)
+    at = settled_beyond(nothing.about, members, [np.zeros(1), np.zeros(2)], WEIGHING)
     assert at.members[-1].coefficients[0] == pytest.approx(GAP, rel=0.01)
     assert at.log > nothing.log + 1000
 
@@ -128,7 +130,7 @@ def test_a_gap_that_is_believed_leaves_nothing_to_find():
 def test_a_coupling_without_play_is_surer_than_one_with(view, play):
     """A gap foresees less, and that counts: else any would be likelier than none."""
     wider = settled(
-        view, [Member(play, play.shapes[0], np.array([GAP]), np.array(play.deviations))], WEIGHING
+        view, [Member(play, play.shapes[0], np.array([GAP, 0.0]), np.array(play.deviations))], WEIGHING
     )
     assert wider.about.unsure(range(3)) > 10
     assert settled(view, [usual(view)], WEIGHING).about.unsure(range(3)) == 0

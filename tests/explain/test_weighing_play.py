@@ -38,7 +38,7 @@ def test_a_gap_comes_to_rest_where_it_is():
     usual = [absent(one) for one in causes if one.name.startswith("usual")]
     noise = Noise(torque_nm=NOISE[2], speed_rad_s=NOISE[1], position_rad=NOISE[0])
     without_play = settled(view, usual, Weighing(noise, range(len(runs)), 1.0))
-    promised = [*(m.coefficients for m in usual), np.zeros(1)]
+    promised = [*(m.coefficients for m in usual), np.zeros(play.size)]
     at = settled_beyond(
         without_play.about,
         [*without_play.members, absent(play)],

@@ -96,8 +96,8 @@ class Passed:
     @cached_property
     def unsure(self) -> float:
         """How much less surely the samples are foreseen for the coupling's gap (−2 log likelihood)."""
-        without = self.equations.logs_without_gap
-        return 0.0 if without is None else float(np.sum(np.log(self.result.variance))) - without
+        play = self.equations.play
+        return 0.0 if play is None else float(np.sum(np.log(self.result.variance))) - play.logs_without
 
     @property
     def samples(self) -> int:

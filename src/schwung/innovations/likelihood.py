@@ -60,6 +60,19 @@ class Noise:
 
 
 @dataclass(frozen=True, eq=False)
+class Play:
+    """What the filter met of a coupling's gap.
+
+    `contact`: how surely it touches in each step, on which side (−1…1), and what of its wind-up is gap (rad),
+    (n − 1, 3).
+    `logs_without`: Σ log of the innovations' variances, had it no gap.
+    """
+
+    contact: Array
+    logs_without: float
+
+
+@dataclass(frozen=True, eq=False)
 class Equations:
     """One run about its latest states: all that the filter takes. The last state is the torque's error (N·m)."""
 
@@ -71,9 +84,7 @@ class Equations:
     measured: Array  # (n, 2)
     first: Array  # (s,)
     torques: Array  # (n − 1, 6) over each step, see `Steps`
-    logs_without_gap: float | None = field(
-        default=None, kw_only=True
-    )  # Σ log of the innovations' variances, had the coupling no gap
+    play: Play | None = field(default=None, kw_only=True)  # of the coupling; None: it has none
 
 
 class Model(Protocol):

@@ -16,7 +16,7 @@ import numpy as np
 
 from schwung.compiled import compiled, inlined
 from schwung.innovations.kalman import begun, carried, deviance, updated
-from schwung.innovations.likelihood import Equations, Noise, problem_of
+from schwung.innovations.likelihood import Equations, Noise, Play, problem_of
 from schwung.innovations.signals import Signals
 from schwung.innovations.steps import Steps
 from schwung.innovations.values import Shaft, System
@@ -58,13 +58,14 @@ def through_play(
     )
     inputs, coupling = steps.inputs.copy(), np.ascontiguousarray(np.broadcast_to(coupling, (count, 2)))
     parts = (touching.whole, Steps.of(free, inertia, part_s, slopes=False).whole)
-    _through(system, *parts, equations.torques, coupling, gap_rad, part_s / 2, inputs)
+    contact = np.zeros((count, 3))
+    _through(system, *parts, equations.torques, coupling, gap_rad, part_s / 2, inputs, contact)
     passed = replace(
         equations,
         transition=system.transition,
         forcing=system.forcing,
         noise=system.noise,
-        logs_without_gap=logs,
+        play=Play(contact, logs),
     )
     return passed, replace(steps, transition=system.transition[:, :-1, :-1], inputs=inputs)
 
@@ -131,6 +132,7 @@ def _through(
     gap: float,
     middle: float,
     inputs: Array,
+    contact: Array,
 ) -> None:
     """Write to the system's steps, and to what torques at their ends do, those of a coupling with a gap.
 
@@ -166,6 +168,9 @@ def _through(
                 for b in range(10):
                     step[a, b] = free[k, a, b] + (one + other) * (touching[k, a, b] - free[k, a, b])
             lacks = coupling[k, 0] * (missing - misses)
+            contact[k, 0] += (one + other) / _PARTS
+            contact[k, 1] += (one - other) / _PARTS
+            contact[k, 2] += (missing - misses) / _PARTS
             _within(step, torques[k], part / _PARTS, (part + 1) / _PARTS, lacks, after)
             _further(step, phi, onto, push, after)
             phi[:, :], onto[:, :], push[:] = after

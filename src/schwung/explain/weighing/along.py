@@ -101,6 +101,7 @@ class Along:
     kept: dict[str, Array] = field(default_factory=dict)  # coordinates by their names, for these states
     noise: Array | None = None  # of the coupling's wind-up and its rate alone, (n, 2); None: not known
     gap_rad: float = 0.0  # of the coupling, known and present
+    met: Array | None = None  # `Play.contact` of each step, as the filter met it, (n − 1, 3); None: not known
 
     @property
     def time_s(self) -> Array:
@@ -232,13 +233,8 @@ class Along:
     def twist_speed(self) -> Array:
         return 0.0 * self.speed if self.run.rigid else self._heard(self.speed - self.load_speed, 1)
 
-    @cached_property
-    def touches(self) -> NDArray[np.bool_]:
-        """Whether the coupling touches: it can only push. Without a gap it always does."""
-        return self.touches_with(self.gap_rad)
-
     def touches_with(self, gap_rad: float) -> NDArray[np.bool_]:
-        """The same with another gap."""
+        """Whether a coupling with a gap touches, as the states say it, (n,); without one it always does."""
         coupling = self.present.coupling
         if gap_rad <= 0 or coupling is None:
             return np.ones(self.twist.shape, dtype=bool)
@@ -249,14 +245,24 @@ class Along:
         return (wound > 0) & (push > 0)
 
     @cached_property
+    def contact(self) -> Array:
+        """How surely the coupling touches, on which side, and how much of its wind-up is gap (rad), (n, 3)."""
+        if self.met is not None:
+            steps = np.concatenate([self.met[:1], self.met, self.met[-1:]])
+            return np.asarray(steps[1:] + steps[:-1]) / 2
+        touches = self.touches_with(self.gap_rad).astype(float)
+        side = touches * np.sign(self.twist)
+        return np.column_stack([touches, side, side * self.gap_rad / 2])
+
+    @cached_property
     def wound(self) -> Array:
         """How far the coupling is wound up beyond its gap (rad)."""
-        return np.where(self.touches, self.twist - self.gap_rad / 2 * np.sign(self.twist), 0.0)
+        return np.asarray(self.contact[:, 0] * self.twist - self.contact[:, 2])
 
     @cached_property
     def winding(self) -> Array:
         """And how fast (rad/s)."""
-        return np.where(self.touches, self.twist_speed, 0.0)
+        return np.asarray(self.contact[:, 0] * self.twist_speed)
 
     def _heard(self, values: Array, which: int) -> Array:
         if self.gap_rad > 0:

@@ -124,7 +124,7 @@ class Growth:
                     continue
                 growing = False
             search.best(start.picks)
-            taken = self._instead(search, start, at)
+            taken = self._fewer(search, start, at) or self._instead(search, start, at)
             if taken is None:
                 return _Climbed(search, start, at)
             best, at = taken
@@ -183,6 +183,21 @@ class Growth:
             if gain > top:
                 best, top = (one, tried), gain
         return best
+
+    def _fewer(self, search: Search, start: Scored, at: Settled) -> tuple[Scored, Settled] | None:
+        """The set without one of its names, where that is more probable at rest.
+
+        A name is as sure as its set is likelier at rest than without it, whatever a line says of that.
+        """
+        for pick in start.picks:
+            others = search.score(tuple(other for other in start.picks if other != pick))
+            known = search.kind(others.picks) in self.rested or not search.candidate(pick).named
+            if known or search.data.work.spent:
+                continue
+            tried, gain = self._rested(search, others, start, at)
+            if gain > 0:
+                return others, tried
+        return None
 
     def _instead(self, search: Search, start: Scored, at: Settled) -> tuple[Scored, Settled] | None:
         """A visited set that is more probable than the one at hand at rest, too; what was only promised is noted."""

@@ -61,6 +61,7 @@ def with_members(machine: Machine, members: Sequence[Member], of: Ranges) -> Mac
     coupling, load = machine.coupling, machine.load
     stiffness = sum(m.candidate.coupling[0] * float(m.coefficients[0]) for m in members)
     damping = sum(m.candidate.coupling[1] * float(m.coefficients[0]) for m in members)
+    damping += sum(float(m.coefficients[1]) for m in members if m.candidate.opens)
     if coupling is not None and (stiffness or damping):
         coupling = Coupling(
             stiffness_nm_rad=max(

@@ -206,6 +206,9 @@ def linearised(
         unlikely = unshared_deviance_of(equations, these, noise, places)
         view.work.add(NOISE * sum(2 * run.time_s.size for run in these))
     passed = {i: Passed.of(*made[i], noise, view.runs[i]) for i in runs}
+    for i in runs:
+        play = made[i][0].play
+        alongs[i] = alongs[i] if play is None else replace(alongs[i], met=play.contact)
     view.work.add(LINEARISED * sum(one.samples for one in passed.values()))
     return Linearised(view, alongs, passed, noise, members, unlikely)
 

@@ -336,11 +336,14 @@ class Search:
 
     def unkept(self, kind: frozenset[int]) -> float:
         """By how much a set's log probability differs at rest; of one that was not brought there, what was promised but
-        not kept of the same causes with fewer beside them."""
+        not kept of the same causes with fewer beside them, or else by whichever set with other causes kept the most.
+        """
         if kind in self.kept:
             return self.kept[kind]
-        fewer = (log for other, log in self.kept.items() if frozenset() < other - self.resting <= kind)
-        return min(0.0, min(fewer, default=0.0))
+        beyond = {other - self.resting: log for other, log in self.kept.items()}
+        fewer = [log for other, log in beyond.items() if frozenset() < other <= kind]
+        most = max((log for other, log in beyond.items() if other), default=0.0)
+        return min(0.0, min(fewer, default=most if kind - self.resting else 0.0))
 
     def shares(self) -> list[tuple[float, Scored]]:
         """Every visited kind of set with its probability, the most probable first."""

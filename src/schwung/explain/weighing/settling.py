@@ -114,7 +114,7 @@ def settled_beyond(
 
 def _shut(member: Member) -> bool:
     """Whether it opens a gap that is not open yet."""
-    return member.candidate.opens and not np.any(member.coefficients)
+    return member.candidate.opens and member.coefficients[0] <= 0
 
 
 def _opened(about: Linearised, members: Sequence[Member], weighing: Weighing) -> list[Member] | None:
@@ -125,7 +125,7 @@ def _opened(about: Linearised, members: Sequence[Member], weighing: Weighing) ->
     place = next(i for i, member in enumerate(members) if _shut(member))
 
     def tried(log: float) -> list[Member]:
-        gap = np.array([float(np.exp(log))])
+        gap = np.array([float(np.exp(log)), 0.0])
         return [replace(m, coefficients=gap) if i == place else m for i, m in enumerate(members)]
 
     def cost(log: float) -> float:

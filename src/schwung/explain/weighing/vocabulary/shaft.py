@@ -21,6 +21,8 @@ from schwung.motion import Array
 
 #: Nobody knows a coupling's damping better than to this share: a smaller change is no finding.
 _DAMPING_KNOWN_TO = 0.05
+#: What a contact that opens and closes damps may differ by so much from what the coupling was believed to damp.
+_OF_CONTACTS = 0.3
 #: Gaps from which the search for one begins, as shares of the largest wind-up.
 _GAPS = np.geomspace(1e-4, 1.0, 9)
 #: Where a further mass is looked for: frequencies as far apart as the least damped of them is wide.
@@ -86,13 +88,18 @@ def shaft(of: Ranges, coupling: Coupling, torque_nm: float, inertia_kgm2: float)
     def play_about(along: Along, _shape: Shape, gap: Array) -> tuple[Effect, Effect]:
         """What a further opening takes where the coupling touches, and all that it takes."""
         there = along.present.coupling or coupling
-        more = np.where(along.touches, np.sign(along.twist), 0.0)
         whole = lost(along, along.gap_rad) - lost(along, along.gap_rad - float(gap[0]))
-        return between(column(-0.5 * there.stiffness_nm_rad * more)), between(column(-whole))
+        opening = np.column_stack([-0.5 * there.stiffness_nm_rad * along.contact[:, 1], along.winding])
+        return between(opening), between(column(float(gap[1]) * along.winding - whole))
 
     def play(along: Along, shape: Shape) -> Effect:
         further = lost(along, along.gap_rad + shape[0]) - lost(along, along.gap_rad)
-        return between(column(-further / shape[0]))
+        return between(np.column_stack([-further / shape[0], along.winding]))
+
+    def closing(along: Along, _shape: Shape) -> Array:
+        """How fast a contact closes, over the fastest, −1…1: what it does then no stiffness and damping say exactly."""
+        fast = along.contact[:, 1] * along.twist_speed
+        return np.asarray(fast / max(float(np.max(np.abs(along.twist_speed))), 1e-12))
 
     def cubic_tangent(along: Along, cubic: Array) -> Array:
         return np.stack([3 * cubic[0] * along.wound**2, 0 * along.wound], 1)
@@ -107,9 +114,10 @@ def shaft(of: Ranges, coupling: Coupling, torque_nm: float, inertia_kgm2: float)
         Candidate("nonlinear_stiffness", _cubic, (3 * share * k / wound**2,),
                   lambda c, _: {"cubic_nm_rad3": c[0]}, positive=(0,), coordinate="torque",
                   tangent=cubic_tangent),
-        Candidate("backlash", play, (2 * share * wound,), lambda c, _: {"gap_rad": c[0]}, positive=(0,),
+        Candidate("backlash", play, (2 * share * wound, _OF_CONTACTS * damping),
+                  lambda c, _: {"gap_rad": c[0]}, positive=(0, 1), least=(0.0, -b),
                   shapes=grid(wound * _GAPS),
-                  coordinate="torque", bent=play_about, coupling=(0.0, 0.0, 1.0)),
+                  coordinate="torque", bent=play_about, own=closing, coupling=(0.0, 0.0, 1.0)),
         Candidate("extra_compliance", _third_mass, (3 * share * inertia_kgm2,),
                   lambda c, s: {"inertia_kgm2": c[0], "stiffness_nm_rad": c[0] * s[0] ** 2,
                                 "damping_nms": 2 * c[0] * s[0] * s[1]},
