@@ -39,7 +39,7 @@ def candidates():
     ],
 )
 def test_no_total_is_negative(candidates, name, least):
-    ((which, bound),) = candidates[name].bounds_below
+    which, bound = candidates[name].bounds_below[0]
     assert which == 0
     assert bound == pytest.approx(least)
 
