@@ -36,7 +36,7 @@ from schwung.session.model import Session
 from schwung_sim.sealed import CaseWishes, draw_case, write_case
 
 #: What the vocabulary calls effects that the room calls foreign.
-WORDS = {"dahl_presliding": "presliding_friction"}
+WORDS = {"dahl_presliding": "presliding_friction", "mesh_stiffness": "stiffness_over_angle"}
 KINDS = ("single", "weak", "gross", "two", "three", "none", "foreign")
 LIKELY, MOST_OF_IT = 0.5, 0.8
 

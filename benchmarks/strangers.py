@@ -53,12 +53,22 @@ class Stranger:
         0.0,
     )  # cogging: amplitude, order, how far its phase wanders (rad)
     power: float = 0.0  # of friction that grows as |ω|^1.2
+    gives: tuple[float, float] = (0.0, 1.0)  # compliance that waves along the way: its share, order
     hum: tuple[float, float] = (0.0, 1.0)  # a rectangular torque: amplitude, frequency (Hz); begins anywhere
 
     @property
     def laws(self) -> Array:
         """All numbers of its friction."""
-        each = (*self.friction, *self.spot, *self.bends, self.gap, *self.dips, *self.teeth, self.power)
+        each = (
+            *self.friction,
+            *self.spot,
+            *self.bends,
+            self.gap,
+            *self.dips,
+            *self.teeth,
+            self.power,
+            *self.gives,
+        )
         return np.array(each)
 
 
@@ -78,6 +88,7 @@ STRANGERS = (
     Stranger("cogging whose phase wanders", ("cogging",), teeth=(0.5, 12.0, 0.4), curves=("position",)),
     Stranger("friction ∝ |ω|^1.2", ("viscous_friction",), power=0.02, curves=("speed",)),
     Stranger("a rectangular hum", ("periodic_disturbance",), hum=(0.3, 71.3)),
+    Stranger("compliance that waves along the way", ("stiffness_over_angle",), gives=(0.15, 3.0)),
 )  # fmt: skip
 
 
@@ -88,7 +99,8 @@ def _slopes(state: Array, torque: float, friction: Array, last: float) -> tuple[
     if friction[9] > 0:
         free = np.tanh(2 * twist / friction[9])
         twist, touch = twist - friction[9] / 2 * free, free**2
-    shaft = STIFFNESS * twist + DAMPING * touch * (state[1] - state[3])
+    gives = 1 - friction[16] * np.cos(friction[17] * state[0])
+    shaft = STIFFNESS / gives * twist + DAMPING * touch * (state[1] - state[3])
     way = state[1] / np.sqrt(state[1] ** 2 + 1e-4)
     level = friction[0] * (1 + friction[1] * np.cos(1.3 * state[0] + 0.4))
     level += friction[2] * np.sqrt(abs(state[1])) + friction[3] * abs(last)

@@ -12,7 +12,14 @@ import numpy as np
 
 from schwung.compiled import compiled, inlined
 from schwung.drivetrain.kernel import Cascade, Curve, Inputs, Plant, command, value_and_slope
-from schwung.drivetrain.physics import Effects, coupling_torque, load_torque, motor_torque, third_torque
+from schwung.drivetrain.physics import (
+    Effects,
+    coupling_torque,
+    load_torque,
+    motor_torque,
+    stiffness_at,
+    third_torque,
+)
 from schwung.drivetrain.residual_plane import Sheet, sheet_at
 from schwung.motion import Array
 
@@ -138,7 +145,7 @@ def _rates(machine: Learned, state: Masses, torque: float, time: float) -> Masse
         return Masses(state.motor_speed, both, state.load_speed, both, state.third_speed, third, bending)
     shaft = coupling_torque(
         e,
-        plant.stiffness,
+        stiffness_at(e, plant.stiffness, state.motor_angle),
         plant.damping,
         state.motor_angle - state.load_angle,
         state.motor_speed - state.load_speed,

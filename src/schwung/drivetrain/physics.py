@@ -76,6 +76,9 @@ class Effects(NamedTuple):
     stiffness_nm_rad: float = 0.0  # in place of the coupling's; 0: the coupling's
     damping_nms: float = -1.0  # in place of the coupling's; negative: the coupling's
     cubic_nm_rad3: float = 0.0
+    stiffness_share: float = 0.0  # stiffness × (1 + share·sin(order·θ + phase)), θ the motor's angle
+    stiffness_order: float = 1.0
+    stiffness_phase_rad: float = 0.0
     third_inertia_kgm2: float = 0.0  # behind the load
     third_stiffness_nm_rad: float = 0.0
     third_damping_nms: float = 0.0
@@ -186,6 +189,11 @@ PHYSICS: Mapping[str, Mapping[str, Key]] = {
     "coupling_stiffness": {"stiffness_nm_rad": Key("stiffness_nm_rad", "N·m/rad", _POSITIVE)},
     "coupling_damping": {"damping_nms": Key("damping_nms", "N·m·s/rad", _NOT_NEGATIVE)},
     "nonlinear_stiffness": {"cubic_nm_rad3": Key("cubic_nm_rad3", "N·m/rad³")},
+    "stiffness_over_angle": {
+        "order": Key("stiffness_order", "1/rev", _POSITIVE),
+        "share": Key("stiffness_share", "", -0.9, highest=0.9),
+        "phase_rad": Key("stiffness_phase_rad", "rad"),
+    },
     "extra_compliance": {
         "inertia_kgm2": Key("third_inertia_kgm2", "kg·m²", _POSITIVE),
         "stiffness_nm_rad": Key("third_stiffness_nm_rad", "N·m/rad", _POSITIVE),
@@ -206,6 +214,7 @@ _OF_COUPLING = (
     "coupling_stiffness",
     "coupling_damping",
     "nonlinear_stiffness",
+    "stiffness_over_angle",
     "load_side_friction",
 )
 
@@ -337,6 +346,16 @@ def load_torque(e: Effects, angle: float, motion_time: float) -> float:
             (motion_time - e.event_time_s) / e.event_duration_s, e.event_sharpness
         )
     return torque
+
+
+@inlined
+def stiffness_at(e: Effects, stiffness: float, angle: float) -> float:
+    """Of the coupling at an angle of the motor (N·m/rad)."""
+    if e.stiffness_share == 0.0:
+        return stiffness
+    return float(
+        stiffness * (1.0 + e.stiffness_share * np.sin(e.stiffness_order * angle + e.stiffness_phase_rad))
+    )
 
 
 @inlined

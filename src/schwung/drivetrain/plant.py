@@ -175,7 +175,8 @@ def learned_rest(machine: learned.Learned, read_angle: float) -> tuple[learned.M
     def pull(angle: float) -> float:
         """What would turn the load from this angle on (N·m)."""
         twist = motor_angle - angle
-        return load_torque(angle) + physics.coupling_torque(e, plant.stiffness, plant.damping, twist, 0.0)
+        stiffness = physics.stiffness_at(e, plant.stiffness, motor_angle)
+        return load_torque(angle) + physics.coupling_torque(e, stiffness, plant.damping, twist, 0.0)
 
     load_angle = motor_angle
     if not plant.rigid and pull(motor_angle) != 0.0:
@@ -217,6 +218,7 @@ def substeps(machine: Machine, plant: kernel.Plant, period: float, top_speed: fl
     else:
         moved, mobility = plant.rotor_inertia, 1 / plant.rotor_inertia + 1 / lightest
         stiffness = plant.stiffness + 3.0 * max(e.cubic_nm_rad3, 0.0) * _wound(machine, plant, e) ** 2
+        stiffness += abs(e.stiffness_share) * plant.stiffness
         fastest = max(np.sqrt(stiffness * mobility), plant.damping * mobility)
     if e.third_inertia_kgm2 > 0:
         mobility = 1 / e.third_inertia_kgm2 + 1 / (moved if plant.rigid else lightest)
@@ -227,6 +229,8 @@ def substeps(machine: Machine, plant: kernel.Plant, period: float, top_speed: fl
         fastest = max(fastest, ripple, e.cogging_order * top_speed)
     if e.ripple_share != 0:
         fastest = max(fastest, e.ripple_order * top_speed)
+    if e.stiffness_share != 0:
+        fastest = max(fastest, e.stiffness_order * top_speed)
     if e.periodic_amplitude_nm != 0:
         fastest = max(fastest, 2 * np.pi * e.periodic_frequency_hz)
     if e.presliding_nm > 0:

@@ -86,7 +86,11 @@ def _follow(
             shaft -= physics.load_torque(e, x[0], 0.5 * step * at) + _directed_load(machine, x[0], x[1])
         else:
             shaft = physics.coupling_torque(
-                e, body.stiffness, body.damping, angle[at] - x[0], speed[at] - x[1]
+                e,
+                physics.stiffness_at(e, body.stiffness, angle[at]),
+                body.damping,
+                angle[at] - x[0],
+                speed[at] - x[1],
             )
         time = 0.5 * step * at
         other = physics.motor_torque(
@@ -108,7 +112,11 @@ def _follow(
             y = x + share * k[stage - 1] if stage else x.copy()
             inertia, slope = value_and_slope(body.inertia, y[0])
             on_load = physics.coupling_torque(
-                e, body.stiffness, body.damping, angle[at + later] - y[0], speed[at + later] - y[1]
+                e,
+                physics.stiffness_at(e, body.stiffness, angle[at + later]),
+                body.damping,
+                angle[at + later] - y[0],
+                speed[at + later] - y[1],
             )
             on_load += (
                 value_and_slope(body.load_torque, y[0])[0] + value_and_slope(machine.load_table, y[0])[0]

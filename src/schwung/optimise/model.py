@@ -33,6 +33,7 @@ NOT_PLANNED = (
     "load_dependent_friction",
     "torque_constant_drop",
     "torque_ripple",
+    "stiffness_over_angle",
     "torque_filter",
 )
 #: Curves that have one, by what they are over; residuals over anything else have none.

@@ -25,6 +25,7 @@ _GROUPS = (
     ("torque_drop", "torque_drop_at_nm"),
     ("ripple_share", "ripple_order", "ripple_phase_rad"),
     ("torque_filter_s",),
+    ("stiffness_share", "stiffness_order", "stiffness_phase_rad"),
     ("load_amplitude_nm", "load_phase_rad"),
     ("event_peak_nm", "event_time_s", "event_duration_s", "event_sharpness", "motion_start_s"),
     ("periodic_amplitude_nm", "periodic_frequency_hz", "periodic_phase_rad"),
@@ -298,6 +299,8 @@ def _moving(told: Exported, here: frozenset[str], e: Effects) -> list[Equation]:
         both = divided(f"{motor} + {load}", "motor_inertia_kgm2 + inertia")
         return [angle, Equation("motor_speed", both, derivative=True)]
     k = "stiffness_nm_rad" if e.stiffness_nm_rad > 0 else "coupling_stiffness_nm_rad"
+    if "stiffness_share" in here:
+        k = f"({k}*(1 + stiffness_share*sin(stiffness_order*motor_angle + stiffness_phase_rad)))"
     d = "damping_nms" if e.damping_nms >= 0 else "coupling_damping_nms"
     cubic = "cubic_nm_rad3" if "cubic_nm_rad3" in here else "0"
     shaft = f"{k}*twist + {d}*twist_speed" + ("" if cubic == "0" else f" + {cubic}*twist^3")

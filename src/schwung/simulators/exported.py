@@ -44,7 +44,10 @@ UNITS = {
     "_hz": "Hz",
     "_s": "s",
 }
-_OF_COUPLING = ("gap_rad", "stiffness_nm_rad", "damping_nms", "cubic_nm_rad3")
+_OF_COUPLING = (
+    "gap_rad", "stiffness_nm_rad", "damping_nms", "cubic_nm_rad3",
+    "stiffness_share", "stiffness_order", "stiffness_phase_rad",
+)  # fmt: skip
 
 
 @dataclass(frozen=True)

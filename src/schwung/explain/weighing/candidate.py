@@ -70,7 +70,9 @@ class Candidate:
     own: Callable[[Along, Shape], Array] | None = (
         None  # coordinate that its law may be off over, −1…1; None: by name
     )
-    tangent: Callable[[Along, Array], Array] | None = None  # to stiffness and damping along a run, (n, 2)
+    tangent: Callable[[Along, Shape, Array], Array] | None = (
+        None  # to stiffness and damping along a run, (n, 2)
+    )
     whole: Callable[[Along, Shape, Array], Effect] | None = None  # `done`, where there is a shorter way
     bent: Bent | None = None  # where it is not in proportion to its coefficients; `effect` is then about 0
     inertia: Callable[[Array, Shape], Array] | None = (

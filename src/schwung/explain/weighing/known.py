@@ -81,6 +81,9 @@ class Known:
                 (on_motor, on_load + acts) if plane.over in LOADED else (on_motor + acts, on_load)
             )
         coupled = e.cubic_nm_rad3 * along.wound**3
+        if e.stiffness_share != 0.0 and self.machine.coupling is not None:
+            share = e.stiffness_share * np.sin(e.stiffness_order * along.angle + e.stiffness_phase_rad)
+            coupled = coupled + share * self.machine.coupling.stiffness_nm_rad * along.wound
         turned = along.angle + e.eccentricity_phase_rad
         position = e.eccentricity_rad * np.sin(turned)
         speed = e.eccentricity_rad * np.cos(turned) * along.speed

@@ -124,6 +124,7 @@ _SINES = {
     "encoder_eccentricity": ("amplitude_rad", ()),
     "cogging": ("amplitude_nm", ("order",)),
     "torque_ripple": ("share", ("order",)),
+    "stiffness_over_angle": ("share", ("order",)),
 }
 #: Laws that become one where these are alike, and what then adds up.
 _SHAPED = {

@@ -104,7 +104,7 @@ def _coupled(along: Along, member: Member) -> Acting:
     """What bends the coupling: the filter then knows how much more it winds up for more torque."""
     if member.candidate.tangent is None:
         return Acting()
-    bent = member.candidate.tangent(along, member.coefficients)
+    bent = member.candidate.tangent(along, member.shape, member.coefficients)
     wound = bent[:, 0] * along.wound + bent[:, 1] * along.winding
     return Acting(on_motor=wound, on_load=-wound, coupling=bent)
 

@@ -1,6 +1,6 @@
 """The coupling and what swings behind it: a change ΔC of its torque is −ΔC on the motor and ΔC on the load.
 
-stiffness δk·φ        damping δb·φ'        cubic κ φ³        φ the wind-up
+stiffness δk·φ        damping δb·φ'        cubic κ φ³        along the way k a sin nθ·φ        φ the wind-up
 play −½ gap · k · sign φ where it touches, else all that the coupling would carry (`innovations/play.py`)
 a further mass: −J₃ · H · α on the load, H = (2ζω₃ s + ω₃²)/(s² + 2ζω₃ s + ω₃²)
 """
@@ -15,6 +15,7 @@ from scipy.linalg import expm
 from schwung.drivetrain.machine import Coupling
 from schwung.explain.weighing.along import Along, Ranges
 from schwung.explain.weighing.candidate import RIGHT_TO, Candidate, Shape, column, grid
+from schwung.explain.weighing.vocabulary.load import polar
 from schwung.innovations import kernel
 from schwung.innovations.effect import Effect
 from schwung.motion import Array
@@ -40,6 +41,12 @@ def _stiffness(along: Along, _shape: Shape) -> Effect:
 
 def _damping(along: Along, _shape: Shape) -> Effect:
     return between(column(along.winding))
+
+
+def _waves(along: Along, order: float) -> Array:
+    """Sine and cosine of so many times the motor's angle, (n, 2)."""
+    turned = order * along.angle
+    return np.stack([np.sin(turned), np.cos(turned)], 1)
 
 
 def _cubic(along: Along, _shape: Shape) -> Effect:
@@ -101,8 +108,17 @@ def shaft(of: Ranges, coupling: Coupling, torque_nm: float, inertia_kgm2: float)
         fast = along.contact[:, 1] * along.twist_speed
         return np.asarray(fast / max(float(np.max(np.abs(along.twist_speed))), 1e-12))
 
-    def cubic_tangent(along: Along, cubic: Array) -> Array:
+    def cubic_tangent(along: Along, _shape: Shape, cubic: Array) -> Array:
         return np.stack([3 * cubic[0] * along.wound**2, 0 * along.wound], 1)
+
+    def over_angle(along: Along, shape: Shape) -> Effect:
+        there = along.present.coupling or coupling
+        return between(there.stiffness_nm_rad * along.wound[:, None] * _waves(along, shape[0]))
+
+    def over_angle_tangent(along: Along, shape: Shape, shares: Array) -> Array:
+        there = along.present.coupling or coupling
+        stiffer = there.stiffness_nm_rad * (_waves(along, shape[0]) @ shares)
+        return np.stack([stiffer, 0 * stiffer], 1)
 
     return [
         Candidate("coupling_stiffness", _stiffness, (3 * share * k,),
@@ -114,6 +130,10 @@ def shaft(of: Ranges, coupling: Coupling, torque_nm: float, inertia_kgm2: float)
         Candidate("nonlinear_stiffness", _cubic, (3 * share * k / wound**2,),
                   lambda c, _: {"cubic_nm_rad3": c[0]}, positive=(0,), coordinate="torque",
                   tangent=cubic_tangent),
+        Candidate("stiffness_over_angle", over_angle, (3 * share, 3 * share),
+                  lambda c, s: {"order": s[0], "share": polar(c)[0], "phase_rad": polar(c)[1]},
+                  shapes=grid(range(1, 15)), spacing=(0.25,), logarithmic=(False,), bounds=((0.5, 60.0),),
+                  coordinate="position", tangent=over_angle_tangent),
         Candidate("backlash", play, (2 * share * wound, _OF_CONTACTS * damping),
                   lambda c, _: {"gap_rad": c[0]}, positive=(0, 1), least=(0.0, -b),
                   shapes=grid(wound * _GAPS),
