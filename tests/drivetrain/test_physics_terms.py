@@ -58,7 +58,8 @@ FINER = {"local_friction": 30, "backlash": 30}
 BALANCED = (
     "friction_over_angle", "viscous_drift", "load_dependent_friction", "load_side_friction", "presliding_friction",
     "direction_dependent_load",
-    "offset_drift", "torque_constant_drop", "torque_ripple", "torque_filter", "inertia_profile", "residual",
+    "offset_drift", "torque_constant_drop", "torque_ripple", "torque_filter", "stiffness_over_angle",
+    "inertia_profile", "residual",
 )  # fmt: skip
 
 CASES = {

@@ -178,6 +178,26 @@ def test_torque_over_acceleration_is_solved_for(rigid: bool) -> None:
     assert balance(made, time, np.zeros(time.size)) > 0.1
 
 
+def test_stiffness_over_the_angle_drives_the_load() -> None:
+    """What the load gains is what a coupling of that stiffness is wound up by."""
+    made, _ = moved(
+        machine_with({"name": "stiffness_over_angle", "order": 3.0, "share": 0.3, "phase_rad": 0.4})
+    )
+    coupling = paper_machine().coupling
+    assert coupling is not None
+    twist, turning = made.position_rad - made.load_position_rad, made.speed_rad_s - made.load_speed_rad_s
+    gained = INERTIA * (made.load_speed_rad_s - made.load_speed_rad_s[0])
+
+    def missing(share: float) -> float:
+        stiffness = coupling.stiffness_nm_rad * (1 + share * np.sin(3 * made.position_rad + 0.4))
+        pushed = stiffness * twist + coupling.damping_nms * turning - 0.1 * made.load_speed_rad_s
+        passed = np.concatenate([[0.0], np.cumsum((pushed[1:] + pushed[:-1]) / 2)]) / RATE
+        return float(np.max(np.abs(gained - passed)) / np.max(np.abs(gained)))
+
+    assert missing(0.3) < 3e-3
+    assert missing(0.0) > 3e-2
+
+
 def test_a_profile_adds_to_the_inertia() -> None:
     angle = np.linspace(-0.5, 3.5, 81)
     table = np.stack([angle, 0.05 * np.sin(2 * angle)], 1).tolist()

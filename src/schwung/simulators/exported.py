@@ -44,7 +44,8 @@ UNITS = {
     "_hz": "Hz",
     "_s": "s",
 }
-_OF_COUPLING = (
+#: Numbers that a machine without a coupling has not.
+OF_COUPLING = (
     "gap_rad", "stiffness_nm_rad", "damping_nms", "cubic_nm_rad3",
     "stiffness_share", "stiffness_order", "stiffness_phase_rad",
 )  # fmt: skip
@@ -189,7 +190,7 @@ def _parameters(machine: Machine, effects: Effects, start_rad: float) -> tuple[P
         ]
     limit = min(effects.torque_limit_nm, NO_LIMIT_NM)
     for name, value in effects._replace(torque_limit_nm=limit)._asdict().items():
-        if coupling is not None or name not in _OF_COUPLING:
+        if coupling is not None or name not in OF_COUPLING:
             listed.append(Parameter(name, float(value), _WORDS.get(name) or _origin(name)))
     return tuple(listed)
 

@@ -25,7 +25,7 @@ from schwung.drivetrain.machine import Machine
 from schwung.errors import InputError
 from schwung.files import replace_file
 from schwung.simulators.description import Variable, build_description, model_description, variables
-from schwung.simulators.exported import Exported, exported
+from schwung.simulators.exported import OF_COUPLING, Exported, exported
 
 FmiVersion = Literal[2, 3]
 
@@ -102,8 +102,8 @@ def _source(name: str) -> str:
 def _data(told: Exported, listed: tuple[Variable, ...], token: str) -> str:
     """machine_data.h: variables by number, values at first, tables."""
     known = [one.name.upper() for one in listed]
-    absent = [name for name in ("COUPLING_STIFFNESS_NM_RAD", "COUPLING_DAMPING_NMS", "GAP_RAD", "STIFFNESS_NM_RAD",
-                                "DAMPING_NMS", "CUBIC_NM_RAD3") if name not in known]  # fmt: skip
+    of_coupling = ("coupling_stiffness_nm_rad", "coupling_damping_nms", *OF_COUPLING)
+    absent = [name.upper() for name in of_coupling if name.upper() not in known]
     outputs = [one.name.upper() for one in listed if one.causality == "output"]
     lines = [
         "/* One machine, written by Schwung: variables by value reference, values at first, tables. */",

@@ -168,8 +168,9 @@ static double load_torque(const double *p, double angle, double motion_time) {
 }
 
 /* What the coupling takes from the motor and gives to the load. With play it can only push. */
-static double coupling_torque(const double *p, double twist, double twist_speed) {
-    const double k = stiffness(p), d = damping(p), cubic = p[CUBIC_NM_RAD3];
+static double coupling_torque(const double *p, double motor_angle, double twist, double twist_speed) {
+    const double along = p[STIFFNESS_SHARE] * sin(p[STIFFNESS_ORDER] * motor_angle + p[STIFFNESS_PHASE_RAD]);
+    const double k = stiffness(p) * (1.0 + along), d = damping(p), cubic = p[CUBIC_NM_RAD3];
     if (p[GAP_RAD] <= 0.0) return (k + cubic * twist * twist) * twist + d * twist_speed;
     const double wound = fabs(twist) - 0.5 * p[GAP_RAD], side = twist > 0.0 ? 1.0 : -1.0;
     if (wound <= 0.0) return 0.0;
@@ -205,7 +206,8 @@ static Masses rates(const double *p, Masses s, double torque, double time) {
         const double whole = p[MOTOR_INERTIA_KGM2] + inertia.value + (motor + load > 0.0 ? lost : -lost);
         r.motor_speed = r.load_speed = accelerated(motor + load, whole);
     } else {
-        const double shaft = coupling_torque(p, s.motor_angle - s.load_angle, s.motor_speed - s.load_speed);
+        const double twist = s.motor_angle - s.load_angle;
+        const double shaft = coupling_torque(p, s.motor_angle, twist, s.motor_speed - s.load_speed);
         r.motor_speed = (motor - shaft - p[CARRIED_SHARE] * fabs(shaft) * ahead) / p[MOTOR_INERTIA_KGM2];
         r.load_speed = accelerated(load + shaft, inertia.value);
     }
@@ -246,7 +248,7 @@ static double steps_needed(const Machine *m, double duration) {
         mass += lightest;
     } else {
         const double mobility = 1.0 / mass + 1.0 / lightest, twist = m->state.motor_angle - m->state.load_angle;
-        const double stiff = stiffness(p) + 3.0 * larger(p[CUBIC_NM_RAD3], 0.0) * twist * twist;
+        const double stiff = stiffness(p) * (1.0 + fabs(p[STIFFNESS_SHARE])) + 3.0 * larger(p[CUBIC_NM_RAD3], 0.0) * twist * twist;
         fastest = larger(sqrt(stiff * mobility), damping(p) * mobility);
     }
     if (p[THIRD_INERTIA_KGM2] > 0.0) {
@@ -259,6 +261,7 @@ static double steps_needed(const Machine *m, double duration) {
         fastest = larger(fastest, larger(sqrt(fabs(p[COGGING_AMPLITUDE_NM]) * order * order / mass), order * speed));
     }
     if (p[RIPPLE_SHARE] != 0.0) fastest = larger(fastest, p[RIPPLE_ORDER] * speed);
+    if (p[STIFFNESS_SHARE] != 0.0) fastest = larger(fastest, p[STIFFNESS_ORDER] * speed);
     if (p[PERIODIC_AMPLITUDE_NM] != 0.0) fastest = larger(fastest, TWO_PI * p[PERIODIC_FREQUENCY_HZ]);
     if (p[PRESLIDING_NM] > 0.0) fastest = larger(fastest, sqrt(p[PRESLIDING_STIFFNESS_NM_RAD] / mass));
     double dry = larger(p[COULOMB_POSITIVE_NM], p[COULOMB_NEGATIVE_NM]) + drift(p);
@@ -344,7 +347,7 @@ static double resting_load(const double *p, double angle) {
 
 /* What would turn the load from this angle on, the motor standing. */
 static double pull(const double *p, double motor_angle, double load_angle) {
-    return resting_load(p, load_angle) + coupling_torque(p, motor_angle - load_angle, 0.0);
+    return resting_load(p, load_angle) + coupling_torque(p, motor_angle, motor_angle - load_angle, 0.0);
 }
 
 static const char *wind_up(const double *p, double motor_angle, double *load_angle) {
