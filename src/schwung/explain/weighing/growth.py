@@ -117,7 +117,9 @@ class Growth:
                 if taken is not None:
                     best, at = taken
                     picks, fresh = _kept(search, best, at), False
-                    continue
+                    if not search.candidate(best.picks[-1]).each_run:
+                        continue
+                    # what each run has of its own was noise, for repeats do not share it
                 if not fresh:
                     self._renew(at)
                     at, fresh = settled(self.wide.seen(at.about.view), at.members, self._weighing), True
