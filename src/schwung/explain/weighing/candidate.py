@@ -59,6 +59,7 @@ class Candidate:
     choices: int = 0  # how many those are sought among
     spacing: Shape = ()  # of the shapes' grid, in each of their numbers
     bounds: tuple[tuple[float, float], ...] = ()  # within which a shape is one
+    endless: tuple[int, ...] = ()  # numbers of the shape whose bounds are as good as what lies beyond
     logarithmic: tuple[bool, ...] = ()  # numbers of the shape that are refined by factors
     scales: tuple[float, ...] = (1.0,)
     positive: tuple[int, ...] = ()  # coefficients that cannot be below `least`

@@ -24,6 +24,8 @@ from schwung.explain.weighing.weigh import Posterior
 from schwung.innovations.effect import Passed
 from schwung.motion import Array
 
+#: Deviations beyond which a difference is no chance, of 19 in 20.
+_SURE = 1.645
 #: Log likelihoods are compared over stretches of so much time (s), which are taken as independent.
 _STRETCH_S = 0.02
 
@@ -112,4 +114,4 @@ def as_good(one: Judged, other: Judged) -> bool:
     """Whether the first predicts as well as the second, as far as these runs tell."""
     difference = one.logs - other.logs
     deviation = float(np.std(difference)) * np.sqrt(difference.size)
-    return bool(np.sum(difference) >= -2 * deviation)
+    return bool(np.sum(difference) >= -_SURE * deviation)

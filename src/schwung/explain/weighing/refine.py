@@ -25,7 +25,7 @@ from schwung.motion import Array
 #: A shape is refined until its evidence is known within this.
 _SETTLED = 0.05
 #: Nodes in each of a shape's numbers, by how many of these there are; how often they are laid at most.
-_NODES, _DRAWS = {1: 5, 2: 4}, 10
+_NODES, _DRAWS = {1: 5, 2: 4, 3: 3}, 10
 #: Half of what the nodes span at first, over the grid's spacing; what it shrinks by.
 _FIRST, _SHRINK = 0.5, 0.1
 #: A shape that was refined before is sought again within so many of its deviations.
@@ -33,7 +33,7 @@ _AGAIN = 4.0
 #: Beyond so many times their reach the nodes say nothing.
 _TRUSTED = 2.0
 #: Places in each number that are looked at between the nodes, before the best is improved.
-_PLACES = {1: 33, 2: 9}
+_PLACES = {1: 33, 2: 9, 3: 7}
 #: Of the width over which the evidence is measured, as a share of the grid's spacing; divided until it is about one.
 _STEP = 0.25
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from schwung.drivetrain.machine import Machine
 from schwung.explain.kept_aside import split
 from schwung.explain.weighing.along import TrueTorque, ranges_of
-from schwung.explain.weighing.candidate import NATURAL, Candidate
+from schwung.explain.weighing.candidate import NATURAL, Candidate, Shape
 from schwung.explain.weighing.data import Atom
 from schwung.explain.weighing.elsewhere import holding
 from schwung.explain.weighing.growth import NOISE_SHARE, Grown, Growth, Progress, everything, slices
@@ -308,11 +308,18 @@ def _at_bound(search: Search, name: str) -> bool:
 def at_bound(search: Search, scored: Scored, pick: Pick) -> bool:
     """Whether a cause of a set is at the end of what is tried, or nothing that there can be."""
     candidate, shape = search.candidate(pick), search.data.atoms[pick.atom].shape
-    ends = zip(shape, candidate.bounds, strict=bool(candidate.bounds))
     where = slices(search, scored)[scored.picks.index(pick)]
     return not candidate.possible(scored.found.coefficients[where]) or any(
-        min(v - low, high - v) <= _END * (high - low) for v, (low, high) in ends
+        min(v - low, high - v) <= _END * (high - low) for v, low, high in _coded(candidate, shape)
     )
+
+
+def _coded(candidate: Candidate, shape: Shape) -> Iterator[tuple[float, float, float]]:
+    """A shape's numbers that have an end, and their bounds, as logarithms where they are refined by factors."""
+    every = zip(shape, candidate.bounds, candidate.logarithmic, strict=True) if candidate.bounds else ()
+    for number, (value, (low, high), factor) in enumerate(every):
+        if number not in candidate.endless:
+            yield (np.log(value), np.log(low), np.log(high)) if factor else (value, low, high)
 
 
 def _rms(search: Search, name: str) -> float:

@@ -1,8 +1,9 @@
 """Friction, all of it against the motion: −F·d, d = tanh(ω/ω_s) the direction on the motor, d_l that of the load.
 
 coulomb −F d        asymmetric −F₊ (1 + d)/2 + F₋ (1 − d)/2       viscous −b ω        drag −c |ω| ω
-stribeck −(F + ΔF e^{−(ω/ω_S)²}) d        local −F d · bump(θ)        over the angle −F(θ) d
-drift −ΔF d · share of the session        load-dependent −s |C| d, C what the shaft carries        behind it −F d_l
+stribeck −(F + ΔF e^{−|ω/ω_S|ⁿ}) d        local −F d · bump(θ)        over the angle −F(θ) d
+drift −ΔF d · share of the session, as it settles        load-dependent −s |C| d, C what the shaft carries
+behind it −F d_l
 """
 
 from __future__ import annotations
@@ -18,16 +19,23 @@ from schwung.motion import Array
 
 #: Friction that falls within so many times the speed at which the sign is smoothed is not told from the smoothing.
 OPEN = 6.0
+#: Within which a law's exponent, the sharpness of a bump and the settling of a drift are looked for.
+_EXPONENTS, SHARP, _SETTLING = (0.3, 10.0), (0.01, 100.0), (-20.0, 20.0)
 
 
 @compiled
-def bump(away: Array, width: float) -> Array:
-    """A raised cosine, 1 in the middle, `width` from end to end."""
+def bump(away: Array, width: float, sharpness: float) -> Array:
+    """A raised cosine to a power, 1 in the middle, `width` from end to end."""
     high = np.zeros_like(away)
     for i in range(away.size):
         if abs(away[i]) < 0.5 * width:
-            high[i] = 0.5 + 0.5 * np.cos(2 * np.pi * away[i] / width)
+            high[i] = (0.5 + 0.5 * np.cos(2 * np.pi * away[i] / width)) ** sharpness
     return high
+
+
+def settled(share: Array | float, settling: float) -> Array | float:
+    """What of a drift has come after a share of the session: evenly, or the sooner the more it settles."""
+    return share if abs(settling) < 1e-3 else np.expm1(-settling * share) / np.expm1(-settling)
 
 
 def _coulomb(along: Along, _shape: Shape) -> Effect:
@@ -48,7 +56,7 @@ def _drag(along: Along, _shape: Shape) -> Effect:
 
 
 def _stribeck(along: Along, shape: Shape) -> Effect:
-    fall = np.exp(-((along.speed / shape[0]) ** 2))
+    fall = np.exp(-(np.abs(along.speed / shape[0]) ** shape[1]))
     return Effect(np.stack([-along.direction, -along.direction * fall], 1))
 
 
@@ -58,15 +66,15 @@ def _away(along: Along, shape: Shape) -> Array:
 
 
 def _local(along: Along, shape: Shape) -> Effect:
-    return Effect(column(-along.direction * bump(_away(along, shape), shape[1])))
+    return Effect(column(-along.direction * bump(_away(along, shape), *shape[1:])))
 
 
 def _within(along: Along, shape: Shape) -> Array:
     return np.clip(2 * _away(along, shape) / shape[1], -1.0, 1.0)
 
 
-def _drift(along: Along, _shape: Shape) -> Effect:
-    return Effect(column(-along.direction * along.share))
+def _drift(along: Along, shape: Shape) -> Effect:
+    return Effect(column(-along.direction * settled(along.share, shape[0])))
 
 
 def _viscous_drift(along: Along, _shape: Shape) -> Effect:
@@ -94,7 +102,7 @@ def friction(of: Ranges, torque_nm: float, rigid: bool, known: Known) -> list[Ca
     spots = [
         shape
         for width in np.array([0.05, 0.1, 0.2, 0.4]) * span
-        for shape in grid(np.arange(of.low_rad, of.low_rad + span + width / 4, width / 3), [width])
+        for shape in grid(np.arange(of.low_rad, of.low_rad + span + width / 4, width / 3), [width], [1.0])
     ]
     found = [
         Candidate("coulomb_friction", _coulomb, (natural,), lambda c, _: {"torque_nm": c[0]},
@@ -109,20 +117,22 @@ def friction(of: Ranges, torque_nm: float, rigid: bool, known: Known) -> list[Ca
                   positive=(0,), least=(-e.drag_nms2,), coordinate="speed"),
         Candidate("stribeck_friction", _stribeck, (natural, natural),
                   lambda c, s: {"coulomb_torque_nm": c[0], "breakaway_torque_nm": c[0] + c[1],
-                                "stribeck_speed_rad_s": s[0]},
-                  shapes=grid(np.geomspace(slowest, 0.5 * speed, 10)), spacing=(0.3,), logarithmic=(True,),
-                  bounds=((slowest, speed),), positive=(0, 1), least=(-min(ahead, back), 0.0),
+                                "stribeck_speed_rad_s": s[0], "exponent": s[1]},
+                  shapes=grid(np.geomspace(slowest, 0.5 * speed, 10), [2.0]), spacing=(0.3, 0.35),
+                  logarithmic=(True, True), bounds=((slowest, speed), _EXPONENTS), positive=(0, 1),
+                  least=(-min(ahead, back), 0.0),
                   coordinate="speed", family="dry"),
         Candidate("local_friction", _local, (natural,),
-                  lambda c, s: {"torque_nm": c[0], "centre_rad": s[0], "width_rad": s[1]},
-                  shapes=tuple(spots), spacing=(0.03 * span, 0.5), logarithmic=(False, True),
-                  bounds=((of.low_rad - 0.2 * span, of.high_rad + 0.2 * span), (0.01 * span, 0.8 * span)),
+                  lambda c, s: {"torque_nm": c[0], "centre_rad": s[0], "width_rad": s[1], "sharpness": s[2]},
+                  shapes=tuple(spots), spacing=(0.03 * span, 0.5, 0.5), logarithmic=(False, True, True),
+                  bounds=((of.low_rad - 0.2 * span, of.high_rad + 0.2 * span), (0.01 * span, 0.8 * span), SHARP),
+                  endless=(2,),
                   positive=(0,), coordinate="position", own=_within),
         Candidate("friction_over_angle", lambda a, _: Effect(-a.direction[:, None] * level.at(a.angle)),
                   (natural,) * level.size, scales=LADDER, coordinate="position", family="dry",
                   whole=lambda a, _, c: Effect(-a.direction[:, None] * level.folded(c).at(a.angle))),
-        Candidate("friction_drift", _drift, (natural,), lambda c, _: {"change_nm": c[0]},
-                  coordinate="run"),
+        Candidate("friction_drift", _drift, (natural,), lambda c, s: {"change_nm": c[0], "settling": s[0]},
+                  shapes=grid([0.0]), spacing=(1.0,), logarithmic=(False,), bounds=(_SETTLING,), coordinate="run"),
         Candidate("viscous_drift", _viscous_drift, (viscous,), lambda c, _: {"change_nms": c[0]},
                   coordinate="run"),
         Candidate("load_dependent_friction", _gear_loss, (NATURAL,), lambda c, _: {"share": c[0]},

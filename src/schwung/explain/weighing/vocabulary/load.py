@@ -27,7 +27,7 @@ from schwung.explain.weighing.candidate import (
     column,
     grid,
 )
-from schwung.explain.weighing.vocabulary.friction import bump
+from schwung.explain.weighing.vocabulary.friction import SHARP, bump
 from schwung.innovations.effect import Effect
 from schwung.motion import Array
 
@@ -60,7 +60,7 @@ def _offset_drift(along: Along, _shape: Shape) -> Effect:
 
 
 def _event(along: Along, shape: Shape) -> Effect:
-    return Effect(on_load=column(bump(along.motion_time_s - shape[0] - shape[1] / 2, shape[1])))
+    return Effect(on_load=column(bump(along.motion_time_s - shape[0] - shape[1] / 2, *shape[1:])))
 
 
 def _during(along: Along, shape: Shape) -> Array:
@@ -163,7 +163,9 @@ def load(of: Ranges, torque_nm: float, machine: Machine) -> list[Candidate]:
     events = [
         shape
         for duration in np.array([0.02, 0.04, 0.08, 0.16]) * max(of.longest_s, 1e-9)
-        for shape in grid(np.arange(-duration / 2, of.longest_s - duration / 2, duration / 3), [duration])
+        for shape in grid(
+            np.arange(-duration / 2, of.longest_s - duration / 2, duration / 3), [duration], [1.0]
+        )
     ]
     lowest = max(2, int(np.ceil(2 * np.pi / ripples)))
     highest = int(min(_HIGHEST, max(lowest + 1, 2 * np.pi * of.band_hz / (0.5 * of.peak_speed_rad_s))))
@@ -211,9 +213,9 @@ def load(of: Ranges, torque_nm: float, machine: Machine) -> list[Candidate]:
         Candidate("offset_drift", _offset_drift, natural[:1], lambda c, _: {"change_nm": c[0]},
                   coordinate="run"),
         Candidate("load_event", _event, natural[:1],
-                  lambda c, s: {"time_s": s[0], "duration_s": s[1], "peak_nm": c[0]},
-                  shapes=tuple(events), spacing=(0.01 * of.longest_s, 0.5), logarithmic=(False, True),
-                  bounds=((-0.1, of.longest_s), (2e-3, of.longest_s)), coordinate="time_in_motion",
+                  lambda c, s: {"time_s": s[0], "duration_s": s[1], "peak_nm": c[0], "sharpness": s[2]},
+                  shapes=tuple(events), spacing=(0.01 * of.longest_s, 0.5, 0.5), logarithmic=(False, True, True),
+                  bounds=((-0.1, of.longest_s), (2e-3, of.longest_s), SHARP), endless=(2,), coordinate="time_in_motion",
                   own=_during),
         Candidate("cogging", _cogging, natural,
                   lambda c, s: {"order": s[0], "amplitude_nm": polar(c)[0], "phase_rad": polar(c)[1]},
