@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 
 import numpy as np
 import pytest
 
 from schwung.drivetrain.machine import Load, Machine, Motor
 from schwung.explain.explain import explain
+from schwung.explain.values import Quantity
+from schwung.explain.weighing.published import publish
 from schwung.motion import Array, Motion
 from schwung.session.model import Run, Session
 
@@ -69,26 +71,43 @@ def session(hidden: Hidden) -> Session:
     return Session(tuple(runs), created="2026-01-01T00:00:00", source="test")
 
 
-@pytest.mark.parametrize(
-    ("hidden", "names", "true"),
-    [
-        (box, {"local_friction"}, {"torque_nm": 1.5, "centre_rad": 1.1, "width_rad": 0.4}),
-        (settling, {"friction_drift", "coulomb_friction"}, {"torque_nm": 0.8, "change_nm": -0.5, "settling": 4.0}),
-        (
-            exponential,
-            {"stribeck_friction"},
-            {"coulomb_torque_nm": 2.0, "breakaway_torque_nm": 5.0, "stribeck_speed_rad_s": 2.0, "exponent": 1.0},
-        ),
-        (half_sine, {"load_event"}, {"time_s": 0.1, "duration_s": 0.08, "peak_nm": 2.0}),
-    ],
-)  # fmt: skip
-def test_an_unusual_shape_is_one_name_with_its_numbers(
-    hidden: Hidden, names: set[str], true: dict[str, float]
-) -> None:
-    found = explain(session(hidden), MACHINE)
-    assert {finding.physics for finding in found.findings} == names
-    told = {key: quantity for finding in found.findings for key, quantity in finding.parameters.items()}
+#: What is hidden, the names that are right, and their numbers.
+Case = tuple[Hidden, set[str], dict[str, float]]
+SHAPES: tuple[Case, ...] = (
+    (box, {"local_friction"}, {"torque_nm": 1.5, "centre_rad": 1.1, "width_rad": 0.4}),
+    (
+        settling,
+        {"friction_drift", "coulomb_friction"},
+        {"torque_nm": 0.8, "change_nm": -0.5, "settling": 4.0},
+    ),
+    (half_sine, {"load_event"}, {"time_s": 0.1, "duration_s": 0.08, "peak_nm": 2.0}),
+)
+FALLING: Case = (
+    exponential,
+    {"stribeck_friction"},
+    {"coulomb_torque_nm": 2.0, "breakaway_torque_nm": 5.0, "stribeck_speed_rad_s": 2.0, "exponent": 1.0},
+)
+
+
+def has(told: Mapping[str, Quantity], true: dict[str, float]) -> None:
+    """Every true number within a tenth, and within its interval."""
     for key, value in true.items():
         assert told[key].value == pytest.approx(value, rel=0.1), key
         low, high = told[key].ci95 or (np.nan, np.nan)
         assert low - 0.01 * abs(value) <= value <= high + 0.01 * abs(value), key
+
+
+@pytest.mark.parametrize(("hidden", "names", "true"), [*SHAPES, FALLING])
+def test_an_unusual_shape_is_one_name_with_its_numbers(
+    hidden: Hidden, names: set[str], true: dict[str, float]
+) -> None:
+    found = explain(session(hidden), MACHINE).findings
+    assert {finding.physics for finding in found} == names
+    has({key: quantity for finding in found for key, quantity in finding.parameters.items()}, true)
+
+
+@pytest.mark.parametrize(("hidden", "names", "true"), SHAPES)
+def test_weighed_it_is_one_name_in_the_file(hidden: Hidden, names: set[str], true: dict[str, float]) -> None:
+    found = [one for one in publish(session(hidden), MACHINE).names if one.in_file]
+    assert {one.physics for one in found} == names
+    has({key: quantity for one in found for key, quantity in one.parameters.items()}, true)
