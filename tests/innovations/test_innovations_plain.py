@@ -9,7 +9,8 @@ import numpy as np
 import pytest
 from scipy.interpolate import CubicSpline
 
-from schwung.innovations import kalman, kernel, plain, spline_kernel
+from schwung.innovations import kalman, kernel, plain, play, spline_kernel
+from schwung.innovations.contact import PARTS
 from schwung.innovations.splines import interpolated
 from schwung.innovations.values import Added, Shaft, System
 
@@ -90,3 +91,26 @@ def test_a_spline_is_that_of_scipy(derivative: int) -> None:
     values, places = np.sin(9 * time)[:, None] * [1.0, -2.0], np.linspace(time[0], time[-1], 101)
     found = interpolated(values, time[0], 0.05, places, derivative)
     np.testing.assert_allclose(found, CubicSpline(time, values)(places, derivative), rtol=1e-8, atol=1e-9)
+
+
+def test_a_coupling_with_play() -> None:
+    """Half of the steps within the gap, a contact that lifts among them."""
+    shaft, noise, steps = SHAFTS["flexible"], np.random.default_rng(5), 200
+    inertia = np.full(steps, 0.1)
+    whole = plain.steps(shaft, inertia, 1e-3)
+    pressed = plain.steps(shaft, inertia, 1e-3 / PARTS)
+    free = plain.steps(shaft._replace(stiffness=25.0, damping=0.01), inertia, 1e-3 / PARTS)
+    torques = 8 * np.sin(np.arange(steps) / 6)[:, None] * np.array([1.0, -0.2, 1.0, -0.2, 0.01, 0.0])
+    coupling = np.tile([shaft.stiffness, shaft.damping], (steps, 1))
+    found = []
+    for through in (play._through, plain.through):
+        system = System(
+            np.zeros((steps, 5, 5)), np.zeros((steps, 5)), np.ones((steps, 5)), np.full(steps, 0.01),
+            np.zeros(steps), np.cumsum(noise.normal(size=(steps + 1, 2)), axis=0) * [0.0, 1e-6],
+            np.array([1e-8, 1e-4]), np.zeros(5), np.array([1e-3, 0.1, 1e-3, 0.1, 0.1]),
+        )  # fmt: skip
+        noise, inputs, contact = np.random.default_rng(5), whole[:, :, 4:].copy(), np.zeros((steps, 3))
+        through(system, pressed, free, torques, coupling, 5e-4, 0.5e-3 / PARTS, inputs, contact)
+        found.append((system.transition, system.forcing, system.noise, inputs, contact))
+    _agree(found[1], found[0])
+    assert 0.1 < np.mean(found[0][4][:, 0]) < 0.9

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from schwung.innovations.contact import PARTS, SUREST, touching
 from schwung.innovations.values import REACH, TERMS, Added, Filtered, Shaft, System
 from schwung.motion import Array
 
@@ -113,6 +114,72 @@ def deviance(system: System) -> tuple[float, float]:
     """As `kalman.deviance`."""
     result = filtered(system)
     return float(np.sum(np.log(result.variance))), float(np.sum(result.error**2 / result.variance))
+
+
+def through(
+    system: System,
+    pressed: Array,
+    free: Array,
+    torques: Array,
+    coupling: Array,
+    gap: float,
+    middle: float,
+    inputs: Array,
+    contact: Array,
+) -> None:
+    """As `play._through`."""
+    x, p = system.first.copy(), np.diag(system.spread**2)
+    _updated(system, 0, x, p)
+    share = np.arange(PARTS + 1)[:, None] / PARTS
+    parabola = 4 * share * (1 - share)
+    for k in range(system.measured.shape[0] - 1):
+        drifting, turned = p[2, 1] - p[2, 3], p[1, 1] + p[3, 3] - 2 * p[1, 3]
+        acting = torques[k, :2] * (1 - share) + torques[k, 2:4] * share + torques[k, 4:] * parabola
+        phi, onto, push = np.eye(4), np.zeros((4, 4)), np.zeros(4)
+        ratio = coupling[k, 1] / coupling[k, 0]
+        for part in range(PARTS):
+            here = phi @ x[:4] + push - onto[:, 0] * x[4]
+            turning = here[1] - here[3]
+            twist, since = here[2] + turning * middle, (2 * part + 1) * middle
+            variance = max(p[2, 2] + 2 * since * drifting + since * since * turned, 0.0)
+            spread = max(float(np.sqrt(variance)), SUREST * gap)
+            one, missing = touching(twist, twist + ratio * turning, gap / 2, spread)
+            other, misses = touching(-twist, -twist - ratio * turning, gap / 2, spread)
+            contact[k] += np.array([one + other, one - other, missing - misses]) / PARTS
+            step = free[k] + (one + other) * (pressed[k] - free[k])
+            lacks = coupling[k, 0] * (missing - misses) * np.array([1.0, -1.0])
+            early, late = share[part, 0], share[part + 1, 0]
+            push = step[:, :4] @ push + step[:, 4:6] @ (acting[part] + lacks)
+            push += step[:, 6:8] @ (acting[part + 1] + lacks) + step[:, 8:] @ torques[k, 4:] / PARTS**2
+            within = [
+                step[:, 4:6] * (1 - early) + step[:, 6:8] * (1 - late),
+                step[:, 4:6] * early + step[:, 6:8] * late,
+            ]
+            onto, phi = step[:, :4] @ onto + np.hstack(within), step[:, :4] @ phi
+        system.forcing[k, :4], system.transition[k, :4, :4], inputs[k, :, :4] = push, phi, onto
+        system.transition[k, :4, 4], system.noise[k, :4] = -onto[:, 0], -onto[:, 2]
+        x, p = _carried(system, k, x, p)
+        _updated(system, k + 1, x, p)
+
+
+def _carried(system: System, k: int, x: Array, p: Array) -> tuple[Array, Array]:
+    """As `kalman.carried`."""
+    phi, noise = system.transition[k], system.noise[k]
+    last = np.append(phi[:-1, -1], 0.0)
+    torque = np.append(noise[:-1], 0.0)
+    added = system.power[k] * np.outer(noise, noise)
+    added += system.apart[k] * (np.outer(last, last) + np.outer(torque, torque))
+    return phi @ x + system.forcing[k], phi @ p @ phi.T + added
+
+
+def _updated(system: System, k: int, x: Array, p: Array) -> None:
+    """As `kalman.updated`, in place."""
+    for m in range(2):
+        gain = p[:, m] / (max(p[m, m], 0.0) + system.variances[m])
+        x += gain * (system.measured[k, m] - x[m])
+        p -= np.outer(gain, p[m])
+        p[:] = (p + p.T) / 2
+        p[m, m] = max(gain[m] * system.variances[m], 1e-300)
 
 
 def smoothed(transition: Array, result: Filtered) -> Array:

@@ -10,11 +10,12 @@ wind-up is uncertain.
 from __future__ import annotations
 
 from dataclasses import replace
-from math import erf
 
 import numpy as np
 
-from schwung.compiled import compiled, inlined
+from schwung.compiled import compiled_or, inlined
+from schwung.innovations import plain
+from schwung.innovations.contact import PARTS, SUREST, touching
 from schwung.innovations.kalman import begun, carried, deviance, updated
 from schwung.innovations.likelihood import Equations, Noise, Play, problem_of
 from schwung.innovations.signals import Signals
@@ -24,10 +25,6 @@ from schwung.motion import Array
 
 #: A coupling that carries nothing within its play still has this share of its stiffness.
 LEAST_SHARE = 1e-3
-#: Parts of a step, in each of which it is asked whether the coupling touches.
-_PARTS = 8
-#: The wind-up is never surer than to this share of the gap.
-_SUREST = 1e-9
 
 
 def through_play(
@@ -45,19 +42,19 @@ def through_play(
     `coupling`: stiffness and damping where it touches, (n − 1, 2), or (2,) where they are the same in all steps;
     `inertia`: of the load in each step, (n − 1,).
     """
-    part_s, count = run.step_s / _PARTS, inertia.size
+    part_s, count = run.step_s / PARTS, inertia.size
     free = shaft._replace(stiffness=LEAST_SHARE * shaft.stiffness, damping=LEAST_SHARE * shaft.damping)
     if coupling.ndim == 1:
-        touching = Steps.of(shaft, inertia, part_s, slopes=False)
+        pressed = Steps.of(shaft, inertia, part_s, slopes=False)
     else:
-        touching = Steps.of_each(shaft, coupling, inertia, part_s)
+        pressed = Steps.of_each(shaft, coupling, inertia, part_s)
     system = problem_of(equations, noise, run)
     logs, _ = deviance(system)
     system = system._replace(
         transition=system.transition.copy(), forcing=system.forcing.copy(), noise=system.noise.copy()
     )
     inputs, coupling = steps.inputs.copy(), np.ascontiguousarray(np.broadcast_to(coupling, (count, 2)))
-    parts = (touching.whole, Steps.of(free, inertia, part_s, slopes=False).whole)
+    parts = (pressed.whole, Steps.of(free, inertia, part_s, slopes=False).whole)
     contact = np.zeros((count, 3))
     _through(system, *parts, equations.torques, coupling, gap_rad, part_s / 2, inputs, contact)
     passed = replace(
@@ -68,18 +65,6 @@ def through_play(
         play=Play(contact, logs),
     )
     return passed, replace(steps, transition=system.transition[:, :-1, :-1], inputs=inputs)
-
-
-@inlined
-def _touching(twist: float, ahead: float, half: float, spread: float) -> tuple[float, float]:
-    """How surely a coupling touches on one side, and the torque over the stiffness that it lacks there (rad).
-
-    `twist` towards that side, `ahead`: the same and what the damping adds to it, over the stiffness; a contact that
-    lifts lets go where it would pull.
-    """
-    away = (min(twist, ahead) - half) / spread
-    sure = 0.5 * (1.0 + erf(away / np.sqrt(2.0)))
-    return sure, half * sure - spread * np.exp(-0.5 * away * away) / np.sqrt(2.0 * np.pi)
 
 
 @inlined
@@ -122,10 +107,10 @@ def _within(
             new_onto[a, 2 + side] = start * early + end * late
 
 
-@compiled
+@compiled_or(plain.through)
 def _through(
     system: System,
-    touching: Array,
+    pressed: Array,
     free: Array,
     torques: Array,
     coupling: Array,
@@ -136,7 +121,7 @@ def _through(
 ) -> None:
     """Write to the system's steps, and to what torques at their ends do, those of a coupling with a gap.
 
-    `middle`: half of a part (s).
+    `pressed`, `free`: steps of a part, where it touches and where not; `middle`: half of a part (s).
     """
     count, size = system.measured.shape[0], 5
     x, p = np.empty(size), np.empty((size, size))
@@ -151,7 +136,7 @@ def _through(
         drifting = p[2, 1] - p[2, 3]  # covariance of the wind-up and its rate; and the variance of that
         turned = p[1, 1] + p[3, 3] - 2 * p[1, 3]
         phi[:, :], onto[:, :], push[:] = np.eye(4), 0.0, 0.0
-        for part in range(_PARTS):
+        for part in range(PARTS):
             for a in range(4):  # the torque's error is a state as well: it acts as torque on the motor does
                 here[a] = push[a] - onto[a, 0] * x[4]
                 for b in range(4):
@@ -160,18 +145,18 @@ def _through(
             twist = here[2] + turning * middle  # of the part
             since = (2 * part + 1) * middle
             variance = p[2, 2] + 2 * since * drifting + since * since * turned
-            spread = max(np.sqrt(max(variance, 0.0)), _SUREST * gap)
+            spread = max(np.sqrt(max(variance, 0.0)), SUREST * gap)
             damped = twist + coupling[k, 1] / coupling[k, 0] * turning
-            one, missing = _touching(twist, damped, gap / 2, spread)
-            other, misses = _touching(-twist, -damped, gap / 2, spread)
+            one, missing = touching(twist, damped, gap / 2, spread)
+            other, misses = touching(-twist, -damped, gap / 2, spread)
             for a in range(4):
                 for b in range(10):
-                    step[a, b] = free[k, a, b] + (one + other) * (touching[k, a, b] - free[k, a, b])
+                    step[a, b] = free[k, a, b] + (one + other) * (pressed[k, a, b] - free[k, a, b])
             lacks = coupling[k, 0] * (missing - misses)
-            contact[k, 0] += (one + other) / _PARTS
-            contact[k, 1] += (one - other) / _PARTS
-            contact[k, 2] += (missing - misses) / _PARTS
-            _within(step, torques[k], part / _PARTS, (part + 1) / _PARTS, lacks, after)
+            contact[k, 0] += (one + other) / PARTS
+            contact[k, 1] += (one - other) / PARTS
+            contact[k, 2] += (missing - misses) / PARTS
+            _within(step, torques[k], part / PARTS, (part + 1) / PARTS, lacks, after)
             _further(step, phi, onto, push, after)
             phi[:, :], onto[:, :], push[:] = after
         for a in range(4):

@@ -11,6 +11,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
+from schwung.compiled import IS_FAST
 from schwung.explain.weighing.candidate import Candidate, Shape
 from schwung.explain.weighing.data import Atom, Data
 from schwung.explain.weighing.present import Member
@@ -176,7 +177,8 @@ class Growth:
             return None
         offered = sorted(search.offered(start.picks), key=lambda one: -one.log)
         promising = [one for one in offered if one.log > start.log][:_TRIED]
-        opening = [one for one in offered if search.candidate(one.picks[-1]).opens][:1]
+        # without numba a gap costs a hundred times as much: there a line has to promise something
+        opening = [one for one in offered if IS_FAST and search.candidate(one.picks[-1]).opens][:1]
         best, top = None, 0.0
         for one in [*promising, *(one for one in opening if one not in promising)]:
             if best is not None and search.data.work.spent:

@@ -129,14 +129,19 @@ def _opened(about: Linearised, members: Sequence[Member], weighing: Weighing) ->
         return [replace(m, coefficients=gap) if i == place else m for i, m in enumerate(members)]
 
     def cost(log: float) -> float:
+        if about.view.work.late:
+            return np.inf
         found = tried(log)
         return _cost(linearised(about.view, found, weighing.noise, None, weighing.train), found, weighing)
 
     grid = np.log([gap for (gap,) in members[place].candidate.shapes])
-    best = int(np.argmin([cost(log) for log in grid]))
+    costs, shut = [cost(log) for log in grid], _cost(about, members, weighing)
+    best = int(np.argmin(costs))
+    if not costs[best] < shut:  # a smaller gap than the likeliest gains some of what that does
+        return None
     ends = grid[max(best - 1, 0)], grid[min(best + 1, grid.size - 1)]
     found = minimize_scalar(cost, bounds=ends, method="bounded", options={"xatol": _NEARLY})
-    return tried(found.x) if found.fun < _cost(about, members, weighing) else None
+    return tried(found.x if found.fun < costs[best] else grid[best])
 
 
 def _at_rest(at: _Step, weighing: Weighing) -> Settled:
