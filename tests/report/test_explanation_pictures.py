@@ -87,9 +87,16 @@ def test_what_is_left_stands_against_the_floor() -> None:
     assert np.nanmean(np.abs(before)) == pytest.approx(COULOMB_NM, rel=0.02)
     assert np.nanstd(after) == pytest.approx(NOISE_NM, rel=0.1)
     assert alone.get_ylim()[1] < 1.5
-    band = below.patches[0].get_extents().transformed(below.transData.inverted())
+    band = below.collections[0].get_paths()[0].get_extents()
     assert (band.y0, band.y1) == pytest.approx((-2 * NOISE_NM, 2 * NOISE_NM))
     assert np.isnan(before[0])  # at rest nothing is compared
+
+
+def test_where_noise_grows_with_the_torque_so_does_its_band() -> None:
+    run = _shown(explained())
+    below = overlay_figure(run, NOISE_NM, ROTARY, floor_share=0.1).axes[1]
+    band = below.collections[0].get_paths()[0].get_extents()
+    assert band.y1 == pytest.approx(2 * np.hypot(NOISE_NM, 0.1 * np.max(np.abs(run.torque_nm))))
 
 
 def test_a_small_mismatch_needs_no_magnifying_glass() -> None:

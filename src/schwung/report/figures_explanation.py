@@ -70,14 +70,19 @@ def shown_overlay(overlays: Sequence[Overlay]) -> Overlay | None:
 
 
 @in_style
-def overlay_figure(overlay: Overlay, floor_nm: float, units: Units, *, named: bool = True) -> Figure:
+def overlay_figure(
+    overlay: Overlay, floor_nm: float, units: Units, *, named: bool = True, floor_share: float = 0.0
+) -> Figure:
     """One run: torque as measured and as needed, by the belief and with the named physics; below, what is left.
 
+    `floor_share`: of the torque, which the noise floor has beside what does not depend on it.
     Where the belief misses so much that the floor could not be seen beside it, what the physics leaves has a
     panel of its own.
     """
     before, after = (residual(overlay, needed) for needed in (overlay.before_nm, overlay.after_nm))
-    own = named and rms(before) > _OUT_OF_SIGHT * max(floor_nm, rms(after))
+    floor = np.hypot(floor_nm, floor_share * overlay.torque_nm)
+    highest = float(np.max(floor))
+    own = named and rms(before) > _OUT_OF_SIGHT * max(rms(floor), rms(after))
     figure = new_figure(6.2 if own else 5.2, (3, 1.6, 1.6) if own else (3, 2))
     above, below, time = figure.axes[0], figure.axes[1], overlay.time_s
     curve(above, time, overlay.torque_nm, INK, label="measured", width=1.7)
@@ -88,12 +93,12 @@ def overlay_figure(overlay: Overlay, floor_nm: float, units: Units, *, named: bo
         for axes in figure.axes[1:]:
             curve(axes, time, after, GOOD, width=1.0)
     for axes in figure.axes[1:]:
-        axes.axhspan(-2 * floor_nm, 2 * floor_nm, color=GRID.light, linewidth=0, zorder=0.5)
-    _reach(below, (before, after) if named else (before,), 3 * floor_nm)
+        axes.fill_between(time, -2 * floor, 2 * floor, color=GRID.light, linewidth=0, zorder=0.5)
+    _reach(below, (before, after) if named else (before,), 3 * highest)
     above.set_title(f"Motor {units.torque_word}, {units.torque}")
     below.set_title(f"Measured minus needed, {units.torque} · grey: ± 2 × noise floor")
     if own:
-        _reach(figure.axes[2], (after,), 3 * floor_nm)
+        _reach(figure.axes[2], (after,), 3 * highest)
         figure.axes[2].set_title("The same, belief + physics alone")
     figure.axes[-1].set_xlabel("time, s")
     key(above)

@@ -278,7 +278,8 @@ def probability_pictures(content: ProbabilitiesContent) -> Iterator[Picture]:
             f"Run {shown.run}, {aside}. Orange: the {units.torque_word} that the belief asks for the recorded motion."
             f"{learned} Within the grey band is noise."
         )
-        figure = overlay_figure(shown, of.noise.torque_nm, units, named=named)
+        share = of.noise.torque_share
+        figure = overlay_figure(shown, of.noise.torque_nm, units, named=named, floor_share=share)
         yield Picture(
             "before_after", "Before and after" if named else "Measured and believed", caption, figure
         )
