@@ -30,7 +30,7 @@ class Recorded:
     """Two runs each of three motions; a law acts in all, another thing in the first, along a column that all have."""
 
     def __init__(self) -> None:
-        chance, self.each_run = np.random.default_rng(3), ""
+        chance = np.random.default_rng(3)
         rows = chance.normal(size=(3, RUNS * SAMPLES))
         motion = np.repeat([0, 0, 1, 1, 2, 2], SAMPLES)
         target = 0.3 * rows[0] + np.where(motion == 0, 1.0, 0.0) * rows[1] + chance.normal(size=motion.size)
@@ -47,9 +47,6 @@ class Recorded:
     def name(self, pick: Pick) -> str:
         return NAMES[pick.atom]
 
-    def candidate(self, pick: Pick) -> Any:
-        return SimpleNamespace(each_run=NAMES[pick.atom] == self.each_run)
-
     def held(self, *named: str) -> set[str]:
         every: Any = Scored(tuple(Pick(number, 1.0) for number in range(3)))
         return {self.name(pick) for pick in holding(self, every, named).picks}  # type: ignore[arg-type]
@@ -62,12 +59,6 @@ def test_what_one_motion_alone_shows_is_refuted_by_the_others() -> None:
 def test_a_law_holds_and_a_name_is_not_asked() -> None:
     assert Recorded().held("name") == {"law", "name"}
     assert Recorded().held("one motion's") >= {"law", "one motion's"}
-
-
-def test_what_each_run_has_of_its_own_says_nothing_of_another() -> None:
-    phases = Recorded()
-    phases.each_run = "one motion's"
-    assert "one motion's" in phases.held("name")
 
 
 def test_one_run_refutes_nothing() -> None:

@@ -21,12 +21,12 @@ from schwung.innovations.statistics import Statistics
 def holding(search: Search, best: Scored, named: Collection[str]) -> Scored:
     """The set without what is refuted where it was not fitted, the worst first; `named`: causes that stay anyway.
 
-    One run refutes nothing, and neither does a tie; what each run has of its own says nothing of another.
+    One run refutes nothing, and neither does a tie.
     """
     if len(_kept_apart(search.data)) < 2:
         return best
     while True:
-        doubted = [p for p in best.picks if search.name(p) not in named and not search.candidate(p).each_run]
+        doubted = [pick for pick in best.picks if search.name(pick) not in named]
         missed = missed_elsewhere(search, best) if doubted else 0.0
         fewer = [search.score(tuple(p for p in best.picks if p != pick)) for pick in doubted]
         gains = [missed - missed_elsewhere(search, one) for one in fewer]

@@ -118,9 +118,9 @@ class Growth:
                 if taken is not None:
                     best, at = taken
                     picks, fresh = _kept(search, best, at), False
-                    if not search.candidate(best.picks[-1]).each_run:
+                    if not search.candidate(best.picks[-1]).each_run or at.about.view.ranges.one_motion:
                         continue
-                    # what each run has of its own was noise, for repeats do not share it
+                    # it was noise, for repeats do not share it; where all repeat one motion, nothing else tells noise
                 if not fresh:
                     self._renew(at)
                     at, fresh = settled(self.wide.seen(at.about.view), at.members, self._weighing), True
