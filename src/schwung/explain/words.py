@@ -85,7 +85,7 @@ PHYSICS: dict[str, Words] = {
         "a coupling that stiffens with wind-up", "wind_up", "injected sines of small and of large amplitude"
     ),
     "stiffness_over_angle": Words(
-        "a coupling whose stiffness differs along the way", "position", "a long stroke, with an injected sine"
+        "a stiffness that differs along the way", "position", "a long stroke, with an injected sine"
     ),
     "extra_compliance": Words("a further flexible mass", "frequency", _BODE),
     "load_inertia": Words("a load inertia that is off", "acceleration", _TWO_TIMES),
