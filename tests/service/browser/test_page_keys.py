@@ -82,6 +82,33 @@ def test_the_whole_wizard_by_keyboard(page: Any, served: Served) -> None:
     assert page.troubles == []
 
 
+#: What has the focus in the moment when a step's content appears, before anybody could press a key.
+FOCUS_AT_ONCE = """() => {
+  const noted = window.focus_at_once = [];
+  const step = () => document.querySelector('[aria-current="step"]')?.innerText;
+  const note = () => noted.push([step(), document.activeElement.getAttribute('aria-label')]);
+  new MutationObserver(note).observe(document.querySelector('main'), {childList: true, subtree: true});
+}"""
+
+
+def test_the_focus_comes_with_the_step_not_after_it(page: Any, served: Served) -> None:
+    """A name that is typed at once is typed into its field: an S beside it would stop the machine."""
+    page.goto(f"{served.url}/commission/{served.drive_id}")
+    page.locator(f"button:has-text('Check the drive'){ENABLED}").wait_for()
+    page.evaluate(FOCUS_AT_ONCE)
+    page.get_by_role("button", name="Check the drive").click()
+    page.get_by_text("What is missing before").wait_for()
+    page.locator(f"button:has-text('Plan the motion'){ENABLED}").wait_for(timeout=90_000)
+    page.get_by_role("button", name="Plan the motion").click()
+    page.get_by_text("Repeats").first.wait_for()
+    seen = page.evaluate("window.focus_at_once")
+    first = dict(reversed(seen))
+    assert {step.split()[-1]: focus for step, focus in first.items()} == {
+        "Check": "steps",
+        "Plan": "steps",
+    }, seen
+
+
 @pytest.mark.timeout(240)
 def test_every_text_can_be_read_nothing_is_wider_than_a_phone_or_asked_of_another_host(
     browser: Any, served: Served

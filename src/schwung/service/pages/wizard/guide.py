@@ -9,6 +9,7 @@ from typing import Any
 
 from fastapi import Request
 from nicegui import ui
+from nicegui.element import Element
 
 from schwung.errors import SchwungError
 from schwung.service.pages.desk import Desk, frame, html, set_address
@@ -37,6 +38,14 @@ class Known:
         return (self.planned.result if self.planned is not None else None) or {}
 
 
+class Step(Element, component="../static/step.js"):
+    """What one step shows; with a heading, that gets the focus when this appears, and the next Tab goes on there."""
+
+    def __init__(self, heading: Element | None = None) -> None:
+        super().__init__()
+        self._props["heading"] = heading.html_id if heading is not None else ""
+
+
 class Guide:
     """One commissioning at one page. It keeps nothing that the store lacks, but wishes that were not asked for yet."""
 
@@ -47,7 +56,7 @@ class Guide:
         self._failed = self._shown = False
         self._client = ui.context.client  # steps are built by what they replace
         self._bar = html("", "ol", "sw-steps").props('aria-label="steps" tabindex="-1"')
-        self._place = ui.element("div").classes("sw-column")
+        self._place = ui.element("div")
 
     def go(self, step: int) -> None:
         """Show a step."""
@@ -55,7 +64,7 @@ class Guide:
         self._shown = True
         self._show_bar()
         self._place.clear()
-        with self._place:
+        with self._place, Step(self._bar if came else None):  # what had the focus goes
             _builders()[step](self)
         run = self.known.run
         keeps = step >= RUN and run is not None
@@ -63,8 +72,6 @@ class Guide:
             self._client,
             f"/commission/{self.drive.id}" + (f"?run={run.id}" if keeps and run is not None else ""),
         )
-        if came:  # what had the focus is gone: the next Tab goes on here
-            self._client.run_javascript(f"document.getElementById('{self._bar.html_id}')?.focus()")
 
     def refresh(self) -> None:
         """Show the same step anew."""
