@@ -10,11 +10,12 @@ from schwung.explain.weighing.along import TrueTorque, ranges_of
 from schwung.explain.weighing.candidate import Candidate, Curve, Plane
 from schwung.explain.weighing.data import Data
 from schwung.explain.weighing.equations import Acting, equations_of
-from schwung.explain.weighing.growth import members_of, slices
+from schwung.explain.weighing.growth import members_of
 from schwung.explain.weighing.known import known
 from schwung.explain.weighing.present import Member
 from schwung.explain.weighing.refine import refined
-from schwung.explain.weighing.search import Pick, Search
+from schwung.explain.weighing.search import Pick, Search, slices
+from schwung.explain.weighing.sharpness import covariance_of
 from schwung.explain.weighing.vocabulary import vocabulary
 from schwung.explain.weighing.weigh import _rms, weigh
 from schwung.explain.weighing.work import Work
@@ -105,6 +106,35 @@ def test_a_refined_shape_is_better_than_its_neighbours(data):
             moved = list(better.shape)
             moved[axis] += way * better.spread[axis]
             assert height(tuple(moved)) == pytest.approx(top - 2.0, abs=1.6)
+
+
+def test_a_shape_is_known_as_well_as_its_evidence_is_sharp(data):
+    """Beside all that its set leaves open, and however the shape was found: this one has no deviation of its own."""
+    index = next(i for i, c in enumerate(data.candidates) if c.name == "local_friction")
+    search = Search(data, (0, 1, 2))
+    near = next(
+        i for i, atom in enumerate(data.atoms) if atom.candidate == index and abs(atom.shape[0] - 2) < 0.2
+    )
+    best = search.shaped(search.score((Pick(near, 1.0),)), 0)
+    shape = data.atoms[best.picks[0].atom].shape
+    plain = data.append(index, shape, 0.0)
+    scored = search.score((Pick(data.atoms.index(plain), 1.0),))
+    found = covariance_of(search, scored, scored.picks[0])
+    assert found.shape == (4, 4)
+
+    offsets = np.linspace(-4.5, 4.5, 7)
+    logs = []
+    steps = np.sqrt(np.diag(found))[1:]
+    for a in offsets:
+        for b in offsets:
+            for c in offsets:
+                moved = data.append(index, tuple(np.array(shape) + np.array([a, b, c]) * steps / 2), 0.0)
+                logs.append(search.score((Pick(data.atoms.index(moved), 1.0),)).log)
+    weights = np.exp(np.array(logs) - max(logs)).reshape((offsets.size,) * 3)
+    for axis, deviation in enumerate(steps):
+        share = weights.sum(axis=tuple(i for i in range(3) if i != axis)) / weights.sum()
+        spread = np.sqrt(share @ offsets**2 - (share @ offsets) ** 2) / 2
+        assert spread == pytest.approx(1.0, abs=0.3), (axis, deviation)
 
 
 def test_work_is_counted_and_ends_the_search(monkeypatch):

@@ -18,3 +18,5 @@ def test_a_coupling_that_gives_more_here_than_there_has_a_name():
     true = 1 / (1 - 0.15 * np.cos(3 * angle))
     assert STIFFNESS * np.max(np.abs(told - true)) < 0.06 * STIFFNESS
     assert share == pytest.approx(0.15, abs=0.03)
+    turns = name.parameters["order"]
+    assert 0.002 < (turns.high - turns.low) / turns.value < 0.2  # it is known so well, and no better

@@ -21,10 +21,10 @@ from schwung.explain.weighing.along import Along, TrueTorque, along
 from schwung.explain.weighing.candidate import Candidate, Shape
 from schwung.explain.weighing.data import Atom
 from schwung.explain.weighing.equations import equations_of
-from schwung.explain.weighing.growth import slices
 from schwung.explain.weighing.present import gap_of, with_members
 from schwung.explain.weighing.round import Cause, Linearised, View, acting, resmoothed
-from schwung.explain.weighing.search import Scored
+from schwung.explain.weighing.search import Scored, slices
+from schwung.explain.weighing.sharpness import covariance_of
 from schwung.explain.weighing.weigh import Posterior
 from schwung.explain.weighing.work import Work
 from schwung.innovations.effect import Effect, Passed
@@ -232,7 +232,8 @@ def _bends(posterior: Posterior, scored: Scored) -> list[Candidate]:
     for pick, where in zip(scored.picks, slices(search, scored), strict=True):
         atom, candidate = search.data.atoms[pick.atom], search.candidate(pick)
         coefficients = scored.found.coefficients[where]
-        for axis, spread in enumerate(atom.spread):
+        known_to = np.sqrt(np.diag(covariance_of(search, scored, pick)))[coefficients.size :]
+        for axis, spread in enumerate(known_to.tolist()):
             ends = tuple(_moved(candidate, atom, axis, way * spread) for way in (-1.0, 1.0))
             if ends[0] != ends[1]:
                 found.append(_difference(candidate, ends, coefficients))

@@ -16,7 +16,7 @@ from schwung.explain.weighing.candidate import Candidate, Shape
 from schwung.explain.weighing.data import Atom, Data
 from schwung.explain.weighing.present import Member
 from schwung.explain.weighing.round import View
-from schwung.explain.weighing.search import HOPELESS, MOST, Pick, Scored, Search
+from schwung.explain.weighing.search import HOPELESS, MOST, Pick, Scored, Search, slices
 from schwung.explain.weighing.settling import Settled, Weighing, settled, settled_beyond
 from schwung.explain.weighing.wide import Wide, wide_fit
 from schwung.motion import Array
@@ -283,17 +283,6 @@ def _smooth(candidate: Candidate) -> bool:
     if candidate.name.startswith("usual"):
         return True
     return len(candidate.scales) > 1 or candidate.name in SMOOTH
-
-
-def slices(search: Search, best: Scored) -> list[slice]:
-    """Where each pick's coefficients are among a set's."""
-    at = sum(search.data.candidates[i].size for i in search.always)
-    result = []
-    for pick in best.picks:
-        size = search.candidate(pick).size
-        result.append(slice(at, at + size))
-        at += size
-    return result
 
 
 def members_of(search: Search, best: Scored, candidates: Sequence[Candidate]) -> list[Member]:

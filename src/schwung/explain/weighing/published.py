@@ -24,7 +24,7 @@ from schwung.explain.weighing.drawn import Drawn, drawn
 from schwung.explain.weighing.drawn_formula import formulas_of
 from schwung.explain.weighing.drawn_plane import PLANES, drawn_plane
 from schwung.explain.weighing.formula import Formula
-from schwung.explain.weighing.growth import Progress, slices
+from schwung.explain.weighing.growth import Progress
 from schwung.explain.weighing.judged import Judged, as_good, judged
 from schwung.explain.weighing.learned import Found, learned, table
 from schwung.explain.weighing.places import Acts, overlays, where_of, with_places
@@ -39,7 +39,7 @@ from schwung.explain.weighing.publication import (
     merged,
     over_words,
 )
-from schwung.explain.weighing.search import Pick, Scored, Search
+from schwung.explain.weighing.search import Pick, Scored, Search, slices
 from schwung.explain.weighing.twin import as_missed_by
 from schwung.explain.weighing.values import Parameter, Proof, Weighed
 from schwung.explain.weighing.weigh import Posterior, at_bound, parameters_of, posterior_of

@@ -351,3 +351,14 @@ class Search:
         told.sort(key=lambda pair: -pair[0])
         logs, sets = np.array([log for log, _ in told]), [one for _, one in told]
         return list(zip(np.exp(logs - logsumexp(logs)).tolist(), sets, strict=True))
+
+
+def slices(search: Search, best: Scored) -> list[slice]:
+    """Where each pick's coefficients are among a set's."""
+    at = sum(search.data.candidates[i].size for i in search.always)
+    result = []
+    for pick in best.picks:
+        size = search.candidate(pick).size
+        result.append(slice(at, at + size))
+        at += size
+    return result

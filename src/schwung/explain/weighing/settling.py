@@ -8,14 +8,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.optimize import minimize_scalar
 
-from schwung.explain.weighing.along import Along
-from schwung.explain.weighing.candidate import Candidate, Shape
 from schwung.explain.weighing.inexact import SHARES, deviations_of, error_of
 from schwung.explain.weighing.present import Member, moves
 from schwung.explain.weighing.round import (
     ALIKE,
     STEPS,
-    Cause,
     Linearised,
     View,
     linearised,
@@ -23,8 +20,8 @@ from schwung.explain.weighing.round import (
     resmoothed_about,
 )
 from schwung.explain.weighing.search import logsumexp
+from schwung.explain.weighing.sharpness import shape_slopes
 from schwung.explain.weighing.work import PRODUCT
-from schwung.innovations.effect import Effect
 from schwung.innovations.evidence import weigh
 from schwung.innovations.likelihood import Noise
 from schwung.innovations.statistics import Statistics
@@ -202,7 +199,7 @@ def _stepped(about: Linearised, members: Sequence[Member], weighing: Weighing) -
     train, excess = weighing.train, weighing.excess
     present = np.concatenate([m.coefficients for m in members])
     deviations = np.concatenate([m.deviations for m in members])
-    slopes = [slope for m in members for slope in _slopes(m)]
+    slopes = [slope for m in members for slope in shape_slopes(m)]
     size = present.size
     rows = about.whitened([*((m.candidate.about(m.coefficients), m.shape) for m in members), *slopes], train)
     target = about.innovations(train) + present @ rows[:size]
@@ -251,25 +248,6 @@ def _inexact(about: Linearised, members: Sequence[Member], weighing: Weighing) -
     sizes = np.concatenate([size for _, size in errors])
     logs = [weigh(statistics, np.concatenate([deviations, share * sizes])).log_evidence for share in SHARES]
     return logsumexp(np.array(logs)) - float(np.log(len(SHARES))) - exact
-
-
-#: Of a spacing of the grid, over which the slope by a shape is taken.
-_DIFFERENCE = 0.02
-
-
-def _slopes(member: Member) -> list[Cause]:
-    """What a spacing more of each number of a member's shape adds, with its coefficients."""
-    candidate, found = member.candidate, []
-    for step in _DIFFERENCE * np.eye(len(candidate.spacing)):
-        ends = (candidate.moved(member.shape, step), candidate.moved(member.shape, -step))
-
-        def slope(along: Along, _shape: Shape, ends: tuple[Shape, Shape] = ends) -> Effect:
-            ahead, behind = (candidate.done(along, end, member.coefficients).parts for end in ends)
-            each = zip(ahead, behind, strict=True)
-            return Effect(*(None if a is None or b is None else (a - b) / (2 * _DIFFERENCE) for a, b in each))
-
-        found.append((Candidate(f"{candidate.name}, shape", slope, (1.0,), named=False), member.shape))
-    return found
 
 
 def within(member: Member, coefficients: Array) -> Array:

@@ -13,9 +13,8 @@ from schwung.drivetrain.machine import Machine
 from schwung.explain.kept_aside import split
 from schwung.explain.weighing.along import TrueTorque, ranges_of
 from schwung.explain.weighing.candidate import NATURAL, Candidate, Shape
-from schwung.explain.weighing.data import Atom
 from schwung.explain.weighing.elsewhere import holding
-from schwung.explain.weighing.growth import NOISE_SHARE, Grown, Growth, Progress, everything, slices
+from schwung.explain.weighing.growth import NOISE_SHARE, Grown, Growth, Progress, everything
 from schwung.explain.weighing.known import known
 from schwung.explain.weighing.one_law import one_law
 from schwung.explain.weighing.phases import phased
@@ -23,7 +22,8 @@ from schwung.explain.weighing.present import Member
 from schwung.explain.weighing.publication import NAMED
 from schwung.explain.weighing.repeated import motions_of, repeated
 from schwung.explain.weighing.round import Linearised, View, target_of
-from schwung.explain.weighing.search import Pick, Scored, Search
+from schwung.explain.weighing.search import Pick, Scored, Search, slices
+from schwung.explain.weighing.sharpness import covariance_of
 from schwung.explain.weighing.standing import Standing, standing
 from schwung.explain.weighing.values import Named, Parameter, Proof, Unnamed, Weighed
 from schwung.explain.weighing.vocabulary import vocabulary
@@ -270,29 +270,26 @@ def parameters_of(search: Search, scored: Scored, pick: Pick, where: slice) -> d
     """Of one cause of a set, whose coefficients are at these places."""
     candidate, atom = search.candidate(pick), search.data.atoms[pick.atom]
     centre = scored.found.coefficients[where]
-    moved = _spread(candidate, centre, scored.found.covariance[where, where], atom)
+    moved = _spread(candidate, centre, covariance_of(search, scored, pick), atom.shape)
     return {
         key: Parameter(float(v), float(v - 1.96 * moved[key]), float(v + 1.96 * moved[key]))
         for key, v in candidate.keys(centre, atom.shape).items()
     }
 
 
-def _spread(candidate: Candidate, centre: Array, covariance: Array, atom: Atom) -> dict[str, float]:
+def _spread(candidate: Candidate, centre: Array, covariance: Array, shape: Shape) -> dict[str, float]:
     """Deviations of the published numbers, by differences over coefficients and shape."""
-    own = atom.spread or (0.0,) * len(atom.shape)
-    whole = np.zeros((centre.size + len(own),) * 2)
-    whole[: centre.size, : centre.size] = covariance
-    whole[centre.size :, centre.size :] = np.diag(np.square(own))
-    at = np.concatenate([centre, np.array(atom.shape)])
-    keys = list(candidate.keys(centre, atom.shape))
+    at = np.concatenate([centre, np.array(shape[: covariance.shape[0] - centre.size])])
+    keys = list(candidate.keys(centre, shape))
     slopes = np.zeros((len(keys), at.size))
     for i in range(at.size):
-        step = np.eye(at.size)[i] * max(1e-3 * float(np.sqrt(whole[i, i])), 1e-9 * abs(at[i]), 1e-300)
+        step = np.eye(at.size)[i] * max(1e-3 * float(np.sqrt(covariance[i, i])), 1e-9 * abs(at[i]), 1e-300)
         ahead, behind = (
-            candidate.keys(v[: centre.size], tuple(v[centre.size :].tolist())) for v in (at + step, at - step)
+            candidate.keys(v[: centre.size], (*v[centre.size :].tolist(), *shape[at.size - centre.size :]))
+            for v in (at + step, at - step)
         )
         slopes[:, i] = [(ahead[key] - behind[key]) / (2 * step[i]) for key in keys]
-    deviations = np.sqrt(np.maximum(np.einsum("ki,ij,kj->k", slopes, whole, slopes), 0.0))
+    deviations = np.sqrt(np.maximum(np.einsum("ki,ij,kj->k", slopes, covariance, slopes), 0.0))
     return dict(zip(keys, deviations.tolist(), strict=True))
 
 
