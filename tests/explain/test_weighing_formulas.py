@@ -102,9 +102,9 @@ def test_a_known_disturbance_of_fixed_frequency_is_not_named_again() -> None:
 def test_no_line_is_sought_where_noise_is_white_or_where_the_injection_is_answered() -> None:
     chance = np.random.default_rng(8)
     time = np.arange(1000) / 1000.0
-    white = [Missed(chance.standard_normal(1000), 1e-3, ()) for _ in range(6)]
+    white = [Missed(chance.standard_normal(1000), np.zeros(1000), 1e-3, ()) for _ in range(6)]
     assert strongest(white, RANGES) == ()
     answered = [one.torque_nm + np.sin(2 * np.pi * 47.0 * time + number) for number, one in enumerate(white)]
-    ((found,),) = strongest([Missed(each, 1e-3, ()) for each in answered], RANGES)
+    ((found,),) = strongest([Missed(each, 0.0 * each, 1e-3, ()) for each in answered], RANGES)
     assert found == pytest.approx(47.0, abs=0.5)
-    assert strongest([Missed(each, 1e-3, (47.0,)) for each in answered], RANGES) == ()
+    assert strongest([Missed(each, 0.0 * each, 1e-3, (47.0,)) for each in answered], RANGES) == ()

@@ -99,7 +99,9 @@ class Along:
     starts_s: float  # when the motion leaves rest
     true_torque: TrueTorque
     kept: dict[str, Array] = field(default_factory=dict)  # coordinates by their names, for these states
-    noise: Array | None = None  # of the coupling's wind-up and its rate alone, (n, 2); None: not known
+    noise: Array | None = (
+        None  # of the coupling's wind-up and its rate alone, (n, 2); and of the load's acceleration
+    )
     gap_rad: float = 0.0  # of the coupling, known and present
     met: Array | None = None  # `Play.contact` of each step, as the filter met it, (n − 1, 3); None: not known
 
@@ -200,7 +202,9 @@ class Along:
 
     @cached_property
     def load_acceleration(self) -> Array:
-        return self.run.load_acceleration
+        """As far as it is heard: of noise it would foresee the noise that it was smoothed from."""
+        found = self.run.load_acceleration
+        return found if self.noise is None else heard(found, self.noise[:, 2])
 
     @property
     def torque(self) -> Array:

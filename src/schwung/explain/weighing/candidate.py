@@ -21,6 +21,8 @@ Shape = tuple[float, ...]
 NATURAL = 0.1
 #: A law is right to this share of what it does, and so is what is believed.
 RIGHT_TO = 0.003
+#: A shape is at its bound within this share of the range.
+_END = 1e-3
 #: Sizes of a curve that are tried, over its natural one: evenly in the logarithm, a factor of about three apart.
 LADDER = (3.0, 1.0, 0.3, 0.1, 0.03, 0.01, 0.003)
 #: And of what one motion has of its own: it could be anything, so that what is larger has to follow something else.
@@ -33,9 +35,11 @@ Bent = Callable[[Along, Shape, Array], tuple[Effect, Effect]]
 
 @dataclass(frozen=True, eq=False)
 class Missed:
-    """Of one run: torque that is missed with what is present (N·m, (n,)), each `step_s`, and what was injected (Hz)."""
+    """Of one run: torque that is missed with what is present (N·m, (n,)) at angles (rad, (n,)), each `step_s`, and what
+    was injected (Hz)."""
 
     torque_nm: Array
+    angle_rad: Array
     step_s: float
     injected_hz: tuple[float, ...]
 
@@ -73,6 +77,9 @@ class Candidate:
     )
     tangent: Callable[[Along, Shape, Array], Array] | None = (
         None  # to stiffness and damping along a run, (n, 2)
+    )
+    heavier: Callable[[Along, Shape, Array], Array] | None = (
+        None  # what it adds to the load's inertia along a run: its slope by the acceleration, (n,)
     )
     whole: Callable[[Along, Shape, Array], Effect] | None = None  # `done`, where there is a shorter way
     bent: Bent | None = None  # where it is not in proportion to its coefficients; `effect` is then about 0
@@ -122,6 +129,20 @@ class Candidate:
     def possible(self, coefficients: Array) -> bool:
         """Whether none of its coefficients is beyond its bound."""
         return all(coefficients[which] > least for which, least in self.bounds_below)
+
+    def at_end(self, shape: Shape) -> bool:
+        """Whether a shape is at the end of what is tried, as far as that means anything."""
+        every = zip(shape, self.bounds, self.logarithmic, strict=True) if self.bounds else ()
+        for number, (value, ends, factor) in enumerate(every):
+            at, low, high = np.log([value, *ends]) if factor else (value, *ends)
+            if number not in self.endless and min(at - low, high - at) <= _END * (high - low):
+                return True
+        return False
+
+    @property
+    def is_law(self) -> bool:
+        """Whether it has a name, and few numbers: no curve."""
+        return self.named and len(self.scales) == 1
 
     @property
     def opens(self) -> bool:
@@ -242,6 +263,12 @@ class Curve:
     def at(self, where: Array) -> Array:
         """Every mode at coordinates (n,), (n, m)."""
         return np.asarray(_blended(self.modes, self._places(where)))
+
+    def slope(self, where: Array, coefficients: Array) -> Array:
+        """Of the one curve with these coefficients (m,) at coordinates (n,), (n,)."""
+        values, step = self.modes @ coefficients, self.points[1] - self.points[0]
+        left = np.minimum(self._places(where).astype(int), self.points.size - 2)
+        return np.asarray((values[left + 1] - values[left]) / step)
 
     def by_direction(self, where: Array, direction: Array) -> Array:
         """Every mode while the motion goes ahead, then while it goes back, times the direction (n,), (n, 2m)."""

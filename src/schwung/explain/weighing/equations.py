@@ -30,6 +30,7 @@ class Acting:
     speed: Array | float = 0.0
     dry_nm: float = 0.0
     coupling: Array | float = 0.0  # stiffness and damping beyond the machine's, about the wind-up, (n, 2)
+    inertia: Array | float = 0.0  # of the load beyond the machine's, about its acceleration
 
     def __add__(self, other: Acting) -> Acting:
         return Acting(
@@ -39,6 +40,7 @@ class Acting:
             self.speed + other.speed,
             max(self.dry_nm, other.dry_nm),
             self.coupling + other.coupling,
+            self.inertia + other.inertia,
         )
 
 
@@ -59,8 +61,10 @@ def shaft_of(machine: Machine) -> Shaft:
 def equations_of(along: Along, acting: Acting, noise: Noise) -> tuple[Equations, Steps]:
     """Of one run about its states; `noise`: as far as it is known, where the coupling has play."""
     run, machine = along.run, along.present
-    inertia, slope, _ = inertia_of(machine, along.load_angle)
+    plain, slope, _ = inertia_of(machine, along.load_angle)
+    inertia = np.maximum(plain + acting.inertia, LEAST_SHARE * plain)
     load = machine.load_torque_at(along.load_angle) - slope * along.load_speed**2 / 2 + acting.on_load
+    load = load + (inertia - plain) * along.load_acceleration
     push = np.broadcast_to(np.asarray(acting.on_motor, dtype=float), load.shape)
     motor = run.drive.undelayed
     early, late, between = off_middle(inertia, run)
@@ -84,12 +88,14 @@ def equations_of(along: Along, acting: Acting, noise: Noise) -> tuple[Equations,
     else:
         coupling = whole
         steps = Steps.of(shaft, middle, run.step_s, slopes=False)
+    # sets differ in what they foresee, not in how surely: noise moves the machine as it is believed
+    surely = _rigid_ratio(along, middle) if shaft.rigid else np.ones_like(middle)
     size = steps.transition.shape[1]
     transition = np.zeros((load.size - 1, size + 1, size + 1))
     forcing = np.zeros((load.size - 1, size + 1))
     transition[:, :size, :size] = steps.transition
-    transition[:, :size, size] = -steps.inputs[:, :, 0]
-    driven = np.column_stack([-steps.inputs[:, :, 2], np.ones(load.size - 1)])
+    transition[:, :size, size] = -surely[:, None] * steps.inputs[:, :, 0]
+    driven = np.column_stack([-surely[:, None] * steps.inputs[:, :, 2], np.ones(load.size - 1)])
     forcing[:, :size] = np.einsum("ksi,ki->ks", steps.inputs, torques)
     measured = np.column_stack([run.position_rad - acting.position, run.speed_rad_s - acting.speed])
     sticking = np.exp(-((along.slowest / (3 * along.ranges.sticking_rad_s)) ** 2))
@@ -99,3 +105,10 @@ def equations_of(along: Along, acting: Acting, noise: Noise) -> tuple[Equations,
     if along.gap_rad > 0 and not shaft.rigid:
         return through_play(equations, steps, shaft, coupling, middle, along.gap_rad, noise, run)
     return equations, steps
+
+
+def _rigid_ratio(along: Along, middle: Array) -> Array:
+    """Inertia of a rigid machine with what is present over the believed one, in each step (n − 1,)."""
+    motor = along.machine.motor.inertia_kgm2
+    believed = along.machine.load_inertia_at(along.load_angle)
+    return (motor + middle) / (motor + (believed[1:] + believed[:-1]) / 2)

@@ -17,7 +17,7 @@ from schwung.explain.weighing.data import Atom, Data
 from schwung.explain.weighing.present import Member
 from schwung.explain.weighing.round import View
 from schwung.explain.weighing.search import HOPELESS, MOST, Pick, Scored, Search, slices
-from schwung.explain.weighing.settling import Settled, Weighing, settled, settled_beyond
+from schwung.explain.weighing.settling import Settled, Weighing, own_noise, settled, settled_beyond
 from schwung.explain.weighing.wide import Wide, wide_fit
 from schwung.motion import Array
 
@@ -77,6 +77,7 @@ class Growth:
     memory: Array | None = None
     rounds: int = 0  # of linearising, up to now
     among: frozenset[int] | None = None  # candidates that are looked at; None: all
+    unrepeated: bool = False  # whether no run repeats another: then noise is what a set leaves
     tell: Progress = lambda _text, _share: None
     #: Kinds of sets that came to rest about the noise as it is known: their best shapes and sizes, and log probability.
     rested: dict[frozenset[int], tuple[_Shaped, float]] = field(default_factory=dict)
@@ -86,9 +87,11 @@ class Growth:
         first = self.wide
         nothing = self._nothing(view)
         climbed = self._climbed(nothing, (), _FIRST)
-        if not climbed.rests:
-            unnamed = any(not climbed.search.candidate(pick).named for pick in climbed.best.picks)
-            climbed = self._by_laws(view, climbed) if unnamed else self._on(climbed)
+        curves = any(not climbed.search.candidate(pick).is_law for pick in climbed.best.picks)
+        if curves and (self.unrepeated or not climbed.rests):
+            climbed = self._by_laws(view, climbed)
+        elif not climbed.rests:
+            climbed = self._on(climbed)
         search, best, at = climbed.search, climbed.best, climbed.at
         self._recall(search, best, at)
         if self.wide is not first:
@@ -143,8 +146,8 @@ class Growth:
         """From laws alone, where that comes to rest at something likelier: what a curve was found to be first, no pair
         of laws takes from it one at a time.
         """
-        named = frozenset(i for i, c in enumerate(self.candidates) if c.named or i in self.always)
-        laws = replace(self, among=named, rested={})
+        among = frozenset(i for i, c in enumerate(self.candidates) if c.is_law or i in self.always)
+        laws = replace(self, among=among, rested={})
         with view.work.apart(_LAWS):
             other = laws._climbed(laws._nothing(view), ())
         self.memory, self.rounds = laws.memory, laws.rounds
@@ -154,7 +157,9 @@ class Growth:
         mine, theirs = (
             at.log + one.search.prior(one.best.picks) for one, at in ((found, here), (other, other.at))
         )
-        if theirs <= mine:
+        if theirs < mine - np.log(2):  # of two about as likely, laws say more
+            if laws.wide is self.wide:
+                self.rested = laws.rested | self.rested
             return self._on(found)
         self.wide, self.rested = laws.wide, laws.rested
         self.rested[found.search.kind(found.best.picks)] = _kept(found.search, found.best, here), mine
@@ -230,6 +235,8 @@ class Growth:
             tried = settled_beyond(at.about, _from(at.members, members), promised, self._weighing)
         else:
             tried = settled(at.about.view, members, self._weighing)
+        if any(m.candidate.at_end(m.shape) for m in tried.members):
+            tried = replace(tried, log=-np.inf)  # it stands for what is none of its shapes
         kind, log = search.kind(one.picks), tried.log + search.prior(one.picks)
         if kind not in self.rested or self.rested[kind][1] < log:
             self.rested[kind] = _kept(search, one, tried), log
@@ -250,6 +257,10 @@ class Growth:
         """Look for the noise again about what is present: far from the truth, noise had to be taken for what a linear
         model could not do. Sets are compared about one and the same, so that none has been at rest about the new one.
         """
+        if self.unrepeated:  # of everything that may be there, something fits any noise
+            self.wide = replace(self.wide, noise=own_noise(at, self._weighing))
+            self.rested.clear()
+            return
         members = everything(self.candidates, at.members)
         self.wide = wide_fit(at.about.view, members, self.wide.noise, self.train, KNOWN)
         self.rested.clear()

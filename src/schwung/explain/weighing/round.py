@@ -96,7 +96,7 @@ def acting(view: View, along: Along, members: Sequence[Member]) -> Acting:
         opposed = opposed - parts[0] - parts[1]
         if member.candidate.of_machine:
             continue
-        total += Acting(*parts) + _coupled(along, member)
+        total += Acting(*parts) + _coupled(along, member) + _heavier(along, member)
     return replace(total, dry_nm=_dry(along, opposed) if view.dry_nm is None else view.dry_nm)
 
 
@@ -107,6 +107,16 @@ def _coupled(along: Along, member: Member) -> Acting:
     bent = member.candidate.tangent(along, member.shape, member.coefficients)
     wound = bent[:, 0] * along.wound + bent[:, 1] * along.winding
     return Acting(on_motor=wound, on_load=-wound, coupling=bent)
+
+
+def _heavier(along: Along, member: Member) -> Acting:
+    """What follows the acceleration: the filter then knows how much less the load accelerates for more torque. Given as
+    a torque alone, along an acceleration that is told by the samples that it shall foresee, it would foresee anything.
+    """
+    heavier = member.candidate.heavier
+    if heavier is None:
+        return Acting()
+    return Acting(inertia=heavier(along, member.shape, member.coefficients))
 
 
 def _dry(along: Along, opposed: Array) -> float:
@@ -137,7 +147,8 @@ class Linearised:
         """What is missed in one of the runs."""
         excitation = self.view.recorded[run].excitation
         injected = () if excitation is None else tuple(excitation.lines_hz.tolist())
-        return Missed(-self.passed[run].states[:, -1], self.view.runs[run].step_s, injected)
+        missed, angle = -self.passed[run].states[:, -1], self.alongs[run].angle
+        return Missed(missed, angle, self.view.runs[run].step_s, injected)
 
     def samples(self, runs: Sequence[int]) -> int:
         """Σ2n of some runs."""
@@ -258,14 +269,17 @@ def _without_noise(about: Linearised, number: int) -> Array:
 
 
 def noises_about(about: Linearised) -> tuple[Array, ...]:
-    """What noise alone winds up each run's coupling, and how fast, (n, 2): of what is smoothed, that is noise."""
-    if about.view.known.machine.coupling is None:
-        return ()
+    """What noise alone winds up each run's coupling, how fast, and how it accelerates the load, (n, 3): of what is
+    smoothed, that is noise."""
     noises = []
     for i, passed in sorted(about.passed.items()):
-        states = passed.of_noise(about.noise, about.view.runs[i], np.random.default_rng(i)).states
+        run = about.view.runs[i]
+        states = passed.of_noise(about.noise, run, np.random.default_rng(i)).states
         about.view.work.add(LINEARISED * passed.samples)
-        noises.append(np.stack([states[:, 2], states[:, 1] - states[:, 3]], 1))
+        loads = run.about(np.ascontiguousarray(states[:, :-1])).load_acceleration
+        still = np.zeros_like(loads)
+        wound = (still, still) if run.rigid else (states[:, 2], states[:, 1] - states[:, 3])
+        noises.append(np.stack([*wound, loads], 1))
     return tuple(noises)
 
 

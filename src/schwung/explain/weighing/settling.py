@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.optimize import minimize_scalar
+from scipy.special import log_ndtr
 
 from schwung.explain.weighing.inexact import SHARES, deviations_of, error_of
 from schwung.explain.weighing.present import Member, moves
@@ -29,6 +30,8 @@ from schwung.motion import Array
 
 #: Halvings of a step at most; at rest, where no coefficient moves by more than this (deviations).
 HALVINGS, _AT_REST = 4, 0.1
+#: Passes of a set's own noise at most; known, where no size of it moves by more than this (log).
+_PASSES, _KNOWN = 4, 0.1
 #: How well a gap is found (log) before all else comes to rest with it.
 _NEARLY = 0.03
 
@@ -59,6 +62,17 @@ def settled(view: View, members: Sequence[Member], weighing: Weighing) -> Settle
     """
     members = _that_move(view, members)
     return _at_rest(_stepped(_smoothed(view, members, weighing), members, weighing), weighing)
+
+
+def own_noise(at: Settled, weighing: Weighing) -> Noise:
+    """The noise that a set makes likeliest, about which it comes to rest again."""
+    for _ in range(_PASSES):
+        noise = linearised(at.about.view, at.members, at.about.noise, 1.0, weighing.train).noise
+        moved = noise.moved_from(at.about.noise)
+        if moved < _KNOWN or at.about.view.work.spent:
+            break
+        at = settled(at.about.view, at.members, replace(weighing, noise=noise))
+    return noise
 
 
 def _that_move(view: View, members: Sequence[Member]) -> Sequence[Member]:
@@ -217,7 +231,7 @@ def _stepped(about: Linearised, members: Sequence[Member], weighing: Weighing) -
         np.cumsum(sizes)[:-1] for sizes in ([m.candidate.size for m in members], [one.size for one in still])
     )
     cost = _cost(about, members, weighing)
-    factor = weigh(statistics.at(np.arange(size)), deviations).factor if slopes else found.factor
+    plain = weigh(statistics.at(np.arange(size)), deviations) if slopes else found
     return _Step(
         about=about,
         members=tuple(members),
@@ -225,8 +239,19 @@ def _stepped(about: Linearised, members: Sequence[Member], weighing: Weighing) -
         shifts=np.split(step[size:], ends),
         moved=float(np.max(np.abs(step) / found.spread)),
         cost=cost,
-        log=-0.5 * cost - float(np.sum(np.log(np.diag(factor)))),
+        log=-0.5 * cost - float(np.sum(np.log(np.diag(plain.factor)))) + _allowed(members, plain.spread),
     )
+
+
+def _allowed(members: Sequence[Member], spread: Array) -> float:
+    """Log probability that no coefficient is beyond its bound (deviations (P,)), over that before anything was seen."""
+    log, at = 0.0, 0
+    for member in members:
+        for which, least in member.candidate.bounds_below:
+            log += float(log_ndtr((member.coefficients[which] - least) / spread[at + which]))
+            log -= float(log_ndtr(-least / member.deviations[which]))
+        at += member.coefficients.size
+    return log
 
 
 def _inexact(about: Linearised, members: Sequence[Member], weighing: Weighing) -> float:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -41,8 +41,6 @@ from schwung.session.model import Run, Session
 BAND_HZ, BEYOND_INJECTION = 160.0, 1.8
 #: Within this share of the peak speed the sign of a motion is smoothed; up to a few times that it is open.
 STICKING = 0.002
-#: A shape is at its bound within this share of the range.
-_END = 1e-3
 _UNFINISHED = "the search ended before all was tried: probabilities are those of what was"
 _HURRIED = (
     "the search was ended when its processor time was spent, before all was tried: probabilities are those of what "
@@ -130,7 +128,8 @@ def posterior_of(
     always = tuple(i for i, c in enumerate(candidates) if c.name.startswith("usual"))
     beside = repeated(session.runs, NATURAL * of.peak_torque_nm)
     wide = wide_fit(view, everything(candidates, ()), first_noise(runs), train)
-    growth = Growth(candidates, always, train, wide, tell=tell)
+    unrepeated = not any(len(group) > 1 for group in view.repeats)
+    growth = Growth(candidates, always, train, wide, tell=tell, unrepeated=unrepeated)
     grown = growth.grown(view)
 
     def about(best: Scored) -> Posterior:
@@ -306,17 +305,7 @@ def at_bound(search: Search, scored: Scored, pick: Pick) -> bool:
     """Whether a cause of a set is at the end of what is tried, or nothing that there can be."""
     candidate, shape = search.candidate(pick), search.data.atoms[pick.atom].shape
     where = slices(search, scored)[scored.picks.index(pick)]
-    return not candidate.possible(scored.found.coefficients[where]) or any(
-        min(v - low, high - v) <= _END * (high - low) for v, low, high in _coded(candidate, shape)
-    )
-
-
-def _coded(candidate: Candidate, shape: Shape) -> Iterator[tuple[float, float, float]]:
-    """A shape's numbers that have an end, and their bounds, as logarithms where they are refined by factors."""
-    every = zip(shape, candidate.bounds, candidate.logarithmic, strict=True) if candidate.bounds else ()
-    for number, (value, (low, high), factor) in enumerate(every):
-        if number not in candidate.endless:
-            yield (np.log(value), np.log(low), np.log(high)) if factor else (value, low, high)
+    return not candidate.possible(scored.found.coefficients[where]) or candidate.at_end(shape)
 
 
 def _rms(search: Search, name: str) -> float:

@@ -9,6 +9,7 @@ direction-dependent load T(θ_l) where it moves forward, another backward
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 from functools import partial
 
 import numpy as np
@@ -28,6 +29,7 @@ from schwung.explain.weighing.candidate import (
     grid,
 )
 from schwung.explain.weighing.vocabulary.friction import SHARP, bump
+from schwung.explain.weighing.vocabulary.line import finest_order
 from schwung.innovations.effect import Effect
 from schwung.motion import Array
 
@@ -168,7 +170,8 @@ def load(of: Ranges, torque_nm: float, machine: Machine) -> list[Candidate]:
         )
     ]
     lowest = max(2, int(np.ceil(2 * np.pi / ripples)))
-    highest = int(min(_HIGHEST, max(lowest + 1, 2 * np.pi * of.band_hz / (0.5 * of.peak_speed_rad_s))))
+    finest = max(lowest + 1, 2 * np.pi * of.band_hz / (0.5 * of.peak_speed_rad_s))
+    highest = int(min(_HIGHEST, finest))
 
     def constant(where: Array, _shape: Shape) -> Array:
         return np.ones((where.size, 1))
@@ -201,7 +204,13 @@ def load(of: Ranges, torque_nm: float, machine: Machine) -> list[Candidate]:
         return Effect(on_load=angle.folded(coefficients).at(along.load_angle))
 
     step = _DIFFERENCE_RAD
-    found = [
+    cogging = Candidate(
+        "cogging", _cogging, natural,
+        lambda c, s: {"order": s[0], "amplitude_nm": polar(c)[0], "phase_rad": polar(c)[1]},
+        shapes=grid(range(lowest, highest + 1)), spacing=(0.25,), logarithmic=(False,),
+        bounds=((0.75 * lowest, 2.0 * highest),), coordinate="position",
+    )  # fmt: skip
+    found: list[Candidate] = [
         Candidate("load_torque", _gravity, natural,
                   lambda c, _: dict(zip(("amplitude_nm", "phase_rad"), polar(c), strict=True)),
                   coordinate="position", family="load"),
@@ -217,10 +226,7 @@ def load(of: Ranges, torque_nm: float, machine: Machine) -> list[Candidate]:
                   shapes=tuple(events), spacing=(0.01 * of.longest_s, 0.5, 0.5), logarithmic=(False, True, True),
                   bounds=((-0.1, of.longest_s), (2e-3, of.longest_s), SHARP), endless=(2,), coordinate="time_in_motion",
                   own=_during),
-        Candidate("cogging", _cogging, natural,
-                  lambda c, s: {"order": s[0], "amplitude_nm": polar(c)[0], "phase_rad": polar(c)[1]},
-                  shapes=grid(range(lowest, highest + 1)), spacing=(0.25,), logarithmic=(False,),
-                  bounds=((0.75 * lowest, 2.0 * highest),), coordinate="position"),
+        cogging,
         Candidate("direction_dependent_load", directed, (torque_nm,) * (2 * angle.size), scales=LADDER,
                   coordinate="position", family="load", whole=directed_whole),
         Candidate("load_inertia", of_inertia(constant, step), (share * mass,),
@@ -230,6 +236,15 @@ def load(of: Ranges, torque_nm: float, machine: Machine) -> list[Candidate]:
                   scales=tuple(s * share for s in LADDER), coordinate="position", inertia=profile,
                   known_to=RIGHT_TO, products=masses.modes.T @ masses.modes / masses.points.size),
     ]  # fmt: skip
+    if finest > highest:
+        told_apart, ends = 2 * np.pi / ripples, (float(highest), float(finest))
+        found.append(
+            replace(
+                cogging, shapes=(), sought=lambda missed: finest_order(missed, of.low_rad, of.high_rad, ends),
+                choices=max(round((finest - highest) / told_apart), 1), spacing=(0.5 * told_apart,),
+                bounds=((highest, 2 * finest),),
+            )
+        )  # fmt: skip
     if varies:
         found.append(
             Candidate("load_inertia", of_inertia(scaled, step), (share,), lambda c, _: {"scale": 1 + c[0]},

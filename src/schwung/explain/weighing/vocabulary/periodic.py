@@ -14,20 +14,16 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
-from scipy.ndimage import median_filter
 
 from schwung.explain.weighing.along import Along, Ranges
 from schwung.explain.weighing.candidate import Candidate, Missed, Shape, column
+from schwung.explain.weighing.vocabulary.line import FINER, LEAST_PERIODS, beyond_nearby, line_of
 from schwung.innovations.effect import Effect
 from schwung.motion import Array
 
 NAME = "periodic_disturbance"
-#: Places in the spectrum for each frequency that a run tells apart, and of these as many frequencies are nearby.
-_FINER, _NEARBY = 4, 16
 #: Harmonics of a waveform.
 _ORDERS = np.arange(2, 9)
-#: What falls by half of its power over less than so many periods of the whole record is no line, but a slope.
-_LEAST_PERIODS = 3.0
 
 
 def periodic(of: Ranges, torque_nm: float) -> list[Candidate]:
@@ -117,25 +113,14 @@ def _amplitude(coefficients: Array) -> float:
 
 
 def strongest(missed: Sequence[Missed], of: Ranges) -> tuple[Shape, ...]:
-    """The frequency whose line stands out of the spectra of what is missed, if one does.
-
-    Of R runs whose power there is ρ times what it is nearby on average, a line of one size and any phases is likelier
-    than none by R (ρ − 1 − log ρ); it has to be as likely as that any of the places looked at is chance.
-    """
-    span = _FINER * of.longest_s
+    """The frequency whose line stands out of the spectra of what is missed, if one does."""
+    span = FINER * of.longest_s
     frequency = np.arange(int(of.band_hz * span) + 1) / span
     over = []
     for one in missed:
         smooth = one.torque_nm * np.hanning(one.torque_nm.size)
-        power = np.abs(np.fft.rfft(smooth, round(span / one.step_s))[: frequency.size]) ** 2
-        nearby = median_filter(power, _FINER * _NEARBY + 1, mode="reflect") / np.log(2)
-        share = power / np.maximum(nearby, 1e-300)
+        share = beyond_nearby(smooth, round(span / one.step_s), frequency.size)
         for line in one.injected_hz:  # there, it may be the answer to the injection
             share[np.abs(frequency - line) < 2 / of.longest_s] = 1.0
-        over.append(np.pad(share, (0, frequency.size - share.size), constant_values=1.0))
-    if not over:
-        return ()
-    mean = np.maximum(np.mean(over, axis=0), 1.0)
-    gain = np.where(frequency * of.longest_s < _LEAST_PERIODS, 0.0, len(over) * (mean - 1 - np.log(mean)))
-    top = int(np.argmax(gain))
-    return ((float(frequency[top]),),) if gain[top] > np.log(frequency.size) else ()
+        over.append(share)
+    return line_of(over, frequency, frequency * of.longest_s >= LEAST_PERIODS)

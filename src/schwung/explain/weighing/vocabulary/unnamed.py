@@ -123,11 +123,15 @@ def unnamed(of: Ranges, torque_nm: float) -> list[Candidate]:
     def over_torque_and_time_whole(along: Along, _shape: Shape, coefficients: Array) -> Effect:
         return Effect(load_time.folded(along.torque, along.motion_time_s, coefficients))
 
+    def heavier(along: Along, _shape: Shape, coefficients: Array) -> Array:
+        return -acceleration.slope(along.load_acceleration, coefficients)
+
     return [
         Candidate(name, effect, (torque_nm,) * size, scales=SMALL if own and name == "time_in_motion" else LADDER,
                   named=False, of_motion=own and name == "time_in_motion", coordinate=name,
                   family=_BALANCE if "torque" in name or name == "acceleration" else "",
-                  cases=frozenset(_CASES.get(name, ())), whole=whole)
+                  cases=frozenset(_CASES.get(name, ())), whole=whole,
+                  heavier=heavier if name == "acceleration" else None)
         for name, (effect, whole), size in (
             ("position", of_both(angle, lambda a: a.angle), 2 * angle.size),
             ("speed", of_both(speed, ways), 2 * speed.size),
