@@ -62,7 +62,14 @@ def answer(monkeypatch: pytest.MonkeyPatch) -> Answer:
 
 
 def _run(capsys: pytest.CaptureFixture[str], places: Path, *more: str) -> tuple[int, str, str]:
-    arguments = ["explain", str(places / "session.h5"), "-m", str(places / "belief.toml"), *more]
+    arguments = [
+        "explain",
+        str(places / "session.h5"),
+        "-m",
+        str(places / "belief.toml"),
+        "--no-weigh",
+        *more,
+    ]
     with pytest.raises(SystemExit) as ended:
         main(arguments)
     out, err = capsys.readouterr()

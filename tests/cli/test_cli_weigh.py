@@ -1,4 +1,4 @@
-"""`schwung explain --weigh`: what it writes and tells. The search is replaced by a hand-made answer."""
+"""`schwung explain`, which weighs: what it writes and tells. The search is replaced by a hand-made answer."""
 
 from __future__ import annotations
 
@@ -52,7 +52,7 @@ def _run(
         return result
 
     monkeypatch.setattr(weighing, "publish", stand_in)
-    arguments = ["explain", str(places / "session.h5"), "-m", str(places / "belief.toml"), "--weigh", *more]
+    arguments = ["explain", str(places / "session.h5"), "-m", str(places / "belief.toml"), *more]
     with pytest.raises(SystemExit) as ended:
         main(arguments)
     out, err = capsys.readouterr()
@@ -118,7 +118,7 @@ def test_what_goes_wrong_leaves_nothing_behind(
 
 def test_an_fmu_needs_its_map(places: Path, capsys: pytest.CaptureFixture[str]) -> None:
     with pytest.raises(SystemExit) as ended:
-        main(["explain", str(places / "session.h5"), "--belief", "x.fmu", "--weigh"])
+        main(["explain", str(places / "session.h5"), "--belief", "x.fmu"])
     assert ended.value.code == 2
     assert "without a map" in capsys.readouterr().err
 
@@ -141,7 +141,7 @@ def test_a_belief_with_learned_physics_is_weighed_unless_told_otherwise(
     assert ended.value.code == 2
     told = " ".join(capsys.readouterr().err.split())
     assert "has learned physics (torque_offset)" in told
-    assert "--weigh" in told
+    assert "--no-weigh" in told
     assert not (places / "other").exists()
 
 

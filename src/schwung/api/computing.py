@@ -188,7 +188,7 @@ def explain(
     if machine.physics:
         names = ", ".join(term.name for term in machine.physics)
         remedy = (
-            "Use schwung explain --weigh (schwung.weigh), which acts with learned physics, or take it out."
+            "Explain it without --no-weigh (schwung.weigh), which acts with learned physics, or take it out."
         )
         raise InputError(
             machine.name, f"has learned physics ({names}), with which this way does not act", remedy

@@ -99,10 +99,11 @@ def explain(
     weigh: Annotated[
         bool,
         typer.Option(
-            "--weigh",
-            help="Names with probabilities, as schwung explain --weigh. A belief with learned [[physics]] always is.",
+            "--weigh/--no-weigh",
+            help="Names with probabilities, or the former way, as schwung explain. A belief with learned [[physics]] "
+            "is always weighed.",
         ),
-    ] = False,
+    ] = True,
     json_output: Json = False,
 ) -> None:
     """Explain every session of an archive: what each belief leaves out; a second call does only what is missing.

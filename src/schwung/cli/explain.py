@@ -15,8 +15,6 @@ if TYPE_CHECKING:
     from schwung.cli.console import Terminal
     from schwung.quantities import Effort
 
-#: Whether names come with probabilities where nobody says which way is wanted.
-WEIGHS = False
 _COLOURS = {"good": "green", "doubtful": "yellow", "unusable": "red"}
 
 
@@ -36,14 +34,13 @@ def explain(
         Path, typer.Option(help="Folder for explanation.json, explanation.html and the learned machine.toml.")
     ] = Path("explanation"),
     weigh: Annotated[
-        bool | None,
+        bool,
         typer.Option(
             "--weigh/--no-weigh",
-            help="Names with probabilities, by one likelihood, and curves for what has no name; or the former way. "
-            "A belief with learned [[physics]] is always weighed.",
-            show_default=False,
+            help="Names with probabilities, by one likelihood, and curves for what has no name; or the former way, "
+            "which names what tests against thresholds bear out, and acts with no learned [[physics]].",
         ),
-    ] = None,
+    ] = True,
     next_plan: Annotated[
         Path | None,
         typer.Option(
@@ -63,8 +60,6 @@ def explain(
 
       schwung explain session.h5 -m machine.toml
 
-      schwung explain session.h5 -m machine.toml --weigh
-
       schwung explain session.h5 -m machine.toml --out monday --json
 
       schwung explain session.h5 --belief model.fmu --map map.toml
@@ -83,17 +78,13 @@ def explain(
     from schwung.quantities import document_of
 
     terminal = Terminal(json_output)
-    _require_sense(machine, belief, weigh, next_plan)
+    _require_sense(machine, belief, next_plan)
     recorded = read_session(session)
     believed = load_machine(machine) if machine is not None else None
     terminal.tell_slow()
     folder = planned_folder(out, beside_session=True)
     learned = folder / "machine.toml"
     _keep_beliefs(learned, machine)
-    if weigh is None:
-        weigh = WEIGHS or bool(
-            believed is not None and believed.physics
-        )  # which the former way does not act with
     if weigh:
         asked: Machine | tuple[Path, Path] = believed if believed is not None else _with_map(belief, mapped)
         document = _weigh(terminal, recorded, asked, (session, machine or belief), folder)
@@ -122,7 +113,7 @@ def explain(
     terminal.result(document)
 
 
-def _require_sense(machine: Path | None, belief: Path | None, weigh: bool | None, plan: Path | None) -> None:
+def _require_sense(machine: Path | None, belief: Path | None, plan: Path | None) -> None:
     """Raise InputError where what is asked for does not go together, before anything is worked on."""
     from schwung.errors import InputError
 

@@ -13,7 +13,7 @@ from schwung.service.pages.markup import moment
 from schwung.service.pages.uploading import upload_form
 
 #: What a choice asks of every session.
-_WORKS = {"estimate": "estimate", "explain": "explain", "weigh": "explain"}
+_WORKS = {"estimate": "estimate", "explain": "explain", "former": "explain"}
 _PAPER = {
     "all": "all of it (minutes)",
     **{f"figure-{number}": f"figure {number}" for number in (4, 5, 6, 9, 10, 12, 13, 14)},
@@ -52,7 +52,7 @@ def _archive(desk: Desk, machines: dict[str, str], drives: dict[str, str]) -> No
         works = {
             "estimate": "estimate the inertia",
             "explain": "explain the difference",
-            "weigh": "explain, every name with its probability",
+            "former": "explain by tests, the former way",
         }
         work = choice("What", works, "estimate")
         which = choice("Of", {"": "all drives", **drives}, "")
@@ -61,7 +61,7 @@ def _archive(desk: Desk, machines: dict[str, str], drives: dict[str, str]) -> No
         def begin() -> None:
             chosen = [one.id for one in sessions if which.value in ("", one.drive_id)]
             request = {
-                "kind": "batch", "work": _WORKS[work.value], "weigh": work.value == "weigh",
+                "kind": "batch", "work": _WORKS[work.value], "weigh": work.value != "former",
                 "session_ids": chosen if which.value else [],
                 "machine_id": machine.value or None,
             }  # fmt: skip

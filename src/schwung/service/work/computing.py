@@ -84,7 +84,7 @@ def explain_session(
     session: Path,
     machine: Path,
     folder: Path,
-    weigh: bool | None = None,
+    weigh: bool = True,
     next_motion: bool = False,
     tell: Tell,
 ) -> dict[str, Any]:
@@ -103,7 +103,7 @@ def explain_session(
 
     recorded = read_session(session)
     believed = with_recorded_gains(load_machine(machine), recorded)
-    if bool(believed.physics) if weigh is None else weigh:
+    if weigh:
         weighed = weigh_session(recorded, believed, progress=tell)
         verdict, tables, document = weighed.verdict, weighed.tables(), weighed.to_json()
         write_probabilities(weighed, recorded, believed, folder)
