@@ -21,7 +21,7 @@ from schwung.drivetrain.residual import (
 from schwung.drivetrain.residual_plane import ON_LOAD as LOADED
 from schwung.drivetrain.residual_plane import Plane, planes_of
 from schwung.explain.weighing.along import Along
-from schwung.explain.weighing.late import acceleration_bent, lagging
+from schwung.explain.weighing.late import acceleration_bent, beyond_bent, lagging
 from schwung.explain.weighing.present import points_of
 from schwung.innovations.effect import Effect
 from schwung.motion import Array
@@ -88,7 +88,10 @@ class Known:
         position = e.eccentricity_rad * np.sin(turned)
         speed = e.eccentricity_rad * np.cos(turned) * along.speed
         if e.speed_delay_s > 0:
-            speed = speed - e.speed_delay_s * acceleration_bent(along, e.speed_delay_s / 2)
+            half = e.speed_delay_s / 2
+            speed = (
+                speed - e.speed_delay_s * acceleration_bent(along, half) + beyond_bent(along, 2 * half, half)
+            )
         return Effect(*(part[:, None] for part in (on_motor - coupled, on_load + coupled, position, speed)))
 
     def _bristles(self, along: Along, held_nm: float) -> Array:

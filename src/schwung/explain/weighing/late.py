@@ -6,6 +6,7 @@ import numpy as np
 from scipy.signal import lfilter, lfilter_zi
 
 from schwung.explain.weighing.along import Along
+from schwung.innovations.splines import interpolated
 from schwung.motion import Array
 
 
@@ -32,3 +33,17 @@ def acceleration_bent(along: Along, time_s: float) -> Array:
     whole = late / steps if steps else 1.0
     jump, change = along.held
     return lagging(along, along.acceleration, time_s) - whole * ((1 - late) * jump - (1 - late**2) * change)
+
+
+def beyond_bent(along: Along, delay_s: float, bend_s: float) -> Array:
+    """What a delay does to the speed beyond −δ α through 1/(1 + δ/2 d/dt), the first of Padé's (rad/s), (n,).
+
+    That is (ωδ)³/12 of the speed: a fourth of it at 150 Hz and 1.5 ms. What bends like a filter (φ = δ) has none of it.
+    """
+    share = float(np.clip(2 - 2 * bend_s / delay_s, 0.0, 1.0)) if delay_s > 0 else 0.0
+    if share == 0:
+        return np.zeros_like(along.speed)
+    speed, run = along.run.quiet(along.speed), along.run
+    then = np.clip(run.time_s - delay_s, run.time_s[0], run.time_s[-1])
+    exact = interpolated(speed, run.time_s[0], run.step_s, then) - speed
+    return np.asarray(share * (exact + delay_s * lagging(along, along.acceleration, delay_s / 2)))

@@ -2,7 +2,8 @@
 
 gain (g − 1)·T        lag −τ F T' (the true torque comes later)        filter +τ T' (the reported one does)
 drop −s |T| T/T_peak        ripple s T sin nθ        saturation clip(T, ±L) − T        speed late −δ F α
-F = 1/(1 + φ d/dt): with φ = τ a filter's lag, with φ = τ/2 a delay, exactly for any τ (Padé)
+F = 1/(1 + φ d/dt): with φ = τ a filter's lag, with φ = τ/2 a delay, but for the third order in ωτ (Padé), which a late
+speed has besides
 eccentricity a sin(θ + φ) in the angle, its rate in the speed
 """
 
@@ -12,16 +13,18 @@ import numpy as np
 
 from schwung.explain.weighing.along import Along, Ranges
 from schwung.explain.weighing.candidate import RIGHT_TO, Candidate, Shape, column, grid
-from schwung.explain.weighing.late import acceleration_bent, lagging
+from schwung.explain.weighing.late import acceleration_bent, beyond_bent, lagging
 from schwung.explain.weighing.vocabulary.load import polar
 from schwung.innovations.effect import Effect
 from schwung.innovations.splines import slopes
+from schwung.motion import Array
 
 #: Standard deviations (s): of delays and lags that are a defect, of the filter that torque and speed share in any
 #: drive, and of the times by which each of the two is off it.
 DEFECT_S, USUAL_S, APART_S = 1e-3, 3e-4, 5e-5
 #: How a late signal bends (s): half of the delay for a delay, the time constant or nothing for a filter.
 BENDS_S = np.concatenate([np.linspace(-2e-4, 6e-4, 9), np.geomspace(9e-4, 5e-3, 6)])
+_DIFFERENCE_S = 1e-5
 BEND_STEP_S, LEAST_BEND_S, MOST_BEND_S = 1e-4, -1e-3, 2e-2
 
 
@@ -39,6 +42,14 @@ def _earlier(along: Along, shape: Shape) -> Effect:
 
 def _speed_later(along: Along, shape: Shape) -> Effect:
     return Effect(speed=column(-acceleration_bent(along, shape[0])))
+
+
+def _later_yet(along: Along, shape: Shape, coefficients: Array) -> tuple[Effect, Effect]:
+    """About a delay: what more of it does, and all that it does."""
+    delay, own = float(coefficients[0]), column(-acceleration_bent(along, shape[0]))
+    ends = [beyond_bent(along, delay + way * _DIFFERENCE_S, shape[0]) for way in (1, -1)]
+    more = own + column((ends[0] - ends[1]) / (2 * _DIFFERENCE_S))
+    return Effect(speed=more), Effect(speed=own * delay + column(beyond_bent(along, delay, shape[0])))
 
 
 def _clipped(along: Along, shape: Shape) -> Effect:
@@ -76,7 +87,7 @@ def reporting(of: Ranges, share: float) -> list[Candidate]:
                   positive=(0,), shapes=grid(BENDS_S), spacing=(BEND_STEP_S,), logarithmic=(False,),
                   bounds=((LEAST_BEND_S, MOST_BEND_S),), coordinate="frequency", known_to=apart, family="lag"),
         Candidate("measurement_delay", _speed_later, (DEFECT_S,), lambda c, _: {"delay_s": c[0]},
-                  positive=(0,), shapes=grid(BENDS_S), spacing=(BEND_STEP_S,), logarithmic=(False,),
+                  positive=(0,), bent=_later_yet, shapes=grid(BENDS_S), spacing=(BEND_STEP_S,), logarithmic=(False,),
                   bounds=((LEAST_BEND_S, MOST_BEND_S),), coordinate="acceleration", known_to=apart),
         Candidate("torque_constant_drop", drop, (share,),
                   lambda c, _: {"share_at_peak": c[0], "peak_nm": peak}, positive=(0,), coordinate="torque"),
