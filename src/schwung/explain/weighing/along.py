@@ -31,6 +31,7 @@ class Ranges:
     runs: int
     band_hz: float
     one_motion: bool = False  # whether all runs repeat one
+    unrepeated: bool = False  # whether no run repeats another
 
     @property
     def span_rad(self) -> float:

@@ -88,8 +88,9 @@ def equations_of(along: Along, acting: Acting, noise: Noise) -> tuple[Equations,
     else:
         coupling = whole
         steps = Steps.of(shaft, middle, run.step_s, slopes=False)
-    # sets differ in what they foresee, not in how surely: noise moves the machine as it is believed
-    surely = _rigid_ratio(along, middle) if shaft.rigid else np.ones_like(middle)
+    # sets differ in what they foresee, not in how surely: where no repeats tell noise, it moves what is believed
+    alone = along.ranges.unrepeated and shaft.rigid
+    surely = _rigid_ratio(along, middle) if alone else np.ones_like(middle)
     size = steps.transition.shape[1]
     transition = np.zeros((load.size - 1, size + 1, size + 1))
     forcing = np.zeros((load.size - 1, size + 1))

@@ -87,7 +87,7 @@ class Growth:
         first = self.wide
         nothing = self._nothing(view)
         climbed = self._climbed(nothing, (), _FIRST)
-        curves = any(not climbed.search.candidate(pick).is_law for pick in climbed.best.picks)
+        curves = any(not self._is_law(climbed.search.candidate(pick)) for pick in climbed.best.picks)
         if curves and (self.unrepeated or not climbed.rests):
             climbed = self._by_laws(view, climbed)
         elif not climbed.rests:
@@ -138,6 +138,10 @@ class Growth:
         search = self._search(at)
         return _Climbed(search, search.score(_carried(search.data, picks)), at)
 
+    def _is_law(self, candidate: Candidate) -> bool:
+        """Whether it is looked for where laws alone are: of repeats a curve with a name is as good as one."""
+        return candidate.is_law if self.unrepeated else candidate.named
+
     def _on(self, climbed: _Climbed) -> _Climbed:
         """Further from there."""
         return self._climbed(climbed.at, climbed.picks)
@@ -146,7 +150,7 @@ class Growth:
         """From laws alone, where that comes to rest at something likelier: what a curve was found to be first, no pair
         of laws takes from it one at a time.
         """
-        among = frozenset(i for i, c in enumerate(self.candidates) if c.is_law or i in self.always)
+        among = frozenset(i for i, c in enumerate(self.candidates) if self._is_law(c) or i in self.always)
         laws = replace(self, among=among, rested={})
         with view.work.apart(_LAWS):
             other = laws._climbed(laws._nothing(view), ())
@@ -157,7 +161,8 @@ class Growth:
         mine, theirs = (
             at.log + one.search.prior(one.best.picks) for one, at in ((found, here), (other, other.at))
         )
-        if theirs < mine - np.log(2):  # of two about as likely, laws say more
+        # of two about as likely, laws say more
+        if theirs <= mine - (np.log(2) if self.unrepeated else 0.0):
             if laws.wide is self.wide:
                 self.rested = laws.rested | self.rested
             return self._on(found)
