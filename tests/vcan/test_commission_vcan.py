@@ -87,6 +87,9 @@ RATE_HZ = 500.0
 MAX_JITTER = "1ms"
 #: A single SYNC that is later than this share of a period is a setpoint that holds for too long.
 MAX_LATE_SHARE = 0.5
+#: Runs whose rates are further apart leave of this motion, one less the other (24 rad/s, 290 rad/s² a tenth of a second
+#: in), a tenth of a rad/s and more, where the sine swings by 1.8 rad/s.
+MAX_APART = 0.002
 
 
 def _uneven(timing: dict[str, float]) -> str:
@@ -126,6 +129,9 @@ def test_in_real_time_the_kernels_ring_brings_the_table_of_the_truth(
     if (
         "error" in result
     ):  # runs that differ by as much as the sine have no table: the computer's doing, or a defect
+        periods = [t["period_s"] for t in timings]
+        if (apart := max(periods) / min(periods) - 1) > MAX_APART:
+            uneven.append(f"rates {apart:.1%} apart")
         measured("verdict in real time", f"no table; SYNC was uneven: {'; '.join(uneven) or 'nowhere'}")
         assert uneven, result["error"]
         return
