@@ -12,6 +12,7 @@ from schwung.explain.weighing.data import Data
 from schwung.explain.weighing.equations import Acting, equations_of
 from schwung.explain.weighing.growth import members_of
 from schwung.explain.weighing.known import known
+from schwung.explain.weighing.places import Acts
 from schwung.explain.weighing.present import Member
 from schwung.explain.weighing.refine import refined
 from schwung.explain.weighing.search import Pick, Search, slices
@@ -172,6 +173,14 @@ def test_what_acts_between_the_shafts_has_a_torque_too(view, data):
     wound = np.concatenate([along.twist for along in data.about.alongs]) * scored.found.coefficients[where]
     assert np.any(wound != 0.0)
     assert _rms(search, "coupling_stiffness") == pytest.approx(np.sqrt(np.mean(wound**2)), rel=0.02)
+
+    def between(name):
+        candidate = next(c for c in data.candidates if c.name == name)
+        return Acts(name, candidate, candidate.shapes[0], np.ones(1)).between_shafts(data.about.alongs[0])
+
+    assert between("coupling_stiffness")
+    assert not between("coulomb_friction")
+    assert not between("load_side_friction")
 
 
 def test_a_run_kept_aside_is_missed_by_no_more_than_noise():

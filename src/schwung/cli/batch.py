@@ -100,7 +100,7 @@ def explain(
         bool,
         typer.Option(
             "--weigh/--no-weigh",
-            help="Names with probabilities, or the former way, as schwung explain. A belief with learned [[physics]] "
+            help="Names with probabilities, or the former way, as schwung explain. A belief with learned physics "
             "is always weighed.",
         ),
     ] = True,

@@ -38,7 +38,7 @@ def explain(
         typer.Option(
             "--weigh/--no-weigh",
             help="Names with probabilities, by one likelihood, and curves for what has no name; or the former way, "
-            "which names what tests against thresholds bear out, and acts with no learned [[physics]].",
+            "which names what tests against thresholds bear out, and acts with no learned physics.",
         ),
     ] = True,
     next_plan: Annotated[

@@ -151,7 +151,10 @@ def _place(where: Where | None) -> str:
     """Where it acts, and how much of the mismatch that is."""
     if where is None:
         return ""
-    return f"{where.text or 'wherever the axis was'}\n{100 * where.share:.0f} % of what the belief misses"
+    text = where.text or "wherever the axis was"
+    if where.share is None:
+        return f"{text}\nbetween the shafts"
+    return f"{text}\n{100 * where.share:.0f} % of what the belief misses"
 
 
 def curve_rows(of: Published) -> list[tuple[str, ...]]:

@@ -35,12 +35,20 @@ class Acts:
 
     def takes(self, along: Along) -> Array | None:
         """What it takes of the torque that is missed in a run (N·m), (n,); None: it is of what is reported alone."""
-        motor, load, _, _ = self.candidate.done(along, self.shape, self.coefficients).of(np.ones(1))
+        motor, load = self._on_shafts(along)
         if not (np.any(motor) or np.any(load)):
             return None
-        both = -(motor + load + 0.0 * along.speed)
-        # between the shafts it is the same on both, and takes nothing of the whole
-        return both if np.any(both) else -(motor + 0.0 * along.speed)
+        whole = motor + load
+        return -((whole if np.any(whole) else motor) + 0.0 * along.speed)
+
+    def between_shafts(self, along: Along) -> bool:
+        """Whether it is the same on both shafts, and takes nothing of the whole."""
+        motor, load = self._on_shafts(along)
+        return not np.any(motor + load)
+
+    def _on_shafts(self, along: Along) -> tuple[Array | float, Array | float]:
+        motor, load, _, _ = self.candidate.done(along, self.shape, self.coefficients).of(np.ones(1))
+        return motor, load
 
 
 def where_of(cause: Acts, runs: Sequence[Shown], axis: Axis) -> Where | None:
@@ -53,7 +61,9 @@ def where_of(cause: Acts, runs: Sequence[Shown], axis: Axis) -> Where | None:
     acts, missed = np.concatenate(taken), np.concatenate([_asked(run) for run in runs])
     speed = np.concatenate([run.along.speed for run in runs])
     energy = float(missed @ missed)
-    share = float(np.clip(acts @ missed / energy, 0.0, 1.0)) if energy > 0 else 0.0
+    share: float | None = float(np.clip(acts @ missed / energy, 0.0, 1.0)) if energy > 0 else 0.0
+    if all(cause.between_shafts(run.along) for run in runs):
+        share = None
     interval: tuple[float, float] | None = None
     if coordinate in _VALUES:
         values = np.concatenate([_coordinate(run.along, coordinate) for run in runs])

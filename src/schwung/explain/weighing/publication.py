@@ -61,7 +61,9 @@ class Where:
     interval: tuple[float, float] | None  # None: wherever the axis was
     unit: str
     way: str  # "forward" or "backward" where it acts in that direction alone
-    share: float  # of what the belief misses (mean square), 0…1
+    share: (
+        float | None
+    )  # of what the belief misses (mean square), 0…1; None: it acts between the shafts, of no whole
 
     @property
     def text(self) -> str:
