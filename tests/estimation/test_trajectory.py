@@ -12,7 +12,7 @@ from schwung.errors import InputError
 from schwung.estimation import estimate
 from schwung.estimation.bound import cramer_rao
 from schwung.estimation.trajectory_fit import fit
-from schwung.innovations import kernel
+from schwung.innovations import step_kernel
 from schwung.innovations.likelihood import Noise
 from schwung.innovations.signals import LOSS_STD
 from schwung.innovations.signals import thinned as thinned_run
@@ -257,7 +257,7 @@ def test_a_step_is_exact():
         ]
 
     true = solve_ivp(rates, (0, duration), first, rtol=1e-11, atol=1e-13).y[:, -1]
-    step = kernel.steps(shaft, np.array([inertia]), duration)[0]
+    step = step_kernel.steps(shaft, np.array([inertia]), duration)[0]
     np.testing.assert_allclose(step @ np.concatenate([first, torque]), true, rtol=1e-8, atol=1e-11)
 
 

@@ -11,7 +11,7 @@ from schwung.explain.weighing.equations import Acting, equations_of
 from schwung.explain.weighing.known import known
 from schwung.innovations.effect import Passed
 from schwung.innovations.likelihood import Noise
-from schwung.innovations.low_pass import heard, low_passed
+from schwung.innovations.low_pass import heard, loudness, low_passed
 from schwung.innovations.signals import signals_of
 
 NOISE = Noise(0.05, 1e-2, 2e-6, 0.01)
@@ -45,7 +45,7 @@ def test_a_regressor_that_is_heard_does_not_meet_its_own_noise() -> None:
     chance, edge = np.random.default_rng(4), 2 * 160.0 * step
     line = np.sqrt(2) * np.sin(2 * np.pi * 50.0 * step * np.arange(count))
     noise, alike = (4 * low_passed(chance.standard_normal(count), edge, 4) / 0.57 for _ in range(2))
-    regressor = heard(line + noise, alike)
+    regressor = heard(line + noise, loudness(alike))
     # power about a frequency is known to √(2/15), its noise's to √(2/31): what is above it is 0.17 on average
     assert abs(float(regressor @ noise)) < 0.25 * abs(float((line + noise) @ noise))
     assert float(regressor @ line) > 0.5 * float(line @ line)

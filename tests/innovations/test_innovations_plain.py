@@ -9,10 +9,11 @@ import numpy as np
 import pytest
 from scipy.interpolate import CubicSpline
 
-from schwung.innovations import kalman, kernel, plain, play, spline_kernel
+from schwung.innovations import kalman, kernel, plain, play, spline_kernel, step_kernel
 from schwung.innovations.contact import PARTS
 from schwung.innovations.splines import interpolated
 from schwung.innovations.values import Added, Shaft, System
+from schwung.motion import Array
 
 SHAFTS = {
     "flexible": Shaft(0.012, 0.2, 0.1, 24963.0, 8.62, False),
@@ -25,11 +26,15 @@ def _agree(found: Any, expected: Any) -> None:
         np.testing.assert_allclose(one, other, rtol=1e-9, atol=1e-12 * np.max(np.abs(other)))
 
 
+def _steps(shaft: Shaft, inertia: Array, duration: float) -> Array:
+    return plain.steps_of_each(shaft, np.array([[shaft.stiffness, shaft.damping]]), inertia, duration)
+
+
 @pytest.fixture(params=list(SHAFTS))
 def system(request: pytest.FixtureRequest) -> System:
     """A machine that is shaken, in 300 steps of 1 ms, with its torque's error as the last state."""
     shaft, noise = SHAFTS[request.param], np.random.default_rng(4)
-    stepped = plain.steps(shaft, np.linspace(0.05, 0.17, 299), 1e-3)
+    stepped = _steps(shaft, np.linspace(0.05, 0.17, 299), 1e-3)
     size = stepped.shape[1]
     transition = np.zeros((299, size + 1, size + 1))
     transition[:, :size, :size] = stepped[:, :, :size]
@@ -49,11 +54,11 @@ def system(request: pytest.FixtureRequest) -> System:
 @pytest.mark.parametrize("shaft", SHAFTS.values(), ids=list(SHAFTS))
 def test_steps(shaft: Shaft) -> None:
     inertia = np.geomspace(1e-5, 10.0, 40)
-    _agree(plain.steps(shaft, inertia, 1e-3), kernel.steps(shaft, inertia, 1e-3))
+    _agree(_steps(shaft, inertia, 1e-3), step_kernel.steps(shaft, inertia, 1e-3))
     if not shaft.rigid:
         coupling = np.geomspace([10.0, 0.01], [1e6, 30.0], 40)
         each = (shaft, coupling, inertia, 1e-3)
-        _agree(plain.steps_of_each(*each), kernel.steps_of_each(*each))
+        _agree(plain.steps_of_each(*each), step_kernel.steps_of_each(*each))
 
 
 def test_filter_and_sensitivities(system: System) -> None:
@@ -97,9 +102,9 @@ def test_a_coupling_with_play() -> None:
     """Half of the steps within the gap, a contact that lifts among them."""
     shaft, noise, steps = SHAFTS["flexible"], np.random.default_rng(5), 200
     inertia = np.full(steps, 0.1)
-    whole = plain.steps(shaft, inertia, 1e-3)
-    pressed = plain.steps(shaft, inertia, 1e-3 / PARTS)
-    free = plain.steps(shaft._replace(stiffness=25.0, damping=0.01), inertia, 1e-3 / PARTS)
+    whole = _steps(shaft, inertia, 1e-3)
+    pressed = _steps(shaft, inertia, 1e-3 / PARTS)
+    free = _steps(shaft._replace(stiffness=25.0, damping=0.01), inertia, 1e-3 / PARTS)
     torques = 8 * np.sin(np.arange(steps) / 6)[:, None] * np.array([1.0, -0.2, 1.0, -0.2, 0.01, 0.0])
     coupling = np.tile([shaft.stiffness, shaft.damping], (steps, 1))
     found = []

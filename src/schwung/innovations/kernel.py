@@ -1,9 +1,4 @@
-"""The compiled inside of the trajectory fit: exact steps of the two-mass model, and what follows Kalman's filter.
-
-State of the flexible machine: motor angle, motor speed, wind-up θ_r − θ_l, load speed; of the rigid one: angle and
-speed. Over one sampling interval the load inertia stands still and the torques are parabolas; the step is then made of
-matrix exponentials, exact for any stiffness.
-"""
+"""The compiled inside of the trajectory fit: what follows Kalman's filter."""
 
 from __future__ import annotations
 
@@ -11,95 +6,11 @@ import numpy as np
 
 from schwung.compiled import compiled, compiled_fastmath, compiled_or
 from schwung.innovations import plain
-from schwung.innovations.values import REACH, TERMS, Added, Filtered, Shaft
+from schwung.innovations.values import Added, Filtered
 from schwung.motion import Array
 
 #: Samples whose rows are turned at once, from one after another to one column after another.
 TILE = 16
-
-
-@compiled
-def _product(left: Array, right: Array) -> Array:
-    """left·right; small matrices are faster without BLAS."""
-    result = np.zeros((left.shape[0], right.shape[1]))
-    for i in range(left.shape[0]):
-        for j in range(right.shape[0]):
-            for c in range(right.shape[1]):
-                result[i, c] += left[i, j] * right[j, c]
-    return result
-
-
-@compiled
-def _exponentials(shaft: Shaft, inertia: float, duration: float) -> tuple[Array, Array, Array, Array]:
-    """e^{Ah} and ∫e^{A(h−t)}B tⁱ dt, i = 0, 1, 2, over one interval h; B: torque on motor, on load."""
-    size = 2 if shaft.rigid else 4
-    rates, inputs = np.zeros((size, size)), np.zeros((size, 2))
-    rates[0, 1] = 1.0
-    if shaft.rigid:
-        total = shaft.rotor_inertia + inertia
-        fastest = (shaft.motor_friction + shaft.load_friction) / total
-        rates[1, 1] = -fastest
-        inputs[1, 0] = inputs[1, 1] = 1.0 / total
-    else:
-        rotor, k, b = shaft.rotor_inertia, shaft.stiffness, shaft.damping
-        rates[1, 1], rates[1, 2], rates[1, 3] = -(b + shaft.motor_friction) / rotor, -k / rotor, b / rotor
-        rates[2, 1], rates[2, 3] = 1.0, -1.0
-        rates[3, 1], rates[3, 2], rates[3, 3] = b / inertia, k / inertia, -(b + shaft.load_friction) / inertia
-        inputs[1, 0], inputs[3, 1] = 1.0 / rotor, 1.0 / inertia
-        mobility = 1.0 / rotor + 1.0 / inertia
-        fastest = max(np.sqrt(k * mobility), b * mobility)
-        fastest += shaft.motor_friction / rotor + shaft.load_friction / inertia
-    doublings = max(0, int(np.ceil(np.log2(max(fastest * duration / REACH, 1e-9)))))
-    h = duration / 2**doublings
-    moved, term = np.eye(size), np.eye(size)
-    first, second, third = np.zeros((size, size)), np.zeros((size, size)), np.zeros((size, size))
-    for i in range(TERMS):  # term = (Ah)^i / i!
-        first += term * (h / (i + 1))
-        second += term * (h * h / ((i + 1) * (i + 2)))
-        third += term * (2.0 * h * h * h / ((i + 1) * (i + 2) * (i + 3)))
-        term = _product(term, rates) * (h / (i + 1))
-        moved += term
-    for _ in range(doublings):
-        third = _product(moved, third) + third + 2.0 * h * second + h * h * first
-        second = _product(moved, second) + second + h * first
-        first = _product(moved, first) + first
-        moved = _product(moved, moved)
-        h *= 2.0
-    return moved, _product(first, inputs), _product(second, inputs), _product(third, inputs)
-
-
-@compiled_or(plain.steps)
-def steps(shaft: Shaft, inertia: Array, duration: float) -> Array:
-    """For every interval, side by side (m, s, s + 6): the transition, and what torques add, on motor and load each.
-
-    Torques run straight from start to end, with a parabola on top: start, end, height of the parabola.
-    """
-    count, size = inertia.size, 2 if shaft.rigid else 4
-    result = np.empty((count, size, size + 6))
-    for i in range(count):
-        moved, first, second, third = _exponentials(shaft, inertia[i], duration)
-        result[i, :, :size] = moved
-        result[i, :, size : size + 2] = first - second / duration
-        result[i, :, size + 2 : size + 4] = second / duration
-        result[i, :, size + 4 :] = 4.0 * (second - third / duration) / duration
-    return result
-
-
-@compiled_or(plain.steps_of_each)
-def steps_of_each(shaft: Shaft, coupling: Array, inertia: Array, duration: float) -> Array:
-    """`steps` where the shaft's stiffness and damping, `coupling` (m, 2), differ from interval to interval."""
-    result = np.empty((inertia.size, 4, 10))
-    for i in range(inertia.size):
-        there = Shaft(
-            shaft.rotor_inertia,
-            shaft.motor_friction,
-            shaft.load_friction,
-            coupling[i, 0],
-            coupling[i, 1],
-            shaft.rigid,
-        )
-        result[i] = steps(there, inertia[i : i + 1], duration)[0]
-    return result
 
 
 @compiled_or(plain.smoothed)

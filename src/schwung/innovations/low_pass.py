@@ -85,19 +85,24 @@ def _there_and_back(each: Array, within: float, order: int, ahead: int) -> Array
     return result
 
 
+def loudness(noise: Array) -> Array:
+    """Power of noise alone (n,) in each sine, averaged broadly, (n − 2,); of too short a signal nothing is known."""
+    if noise.size < 4 * _BROADLY:
+        return np.zeros(max(noise.size - 2, 0))
+    return _averaged(_in_sines(noise)[1] ** 2, _BROADLY)
+
+
 def heard(values: Array, noise: float | Array) -> Array:
     """What is expected of a signal (n,) in noise (Wiener): at each frequency the share of the power about it that is
-    not noise's. `noise`: its deviation, where it is white, or as much of it alone (n,).
+    not noise's. `noise`: its deviation, where it is white, or its `loudness` (n − 2,).
 
     Used as a regressor, a noisy signal meets its own noise in what it shall explain; its expectation does not.
     """
     if values.size < 4 * _BROADLY:
         return values
     line, sines = _in_sines(values)
-    if isinstance(noise, float):
-        loud: float | Array = 2 * (values.size - 1) * noise**2  # of each of the unnormalised sines
-    else:
-        loud = _averaged(_in_sines(noise)[1] ** 2, _BROADLY)
+    # of each of the unnormalised sines
+    loud = 2 * (values.size - 1) * noise**2 if isinstance(noise, float) else noise
     power = np.maximum(_averaged(sines**2, _BESIDE), 1e-300)
     return _from_sines(line, sines * np.clip(1 - loud / power, 0.0, 1.0))
 

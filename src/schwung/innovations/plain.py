@@ -1,4 +1,4 @@
-"""The innermost of the trajectory fit without numba: what `kernel.py` does entry by entry, in whole matrices."""
+"""The innermost of the trajectory fit without numba: what the kernels do entry by entry, in whole matrices."""
 
 from __future__ import annotations
 
@@ -9,14 +9,8 @@ from schwung.innovations.values import REACH, TERMS, Added, Filtered, Shaft, Sys
 from schwung.motion import Array
 
 
-def steps(shaft: Shaft, inertia: Array, duration: float) -> Array:
-    """As `kernel.steps`."""
-    coupling = np.broadcast_to([shaft.stiffness, shaft.damping], (inertia.size, 2))
-    return steps_of_each(shaft, coupling, inertia, duration)
-
-
 def steps_of_each(shaft: Shaft, coupling: Array, inertia: Array, duration: float) -> Array:
-    """As `kernel.steps_of_each`, of a rigid machine as well: all that need as many doublings side by side."""
+    """As `step_kernel.steps_of_each`: all that need as many doublings side by side."""
     rates, inputs, fastest = _rates(shaft, coupling[:, 0], coupling[:, 1], inertia)
     doublings = np.maximum(0, np.ceil(np.log2(np.maximum(fastest * duration / REACH, 1e-9)))).astype(int)
     size = rates.shape[1]

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from schwung.errors import InputError
-from schwung.innovations import kernel
+from schwung.innovations import step_kernel
 from schwung.innovations.signals import Signals
 from schwung.innovations.splines import interpolated
 from schwung.innovations.values import Shaft
@@ -47,7 +47,7 @@ class Steps:
         nodes = np.linspace(logs.min() - 1e-3, logs.max() + 1e-3, _NODES)
 
         def table(which: Shaft) -> Array:
-            return np.asarray(kernel.steps(which, np.exp(nodes), step_s))
+            return np.asarray(step_kernel.steps(which, np.exp(nodes), step_s))
 
         def by(name: str) -> Array:
             ends = [
@@ -75,7 +75,9 @@ class Steps:
     @classmethod
     def of_each(cls, shaft: Shaft, coupling: Array, inertia: Array, step_s: float) -> Steps:
         """Steps of a coupling whose stiffness and damping (m, 2) are others in each, exactly; without derivatives."""
-        transition, inputs = np.split(kernel.steps_of_each(shaft, coupling, inertia, step_s), [-6], axis=2)
+        transition, inputs = np.split(
+            step_kernel.steps_of_each(shaft, coupling, inertia, step_s), [-6], axis=2
+        )
         none = np.empty(0)
         return cls(transition, inputs, none, none, none)
 

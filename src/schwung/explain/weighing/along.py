@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property, wraps
 
@@ -100,9 +100,7 @@ class Along:
     starts_s: float  # when the motion leaves rest
     true_torque: TrueTorque
     kept: dict[str, Array] = field(default_factory=dict)  # coordinates by their names, for these states
-    noise: Array | None = (
-        None  # of the coupling's wind-up and its rate alone, (n, 2); and of the load's acceleration
-    )
+    loud: Sequence[Array] | None = None  # `loudness` of what noise alone makes: see `View.loud`
     gap_rad: float = 0.0  # of the coupling, known and present
     met: Array | None = None  # `Play.contact` of each step, as the filter met it, (n − 1, 3); None: not known
 
@@ -205,7 +203,7 @@ class Along:
     def load_acceleration(self) -> Array:
         """As far as it is heard: of noise it would foresee the noise that it was smoothed from."""
         found = self.run.load_acceleration
-        return found if self.noise is None else heard(found, self.noise[:, 2])
+        return found if self.loud is None else heard(found, self.loud[2])
 
     @property
     def torque(self) -> Array:
@@ -273,7 +271,7 @@ class Along:
         if self.gap_rad > 0:
             return values  # free flights are far above the band
         quiet = np.asarray(self.run.quiet(values))
-        return quiet if self.noise is None else heard(quiet, self.run.quiet(self.noise[:, which]))
+        return quiet if self.loud is None else heard(quiet, self.loud[which])
 
     @cached_property
     def inertia(self) -> Array:
@@ -298,15 +296,15 @@ def along(
     number: int,
     true_torque: TrueTorque,
     kept: dict[str, Array] | None = None,
-    noise: Array | None = None,
+    loud: Sequence[Array] | None = None,
     gap_rad: float = 0.0,
 ) -> Along:
-    """The coordinates of a run of a session; `kept`: those that were worked out for the same states; `noise`: of its
-    coupling's wind-up and rate, (n, 2); `gap_rad`: of the coupling, known and present.
+    """The coordinates of a run of a session; `kept`: those that were worked out for the same states; `loud`: see
+    `View.loud`; `gap_rad`: of the coupling, known and present.
     """
     starts = recorded.motion.start_time_s if recorded.motion is not None else 0.0
     begins, kept = float(starts or 0.0), {} if kept is None else kept
-    return Along(run, machine, present, ranges, number, begins, true_torque, kept, noise, gap_rad)
+    return Along(run, machine, present, ranges, number, begins, true_torque, kept, loud, gap_rad)
 
 
 def ranges_of(runs: list[Signals], machine: Machine, sticking: float, band_hz: float) -> Ranges:

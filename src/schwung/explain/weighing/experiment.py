@@ -164,7 +164,7 @@ class Rivals:
             torques=torques,
             slowest=(),
             repeats=(),
-            noises=(),
+            loud=(),
             work=Work(),
         )
         view = resmoothed(view, (), about.noise)

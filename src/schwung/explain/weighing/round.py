@@ -17,7 +17,7 @@ from schwung.explain.weighing.present import Member, gap_of, with_members
 from schwung.explain.weighing.work import LINEARISED, NOISE, Work
 from schwung.innovations.effect import Passed
 from schwung.innovations.likelihood import Noise, likely_noise, unshared_deviance_of
-from schwung.innovations.low_pass import heard
+from schwung.innovations.low_pass import heard, loudness
 from schwung.innovations.signals import Signals
 from schwung.motion import Array
 from schwung.session.model import Run
@@ -50,7 +50,9 @@ class View:
         Array, ...
     ] = ()  # `Along.slowest` of each run for all sets alike; empty: as the states say
     repeats: Sequence[Sequence[int]] = ()  # runs of each motion and injection
-    noises: tuple[Array, ...] = ()  # of each run's wind-up and its rate alone, (n, 2); empty: not known
+    loud: tuple[
+        Sequence[Array], ...
+    ] = ()  # `loudness` of noise in each run's wind-up, its rate and the load's acceleration; empty: not known
     work: Work = field(default_factory=Work)  # that was done since the session was first looked at
 
     @property
@@ -77,7 +79,7 @@ class View:
                 number,
                 self.torques[number],
                 self._kept[number],
-                self.noises[number] if self.noises else None,
+                self.loud[number] if self.loud else None,
                 gap,
             )
             for number, (run, recorded) in enumerate(zip(self.runs, self.recorded, strict=True))
@@ -268,10 +270,10 @@ def _without_noise(about: Linearised, number: int) -> Array:
     return np.asarray(heard(reported, size) + run.drive.injected_nm)
 
 
-def noises_about(about: Linearised) -> tuple[Array, ...]:
-    """What noise alone winds up each run's coupling, how fast, and how it accelerates the load, (n, 3): of what is
-    smoothed, that is noise."""
-    noises = []
+def loud_about(about: Linearised) -> tuple[Sequence[Array], ...]:
+    """How loud noise alone is in each run's wind-up, in its rate, and in the load's acceleration: of what is smoothed,
+    that is noise."""
+    every = []
     for i, passed in sorted(about.passed.items()):
         run = about.view.runs[i]
         states = passed.of_noise(about.noise, run, np.random.default_rng(i)).states
@@ -279,8 +281,8 @@ def noises_about(about: Linearised) -> tuple[Array, ...]:
         loads = run.about(np.ascontiguousarray(states[:, :-1])).load_acceleration
         still = np.zeros_like(loads)
         wound = (still, still) if run.rigid else (states[:, 2], states[:, 1] - states[:, 3])
-        noises.append(np.stack([*wound, loads], 1))
-    return tuple(noises)
+        every.append([*(loudness(run.quiet(one)) for one in wound), loudness(loads)])
+    return tuple(every)
 
 
 def at_rest(

@@ -15,7 +15,7 @@ from schwung.explain.weighing.round import (
     acting,
     at_rest,
     linearised,
-    noises_about,
+    loud_about,
     resmoothed_about,
     torques_about,
 )
@@ -39,13 +39,11 @@ class Wide:
     torques: tuple[TrueTorque, ...]  # of each run, as far as it is known
     dry_nm: float  # friction that leaves open where the shaft sticks or turns
     slowest: tuple[Array, ...]  # where it does, `Along.slowest` of each run
-    noises: tuple[Array, ...]  # of each run's wind-up and its rate
+    loud: tuple[Sequence[Array], ...]  # `loudness` of noise in each run's states
 
     def seen(self, view: View) -> View:
         """The session with what is known of all sets alike: they differ in what they predict, not in how surely."""
-        return replace(
-            view, torques=self.torques, dry_nm=self.dry_nm, slowest=self.slowest, noises=self.noises
-        )
+        return replace(view, torques=self.torques, dry_nm=self.dry_nm, slowest=self.slowest, loud=self.loud)
 
 
 #: Passes of noise, coefficients and states at most; settled, where no size of noise moves by more than this (log).
@@ -92,7 +90,7 @@ def wide_fit(
     excess = excess_of(rows, target - found.coefficients @ rows, about, train)
     alongs = view.alongs(members)
     dry = max(acting(view, where, members).dry_nm for where in alongs)
-    return Wide(noise, excess, torques, dry, tuple(where.slowest for where in alongs), noises_about(about))
+    return Wide(noise, excess, torques, dry, tuple(where.slowest for where in alongs), loud_about(about))
 
 
 def _nearer(
