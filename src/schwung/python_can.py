@@ -1,8 +1,8 @@
 """python-can without what only its MF4 files need: it loads asammdf, and so pandas and pyarrow, wherever that is
 installed, a quarter of a second before the first frame.
 
-The clock is the first room that needs python-can and imports it from here, as `schwung bench` does before the machine
-room; everybody else imports `can` as ever.
+Whoever may be the first to need python-can imports it from here: the clock, CANopen, `schwung bench` before the machine
+room. Everybody else imports `can` as ever.
 """
 
 from __future__ import annotations

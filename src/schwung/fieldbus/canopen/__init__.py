@@ -1,5 +1,6 @@
 """CANopen: bus, driver, scan."""
 
+import schwung.python_can  # noqa: F401  # isort: skip  # first: without what only its MF4 files need
 from schwung.fieldbus.canopen.bus import BusOptions, bit_rate, bus_load, open_bus
 from schwung.fieldbus.canopen.driver import CanopenDrive
 from schwung.fieldbus.canopen.scan import match_profile, scan_bus
