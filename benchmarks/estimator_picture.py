@@ -12,19 +12,8 @@ from matplotlib.axes import Axes
 from matplotlib.colors import LinearSegmentedColormap, LogNorm
 from matplotlib.figure import Figure
 
-from schwung.report.style import (
-    DASHED,
-    ESTIMATE,
-    EXCITED,
-    FORMER,
-    GOOD,
-    INK,
-    MUTED,
-    SURFACE,
-    WIDTH_IN,
-    in_style,
-    to_png,
-)
+from schwung.report.colours import ESTIMATE, EXCITED, FORMER, GOOD, INK, MUTED, SURFACE
+from schwung.report.style import DASHED, WIDTH_IN, in_style, to_png
 
 _LOUD = {"trajectory": GOOD, "multiphase": ESTIMATE, "denoised": EXCITED, "former": FORMER}
 _REFUSED = "#d9dde3"

@@ -13,7 +13,8 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Rectangle
 
 from schwung.files import replace_file
-from schwung.report.style import ESTIMATE, GRID, INK, in_style, key, new_figure, to_png
+from schwung.report.colours import ESTIMATE, GRID, INK
+from schwung.report.style import in_style, key, new_figure, to_png
 
 #: How wide a bin's column is drawn, of the room that it has.
 _WIDTH = 0.7

@@ -25,6 +25,7 @@ from schwung.drivetrain.machine import Machine, paper_machine
 from schwung.explain.values import Explanation, Overlay
 from schwung.explain.words import words_of
 from schwung.motion import Array
+from schwung.report.colours import ESTIMATE, EXCITED
 from schwung.report.content import ROTARY
 from schwung.report.explanation_terms import coupling_figure, term_figure
 from schwung.report.figures_explanation import (
@@ -35,7 +36,6 @@ from schwung.report.figures_explanation import (
     residual,
     shown_overlay,
 )
-from schwung.report.style import ESTIMATE, EXCITED
 
 STIFFNESS = 24963.0
 

@@ -18,9 +18,9 @@ from schwung.drivetrain.inertia import InertiaTable
 from schwung.errors import InputError
 from schwung.estimation import Verdict
 from schwung.estimation.reach import Reach
+from schwung.report.colours import PALETTE
 from schwung.report.content import ChangeRow, FollowingError
 from schwung.report.html import render, write_report
-from schwung.report.style import PALETTE
 
 _VOID = {"meta", "br", "link", "img"}
 

@@ -13,8 +13,7 @@ from report_samples import MOTION, SINE, bare, estimated, full, session
 from schwung.errors import InputError
 from schwung.estimation.trust import RELATIVE_MIV
 from schwung.motion import Array
-from schwung.report.pictures import Picture, pictures, save_figures
-from schwung.report.style import (
+from schwung.report.colours import (
     DOUBTFUL,
     ESTIMATE,
     EXCITED,
@@ -29,6 +28,7 @@ from schwung.report.style import (
     Colour,
     thin,
 )
+from schwung.report.pictures import Picture, pictures, save_figures
 
 #: Full dichromacy: Machado, Oliveira and Fernandes, IEEE TVCG 15:6 (2009), table 1, severity 1.0, linear RGB.
 _VISION = {

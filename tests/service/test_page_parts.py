@@ -14,7 +14,7 @@ from schwung.fieldbus.drive import Parameter
 from schwung.fieldbus.profile import load_profile
 from schwung.motion import Array
 from schwung.quantities import parse_quantity
-from schwung.report.style import PALETTE
+from schwung.report.colours import PALETTE
 from schwung.service.pages.curves import NamedCurve, comparison_diagram, covered, inertia_diagram
 from schwung.service.pages.decimation import BEGUN, CONTINUED, Columns, Decimator, frame, parts
 from schwung.service.pages.desk import Desk

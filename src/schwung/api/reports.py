@@ -18,6 +18,7 @@ from schwung.estimation.reach import reach_of
 from schwung.explain.values import Explanation
 from schwung.fieldbus.drive import RawValue
 from schwung.files import json_text, replace_file
+from schwung.report.bode import BodeContent, angle_rows, parameter_rows, write_bode_report
 from schwung.report.content import ChangeRow, FollowingError, ReportContent, SyncRow
 from schwung.report.html import write_report as write_page
 from schwung.report.pictures import save_figures
@@ -25,11 +26,15 @@ from schwung.session import Run, Session, read_session
 from schwung.session.gains import with_recorded_gains
 
 __all__ = [
+    "BodeContent",
     "Standard",
+    "angle_rows",
     "content_of",
     "deviation",
+    "parameter_rows",
     "save_figures",
     "standard_of",
+    "write_bode_report",
     "write_explanation",
     "write_page",
     "write_report",

@@ -15,7 +15,6 @@ from schwung.estimation.bode import fit_bode
 from schwung.estimation.bode_values import BodeFit
 from schwung.estimation.proposal import Proposal, Stroke, propose
 from schwung.estimation.response import measured_responses
-from schwung.report.bode import BodeContent, angle_rows, parameter_rows, write_bode_report
 from schwung.session import Session as RecordedSession
 from schwung.session.gains import with_recorded_gains
 
@@ -24,7 +23,6 @@ __all__ = [
     "FORMAT",
     "VERSION",
     "BelievedMachine",
-    "BodeContent",
     "BodeFit",
     "BodeUse",
     "BodeWishes",
@@ -32,17 +30,14 @@ __all__ = [
     "Proposal",
     "RecordedSession",
     "Stroke",
-    "angle_rows",
     "fit_bode",
     "measure_bode",
     "measured_responses",
-    "parameter_rows",
     "prepare_bode",
     "propose",
     "read_bode",
     "with_bode",
     "with_recorded_gains",
-    "write_bode_report",
 ]
 
 

@@ -84,7 +84,7 @@ class Shown:
 
 def _css() -> str:
     """The report's colours: dark where the page around says so, be it JupyterLab, VS Code or the documentation."""
-    from schwung.report.style import PALETTE
+    from schwung.report.colours import PALETTE
 
     light = "".join(f"--{c.name}:{c.light};" for c in PALETTE)
     dark = "".join(f"--{c.name}:{c.dark};" for c in PALETTE)

@@ -17,8 +17,9 @@ from schwung.batch.archive import Kind
 from schwung.batch.summary import Row, when
 from schwung.files import replace_file
 from schwung.motion import Array
+from schwung.report.colours import ESTIMATE, INK, MUTED, PLAIN
 from schwung.report.content import LINEAR, ROTARY, Units
-from schwung.report.style import ESTIMATE, INK, MUTED, PLAIN, WIDTH_IN, in_style, key, to_png
+from schwung.report.style import WIDTH_IN, in_style, key, to_png
 
 _MARKS = {"good": "o", "doubtful": "^", "unusable": "x"}
 _OLD_TO_NEW = LinearSegmentedColormap.from_list("age", ("#9fc9e8", ESTIMATE.light, "#04203a"))  # light is old

@@ -248,15 +248,8 @@ def _show(
 ) -> dict[str, Any]:
     """Tables, proposal, files; returns the machine-readable result."""
     from schwung import write_machine
-    from schwung.api.responses import (
-        BODE_FILE,
-        FORMAT,
-        VERSION,
-        BodeContent,
-        angle_rows,
-        parameter_rows,
-        write_bode_report,
-    )
+    from schwung.api.reports import BodeContent, angle_rows, parameter_rows, write_bode_report
+    from schwung.api.responses import BODE_FILE, FORMAT, VERSION
     from schwung.files import json_text, replace_file
 
     terminal.table(

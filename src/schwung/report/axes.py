@@ -8,9 +8,10 @@ from schwung.drivetrain import InertiaTable, Simulated
 from schwung.explain.values import Explanation
 from schwung.explain.weighing.publication import Published
 from schwung.motion import Array
+from schwung.report.colours import ESTIMATE, EXCITED, INK, PLAIN, Colour
 from schwung.report.content import Units
 from schwung.report.figures_explanation import residual, shown_overlay
-from schwung.report.style import DASHED, ESTIMATE, EXCITED, INK, PLAIN, Colour, curve
+from schwung.report.style import DASHED, curve
 from schwung.session import Run
 
 

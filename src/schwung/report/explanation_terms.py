@@ -19,22 +19,10 @@ from schwung.drivetrain.machine import Machine
 from schwung.explain.values import Overlay, Quantity
 from schwung.explain.words import View, words_of
 from schwung.motion import Array
+from schwung.report.colours import EXCITED, GOOD, GRID, INK, MUTED, PLAIN, thin
 from schwung.report.content import Units
 from schwung.report.figures_explanation import compared, residual
-from schwung.report.style import (
-    DASHED,
-    EXCITED,
-    GOOD,
-    GRID,
-    INK,
-    MUTED,
-    PLAIN,
-    curve,
-    in_style,
-    key,
-    new_figure,
-    thin,
-)
+from schwung.report.style import DASHED, curve, in_style, key, new_figure
 
 _DOTS = 900
 _BINS = 60

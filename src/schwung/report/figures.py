@@ -12,9 +12,7 @@ from schwung.drivetrain.inertia import InertiaTable, deviation
 from schwung.estimation.trust import RELATIVE_MIV
 from schwung.estimation.values import Denoised, Estimate, Trace
 from schwung.motion import Array
-from schwung.report.content import FollowingError, ReportContent, Units
-from schwung.report.style import (
-    DASHED,
+from schwung.report.colours import (
     DOUBTFUL,
     ESTIMATE,
     EXCITED,
@@ -26,12 +24,9 @@ from schwung.report.style import (
     MUTED,
     PLAIN,
     UNUSABLE,
-    curve,
-    in_style,
-    key,
-    limit_line,
-    new_figure,
 )
+from schwung.report.content import FollowingError, ReportContent, Units
+from schwung.report.style import DASHED, curve, in_style, key, limit_line, new_figure
 from schwung.session import Run
 
 # ---------------------------------------------------------------------------------------------- over angle

@@ -13,22 +13,8 @@ from schwung.estimation.bode_values import BodeFit
 from schwung.estimation.proposal import Proposal
 from schwung.estimation.response import MIN_COHERENCE, ComplexArray, Response
 from schwung.motion import Array
-from schwung.report.style import (
-    DASHED,
-    DOUBTFUL,
-    ESTIMATE,
-    EXCITED,
-    FORMER,
-    GOOD,
-    INK,
-    MUTED,
-    UNUSABLE,
-    Colour,
-    in_style,
-    key,
-    limit_line,
-    new_figure,
-)
+from schwung.report.colours import DOUBTFUL, ESTIMATE, EXCITED, FORMER, GOOD, INK, MUTED, UNUSABLE, Colour
+from schwung.report.style import DASHED, in_style, key, limit_line, new_figure
 
 _ANGLES = (ESTIMATE, EXCITED, GOOD, FORMER, DOUBTFUL, UNUSABLE)
 #: More angles than this have no names of their own: they are too many to tell apart by colour.

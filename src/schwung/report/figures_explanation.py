@@ -15,23 +15,9 @@ from numpy.typing import NDArray
 
 from schwung.explain.values import Explanation, Located, Overlay
 from schwung.motion import Array
+from schwung.report.colours import ESTIMATE, EXCITED, GOOD, GRID, INK, MUTED, PLAIN, Colour
 from schwung.report.content import Units
-from schwung.report.style import (
-    DASHED,
-    ESTIMATE,
-    EXCITED,
-    GOOD,
-    GRID,
-    INK,
-    MUTED,
-    PLAIN,
-    WIDTH_IN,
-    Colour,
-    curve,
-    in_style,
-    key,
-    new_figure,
-)
+from schwung.report.style import DASHED, WIDTH_IN, curve, in_style, key, new_figure
 
 #: A held-out error up to so many times the floor counts as explained (issue 4's demand, and the verdict's).
 CLOSE_TO_FLOOR = 1.2

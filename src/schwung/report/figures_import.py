@@ -9,18 +9,8 @@ from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
-from schwung.report.style import (
-    ESTIMATE,
-    EXCITED,
-    GRID,
-    INK,
-    MUTED,
-    PLAIN,
-    WIDTH_IN,
-    curve,
-    in_style,
-    key,
-)
+from schwung.report.colours import ESTIMATE, EXCITED, GRID, INK, MUTED, PLAIN
+from schwung.report.style import WIDTH_IN, curve, in_style, key
 from schwung.session import Session
 from schwung.session.guess import Guess, Proposal
 

@@ -7,20 +7,9 @@ from matplotlib.figure import Figure
 
 from schwung.explain.weighing.publication import NAMED, Curve, Published, percent
 from schwung.explain.words import words_of
+from schwung.report.colours import ESTIMATE, EXCITED, GOOD, INK, MUTED, Colour
 from schwung.report.content import Units
-from schwung.report.style import (
-    DASHED,
-    ESTIMATE,
-    EXCITED,
-    GOOD,
-    INK,
-    MUTED,
-    Colour,
-    curve,
-    in_style,
-    key,
-    new_figure,
-)
+from schwung.report.style import DASHED, curve, in_style, key, new_figure
 
 _MOST_BARS = 14
 _BAND = 1.96

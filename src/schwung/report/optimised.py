@@ -10,19 +10,8 @@ from matplotlib.figure import Figure
 
 from schwung.motion import Array
 from schwung.optimise.dynamics import Followed
-from schwung.report.style import (
-    DASHED,
-    ESTIMATE,
-    INK,
-    MUTED,
-    PLAIN,
-    UNUSABLE,
-    curve,
-    in_style,
-    key,
-    limit_line,
-    new_figure,
-)
+from schwung.report.colours import ESTIMATE, INK, MUTED, PLAIN, UNUSABLE
+from schwung.report.style import DASHED, curve, in_style, key, limit_line, new_figure
 
 
 @dataclass(frozen=True, eq=False)

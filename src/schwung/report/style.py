@@ -1,8 +1,7 @@
 """One look for every picture: colours that mean the same everywhere, in light, in dark and on paper.
 
-The palette follows Okabe and Ito (2008), darkened where a thin line on white needs it, so that people with
-any colour vision tell the curves apart. Pictures are drawn once, in the light colours; within the page each
-colour becomes a CSS variable, so that the same picture follows the reader's theme.
+Pictures are drawn once, in the light colours; within the page each colour becomes a CSS variable, so that the same
+picture follows the reader's theme.
 """
 
 from __future__ import annotations
@@ -11,7 +10,6 @@ import functools
 import io
 import re
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
 from html import escape
 from typing import Any, ParamSpec, TypeVar
 
@@ -26,37 +24,15 @@ from matplotlib.figure import Figure
 from matplotlib.layout_engine import ConstrainedLayoutEngine
 
 from schwung.motion import Array
+from schwung.report.colours import GRID, INK, MOST_POINTS, MUTED, PALETTE, SURFACE, Colour, thin
 
 P = ParamSpec("P")
 R = TypeVar("R")
 
 
-@dataclass(frozen=True)
-class Colour:
-    """A meaning, with its colour in light and in dark."""
-
-    name: str
-    light: str
-    dark: str
-
-
-INK = Colour("ink", "#1c2733", "#e8ecf1")  # text, demand, and whatever is taken as true
-MUTED = Colour("muted", "#5a6775", "#a3afbd")
-GRID = Colour("grid", "#e4e8ed", "#2e3743")
-SURFACE = Colour("surface", "#fffffe", "#171c23")
-ESTIMATE = Colour("estimate", "#0068b0", "#5db8f5")  # denoised signals and what is estimated from them
-EXCITED = Colour("excited", "#c65200", "#ff9550")  # a run with the injected sine
-PLAIN = Colour("plain", "#6b6f88", "#a9aec9")  # the same run without it
-FORMER = Colour("former", "#b04a78", "#ec8fb4")
-GOOD = Colour("good", "#00795a", "#35c99b")
-DOUBTFUL = Colour("doubtful", "#9a6700", "#f0b93a")
-UNUSABLE = Colour("unusable", "#b00040", "#ff857c")
-PALETTE = (INK, MUTED, GRID, SURFACE, ESTIMATE, EXCITED, PLAIN, FORMER, GOOD, DOUBTFUL, UNUSABLE)
-
 WIDTH_IN = 9.2
 _PAD_IN = 3 / 72  # around each axes with its labels
 _SVG_DPI = 72  # its unit is the point
-MOST_POINTS = 4000
 DASHED = (0, (4, 2))
 
 _SETTINGS: dict[Any, Any] = {
@@ -158,23 +134,6 @@ def limit_line(axes: Axes, value: float, text: str, colour: Colour) -> None:
         color=colour.light,
         fontsize=8,
     )
-
-
-def thin(x: Array, y: Array, most: int = MOST_POINTS) -> tuple[Array, Array]:
-    """Fewer points for the eye: smallest and largest sample of every bin are kept, so that no peak is lost.
-
-    Arrays (n,) in, at most `most` points out; a bin with no finite sample stays a gap (NaN).
-    """
-    if x.size <= most:
-        return x, y
-    chosen: list[int] = []
-    for bin_ in np.array_split(np.arange(x.size), most // 2):
-        finite = bin_[np.isfinite(y[bin_])]
-        ends = (
-            (finite[y[finite].argmin()], finite[y[finite].argmax()]) if finite.size else (bin_[0], bin_[-1])
-        )
-        chosen.extend(sorted(int(end) for end in ends))
-    return x[chosen], y[chosen]
 
 
 @in_style

@@ -12,6 +12,7 @@ from schwung.estimation.rivals.gdft import half_period_phasor
 from schwung.estimation.sdft import ComplexArray, sliding_dft
 from schwung.estimation.values import Denoised
 from schwung.motion import Array
+from schwung.report.colours import ESTIMATE, EXCITED, FORMER, PLAIN, Colour
 from schwung.report.reproduction.experiments import RATE_HZ, Case, result_of
 from schwung.report.reproduction.layout import (
     Reproduced,
@@ -20,18 +21,7 @@ from schwung.report.reproduction.layout import (
     legend,
     panels,
 )
-from schwung.report.style import (
-    DASHED,
-    ESTIMATE,
-    EXCITED,
-    FORMER,
-    PLAIN,
-    Colour,
-    curve,
-    in_style,
-    key,
-    new_figure,
-)
+from schwung.report.style import DASHED, curve, in_style, key, new_figure
 
 # --------------------------------------------------------------------------------------- figure 4: the filter
 

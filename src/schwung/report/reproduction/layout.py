@@ -11,17 +11,9 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
 from schwung.motion import Array
+from schwung.report.colours import DOUBTFUL, INK, MUTED, UNUSABLE, Colour
 from schwung.report.reproduction.experiments import RATE_HZ, STROKE_RAD, Case, Result, truth
-from schwung.report.style import (
-    DASHED,
-    DOUBTFUL,
-    INK,
-    MUTED,
-    UNUSABLE,
-    WIDTH_IN,
-    Colour,
-    curve,
-)
+from schwung.report.style import DASHED, WIDTH_IN, curve
 
 PAPER_MIV_KGM2 = (0.05, 0.08)
 

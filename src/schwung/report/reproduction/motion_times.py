@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from matplotlib.axes import Axes
 
+from schwung.report.colours import DOUBTFUL, ESTIMATE, EXCITED, FORMER, GOOD, PLAIN, UNUSABLE
 from schwung.report.reproduction.experiments import Case, Result, result_of
 from schwung.report.reproduction.layout import (
     Panels,
@@ -20,18 +21,7 @@ from schwung.report.reproduction.layout import (
     named,
     panels,
 )
-from schwung.report.style import (
-    DOUBTFUL,
-    ESTIMATE,
-    EXCITED,
-    FORMER,
-    GOOD,
-    PLAIN,
-    UNUSABLE,
-    curve,
-    in_style,
-    key,
-)
+from schwung.report.style import curve, in_style, key
 
 NOT_CLIPPED = "motor that does not clip"
 

@@ -12,9 +12,10 @@ from schwung.estimation.bode import fit_bode
 from schwung.estimation.bode_values import BodeFit, Fitted
 from schwung.estimation.response import measured_responses
 from schwung.motion import Excitation, Motion
+from schwung.report.colours import DOUBTFUL, ESTIMATE, EXCITED, MUTED
 from schwung.report.reproduction.experiments import RAMP_S, machine, recorded, truth
 from schwung.report.reproduction.layout import Reproduced, panels
-from schwung.report.style import DASHED, DOUBTFUL, ESTIMATE, EXCITED, MUTED, curve, in_style, key
+from schwung.report.style import DASHED, curve, in_style, key
 from schwung.session import Session
 
 #: The multisine repeats itself after 0.4 s, ten times; its lines reach well beyond both resonances.

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from schwung.report.colours import DOUBTFUL, ESTIMATE, EXCITED, FORMER, GOOD, INK
 from schwung.report.reproduction.experiments import (
     Case,
     dpr_of,
@@ -25,7 +26,7 @@ from schwung.report.reproduction.layout import (
     named,
     panels,
 )
-from schwung.report.style import DOUBTFUL, ESTIMATE, EXCITED, FORMER, GOOD, INK, curve, in_style
+from schwung.report.style import curve, in_style
 
 REFERENCE = Case(0.5)
 SHORTER = ((Case(0.30), GOOD), (Case(0.25), ESTIMATE), (Case(0.20), DOUBTFUL))

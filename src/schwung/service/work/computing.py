@@ -162,17 +162,16 @@ def fit_bode_session(
     Raises InputError where the recording allows no fit.
     """
     from schwung.api.computing import load_machine, read_session, write_machine
+    from schwung.api.reports import BodeContent, write_bode_report
     from schwung.api.responses import (
         BODE_FILE,
         FORMAT,
         VERSION,
-        BodeContent,
         Stroke,
         fit_bode,
         measured_responses,
         propose,
         with_recorded_gains,
-        write_bode_report,
     )
     from schwung.files import json_text, replace_file
 
