@@ -10,12 +10,15 @@ import struct
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
+from functools import partial
 
 import can
 import numpy as np
 import pytest
 from bench_peer import Master
-from driver_desk import NODE, connected, enabled, stroke
+from driver_desk import NODE, connected
+from driver_desk import enabled as enabled_at
+from driver_desk import stroke as stroke_at
 
 from schwung.clock import clock_of
 from schwung.errors import DriveError, DriveFaultError, StateError
@@ -26,8 +29,10 @@ from schwung_sim.bench import Bench
 from schwung_sim.drives.dictionary import key
 from schwung_sim.drives.power import Power
 
-CSP = Acquisition("csp", 1000.0)
-LONG = stroke(20_000, distance_rad=3.0)
+RATE_HZ = 250.0  # motions are many seconds long
+CSP = Acquisition("csp", RATE_HZ)
+enabled, stroke = partial(enabled_at, RATE_HZ), partial(stroke_at, rate_hz=RATE_HZ)
+LONG = stroke(5_000, distance_rad=3.0)
 RPDO = 0x200 + NODE
 WAYS = pytest.mark.parametrize(("sync", "clock"), [("lockstep", "sync"), ("thread", "wall")])
 
@@ -68,17 +73,17 @@ def after_stop(said: list[Said]) -> list[Said]:
 @WAYS
 def test_nothing_enables_after_a_halt(sync: str, clock: str) -> None:
     """With 605A = 6 the drive waits in Quick stop active, where one frame with 0x000F brings it back into operation."""
-    with enabled(sync=sync, clock=clock) as (bench, drive), overheard(bench) as said:
+    with enabled_at(sync=sync, clock=clock) as (bench, drive), overheard(bench) as said:
         drive.write([ParameterValue(drive.parameter(0x605A), 6)])
         drive.clock.later(0.4, drive.halt)
         with pytest.raises(StateError, match="halt"):
-            drive.play(LONG)
+            drive.play(stroke_at(20_000, distance_rad=3.0))
         stood = bench.axis.position_rad
         drive._operation._dialogue.cyclic.pump(1.0)  # type: ignore[union-attr]  # it is running
         assert bench.servo.power.state is Power.QUICK_STOP_ACTIVE
         assert bench.axis.position_rad == pytest.approx(stood, abs=1e-3)
         assert not any(frame.enables for frame in after_stop(said))
-        for again in (drive.enable, lambda: drive.play(stroke(100))):
+        for again in (drive.enable, lambda: drive.play(stroke_at(100))):
             with pytest.raises(StateError, match="halt"):
                 again()
         assert not any(frame.enables for frame in after_stop(said))
@@ -90,7 +95,7 @@ def test_nothing_enables_after_a_halt(sync: str, clock: str) -> None:
 def test_the_stop_keeps_the_target_that_went_out_last(sync: str, clock: str) -> None:
     """A drive may take the target before it looks at the controlword."""
     with enabled(sync=sync, clock=clock) as (bench, drive), overheard(bench) as said:
-        drive.clock.later(5.0, drive.halt)  # in the middle of a way of 3 rad
+        drive.clock.later(1.0, drive.halt)  # on a way of 3 rad
         with pytest.raises(StateError, match="halt"):
             drive.play(LONG)
         first = said.index(after_stop(said)[0])
@@ -102,9 +107,9 @@ def test_the_stop_keeps_the_target_that_went_out_last(sync: str, clock: str) -> 
 
 
 def test_the_first_setpoint_is_approached() -> None:
-    with enabled() as (bench, drive), overheard(bench) as said:
+    with enabled_at() as (bench, drive), overheard(bench) as said:
         off = 0.015  # within the window in which a motion may start
-        drive.play(stroke(400, distance_rad=0.02, begin_rad=off))
+        drive.play(stroke_at(400, distance_rad=0.02, begin_rad=off))
         counts = np.diff([frame.target for frame in said]) * drive.resolution().position_rad
         assert np.max(np.abs(counts)) < off / 50
         assert bench.axis.position_rad == pytest.approx(off, abs=2e-3)
@@ -151,7 +156,7 @@ def test_a_position_that_is_refused_is_no_place_to_hold() -> None:
 def test_a_fault_reaction_is_waited_out() -> None:
     with enabled() as (bench, drive):
         drive.write([ParameterValue(drive.parameter(0x6085), 20_000)])  # a long way to stand still
-        drive.clock.later(5.0, lambda: bench.servo.fault(0x4310))
+        drive.clock.later(3.0, lambda: bench.servo.fault(0x4310))
         with pytest.raises(DriveFaultError):
             drive.play(LONG)
         drive.disable()
