@@ -13,6 +13,7 @@ import numpy as np
 from schwung.commissioning import Commissioned, Prepared, Wishes, carry_out, prepare
 from schwung.commissioning.commission import settings_of
 from schwung.commissioning.journal import ParameterJournal
+from schwung.commissioning.plan import PlannedRun
 from schwung.commissioning.procedure import record
 from schwung.drivetrain import Coupling, Load, Machine, Motor
 from schwung.fieldbus.canopen import BusOptions, CanopenDrive, open_bus
@@ -68,8 +69,8 @@ class Desk:
         wishes = self.wishes(**changes)
         return carry_out(self.drive, self.prepare(**changes), out, Silence(), wishes.max_jitter_share)
 
-    def record(self, out: Path, **changes: object) -> Session:
-        """Commission, but for what is made of the recording."""
+    def record(self, out: Path, *, runs: tuple[PlannedRun, ...] | None = None, **changes: object) -> Session:
+        """Commission, but for what is made of the recording. `runs`: after the creep, instead of the plan's."""
         out.mkdir(exist_ok=True)
         prepared = self.prepare(**changes)
         record(
@@ -80,6 +81,7 @@ class Desk:
             journal=ParameterJournal(self.drive, out / "setup.backup.json", self.drive.describe()),
             observer=Silence(),
             settings=settings_of(prepared.plan),
+            runs=runs,
         )
         return read_session(out / "session.h5")
 
