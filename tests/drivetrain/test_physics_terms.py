@@ -31,6 +31,8 @@ TIME = np.arange(4001) * TICK_S
 MOTION = Motion(kind="poly5", distance_rad=3.0, duration_s=0.2, start_time_s=0.02, returns=True, dwell_s=0.02)
 ADDED = Excitation(frequency_hz=50, amplitude_nm=25.0).torque(TIME)
 SEED = 3
+#: The bench's plant takes so many steps in a tick, not its usual four, that the truth is the nearer.
+SUBSTEPS = 8
 
 #: Speed (rad/s) and angle (rad) within which smooth physics agrees; the strokes reach 34 rad/s.
 SMOOTH = (1e-4, 5e-6)
@@ -136,7 +138,7 @@ class Truth:
 def _truth(effects: Mapping[str, Mapping[str, Any]], made: Simulated, motions: int = 1) -> Truth:
     """The bench's plant with these effects under the torque that the simulation reports, from the same standstill."""
     plant = TwoMassPlant(concealed=Concealed(effects), seed=SEED)
-    plant.parameters["substeps"], plant.parameters["substep_s"] = 32, TICK_S / 32
+    plant.parameters["substeps"], plant.parameters["substep_s"] = SUBSTEPS, TICK_S / SUBSTEPS
     plant.state["load_rad"] = plant.state["third_rad"] = made.load_position_rad[0]
     plant.state["true_torque_nm"] = plant.parameters["torque_gain"] * made.torque_nm[0]
     begins = round(MOTION.start_time_s / TICK_S)
@@ -261,6 +263,8 @@ def test_a_third_mass_behind_a_rigid_machine_makes_it_two_masses() -> None:
 
 
 def test_the_steps_are_short_enough_for_every_term() -> None:
+    """On the way out, which has every event there is; the way back is as fast."""
+    out = TIME[: TIME.size // 2]
     for name, case in CASES.items():
         made = _simulated_alone(name)
         parameters = dict(case.parameters) | (
@@ -268,8 +272,11 @@ def test_the_steps_are_short_enough_for_every_term() -> None:
         )
         machine = _machine().model_copy(update={"physics": (_term(name, **parameters),)})
         steps = FINER.get(name, 12)
-        finer = simulate(machine, MOTION.demand(TIME), TIME, ADDED, session_share=1.0, substeps=steps)
-        np.testing.assert_allclose(made.speed_rad_s, finer.speed_rad_s, atol=case.close[0] / 2, err_msg=name)
+        finer = simulate(
+            machine, MOTION.demand(out), out, ADDED[: out.size], session_share=1.0, substeps=steps
+        )
+        made_out = made.speed_rad_s[: out.size]
+        np.testing.assert_allclose(made_out, finer.speed_rad_s, atol=case.close[0] / 2, err_msg=name)
 
 
 class TestAtRest:
