@@ -32,22 +32,31 @@ from schwung_sim.sealed.machines import SignalNoise
 from schwung_sim.sealed.strength import PlayedRun, floor_nm, play_runs, residual_rms
 
 
+#: A round of two: one of its seeds hides the one, the other the other.
+ROUND = CaseWishes(among=("torque_offset", "viscous_friction"))
+
+
 @pytest.fixture(scope="module")
-def case() -> SealedCase:
+def drawn_round() -> dict[str, SealedCase]:
+    """By what they hide."""
+    return {made.effects[0].physics: made for made in (draw_case(seed, ROUND) for seed in range(2))}
+
+
+@pytest.fixture(scope="module")
+def case(drawn_round: dict[str, SealedCase]) -> SealedCase:
     """A session that hides a torque offset."""
-    return draw_case(0, CaseWishes(among=("torque_offset",)))
+    return drawn_round["torque_offset"]
 
 
 def test_the_same_seed_draws_the_same_session_and_another_seed_another(
-    case: SealedCase, tmp_path: Path
+    case: SealedCase, drawn_round: dict[str, SealedCase], tmp_path: Path
 ) -> None:
-    again = draw_case(0, CaseWishes(among=("torque_offset",)))
+    again = draw_case(case.seed, ROUND)
     for folder, made in (("one", case), ("two", again)):
         write_case(made, tmp_path / folder, "0000")
     files = ("sessions/0000/session.h5", "sessions/0000/machine.toml", LABELS)
     assert all((tmp_path / "one" / f).read_bytes() == (tmp_path / "two" / f).read_bytes() for f in files)
-    other = draw_case(1, CaseWishes(among=("torque_offset",)))
-    assert other.drawn.drive != case.drawn.drive
+    assert drawn_round["viscous_friction"].drawn.drive != case.drawn.drive
 
 
 def test_the_belief_about_the_gains_changes_nothing_but_the_belief(case: SealedCase, tmp_path: Path) -> None:
@@ -91,9 +100,12 @@ def test_a_session_is_valid_and_says_what_was_played(case: SealedCase, tmp_path:
     assert machine.load_inertia_at(angles) == pytest.approx(case.drawn.profile.at(angles), rel=1e-4)
 
 
-def test_the_label_is_apart_and_nothing_else_tells_it(tmp_path: Path) -> None:
-    for number, name in enumerate(("coulomb_friction", "cogging")):
-        write_case(draw_case(number, CaseWishes(among=(name,))), tmp_path, f"{number:04d}")
+def test_the_label_is_apart_and_nothing_else_tells_it(
+    drawn_round: dict[str, SealedCase], tmp_path: Path
+) -> None:
+    cases = drawn_round["viscous_friction"], draw_case(1, CaseWishes(among=("cogging",)))
+    for number, made in enumerate(cases):
+        write_case(made, tmp_path, f"{number:04d}")
     told = set()
     for number in range(2):
         folder = tmp_path / f"sessions/{number:04d}"
@@ -108,7 +120,7 @@ def test_the_label_is_apart_and_nothing_else_tells_it(tmp_path: Path) -> None:
         assert not any(name.encode() in raw for name in (*NAMES, *FOREIGN_NAMES) if name != "torque_offset")
     assert len(told) == 1  # the two sessions' attributes are alike
     labels = read_labels(tmp_path)
-    assert [label["effects"][0]["physics"] for label in labels] == ["coulomb_friction", "cogging"]
+    assert [label["effects"][0]["physics"] for label in labels] == ["viscous_friction", "cogging"]
     assert sorted(p.name for p in (tmp_path / "sessions/0000").iterdir()) in (
         ["inertia.csv", "machine.toml", "session.h5"],
         ["machine.toml", "session.h5"],
@@ -143,9 +155,8 @@ def test_the_floor_is_what_the_noise_leaves() -> None:
     assert floor_nm(drawn) > floor_nm(replace(drawn, noise=replace(drawn.noise, torque_nm=0.0)))
 
 
-def test_each_seed_of_a_round_hides_another_effect() -> None:
-    wishes = CaseWishes(among=("torque_offset", "viscous_friction"))
-    assert {draw_case(seed, wishes).effects[0].physics for seed in range(2)} == set(wishes.among)
+def test_each_seed_of_a_round_hides_another_effect(drawn_round: dict[str, SealedCase]) -> None:
+    assert set(drawn_round) == set(ROUND.among)
 
 
 def test_effects_that_are_one_with_other_numbers_are_not_hidden_together() -> None:
