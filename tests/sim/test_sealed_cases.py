@@ -31,7 +31,6 @@ from schwung_sim.sealed.hiding import make_plant
 from schwung_sim.sealed.machines import SignalNoise
 from schwung_sim.sealed.strength import PlayedRun, floor_nm, play_runs, residual_rms
 
-
 #: A round of two: one of its seeds hides the one, the other the other.
 ROUND = CaseWishes(among=("torque_offset", "viscous_friction"))
 
