@@ -22,6 +22,9 @@ from schwung.optimise.values import Objective, Stroke, Task
 #: A limit counts as kept that is passed by no more than this share: what lies between the points of the grid.
 KEPT = 0.01
 
+#: The longest that a standard profile is given to keep the limits (s).
+_LONGEST_S = 30.0
+
 #: The standard profiles, by their names.
 STANDARD = {
     "third": "1/3 trapezoid",
@@ -139,13 +142,20 @@ def shortest_profile(machine: Machine, task: Task, kind: MotionKind) -> float:
 
     Raises NoMotionError where it keeps them in no time.
     """
-    low, high = 1e-3, 30.0
+    low, high = 1e-3, _LONGEST_S
 
     def keeps(duration_s: float) -> bool:
         motion = Motion(kind=kind, distance_rad=task.distance_rad, duration_s=duration_s)
         return not contender(machine, task, kind, follow(machine, motion, task.start_rad)).broken
 
-    if not keeps(high):
+    first = math.sqrt(low * high)
+    if keeps(first):
+        high = first
+    elif keeps(
+        high
+    ):  # not asked where there is no need: so long a motion takes as long as all others to follow
+        low = first
+    else:
         raise NoMotionError(
             "limits", f"a {STANDARD[kind]} keeps them in no time", "Allow more, or choose another profile."
         )
