@@ -6,7 +6,7 @@ from functools import cache
 
 import numpy as np
 import pytest
-from optimise_machines import PAPER, rigid, task, with_physics
+from optimise_machines import COARSE, MEASURED, PAPER, rigid, task, with_physics
 
 from schwung.drivetrain import Electrical, Machine
 from schwung.errors import InputError
@@ -56,14 +56,14 @@ def test_varying_inertia_moves_the_motion_where_it_is_light() -> None:
 
 def test_it_is_within_one_per_cent_of_a_three_times_finer_grid() -> None:
     """Of fifth order: its errors are a hundredth there. benchmarks/optimise.py compares with a ten times finer one."""
-    coarse = best_of_the_paper()
-    fine = best_stroke(PAPER, task(), intervals=3 * (coarse.share.size - 1))
-    figures = [merits_of(PAPER, follow(PAPER, s.motion(), 0.0)).copper_n2m2s for s in (coarse, fine)]
+    coarse = best_stroke(MEASURED, task())
+    fine = best_stroke(MEASURED, task(), intervals=3 * (coarse.share.size - 1))
+    figures = [merits_of(MEASURED, follow(MEASURED, s.motion(), 0.0)).copper_n2m2s for s in (coarse, fine)]
     assert figures[0] < 1.01 * figures[1]
 
 
 def test_another_start_leads_to_the_same_motion() -> None:
-    skew = best_stroke(PAPER, task(0.1, weights={"vibration": 1.0}))
+    skew = best_stroke(PAPER, task(0.1, weights={"vibration": 1.0}), COARSE)
     again, usual = best_stroke(PAPER, task(), start=skew), best_of_the_paper()
     assert again.objective == pytest.approx(usual.objective, rel=1e-4)
 
@@ -121,7 +121,7 @@ def test_named_gravity_changes_the_best_motion_for_the_better() -> None:
     machine = with_physics(
         PAPER, load_torque={"amplitude_nm": 25.0, "phase_rad": 0.5}, coulomb_friction={"torque_nm": 6.0}
     )
-    knowing, blind = best_stroke(machine, task(0.25)), best_stroke(PAPER, task(0.25))
+    knowing, blind = (best_stroke(planned, task(0.25), COARSE) for planned in (machine, PAPER))
     figures = [merits_of(machine, follow(machine, s.motion(), 0.0)).copper_n2m2s for s in (knowing, blind)]
     assert figures[0] < 0.95 * figures[1]
 
@@ -166,7 +166,7 @@ def test_drawn_energy_is_less_than_that_of_least_copper(regeneration: bool) -> N
 
 def test_too_short_a_time_names_the_limit_and_a_time_that_does() -> None:
     with pytest.raises(NoMotionError, match=r"torque.*--max-torque.*takes (\d+\.?\d*) ms") as told:
-        best_stroke(PAPER, task(0.05))
+        best_stroke(PAPER, task(0.05), COARSE)
     shortest = float(str(told.value).split("takes ")[1].split(" ms")[0]) * 1e-3
     assert best_stroke(PAPER, task(1.001 * shortest)).duration_s > shortest
     # one mass, at 100 rad/s² to 3.4 rad/s: 1/3.4 + 3.4/100 s
@@ -182,7 +182,7 @@ def test_what_may_not_be_built_upon_is_refused() -> None:
     with pytest.raises(InputError, match="unusable"):
         best_stroke(PAPER.model_copy(update={"load": unusable}), task())
     with pytest.raises(InputError, match=r"covers 0 … 3\.142 rad, the stroke goes from 0 to 4 rad"):
-        best_stroke(PAPER, task(distance_rad=4.0))
+        best_stroke(MEASURED, task(distance_rad=4.0))
     with pytest.raises(InputError, match=r"motor\.electrical.*is missing"):
         best_stroke(PAPER, task(weights={"energy": 1.0}))
     with pytest.raises(InputError, match="window"):
@@ -223,7 +223,7 @@ def test_a_following_error_that_is_too_large_is_refused() -> None:
 def test_strong_dry_friction_over_a_long_stroke_is_found_by_rounder_ones() -> None:
     """Where friction takes more than accelerating does; the parabola is then no longer the best, and is beaten."""
     machine = with_physics(rigid(0.1, 20.0), coulomb_friction={"torque_nm": 4.0})
-    stroke = best_stroke(machine, task(2.0, distance_rad=1.0, limits={"torque_max_nm": 20.0}))
+    stroke = best_stroke(machine, task(2.0, distance_rad=1.0, limits={"torque_max_nm": 20.0}), COARSE)
     best = merits_of(machine, follow(machine, stroke.motion(), 0.0)).copper_n2m2s
     parabola = merits_of(
         machine, follow(machine, best_stroke(rigid(), task(2.0, distance_rad=1.0)).motion(), 0.0)
