@@ -86,6 +86,7 @@ def soak(
     repeats: int = 2,
     commissionings: int = 5,
     response_repeats: int = 50,
+    sample_rate_hz: float = 1000.0,
     runs: int | None = None,
     within_s: float = float("inf"),
     tell: bool = True,
@@ -107,7 +108,7 @@ def soak(
         )
         clock = bench.bus.clock
         with Service(settings) as service:
-            desk = Desk(service, service.store.drives()[0].id)
+            desk = Desk(service, service.store.drives()[0].id, sample_rate_hz)
             response: str | None = None
             while (
                 clock.now() < 3600 * bus_hours
@@ -127,8 +128,8 @@ def soak(
 class Desk:
     """Who asks the service, and remembers what was told as done."""
 
-    def __init__(self, service: Service, drive_id: str) -> None:
-        self.service, self.drive_id = service, drive_id
+    def __init__(self, service: Service, drive_id: str, sample_rate_hz: float) -> None:
+        self.service, self.drive_id, self.sample_rate_hz = service, drive_id, sample_rate_hz
         self.finished: list[tuple[str, str]] = []  # id and kind: results of our own would add up
 
     def respond(self, repeats: int) -> str:
@@ -138,7 +139,8 @@ class Desk:
 
     def commission(self, repeats: int, response: str | None) -> None:
         """Commission, with what the frequency response proposes where there is one, and export the table."""
-        asked = {"distance_rad": 3.14, "duration_s": 0.25, "repeats": repeats, "bode_run_id": response}
+        stroke = {"distance_rad": 3.14, "duration_s": 0.25, "repeats": repeats}
+        asked = {**stroke, "sample_rate_hz": self.sample_rate_hz, "bode_run_id": response}
         run = self._confirmed("plan", "commission", asked)
         assert run.result is not None
         self._confirmed("propose_export", "export", {"estimate_id": run.result["estimate_id"]})

@@ -14,7 +14,7 @@ import can
 import pytest
 from fastapi.testclient import TestClient
 from prometheus_client.parser import text_string_to_metric_families
-from service_desk import ServiceDesk, service_desk
+from service_desk import ServiceDesk, nothing_estimated, service_desk
 
 from schwung.clock import SteppedBus
 from schwung.session import read_session
@@ -81,12 +81,12 @@ def read(client: TestClient) -> dict[tuple[str, ...], float]:
 
 
 def commissioned(desk: ServiceDesk) -> None:
-    run = desk.ended(desk.confirmed().id)
+    run = desk.ended(desk.confirmed(sample_rate_hz=1000.0).id)
     assert run.state == "done", run.error
 
 
 def test_frames_load_samples_and_runs_are_those_of_the_bench(tmp_path: Path) -> None:
-    with service_desk(tmp_path) as desk, desk.client(token=False) as client:
+    with nothing_estimated(), service_desk(tmp_path) as desk, desk.client(token=False) as client:
         wire = Wire(desk.bench)
         assert not [
             name for name, *_ in read(client) if name.startswith("schwung_bus")
@@ -124,7 +124,7 @@ def test_a_lost_sample_counts_once_and_a_late_sync_in_its_class(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Twice an answer is lost, once both of one SYNC; thrice a full send buffer holds SYNC up for 0.5 ms."""
-    with service_desk(tmp_path) as desk, desk.client(token=False) as client:
+    with nothing_estimated(), service_desk(tmp_path) as desk, desk.client(token=False) as client:
         wire = Wire(desk.bench)
         desk.proposed()
         chosen: dict[int, tuple[int, ...]] = {}  # number of a SYNC, and whose answers to it are lost

@@ -135,6 +135,15 @@ class Served:
         assert self.ended(self.call("POST", "/api/runs", confirmed)["id"])["state"] == "done"
         self.put_back.add(export["id"])
 
+    def commissioned(self) -> str:
+        """A commissioning that came to its end: its run."""
+        for run in self.call("GET", "/api/runs?limit=100"):
+            if (run["kind"], run["state"]) == ("commission", "done"):
+                return str(run["id"])
+        run = self.ended(self._confirmed(1)["id"], within_s=90.0)
+        assert run["state"] == "done", run
+        return str(run["id"])
+
     def begin_motion(self, repeats: int = 50) -> Any:
         """A long commissioning, when it moves; the run.
 
@@ -150,7 +159,7 @@ class Served:
             )
         raise AssertionError(run)
 
-    def _begun(self, repeats: int) -> Any:
+    def _confirmed(self, repeats: int) -> Any:
         for distance_rad in (3.14, -3.14):  # earlier stops have left it somewhere
             stroke = {"distance_rad": distance_rad, "duration_s": 0.25, "repeats": repeats}
             plan = {"kind": "plan", "drive_id": self.drive_id, **stroke}
@@ -159,7 +168,10 @@ class Served:
             if made["result"]["can_start"]:
                 break
         confirmed = {key: made["result"][key] for key in ("proposal_id", "digest")}
-        run = self.call("POST", "/api/runs", {"kind": "commission", **confirmed})
+        return self.call("POST", "/api/runs", {"kind": "commission", **confirmed})
+
+    def _begun(self, repeats: int) -> Any:
+        run = self._confirmed(repeats)
         end = time.monotonic() + 60.0
         while run["state"] in ("queued", "running"):
             assert time.monotonic() < end, run

@@ -114,7 +114,7 @@ def test_stop_works_while_the_page_hangs(page: Any, served: Served) -> None:
 
 def test_stop_is_first_in_tab_order_and_says_when_nobody_answers(page: Any, served: Served) -> None:
     page.goto(f"{served.url}/")
-    page.wait_for_load_state("networkidle")
+    page.locator("h1").wait_for()
     page.evaluate("document.activeElement.blur()")
     page.keyboard.press("Tab")
     assert page.evaluate("document.activeElement.id") == "stop"
@@ -131,7 +131,7 @@ def test_without_the_token_one_may_look_and_stop(browser: Any, served: Served) -
         page.goto(f"{served.url}/")
         page.get_by_text("needs the token").wait_for()
         page.goto(f"{served.url}/commission/{served.drive_id}")
-        page.wait_for_timeout(800)
+        page.get_by_text("Position").wait_for()  # the drive has answered
         assert page.locator(f"button:has-text('Check the drive'){ENABLED}").count() == 0
         page.click("#stop")
         _until(lambda: served.call("GET", "/api/stop")["stopped"], 20, page)

@@ -49,17 +49,31 @@ def _press(page: Any, word: str) -> None:
     page.keyboard.press("Enter")
 
 
+#: What has the focus in the moment when a step's content appears, before anybody could press a key.
+FOCUS_AT_ONCE = """() => {
+  const noted = window.focus_at_once = [];
+  const step = () => document.querySelector('[aria-current="step"]')?.innerText;
+  const note = () => noted.push([step(), document.activeElement.getAttribute('aria-label')]);
+  new MutationObserver(note).observe(document.querySelector('main'), {childList: true, subtree: true});
+}"""
+
+
 @pytest.mark.timeout(300)
 def test_the_whole_wizard_by_keyboard(page: Any, served: Served) -> None:
+    """And the focus comes with the step, not after it: a name that is typed at once is typed into its field, an S
+    beside it would stop the machine."""
     page.goto(f"{served.url}/")
     page.get_by_role("link", name="Commission").first.wait_for()
     _tab_to(page, "Commission")
     page.keyboard.press("Enter")
+    page.locator(f"button:has-text('Check the drive'){ENABLED}").wait_for()
+    page.evaluate(FOCUS_AT_ONCE)
     _press(page, "Check the drive")
     _press(page, "Plan the motion")
     page.locator(f"button:has-text('Go on to confirm'){ENABLED}").wait_for(timeout=90_000)
     _tab_to(page, "Repeats")
-    page.keyboard.press("ArrowDown")  # one less
+    page.keyboard.press("Control+A")
+    page.keyboard.type("50")  # minutes: it is cancelled before it ends
     before = page.get_by_text(MOTIONS).inner_text()
     _press(page, "Predict")
     sync_api.expect(page.get_by_text(MOTIONS)).not_to_have_text(before, timeout=90_000)
@@ -72,8 +86,16 @@ def test_the_whole_wizard_by_keyboard(page: Any, served: Served) -> None:
         _tab_to(page, mark)
         page.keyboard.press("Space")
     _press(page, "Move the machine")
-    page.get_by_text("The verdict").wait_for(timeout=90_000)
+    page.get_by_text("Cancel, and stop the drive").wait_for(timeout=90_000)
     assert not served.call("GET", "/api/stop")["stopped"]
+    seen = page.evaluate("window.focus_at_once")
+    first = {step.split()[-1]: focus for step, focus in reversed(seen)}
+    assert [first.get(step) for step in ("Check", "Plan", "Confirm", "Run")] == ["steps"] * 4, seen
+    _press(page, "Cancel, and stop the drive")
+    page.get_by_text("Plan anew").wait_for()
+    done = served.commissioned()  # one that was left to its end
+    page.goto(f"{served.url}/commission/{served.drive_id}?run={done}")
+    page.get_by_text("The verdict").wait_for()
     _press(page, "Go on to the export")
     page.get_by_text("What changes in the drive").wait_for()
     page.keyboard.press("s")  # and one that is not typed anywhere stops
@@ -82,49 +104,20 @@ def test_the_whole_wizard_by_keyboard(page: Any, served: Served) -> None:
     assert page.troubles == []
 
 
-#: What has the focus in the moment when a step's content appears, before anybody could press a key.
-FOCUS_AT_ONCE = """() => {
-  const noted = window.focus_at_once = [];
-  const step = () => document.querySelector('[aria-current="step"]')?.innerText;
-  const note = () => noted.push([step(), document.activeElement.getAttribute('aria-label')]);
-  new MutationObserver(note).observe(document.querySelector('main'), {childList: true, subtree: true});
-}"""
-
-
-def test_the_focus_comes_with_the_step_not_after_it(page: Any, served: Served) -> None:
-    """A name that is typed at once is typed into its field: an S beside it would stop the machine."""
-    page.goto(f"{served.url}/commission/{served.drive_id}")
-    page.locator(f"button:has-text('Check the drive'){ENABLED}").wait_for()
-    page.evaluate(FOCUS_AT_ONCE)
-    page.get_by_role("button", name="Check the drive").click()
-    page.get_by_text("What is missing before").wait_for()
-    page.locator(f"button:has-text('Plan the motion'){ENABLED}").wait_for(timeout=90_000)
-    page.get_by_role("button", name="Plan the motion").click()
-    page.get_by_text("Repeats").first.wait_for()
-    seen = page.evaluate("window.focus_at_once")
-    first = dict(reversed(seen))
-    assert {step.split()[-1]: focus for step, focus in first.items()} == {
-        "Check": "steps",
-        "Plan": "steps",
-    }, seen
-
-
 @pytest.mark.timeout(240)
 def test_every_text_can_be_read_nothing_is_wider_than_a_phone_or_asked_of_another_host(
     browser: Any, served: Served
 ) -> None:
     """Each page loaded in one theme and turned into the other, in turns."""
-    runs = [
-        run["id"]
-        for run in served.call("GET", "/api/runs?limit=40")
-        if run["kind"] in ("plan", "commission", "doctor")
-    ]
+    served.commissioned()
+    done = [run for run in served.call("GET", "/api/runs?limit=100") if run["state"] == "done"]
+    runs = {run["kind"]: run["id"] for run in done if run["kind"] in ("plan", "commission", "doctor")}
     pages = ["/", "/runs", "/compare", "/machines", "/files", "/trail", "/add", f"/drive/{served.drive_id}"]
     themes = ["light", "dark"]
     with visiting(browser, served, color_scheme="light", reduced_motion="reduce") as page:
-        for path in (*pages, *(f"/run/{run}" for run in runs[:3])):
+        for path in (*pages, *(f"/run/{run}" for run in runs.values())):
             page.goto(served.url + path)
-            page.wait_for_load_state("networkidle")
+            page.locator("h1").wait_for()  # all comes at once with it
             assert page.locator("h1").count() == 1
             for theme in themes:
                 page.emulate_media(color_scheme=theme, reduced_motion="reduce")

@@ -147,7 +147,11 @@ def test_a_frequency_response_and_the_best_motion_are_confirmed_and_made(page: A
     page.locator(".sw-figure svg").first.wait_for()  # what was measured, and what was fitted
     machine = served.call("GET", "/api/machines")[-1]["id"]
     stroke = {"distance_rad": 1.0, "duration_s": 0.4}
-    _carry_out(page, served, {"kind": "propose_play", "machine_id": machine, "repeats": 1, **stroke, **here})
+    _carry_out(
+        page,
+        served,
+        {"kind": "propose_play", "machine_id": machine, "repeats": 1, "rivals": False, **stroke, **here},
+    )
     page.get_by_text("Motions beside each other").wait_for()
     assert page.troubles == []
 
