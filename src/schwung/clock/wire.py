@@ -56,6 +56,8 @@ class _Reader:
             self.inner.reader = None
 
 
+#: Bits of a frame with 11-bit identifier, without data and with interframe space (ISO 11898-1), without stuffing.
+_EMPTY_FRAME_BITS = 47
 #: What becomes of a frame on its way from one end to another: the delays (s) after which it arrives; none: it is lost,
 #: two: it is doubled.
 Weather = Callable[["SteppedBus", "SteppedBus", can.Message], Sequence[float]]
@@ -80,7 +82,7 @@ class Wire:
         clock, weather = self.clock, self.weather
         now = clock.now()
         begins = now if now > self._free_s else self._free_s
-        self._free_s = free = begins + _frame_bits(message) / self.bit_rate
+        self._free_s = free = begins + (_EMPTY_FRAME_BITS + 8 * len(message.data)) / self.bit_rate
         for end in self.ends:
             if end is sender and not end.receive_own_messages:
                 continue
@@ -89,11 +91,6 @@ class Wire:
                 continue
             for delay in weather(sender, end, message):
                 clock.put(free + delay, _Arrival(end, _copy(message)))
-
-
-def _frame_bits(message: can.Message) -> int:
-    """Bits of a frame with 11-bit identifier and interframe space (ISO 11898-1), without stuffing."""
-    return 47 + 8 * len(message.data)
 
 
 class _Arrival(Call):
