@@ -13,7 +13,7 @@ import pytest
 from conformance_rooms import NODE, CanopenRoom, Room
 
 from schwung.commissioning.backup import plan_restore, read_snapshot, write_plan
-from schwung.commissioning.compare import compare, from_drive
+from schwung.commissioning.compare import Configuration, compare, from_drive
 from schwung.commissioning.configuration_files import (
     Format,
     for_this_drive,
@@ -63,43 +63,54 @@ def _other_values(room: CanopenRoom, file: EdsFile, held: tuple[ParameterValue, 
     return found
 
 
-@pytest.mark.parametrize("form", get_args(Format))
-def test_a_configuration_is_kept_and_put_back(
-    canopen_room: CanopenRoom, form: Format, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+FILES: dict[Format, str] = {"dcf": "a.dcf", "concise": "a.bin", "backup": "a.backup.json"}
+
+
+def test_a_configuration_is_kept_and_put_back_in_every_format(
+    canopen_room: CanopenRoom, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     room, file = canopen_room, _dictionary(canopen_room)
     held = read_snapshot(room.drive.read, select(file, room.profile)).values
     assert held
-    path = tmp_path / {"dcf": "a.dcf", "concise": "a.bin", "backup": "a.backup.json"}[form]
-    left_out = save_configuration(
-        path, form, file, held, room.drive.identity, room.drive.describe(), room.drive.clock
-    )
-    assert left_out == ()
-    if form == "dcf":
-        monkeypatch.setattr(sys, "argv", ["dcfchk", "-n", str(NODE), str(path)])
-        with warnings.catch_warnings():
-            warnings.simplefilter("error", UserWarning)
-            dcf.cli.main()
-    kept = load_configuration(path, NODE, file)
-    now = from_drive("drive", held, NODE)
-    assert compare(kept, now, SiScales({})).differences == ()
+    assert set(FILES) == set(get_args(Format))
+    saved = {form: _saved(room, file, held, form, tmp_path / name) for form, name in FILES.items()}
+    monkeypatch.setattr(sys, "argv", ["dcfchk", "-n", str(NODE), str(tmp_path / FILES["dcf"])])
+    with warnings.catch_warnings():
+        warnings.simplefilter("error", UserWarning)
+        dcf.cli.main()
     others = _other_values(room, file, held)
     assert others, "this drive takes no other value for anything"
-    room.drive.write(others)
-    changed = from_drive("drive", read_snapshot(room.drive.read, select(file, room.profile)).values, NODE)
-    differing = {
-        (d.parameter.index, d.parameter.subindex) for d in compare(kept, changed, SiScales({})).differences
-    }
-    assert differing == {(v.parameter.index, v.parameter.subindex) for v in others}
-    if form == "backup":
-        restore_backup(room.drive, path)
-    else:
-        fitted = for_this_drive(kept, file, room.profile, room.drive.identity, False)
-        journal = ParameterJournal(room.drive, tmp_path / "back.backup.json", room.drive.describe())
-        written = write_plan(room.drive, plan_restore(room.drive, fitted.values), journal)
-        assert written.refused == ()
-        assert {c.parameter for c in written.changes} == {v.parameter for v in others}
+    before = room.held()
+    for form, kept in saved.items():
+        room.drive.write(others)
+        changed = from_drive("drive", read_snapshot(room.drive.read, select(file, room.profile)).values, NODE)
+        differing = {
+            (d.parameter.index, d.parameter.subindex)
+            for d in compare(kept, changed, SiScales({})).differences
+        }
+        assert differing == {(v.parameter.index, v.parameter.subindex) for v in others}, form
+        if form == "backup":
+            restore_backup(room.drive, tmp_path / FILES[form])
+        else:
+            fitted = for_this_drive(kept, file, room.profile, room.drive.identity, False)
+            journal = ParameterJournal(room.drive, tmp_path / f"{form}.backup.json", room.drive.describe())
+            written = write_plan(room.drive, plan_restore(room.drive, fitted.values), journal)
+            assert written.refused == (), form
+            assert {c.parameter for c in written.changes} == {v.parameter for v in others}, form
+        assert room.held() == before, form
     assert read_snapshot(room.drive.read, select(file, room.profile)).values == held
+
+
+def _saved(
+    room: CanopenRoom, file: EdsFile, held: tuple[ParameterValue, ...], form: Format, path: Path
+) -> Configuration:
+    """Saved and read again: all that the drive holds."""
+    drive = room.drive
+    left_out = save_configuration(path, form, file, held, drive.identity, drive.describe(), drive.clock)
+    assert left_out == (), form
+    kept = load_configuration(path, NODE, file)
+    assert compare(kept, from_drive("drive", held, NODE), SiScales({})).differences == (), form
+    return kept
 
 
 def test_the_doctor_says_of_each_drive_what_is_missing_and_how_to_mend_it(room: Room) -> None:
