@@ -15,6 +15,9 @@ from schwung.commissioning import read_backup
 from schwung.fieldbus.canopen import scan_bus
 from schwung.session import read_session
 
+#: A commissioning that is not soon over, at a rate that costs little.
+LONG = ("--repeats", "30", "--rate", "250")
+
 
 def _state(options: list[str]) -> str:
     """What the drive says of itself to whoever asks, here to us."""
@@ -47,7 +50,11 @@ def _start_and_wait_for_a_motion(arguments: list[str], session: Path) -> subproc
 
 def test_scan_commission_and_estimate_again(tmp_path: Path) -> None:
     with bench_process("--seed", "3") as bus:
-        done = schwung(*commission_arguments(tmp_path, bus, "--repeats", "1", "--export", "table", "--json"))
+        done = schwung(
+            *commission_arguments(
+                tmp_path, bus, "--repeats", "1", "--rate", "500", "--export", "table", "--json"
+            )
+        )
         assert done.returncode == 0, done.stdout + done.stderr
         result = json.loads(done.stdout)
         assert result["export"]["improvement"] >= 5
@@ -70,9 +77,7 @@ def test_scan_commission_and_estimate_again(tmp_path: Path) -> None:
 def test_a_killed_tool_leaves_a_drive_that_stops_and_a_file_that_restores_it(tmp_path: Path) -> None:
     out = tmp_path / "out"
     with bench_process("--seed", "4") as bus:
-        tool = _start_and_wait_for_a_motion(
-            commission_arguments(tmp_path, bus, "--repeats", "30"), out / "session.h5"
-        )
+        tool = _start_and_wait_for_a_motion(commission_arguments(tmp_path, bus, *LONG), out / "session.h5")
         tool.kill()
         tool.communicate()
         end = time.monotonic() + 5
@@ -98,7 +103,7 @@ def test_an_interrupted_tool_stops_the_drive_and_puts_everything_back(tmp_path: 
         for number in (signal.SIGINT, signal.SIGHUP):
             out = tmp_path / number.name
             tool = _start_and_wait_for_a_motion(
-                commission_arguments(tmp_path, bus, "--repeats", "30", "--out", str(out)), out / "session.h5"
+                commission_arguments(tmp_path, bus, *LONG, "--out", str(out)), out / "session.h5"
             )
             tool.send_signal(number)
             time.sleep(0.05)
@@ -115,7 +120,7 @@ def test_an_interrupted_tool_stops_the_drive_and_puts_everything_back(tmp_path: 
 def test_a_thread_that_cannot_keep_sync_even_is_said_so_and_the_drive_stopped(tmp_path: Path) -> None:
     """A drive on the wall clock, and a bus without kernel SYNC: jitter of 0.2 ms is too much for setpoints."""
     with bench_process("--clock", "wall", "--fault", "jitter=0.0002") as bus:
-        uneven = ("--max-jitter", "1e-6", "--repeats", "1", "--duration", "1s")
+        uneven = ("--max-jitter", "1e-6", "--repeats", "1", "--rate", "250")
         done = schwung(*commission_arguments(tmp_path, bus, *uneven, "--mode", "csp"))
         assert done.returncode == 4, done.stdout + done.stderr
         assert "SYNC: came unevenly" in done.stderr
