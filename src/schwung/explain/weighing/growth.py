@@ -78,6 +78,7 @@ class Growth:
     rounds: int = 0  # of linearising, up to now
     among: frozenset[int] | None = None  # candidates that are looked at; None: all
     unrepeated: bool = False  # whether no run repeats another: then noise is what a set leaves
+    rival: float | None = None  # log probability, about the noise at hand, of what these causes stand in for
     tell: Progress = lambda _text, _share: None
     #: Kinds of sets that came to rest about the noise as it is known: their best shapes and sizes, and log probability.
     rested: dict[frozenset[int], tuple[_Shaped, float]] = field(default_factory=dict)
@@ -87,7 +88,7 @@ class Growth:
         first = self.wide
         nothing = self._nothing(view)
         climbed = self._climbed(nothing, (), _FIRST)
-        curves = any(not self._is_law(climbed.search.candidate(pick)) for pick in climbed.best.picks)
+        curves = any(not climbed.search.candidate(pick).named for pick in climbed.best.picks)
         if curves and (self.unrepeated or not climbed.rests):
             climbed = self._by_laws(view, climbed)
         elif not climbed.rests:
@@ -124,6 +125,8 @@ class Growth:
                     if not search.candidate(best.picks[-1]).each_run or at.about.view.ranges.one_motion:
                         continue
                     # it was noise, for repeats do not share it; where all repeat one motion, nothing else tells noise
+                if self._is_hopeless(search, start, at):
+                    return _Climbed(search, start, at, rests=False)
                 if not fresh:
                     self._renew(at)
                     at, fresh = settled(self.wide.seen(at.about.view), at.members, self._weighing), True
@@ -138,6 +141,19 @@ class Growth:
         search = self._search(at)
         return _Climbed(search, search.score(_carried(search.data, picks)), at)
 
+    def _is_hopeless(self, search: Search, best: Scored, at: Settled) -> bool:
+        """Whether what grew in place of something is so much less probable that no exchange makes up for it.
+
+        Where noise is what a set leaves, they are compared about the larger one: what was d (log) about the smaller one
+        is d / (1 + 2d/n) there, of n samples.
+        """
+        if self.rival is None:
+            return False
+        behind = self.rival - at.log - search.prior(best.picks)
+        if self.unrepeated and behind > 0:
+            behind /= 1 + 2 * behind * self.wide.excess / at.about.samples(self.train)
+        return behind > HOPELESS
+
     def _is_law(self, candidate: Candidate) -> bool:
         """Whether it is looked for where laws alone are: of repeats a curve with a name is as good as one."""
         return candidate.is_law if self.unrepeated else candidate.named
@@ -151,7 +167,8 @@ class Growth:
         of laws takes from it one at a time.
         """
         among = frozenset(i for i, c in enumerate(self.candidates) if self._is_law(c) or i in self.always)
-        laws = replace(self, among=among, rested={})
+        rival = found.at.log + found.search.prior(found.best.picks)
+        laws = replace(self, among=among, rested={}, rival=rival)
         with view.work.apart(_LAWS):
             other = laws._climbed(laws._nothing(view), ())
         self.memory, self.rounds = laws.memory, laws.rounds
@@ -165,6 +182,8 @@ class Growth:
         if theirs <= mine - (np.log(2) if self.unrepeated else 0.0):
             if laws.wide is self.wide:
                 self.rested = laws.rested | self.rested
+                if found.rests:
+                    return found
             return self._on(found)
         self.wide, self.rested = laws.wide, laws.rested
         self.rested[found.search.kind(found.best.picks)] = _kept(found.search, found.best, here), mine
@@ -262,6 +281,7 @@ class Growth:
         """Look for the noise again about what is present: far from the truth, noise had to be taken for what a linear
         model could not do. Sets are compared about one and the same, so that none has been at rest about the new one.
         """
+        self.rival = None
         if self.unrepeated:  # of everything that may be there, something fits any noise
             self.wide = replace(self.wide, noise=own_noise(at, self._weighing))
             self.rested.clear()
