@@ -130,8 +130,12 @@ class Candidate:
         """Whether none of its coefficients is beyond its bound."""
         return all(coefficients[which] > least for which, least in self.bounds_below)
 
-    def at_end(self, shape: Shape) -> bool:
-        """Whether a shape is at the end of what is tried, as far as that means anything."""
+    def at_end(self, shape: Shape, coefficients: Array) -> bool:
+        """Whether a shape is at the end of what is tried, as far as that means anything; or a gap has closed to less
+        than any that is tried: without one, contacts that only push are another machine, but no play.
+        """
+        if self.opens and coefficients[0] < self.shapes[0][0]:
+            return True
         every = zip(shape, self.bounds, self.logarithmic, strict=True) if self.bounds else ()
         for number, (value, ends, factor) in enumerate(every):
             at, low, high = np.log([value, *ends]) if factor else (value, *ends)

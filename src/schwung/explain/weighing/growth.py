@@ -259,7 +259,7 @@ class Growth:
             tried = settled_beyond(at.about, _from(at.members, members), promised, self._weighing)
         else:
             tried = settled(at.about.view, members, self._weighing)
-        if any(m.candidate.at_end(m.shape) for m in tried.members):
+        if any(m.candidate.at_end(m.shape, m.coefficients) for m in tried.members):
             tried = replace(tried, log=-np.inf)  # it stands for what is none of its shapes
         kind, log = search.kind(one.picks), tried.log + search.prior(one.picks)
         if kind not in self.rested or self.rested[kind][1] < log:

@@ -306,8 +306,8 @@ def _at_bound(search: Search, name: str) -> bool:
 def at_bound(search: Search, scored: Scored, pick: Pick) -> bool:
     """Whether a cause of a set is at the end of what is tried, or nothing that there can be."""
     candidate, shape = search.candidate(pick), search.data.atoms[pick.atom].shape
-    where = slices(search, scored)[scored.picks.index(pick)]
-    return not candidate.possible(scored.found.coefficients[where]) or candidate.at_end(shape)
+    coefficients = scored.found.coefficients[slices(search, scored)[scored.picks.index(pick)]]
+    return not candidate.possible(coefficients) or candidate.at_end(shape, coefficients)
 
 
 def _rms(search: Search, name: str) -> float:
