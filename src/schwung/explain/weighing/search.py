@@ -212,9 +212,15 @@ class Search:
         return best
 
     def offered(self, picks: Set, without: frozenset[int] = frozenset()) -> list[Scored]:
-        """Sets of one cause more, those that promise most or open a gap, and curves in place of their cases."""
+        """Sets of one cause more, those that promise most or open a gap, and curves in place of their cases.
+
+        The law that promises most is one of them: between the shapes of its grid it may be worth more than any curve.
+        """
         offers = [o for o in self.additions(picks) if self.index(o[1]) not in without]
-        beyond = [o for o in offers[_LOOKED_AT:] if self.candidate(o[1]).opens][:1]
+        rest = offers[_LOOKED_AT:]
+        beyond = [o for o in rest if self.candidate(o[1]).opens][:1]
+        if not any(self.candidate(pick).is_law for _, pick in offers[:_LOOKED_AT]):
+            beyond += [o for o in rest if self.candidate(o[1]).is_law and o not in beyond][:1]
         return [
             *(self._with(picks, pick) for _, pick in [*offers[:_LOOKED_AT], *beyond]),
             *self._curves_instead(picks, without),
