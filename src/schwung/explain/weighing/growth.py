@@ -182,8 +182,6 @@ class Growth:
         if theirs <= mine - (np.log(2) if self.unrepeated else 0.0):
             if laws.wide is self.wide:
                 self.rested = laws.rested | self.rested
-                if found.rests:
-                    return found
             return self._on(found)
         self.wide, self.rested = laws.wide, laws.rested
         self.rested[found.search.kind(found.best.picks)] = _kept(found.search, found.best, here), mine
