@@ -13,7 +13,9 @@ filters, is needed at the images only, and held to its values within the band.
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -77,6 +79,13 @@ class Shape:
             for name, value in zip(self.names, x, strict=False)
         }
 
+    def columns(self, x: Array) -> dict[str, Any]:
+        """`values` of many vectors (n, p) at once, each (n, 1, 1): for `predict`."""
+        return self.values(x[0]) | {
+            name: (np.exp(column) if name in _LOGARITHMIC else column * _UNITS.get(name, 1.0))[:, None, None]
+            for name, column in zip(self.names, x.T, strict=False)
+        }
+
     def inertias(self, x: Array) -> Array:
         """J_l at each angle (kg·m²)."""
         return np.asarray(np.exp(x[len(self.names) :]))
@@ -118,10 +127,10 @@ def points_of(response: Response) -> Points:
     return Points(measured, std, s, direct, images, staircase_gain(images, response.hold_s) * alpha, known)
 
 
-def mobility(p: dict[str, float], inertia_kgm2: float, s: ComplexArray) -> ComplexArray:
+def mobility(p: Mapping[str, Any], inertia_kgm2: Any, s: ComplexArray) -> ComplexArray:
     """ω_r/T_m of two masses at s (1/s), any shape; stiffness inf: rigid. As `drivetrain.response`, for any s."""
     load = inertia_kgm2 * s + p["load_friction"]
-    if np.isfinite(p["stiffness"]):
+    if np.all(np.isfinite(p["stiffness"])):
         coupling = p["damping"] * s + p["stiffness"]
         load = coupling * load / (coupling + load * s)
     return np.asarray(1 / (p["rotor"] * s + p["rotor_friction"] + load))
@@ -129,33 +138,39 @@ def mobility(p: dict[str, float], inertia_kgm2: float, s: ComplexArray) -> Compl
 
 @dataclass(frozen=True, eq=False)
 class Predicted:
-    """Sampled speed over torque, (m,), and the controller within the band, measured over described, (m,)."""
+    """Sampled speed over torque and the controller within the band, measured over described, (1, m) or (n, 1, m)."""
 
     response: ComplexArray
     controller: ComplexArray
 
 
-def predict(d: Points, p: dict[str, float], inertia_kgm2: float) -> Predicted:
-    """What the samples of these points should hold."""
-    plain = mobility(p, inertia_kgm2, d.s) * np.exp(-d.s * p["delay"])
+def predict(d: Points, p: Mapping[str, Any], inertia_kgm2: Any) -> Predicted:
+    """What the samples of these points should hold; parameters are numbers, or (n, 1, 1) of n machines."""
+    plain = np.atleast_2d(mobility(p, inertia_kgm2, d.s) * np.exp(-d.s * p["delay"]))
     if not d.held:
         return Predicted(plain, np.ones_like(plain))
     g = mobility(p, inertia_kgm2, d.images)
-    smear = max(p["gain_smear"] - p["smear"], 0.0)
-    acting = _controller(p, d.images, p["gain_delay"] - p["lag"], smear)
+    smear = np.maximum(p["gain_smear"] - p["smear"], 0.0)
+    cascade = _cascade(p, d.images)
+    acting = cascade * _filtered(d.images, p["gain_delay"] - p["lag"], smear)
     speed = g * d.image_torque / (1 + acting * g)
-    seen = _controller(p, d.images, p["gain_delay"], p["gain_smear"])
-    reported = 1 - d.direct + np.sum(seen * speed, axis=0)
-    folded = np.sum(d.s / d.images * np.exp(-d.images * p["delay"]) * speed, axis=0)
+    seen = cascade * _filtered(d.images, p["gain_delay"], p["gain_smear"])
+    reported = 1 - d.direct + np.sum(seen * speed, axis=-2, keepdims=True)
+    folded = np.sum(d.s / d.images * np.exp(-d.images * p["delay"]) * speed, axis=-2, keepdims=True)
     unfiltered = np.exp(d.s * p["lag"] - d.s**2 * p["smear"] / 2)
     within = -reported / ((d.response - folded) * np.exp(d.s * p["delay"]))
-    described = _controller(p, d.s, p["gain_delay"], p["gain_smear"])
+    described = _cascade(p, d.s) * _filtered(d.s, p["gain_delay"], p["gain_smear"])
     return Predicted(plain * (d.direct + reported * unfiltered) + folded, within / described)
 
 
-def _controller(p: dict[str, float], s: ComplexArray, delay_s: float, smear_s2: float) -> ComplexArray:
-    cascade = p["gain"] * (1 + p["gain_rise"] / s + p["gain_sag"] / s**2)
-    return np.asarray(cascade * np.exp(s**2 * smear_s2 / 2 - s * delay_s))
+def _cascade(p: Mapping[str, Any], s: ComplexArray) -> ComplexArray:
+    """The controller before its dead time and filters."""
+    return np.asarray(p["gain"] * (1 + p["gain_rise"] / s + p["gain_sag"] / s**2))
+
+
+def _filtered(s: ComplexArray, delay_s: Any, smear_s2: Any) -> ComplexArray:
+    """A delay that is smeared."""
+    return np.asarray(np.exp(s**2 * smear_s2 / 2 - s * delay_s))
 
 
 def controller_start(data: list[Points]) -> dict[str, float]:
