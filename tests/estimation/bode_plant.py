@@ -7,6 +7,7 @@ samples angle and torque at its end. Reported torque passes a first-order filter
 from math import pi
 
 import numpy as np
+from numba import njit
 from scipy.linalg import expm
 
 from schwung.motion import Excitation
@@ -60,6 +61,37 @@ def step_matrices(load, rotor=ROTOR, stiffness=STIFFNESS, damping=DAMPING):
     return moved[:4, :4], moved[:4, 4]
 
 
+@njit(cache=True)
+def _row(row, x):
+    return row[0] * x[0] + row[1] * x[1] + row[2] * x[2] + row[3] * x[3]
+
+
+@njit(cache=True)
+def _stepped(ahead, push, added, ticks, count, share, latency_ticks):
+    """Reported angle, torque and speed at the end of each sample's ticks, (n, 3)."""
+    rows, past = np.empty((added.size, 3)), np.zeros(latency_ticks + 1)
+    x, seen, speed, integral, reported = (0.0, 0.0, 0.0, 0.0), 0.0, 0.0, 0.0, 0.0
+    for n in range(added.size):
+        for _ in range(ticks):
+            error = -K_PP * seen - speed
+            motor = K_PS * error + integral + added[n]
+            integral += K_PS * error * TICK / T_N
+            x = (
+                _row(ahead[0], x) + push[0] * motor,
+                _row(ahead[1], x) + push[1] * motor,
+                _row(ahead[2], x) + push[2] * motor,
+                _row(ahead[3], x) + push[3] * motor,
+            )
+            before, seen = seen, (np.floor(x[0] / count) * count if count > 0 else x[0])
+            speed += share * ((seen - before) / TICK - speed)
+            reported += share * (motor - reported)
+            for late in range(latency_ticks, 0, -1):
+                past[late] = past[late - 1]
+            past[0] = seen
+        rows[n, 0], rows[n, 1], rows[n, 2] = past[latency_ticks], reported, speed
+    return rows
+
+
 def record(
     angle,
     load,
@@ -78,21 +110,9 @@ def record(
     rng = np.random.default_rng(seed)
     time = np.arange(round((excitation.end_s + 0.1) * rate)) / rate
     added = excitation.torque(time)
-    x, seen, speed, integral, reported = np.zeros(4), 0.0, 0.0, 0.0, 0.0
     share = 1 - np.exp(-TICK / filter_s)
-    past = [0.0] * (latency_ticks + 1)
-    position, torque, speeds = np.empty_like(time), np.empty_like(time), np.empty_like(time)
-    for n, injected in enumerate(added):
-        for _ in range(round(1 / (rate * TICK))):
-            error = -K_PP * seen - speed
-            motor = K_PS * error + integral + injected
-            integral += K_PS * error * TICK / T_N
-            x = ahead @ x + push * motor
-            before, seen = seen, (np.floor(x[0] / count) * count if count else x[0])
-            speed += share * ((seen - before) / TICK - speed)
-            reported += share * (motor - reported)
-            past = [seen, *past[:-1]]
-        position[n], torque[n], speeds[n] = past[-1], reported, speed
+    ticks = round(1 / (rate * TICK))
+    position, torque, speeds = _stepped(ahead, push, added, ticks, count, share, latency_ticks).T.copy()
     torque = torque + noise_nm * rng.normal(size=torque.size)
     return Run(
         role="excited",
