@@ -27,6 +27,7 @@ from schwung.session.model import Run, Session
 
 Array = NDArray[np.float64]
 Curve = Callable[[Array], Array]
+State = tuple[float, float, float, float]
 
 TICK_S, SUBSTEPS = 125e-6, 4
 DURATIONS_S = (0.1, 0.15, 0.25, 0.5)
@@ -259,7 +260,7 @@ def _inertia(grid: Array, low: float, step: float, angle: float) -> tuple[float,
 
 
 @njit(cache=True)
-def _rates(x: Array, torque: float, p: Array, grid: Array, low: float, step: float) -> Array:
+def _rates(x: State, torque: float, p: Array, grid: Array, low: float, step: float) -> State:
     """d/dt of motor angle and speed, load angle and speed."""
     inertia, slope = _inertia(grid, low, step, x[2])
     twist = x[0] - x[2]
@@ -271,11 +272,20 @@ def _rates(x: Array, torque: float, p: Array, grid: Array, low: float, step: flo
     way = np.tanh(x[1] / 0.02)
     dry = p[5] * (1 + p[7] * np.cos(1.7 * x[0])) + p[6] * np.exp(-(x[1] ** 2)) + p[10] * abs(shaft)
     load = p[8] * np.cos(x[2] + 0.5) - p[12] * max(x[2] - 0.75 * p[13], 0.0)
-    rates = np.empty(4)
-    rates[0], rates[2] = x[1], x[3]
-    rates[1] = (torque * (1 - p[11] * torque * torque) - shaft - p[3] * x[1] - dry * way) / p[0]
-    rates[3] = (shaft + load - p[4] * x[3] - 0.5 * slope * x[3] * x[3]) / inertia
-    return rates
+    motor = (torque * (1 - p[11] * torque * torque) - shaft - p[3] * x[1] - dry * way) / p[0]
+    return x[1], motor, x[3], (shaft + load - p[4] * x[3] - 0.5 * slope * x[3] * x[3]) / inertia
+
+
+@njit(cache=True)
+def _ahead(x: State, h: float, a: State) -> State:
+    """x + h·a. Four numbers and no array: an array each cost half of the time."""
+    return x[0] + h * a[0], x[1] + h * a[1], x[2] + h * a[2], x[3] + h * a[3]
+
+
+@njit(cache=True)
+def _mean(h: float, a: float, b: float, c: float, d: float) -> float:
+    """Runge and Kutta's, times the step."""
+    return h * (a + 2 * b + 2 * c + d) / 6
 
 
 @njit(cache=True)
@@ -285,7 +295,7 @@ def _played(
     """Counted angle, speed as the loop has it, and torque of every tick, (n, 3)."""
     position_gain, speed_gain, reset, forward, peak, count, share, from_angle = loop
     n, h = demand.size, TICK_S / SUBSTEPS
-    rows, x, integral, speed, last = np.empty((n, 3)), np.zeros(4), 0.0, 0.0, 0.0
+    rows, x, integral, speed, last = np.empty((n, 3)), (0.0, 0.0, 0.0, 0.0), 0.0, 0.0, 0.0
     for i in range(n):
         angle = np.rint(x[0] / count) * count
         seen = (angle - last) / TICK_S if from_angle > 0 else x[1]
@@ -300,10 +310,15 @@ def _played(
         rows[i, 0], rows[i, 1], rows[i, 2] = angle, speed, torque
         for _ in range(SUBSTEPS):
             a = _rates(x, torque, p, grid, low, step)
-            b = _rates(x + 0.5 * h * a, torque, p, grid, low, step)
-            c = _rates(x + 0.5 * h * b, torque, p, grid, low, step)
-            d = _rates(x + h * c, torque, p, grid, low, step)
-            x = x + h * (a + 2 * b + 2 * c + d) / 6
+            b = _rates(_ahead(x, 0.5 * h, a), torque, p, grid, low, step)
+            c = _rates(_ahead(x, 0.5 * h, b), torque, p, grid, low, step)
+            d = _rates(_ahead(x, h, c), torque, p, grid, low, step)
+            x = (
+                x[0] + _mean(h, a[0], b[0], c[0], d[0]),
+                x[1] + _mean(h, a[1], b[1], c[1], d[1]),
+                x[2] + _mean(h, a[2], b[2], c[2], d[2]),
+                x[3] + _mean(h, a[3], b[3], c[3], d[3]),
+            )
     return rows
 
 
