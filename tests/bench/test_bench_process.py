@@ -1,10 +1,12 @@
 """The bench in a thread, on the TCP bus and as a process of its own; and its refusals."""
 
+import os
 import re
 import signal
 import socket
 import subprocess
 import sys
+import threading
 import time
 from pathlib import Path
 from typing import Any
@@ -151,24 +153,37 @@ def start_child(seconds: float) -> tuple[subprocess.Popen[str], dict[str, Any]]:
 
 
 @pytest.mark.posix
-@pytest.mark.parametrize("ending", [signal.SIGINT, signal.SIGTERM])
-def test_process_serves_and_ends_on_a_signal(ending: signal.Signals) -> None:
+def test_process_serves_and_ends_on_a_signal() -> None:
     child, options = start_child(60)
     try:
         with Master(**options) as master:
             assert master.read(0x1018, 4) == 9
-            child.send_signal(ending)
+            child.send_signal(signal.SIGINT)
             assert child.wait(10) == 0
     finally:
         child.kill()
 
 
-def test_process_ends_by_itself() -> None:
-    child, _ = start_child(0.3)
-    try:
-        assert child.wait(10) == 0
-    finally:
-        child.kill()
+@pytest.mark.posix
+@pytest.mark.parametrize("ending", [signal.SIGINT, signal.SIGTERM])
+def test_either_signal_ends_it(ending: signal.Signals) -> None:
+    """Of this process, whose handlers are as before afterwards."""
+    before = signal.getsignal(ending)
+    told: list[str] = []
+
+    def announce(line: str) -> None:
+        told.append(line)
+        threading.Timer(0.05, os.kill, (os.getpid(), ending)).start()
+
+    Bench(tcp=("127.0.0.1", 0)).run_forever(60, announce)
+    assert told[0].startswith("bench ready: interface=socketcand")
+    assert signal.getsignal(ending) is before
+
+
+def test_it_ends_by_itself() -> None:
+    began_s = time.monotonic()
+    Bench(tcp=("127.0.0.1", 0)).run_forever(0.1, lambda line: None)
+    assert 0.1 <= time.monotonic() - began_s < 10
 
 
 # -- refusals --

@@ -76,18 +76,16 @@ class Plant:
         self.torque_nm = max(self.torque_nm, abs(axis.torque_nm))
 
 
+#: Of each kind the least and the furthest, at least: what lies between them is found by the same comparison.
 WRONG = {
     # a gear or an encoder taken for another: the speed, in rpm, is right
     "position a 256th": ({"position": literal(COUNT_RAD / 256)}, "speed"),
     "position a tenth": ({"position": literal(COUNT_RAD / 10)}, "speed"),
-    "position a quarter": ({"position": literal(COUNT_RAD / 4)}, "speed"),
     "position half": ({"position": literal(COUNT_RAD / 2)}, "speed"),
     "position twice": ({"position": literal(COUNT_RAD * 2)}, "speed"),
-    "position four times": ({"position": literal(COUNT_RAD * 4)}, "speed"),
     "position a hundredfold": ({"position": literal(COUNT_RAD * 100)}, "speed"),
     # likewise where there is no other speed: against the torque
     "position a 256th, no speed": ({"position": literal(COUNT_RAD / 256), "speed": None}, "times more"),
-    "position a tenth, no speed": ({"position": literal(COUNT_RAD / 10), "speed": None}, "times more"),
     "position half, no speed": ({"position": literal(COUNT_RAD / 2), "speed": None}, "times more"),
     "position twice, no speed": ({"position": literal(COUNT_RAD * 2), "speed": None}, "times less"),
     "position four times, no speed": ({"position": literal(COUNT_RAD * 4), "speed": None}, "times less"),
@@ -98,9 +96,7 @@ WRONG = {
     # the rated torque
     "rated half": (rated(0.5), "times less"),
     "rated twice": (rated(2), "times more"),
-    "rated 2 pi": (rated(2 * math.pi), "times more"),
     "rated ten": (rated(10), "times more"),
-    "rated 60": (rated(60), "times more"),
     "rated 1000": (rated(1000), "times more"),
     "reported torque ten times": ({"torque": literal(10 * PER_MILLE_NM)}, "holds 10"),
     # signs
@@ -209,7 +205,7 @@ def test_right_units_pass_whichever_way_is_taken(wishes: dict[str, Any], tmp_pat
     [{"mode": "pp"}, {"mode": "pp", "sampling": "trace", "injecting": "generator", "trace_rate_hz": 2000.0}],
     ids=["by SYNC", "by itself"],
 )
-@pytest.mark.parametrize("case", ["position a 256th", "position a tenth", "rated ten", "6077 reversed"])
+@pytest.mark.parametrize("case", ["position a 256th", "rated ten", "6077 reversed"])
 def test_a_drive_that_moves_by_itself_is_found_out_too(
     case: str, way: dict[str, Any], tmp_path: Path
 ) -> None:
