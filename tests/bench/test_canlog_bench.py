@@ -171,30 +171,29 @@ def test_stamps_may_be_dates_or_steps_and_a_clock_may_be_set(logged: Logged, tmp
     """candump -t A, -t z and -t d; and a computer whose clock was set amid the log."""
     frames = [line.split(" ", 1) for line in logged.lines()]
     stamps = np.array([float(stamp.strip("()")) for stamp, _ in frames])
-    dates = [str(stamp).replace("T", " ") for stamp in (stamps * 1e6).round().astype("datetime64[us]")]
+    some = stamps[:2000]
+    dates = [str(stamp).replace("T", " ") for stamp in (some * 1e6).round().astype("datetime64[us]")]
     frames_of = [frame for _, frame in frames]
 
     def rewritten(stamped: list[str]) -> Path:
         path = tmp_path / "stamped.log"
         path.write_text(
-            "".join(f"({stamp}) {frame}\n" for stamp, frame in zip(stamped, frames_of, strict=True))
+            "".join(f"({stamp}) {frame}\n" for stamp, frame in zip(stamped, frames_of, strict=False))
         )
         return path
 
     for stamped in (
-        [f"{stamp:.6f}" for stamp in stamps - stamps[0]],
-        [f"{step:.6f}" for step in np.diff(stamps, prepend=stamps[0])],
+        [f"{stamp:.6f}" for stamp in some - some[0]],
+        [f"{step:.6f}" for step in np.diff(some, prepend=some[0])],
         dates,
     ):
-        np.testing.assert_allclose(
-            np.diff(read_frames(rewritten(stamped)).time_s), np.diff(stamps), atol=2e-6
-        )
+        np.testing.assert_allclose(np.diff(read_frames(rewritten(stamped)).time_s), np.diff(some), atol=2e-6)
     set_back = np.where(np.arange(stamps.size) < stamps.size // 2, stamps, stamps - 500)
     found = imported(rewritten([f"{stamp:.6f}" for stamp in set_back]))
     assert any("1 interruptions" in note for note in found.notes)
     assert found.session.runs
     with pytest.raises(InputError, match="do not grow"):
-        imported(rewritten(["0.000000"] * stamps.size))
+        imported(rewritten(["0.000000"] * some.size))
 
 
 def test_a_linear_axis_is_in_m_and_n_and_its_feed_is_asked_for(logged: Logged) -> None:

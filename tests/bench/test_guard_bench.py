@@ -144,7 +144,7 @@ def test_a_home_offset_is_named_and_the_window_holds_in_both_readings(reading: s
         for shift in (0.0, OFFSET * COUNT_RAD):
             assert ends[1] - shift >= start - 1.5 - COUNT_RAD
             assert ends[2] - shift <= start + math.pi + 1.5 + COUNT_RAD
-        assert len(room.record(tmp_path / "out", limits=window).runs) == 2
+        assert len(room.record(tmp_path / "out", limits=window, sample_rate_hz=500.0).runs) == 2
 
 
 @pytest.mark.parametrize(("polarity", "words"), [(0x80, "opposite sign"), (0xC0, "opposite direction")])
@@ -161,7 +161,7 @@ def test_a_polarity_is_named_and_found_by_the_creep(polarity: int, words: str, t
 
 def test_a_polarity_that_turns_the_torques_with_the_position_is_no_obstacle(tmp_path: Path) -> None:
     with desk(seed=3, faults="set-up=0x607E00:0xE0,torque-polarity=5") as room:
-        assert len(room.record(tmp_path / "out").runs) == 2
+        assert len(room.record(tmp_path / "out", sample_rate_hz=500.0).runs) == 2
 
 
 def test_a_range_at_which_positions_wrap_may_not_be_crossed(tmp_path: Path) -> None:
@@ -174,7 +174,7 @@ def test_a_range_at_which_positions_wrap_may_not_be_crossed(tmp_path: Path) -> N
 
 def test_a_drive_with_a_holding_brake_is_commissioned(tmp_path: Path) -> None:
     with desk(seed=3, faults="brake=0.15", conceal="torque_offset=15") as room:
-        assert len(room.record(tmp_path / "out").runs) == 2
+        assert len(room.record(tmp_path / "out", sample_rate_hz=500.0).runs) == 2
 
 
 @pytest.mark.parametrize(
