@@ -22,6 +22,7 @@ from schwung.estimation import estimate
 from schwung.estimation.denoise import same_motion
 from schwung.fieldbus.canlog import LogRecipe, import_can_log
 from schwung.fieldbus.profile import load_profile
+from schwung.session import Session
 from schwung.session.imports import Imported
 from schwung.session.imports.canframes import read_frames
 
@@ -67,8 +68,14 @@ def imported(path: Path, **said: object) -> Imported:
     return import_can_log(path, LogRecipe(EDS, **said))  # type: ignore[arg-type]  # by name
 
 
-def test_the_log_gives_the_same_runs_and_the_same_table(logged: Logged) -> None:
-    found = imported(logged.log).session
+@pytest.fixture(scope="module")
+def whole(logged: Logged) -> Session:
+    """What is made of the log as it is."""
+    return imported(logged.log).session
+
+
+def test_the_log_gives_the_same_runs_and_the_same_table(logged: Logged, whole: Session) -> None:
+    found = whole
     own = logged.done.session
     assert [(run.role, run.repeat) for run in found.runs] == [(run.role, run.repeat) for run in own.runs]
     for run, ours in zip(found.runs, own.runs, strict=True):
@@ -116,20 +123,22 @@ def test_other_ways_to_commission_are_recognised(tmp_path: Path, wishes: dict[st
 
 
 @pytest.mark.parametrize("suffix", ["blf", "asc", "trc"])
-def test_every_log_format_gives_the_same_session(logged: Logged, tmp_path: Path, suffix: str) -> None:
+def test_every_log_format_gives_the_same_session(
+    logged: Logged, whole: Session, tmp_path: Path, suffix: str
+) -> None:
     path = tmp_path / f"log.{suffix}"
     with can.Logger(path) as writer:
         for message in logged.messages():
             message.channel = 1  # ASC and TRC have numbers
             writer.on_message_received(message)
-    first, other = imported(logged.log).session, imported(path).session
+    first, other = whole, imported(path).session
     assert len(other.runs) == len(first.runs)
     for run, same in zip(first.runs, other.runs, strict=True):
         np.testing.assert_array_equal(run.position_rad, same.position_rad)
         assert run.sample_rate_hz == same.sample_rate_hz
 
 
-def test_frames_in_an_mdf_give_the_same_session(logged: Logged, tmp_path: Path) -> None:
+def test_frames_in_an_mdf_give_the_same_session(logged: Logged, whole: Session, tmp_path: Path) -> None:
     """As ASAM's bus logging has them."""
     asammdf = pytest.importorskip("asammdf")
     kind = [
@@ -151,12 +160,12 @@ def test_frames_in_an_mdf_give_the_same_session(logged: Logged, tmp_path: Path) 
     with asammdf.MDF(version="4.10") as file:
         file.append(asammdf.Signal(frames, stamps - stamps[0], name="CAN_DataFrame"))
         file.save(path)
-    first, other = imported(logged.log).session, imported(path).session
+    first, other = whole, imported(path).session
     for run, same in zip(first.runs, other.runs, strict=True):
         np.testing.assert_array_equal(run.position_rad, same.position_rad)
 
 
-def test_candump_as_it_prints_and_gzipped(logged: Logged, tmp_path: Path) -> None:
+def test_candump_as_it_prints_and_gzipped(logged: Logged, whole: Session, tmp_path: Path) -> None:
     path = tmp_path / "printed.txt.gz"
     with gzip.open(path, "wt") as file:
         for line in logged.lines():
@@ -164,7 +173,7 @@ def test_candump_as_it_prints_and_gzipped(logged: Logged, tmp_path: Path) -> Non
             name, data = frame.split("#")
             pairs = " ".join(data[k : k + 2] for k in range(0, len(data), 2))
             file.write(f" {stamp}  can0  {name}   [{len(data) // 2}]  {pairs}\n")
-    assert len(imported(path).session.runs) == len(imported(logged.log).session.runs)
+    assert len(imported(path).session.runs) == len(whole.runs)
 
 
 def test_stamps_may_be_dates_or_steps_and_a_clock_may_be_set(logged: Logged, tmp_path: Path) -> None:
@@ -221,7 +230,9 @@ def test_positions_that_are_sent_on_events_are_refused(logged: Logged, tmp_path:
         imported(path)
 
 
-def test_what_the_log_does_not_hold_is_asked_for_by_name(logged: Logged, tmp_path: Path) -> None:
+def test_what_the_log_does_not_hold_is_asked_for_by_name(
+    logged: Logged, whole: Session, tmp_path: Path
+) -> None:
     """Nobody read 608F, 6076 and 60A9: without answers to SDO reads of them nobody knows what a count is worth."""
     path = tmp_path / "late.log"
     silent = ("581#438F60", "581#437660", "581#4BA960", "581#43A960")
@@ -235,16 +246,14 @@ def test_what_the_log_does_not_hold_is_asked_for_by_name(logged: Logged, tmp_pat
     with pytest.raises(InputError, match=r"rated torque \(6076\).*--torque-unit permille="):
         imported(path, said=said)
     said["torque"] = 0.07
-    whole = imported(logged.log).session
     for run, same in zip(imported(path, said=said).session.runs, whole.runs, strict=True):
         np.testing.assert_allclose(run.torque_nm, same.torque_nm, rtol=1e-9)
         np.testing.assert_allclose(run.position_rad, same.position_rad, rtol=1e-3, atol=1e-3)
 
 
-def test_lost_frames_are_not_bridged(logged: Logged, tmp_path: Path) -> None:
+def test_lost_frames_are_not_bridged(logged: Logged, whole: Session, tmp_path: Path) -> None:
     """One TPDO is missing in the middle of the last run: that run ends there, the others are whole."""
     lines = logged.lines()
-    whole = imported(logged.log).session
     middle = lines.index(next(line for line in reversed(lines[: int(0.93 * len(lines))]) if " 181#" in line))
     path = tmp_path / "lossy.log"
     path.write_text("\n".join(line for k, line in enumerate(lines) if k != middle) + "\n")
