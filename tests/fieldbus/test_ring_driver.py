@@ -71,7 +71,7 @@ BENCHES = pytest.mark.parametrize("clock", ["wall", "sync"])
 def test_a_motion_of_many_rings_is_recorded_with_the_setpoints_that_held(
     monkeypatch: pytest.MonkeyPatch, clock: str
 ) -> None:
-    setpoints = stroke(1500)
+    setpoints = stroke(800)
     with enabled(monkeypatch, clock) as (_, drive, seen):
         recording = drive.play(setpoints)
         resolution = drive.resolution()
@@ -94,10 +94,10 @@ def test_a_halt_is_the_last_frame_that_went_out_and_nothing_undoes_it(
 ) -> None:
     with enabled(monkeypatch, clock) as (bench, drive, seen):
         drive.write([ParameterValue(drive.parameter(0x605A), STAY_IN_QUICK_STOP)])
-        drive.clock.later(1.0, drive.halt)
+        drive.clock.later(0.3, drive.halt)
         with pytest.raises(StateError, match="stopped on request"):
-            drive.play(stroke(3000))
-        drive.clock.sleep(1.0)
+            drive.play(stroke(1000))
+        drive.clock.sleep(0.5)
         assert bench.servo.power.state is Power.QUICK_STOP_ACTIVE
         for again in (drive.enable, lambda: drive.play(stroke(100))):
             with pytest.raises(StateError, match="stopped on request"):
@@ -110,7 +110,7 @@ def test_a_halt_is_the_last_frame_that_went_out_and_nothing_undoes_it(
         assert bench.servo.power.state is Power.SWITCH_ON_DISABLED
 
 
-@pytest.mark.parametrize("after_s", np.arange(1.0, 1.002, 0.0001).round(4))
+@pytest.mark.parametrize("after_s", np.arange(0.3, 0.302, 0.0001).round(4))
 def test_the_frame_that_waits_in_the_drive_for_its_sync_does_not_undo_a_stop(
     monkeypatch: pytest.MonkeyPatch, after_s: float
 ) -> None:
@@ -128,5 +128,5 @@ def test_the_frame_that_waits_in_the_drive_for_its_sync_does_not_undo_a_stop(
         monkeypatch.setattr(power, "control", controlled)
         drive.clock.later(after_s, drive.halt)
         with pytest.raises(StateError, match="stopped on request"):
-            drive.play(stroke(3000))
+            drive.play(stroke(1000))
         assert states == [Power.OPERATION_ENABLED, Power.QUICK_STOP_ACTIVE]

@@ -147,7 +147,7 @@ def test_whoever_hangs_for_a_second_the_drive_stops_and_stays_stopped(
         setting.clock.later(at_s, partial(setting.clock.stall, 0.98 if each == "caller" else 1.0, each))
     setting.play(600)
     over_s = setting.clock.now() - began_s
-    setting.producer.pump(2.0)
+    setting.producer.pump(1.2)
     frames = setting.check()
     assert isinstance(setting.exchange.trouble, StateError)
     assert "was held up for" in setting.exchange.trouble.problem
