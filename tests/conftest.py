@@ -94,7 +94,8 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
 
 @pytest.hookimpl(optionalhook=True)
 def pytest_xdist_make_scheduler(config: pytest.Config, log: Any) -> Any:
-    """The browser's files go to one worker: they share a bench, a service and a browser, slow to start."""
+    """Files that share what is slow to come by go to one worker: the browser's a bench, a service and a browser, the
+    campaign's what sessions count where nothing goes wrong, and seeds."""
     if config.getoption("dist") != "loadfile":
         return None
     from xdist.scheduler import LoadFileScheduling  # noqa: PLC0415  (only where there are workers)
@@ -102,7 +103,7 @@ def pytest_xdist_make_scheduler(config: pytest.Config, log: Any) -> Any:
     class Files(LoadFileScheduling):
         def _split_scope(self, nodeid: str) -> str:
             folder = nodeid.partition("::")[0].rpartition("/")[0]
-            return folder if folder.endswith("/browser") else super()._split_scope(nodeid)
+            return folder if folder.endswith(("/browser", "/campaign")) else super()._split_scope(nodeid)
 
     return Files(config, log)
 
