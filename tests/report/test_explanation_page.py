@@ -35,6 +35,7 @@ def _headings(page: str) -> list[str]:
     return re.findall(r"<h2>(.*?)</h2>", page)
 
 
+@pytest.mark.usefixtures("undrawn")
 def test_an_explained_session_shows_everything_in_order() -> None:
     page = render_explanation(_content(explained()))
     assert _headings(page) == [
@@ -71,6 +72,7 @@ def test_a_consistent_session_has_a_short_page() -> None:
     assert "Nothing was learned" in page
 
 
+@pytest.mark.usefixtures("undrawn")
 def test_an_unexplained_session_says_where_and_names_nothing() -> None:
     explanation = explained((), "unexplained", unnamed=(LOCAL,))
     page = render_explanation(_content(explanation))
@@ -81,6 +83,7 @@ def test_an_unexplained_session_says_where_and_names_nothing() -> None:
     assert "no term of the library accounts for them" in headline(explanation)
 
 
+@pytest.mark.usefixtures("undrawn")
 def test_a_partly_explained_session_shows_what_is_left() -> None:
     explanation = explained((COULOMB,), "partly_explained", unnamed=(LOCAL,))
     page = render_explanation(_content(explanation))

@@ -111,6 +111,7 @@ def test_it_says_where_and_what_would_tell_rivals_apart():
     assert document["proof"]["after_nm"] == 0.14
 
 
+@pytest.mark.usefixtures("undrawn")
 def test_without_anything_kept_aside_what_was_fitted_is_shown():
     run = replace(answer().overlays[0], heldout=False)
     text = shown(replace(answer(), proof=None, overlays=(run,)))

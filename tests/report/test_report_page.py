@@ -153,6 +153,7 @@ def test_an_empty_session_is_still_a_page() -> None:
     assert parsed.headings == []
 
 
+@pytest.mark.usefixtures("undrawn")
 @pytest.mark.parametrize("verdict", ["good", "doubtful", "unusable"])
 def test_the_verdict_stands_at_the_top_in_words(verdict: Verdict) -> None:
     judged = replace(estimated(), trust=replace(estimated().trust, verdict=verdict), denoised=())
@@ -161,6 +162,7 @@ def test_the_verdict_stands_at_the_top_in_words(verdict: Verdict) -> None:
     assert page.index(verdict.capitalize() + ":") < page.index("<svg")
 
 
+@pytest.mark.usefixtures("undrawn")
 def test_rmse_is_that_of_the_table_to_the_reference() -> None:
     table = estimated().table
     shifted = InertiaTable(table.position_rad, table.inertia_kgm2 + 0.0025)
@@ -187,6 +189,7 @@ def test_a_long_table_scrolls_and_a_note_is_told_once() -> None:
     assert page.count("Twice.") == 1
 
 
+@pytest.mark.usefixtures("undrawn")
 def test_a_worse_following_error_is_said_plainly() -> None:
     time = np.array([0.0, 1.0])
     errors = FollowingError(time, np.array([0.001, 0.001]), time, np.array([0.002, -0.002]))
@@ -220,6 +223,7 @@ def test_the_same_content_gives_the_same_file(page: str) -> None:
     assert render(full()) == page
 
 
+@pytest.mark.usefixtures("undrawn")
 def test_the_file_is_written_whole_into_a_new_folder(tmp_path: Path) -> None:
     path = write_report(bare(), tmp_path / "new" / "report.html")
     assert path.read_text("utf-8") == render(bare())
@@ -237,6 +241,7 @@ def test_pyplot_is_never_loaded() -> None:
     assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0
 
 
+@pytest.mark.usefixtures("undrawn")
 def test_the_bound_stands_beside_the_band(page: str) -> None:
     told = render(replace(full(), reach=Reach(0.0010, 0.0001, "denoised")))
     assert "±0.001 kg·m²" in told
@@ -245,6 +250,7 @@ def test_the_bound_stands_beside_the_band(page: str) -> None:
     assert "at best" not in page
 
 
+@pytest.mark.usefixtures("undrawn")
 def test_an_estimate_without_traces_has_a_page_all_the_same(page: str) -> None:
     estimate = replace(estimated(), traces=(), denoised=())
     without = render(replace(full(), estimate=estimate, contrast=None))
