@@ -43,7 +43,7 @@ def _start_and_wait_for_a_motion(arguments: list[str], session: Path) -> subproc
         if session.exists() and read_session(session).runs:
             time.sleep(0.1)  # into the next motion
             return process
-        time.sleep(0.02)
+        time.sleep(0.1)
     process.kill()
     raise AssertionError(process.communicate()[0])
 

@@ -125,7 +125,7 @@ def test_killed_in_mid_motion_the_drive_stops_by_itself_and_restore_puts_it_back
         ) as looker:
             end_s = time.monotonic() + 60
             while abs(looker.state().position_rad) < 0.5 and time.monotonic() < end_s:
-                time.sleep(0.005)
+                time.sleep(0.02)
             tool.send_signal(signal.SIGKILL)
             tool.wait(10)
             assert looker.read(looker.parameter(104)).raw == 1
