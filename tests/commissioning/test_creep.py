@@ -101,7 +101,9 @@ def test_without_a_unit_of_torque_there_is_nothing_to_prove() -> None:
 
 def test_preflight_says_what_will_be_done_first_and_simulates_it() -> None:
     plan = _plan()
-    found = preflight(plan, MACHINE, survey(DeskDrive(MACHINE), plan), FeedForward(speed_share=1.0))
+    found = preflight(
+        plan, MACHINE, survey(DeskDrive(MACHINE), plan), FeedForward(speed_share=1.0), estimates=False
+    )
     (check,) = (c for c in found.checks if c.name == "creep")
     assert "°" in check.text
     assert "before the first stroke" in check.text
@@ -118,7 +120,7 @@ class Mistaken(DeskDrive):
 def test_a_refusal_leaves_a_drive_that_is_off_and_as_it_was_and_keeps_what_was_seen(tmp_path: Path) -> None:
     drive, plan = Mistaken(MACHINE), _plan()
     before = dict(drive.objects)
-    ready = preflight(plan, MACHINE, survey(drive, plan), FeedForward(speed_share=1.0))
+    ready = preflight(plan, MACHINE, survey(drive, plan), FeedForward(speed_share=1.0), estimates=False)
     journal = ParameterJournal(drive, tmp_path / "setup.backup.json", drive.describe())
     with pytest.raises(RefusedError, match="opposite sign") as caught:
         record(drive, plan, ready, session_path=tmp_path / "s.h5", journal=journal, observer=Silence())

@@ -161,7 +161,8 @@ def prepared_for(drive: DeskDrive, wishes: Wishes = WISHES) -> Prepared:
         amplitude_nm=wishes.amplitude_nm,
     )  # fmt: skip
     seen = survey(drive, plan)
-    return Prepared(plan, drive.machine, seen, preflight(plan, drive.machine, seen, FORWARD), FORWARD, wishes)
+    ready = preflight(plan, drive.machine, seen, FORWARD, estimates=False)
+    return Prepared(plan, drive.machine, seen, ready, FORWARD, wishes)
 
 
 @pytest.fixture

@@ -38,8 +38,9 @@ def _survey(plan: Plan) -> Survey:
     return survey(DeskDrive(MACHINE), plan)
 
 
-def _flight(plan: Plan, seen: Survey | None = None) -> Preflight:
-    return preflight(plan, MACHINE, seen or _survey(plan), FeedForward(speed_share=1.0))
+def _flight(plan: Plan, seen: Survey | None = None, *, estimates: bool = False) -> Preflight:
+    """`estimates`: also from the simulated recording, which takes most of the time."""
+    return preflight(plan, MACHINE, seen or _survey(plan), FeedForward(speed_share=1.0), estimates=estimates)
 
 
 def _severity(found: Preflight, name: str) -> str:
@@ -47,7 +48,7 @@ def _severity(found: Preflight, name: str) -> str:
 
 
 def test_a_sound_plan_passes_and_says_what_to_expect() -> None:
-    found = _flight(_plan())
+    found = _flight(_plan(), estimates=True)
     found.require()
     assert found.predicted is not None
     assert np.median(found.predicted.table.inertia_kgm2) == pytest.approx(0.11, rel=0.03)
@@ -57,10 +58,8 @@ def test_a_sound_plan_passes_and_says_what_to_expect() -> None:
 
 def test_where_nothing_is_going_to_be_estimated_all_else_is_checked_alike() -> None:
     plan = _plan()
-    whole, lean = (
-        _flight(plan),
-        preflight(plan, MACHINE, _survey(plan), FeedForward(speed_share=1.0), estimates=False),
-    )
+    whole, lean = _flight(plan, estimates=True), _flight(plan)
+    assert whole.predicted is not None
     assert lean.predicted is None
     assert lean.checks == tuple(
         check for check in whole.checks if check.name not in ("linearity", "predicted trust")
@@ -79,7 +78,7 @@ def test_what_a_trace_will_tell_is_foretold_too(way: dict[str, Any]) -> None:
     """On a grid of its own where SYNC is slow, and from the motion's start on, as the trace records."""
     profile = load_profile("schwung-bench")
     plan = _plan(trace=profile.trace, generator=profile.generator, **way)
-    found = _flight(plan)
+    found = _flight(plan, estimates=True)
     found.require()
     assert found.predicted is not None
     assert np.median(found.predicted.table.inertia_kgm2) == pytest.approx(0.11, rel=0.03)
