@@ -11,6 +11,7 @@ import fnmatch
 import itertools
 import re
 import tomllib
+from dataclasses import dataclass
 from pathlib import Path
 
 ROOT = Path(__file__).parents[1]
@@ -60,34 +61,36 @@ def _expanded(pattern: str) -> list[str]:
     return ["".join(chosen) for chosen in itertools.product(*(part.split(",") for part in parts))]
 
 
-def _imports(tree: ast.AST) -> set[str]:
-    """What a file imports, from wherever, by its own name."""
-    return {
-        alias.name
-        for node in ast.walk(tree)
-        if isinstance(node, ast.Import | ast.ImportFrom)
-        for alias in node.names
-    } | {node.module for node in ast.walk(tree) if isinstance(node, ast.ImportFrom) and node.module}
+@dataclass(frozen=True)
+class Seen:
+    """What a file imports, from wherever, by its own name; whether it takes the wall's clock, or python-can's bus of
+    threads, which has no other.
+    """
+
+    imports: frozenset[str]
+    goes_by_the_wall: bool
 
 
-def _goes_by_the_wall(tree: ast.AST) -> bool:
-    """Whether a file takes the wall's clock, or python-can's bus of threads, which has no other."""
-    takes = any(isinstance(node, ast.Name) and node.id == "WallClock" for node in ast.walk(tree))
-    return takes or any(
-        isinstance(node, ast.keyword)
-        and node.arg == "interface"
-        and isinstance(node.value, ast.Constant)
-        and node.value.value == "virtual"
-        for node in ast.walk(tree)
-    )
+def _read(tree: ast.AST) -> Seen:
+    imports, wall = set(), False
+    for node in ast.walk(tree):
+        if isinstance(node, ast.Import | ast.ImportFrom):
+            imports |= {alias.name for alias in node.names}
+            if isinstance(node, ast.ImportFrom) and node.module:
+                imports.add(node.module)
+        elif isinstance(node, ast.Name):
+            wall = wall or node.id == "WallClock"
+        elif isinstance(node, ast.keyword) and node.arg == "interface":
+            wall = wall or (isinstance(node.value, ast.Constant) and node.value.value == "virtual")
+    return Seen(frozenset(imports), wall)
 
 
-TREES = {_name(path): ast.parse(path.read_text(encoding="utf-8")) for path in TESTS}
+SEEN = {_name(path): _read(ast.parse(path.read_text(encoding="utf-8"))) for path in TESTS}
 
 
 def test_who_goes_by_the_wall_is_listed() -> None:
     allowed = _allowed()
-    by_the_wall = {name for name, tree in TREES.items() if _goes_by_the_wall(tree)}
+    by_the_wall = {name for name, seen in SEEN.items() if seen.goes_by_the_wall}
     assert len(by_the_wall) > 3
     assert {name for name in by_the_wall if not any(fnmatch.fnmatch(name, one) for one in allowed)} == set()
 
@@ -96,14 +99,14 @@ def test_who_is_listed_needs_it() -> None:
     """A list of exceptions that nobody needs any more would let the next one in unseen."""
     needing = {
         name
-        for name, tree in TREES.items()
-        if _imports(tree) & {"time", "threading", "datetime"} or _goes_by_the_wall(tree)
+        for name, seen in SEEN.items()
+        if seen.imports & {"time", "threading", "datetime"} or seen.goes_by_the_wall
     }
     assert [one for one in _allowed() if not fnmatch.filter(needing, one)] == []
 
 
 def test_who_starts_processes_is_named() -> None:
-    started = {name for name, tree in TREES.items() if _imports(tree) & {"subprocess", "multiprocessing"}}
+    started = {name for name, seen in SEEN.items() if seen.imports & {"subprocess", "multiprocessing"}}
     assert {
         name for name in started if not name.startswith(("tests/vcan/", "tests/peers/"))
     } == WITH_PROCESSES
