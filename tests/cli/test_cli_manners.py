@@ -278,3 +278,20 @@ def test_an_export_that_was_wished_but_not_made_is_no_success(capsys: pytest.Cap
     with pytest.raises(SystemExit) as ended:
         finish(Terminal(), {"export": {"refused": "an unusable table"}})
     assert ended.value.code == 3
+
+
+def test_a_table_in_a_narrow_terminal_breaks_no_word(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setenv("COLUMNS", "80")
+    sentence = "A stiffness that differs along the way\nstiffness_over_angle"
+    numbers = "order: 2.96 per turn (2.93 … 2.99)\nphase: 1.64 rad (1.57 … 1.71)"
+    Terminal().table(
+        "Names",
+        ("physics", "probability", "parameters (95 %)", "where", "machine.toml"),
+        [(sentence, "> 99 %", numbers, "wherever the axis was\nbetween the shafts", "yes")],
+    )
+    shown = capsys.readouterr().out
+    assert max(map(len, shown.splitlines())) <= 80
+    for word in ("stiffness_over_angle", "machine.toml", "probability", "wherever"):
+        assert word in shown

@@ -52,6 +52,7 @@ def _run(
         return result
 
     monkeypatch.setattr(weighing, "publish", stand_in)
+    monkeypatch.setenv("COLUMNS", "200")  # a narrower table breaks between a number and its unit
     arguments = ["explain", str(places / "session.h5"), "-m", str(places / "belief.toml"), *more]
     with pytest.raises(SystemExit) as ended:
         main(arguments)

@@ -69,10 +69,12 @@ class Terminal:
         table = Table(
             title=escape(title), title_justify="left", title_style="bold", header_style="dim", box=None
         )
-        for column in columns:
-            table.add_column(column, overflow="fold")
-        for row in rows:
-            table.add_row(*(cell if _is_markup(cell) else escape(str(cell)) for cell in map(str, row)))
+        cells = [tuple(map(str, row)) for row in rows]
+        texts = [[column, *(row[i] for row in cells)] for i, column in enumerate(columns)]
+        for column, width in zip(columns, _widths(texts, self.console.width), strict=True):
+            table.add_column(column, overflow="fold", width=width)
+        for row in cells:
+            table.add_row(*(cell if _is_markup(cell) else escape(cell) for cell in row))
         self.console.print(table)
 
     def checks(self, rows: Iterable[Sequence[str]], title: str = "Preflight") -> None:
@@ -109,6 +111,26 @@ def describe_table(table: InertiaTable, axis: str = "rotary") -> str:
         if turns > _MANY_TURNS:
             text += f"\n[yellow]![/] These are {turns:.0f} turns: the angles are meant in rad, not in degrees"
     return text
+
+
+def _widths(texts: Sequence[Sequence[str]], width: int) -> list[int | None]:
+    """Of columns with these texts: the widest are cut first, and none to less than its longest word, for half a name is
+    none. None: as the library sees fit.
+    """
+    lines = [
+        [line for text in column if not _is_markup(text) for line in text.split("\n")] for column in texts
+    ]
+    wanted = [max(map(len, column), default=1) for column in lines]
+    least = [max((len(word) for line in column for word in line.split()), default=1) for column in lines]
+    room = width - 2 * len(texts)
+    if sum(wanted) > room:
+        for widest in range(max(wanted), 0, -1):
+            widths: list[int | None] = [
+                max(few, min(many, widest)) for few, many in zip(least, wanted, strict=True)
+            ]
+            if sum(width or 0 for width in widths) <= room:
+                return widths
+    return [None] * len(texts)
 
 
 def _is_markup(cell: str) -> bool:
