@@ -35,7 +35,8 @@ from schwung.fieldbus.drive import Parameter, ParameterValue
 
 STOP = struct.pack("<BHBHxx", 0x2B, 0x6040, 0, 2)
 PATIENCE_S = 0.2
-SIZE = 3000
+#: Bytes that take 50 ms on the wire, in blocks and in segments.
+SIZE, SEGMENTED_SIZE = 3000, 480
 FRAME_S = 111e-6  # 8 bytes at 1 Mbit/s
 
 
@@ -44,13 +45,15 @@ def stop(desk: Desk) -> Outcome:
 
 
 def uploading(desk: Desk, block: bool) -> None:
-    desk.objects.values[USER_DATA.index, 0] = content(SIZE)
-    assert desk.sdo.upload(USER_DATA, block=block) == content(SIZE)
+    data = content(SIZE if block else SEGMENTED_SIZE)
+    desk.objects.values[USER_DATA.index, 0] = data
+    assert desk.sdo.upload(USER_DATA, block=block) == data
 
 
 def downloading(desk: Desk, block: bool) -> None:
-    desk.sdo.download(USER_DATA, content(SIZE), block=block)
-    assert desk.objects.values[USER_DATA.index, 0] == content(SIZE)
+    data = content(SIZE if block else SEGMENTED_SIZE)
+    desk.sdo.download(USER_DATA, data, block=block)
+    assert desk.objects.values[USER_DATA.index, 0] == data
 
 
 def reading(desk: Desk) -> None:
