@@ -20,6 +20,7 @@ F = TypeVar("F", bound=Callable[..., Any])
 
 _ROOM = Path(__file__).parent
 _COMPILED_FILES = (
+    "compiled.py",
     "plants/effects.py",
     "plants/foreign.py",
     "plants/profile.py",
@@ -42,13 +43,15 @@ _STAMP = _stamp()
 
 
 def compiled(function: F) -> F:
-    """Compile with numba where it is installed, cached on disk.
+    """Compile with numba where it is installed, cached on disk. For functions that make no array.
 
-    The stamp is set through numba's private `_cache_file`; a numba without it merely has the coarser cache.
+    Their arrays are the caller's, so nobody needs to count who holds them (`_nrt`, numba's own): counted, at every
+    call of a function that takes one, a tick takes more than twice as long. One that makes an array is not compiled
+    at all. The stamp is set through numba's private `_cache_file`; a numba without it merely has the coarser cache.
     """
     if numba is None:
         return function
-    dispatcher = cast(F, numba.njit(cache=True, error_model="numpy")(function))
+    dispatcher = cast(F, numba.njit(cache=True, error_model="numpy", _nrt=False)(function))
     cache_file: Any = getattr(getattr(dispatcher, "_cache", None), "_cache_file", None)
     if hasattr(cache_file, "_source_stamp"):
         cache_file._source_stamp = (cache_file._source_stamp, _STAMP)
