@@ -22,7 +22,7 @@ from schwung.innovations.signals import Signals
 from schwung.motion import Array
 from schwung.session.model import Run
 
-#: Runs, or pairs of runs of one motion, that the sizes of noise are found from, at most.
+#: Runs, or pairs of runs of one motion, that the sizes of noise are found from, and gaps looked for in first, at most.
 FEW = 3
 #: Steps to rest at most, of states and of coefficients.
 STEPS = 12
@@ -207,8 +207,8 @@ def linearised(
     """
     alongs = view.alongs(members)
     runs = range(len(alongs)) if runs is None else runs
-    pairs = _few([group for group in view.repeats if len(group) > 1])
-    few = [] if reach is None else [i for pair in pairs for i in pair[:2]] or _few(range(len(alongs)))
+    pairs = few_of([group for group in view.repeats if len(group) > 1])
+    few = [] if reach is None else [i for pair in pairs for i in pair[:2]] or few_of(range(len(alongs)))
     made = {i: equations_of(alongs[i], acting(view, alongs[i], members), noise) for i in {*runs, *few}}
     unlikely = 0.0
     if reach is not None:
@@ -226,8 +226,8 @@ def linearised(
     return Linearised(view, alongs, passed, noise, members, unlikely)
 
 
-def _few(every: Sequence[T]) -> list[T]:
-    """A few of these, evenly spread."""
+def few_of(every: Sequence[T]) -> list[T]:
+    """A few of these, evenly spread: all of them, where they are no more."""
     places = np.unique(np.round(np.linspace(0, len(every) - 1, FEW))) if every else ()
     return [every[int(place)] for place in places]
 

@@ -16,6 +16,7 @@ from schwung.explain.weighing.round import (
     STEPS,
     Linearised,
     View,
+    few_of,
     linearised,
     resmoothed,
     resmoothed_about,
@@ -131,28 +132,31 @@ def _shut(member: Member) -> bool:
 def _opened(about: Linearised, members: Sequence[Member], weighing: Weighing) -> list[Member] | None:
     """With the likeliest gap, all else as it is; None where none is likelier than no gap.
 
-    The likelihood has one maximum over the gap, and far from it no column says where that is.
+    The likelihood has one maximum over the gap, and far from it no column says where that is. It is looked for in a few
+    runs, for a gap is in all of them, and asked of all where those have one.
     """
     place = next(i for i, member in enumerate(members) if _shut(member))
+    first = replace(weighing, train=few_of(weighing.train))
 
     def tried(log: float) -> list[Member]:
         gap = np.array([float(np.exp(log)), 0.0])
         return [replace(m, coefficients=gap) if i == place else m for i, m in enumerate(members)]
 
-    def cost(log: float) -> float:
+    def cost(log: float, among: Weighing = first) -> float:
         if about.view.work.late:
             return np.inf
         found = tried(log)
-        return _cost(linearised(about.view, found, weighing.noise, None, weighing.train), found, weighing)
+        return _cost(linearised(about.view, found, among.noise, None, among.train), found, among)
 
     grid = np.log([gap for (gap,) in members[place].candidate.shapes])
-    costs, shut = [cost(log) for log in grid], _cost(about, members, weighing)
+    costs, shut = [cost(log) for log in grid], _cost(about, members, first)
     best = int(np.argmin(costs))
     if not costs[best] < shut:  # a smaller gap than the likeliest gains some of what that does
         return None
     ends = grid[max(best - 1, 0)], grid[min(best + 1, grid.size - 1)]
     found = minimize_scalar(cost, bounds=ends, method="bounded", options={"xatol": _NEARLY})
-    return tried(found.x if found.fun < costs[best] else grid[best])
+    gap = found.x if found.fun < costs[best] else grid[best]
+    return tried(gap) if cost(gap, weighing) < _cost(about, members, weighing) else None
 
 
 def _at_rest(at: _Step, weighing: Weighing) -> Settled:
