@@ -120,7 +120,7 @@ def test_an_interrupted_tool_stops_the_drive_and_puts_everything_back(tmp_path: 
 def test_a_thread_that_cannot_keep_sync_even_is_said_so_and_the_drive_stopped(tmp_path: Path) -> None:
     """A drive on the wall clock, and a bus without kernel SYNC: jitter of 0.2 ms is too much for setpoints."""
     with bench_process("--clock", "wall", "--fault", "jitter=0.0002") as bus:
-        uneven = ("--max-jitter", "1e-6", "--repeats", "1", "--rate", "250")
+        uneven = ("--max-jitter", "1e-6", "--repeats", "1")
         done = schwung(*commission_arguments(tmp_path, bus, *uneven, "--mode", "csp"))
         assert done.returncode == 4, done.stdout + done.stderr
         assert "SYNC: came unevenly" in done.stderr
