@@ -88,11 +88,8 @@ class Growth:
         first = self.wide
         nothing = self._nothing(view)
         climbed = self._climbed(nothing, (), _FIRST)
-        curves = any(not climbed.search.candidate(pick).named for pick in climbed.best.picks)
-        if curves and (self.unrepeated or not climbed.rests):
+        if _is_unnamed(climbed.search, climbed.best) and (self.unrepeated or not climbed.rests):
             climbed = self._by_laws(view, climbed)
-        elif not climbed.rests:
-            climbed = self._on(climbed)
         search, best, at = climbed.search, climbed.best, climbed.at
         self._recall(search, best, at)
         if self.wide is not first:
@@ -106,7 +103,7 @@ class Growth:
 
     def _climbed(self, at: Settled, picks: _Shaped, until: float = np.inf) -> _Climbed:
         """From a set at rest, by one cause more at a time; then by what may stand in its place. No round begins after
-        the share `until` of the work.
+        the share `until` of the work, where something has no name: laws alone are tried then.
         """
         growing, fresh = True, False  # whether the noise was looked at since something was found
         for _ in range(ROUNDS):
@@ -115,7 +112,8 @@ class Growth:
             self.tell(f"Weighing causes beside {len(picks)} found" if picks else "Weighing causes", share)
             search = self._search(at)
             start = search.score(_carried(search.data, picks))
-            if search.data.work.spent or search.data.work.share > until:
+            work = search.data.work
+            if work.spent or (work.share > until and _is_unnamed(search, start)):
                 return _Climbed(search, start, at, rests=False)
             if growing:
                 taken = self._further(search, start, at)
@@ -287,6 +285,11 @@ class Growth:
         members = everything(self.candidates, at.members)
         self.wide = wide_fit(at.about.view, members, self.wide.noise, self.train, KNOWN)
         self.rested.clear()
+
+
+def _is_unnamed(search: Search, one: Scored) -> bool:
+    """Whether a set holds what has no name."""
+    return any(not search.candidate(pick).named for pick in one.picks)
 
 
 def _from(present: Sequence[Member], members: Sequence[Member]) -> list[Member]:
