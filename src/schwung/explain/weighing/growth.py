@@ -58,7 +58,7 @@ class _Climbed:
     search: Search
     best: Scored
     at: Settled
-    rests: bool = True  # whether nothing further is found
+    halfway: bool = False  # whether it was left for laws alone to be tried first
 
     @property
     def picks(self) -> _Shaped:
@@ -88,7 +88,7 @@ class Growth:
         first = self.wide
         nothing = self._nothing(view)
         climbed = self._climbed(nothing, (), _FIRST)
-        if _is_unnamed(climbed.search, climbed.best) and (self.unrepeated or not climbed.rests):
+        if _is_unnamed(climbed.search, climbed.best) and (self.unrepeated or climbed.halfway):
             climbed = self._by_laws(view, climbed)
         search, best, at = climbed.search, climbed.best, climbed.at
         self._recall(search, best, at)
@@ -102,8 +102,8 @@ class Growth:
         return settled(self.wide.seen(view), always, self._weighing)
 
     def _climbed(self, at: Settled, picks: _Shaped, until: float = np.inf) -> _Climbed:
-        """From a set at rest, by one cause more at a time; then by what may stand in its place. No round begins after
-        the share `until` of the work, where something has no name: laws alone are tried then.
+        """From a set at rest, by one cause more at a time; then by what may stand in its place. Where something
+        has no name after the share `until` of the work, it is left halfway: laws alone are tried then.
         """
         growing, fresh = True, False  # whether the noise was looked at since something was found
         for _ in range(ROUNDS):
@@ -112,9 +112,12 @@ class Growth:
             self.tell(f"Weighing causes beside {len(picks)} found" if picks else "Weighing causes", share)
             search = self._search(at)
             start = search.score(_carried(search.data, picks))
-            work = search.data.work
-            if work.spent or (work.share > until and _is_unnamed(search, start)):
-                return _Climbed(search, start, at, rests=False)
+            if search.data.work.spent:
+                return _Climbed(search, start, at)
+            if search.data.work.share > until:
+                if _is_unnamed(search, start):
+                    return _Climbed(search, start, at, halfway=True)
+                until = np.inf  # there is nothing that laws alone would stand for
             if growing:
                 taken = self._further(search, start, at)
                 if taken is not None:
@@ -124,7 +127,7 @@ class Growth:
                         continue
                     # it was noise, for repeats do not share it; where all repeat one motion, nothing else tells noise
                 if self._is_hopeless(search, start, at):
-                    return _Climbed(search, start, at, rests=False)
+                    return _Climbed(search, start, at)
                 if not fresh:
                     self._renew(at)
                     at, fresh = settled(self.wide.seen(at.about.view), at.members, self._weighing), True
