@@ -4,6 +4,7 @@ own units; a right one passes, whatever the machine has of friction, play and we
 from __future__ import annotations
 
 import math
+import re
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -217,6 +218,13 @@ def test_a_drive_that_moves_by_itself_is_found_out_too(
         assert plant.far_rad < FAR_RAD
         assert plant.fast_rad_s < FAST_RAD_S
         assert not room.bench.servo.power.energised
+
+
+def test_what_the_gains_could_not_tell_is_not_told_as_proven_without_a_word(tmp_path: Path) -> None:
+    """Twice the torque that is believed: at 500 Hz friction leaves of it only what the file's masses allow."""
+    with desk(seed=3, profile=mistaken(**WRONG["rated half"][0]), conceal="coulomb_friction=8") as room:
+        told = creep_alone(room, tmp_path / "out", limits=LIMITS, sample_rate_hz=500.0)
+    assert re.search(r"no better than that .* kg·m² move.*a faster --rate may", told), told
 
 
 def test_a_drive_that_ignores_its_setpoints_is_refused(tmp_path: Path) -> None:

@@ -16,10 +16,13 @@ import pytest
 
 from schwung.cli import main
 from schwung.cli.demo import BELIEF
-from schwung.commissioning.ways import MAX_JITTER_SHARE
+from schwung.commissioning.ways import comes_unevenly
 from schwung.drivetrain import read_inertia_csv
+from schwung.fieldbus.canopen.driver import CanopenDrive
 from schwung.fieldbus.canopen.playback import OFF_RATE
 from schwung.fieldbus.canopen.ring import CYCLES
+from schwung.fieldbus.drive import Progress, Recording, Setpoints, SyncTiming, partial_recording
+from schwung.motion import Array
 from schwung.session import read_session
 from schwung_sim.plants import make_plant
 
@@ -87,21 +90,50 @@ RATE_HZ = 500.0
 MAX_JITTER = "1ms"
 #: A single SYNC that is later than this share of a period is a setpoint that holds for too long.
 MAX_LATE_SHARE = 0.5
+#: How often a computer may try to be even.
+GOES = 3
 #: Runs whose rates are further apart leave of this motion, one less the other (24 rad/s, 290 rad/s² a tenth of a second
 #: in), a tenth of a rad/s and more, where the sine swings by 1.8 rad/s.
 MAX_APART = 0.002
 
 
-def _uneven(timing: dict[str, float]) -> str:
-    """What was uneven about the SYNC of one run, as the tool itself measured it; nothing else may be."""
-    period_s = timing["period_s"]
-    share = abs(period_s * RATE_HZ - 1)
+def _uneven(timing: SyncTiming) -> list[str]:
+    """What was uneven about the SYNC of one motion, as the tool itself measured it."""
+    share = abs(timing.period_s * RATE_HZ - 1)
     found = [
-        (timing["p99_s"] > MAX_JITTER_SHARE * period_s, f"99 % within {timing['p99_s'] * 1e6:.0f} µs only"),
-        (timing["max_s"] > MAX_LATE_SHARE * period_s, f"one late by {timing['max_s'] * 1e3:.1f} ms"),
+        (comes_unevenly(timing), f"99 % within {timing.p99_s * 1e6:.0f} µs only"),
+        (timing.max_s > MAX_LATE_SHARE * timing.period_s, f"one late by {timing.max_s * 1e3:.1f} ms"),
         (share > OFF_RATE, f"{share:.1%} off its rate, and every speed of the motion with it"),
     ]
-    return ", ".join(words for holds, words in found if holds)
+    return [words for holds, words in found if holds]
+
+
+def _stalled(answered_s: Array) -> list[str]:
+    """That the bench's process slept, by when its answers came: it samples when it answers, and an answer that is late
+    by half a period and more has samples of another instant."""
+    came = answered_s[np.isfinite(answered_s)]
+    late = float(np.max(np.abs(np.diff(came, prepend=came[:1] - 1 / RATE_HZ) - 1 / RATE_HZ), initial=0.0))
+    return [f"an answer late by {late * 1e3:.1f} ms"] if late > MAX_LATE_SHARE / RATE_HZ else []
+
+
+@pytest.fixture
+def played(monkeypatch: pytest.MonkeyPatch) -> list[Recording]:
+    """Every motion that the drive was given, creep and what broke off included."""
+    kept: list[Recording] = []
+    play = CanopenDrive.play
+
+    def playing(drive: CanopenDrive, setpoints: Setpoints, progress: Progress | None = None) -> Recording:
+        try:
+            recording = play(drive, setpoints, progress)
+        except BaseException as error:
+            if (partial := partial_recording(error)) is not None:
+                kept.append(partial)
+            raise
+        kept.append(recording)
+        return recording
+
+    monkeypatch.setattr(CanopenDrive, "play", playing)
+    return kept
 
 
 @pytest.mark.timeout(240)
@@ -111,51 +143,66 @@ def test_in_real_time_the_kernels_ring_brings_the_table_of_the_truth(
     tmp_path: Path,
     capsys: pytest.CaptureFixture[str],
     measured: Callable[[str, str], None],
+    played: list[Recording],
 ) -> None:
-    """A drive on its own time, as in a hall, and motions for which the ring goes round more than three times."""
+    """A drive on its own time, as in a hall, and motions for which the ring goes round more than three times.
+
+    What comes in real time is the computer's to give. A go in which it did not, by the tool's own times of SYNC and of
+    answers, may be doubted, or have no table; then it is repeated.
+    """
     (tmp_path / "machine.toml").write_text(BELIEF)
-    result = _schwung(
-        capsys, "commission", "-m", str(tmp_path / "machine.toml"), "--distance", "180deg", "--duration", "250ms",
-        "--rate", f"{RATE_HZ:g}", "--max-jitter", MAX_JITTER, "-y", "--out", str(tmp_path / "wall"),
-        "-i", "socketcan", "-c", bench_channel, "-n", "5", may_fail=True,
-    )  # fmt: skip
-    runs = read_session(tmp_path / "wall" / "session.h5").runs
-    timings = [run.extra["sync_timing"] for run in runs]
-    shown = (f"{t['period_s'] * 1e3:.3f} ms ± {t['rms_s'] * 1e6:.0f} µs" for t in timings)
-    measured(f"SYNC of the kernel at {RATE_HZ:g} Hz", ", ".join(shown))
-    uneven = [words for t in timings if (words := _uneven(t))]
-    assert {t["producer"] for t in timings} == {"kernel"}
-    assert min(run.position_rad.size for run in runs) > 3 * CYCLES
-    if (
-        "error" in result
-    ):  # runs that differ by as much as the sine have no table: the computer's doing, or a defect
-        periods = [t["period_s"] for t in timings]
-        if (apart := max(periods) / min(periods) - 1) > MAX_APART:
+    for go in range(GOES):
+        played.clear()
+        out = tmp_path / f"wall{go}"
+        result = _schwung(
+            capsys, "commission", "-m", str(tmp_path / "machine.toml"), "--distance", "180deg", "--duration", "250ms",
+            "--rate", f"{RATE_HZ:g}", "--max-jitter", MAX_JITTER, "--mode", "csp", "-y", "--out", str(out),
+            "-i", "socketcan", "-c", bench_channel, "-n", "5", may_fail=True,
+        )  # fmt: skip
+        timings = [recording.timing for recording in played]
+        shown = (f"{t.period_s * 1e3:.3f} ms ± {t.rms_s * 1e6:.0f} µs" for t in timings)
+        measured(f"SYNC of the kernel at {RATE_HZ:g} Hz", ", ".join(shown))
+        uneven = [words for r in played for words in (*_uneven(r.timing), *_stalled(r.receive_time_s))]
+        periods = [t.period_s for t in timings]
+        if played and (apart := max(periods) / min(periods) - 1) > MAX_APART:
             uneven.append(f"rates {apart:.1%} apart")
-        measured("verdict in real time", f"no table; SYNC was uneven: {'; '.join(uneven) or 'nowhere'}")
-        assert uneven, result["error"]
-        return
-    table = read_inertia_csv(tmp_path / "wall" / "inertia.csv")
+        measured("in real time it was", f"uneven: {'; '.join(uneven)}" if uneven else "even")
+        assert {t.producer for t in timings} <= {"kernel"}
+        if "error" not in result:
+            runs = read_session(out / "session.h5").runs
+            assert min(run.position_rad.size for run in runs) > 3 * CYCLES
+            scale = float(np.mean([run.extra["sync_timing"]["period_s"] * RATE_HZ for run in runs])) ** -2
+            if _is_of_the_truth(out, result["estimate"]["trust"], scale, measured, even=not uneven):
+                return
+        else:  # the computer's doing, or a defect
+            measured("verdict in real time", f"no table: {result['error']}")
+            assert uneven or "heartbeat" in result["error"], result["error"]
+    pytest.skip(f"{GOES} times this computer was too uneven for a table: {'; '.join(uneven)}")
+
+
+def _is_of_the_truth(
+    out: Path,
+    trust: dict[str, Any],
+    scale: float,
+    measured: Callable[[str, str], None],
+    *,
+    even: bool,
+) -> bool:
+    """Whether the table is good for something; it is the truth's, and trusted where time was even. `scale`: what was
+    played at another rate than the session says is another motion, of 1 % more time 2 % less inertia."""
+    table = read_inertia_csv(out / "inertia.csv")
     assert table.std_kgm2 is not None
     truth = make_plant("two-mass").true_inertia(table.position_rad)
-    # what was played at another rate than the session says is another motion: of 1 % more time, 2 % less inertia
-    scale = float(np.mean([t["period_s"] * RATE_HZ for t in timings])) ** -2
     off = (table.inertia_kgm2 - scale * truth) / table.std_kgm2
     off_rms, band = float(np.sqrt(np.mean(off**2))), float(np.median(table.std_kgm2))
-    shown = (f"{t['period_s'] * 1e3:.3f} ms ± {t['rms_s'] * 1e6:.0f} µs" for t in timings)
-    measured(f"SYNC of the kernel at {RATE_HZ:g} Hz", ", ".join(shown))
-    mean = float(np.mean(table.inertia_kgm2 / truth))
     measured("inertia in real time", f"off by {off_rms:.2f} bands (rms) of {band:.1e} kg·m² (median)")
+    mean = float(np.mean(table.inertia_kgm2 / truth))
     measured("inertia against the truth", f"{mean:.4f} times; by the rate it should be {scale:.4f} times")
-    off_rate = max(abs(t["period_s"] * RATE_HZ - 1) for t in timings)
-    assert off_rate < 0.05  # user-mode-linux has a clock of its own
-    trust = result["estimate"]["trust"]
-    measured("verdict in real time", f"{trust['verdict']}; SYNC was uneven: {'; '.join(uneven) or 'nowhere'}")
-    if (
-        uneven
-    ):  # the computer's doing: runs at rates of their own are not one motion, and may be doubted for that
-        assert trust["verdict"] in ("good", "doubtful"), trust["reasons"]
-    else:
-        assert trust["verdict"] == "good", trust["reasons"]
-    assert off_rms < (3 if uneven else 2)  # 1 is expected; neighbouring points are off together
-    assert band < (0.1 if uneven else 0.02) * np.median(truth)  # which has to be the wider for it
+    measured("verdict in real time", trust["verdict"])
+    assert abs(scale**-0.5 - 1) < 0.05  # user-mode-linux has a clock of its own
+    assert off_rms < (2 if even else 3)  # 1 is expected; neighbouring points are off together
+    # runs at rates of their own are not one motion, and may be doubted for that
+    assert trust["verdict"] == "good" or not even, trust["reasons"]
+    usable = trust["verdict"] != "unusable"
+    assert not usable or band < (0.02 if even else 0.1) * np.median(truth)  # which has to be the wider for it
+    return usable

@@ -265,9 +265,12 @@ def _counts(resolution: Resolution) -> tuple[float, float, float]:
 
 
 def _told(proof: Proof) -> str:
-    return "; ".join(
-        f"{finding.name}: {finding.outcome} ({finding.factor:.4g})" for finding in proof.findings
+    findings = (
+        f"{finding.name}: {finding.outcome}"
+        + (f" ({finding.factor:.4g})" if math.isfinite(finding.factor) else "")
+        for finding in proof.findings
     )
+    return "; ".join((*findings, *proof.notes))
 
 
 def _require_following_command(drive: Drive) -> None:

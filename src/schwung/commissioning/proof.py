@@ -102,6 +102,12 @@ def judge(found: Evidence, belief: Belief, *, last: bool) -> Proof:
             note
             or "injected torque and the cascade's answer cannot be told apart: is [control] that of the drive?"
         )
+    if inertia.outcome == "proven" and math.isnan(inertia.factor):  # the gains had nothing to say
+        low, high = believed_range(belief)
+        note = note or (
+            f"torque against position is proven no better than that {low:.2g} to {high:.2g} kg·m² move: by the gains "
+            "it could not be told, as a faster --rate may"
+        )
     coarse = "the speed (606C) is too coarse for its unit to be proven" if speed.outcome == "unclear" else ""
     return Proof((speed, torque, inertia), tuple(filter(None, (note, coarse))))
 
