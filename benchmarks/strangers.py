@@ -55,6 +55,7 @@ class Stranger:
     power: float = 0.0  # of friction that grows as |ω|^1.2
     gives: tuple[float, float] = (0.0, 1.0)  # compliance that waves along the way: its share, order
     hum: tuple[float, float] = (0.0, 1.0)  # a rectangular torque: amplitude, frequency (Hz); begins anywhere
+    tracks: tuple[float, float] = (0.0, 1.0)  # error of an encoder whose tracks differ: amplitude, per radian
 
     @property
     def laws(self) -> Array:
@@ -89,6 +90,7 @@ STRANGERS = (
     Stranger("friction ∝ |ω|^1.2", ("viscous_friction",), power=0.02, curves=("speed",)),
     Stranger("a rectangular hum", ("periodic_disturbance",), hum=(0.3, 71.3)),
     Stranger("compliance that waves along the way", ("stiffness_over_angle",), gives=(0.15, 3.0)),
+    Stranger("an encoder whose tracks differ in size", ("encoder_harmonic",), tracks=(2e-4, 16.0)),
 )  # fmt: skip
 
 
@@ -120,17 +122,34 @@ def _slopes(state: Array, torque: float, friction: Array, last: float) -> tuple[
 
 
 @njit(cache=True)
-def _played(demand: Array, added: Array, hum: Array, friction: Array) -> Array:
-    """Angle, speed and torque at every tick, (n, 3); `hum`: torque that the drive knows nothing of."""
+def _told(angle: float, speed: float, amplitude: float, order: float) -> tuple[float, float]:
+    """Angle and speed that an encoder reports which interpolates between a sine and a cosine of different size.
+
+    Its arc tangent is off by 2/n·atan(q sin nθ/(1 − q cos nθ)), about 2q/n·sin nθ; counted from where it was
+    switched on, a radian after such a sine's zero.
+    """
+    off, share = np.zeros(2), amplitude * order / 2
+    for i, where in enumerate((1.0, order * angle + 1.0)):
+        off[i] = np.arctan2(share * np.sin(where), 1 - share * np.cos(where))
+    cosine = np.cos(order * angle + 1.0)
+    faster = 2 * share * (cosine - share) / (1 - 2 * share * cosine + share**2)
+    return angle + 2 / order * (off[1] - off[0]), speed * (1 + faster)
+
+
+@njit(cache=True)
+def _played(demand: Array, added: Array, hum: Array, friction: Array, tracks: tuple[float, float]) -> Array:
+    """Angle, speed and torque at every tick, (n, 3), as the drive is told them; `hum`: torque that it knows nothing of,
+    `tracks`: its encoder's error."""
     n, h = demand.size, TICK_S / SUBSTEPS
     rows, state, integral, shaft = np.empty((n, 3)), np.zeros(5), 0.0, 0.0
     gain, position_gain, reset = 100.0 * (ROTOR + LOAD), 45.0, 0.03
     for i in range(n):
         ahead = (demand[min(i + 1, n - 1)] - demand[max(i - 1, 0)]) / (2 * TICK_S)
-        error = position_gain * (demand[i] - state[0]) + ahead - state[1]
+        angle, speed = _told(state[0], state[1], tracks[0], tracks[1])
+        error = position_gain * (demand[i] - angle) + ahead - speed
         integral += error * TICK_S / reset
         torque = min(max(gain * (error + integral) + added[i], -PEAK_NM), PEAK_NM)
-        rows[i, 0], rows[i, 1], rows[i, 2] = state[0], state[1], torque
+        rows[i, 0], rows[i, 1], rows[i, 2] = angle, speed, torque
         for _ in range(SUBSTEPS):
             a, shaft = _slopes(state, torque + hum[i], friction, shaft)
             b, _ = _slopes(state + 0.5 * h * a, torque + hum[i], friction, shaft)
@@ -183,7 +202,7 @@ def session_of(
             added = np.zeros_like(time) if sine is None else sine.torque(time)
             begins = chance.uniform() if stranger.hum[0] else 0.0
             hum = stranger.hum[0] * np.sign(np.sin(2 * np.pi * (stranger.hum[1] * time + begins)))
-            rows = _played(demand, added, hum, stranger.laws)
+            rows = _played(demand, added, hum, stranger.laws, stranger.tracks)
             # the torque of a tick is held until the next: on average it belongs half a tick later
             torque = _filtered(
                 (rows[:, 2] + np.concatenate([[0.0], rows[:-1, 2]])) / 2, stranger.torque_filter_s

@@ -59,7 +59,7 @@ FINER = {"local_friction": 30, "backlash": 30}
 #: What the bench does not conceal: test_residual_terms.py holds these against the balance of momentum.
 BALANCED = (
     "friction_over_angle", "viscous_drift", "load_dependent_friction", "load_side_friction", "presliding_friction",
-    "direction_dependent_load",
+    "direction_dependent_load", "encoder_harmonic",
     "offset_drift", "torque_constant_drop", "torque_ripple", "torque_filter", "stiffness_over_angle",
     "inertia_profile", "residual",
 )  # fmt: skip
@@ -331,6 +331,16 @@ class TestAtRest:
         made = self._held(_machine(), _term("encoder_eccentricity", amplitude_rad=0.1, phase_rad=0.7))
         motor = made.load_position_rad[0]
         assert motor + 0.1 * np.sin(motor + 0.7) == pytest.approx(1.0)
+
+    def test_the_encoder_reads_the_demand_with_both_its_errors_as_large_as_they_may_be(self) -> None:
+        once = _term("encoder_eccentricity", amplitude_rad=0.5, phase_rad=0.7)
+        made = self._held(
+            _machine(), once, _term("encoder_harmonic", order=20.0, amplitude_rad=-0.025, phase_rad=1.2)
+        )
+        motor = made.load_position_rad[0]
+        assert motor + 0.5 * np.sin(motor + 0.7) - 0.025 * np.sin(20 * motor + 1.2) == pytest.approx(
+            1.0, abs=1e-12
+        )
 
     def test_a_coupling_that_yields_is_said(self) -> None:
         softens = _term("nonlinear_stiffness", cubic_nm_rad3=-1e9)

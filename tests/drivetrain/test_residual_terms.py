@@ -6,6 +6,7 @@ Of motor and load together the coupling's torque cancels: J_r ω_m + J_l ω_l gr
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -196,6 +197,26 @@ def test_stiffness_over_the_angle_drives_the_load() -> None:
 
     assert missing(0.3) < 3e-3
     assert missing(0.0) > 3e-2
+
+
+def test_an_encoders_harmonic_is_read_and_so_shakes_the_machine() -> None:
+    """A rigid machine's load is where the motor truly is: it obeys Newton, and the drive obeys what it reads."""
+    term = {"name": "encoder_harmonic", "order": 9.0, "amplitude_rad": 2e-3, "phase_rad": 0.4}
+    once = {"name": "encoder_eccentricity", "amplitude_rad": 0.01, "phase_rad": 1.0}
+    made, time = moved(machine_with(term, once, rigid=True))
+    true, speed = made.load_position_rad, made.load_speed_rad_s
+    read = true + 2e-3 * np.sin(9 * true + 0.4) + 0.01 * np.sin(true + 1.0)
+    assert made.position_rad == pytest.approx(read, abs=1e-12)
+    faster = 0.018 * np.cos(9 * true + 0.4) + 0.01 * np.cos(true + 1.0)
+    assert made.speed_rad_s == pytest.approx(speed * (1 + faster), abs=1e-10)
+    assert balance(replace(made, speed_rad_s=speed), time, np.zeros(time.size)) < 3e-4
+    assert balance(made, time, np.zeros(time.size)) > 1e-3
+    control = paper_machine().required_control()
+    error = control.position_gain_per_s * made.following_error_rad - made.speed_rad_s
+    before = np.concatenate([[0.0], np.cumsum(error)[:-1]]) / RATE / control.speed_integral_time_s
+    assert made.torque_nm == pytest.approx(control.speed_gain_nms * (error + before), abs=1e-6)
+    quiet, _ = moved(machine_with(once, rigid=True))
+    assert np.std(made.torque_nm - quiet.torque_nm) > 1.0
 
 
 def test_a_profile_adds_to_the_inertia() -> None:

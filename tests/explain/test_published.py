@@ -98,6 +98,11 @@ def believing(*terms: dict[str, Any]) -> Machine:
             {"amplitude_nm": 4.0, "phase_rad": np.pi / 2},
             {"amplitude_nm": 5.0, "phase_rad": np.arctan2(4, 3)},
         ),
+        (
+            {"name": "encoder_harmonic", "order": 16.0, "amplitude_rad": 3e-4, "phase_rad": np.pi / 2},
+            {"order": 16.0, "amplitude_rad": 4e-4, "phase_rad": np.pi},
+            {"order": 16.0, "amplitude_rad": 5e-4, "phase_rad": np.arctan2(3, -4)},
+        ),
         ({"name": "residual", "like": "viscous_friction", "coefficient_nms": 0.1}, {"coefficient_nms": 0.2},
          {"coefficient_nms": 0.3}),
     ],

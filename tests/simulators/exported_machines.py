@@ -35,6 +35,7 @@ FRICTION = (
     PhysicsTerm(name="backlash", gap_rad=1e-3),
     PhysicsTerm(name="torque_saturation", limit_nm=60.0),
     PhysicsTerm(name="encoder_eccentricity", amplitude_rad=2e-3, phase_rad=0.2),
+    PhysicsTerm(name="encoder_harmonic", order=7.0, amplitude_rad=1e-3, phase_rad=0.6),
     PhysicsTerm(name="load_inertia", delta_kgm2=0.01, scale=1.1),
     PhysicsTerm(name="load_torque", table=[[0.0, 1.0], [1.0, 4.0], [3.0, -1.0]]),
 )  # fmt: skip

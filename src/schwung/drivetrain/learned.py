@@ -15,6 +15,7 @@ from schwung.drivetrain.kernel import Cascade, Curve, Inputs, Plant, command, va
 from schwung.drivetrain.physics import (
     Effects,
     coupling_torque,
+    encoder_off,
     load_torque,
     motor_torque,
     stiffness_at,
@@ -244,9 +245,9 @@ def run_learned(
     integral, acting = held_torque, shaft_torque(e, held_torque)
     step, ticks_late = cascade.period / cascade.substeps, e.speed_delay_s / cascade.period
     for i in range(n):
-        turned = state.motor_angle + e.eccentricity_phase_rad
-        angle = state.motor_angle + e.eccentricity_rad * np.sin(turned)
-        speeds[i] = state.motor_speed * (1.0 + e.eccentricity_rad * np.cos(turned))
+        off, share = encoder_off(e, state.motor_angle)
+        angle = state.motor_angle + off
+        speeds[i] = state.motor_speed * (1.0 + share)
         speed = _late(speeds, i, ticks_late)
         torque, wanted, integral = command(cascade, inputs, i, angle, speed, integral)
         states[i, 0], states[i, 1] = angle, speed

@@ -72,6 +72,9 @@ class Effects(NamedTuple):
     speed_delay_s: float = 0.0
     eccentricity_rad: float = 0.0  # reported angle = θ + amplitude·sin(θ + phase)
     eccentricity_phase_rad: float = 0.0
+    harmonic_rad: float = 0.0  # likewise + amplitude·sin(order·θ + phase)
+    harmonic_order: float = 1.0
+    harmonic_phase_rad: float = 0.0
     gap_rad: float = 0.0
     stiffness_nm_rad: float = 0.0  # in place of the coupling's; 0: the coupling's
     damping_nms: float = -1.0  # in place of the coupling's; negative: the coupling's
@@ -89,6 +92,8 @@ class Effects(NamedTuple):
 
 _NOT_NEGATIVE = 0.0
 _POSITIVE = 1e-300
+#: By so much of itself either error of an encoder may change the reported speed: both together never turn it round.
+_SPEED_SHARE = 0.5
 
 
 @dataclass(frozen=True)
@@ -182,8 +187,13 @@ PHYSICS: Mapping[str, Mapping[str, Key]] = {
     "torque_saturation": {"limit_nm": Key("torque_limit_nm", "N·m", _POSITIVE)},
     "measurement_delay": {"delay_s": Key("speed_delay_s", "s", _NOT_NEGATIVE, highest=1.0)},
     "encoder_eccentricity": {
-        "amplitude_rad": Key("eccentricity_rad", "rad", -0.5, highest=0.5),
+        "amplitude_rad": Key("eccentricity_rad", "rad", -_SPEED_SHARE, highest=_SPEED_SHARE),
         "phase_rad": Key("eccentricity_phase_rad", "rad", optional=0.0),
+    },
+    "encoder_harmonic": {
+        "order": Key("harmonic_order", "1/rev", _POSITIVE),
+        "amplitude_rad": Key("harmonic_rad", "rad", -0.5, highest=0.5),
+        "phase_rad": Key("harmonic_phase_rad", "rad"),
     },
     "backlash": {"gap_rad": Key("gap_rad", "rad", _NOT_NEGATIVE, highest=2 * np.pi)},
     "coupling_stiffness": {"stiffness_nm_rad": Key("stiffness_nm_rad", "N·m/rad", _POSITIVE)},
@@ -277,7 +287,19 @@ def _fields(term: PhysicsTerm) -> dict[str, float]:
             values[key.field] = value
     if law == "stribeck_friction":
         values["stribeck_rise_nm"] -= values["coulomb_positive_nm"]
+    if law == "encoder_harmonic":
+        _check_reported_speed(term.name, values["harmonic_rad"] * values["harmonic_order"])
     return values
+
+
+def _check_reported_speed(name: str, share: float) -> None:
+    """As far off as an eccentric encoder's may be: an angle that runs backwards is one that many others report."""
+    if abs(share) > _SPEED_SHARE:
+        raise InputError(
+            f"physics.{name}",
+            f"order times amplitude_rad is {share:g}: by that share the reported speed is off",
+            f"It has to be -{_SPEED_SHARE:g} or more and at most {_SPEED_SHARE:g}.",
+        )
 
 
 @inlined
@@ -346,6 +368,18 @@ def load_torque(e: Effects, angle: float, motion_time: float) -> float:
             (motion_time - e.event_time_s) / e.event_duration_s, e.event_sharpness
         )
     return torque
+
+
+@inlined
+def encoder_off(e: Effects, angle: float) -> tuple[float, float]:
+    """What an encoder reports too much at an angle of the motor (rad), and by what share of the speed (rad/rad)."""
+    turned = angle + e.eccentricity_phase_rad
+    off, share = e.eccentricity_rad * np.sin(turned), e.eccentricity_rad * np.cos(turned)
+    if e.harmonic_rad != 0.0:
+        turned = e.harmonic_order * angle + e.harmonic_phase_rad
+        off += e.harmonic_rad * np.sin(turned)
+        share += e.harmonic_rad * e.harmonic_order * np.cos(turned)
+    return off, share
 
 
 @inlined

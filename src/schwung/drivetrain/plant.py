@@ -152,15 +152,26 @@ def rest(plant: kernel.Plant, motor_angle: float) -> tuple[kernel.State, float]:
     return kernel.State(motor_angle, 0.0, load_angle, 0.0), held
 
 
+def angle_of(e: physics.Effects, read_angle: float) -> float:
+    """The motor angle (rad) at which an encoder reads this one (rad), which only grows with it: by halving."""
+    most = abs(e.eccentricity_rad) + abs(e.harmonic_rad)
+    low, high = read_angle - most, read_angle + most
+    for _ in range(100):
+        middle = 0.5 * (low + high)
+        if middle + physics.encoder_off(e, middle)[0] < read_angle:
+            low = middle
+        else:
+            high = middle
+    return 0.5 * (low + high)
+
+
 def learned_rest(machine: learned.Learned, read_angle: float) -> tuple[learned.Masses, float]:
     """Standstill where the drive reads this angle (rad), and the torque (N·m) it has to report to hold it.
 
     Dry friction holds nothing here: it is smooth. Raises InputError where the coupling cannot bear the load's torque.
     """
     e, plant = machine.effects, machine.plant
-    motor_angle = read_angle
-    for _ in range(100):  # |eccentricity| is at most 0.5: each round halves the error
-        motor_angle = read_angle - e.eccentricity_rad * np.sin(motor_angle + e.eccentricity_phase_rad)
+    motor_angle = angle_of(e, read_angle)
 
     def load_torque(angle: float) -> float:
         table = kernel.value_and_slope(plant.load_torque, angle)[0]

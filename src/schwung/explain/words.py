@@ -76,6 +76,7 @@ PHYSICS: dict[str, Words] = {
     "encoder_eccentricity": Words(
         "an encoder that runs eccentrically", "position", "several turns, at two motion times"
     ),
+    "encoder_harmonic": Words("an encoder that is off many times a turn", "position", _TWO_TIMES),
     "backlash": Words(
         "play in the coupling", "wind_up", "motions that reverse the coupling's torque, small and large"
     ),
@@ -99,6 +100,7 @@ _LINEAR = (
     ("load inertia", "load mass"),
     ("turns", "periods of the scale"),
     ("an encoder that runs eccentrically", "a scale with a periodic error"),
+    ("an encoder that is off many times a turn", "a scale with an error of a short period"),
 )
 
 _SLOWER = "Drive the same stroke several times slower: "
@@ -129,6 +131,8 @@ _PAIRS: dict[tuple[str, str], str] = {
     ("cogging", "periodic_disturbance"): _FASTER + "the frequency of cogging follows speed.",
     ("encoder_eccentricity", "periodic_disturbance"): _FASTER + "the encoder's error follows the angle.",
     ("cogging", "encoder_eccentricity"): _FASTER + "what an encoder's error costs grows with the square of speed, "
+    "cogging stays.",
+    ("cogging", "encoder_harmonic"): _FASTER + "what an encoder's error costs grows with the square of speed, "
     "cogging stays.",
     ("encoder_eccentricity", "load_torque"): _FASTER + "what an encoder's error costs grows with the square of "
     "speed, a load stays.",

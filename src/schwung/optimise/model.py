@@ -29,6 +29,7 @@ NOT_PLANNED = (
     "torque_lag",
     "measurement_delay",
     "encoder_eccentricity",
+    "encoder_harmonic",
     "extra_compliance",
     "load_dependent_friction",
     "torque_constant_drop",

@@ -31,6 +31,7 @@ _GROUPS = (
     ("periodic_amplitude_nm", "periodic_frequency_hz", "periodic_phase_rad"),
     ("cogging_amplitude_nm", "cogging_order", "cogging_phase_rad"),
     ("eccentricity_rad", "eccentricity_phase_rad"),
+    ("harmonic_rad", "harmonic_order", "harmonic_phase_rad"),
     ("presliding_nm", "presliding_stiffness_nm_rad"),
     ("third_inertia_kgm2", "third_stiffness_nm_rad", "third_damping_nms"),
 )
@@ -87,17 +88,32 @@ def equations(told: Exported) -> Equations:
         *_third(here),
         *_moving(told, here, e),
     ]
-    off = "eccentricity_rad" in here
-    turned = "motor_angle + eccentricity_phase_rad"
+    read_angle, read_speed = _read(here)
     return Equations(
         parameters=tuple(one for one in told.parameters if one.name in here),
         states=tuple(states),
         lines=tuple(lines),
-        read_angle=f"motor_angle + eccentricity_rad*sin({turned})" if off else "motor_angle",
-        read_speed=f"motor_speed*(1 + eccentricity_rad*cos({turned}))" if off else "motor_speed",
+        read_angle=read_angle,
+        read_speed=read_speed,
         delayed="speed_delay_s" in here,
         dry=bool(dry),
     )
+
+
+def _read(here: frozenset[str]) -> tuple[str, str]:
+    """Angle and speed as the drive reads them."""
+    angle, share = "motor_angle", "1"
+    if "eccentricity_rad" in here:
+        turned = "motor_angle + eccentricity_phase_rad"
+        angle, share = (
+            f"{angle} + eccentricity_rad*sin({turned})",
+            f"{share} + eccentricity_rad*cos({turned})",
+        )
+    if "harmonic_rad" in here:
+        turned = "harmonic_order*motor_angle + harmonic_phase_rad"
+        angle = f"{angle} + harmonic_rad*sin({turned})"
+        share = f"{share} + harmonic_rad*harmonic_order*cos({turned})"
+    return angle, "motor_speed" if share == "1" else f"motor_speed*({share})"
 
 
 def _present(told: Exported) -> frozenset[str]:

@@ -211,6 +211,7 @@ _WORDS = {
     "inertia_shift_rad": "inertia_profile_shift: the inertia is the table's at angle + shift",
     "event_time_s": "load_event: after motion_start_s",
     "eccentricity_rad": "encoder_eccentricity: reported angle = angle + amplitude sin(angle + phase)",
+    "harmonic_rad": "encoder_harmonic: reported angle = angle + amplitude sin(order angle + phase)",
 }
 
 

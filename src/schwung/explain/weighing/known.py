@@ -9,7 +9,7 @@ import numpy as np
 from schwung.compiled import compiled
 from schwung.drivetrain.inertia import InertiaTable, LoadTorqueTable
 from schwung.drivetrain.machine import Coupling, Load, Machine
-from schwung.drivetrain.physics import Effects, effects_of, load_torque, motor_torque
+from schwung.drivetrain.physics import Effects, effects_of, encoder_off, load_torque, motor_torque
 from schwung.drivetrain.presliding import bent
 from schwung.drivetrain.residual import (
     Residual,
@@ -84,9 +84,7 @@ class Known:
         if e.stiffness_share != 0.0 and self.machine.coupling is not None:
             share = e.stiffness_share * np.sin(e.stiffness_order * along.angle + e.stiffness_phase_rad)
             coupled = coupled + share * self.machine.coupling.stiffness_nm_rad * along.wound
-        turned = along.angle + e.eccentricity_phase_rad
-        position = e.eccentricity_rad * np.sin(turned)
-        speed = e.eccentricity_rad * np.cos(turned) * along.speed
+        position, speed = _reported(e, along.angle, along.speed)
         if e.speed_delay_s > 0:
             half = e.speed_delay_s / 2
             speed = (
@@ -150,6 +148,16 @@ def _torques(
         on_motor[i] = motor_torque(e, angle[i], speed[i], time[i], e.periodic_phase_rad, share, smoothing)
         on_load[i] = load_torque(e, load_angle[i], motion_time[i])
     return on_motor, on_load
+
+
+@compiled
+def _reported(e: Effects, angle: Array, speed: Array) -> tuple[Array, Array]:
+    """What the encoder reports too much of both."""
+    off, faster = np.empty_like(angle), np.empty_like(angle)
+    for i in range(angle.size):
+        off[i], share = encoder_off(e, angle[i])
+        faster[i] = share * speed[i]
+    return off, faster
 
 
 def known(machine: Machine, low_rad: float, high_rad: float) -> Known:

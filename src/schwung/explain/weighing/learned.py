@@ -122,6 +122,7 @@ _SUMS = {
 _SINES = {
     "load_torque": ("amplitude_nm", ()),
     "encoder_eccentricity": ("amplitude_rad", ()),
+    "encoder_harmonic": ("amplitude_rad", ("order",)),
     "cogging": ("amplitude_nm", ("order",)),
     "torque_ripple": ("share", ("order",)),
     "stiffness_over_angle": ("share", ("order",)),

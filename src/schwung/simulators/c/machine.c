@@ -293,14 +293,33 @@ static const char *impossible(const double *p) {
     if (!(p[TORQUE_DROP_AT_NM] > 0.0)) return "torque_drop_at_nm is not positive";
     if (!(p[TORQUE_LAG_S] >= 0.0 && p[SPEED_DELAY_S] >= 0.0)) return "torque_lag_s or speed_delay_s is negative";
     if (!(fabs(p[ECCENTRICITY_RAD]) <= 0.5)) return "eccentricity_rad is beyond 0.5";
+    if (!(fabs(p[HARMONIC_RAD] * p[HARMONIC_ORDER]) <= 0.5)) return "harmonic_rad times harmonic_order is beyond 0.5";
     return NULL;
+}
+
+/* The angle that the drive reads at one of the motor. */
+static double read_angle(const double *p, double angle) {
+    return angle + p[ECCENTRICITY_RAD] * sin(angle + p[ECCENTRICITY_PHASE_RAD])
+           + p[HARMONIC_RAD] * sin(p[HARMONIC_ORDER] * angle + p[HARMONIC_PHASE_RAD]);
+}
+
+/* The angle of the motor at which the drive reads this one, which only grows with it: by halving. */
+static double angle_of(const double *p, double read) {
+    const double most = fabs(p[ECCENTRICITY_RAD]) + fabs(p[HARMONIC_RAD]);
+    double low = read - most, high = read + most;
+    for (int i = 0; i < 100; i++) {
+        const double middle = 0.5 * (low + high);
+        if (read_angle(p, middle) < read) low = middle; else high = middle;
+    }
+    return 0.5 * (low + high);
 }
 
 /* The speed that the drive would read at once. */
 static double read_speed(const Machine *m) {
     const double *p = m->value;
-    const double turned = m->state.motor_angle + p[ECCENTRICITY_PHASE_RAD];
-    return m->state.motor_speed * (1.0 + p[ECCENTRICITY_RAD] * cos(turned));
+    const double angle = m->state.motor_angle, many = p[HARMONIC_ORDER];
+    return m->state.motor_speed * (1.0 + p[ECCENTRICITY_RAD] * cos(angle + p[ECCENTRICITY_PHASE_RAD])
+                                   + p[HARMONIC_RAD] * many * cos(many * angle + p[HARMONIC_PHASE_RAD]));
 }
 
 static int past(const Machine *m, int i) { return (m->past_first + i) % PAST; }
@@ -371,9 +390,8 @@ const char *machine_rest(Machine *m, double time) {
     const double *p = m->value;
     const char *wrong = impossible(p);
     if (wrong) return wrong;
-    double angle = p[START_ANGLE_RAD], load;
-    for (int i = 0; i < 100; i++)
-        angle = p[START_ANGLE_RAD] - p[ECCENTRICITY_RAD] * sin(angle + p[ECCENTRICITY_PHASE_RAD]);
+    double load;
+    const double angle = angle_of(p, p[START_ANGLE_RAD]);
     wrong = wind_up(p, angle, &load);
     if (wrong) return wrong;
     m->time = time;
@@ -427,7 +445,7 @@ void machine_outputs(Machine *m) {
     double *v = m->value;
     const Masses *s = &m->state;
     v[TIME] = m->time;
-    v[MOTOR_ANGLE] = s->motor_angle + v[ECCENTRICITY_RAD] * sin(s->motor_angle + v[ECCENTRICITY_PHASE_RAD]);
+    v[MOTOR_ANGLE] = read_angle(v, s->motor_angle);
     v[MOTOR_SPEED] = late_speed(m);
     v[LOAD_ANGLE] = s->load_angle;
     v[LOAD_SPEED] = s->load_speed;

@@ -8,7 +8,7 @@ direction-dependent load T(θ_l) where it moves forward, another backward
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import replace
 from functools import partial
 
@@ -33,7 +33,7 @@ from schwung.explain.weighing.vocabulary.line import finest_order
 from schwung.innovations.effect import Effect
 from schwung.motion import Array
 
-#: Highest order of cogging that is looked for.
+#: Highest order that is tried unasked.
 _HIGHEST = 60
 #: A believed inertia that varies by less than this share has no profile to shift or to scale.
 _VARIES = 0.02
@@ -153,9 +153,38 @@ def _between_points(off: PPoly, along: Along, _shape: Shape) -> Effect:
     return Effect(on_load=column(-taken))
 
 
+def of_any_order(
+    of: Ranges,
+    name: str,
+    effect: Callable[[Along, Shape], Effect],
+    deviations: Shape,
+    keys: Callable[[Array, Shape], Mapping[str, float]],
+) -> list[Candidate]:
+    """What comes so many times a radian, the one number of its shape: tried one by one, finer ones where one stands out
+    of what is missed.
+    """
+    span = max(of.span_rad, 1e-9)
+    lowest = max(2, int(np.ceil(2 * np.pi / span)))
+    finest = max(lowest + 1, 2 * np.pi * of.band_hz / (0.5 * of.peak_speed_rad_s))
+    highest = int(min(_HIGHEST, finest))
+    found = Candidate(
+        name, effect, deviations, keys, shapes=grid(range(lowest, highest + 1)), spacing=(0.25,),
+        logarithmic=(False,), bounds=((0.75 * lowest, 2.0 * highest),), coordinate="position",
+    )  # fmt: skip
+    if finest <= highest:
+        return [found]
+    told_apart, ends = 2 * np.pi / span, (float(highest), float(finest))
+    finer = replace(
+        found, shapes=(), sought=lambda missed: finest_order(missed, of.low_rad, of.high_rad, ends),
+        choices=max(round((finest - highest) / told_apart), 1), spacing=(0.5 * told_apart,),
+        bounds=((highest, 2 * finest),),
+    )  # fmt: skip
+    return [found, finer]
+
+
 def load(of: Ranges, torque_nm: float, machine: Machine) -> list[Candidate]:
     """The family; `torque_nm`: a natural torque; `machine`: as believed."""
-    natural, ripples = (torque_nm, torque_nm), max(of.span_rad, 1e-9)
+    natural = (torque_nm, torque_nm)
     share = torque_nm / of.peak_torque_nm
     inertia = machine.load_inertia_at(np.linspace(of.low_rad, of.high_rad, 65))
     mass = float(np.mean(inertia)) + (machine.motor.inertia_kgm2 if machine.coupling is None else 0.0)
@@ -169,9 +198,6 @@ def load(of: Ranges, torque_nm: float, machine: Machine) -> list[Candidate]:
             np.arange(-duration / 2, of.longest_s - duration / 2, duration / 3), [duration], [1.0]
         )
     ]
-    lowest = max(2, int(np.ceil(2 * np.pi / ripples)))
-    finest = max(lowest + 1, 2 * np.pi * of.band_hz / (0.5 * of.peak_speed_rad_s))
-    highest = int(min(_HIGHEST, finest))
 
     def constant(where: Array, _shape: Shape) -> Array:
         return np.ones((where.size, 1))
@@ -204,12 +230,6 @@ def load(of: Ranges, torque_nm: float, machine: Machine) -> list[Candidate]:
         return Effect(on_load=angle.folded(coefficients).at(along.load_angle))
 
     step = _DIFFERENCE_RAD
-    cogging = Candidate(
-        "cogging", _cogging, natural,
-        lambda c, s: {"order": s[0], "amplitude_nm": polar(c)[0], "phase_rad": polar(c)[1]},
-        shapes=grid(range(lowest, highest + 1)), spacing=(0.25,), logarithmic=(False,),
-        bounds=((0.75 * lowest, 2.0 * highest),), coordinate="position",
-    )  # fmt: skip
     found: list[Candidate] = [
         Candidate("load_torque", _gravity, natural,
                   lambda c, _: dict(zip(("amplitude_nm", "phase_rad"), polar(c), strict=True)),
@@ -226,7 +246,10 @@ def load(of: Ranges, torque_nm: float, machine: Machine) -> list[Candidate]:
                   shapes=tuple(events), spacing=(0.01 * of.longest_s, 0.5, 0.5), logarithmic=(False, True, True),
                   bounds=((-0.1, of.longest_s), (2e-3, of.longest_s), SHARP), endless=(2,), coordinate="time_in_motion",
                   own=_during),
-        cogging,
+        *of_any_order(
+            of, "cogging", _cogging, natural,
+            lambda c, s: {"order": s[0], "amplitude_nm": polar(c)[0], "phase_rad": polar(c)[1]},
+        ),
         Candidate("direction_dependent_load", directed, (torque_nm,) * (2 * angle.size), scales=LADDER,
                   coordinate="position", family="load", whole=directed_whole),
         Candidate("load_inertia", of_inertia(constant, step), (share * mass,),
@@ -236,15 +259,6 @@ def load(of: Ranges, torque_nm: float, machine: Machine) -> list[Candidate]:
                   scales=tuple(s * share for s in LADDER), coordinate="position", inertia=profile,
                   known_to=RIGHT_TO, products=masses.modes.T @ masses.modes / masses.points.size),
     ]  # fmt: skip
-    if finest > highest:
-        told_apart, ends = 2 * np.pi / ripples, (float(highest), float(finest))
-        found.append(
-            replace(
-                cogging, shapes=(), sought=lambda missed: finest_order(missed, of.low_rad, of.high_rad, ends),
-                choices=max(round((finest - highest) / told_apart), 1), spacing=(0.5 * told_apart,),
-                bounds=((highest, 2 * finest),),
-            )
-        )  # fmt: skip
     if varies:
         found.append(
             Candidate("load_inertia", of_inertia(scaled, step), (share,), lambda c, _: {"scale": 1 + c[0]},

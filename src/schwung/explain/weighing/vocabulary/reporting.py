@@ -4,7 +4,7 @@ gain (g − 1)·T        lag −τ F T' (the true torque comes later)        fil
 drop −s |T| T/T_peak        ripple s T sin nθ        saturation clip(T, ±L) − T        speed late −δ F α
 F = 1/(1 + φ d/dt): with φ = τ a filter's lag, with φ = τ/2 a delay, but for the third order in ωτ (Padé), which a late
 speed has besides
-eccentricity a sin(θ + φ) in the angle, its rate in the speed
+eccentricity a sin(θ + φ) in the angle, its rate in the speed        harmonic a sin(nθ + φ) likewise
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ import numpy as np
 from schwung.explain.weighing.along import Along, Ranges
 from schwung.explain.weighing.candidate import RIGHT_TO, Candidate, Shape, column, grid
 from schwung.explain.weighing.late import acceleration_bent, beyond_bent, lagging
-from schwung.explain.weighing.vocabulary.load import polar
+from schwung.explain.weighing.vocabulary.load import of_any_order, polar
 from schwung.innovations.effect import Effect
 from schwung.innovations.splines import slopes
 from schwung.motion import Array
@@ -70,6 +70,16 @@ def _eccentric(along: Along, _shape: Shape) -> Effect:
     )
 
 
+def _harmonic(along: Along, shape: Shape) -> Effect:
+    """Coefficients are a n: by what share the reported speed is off, which is as natural at any order."""
+    turned = shape[0] * along.angle
+    sine, cosine = np.sin(turned), np.cos(turned)
+    return Effect(
+        position=np.stack([sine, cosine], 1) / shape[0],
+        speed=np.stack([cosine * along.speed, -sine * along.speed], 1),
+    )
+
+
 def reporting(of: Ranges, share: float) -> list[Candidate]:
     """The family; `share`: of the peak torque, natural for any cause."""
     peak, apart = of.peak_torque_nm, float(np.hypot(APART_S, APART_S))  # of two signals
@@ -102,6 +112,10 @@ def reporting(of: Ranges, share: float) -> list[Candidate]:
         Candidate("encoder_eccentricity", _eccentric, (share * of.span_rad / 10,) * 2,
                   lambda c, _: dict(zip(("amplitude_rad", "phase_rad"), polar(c), strict=True)),
                   coordinate="position"),
+        *of_any_order(
+            of, "encoder_harmonic", _harmonic, (share * of.span_rad / 10,) * 2,
+            lambda c, s: {"order": s[0], "amplitude_rad": polar(c)[0] / s[0], "phase_rad": polar(c)[1]},
+        ),
     ]  # fmt: skip
 
 
