@@ -80,6 +80,14 @@ CASES: dict[str, tuple[dict[str, Any], Acts]] = {
         {"name": "direction_dependent_load", "table": ROWS},
         lambda s, t: on_angle(s.load_position_rad, load_ahead(s, t)),
     ),
+    "spring at the high end": (
+        {"name": "end_spring", "stiffness_nm_rad": 25.0, "position_rad": 1.8},
+        lambda s, t: -25.0 * np.maximum(s.load_position_rad - 1.8, 0.0),
+    ),
+    "spring at the low end": (
+        {"name": "end_spring", "stiffness_nm_rad": 25.0, "position_rad": 1.1, "side": -1},
+        lambda s, t: 25.0 * np.maximum(1.1 - s.load_position_rad, 0.0),
+    ),
     "torque constant that fades": (
         {"name": "torque_constant_drop", "share_at_peak": 0.1, "peak_nm": 100.0},
         lambda s, t: -0.1 * np.abs(s.torque_nm) * s.torque_nm / 100,

@@ -41,6 +41,7 @@ FRICTION = (
 )  # fmt: skip
 SHAFT = (
     PhysicsTerm(name="load_torque", amplitude_nm=5.0, phase_rad=0.1),
+    PhysicsTerm(name="end_spring", stiffness_nm_rad=30.0, position_rad=0.32),
     PhysicsTerm(name="load_event", time_s=0.05, duration_s=0.03, peak_nm=8.0, sharpness=1.5),
     PhysicsTerm(name="periodic_disturbance", frequency_hz=70.0, amplitude_nm=2.0, phase_rad=0.3),
     PhysicsTerm(name="cogging", order=12.0, amplitude_nm=1.0, phase_rad=0.3),
@@ -60,6 +61,7 @@ CURVES = (
     PhysicsTerm(name="load_dependent_friction", share=0.05),
     PhysicsTerm(name="presliding_friction", torque_nm=3.0, stiffness_nm_rad=12.0),
     PhysicsTerm(name="direction_dependent_load", table=[[0.0, 1.0, 2.0], [1.5, 2.0, -1.0], [3.0, 0.0, 1.0]]),
+    PhysicsTerm(name="end_spring", stiffness_nm_rad=20.0, position_rad=1.1, side=-1.0),
     PhysicsTerm(name="offset_drift", change_nm=2.0),
     PhysicsTerm(name="torque_constant_drop", share_at_peak=0.05, peak_nm=80.0),
     PhysicsTerm(name="torque_ripple", order=4.0, share=0.04, phase_rad=0.5),

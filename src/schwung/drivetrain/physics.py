@@ -47,6 +47,10 @@ class Effects(NamedTuple):
     presliding_stiffness_nm_rad: float = 1.0
     load_amplitude_nm: float = 0.0  # × sin(θ_l + phase), on the load
     load_phase_rad: float = 0.0
+    end_high_nm_rad: float = 0.0  # a spring that pushes the load back beyond an angle
+    end_high_rad: float = 0.0
+    end_low_nm_rad: float = 0.0  # likewise below one
+    end_low_rad: float = 0.0
     offset_nm: float = 0.0
     event_time_s: float = 0.0  # after the motion leaves rest
     event_duration_s: float = 1.0
@@ -154,6 +158,11 @@ PHYSICS: Mapping[str, Mapping[str, Key]] = {
         "phase_rad": Key("load_phase_rad", "rad"),
     },
     "direction_dependent_load": {},
+    "end_spring": {
+        "stiffness_nm_rad": Key("end_nm_rad", "N·m/rad", _NOT_NEGATIVE),
+        "position_rad": Key("end_rad", "rad"),
+        "side": Key("end_side", "", -1.0, optional=1.0, highest=1.0),
+    },
     "torque_offset": {"torque_nm": Key("offset_nm", "N·m")},
     "offset_drift": {"change_nm": Key("offset_drift_nm", "N·m")},
     "load_event": {
@@ -289,7 +298,20 @@ def _fields(term: PhysicsTerm) -> dict[str, float]:
         values["stribeck_rise_nm"] -= values["coulomb_positive_nm"]
     if law == "encoder_harmonic":
         _check_reported_speed(term.name, values["harmonic_rad"] * values["harmonic_order"])
-    return values
+    return _at_its_end(values) if law == "end_spring" else values
+
+
+def _at_its_end(values: Mapping[str, float]) -> dict[str, float]:
+    """An end spring's fields: a machine may have one at either end."""
+    side = values["end_side"]
+    if abs(side) != 1.0:
+        raise InputError(
+            "physics.end_spring",
+            f"side is {side:g}",
+            "It has to be 1 (acts beyond position_rad) or -1 (acts below it).",
+        )
+    end = "end_high" if side > 0 else "end_low"
+    return {f"{end}_nm_rad": values["end_nm_rad"], f"{end}_rad": values["end_rad"]}
 
 
 def _check_reported_speed(name: str, share: float) -> None:
@@ -359,8 +381,12 @@ def motor_torque(
 
 @inlined
 def load_torque(e: Effects, angle: float, motion_time: float) -> float:
-    """What acts on the load (N·m): a torque over its angle, and one event at a time in the motion (s)."""
+    """What acts on the load (N·m): a torque over its angle, springs at its ends, one event at a time in the motion."""
     torque = 0.0
+    if e.end_high_nm_rad != 0.0:
+        torque -= e.end_high_nm_rad * max(angle - e.end_high_rad, 0.0)
+    if e.end_low_nm_rad != 0.0:
+        torque += e.end_low_nm_rad * max(e.end_low_rad - angle, 0.0)
     if e.load_amplitude_nm != 0.0:
         torque += e.load_amplitude_nm * np.sin(angle + e.load_phase_rad)
     if e.event_peak_nm != 0.0:

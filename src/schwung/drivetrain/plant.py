@@ -235,6 +235,7 @@ def substeps(machine: Machine, plant: kernel.Plant, period: float, top_speed: fl
         mobility = 1 / e.third_inertia_kgm2 + 1 / (moved if plant.rigid else lightest)
         third = max(np.sqrt(e.third_stiffness_nm_rad * mobility), e.third_damping_nms * mobility)
         fastest = np.hypot(fastest, third)
+    fastest = _at_ends(e, fastest, moved if plant.rigid else lightest, step)
     if e.cogging_amplitude_nm != 0:
         ripple = np.sqrt(abs(e.cogging_amplitude_nm) * e.cogging_order**2 / moved)
         fastest = max(fastest, ripple, e.cogging_order * top_speed)
@@ -271,6 +272,14 @@ def substeps(machine: Machine, plant: kernel.Plant, period: float, top_speed: fl
             "Leave out [coupling] where it is rigid, or check stiffness and inertias.",
         )
     return needed
+
+
+def _at_ends(e: physics.Effects, fastest: float, mass: float, step: float) -> float:
+    """The fastest thing, springs at the ends among them (1/s): their torque has a corner as play's has, but only their
+    own swing has to be told so finely.
+    """
+    met = float(np.sqrt(max(e.end_high_nm_rad, e.end_low_nm_rad) / mass))
+    return float(max(np.hypot(fastest, met), met * step / _CONTACT_STEP))
 
 
 def _dry_level(e: physics.Effects, share: float) -> float:

@@ -59,6 +59,7 @@ PHYSICS: dict[str, Words] = {
         "friction that changes during the session", "run", "the same motion first and last in the session"
     ),
     "load_torque": Words("a load that depends on position, such as gravity", "position", _BOTH_WAYS),
+    "end_spring": Words("a stop or spring at the end of the stroke", "position", "a stroke into it and back"),
     "torque_offset": Words("a constant offset", "time", "a stroke there and back, with rests"),
     "load_event": Words(
         "a disturbance at one time in the motion", "time", "repeats of one motion, and another motion time"
@@ -127,6 +128,8 @@ _PAIRS: dict[tuple[str, str], str] = {
     ("load_event", "load_torque"): _FASTER + "a load stays at its place, an event at its time.",
     ("cogging", "load_event"): _FASTER + "cogging stays at its place, an event at its time.",
     ("load_torque", "torque_offset"): "Drive a longer stroke: a load changes along it, an offset does not.",
+    ("end_spring", "load_torque"): "Drive a stroke that begins clear of the end: a spring begins at its place, and "
+    "pushes in proportion from there on.",
     ("cogging", "load_torque"): "Drive a longer stroke: cogging repeats along it.",
     ("cogging", "periodic_disturbance"): _FASTER + "the frequency of cogging follows speed.",
     ("encoder_eccentricity", "periodic_disturbance"): _FASTER + "the encoder's error follows the angle.",

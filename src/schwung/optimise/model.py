@@ -219,9 +219,10 @@ def _model(machine: Machine, ends_rad: tuple[float, float], mean_speed_rad_s: fl
 
     def load_torque(angle: Array) -> Array:
         torque = _values(body.load_torque, angle) + (0.0 if learned is None else learned.at(angle))
-        return np.asarray(
-            torque + effects.load_amplitude_nm * np.sin(angle + effects.load_phase_rad), dtype=float
-        )
+        torque = torque + effects.load_amplitude_nm * np.sin(angle + effects.load_phase_rad)
+        torque = torque - effects.end_high_nm_rad * np.maximum(angle - effects.end_high_rad, 0.0)
+        torque = torque + effects.end_low_nm_rad * np.maximum(effects.end_low_rad - angle, 0.0)
+        return np.asarray(torque, dtype=float)
 
     table = machine.load.inertia_table
     std = 0.0 if table is None or table.std_kgm2 is None else float(np.median(table.std_kgm2))

@@ -27,6 +27,8 @@ _GROUPS = (
     ("torque_filter_s",),
     ("stiffness_share", "stiffness_order", "stiffness_phase_rad"),
     ("load_amplitude_nm", "load_phase_rad"),
+    ("end_high_nm_rad", "end_high_rad"),
+    ("end_low_nm_rad", "end_low_rad"),
     ("event_peak_nm", "event_time_s", "event_duration_s", "event_sharpness", "motion_start_s"),
     ("periodic_amplitude_nm", "periodic_frequency_hz", "periodic_phase_rad"),
     ("cogging_amplitude_nm", "cogging_order", "cogging_phase_rad"),
@@ -251,6 +253,8 @@ def _outside(told: Exported, here: frozenset[str]) -> str:
         parts.append("curve_value(learned_load_torque_rows, load_angle)")
     if "load_amplitude_nm" in here:
         parts.append("load_amplitude_nm*sin(load_angle + load_phase_rad)")
+    if "end_low_nm_rad" in here:
+        parts.append("end_low_nm_rad*max(end_low_rad - load_angle, 0)")
     if "event_peak_nm" in here:
         since = "(time - motion_start_s - event_time_s)/event_duration_s"
         parts.append(f"event_peak_nm*bump({since}, event_sharpness)")
@@ -261,6 +265,7 @@ def _outside(told: Exported, here: frozenset[str]) -> str:
     if told.has("residual_position_speed_plane"):
         parts.append("plane_value(residual_position_speed_plane, load_angle, load_speed)")
     resisted = " - load_coulomb_nm*load_way" if "load_coulomb_nm" in here else ""
+    resisted += " - end_high_nm_rad*max(load_angle - end_high_rad, 0)" if "end_high_nm_rad" in here else ""
     return (" + ".join(parts) or "0") + resisted
 
 

@@ -85,9 +85,11 @@ def _allowed(law: str, parameters: Mapping[str, Any]) -> _Parameters:
 
 
 def _alike(term: PhysicsTerm, one: Found) -> bool:
-    """Whether two terms of one law are both tables over the same, or both numbers."""
+    """Whether two terms of one law are both tables over the same, or both numbers, and of one place."""
     if ("table" in term.parameters) != ("table" in one.parameters):
         return False
+    if one.law == "end_spring":  # one at either end are two
+        return bool(term.parameters.get("side", 1.0) == one.parameters.get("side", 1.0))
     return one.law != "residual" or all(
         _listed(term.parameters.get(key)) == _listed(one.parameters.get(key))
         for key in ("coordinate", "coordinates")
@@ -134,6 +136,7 @@ _SHAPED = {
         ("coulomb_torque_nm", "breakaway_torque_nm"),
     ),
     "local_friction": (("centre_rad", "width_rad", "sharpness"), ("torque_nm",)),
+    "end_spring": (("position_rad",), ("stiffness_nm_rad",)),
     "load_event": (("time_s", "duration_s", "sharpness"), ("peak_nm",)),
 }
 #: Shapes that differ by less are one (relative).

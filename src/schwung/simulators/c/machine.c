@@ -156,11 +156,13 @@ static double motor_torque(const double *p, double angle, double speed, double t
     return torque;
 }
 
-/* What acts on the load from outside: tables and a sine over its angle, and one event (motion_time: since the start). */
+/* What acts on the load from outside: tables, a sine and springs over its angle, one event (motion_time: since the start). */
 static double load_torque(const double *p, double angle, double motion_time) {
     double torque = p[LOAD_TORQUE_NM] + CURVE(LOAD_TORQUE, angle).value + CURVE(LEARNED_LOAD_TORQUE, angle).value;
     torque += CURVE(RESIDUAL_TIME_IN_MOTION, motion_time).value;
     if (p[LOAD_AMPLITUDE_NM] != 0.0) torque += p[LOAD_AMPLITUDE_NM] * sin(angle + p[LOAD_PHASE_RAD]);
+    if (p[END_HIGH_NM_RAD] != 0.0) torque -= p[END_HIGH_NM_RAD] * larger(angle - p[END_HIGH_RAD], 0.0);
+    if (p[END_LOW_NM_RAD] != 0.0) torque += p[END_LOW_NM_RAD] * larger(p[END_LOW_RAD] - angle, 0.0);
     if (p[EVENT_PEAK_NM] != 0.0)
         torque += p[EVENT_PEAK_NM]
                   * bump((motion_time - p[EVENT_TIME_S]) / p[EVENT_DURATION_S], p[EVENT_SHARPNESS]);
@@ -256,6 +258,12 @@ static double steps_needed(const Machine *m, double duration) {
         const double swing = sqrt(p[THIRD_STIFFNESS_NM_RAD] * mobility);
         fastest = hypot(fastest, larger(swing, p[THIRD_DAMPING_NMS] * mobility));
     }
+    const double step = p[GAP_RAD] > 0.0 ? CONTACT_STEP : COUPLING_STEP;
+    const double end = larger(p[END_HIGH_NM_RAD], p[END_LOW_NM_RAD]);
+    if (end > 0.0) {
+        const double met = sqrt(end / (RIGID ? mass : lightest));
+        fastest = larger(hypot(fastest, met), met * step / CONTACT_STEP);
+    }
     if (p[COGGING_AMPLITUDE_NM] != 0.0) {
         const double order = p[COGGING_ORDER];
         fastest = larger(fastest, larger(sqrt(fabs(p[COGGING_AMPLITUDE_NM]) * order * order / mass), order * speed));
@@ -277,7 +285,6 @@ static double steps_needed(const Machine *m, double duration) {
                         WIDE(RESIDUAL_POSITION_SPEED_PLANE)) / lightest;
     if (p[PRESLIDING_NM] > 0.0)
         rubbing = larger(rubbing, speed * p[PRESLIDING_STIFFNESS_NM_RAD] / p[PRESLIDING_NM]);
-    const double step = p[GAP_RAD] > 0.0 ? CONTACT_STEP : COUPLING_STEP;
     const double needed = larger(duration * fastest / step, duration * rubbing / FRICTION_STEP);
     return ceil(larger(larger(needed, duration / LONGEST_STEP), 1.0));
 }

@@ -1,6 +1,7 @@
 """What acts on the load or disturbs the motor, and the load's inertia.
 
 load torque a sin θ_l + b cos θ_l, or T(θ_l)        offset T        event T · bump(t)
+spring at an end −T max(θ_l − p, 0)/r, r from p to the last angle that was visited
     cogging a sin nθ + b cos nθ
 inertia −(δJ α + ½ δJ' ω²): δJ constant, ∝ J, J(θ_l + shift) − J(θ_l), or any curve; α, ω of the load
 direction-dependent load T(θ_l) where it moves forward, another backward
@@ -59,6 +60,33 @@ def _offset(along: Along, _shape: Shape) -> Effect:
 
 def _offset_drift(along: Along, _shape: Shape) -> Effect:
     return Effect(column(np.full_like(along.speed, along.share)))
+
+
+def end_spring(of: Ranges, torque_nm: float) -> list[Candidate]:
+    """One at either end; `torque_nm`: a natural torque.
+
+    The coefficient is the torque at the last angle that was visited, the shape how far from there the spring begins:
+    one that begins at the very end is nowhere, one over the whole stroke an offset and a line, and neither has a name.
+    """
+    span = max(of.span_rad, 1e-9)
+
+    def at(side: float, last: float) -> Candidate:
+        def entered(along: Along, shape: Shape) -> Array:
+            """0 where it begins, 1 at the last angle."""
+            return np.maximum(1 - side * (last - along.load_angle) / shape[0], 0.0)
+
+        def keys(coefficients: Array, shape: Shape) -> dict[str, float]:
+            found = {"stiffness_nm_rad": coefficients[0] / shape[0], "position_rad": last - side * shape[0]}
+            return found if side > 0 else {**found, "side": side}
+
+        return Candidate(
+            "end_spring", lambda a, s: Effect(on_load=column(-side * entered(a, s))), (torque_nm,), keys,
+            shapes=grid(np.geomspace(0.02, 0.8, 10) * span), spacing=(0.3,), logarithmic=(True,),
+            bounds=((0.01 * span, span),), positive=(0,), coordinate="position",
+            own=lambda a, s: np.clip(2 * entered(a, s) - 1, -1.0, 1.0),
+        )  # fmt: skip
+
+    return [at(1.0, of.high_rad), at(-1.0, of.low_rad)]
 
 
 def _event(along: Along, shape: Shape) -> Effect:
@@ -236,7 +264,8 @@ def load(of: Ranges, torque_nm: float, machine: Machine) -> list[Candidate]:
                   coordinate="position", family="load"),
         Candidate("load_torque", lambda a, _: Effect(on_load=angle.at(a.load_angle)),
                   (torque_nm,) * angle.size, scales=LADDER, coordinate="position", family="load",
-                  whole=over_angle),
+                  cases=frozenset({"end_spring"}), whole=over_angle),
+        *end_spring(of, torque_nm),
         Candidate("torque_offset", _offset, natural[:1], lambda c, _: {"torque_nm": c[0]},
                   coordinate="direction"),
         Candidate("offset_drift", _offset_drift, natural[:1], lambda c, _: {"change_nm": c[0]},
@@ -251,7 +280,7 @@ def load(of: Ranges, torque_nm: float, machine: Machine) -> list[Candidate]:
             lambda c, s: {"order": s[0], "amplitude_nm": polar(c)[0], "phase_rad": polar(c)[1]},
         ),
         Candidate("direction_dependent_load", directed, (torque_nm,) * (2 * angle.size), scales=LADDER,
-                  coordinate="position", family="load", whole=directed_whole),
+                  coordinate="position", family="load", cases=frozenset({"end_spring"}), whole=directed_whole),
         Candidate("load_inertia", of_inertia(constant, step), (share * mass,),
                   lambda c, _: {"delta_kgm2": c[0]}, positive=(0,), least=(-float(inertia.min()),),
                   coordinate="acceleration", inertia=constant, known_to=RIGHT_TO * mass),
