@@ -55,6 +55,7 @@ class Stranger:
     power: float = 0.0  # of friction that grows as |ω|^1.2
     gives: tuple[float, float] = (0.0, 1.0)  # compliance that waves along the way: its share, order
     hum: tuple[float, float] = (0.0, 1.0)  # a rectangular torque: amplitude, frequency (Hz); begins anywhere
+    mesh: tuple[float, float] = (0.0, 1.0)  # a transmission that is off likewise
     tracks: tuple[float, float] = (0.0, 1.0)  # error of an encoder whose tracks differ: amplitude, per radian
 
     @property
@@ -69,6 +70,7 @@ class Stranger:
             *self.teeth,
             self.power,
             *self.gives,
+            *self.mesh,
         )
         return np.array(each)
 
@@ -95,14 +97,33 @@ STRANGERS = (
 
 
 @njit(cache=True)
+def _told(angle: float, speed: float, amplitude: float, order: float) -> tuple[float, float]:
+    """Angle and speed that an encoder reports which interpolates between a sine and a cosine of different size, and
+    those of the output of such a joint (Cardan's at n = 2).
+
+    Its arc tangent is off by 2/n·atan(q sin nθ/(1 − q cos nθ)), about 2q/n·sin nθ; counted from where it was
+    switched on, a radian after such a sine's zero.
+    """
+    off, share = np.zeros(2), amplitude * order / 2
+    for i, where in enumerate((1.0, order * angle + 1.0)):
+        off[i] = np.arctan2(share * np.sin(where), 1 - share * np.cos(where))
+    cosine = np.cos(order * angle + 1.0)
+    faster = 2 * share * (cosine - share) / (1 - 2 * share * cosine + share**2)
+    return angle + 2 / order * (off[1] - off[0]), speed * (1 + faster)
+
+
+@njit(cache=True)
 def _slopes(state: Array, torque: float, friction: Array, last: float) -> tuple[Array, float]:
     """Rates of motor angle and speed, load angle and speed, and of what is bent; and the shaft's torque."""
-    twist, touch = state[0] - state[2], 1.0
+    turned, ratio = state[0], 1.0
+    if friction[18] > 0:
+        turned, ratio = _told(state[0], 1.0, friction[18], friction[19])
+    twist, touch = turned - state[2], 1.0
     if friction[9] > 0:
         free = np.tanh(2 * twist / friction[9])
         twist, touch = twist - friction[9] / 2 * free, free**2
     gives = 1 - friction[16] * np.cos(friction[17] * state[0])
-    shaft = STIFFNESS / gives * twist + DAMPING * touch * (state[1] - state[3])
+    shaft = STIFFNESS / gives * twist + DAMPING * touch * (ratio * state[1] - state[3])
     way = state[1] / np.sqrt(state[1] ** 2 + 1e-4)
     level = friction[0] * (1 + friction[1] * np.cos(1.3 * state[0] + 0.4))
     level += friction[2] * np.sqrt(abs(state[1])) + friction[3] * abs(last)
@@ -115,25 +136,10 @@ def _slopes(state: Array, torque: float, friction: Array, last: float) -> tuple[
     bent = abs(state[4]) ** 1.4 * (0.6 * np.sign(state[1] * state[4]) + 0.4)
     rates[4] = state[1] * (1 - bent) / friction[8]
     rates[1] = (
-        torque - shaft - ROTOR_VISCOUS * state[1] - level * way - friction[7] * state[4] + cogs
+        torque - ratio * shaft - ROTOR_VISCOUS * state[1] - level * way - friction[7] * state[4] + cogs
     ) / ROTOR
     rates[3] = (shaft - LOAD_VISCOUS * state[3]) / LOAD
     return rates, shaft
-
-
-@njit(cache=True)
-def _told(angle: float, speed: float, amplitude: float, order: float) -> tuple[float, float]:
-    """Angle and speed that an encoder reports which interpolates between a sine and a cosine of different size.
-
-    Its arc tangent is off by 2/n·atan(q sin nθ/(1 − q cos nθ)), about 2q/n·sin nθ; counted from where it was
-    switched on, a radian after such a sine's zero.
-    """
-    off, share = np.zeros(2), amplitude * order / 2
-    for i, where in enumerate((1.0, order * angle + 1.0)):
-        off[i] = np.arctan2(share * np.sin(where), 1 - share * np.cos(where))
-    cosine = np.cos(order * angle + 1.0)
-    faster = 2 * share * (cosine - share) / (1 - 2 * share * cosine + share**2)
-    return angle + 2 / order * (off[1] - off[0]), speed * (1 + faster)
 
 
 @njit(cache=True)

@@ -44,6 +44,7 @@ CONTRACT = {
     "coupling_stiffness": "stiffness_nm_rad",
     "coupling_damping": "damping_nms",
     "nonlinear_stiffness": "cubic_nm_rad3",
+    "kinematic_error": "order amplitude_rad phase_rad",
     "extra_compliance": "inertia_kgm2 stiffness_nm_rad damping_nms",
     "load_inertia": "delta_kgm2 scale",
     "inertia_profile_shift": "shift_rad",
@@ -107,6 +108,11 @@ def test_every_key_has_to_be_a_finite_number(tmp_path: Path, name: str, key: str
         ({**_full("encoder_harmonic"), "amplitude_rad": -0.6}, "-0.5 or more and at most 0.5 rad"),
         (
             {**_full("encoder_harmonic"), "order": 2.1},
+            "order times amplitude_rad is 0.525: .* -0.5 or more and at most",
+        ),
+        ({**_full("kinematic_error"), "order": -2.1}, "order is -2.1"),
+        (
+            {**_full("kinematic_error"), "order": 2.1},
             "order times amplitude_rad is 0.525: .* -0.5 or more and at most",
         ),
         ({**_full("torque_constant"), "gain": 0.0}, "more than 0"),

@@ -207,6 +207,42 @@ def test_stiffness_over_the_angle_drives_the_load() -> None:
     assert missing(0.0) > 3e-2
 
 
+def test_a_transmission_that_is_off_drives_the_load_and_makes_no_power() -> None:
+    """What the coupling gives the load, and what its ratio makes of that on the motor."""
+    term = {"name": "kinematic_error", "order": 6.0, "amplitude_rad": 2e-3, "phase_rad": 0.4}
+    made, _ = moved(machine_with(term))
+    coupling = paper_machine().coupling
+    assert coupling is not None
+    angle, speed, load_speed = made.position_rad, made.speed_rad_s, made.load_speed_rad_s
+
+    def summed(acts: Array) -> Array:
+        return np.concatenate([[0.0], np.cumsum((acts[1:] + acts[:-1]) / 2)]) / RATE
+
+    def missing(amplitude: float, felt: float) -> tuple[float, float]:
+        twist = angle + amplitude * np.sin(6 * angle + 0.4) - made.load_position_rad
+        ratio = 1 + amplitude * 6 * np.cos(6 * angle + 0.4)
+        shaft = coupling.stiffness_nm_rad * twist + coupling.damping_nms * (ratio * speed - load_speed)
+        load = INERTIA * (load_speed - load_speed[0]) - summed(shaft - 0.1 * load_speed)
+        outer = np.concatenate([[0.0], np.cumsum(made.torque_nm[:-1])]) / RATE
+        motor = 0.012 * (speed - speed[0]) - outer + summed((1 + felt * (ratio - 1)) * shaft + 0.2 * speed)
+        most = INERTIA * np.max(np.abs(load_speed))
+        return float(np.max(np.abs(load)) / most), float(np.max(np.abs(motor)) / most)
+
+    assert max(missing(2e-3, 1.0)) < 3e-3
+    assert missing(0.0, 1.0)[0] > 3e-2
+    assert missing(2e-3, 0.0)[1] > 6e-3
+
+
+def test_a_transmission_that_is_off_rests_unwound_where_nothing_pulls() -> None:
+    made, _ = moved(
+        machine_with({"name": "kinematic_error", "order": 6.0, "amplitude_rad": 0.05, "phase_rad": 0.4})
+    )
+    angle = made.position_rad[0]
+    assert angle == pytest.approx(0.2)
+    assert made.load_position_rad[0] == pytest.approx(angle + 0.05 * np.sin(6 * angle + 0.4), abs=1e-12)
+    assert made.torque_nm[:100] == pytest.approx(0.0, abs=1e-9)
+
+
 def test_an_encoders_harmonic_is_read_and_so_shakes_the_machine() -> None:
     """A rigid machine's load is where the motor truly is: it obeys Newton, and the drive obeys what it reads."""
     term = {"name": "encoder_harmonic", "order": 9.0, "amplitude_rad": 2e-3, "phase_rad": 0.4}

@@ -139,6 +139,7 @@ def test_every_effect_that_makes_a_torque_is_told_from_none(residuals: Residuals
         "end_high_nm_rad", "end_high_rad", "end_low_nm_rad", "end_low_rad",
         "stiffness_share", "stiffness_order", "stiffness_phase_rad",
         "harmonic_rad", "harmonic_order", "harmonic_phase_rad",
+        "kinematic_rad", "kinematic_order", "kinematic_phase_rad",
     }  # fmt: skip
 
     for name in set(Effects._fields) - told_elsewhere:

@@ -15,6 +15,7 @@ from schwung.drivetrain.kernel import Cascade, Curve, Inputs, Plant, command, va
 from schwung.drivetrain.physics import (
     Effects,
     coupling_torque,
+    driven,
     encoder_off,
     load_torque,
     motor_torque,
@@ -144,17 +145,18 @@ def _rates(machine: Learned, state: Masses, torque: float, time: float) -> Masse
         if machine.curves.any:
             both = accelerated(machine.curves.acceleration, motor + load, whole)
         return Masses(state.motor_speed, both, state.load_speed, both, state.third_speed, third, bending)
+    angle, ratio = driven(e, state.motor_angle)
     shaft = coupling_torque(
         e,
         stiffness_at(e, plant.stiffness, state.motor_angle),
         plant.damping,
-        state.motor_angle - state.load_angle,
-        state.motor_speed - state.load_speed,
+        angle - state.load_angle,
+        ratio * state.motor_speed - state.load_speed,
     )
     load += shaft
     return Masses(
         state.motor_speed,
-        (motor - shaft - e.carried_share * abs(shaft) * ahead) / plant.rotor_inertia,
+        (motor - ratio * shaft - e.carried_share * abs(shaft) * ahead) / plant.rotor_inertia,
         state.load_speed,
         accelerated(machine.curves.acceleration, load, inertia) if machine.curves.any else load / inertia,
         state.third_speed,

@@ -86,6 +86,9 @@ class Effects(NamedTuple):
     stiffness_share: float = 0.0  # stiffness × (1 + share·sin(order·θ + phase)), θ the motor's angle
     stiffness_order: float = 1.0
     stiffness_phase_rad: float = 0.0
+    kinematic_rad: float = 0.0  # the coupling is driven by θ + amplitude·sin(order·θ + phase)
+    kinematic_order: float = 1.0
+    kinematic_phase_rad: float = 0.0
     third_inertia_kgm2: float = 0.0  # behind the load
     third_stiffness_nm_rad: float = 0.0
     third_damping_nms: float = 0.0
@@ -96,7 +99,7 @@ class Effects(NamedTuple):
 
 _NOT_NEGATIVE = 0.0
 _POSITIVE = 1e-300
-#: By so much of itself either error of an encoder may change the reported speed: both together never turn it round.
+#: By so much of itself any error of an angle may change its speed: both of an encoder's together never turn it round.
 _SPEED_SHARE = 0.5
 
 
@@ -213,6 +216,11 @@ PHYSICS: Mapping[str, Mapping[str, Key]] = {
         "share": Key("stiffness_share", "", -0.9, highest=0.9),
         "phase_rad": Key("stiffness_phase_rad", "rad"),
     },
+    "kinematic_error": {
+        "order": Key("kinematic_order", "1/rev", _POSITIVE),
+        "amplitude_rad": Key("kinematic_rad", "rad", -0.5, highest=0.5),
+        "phase_rad": Key("kinematic_phase_rad", "rad"),
+    },
     "extra_compliance": {
         "inertia_kgm2": Key("third_inertia_kgm2", "kg·m²", _POSITIVE),
         "stiffness_nm_rad": Key("third_stiffness_nm_rad", "N·m/rad", _POSITIVE),
@@ -234,6 +242,7 @@ _OF_COUPLING = (
     "coupling_damping",
     "nonlinear_stiffness",
     "stiffness_over_angle",
+    "kinematic_error",
     "load_side_friction",
 )
 
@@ -296,8 +305,8 @@ def _fields(term: PhysicsTerm) -> dict[str, float]:
             values[key.field] = value
     if law == "stribeck_friction":
         values["stribeck_rise_nm"] -= values["coulomb_positive_nm"]
-    if law == "encoder_harmonic":
-        _check_reported_speed(term.name, values["harmonic_rad"] * values["harmonic_order"])
+    if law in ("encoder_harmonic", "kinematic_error"):
+        _check_speed(term.name, values[keys["amplitude_rad"].field] * values[keys["order"].field])
     return _at_its_end(values) if law == "end_spring" else values
 
 
@@ -314,12 +323,12 @@ def _at_its_end(values: Mapping[str, float]) -> dict[str, float]:
     return {f"{end}_nm_rad": values["end_nm_rad"], f"{end}_rad": values["end_rad"]}
 
 
-def _check_reported_speed(name: str, share: float) -> None:
-    """As far off as an eccentric encoder's may be: an angle that runs backwards is one that many others report."""
+def _check_speed(name: str, share: float) -> None:
+    """As far off as with an eccentric encoder: where an angle ran backwards, many others would be the same."""
     if abs(share) > _SPEED_SHARE:
         raise InputError(
             f"physics.{name}",
-            f"order times amplitude_rad is {share:g}: by that share the reported speed is off",
+            f"order times amplitude_rad is {share:g}: by that share a speed is off",
             f"It has to be -{_SPEED_SHARE:g} or more and at most {_SPEED_SHARE:g}.",
         )
 
@@ -416,6 +425,19 @@ def stiffness_at(e: Effects, stiffness: float, angle: float) -> float:
     return float(
         stiffness * (1.0 + e.stiffness_share * np.sin(e.stiffness_order * angle + e.stiffness_phase_rad))
     )
+
+
+@inlined
+def driven(e: Effects, angle: float) -> tuple[float, float]:
+    """To which angle an angle of the motor drives the coupling (rad), and how much further by each radian more.
+
+    By that factor the motor feels the coupling's torque: no gear makes power (virtual work).
+    """
+    if e.kinematic_rad == 0.0:
+        return angle, 1.0
+    turned = e.kinematic_order * angle + e.kinematic_phase_rad
+    further = e.kinematic_rad * e.kinematic_order * np.cos(turned)
+    return float(angle + e.kinematic_rad * np.sin(turned)), float(1.0 + further)
 
 
 @inlined

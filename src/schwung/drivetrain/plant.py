@@ -185,15 +185,16 @@ def learned_rest(machine: learned.Learned, read_angle: float) -> tuple[learned.M
 
     def pull(angle: float) -> float:
         """What would turn the load from this angle on (N·m)."""
-        twist = motor_angle - angle
+        twist = driven - angle
         stiffness = physics.stiffness_at(e, plant.stiffness, motor_angle)
         return load_torque(angle) + physics.coupling_torque(e, stiffness, plant.damping, twist, 0.0)
 
-    load_angle = motor_angle
-    if not plant.rigid and pull(motor_angle) != 0.0:
-        towards = np.sign(pull(motor_angle))
-        wound = 0.5 * e.gap_rad + 1e-3 * abs(load_torque(motor_angle)) / plant.stiffness
-        while pull(motor_angle + towards * wound) * towards > 0.0:
+    driven, ratio = physics.driven(e, motor_angle)
+    load_angle = driven
+    if not plant.rigid and pull(driven) != 0.0:
+        towards = np.sign(pull(driven))
+        wound = 0.5 * e.gap_rad + 1e-3 * abs(load_torque(driven)) / plant.stiffness
+        while pull(driven + towards * wound) * towards > 0.0:
             wound *= 2.0
             if wound > 100.0:
                 raise InputError(
@@ -201,8 +202,8 @@ def learned_rest(machine: learned.Learned, read_angle: float) -> tuple[learned.M
                     "is too low to bear the load's torque",
                     "Check it, the learned stiffness, and the load torque.",
                 )
-        load_angle = brentq(pull, motor_angle, motor_angle + towards * wound, xtol=1e-15)
-    held = -load_torque(load_angle) - e.offset_nm - machine.share * e.offset_drift_nm
+        load_angle = brentq(pull, driven, driven + towards * wound, xtol=1e-15)
+    held = -ratio * load_torque(load_angle) - e.offset_nm - machine.share * e.offset_drift_nm
     held -= e.cogging_amplitude_nm * np.sin(e.cogging_order * motor_angle + e.cogging_phase_rad)
     state = learned.Masses(motor_angle, 0.0, load_angle, 0.0, load_angle, 0.0, 0.0)
     share = 1.0 + e.ripple_share * np.sin(e.ripple_order * motor_angle + e.ripple_phase_rad)
@@ -239,10 +240,13 @@ def substeps(machine: Machine, plant: kernel.Plant, period: float, top_speed: fl
     if e.cogging_amplitude_nm != 0:
         ripple = np.sqrt(abs(e.cogging_amplitude_nm) * e.cogging_order**2 / moved)
         fastest = max(fastest, ripple, e.cogging_order * top_speed)
-    if e.ripple_share != 0:
-        fastest = max(fastest, e.ripple_order * top_speed)
-    if e.stiffness_share != 0:
-        fastest = max(fastest, e.stiffness_order * top_speed)
+    for amount, order in (
+        (e.ripple_share, e.ripple_order),
+        (e.stiffness_share, e.stiffness_order),
+        (e.kinematic_rad, e.kinematic_order),
+    ):
+        if amount != 0:
+            fastest = max(fastest, order * top_speed)
     if e.periodic_amplitude_nm != 0:
         fastest = max(fastest, 2 * np.pi * e.periodic_frequency_hz)
     if e.presliding_nm > 0:

@@ -89,6 +89,7 @@ PHYSICS: dict[str, Words] = {
     "stiffness_over_angle": Words(
         "a stiffness that differs along the way", "position", "a long stroke, with an injected sine"
     ),
+    "kinematic_error": Words("a transmission that is off many times a turn", "position", _SINE),
     "extra_compliance": Words("a further flexible mass", "frequency", _BODE),
     "load_inertia": Words("a load inertia that is off", "acceleration", _TWO_TIMES),
     "inertia_profile_shift": Words("an inertia table out of place", "position", _TWO_TIMES),

@@ -81,16 +81,18 @@ def _follow(
         inertia, slope = value_and_slope(body.inertia, x[0] if not body.rigid else angle[at])
         if body.rigid:
             x[0], x[1] = angle[at], speed[at]
+            ratio = 1.0
             shaft = inertia * acceleration[at] + 0.5 * slope * x[1] ** 2 + body.load_friction * x[1]
             shaft -= value_and_slope(body.load_torque, x[0])[0] + value_and_slope(machine.load_table, x[0])[0]
             shaft -= physics.load_torque(e, x[0], 0.5 * step * at) + _directed_load(machine, x[0], x[1])
         else:
+            turned, ratio = physics.driven(e, angle[at])
             shaft = physics.coupling_torque(
                 e,
                 physics.stiffness_at(e, body.stiffness, angle[at]),
                 body.damping,
-                angle[at] - x[0],
-                speed[at] - x[1],
+                turned - x[0],
+                ratio * speed[at] - x[1],
             )
         time = 0.5 * step * at
         other = physics.motor_torque(
@@ -102,7 +104,9 @@ def _follow(
             other += learned.sided(machine.curves.position, angle[at], ahead)
             other += learned.sided(machine.curves.speed, abs(speed[at]), ahead)
             other += learned.sided(machine.curves.run, machine.share, ahead)
-        torque = body.rotor_inertia * acceleration[at] + body.motor_friction * speed[at] + shaft - other
+        torque = (
+            body.rotor_inertia * acceleration[at] + body.motor_friction * speed[at] + ratio * shaft - other
+        )
         found[i, 0], found[i, 1], found[i, 2] = torque / e.torque_gain, x[0], x[1]
         if i == n - 1 or body.rigid:
             continue
@@ -111,12 +115,13 @@ def _follow(
             share = 0.5 * later * step
             y = x + share * k[stage - 1] if stage else x.copy()
             inertia, slope = value_and_slope(body.inertia, y[0])
+            turned, ratio = physics.driven(e, angle[at + later])
             on_load = physics.coupling_torque(
                 e,
                 physics.stiffness_at(e, body.stiffness, angle[at + later]),
                 body.damping,
-                angle[at + later] - y[0],
-                speed[at + later] - y[1],
+                turned - y[0],
+                ratio * speed[at + later] - y[1],
             )
             on_load += (
                 value_and_slope(body.load_torque, y[0])[0] + value_and_slope(machine.load_table, y[0])[0]

@@ -35,6 +35,7 @@ NOT_PLANNED = (
     "torque_constant_drop",
     "torque_ripple",
     "stiffness_over_angle",
+    "kinematic_error",
     "torque_filter",
 )
 #: Curves that have one, by what they are over; residuals over anything else have none.

@@ -26,6 +26,7 @@ _GROUPS = (
     ("ripple_share", "ripple_order", "ripple_phase_rad"),
     ("torque_filter_s",),
     ("stiffness_share", "stiffness_order", "stiffness_phase_rad"),
+    ("kinematic_rad", "kinematic_order", "kinematic_phase_rad"),
     ("load_amplitude_nm", "load_phase_rad"),
     ("end_high_nm_rad", "end_high_rad"),
     ("end_low_nm_rad", "end_low_rad"),
@@ -328,12 +329,20 @@ def _moving(told: Exported, here: frozenset[str], e: Effects) -> list[Equation]:
     if "gap_rad" in here:
         shaft = f"push(twist, twist_speed, {k}, {d}, {cubic}, gap_rad)"
     lost = " - carried_share*abs(shaft)*way" if "carried_share" in here else ""
+    at, turning, felt, ratio = "motor_angle", "motor_speed", "shaft", []
+    if "kinematic_rad" in here:
+        turned = "kinematic_order*motor_angle + kinematic_phase_rad"
+        at, turning, felt = f"motor_angle + kinematic_rad*sin({turned})", "ratio*motor_speed", "ratio*shaft"
+        ratio = [
+            Equation("ratio", f"1 + kinematic_rad*kinematic_order*cos({turned})", "of the gear, about 1")
+        ]
     return [
-        Equation("twist", "motor_angle - load_angle", "of the coupling, rad"),
-        Equation("twist_speed", "motor_speed - load_speed", "rad/s"),
+        *ratio,
+        Equation("twist", f"{at} - load_angle", "of the coupling, rad"),
+        Equation("twist_speed", f"{turning} - load_speed", "rad/s"),
         Equation("shaft", shaft, "torque of the coupling, N.m"),
         angle,
-        Equation("motor_speed", f"({motor} - shaft{lost})/motor_inertia_kgm2", derivative=True),
+        Equation("motor_speed", f"({motor} - {felt}{lost})/motor_inertia_kgm2", derivative=True),
         Equation("load_angle", "load_speed", derivative=True),
         Equation("load_speed", divided(f"{load} + shaft", "inertia"), derivative=True),
     ]

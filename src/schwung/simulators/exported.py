@@ -48,6 +48,7 @@ UNITS = {
 OF_COUPLING = (
     "gap_rad", "stiffness_nm_rad", "damping_nms", "cubic_nm_rad3",
     "stiffness_share", "stiffness_order", "stiffness_phase_rad",
+    "kinematic_rad", "kinematic_order", "kinematic_phase_rad",
 )  # fmt: skip
 
 
@@ -215,6 +216,7 @@ _WORDS = {
     "end_low_rad": "end_spring, side -1: where it begins",
     "event_time_s": "load_event: after motion_start_s",
     "eccentricity_rad": "encoder_eccentricity: reported angle = angle + amplitude sin(angle + phase)",
+    "kinematic_rad": "kinematic_error: the coupling is driven by angle + amplitude sin(order angle + phase)",
     "harmonic_rad": "encoder_harmonic: reported angle = angle + amplitude sin(order angle + phase)",
 }
 

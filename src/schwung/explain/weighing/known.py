@@ -9,7 +9,7 @@ import numpy as np
 from schwung.compiled import compiled
 from schwung.drivetrain.inertia import InertiaTable, LoadTorqueTable
 from schwung.drivetrain.machine import Coupling, Load, Machine
-from schwung.drivetrain.physics import Effects, effects_of, encoder_off, load_torque, motor_torque
+from schwung.drivetrain.physics import Effects, driven, effects_of, encoder_off, load_torque, motor_torque
 from schwung.drivetrain.presliding import bent
 from schwung.drivetrain.residual import (
     Residual,
@@ -84,6 +84,12 @@ class Known:
         if e.stiffness_share != 0.0 and self.machine.coupling is not None:
             share = e.stiffness_share * np.sin(e.stiffness_order * along.angle + e.stiffness_phase_rad)
             coupled = coupled + share * self.machine.coupling.stiffness_nm_rad * along.wound
+        if e.kinematic_rad != 0.0 and self.machine.coupling is not None:
+            there, touches = along.present.coupling or self.machine.coupling, along.contact[:, 0]
+            further, faster = _driven(e, along.angle)
+            pushed = there.stiffness_nm_rad * further + there.damping_nms * faster * along.speed
+            coupled = coupled + touches * pushed
+            on_motor = on_motor - faster * (along.carried + touches * pushed)
         position, speed = _reported(e, along.angle, along.speed)
         if e.speed_delay_s > 0:
             half = e.speed_delay_s / 2
@@ -158,6 +164,16 @@ def _reported(e: Effects, angle: Array, speed: Array) -> tuple[Array, Array]:
         off[i], share = encoder_off(e, angle[i])
         faster[i] = share * speed[i]
     return off, faster
+
+
+@compiled
+def _driven(e: Effects, angle: Array) -> tuple[Array, Array]:
+    """How much further the coupling is driven, and how much that is by each radian more."""
+    further, faster = np.empty_like(angle), np.empty_like(angle)
+    for i in range(angle.size):
+        turned, ratio = driven(e, angle[i])
+        further[i], faster[i] = turned - angle[i], ratio - 1.0
+    return further, faster
 
 
 def known(machine: Machine, low_rad: float, high_rad: float) -> Known:

@@ -128,6 +128,7 @@ _SINES = {
     "cogging": ("amplitude_nm", ("order",)),
     "torque_ripple": ("share", ("order",)),
     "stiffness_over_angle": ("share", ("order",)),
+    "kinematic_error": ("amplitude_rad", ("order",)),
 }
 #: Laws that become one where these are alike, and what then adds up.
 _SHAPED = {

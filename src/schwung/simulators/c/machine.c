@@ -179,6 +179,15 @@ static double coupling_torque(const double *p, double motor_angle, double twist,
     return side * larger((k + cubic * wound * wound) * wound + d * side * twist_speed, 0.0);
 }
 
+/* To which angle an angle of the motor drives the coupling, and by how much further with each radian more. */
+static Point driven(const double *p, double angle) {
+    const double turned = p[KINEMATIC_ORDER] * angle + p[KINEMATIC_PHASE_RAD];
+    Point point;
+    point.value = angle + p[KINEMATIC_RAD] * sin(turned);
+    point.slope = 1.0 + p[KINEMATIC_RAD] * p[KINEMATIC_ORDER] * cos(turned);
+    return point;
+}
+
 static Masses rates(const double *p, Masses s, double torque, double time) {
     const Point inertia = load_inertia(p, s.load_angle);
     double load = load_torque(p, s.load_angle, time - p[MOTION_START_S]);
@@ -208,9 +217,10 @@ static Masses rates(const double *p, Masses s, double torque, double time) {
         const double whole = p[MOTOR_INERTIA_KGM2] + inertia.value + (motor + load > 0.0 ? lost : -lost);
         r.motor_speed = r.load_speed = accelerated(motor + load, whole);
     } else {
-        const double twist = s.motor_angle - s.load_angle;
-        const double shaft = coupling_torque(p, s.motor_angle, twist, s.motor_speed - s.load_speed);
-        r.motor_speed = (motor - shaft - p[CARRIED_SHARE] * fabs(shaft) * ahead) / p[MOTOR_INERTIA_KGM2];
+        const Point by = driven(p, s.motor_angle);
+        const double twist = by.value - s.load_angle;
+        const double shaft = coupling_torque(p, s.motor_angle, twist, by.slope * s.motor_speed - s.load_speed);
+        r.motor_speed = (motor - by.slope * shaft - p[CARRIED_SHARE] * fabs(shaft) * ahead) / p[MOTOR_INERTIA_KGM2];
         r.load_speed = accelerated(load + shaft, inertia.value);
     }
     return r;
@@ -270,6 +280,7 @@ static double steps_needed(const Machine *m, double duration) {
     }
     if (p[RIPPLE_SHARE] != 0.0) fastest = larger(fastest, p[RIPPLE_ORDER] * speed);
     if (p[STIFFNESS_SHARE] != 0.0) fastest = larger(fastest, p[STIFFNESS_ORDER] * speed);
+    if (p[KINEMATIC_RAD] != 0.0) fastest = larger(fastest, p[KINEMATIC_ORDER] * speed);
     if (p[PERIODIC_AMPLITUDE_NM] != 0.0) fastest = larger(fastest, TWO_PI * p[PERIODIC_FREQUENCY_HZ]);
     if (p[PRESLIDING_NM] > 0.0) fastest = larger(fastest, sqrt(p[PRESLIDING_STIFFNESS_NM_RAD] / mass));
     double dry = larger(p[COULOMB_POSITIVE_NM], p[COULOMB_NEGATIVE_NM]) + drift(p);
@@ -373,23 +384,24 @@ static double resting_load(const double *p, double angle) {
 
 /* What would turn the load from this angle on, the motor standing. */
 static double pull(const double *p, double motor_angle, double load_angle) {
-    return resting_load(p, load_angle) + coupling_torque(p, motor_angle, motor_angle - load_angle, 0.0);
+    return resting_load(p, load_angle) + coupling_torque(p, motor_angle, driven(p, motor_angle).value - load_angle, 0.0);
 }
 
 static const char *wind_up(const double *p, double motor_angle, double *load_angle) {
-    const double begin = pull(p, motor_angle, motor_angle), towards = begin > 0.0 ? 1.0 : -1.0;
-    *load_angle = motor_angle;
+    const double unwound = driven(p, motor_angle).value;
+    const double begin = pull(p, motor_angle, unwound), towards = begin > 0.0 ? 1.0 : -1.0;
+    *load_angle = RIGID ? motor_angle : unwound;
     if (RIGID || begin == 0.0) return NULL;
-    double near = 0.0, far = 0.5 * p[GAP_RAD] + 1e-3 * fabs(resting_load(p, motor_angle)) / stiffness(p);
-    while (pull(p, motor_angle, motor_angle + towards * far) * towards > 0.0) {
+    double near = 0.0, far = 0.5 * p[GAP_RAD] + 1e-3 * fabs(resting_load(p, unwound)) / stiffness(p);
+    while (pull(p, motor_angle, unwound + towards * far) * towards > 0.0) {
         far *= 2.0;
         if (far > 100.0) return "coupling_stiffness_nm_rad is too low to bear the load's torque";
     }
     for (int i = 0; i < 200; i++) {
         const double middle = 0.5 * (near + far);
-        if (pull(p, motor_angle, motor_angle + towards * middle) * towards > 0.0) near = middle; else far = middle;
+        if (pull(p, motor_angle, unwound + towards * middle) * towards > 0.0) near = middle; else far = middle;
     }
-    *load_angle = motor_angle + towards * 0.5 * (near + far);
+    *load_angle = unwound + towards * 0.5 * (near + far);
     return NULL;
 }
 
@@ -403,7 +415,7 @@ const char *machine_rest(Machine *m, double time) {
     if (wrong) return wrong;
     m->time = time;
     m->state = (Masses){angle, 0.0, load, 0.0, load, 0.0, 0.0};
-    double held = -resting_load(p, load) - p[OFFSET_NM] - p[SESSION_SHARE] * p[OFFSET_DRIFT_NM];
+    double held = -(RIGID ? 1.0 : driven(p, angle).slope) * resting_load(p, load) - p[OFFSET_NM] - p[SESSION_SHARE] * p[OFFSET_DRIFT_NM];
     held -= p[COGGING_AMPLITUDE_NM] * sin(p[COGGING_ORDER] * angle + p[COGGING_PHASE_RAD]);
     const double share = 1.0 + p[RIPPLE_SHARE] * sin(p[RIPPLE_ORDER] * angle + p[RIPPLE_PHASE_RAD]);
     double on_shaft = held / share;
