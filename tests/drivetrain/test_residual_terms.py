@@ -92,6 +92,10 @@ CASES: dict[str, tuple[dict[str, Any], Acts]] = {
         {"name": "torque_constant_drop", "share_at_peak": 0.1, "peak_nm": 100.0},
         lambda s, t: -0.1 * np.abs(s.torque_nm) * s.torque_nm / 100,
     ),
+    "torque constant that fades late": (
+        {"name": "torque_constant_drop", "share_at_peak": 0.1, "peak_nm": 100.0, "order": 2.0},
+        lambda s, t: -0.1 * s.torque_nm**3 / 1e4,
+    ),
     "ripple": (
         {"name": "torque_ripple", "order": 6.0, "share": 0.05, "phase_rad": 0.3},
         lambda s, t: s.torque_nm * 0.05 * np.sin(6 * s.position_rad + 0.3),

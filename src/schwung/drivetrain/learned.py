@@ -178,20 +178,32 @@ def _moved(state: Masses, rates: Masses, by: float) -> Masses:
     )
 
 
+#: Of Newton's method, at most: it doubles the digits each time.
+_REPORTED_STEPS = 50
+
+
 @inlined
 def shaft_torque(e: Effects, reported: float) -> float:
     """What a torque that the drive reports makes of itself on the shaft, once its current loop has settled (N·m)."""
-    true = (e.torque_gain - e.torque_drop * abs(reported) / e.torque_drop_at_nm) * reported
+    drop = e.torque_drop * (abs(reported) / e.torque_drop_at_nm) ** e.torque_drop_order
+    true = (e.torque_gain - drop) * reported
     return min(max(true, -e.torque_limit_nm), e.torque_limit_nm)
 
 
 def reported_torque(e: Effects, on_shaft: float) -> float:
     """The torque (N·m) that a drive has to report for one on the shaft; as near as it comes."""
-    drop = e.torque_drop / e.torque_drop_at_nm
-    if drop == 0.0:
-        return on_shaft / e.torque_gain
-    root = np.sqrt(max(e.torque_gain**2 - 4.0 * drop * abs(on_shaft), 0.0))
-    return float(np.sign(on_shaft) * (e.torque_gain - root) / (2.0 * drop))
+    gain, order = e.torque_gain, e.torque_drop_order
+    wanted = abs(on_shaft) / gain
+    if e.torque_drop == 0.0:
+        return on_shaft / gain
+    found, most = wanted, e.torque_drop_at_nm * (gain / e.torque_drop / (order + 1.0)) ** (1.0 / order)
+    for _ in range(_REPORTED_STEPS):  # Newton's, which comes from below: what is on the shaft bends down
+        drop = e.torque_drop * (found / e.torque_drop_at_nm) ** order
+        slope = gain - (order + 1.0) * drop
+        if found >= most or slope <= 0.0:
+            break
+        found += (gain * wanted - (gain - drop) * found) / slope
+    return float(np.sign(on_shaft) * min(found, most))
 
 
 @compiled

@@ -64,9 +64,10 @@ class Effects(NamedTuple):
     cogging_phase_rad: float = 0.0
     torque_gain: float = 1.0  # true over reported
     torque_drop: float = (
-        0.0  # of the torque constant, as a share at `torque_drop_at_nm`, in proportion to the torque
+        0.0  # of the torque constant, as a share at `torque_drop_at_nm`, as the torque to the order's power
     )
     torque_drop_at_nm: float = 1.0
+    torque_drop_order: float = 1.0
     ripple_share: float = 0.0  # torque × share·sin(order·θ + phase)
     ripple_order: float = 1.0
     ripple_phase_rad: float = 0.0
@@ -188,6 +189,7 @@ PHYSICS: Mapping[str, Mapping[str, Key]] = {
     "torque_constant_drop": {
         "share_at_peak": Key("torque_drop", "", _NOT_NEGATIVE, highest=0.5),
         "peak_nm": Key("torque_drop_at_nm", "N·m", _POSITIVE),
+        "order": Key("torque_drop_order", "", _POSITIVE, optional=1.0, highest=10.0),
     },
     "torque_ripple": {
         "order": Key("ripple_order", "1/rev", _POSITIVE),

@@ -22,7 +22,7 @@ _GROUPS = (
     ("drift_nm", "drift_settling", "session_share"),
     ("viscous_drift_nms", "session_share"),
     ("offset_drift_nm", "session_share"),
-    ("torque_drop", "torque_drop_at_nm"),
+    ("torque_drop", "torque_drop_at_nm", "torque_drop_order"),
     ("ripple_share", "ripple_order", "ripple_phase_rad"),
     ("torque_filter_s",),
     ("stiffness_share", "stiffness_order", "stiffness_phase_rad"),
@@ -167,7 +167,7 @@ def _sided(over: str, where: str, way: str) -> str:
 def _shaft_torque(here: frozenset[str]) -> list[Equation]:
     wanted = "torque_gain*torque" if "torque_gain" in here else "torque"
     if "torque_drop" in here:
-        wanted += " - torque_drop*abs(torque)*torque/torque_drop_at_nm"
+        wanted += " - torque_drop*(abs(torque)/torque_drop_at_nm)^torque_drop_order*torque"
     if "torque_limit_nm" in here:
         wanted = f"min(max({wanted}, -torque_limit_nm), torque_limit_nm)"
     if "torque_lag_s" not in here:

@@ -21,8 +21,6 @@ from schwung.explain.weighing.settling import Settled, Weighing, own_noise, sett
 from schwung.explain.weighing.wide import Wide, wide_fit
 from schwung.motion import Array
 
-#: Rounds of linearising about what was found, at most.
-ROUNDS = 10
 #: How far off the noise may be, once it was found (log).
 KNOWN = 0.3
 #: Causes of one shape that are smooth along any motion, and so are present where the noise is found.
@@ -106,7 +104,7 @@ class Growth:
         has no name after the share `until` of the work, it is left halfway: laws alone are tried then.
         """
         growing, fresh = True, False  # whether the noise was looked at since something was found
-        for _ in range(ROUNDS):
+        while True:  # each round is likelier than the one before, or the last but for a look at the noise
             self.rounds += 1
             share = NOISE_SHARE + (1 - NOISE_SHARE) * (1 - _FURTHER ** (self.rounds - 1))
             self.tell(f"Weighing causes beside {len(picks)} found" if picks else "Weighing causes", share)
@@ -139,8 +137,6 @@ class Growth:
                 return _Climbed(search, start, at)
             best, at = taken
             picks = _kept(search, best, at)
-        search = self._search(at)
-        return _Climbed(search, search.score(_carried(search.data, picks)), at)
 
     def _is_hopeless(self, search: Search, best: Scored, at: Settled) -> bool:
         """Whether what grew in place of something is so much less probable that no exchange makes up for it.

@@ -60,7 +60,8 @@ class Known:
             at_rest = on_motor[0] + on_load[0] + self.machine.load_torque_at(along.load_angle[:1])[0]
             on_motor = on_motor - self._bristles(along, along.resting_nm + at_rest)
         torque = along.run.drive.whole_nm
-        true = (e.torque_gain - e.torque_drop * np.abs(torque) / e.torque_drop_at_nm) * torque
+        drop = e.torque_drop * (np.abs(torque) / e.torque_drop_at_nm) ** e.torque_drop_order
+        true = (e.torque_gain - drop) * torque
         true = np.clip(true, -e.torque_limit_nm, e.torque_limit_nm)
         true = true * (1 + e.ripple_share * np.sin(e.ripple_order * along.angle + e.ripple_phase_rad))
         on_motor = on_motor + true - torque + e.torque_filter_s * along.torque_rate

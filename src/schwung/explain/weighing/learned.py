@@ -139,6 +139,7 @@ _SHAPED = {
     "local_friction": (("centre_rad", "width_rad", "sharpness"), ("torque_nm",)),
     "end_spring": (("position_rad",), ("stiffness_nm_rad",)),
     "load_event": (("time_s", "duration_s", "sharpness"), ("peak_nm",)),
+    "torque_constant_drop": (("order",), ()),
 }
 #: Shapes that differ by less are one (relative).
 _SAME = 1e-6
@@ -164,12 +165,15 @@ def _merged(law: str, had: Mapping[str, Any], new: Mapping[str, Any]) -> _Parame
 def _changed(law: str, had: Mapping[str, Any], new: Mapping[str, Any]) -> _Parameters | None:
     """Of laws whose numbers do not add up."""
     scale, delta = had.get("scale", 1.0), had.get("delta_kgm2", 0.0)
-    drop = new.get("share_at_peak", 0.0) / new.get("peak_nm", 1.0)
+    order = new.get("order", 1.0)
+    drop = new.get("share_at_peak", 0.0) / new.get("peak_nm", 1.0) ** order
     changes: dict[str, Callable[[], _Parameters]] = {
         "coupling_stiffness": lambda: dict(new),
         "coupling_damping": lambda: dict(new),
         "torque_constant": lambda: {"gain": had["gain"] + new["gain"] - 1},
-        "torque_constant_drop": lambda: {"share_at_peak": had["share_at_peak"] + drop * had["peak_nm"]},
+        "torque_constant_drop": lambda: {
+            "share_at_peak": had["share_at_peak"] + drop * had["peak_nm"] ** order
+        },
         "torque_saturation": lambda: {"limit_nm": min(had["limit_nm"], new["limit_nm"])},
         "load_inertia": lambda: {
             "scale": scale * new.get("scale", 1.0),

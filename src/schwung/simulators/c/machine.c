@@ -11,6 +11,7 @@
 #define CONTACT_STEP 0.02     /* ... where the coupling has play ... */
 #define FRICTION_STEP 1.0     /* ... and of smoothed dry friction, which has to be stable only */
 #define MOST_STEPS 100000000.0
+#define REPORTED_STEPS 50     /* of Newton's, which ends sooner */
 
 typedef struct {
     double value, slope;
@@ -239,16 +240,24 @@ static Masses moved(Masses s, Masses r, double by) {
 
 /* What a torque that the drive reports makes of itself on the shaft, once its current loop has settled. */
 static double shaft_torque(const double *p, double reported) {
-    const double gain = p[TORQUE_GAIN] - p[TORQUE_DROP] * fabs(reported) / p[TORQUE_DROP_AT_NM];
+    const double drop = p[TORQUE_DROP] * pow(fabs(reported) / p[TORQUE_DROP_AT_NM], p[TORQUE_DROP_ORDER]);
+    const double gain = p[TORQUE_GAIN] - drop;
     return smaller(larger(gain * reported, -p[TORQUE_LIMIT_NM]), p[TORQUE_LIMIT_NM]);
 }
 
 /* What the drive reports for a torque on the shaft, as near as it comes. */
 static double reported_torque(const double *p, double held) {
-    const double drop = p[TORQUE_DROP] / p[TORQUE_DROP_AT_NM], gain = p[TORQUE_GAIN];
-    if (drop == 0.0) return held / gain;
-    const double root = sqrt(larger(gain * gain - 4.0 * drop * fabs(held), 0.0));
-    return (held < 0.0 ? -1.0 : 1.0) * (gain - root) / (2.0 * drop);
+    const double gain = p[TORQUE_GAIN], order = p[TORQUE_DROP_ORDER], wanted = fabs(held) / gain;
+    if (p[TORQUE_DROP] == 0.0) return held / gain;
+    const double most = p[TORQUE_DROP_AT_NM] * pow(gain / p[TORQUE_DROP] / (order + 1.0), 1.0 / order);
+    double found = wanted;
+    for (int i = 0; i < REPORTED_STEPS; i++) { /* Newton's, from below */
+        const double drop = p[TORQUE_DROP] * pow(found / p[TORQUE_DROP_AT_NM], order);
+        const double slope = gain - (order + 1.0) * drop;
+        if (found >= most || slope <= 0.0) break;
+        found += (gain * wanted - (gain - drop) * found) / slope;
+    }
+    return (held < 0.0 ? -1.0 : 1.0) * smaller(found, most);
 }
 
 /* Steps over a duration, from the fastest thing that the machine does. */
@@ -309,6 +318,7 @@ static const char *impossible(const double *p) {
     if (!(p[SMOOTHING_RAD_S] > 0.0)) return "smoothing_rad_s is not positive";
     if (!(p[TORQUE_GAIN] > 0.0)) return "torque_gain is not positive";
     if (!(p[TORQUE_DROP_AT_NM] > 0.0)) return "torque_drop_at_nm is not positive";
+    if (!(p[TORQUE_DROP_ORDER] > 0.0)) return "torque_drop_order is not positive";
     if (!(p[TORQUE_LAG_S] >= 0.0 && p[SPEED_DELAY_S] >= 0.0)) return "torque_lag_s or speed_delay_s is negative";
     if (!(fabs(p[ECCENTRICITY_RAD]) <= 0.5)) return "eccentricity_rad is beyond 0.5";
     if (!(fabs(p[HARMONIC_RAD] * p[HARMONIC_ORDER]) <= 0.5)) return "harmonic_rad times harmonic_order is beyond 0.5";

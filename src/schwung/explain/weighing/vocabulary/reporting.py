@@ -1,7 +1,7 @@
 """What the drive reports: true torque against reported, times, the encoder.
 
 gain (g − 1)·T        lag −τ F T' (the true torque comes later)        filter +τ T' (the reported one does)
-drop −s |T| T/T_peak        ripple s T sin nθ        saturation clip(T, ±L) − T        speed late −δ F α
+drop −s (|T|/T_peak)^p T        ripple s T sin nθ        saturation clip(T, ±L) − T        speed late −δ F α
 F = 1/(1 + φ d/dt): with φ = τ a filter's lag, with φ = τ/2 a delay, but for the third order in ωτ (Padé), which a late
 speed has besides
 eccentricity a sin(θ + φ) in the angle, its rate in the speed        harmonic a sin(nθ + φ) likewise
@@ -84,8 +84,8 @@ def reporting(of: Ranges, share: float) -> list[Candidate]:
     """The family; `share`: of the peak torque, natural for any cause."""
     peak, apart = of.peak_torque_nm, float(np.hypot(APART_S, APART_S))  # of two signals
 
-    def drop(along: Along, _shape: Shape) -> Effect:
-        return Effect(column(-np.abs(along.torque) * along.torque / peak))
+    def drop(along: Along, shape: Shape) -> Effect:
+        return Effect(column(-((np.abs(along.torque) / peak) ** shape[0]) * along.torque))
 
     return [
         Candidate("torque_constant", _gain, (share,), lambda c, _: {"gain": 1 + c[0]}, coordinate="torque",
@@ -100,7 +100,9 @@ def reporting(of: Ranges, share: float) -> list[Candidate]:
                   positive=(0,), bent=_later_yet, shapes=grid(BENDS_S), spacing=(BEND_STEP_S,), logarithmic=(False,),
                   bounds=((LEAST_BEND_S, MOST_BEND_S),), coordinate="acceleration", known_to=apart),
         Candidate("torque_constant_drop", drop, (share,),
-                  lambda c, _: {"share_at_peak": c[0], "peak_nm": peak}, positive=(0,), coordinate="torque"),
+                  lambda c, s: {"share_at_peak": c[0], "peak_nm": peak, "order": s[0]}, positive=(0,),
+                  shapes=grid([0.5, 1.0, 2.0, 4.0]), spacing=(0.7,), logarithmic=(True,), bounds=((0.3, 10.0),),
+                  coordinate="torque"),
         Candidate("torque_ripple", _ripple, (share, share),
                   lambda c, s: {"order": s[0], "share": polar(c)[0], "phase_rad": polar(c)[1]},
                   shapes=grid(range(1, 15)), spacing=(0.25,), logarithmic=(False,), bounds=((0.5, 60.0),),
