@@ -55,7 +55,7 @@ def stands(*causes: Cause):
         search.score(every),  # type: ignore[arg-type]
         (),
         lambda *_: inf,
-        lambda _search, _scored, pick: causes[pick.atom].larger,
+        lambda _search, scored, pick: causes[pick.atom].larger if scored.picks == every else 1.0,
         lambda _search, _picks, pick: causes[pick.atom].taken or causes[pick.atom].worth,
     )
 
@@ -90,6 +90,12 @@ def test_a_change_that_is_as_much_as_is_usual_is_no_finding_and_tells_nothing_of
     assert found.names["stiffness"] < 0.02
     assert found.names["friction"] > 0.99
     assert found.usual == pytest.approx({"stiffness": 0.99, "friction": 0.0})
+
+
+def test_what_is_usual_is_judged_beside_all_others_that_are():
+    """Beside fewer, a lag takes over what a delay did, and would be larger than is usual."""
+    found = stands(Cause("delay", 50.0, larger=0.0), Cause("lag", 40.0, larger=0.01))
+    assert max(found.names.values()) < 0.02
 
 
 @pytest.mark.parametrize(("taken", "stands_out"), [(0.0, False), (20_000.0, True)])

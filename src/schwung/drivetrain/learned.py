@@ -187,7 +187,7 @@ def shaft_torque(e: Effects, reported: float) -> float:
     """What a torque that the drive reports makes of itself on the shaft, once its current loop has settled (N·m)."""
     drop = e.torque_drop * (abs(reported) / e.torque_drop_at_nm) ** e.torque_drop_order
     true = (e.torque_gain - drop) * reported
-    return min(max(true, -e.torque_limit_nm), e.torque_limit_nm)
+    return float(min(max(true, -e.torque_limit_nm), e.torque_limit_nm))
 
 
 def reported_torque(e: Effects, on_shaft: float) -> float:

@@ -102,14 +102,14 @@ def standing(
             left, picks = left + max(_worth(search, picks, pick), 0.0), _without(picks, pick)
     left += RIGHT_TO**2 * max(_log(search, picks) - _log(search, ()), 0.0)
     names: dict[str, float] = {}
-    usual: dict[str, float] = {}
+    # beside all others: what is left out as no finding is still there, and would be taken over by what is like it
+    large = {pick: larger(search, search.sized(search.score(picks)), pick) for pick in picks}
+    usual = {search.candidate(pick).name: 1 - share for pick, share in large.items()}
     while picks:
         worth = {pick: _worth(search, picks, pick) for pick in picks}
         data = {pick: max(gain, takes(search, picks, pick)) for pick, gain in worth.items()}
         here = search.sized(search.score(picks))
         laws = {pick: law(search, here, pick) for pick in picks}
-        large = {pick: larger(search, here, pick) for pick in picks}
-        usual |= {search.candidate(pick).name: 1 - share for pick, share in large.items()}
         sure = {
             pick: _sure(search, gain, data[pick], left + _others(search, worth, pick))
             * float(expit(laws[pick]))

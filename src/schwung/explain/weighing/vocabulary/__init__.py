@@ -11,7 +11,7 @@ from schwung.explain.weighing.vocabulary.friction import friction
 from schwung.explain.weighing.vocabulary.load import load, table_error
 from schwung.explain.weighing.vocabulary.periodic import periodic
 from schwung.explain.weighing.vocabulary.presliding import presliding
-from schwung.explain.weighing.vocabulary.reporting import reporting, usual
+from schwung.explain.weighing.vocabulary.reporting import TICK_S, reporting, usual
 from schwung.explain.weighing.vocabulary.shaft import shaft
 from schwung.explain.weighing.vocabulary.unnamed import unnamed
 
@@ -24,7 +24,7 @@ def vocabulary(of: Ranges, believed: Known) -> list[Candidate]:
     inertia = machine.load_inertia_at(np.linspace(of.low_rad, of.high_rad, 65))
     mean, natural = float(np.mean(inertia)), NATURAL * of.peak_torque_nm
     found = [
-        *usual(of),
+        *usual(TICK_S if machine.control is None else 1 / machine.control.sample_rate_hz),
         *table_error(of, machine),
         *friction(of, natural, machine.coupling is None, believed),
         presliding(of, natural, believed),

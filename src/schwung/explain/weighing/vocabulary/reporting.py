@@ -22,6 +22,8 @@ from schwung.motion import Array
 #: Standard deviations (s): of delays and lags that are a defect, of the filter that torque and speed share in any
 #: drive, and of the times by which each of the two is off it.
 DEFECT_S, USUAL_S, APART_S = 1e-3, 3e-4, 5e-5
+#: Period of a drive's own loop (s), where nobody said: most have 62.5 to 500 µs.
+TICK_S = 250e-6
 #: How a late signal bends (s): half of the delay for a delay, the time constant or nothing for a filter.
 BENDS_S = np.concatenate([np.linspace(-2e-4, 6e-4, 9), np.geomspace(9e-4, 5e-3, 6)])
 _DIFFERENCE_S = 1e-5
@@ -121,15 +123,18 @@ def reporting(of: Ranges, share: float) -> list[Candidate]:
     ]  # fmt: skip
 
 
-def usual(of: Ranges) -> list[Candidate]:
-    """Present in every set: a filter that torque and speed share, a little apart, and each of any order.
+def usual(tick_s: float) -> list[Candidate]:
+    """Present in every set: a filter that torque and speed share, a little apart, and each of any order; what is held
+    is taken at any time. `tick_s`: period of the drive's own loop.
 
     A first-order filter is undone in the torque by T + τ T' to the last, a delay by T + δ T' + ½ δ² T''; in the speed
     the one is − τ α + τ² α', the other − δ α + ½ δ² α'. At the injection T'' is what a stiffness a part in a thousand
     off would do.
 
     An injection that a bus holds is taken at any time within the step, 1/√12 of it; the controller answers the rotor's
-    move about the corners, ΔT h/(2 J_r) B₂(x) at the share x of a step, where it is sampled.
+    move about the corners, ΔT h/(2 J_r) B₂(x) at the share x of a step, where it is sampled. So it is with all torque,
+    which a drive holds from tick to tick of its own loop: ΔT = T' h, and a speed that is read at the tick, in the
+    corner, is T' h²/(12 J_r) off. At 69 Hz and 8 kHz that was half a per cent of an apparent inertia.
     """
 
     def both(along: Along, _shape: Shape) -> Effect:
@@ -147,8 +152,14 @@ def usual(of: Ranges) -> list[Candidate]:
         answer = along.run.answer_gain * step / rotor * slopes(rate, step) / (2 * np.sqrt(180))
         return Effect(np.stack([rate, answer], 1) * step ** np.array([1, 2]) / np.sqrt(12))
 
+    def corners(along: Along, _shape: Shape) -> Effect:
+        machine = along.machine
+        moved = 0.0 if machine.coupling else machine.load_inertia_at(along.angle)
+        return Effect(speed=column(along.torque_rate / (machine.motor.inertia_kgm2 + moved)))
+
     return [
         Candidate("usual_hold", held, (1.0, 1.0), named=False),
+        Candidate("usual_corners", corners, (tick_s**2 / 12,), named=False),
         Candidate("usual_filter", both, (USUAL_S,), named=False),
         Candidate("usual_torque_timing", torque, (APART_S, (USUAL_S / 2) ** 2 / 2), named=False),
         Candidate("usual_speed_timing", speed, (APART_S, USUAL_S**2), named=False),
