@@ -134,7 +134,7 @@ def test_every_effect_that_makes_a_torque_is_told_from_none(residuals: Residuals
     told_elsewhere.add("inertia_shift_rad")  # the inertia is even
     told_elsewhere |= {  # what is weighed alone: explain takes no belief that has it
         "viscous_drift_nms", "carried_share", "load_coulomb_nm", "offset_drift_nm", "torque_drop",
-        "torque_drop_at_nm", "ripple_order", "ripple_share", "ripple_phase_rad", "torque_filter_s",
+        "torque_drop_at_nm", "torque_drop_order", "ripple_order", "ripple_share", "ripple_phase_rad", "torque_filter_s",
         "presliding_nm", "presliding_stiffness_nm_rad",
         "end_high_nm_rad", "end_high_rad", "end_low_nm_rad", "end_low_rad",
         "stiffness_share", "stiffness_order", "stiffness_phase_rad",
