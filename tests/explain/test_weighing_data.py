@@ -87,7 +87,11 @@ def test_memory_that_is_full_grows(data):
 
 def test_a_refined_shape_is_better_than_its_neighbours(data):
     index, candidate = next((i, c) for i, c in enumerate(data.candidates) if c.name == "local_friction")
-    members, deviations = np.arange(4), np.ones(4)
+    usual = [
+        c.deviations for c in data.candidates if c.name.startswith("usual")
+    ]  # their columns are the first
+    deviations = np.concatenate(usual)
+    members = np.arange(deviations.size)
     near = min(
         (atom for atom in data.atoms if atom.candidate == index),
         key=lambda atom: abs(atom.shape[0] - 1.9) + abs(atom.shape[1] - 0.4),
