@@ -176,7 +176,8 @@ def test_in_real_time_the_kernels_ring_brings_the_table_of_the_truth(
                 return
         else:  # the computer's doing, or a defect
             measured("verdict in real time", f"no table: {result['error']}")
-            assert uneven or "heartbeat" in result["error"], result["error"]
+            assert uneven or re.search("held up|heartbeat", result["error"]), result["error"]
+            uneven = uneven or [result["error"]]
     pytest.skip(f"{GOES} times this computer was too uneven for a table: {'; '.join(uneven)}")
 
 
@@ -188,8 +189,9 @@ def _is_of_the_truth(
     *,
     even: bool,
 ) -> bool:
-    """Whether the table is good for something; it is the truth's, and trusted where time was even. `scale`: what was
-    played at another rate than the session says is another motion, of 1 % more time 2 % less inertia."""
+    """Whether the table is the truth's, as it has to be where it is called good, and where time was even it has to be
+    called that. `scale`: what was played at another rate than the session says is another motion, of 1 % more time 2 %
+    less inertia."""
     table = read_inertia_csv(out / "inertia.csv")
     assert table.std_kgm2 is not None
     truth = make_plant("two-mass").true_inertia(table.position_rad)
@@ -199,10 +201,13 @@ def _is_of_the_truth(
     mean = float(np.mean(table.inertia_kgm2 / truth))
     measured("inertia against the truth", f"{mean:.4f} times; by the rate it should be {scale:.4f} times")
     measured("verdict in real time", trust["verdict"])
-    assert abs(scale**-0.5 - 1) < 0.05  # user-mode-linux has a clock of its own
-    assert off_rms < (2 if even else 3)  # 1 is expected; neighbouring points are off together
-    # runs at rates of their own are not one motion, and may be doubted for that
-    assert trust["verdict"] == "good" or not even, trust["reasons"]
-    usable = trust["verdict"] != "unusable"
-    assert not usable or band < (0.02 if even else 0.1) * np.median(truth)  # which has to be the wider for it
-    return usable
+    good = trust["verdict"] == "good"
+    # samples of other instants, and runs that are not one motion, may be doubted, and then their table is nobody's
+    assert good or not even, trust["reasons"]
+    # user-mode-linux has a clock of its own; 1 band is expected, of which neighbouring points are off together
+    near = abs(scale**-0.5 - 1) < 0.05 and off_rms < (2 if even else 3)
+    right = near and band < (0.02 if even else 0.1) * np.median(truth)  # the wider where time was uneven
+    assert right or not good, (
+        f"called good: {mean:.4f} of the truth, off by {off_rms:.2f} bands of {band:.1e}"
+    )
+    return bool(right)
