@@ -60,10 +60,16 @@ def vcan_channel() -> Iterator[str]:
 
 @pytest.fixture(scope="module")
 def bench_channel(request: pytest.FixtureRequest) -> Iterator[str]:
-    """An interface with a bench on it, a process of its own; `request.param` is its clock."""
+    """An interface with a bench on it, a process of its own; `request.param` is its clock.
+
+    A drive has a processor of its own: where we may say so, ours is the bench's whenever it has something to do.
+    """
     with interface(f"bench{os.getpid()}") as channel:
         script = f"""
+import contextlib, os
 from schwung_sim.bench import Bench
+with contextlib.suppress(AttributeError, PermissionError):
+    os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(1))
 Bench("two-mass", interface="socketcan", channel="{channel}", clock="{request.param}", node_id=5).run_forever(200)
 """
         with subprocess.Popen([sys.executable, "-c", script], stdout=subprocess.PIPE, text=True) as process:
@@ -104,7 +110,8 @@ def measured(record_property: Callable[[str, object], None]) -> Callable[[str, s
 def pytest_terminal_summary(terminalreporter: pytest.TerminalReporter) -> None:
     figures = [
         f"{name.removeprefix('measured ')}: {figure}"
-        for report in terminalreporter.getreports("passed") + terminalreporter.getreports("failed")
+        for outcome in ("passed", "failed", "skipped")
+        for report in terminalreporter.getreports(outcome)
         for name, figure in report.user_properties
         if name.startswith("measured ")
     ]

@@ -85,15 +85,16 @@ def test_the_table_over_vcan_is_that_of_the_virtual_bus(
     assert desk["rmse_kgm2"] <= 0.003
 
 
-RATE_HZ = 500.0
+#: In user-mode-linux 500 Hz are all that its one processor can do; at half of that tool and drive have time to spare.
+RATE_HZ = 250.0
 #: In user-mode-linux, whose one processor is the kernel's, the tool's and the drive's, now and then a SYNC is late.
 MAX_JITTER = "1ms"
 #: A single SYNC that is later than this share of a period is a setpoint that holds for too long.
 MAX_LATE_SHARE = 0.5
 #: How often a computer may try to be even.
 GOES = 3
-#: Runs whose rates are further apart leave of this motion, one less the other (24 rad/s, 290 rad/s² a tenth of a second
-#: in), a tenth of a rad/s and more, where the sine swings by 1.8 rad/s.
+#: Runs whose rates are further apart leave of this motion (12 rad/s within a quarter of a second), one less the other,
+#: about a tenth of a rad/s.
 MAX_APART = 0.002
 
 
@@ -155,7 +156,7 @@ def test_in_real_time_the_kernels_ring_brings_the_table_of_the_truth(
         played.clear()
         out = tmp_path / f"wall{go}"
         result = _schwung(
-            capsys, "commission", "-m", str(tmp_path / "machine.toml"), "--distance", "180deg", "--duration", "250ms",
+            capsys, "commission", "-m", str(tmp_path / "machine.toml"), "--distance", "180deg", "--duration", "500ms",
             "--rate", f"{RATE_HZ:g}", "--max-jitter", MAX_JITTER, "--mode", "csp", "-y", "--out", str(out),
             "-i", "socketcan", "-c", bench_channel, "-n", "5", may_fail=True,
         )  # fmt: skip
