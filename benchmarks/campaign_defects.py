@@ -127,14 +127,15 @@ def _not_put_back() -> None:
 
 
 def _quick_stop_by_sdo_first() -> None:
-    """The SDO's quick stop comes before an RPDO that the drive still holds: the one that stops waits for its turn, and
-    the SDO does not wait for the SYNC after it."""
+    """The SDO's quick stop comes before an RPDO that the drive still holds: the one that stops waits for its turn, the
+    SDO does not wait for the SYNC after it, and that SYNC goes out whatever came since the RPDO before it."""
 
     def latch(self: Any, word: int) -> None:
         self._output.latch(word)
         raise StateError("defect", "what waits for the SYNC is skipped")
 
     sync._PythonProducer.latch = latch  # type: ignore[method-assign]
+    sync._PythonProducer._is_last_wanted = lambda _self: True  # type: ignore[method-assign]
 
 
 def _stops_when_somebody_looks() -> None:
