@@ -155,6 +155,7 @@ def missed(session: Session, machine: Machine, twin: Session | None = None) -> A
     return np.concatenate([residuals.residual(run, Unknowns())[residuals.valid(run)] for run in numbers])
 
 
+@pytest.mark.timeout(300)  # it compiles most of what weighing needs, where nobody has yet
 def test_a_payload_is_named_against_an_fmu_as_with_a_machine_file(tmp_path: Path) -> None:
     """Friction is, with the commands of the page for users."""
     session, believed, label = drawn(tmp_path, 404, among=("load_inertia",))

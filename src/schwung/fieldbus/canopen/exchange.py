@@ -50,6 +50,11 @@ class Producer(Protocol):
         """From now on: the last frame that went out, with this controlword and no injected torque. From any thread."""
         ...
 
+    def send_awaited_sync(self) -> bool:
+        """Send the SYNC that did not go out after an RPDO that enables, where that is so: a drive that holds such a
+        frame would undo with the next SYNC what comes by SDO before it. False where it cannot be sent."""
+        ...
+
     def release(self) -> None:
         """End a latch: what is asked for goes out again."""
         ...

@@ -128,6 +128,10 @@ class KernelProducer:
             self._over.set()
             return write.slots[0]
 
+    def send_awaited_sync(self) -> bool:
+        """True: the kernel sends no RPDO without the SYNC after it."""
+        return True
+
     def release(self) -> None:
         """End `latch`: what is held stays until something else is."""
         with self._lock:

@@ -94,9 +94,13 @@ class Output:
             self._frames, self._latched = [], True
             return self._held
 
+    def enables(self, frame: bytes) -> bool:
+        """Whether this frame enables operation."""
+        return self._stop_frame.enables(frame)
+
     def overtakes(self, frame: bytes) -> bool:
         """Whether a stop has come since this frame was taken, which enables operation."""
-        return self._latched and self._stop_frame.enables(frame)
+        return self._latched and self.enables(frame)
 
     def release(self) -> None:
         """What is asked for goes out again."""
@@ -118,5 +122,5 @@ class Output:
             self.last = outgoing.frame
 
     def _require_free(self, frame: bytes) -> None:
-        if self._latched and self._stop_frame.enables(frame):
+        if self.overtakes(frame):
             raise StateError(self._place, "was stopped on request (halt)", "Start it anew.")

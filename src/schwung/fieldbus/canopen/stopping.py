@@ -103,7 +103,9 @@ class Stopping:
         for _ in range(_HALT_TRIES):
             if self._monitor.nmt == "STOPPED" and not answered:  # where neither PDO nor SDO reaches it
                 self._command_node(nmt.PRE_OPERATIONAL)
-            outcome = self._sdo.write_once(CONTROLWORD, cia402.QUICK_STOP, 0.2)
+            outcome = Outcome.NOT_ANSWERED
+            if cyclic is None or cyclic.producer.send_awaited_sync():
+                outcome = self._sdo.write_once(CONTROLWORD, cia402.QUICK_STOP, 0.2)
             answered = outcome is not Outcome.NOT_ANSWERED
             heard = heard or answered
             if cyclic is not None and self._is_to_be_started(outcome):

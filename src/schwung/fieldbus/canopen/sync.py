@@ -36,6 +36,7 @@ class _PythonProducer:
         self._exchange, self._output, self._clock = exchange, output, exchange.link.clock
         self._syncs = exchange.sync_frames()
         self._sending = self._clock.lock()  # what was taken from the output is sent before a stop is
+        self._awaits_sync = False  # an RPDO that enables has gone out, and no SYNC since
 
     @property
     def last(self) -> bytes:
@@ -50,6 +51,15 @@ class _PythonProducer:
         with self._sending, contextlib.suppress(BusError):
             if frame and self._exchange.send_rpdo(frame):
                 self._output.sent(Outgoing(frame, -1))
+
+    def send_awaited_sync(self) -> bool:
+        """As Producer."""
+        try:
+            if self._awaits_sync:
+                self._send_sync(-1)
+        except BusError:
+            return False
+        return True
 
     def release(self) -> None:
         self._output.release()
@@ -68,6 +78,7 @@ class _PythonProducer:
         outgoing = self._output.next()
         if self._exchange.send_rpdo(outgoing.frame, lambda: not self._output.overtakes(outgoing.frame)):
             self._output.sent(outgoing)
+            self._awaits_sync |= self._output.enables(outgoing.frame)
         return outgoing
 
     def _send_sync(self, setpoint: int) -> None:
@@ -79,6 +90,7 @@ class _PythonProducer:
         frame = self._syncs[(exchange.sync_count - 1) % len(self._syncs)]
         while not (self._is_last_wanted() and exchange.link.send_frame(frame, self._is_last_wanted)):
             self._send_rpdo()
+        self._awaits_sync = False
 
     def _is_last_wanted(self) -> bool:
         return not self._output.overtakes(self._output.last)
