@@ -261,3 +261,8 @@ def test_what_was_not_kept_is_not_promised_by_more_of_the_same(data):
     assert search.unkept(frozenset({12, 14})) == -3.0
     assert search.unkept(frozenset({10, 14})) == -3.0  # no better than the best of those that were tried
     assert search.unkept(frozenset({10})) == 0.0
+    search.kept[frozenset({13})] = -np.inf  # it came to nothing, and says so of no other
+    assert search.unkept(frozenset({13, 15})) == -np.inf
+    assert search.unkept(frozenset({14})) == -3.0
+    search.kept = {frozenset({13}): -np.inf}
+    assert search.unkept(frozenset({14})) == 0.0

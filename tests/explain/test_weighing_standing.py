@@ -2,14 +2,19 @@
 
 from dataclasses import dataclass
 from math import inf
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
+from schwung.drivetrain.machine import Coupling
+from schwung.explain.weighing.along import Ranges
 from schwung.explain.weighing.candidate import Candidate
+from schwung.explain.weighing.data import Atom
 from schwung.explain.weighing.search import Pick
-from schwung.explain.weighing.standing import standing
+from schwung.explain.weighing.standing import finding, standing
 from schwung.explain.weighing.values import Proof
+from schwung.explain.weighing.vocabulary.shaft import shaft
 from schwung.innovations.effect import Effect
 
 
@@ -145,3 +150,55 @@ def test_what_a_proof_takes_is_nothing_where_it_makes_worse(
     before: float, after: float, taken: float
 ) -> None:
     assert Proof((1,), 0.0, before, after).taken == pytest.approx(taken)
+
+
+def test_what_one_curve_cannot_deny_several_small_ones_cannot_either():
+    """Each is a sample of how far names may be wrong: of three such, one as large as 30 of them all is no accident."""
+    drift = Cause("drift", 90_000.0)
+    one = stands(drift, Cause("curve", 3000.0, named=False))
+    three = stands(drift, *(Cause(f"curve {i}", 1000.0, named=False) for i in range(3)))
+    assert three.left == pytest.approx(3000.0, rel=1e-3)
+    assert one.names["drift"] < 0.5
+    assert three.names["drift"] > 0.95
+
+
+def late(lag_us: float, usual_us: float) -> float:
+    """That a lag is a finding beside so much that the usual timing takes of it, all known to 5 µs, together to 1 µs."""
+    usual = Candidate("usual_torque_timing", lambda *_: Effect(), (5e-5, 1e-8), named=False)
+    lag = Candidate(
+        "torque_lag",
+        lambda *_: Effect(),
+        (1e-3,),
+        known_to=7e-5,
+        with_usual={"usual_torque_timing": (-1.0, 0.0)},
+    )
+    covariance = 1e-12 * np.array([[25.0, 0, 24.5], [0, 1e-6, 0], [24.5, 0, 25.0]])
+    found = SimpleNamespace(
+        coefficients=np.array([1e-6 * usual_us, 2e-9, 1e-6 * lag_us]), covariance=covariance
+    )
+    atoms = [Atom(0, (), slice(0, 2)), Atom(1, (), slice(2, 3))]
+    search = SimpleNamespace(
+        candidate=lambda _pick: lag, always=(0,), data=SimpleNamespace(candidates=[usual, lag], atoms=atoms)
+    )
+    scored = SimpleNamespace(which=np.arange(3), found=found)
+    return finding(search, scored, Pick(1, 1.0))  # type: ignore[arg-type]
+
+
+def test_a_lag_that_the_usual_timing_takes_back_is_none():
+    """A lag of 100 µs beside a torque that is reported 65 µs late says how it bends, not that it comes late."""
+    assert late(100.0, 65.0) < 0.5 < late(100.0, 0.0) < late(400.0, 0.0)
+    assert late(400.0, 0.0) > 0.99
+    assert late(100.0, 160.0) == 0.0  # the other way round
+
+
+def test_a_further_mass_is_felt_at_its_resonance():
+    """A third of a per mille of the load is a part in a hundred of it where it is damped with a ratio of 0.015."""
+    coupling, of = (
+        Coupling(stiffness_nm_rad=4e4, damping_nms=5.0),
+        Ranges(0.0, 4.0, 50.0, 2000.0, 40.0, 1.0, 0.1, 8, 160.0),
+    )
+    (mass,) = [c for c in shaft(of, coupling, 1.0, 0.1) if c.name == "extra_compliance"]
+    covariance = np.array([[1e-14]])
+    assert mass.beyond(np.array([3.3e-5]), covariance, (300.0, 0.015)) > 0.99
+    assert mass.beyond(np.array([3.3e-5]), covariance, (300.0, 0.1)) < 0.01
+    assert mass.beyond(np.array([3e-7]), covariance, (300.0, 0.023)) < 0.01

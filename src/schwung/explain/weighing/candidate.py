@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from itertools import product
 
 import numpy as np
@@ -97,6 +97,10 @@ class Candidate:
     known_to: float = (
         0.0  # size of its coefficients that the belief is usually off by: a smaller change is no finding
     )
+    felt: Callable[[Shape], float] = lambda _shape: 1.0  # so many times its coefficients are to be known
+    with_usual: Mapping[str, Shape] = field(
+        default_factory=dict
+    )  # what a unit of each coefficient of the usual ones counts to its only one
     products: Array | None = (
         None  # of a curve's modes, by which its size is measured (p, p); None: of the coefficients
     )
@@ -117,14 +121,14 @@ class Candidate:
         """Coefficients that have a lower bound, and that bound."""
         return tuple(zip(self.positive, self.least or (0.0,) * len(self.positive), strict=True))
 
-    def beyond(self, coefficients: Array, covariance: Array) -> float:
+    def beyond(self, coefficients: Array, covariance: Array, shape: Shape = ()) -> float:
         """Probability that a change is larger than the belief is usually off by; (p,), (p, p)."""
         if self.known_to == 0:
             return 1.0
         along = coefficients if self.products is None else self.products @ coefficients
         size = float(np.sqrt(along @ coefficients))
         spread = float(np.sqrt(along @ covariance @ along)) / max(size, 1e-300)
-        return float(ndtr((size - self.known_to) / max(spread, 1e-300)))
+        return float(ndtr((size - self.known_to / self.felt(shape)) / max(spread, 1e-300)))
 
     def possible(self, coefficients: Array) -> bool:
         """Whether none of its coefficients is beyond its bound."""

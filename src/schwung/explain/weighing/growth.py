@@ -132,7 +132,7 @@ class Growth:
                     continue
                 growing = False
             search.best(start.picks)
-            taken = self._fewer(search, start, at) or self._instead(search, start, at)
+            taken = self._instead(search, start, at) or self._fewer(search, start, at)
             if taken is None:
                 return _Climbed(search, start, at)
             best, at = taken

@@ -343,12 +343,13 @@ class Search:
     def unkept(self, kind: frozenset[int]) -> float:
         """By how much a set's log probability differs at rest; of one that was not brought there, what was promised but
         not kept of the same causes with fewer beside them, or else by whichever set with other causes kept the most.
+        A cause that comes to nothing at rest says nothing of others.
         """
         if kind in self.kept:
             return self.kept[kind]
         beyond = {other - self.resting: log for other, log in self.kept.items()}
         fewer = [log for other, log in beyond.items() if frozenset() < other <= kind]
-        most = max((log for other, log in beyond.items() if other), default=0.0)
+        most = max((log for other, log in beyond.items() if other and np.isfinite(log)), default=0.0)
         return min(0.0, min(fewer, default=most if kind - self.resting else 0.0))
 
     def shares(self) -> list[tuple[float, Scored]]:

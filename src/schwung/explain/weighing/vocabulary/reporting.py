@@ -85,6 +85,9 @@ def _harmonic(along: Along, shape: Shape) -> Effect:
 def reporting(of: Ranges, share: float) -> list[Candidate]:
     """The family; `share`: of the peak torque, natural for any cause."""
     peak, apart = of.peak_torque_nm, float(np.hypot(APART_S, APART_S))  # of two signals
+    # of torque and speed, whichever is late: what the usual ones take back of it is none, however it bends
+    torque_later = {"usual_torque_timing": (-1.0, 0.0), "usual_speed_timing": (1.0, 0.0)}
+    torque_earlier = {"usual_torque_timing": (1.0, 0.0), "usual_speed_timing": (-1.0, 0.0)}
 
     def drop(along: Along, shape: Shape) -> Effect:
         return Effect(column(-((np.abs(along.torque) / peak) ** shape[0]) * along.torque))
@@ -94,13 +97,16 @@ def reporting(of: Ranges, share: float) -> list[Candidate]:
                   known_to=RIGHT_TO),
         Candidate("torque_lag", _later, (DEFECT_S,), lambda c, _: {"time_constant_s": c[0]}, positive=(0,),
                   shapes=grid(BENDS_S), spacing=(BEND_STEP_S,), logarithmic=(False,),
-                  bounds=((LEAST_BEND_S, MOST_BEND_S),), coordinate="frequency", known_to=apart, family="lag"),
+                  bounds=((LEAST_BEND_S, MOST_BEND_S),), coordinate="frequency", known_to=apart, family="lag",
+                  with_usual=torque_later),
         Candidate("torque_filter", _earlier, (DEFECT_S,), lambda c, _: {"time_constant_s": c[0]},
                   positive=(0,), shapes=grid(BENDS_S), spacing=(BEND_STEP_S,), logarithmic=(False,),
-                  bounds=((LEAST_BEND_S, MOST_BEND_S),), coordinate="frequency", known_to=apart, family="lag"),
+                  bounds=((LEAST_BEND_S, MOST_BEND_S),), coordinate="frequency", known_to=apart, family="lag",
+                  with_usual=torque_earlier),
         Candidate("measurement_delay", _speed_later, (DEFECT_S,), lambda c, _: {"delay_s": c[0]},
                   positive=(0,), bent=_later_yet, shapes=grid(BENDS_S), spacing=(BEND_STEP_S,), logarithmic=(False,),
-                  bounds=((LEAST_BEND_S, MOST_BEND_S),), coordinate="acceleration", known_to=apart),
+                  bounds=((LEAST_BEND_S, MOST_BEND_S),), coordinate="acceleration", known_to=apart,
+                  with_usual=torque_later),
         Candidate("torque_constant_drop", drop, (share,),
                   lambda c, s: {"share_at_peak": c[0], "peak_nm": peak, "order": s[0]}, positive=(0,),
                   shapes=grid([0.5, 1.0, 2.0, 4.0]), spacing=(0.7,), logarithmic=(True,), bounds=((0.3, 10.0),),
