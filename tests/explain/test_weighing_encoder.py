@@ -1,10 +1,16 @@
 """An encoder that is off many times a turn: the drive shakes the machine by it, which looks like another torque."""
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
+from sealed_sessions import drawn
 from strangers import STRANGERS, Stranger, belief_of, session_of
 
+from schwung.drivetrain.inertia import InertiaTable, LoadTorqueTable
+from schwung.drivetrain.machine import Load
 from schwung.drivetrain.physics_term import PhysicsTerm
+from schwung.explain.weighing.along import Along
 from schwung.explain.weighing.weigh import weigh
 
 
@@ -39,3 +45,33 @@ def test_a_belief_that_has_it_misses_nothing():
     assert all(one.probability < 0.5 for one in (*found.names, *found.unnamed))
     assert found.proof is not None
     assert found.proof.before == pytest.approx(1.0, abs=0.1)
+
+
+def test_half_a_degree_misread_where_the_inertia_is_steep_is_no_other_inertia(tmp_path):
+    """Two degrees, a speed 0.8 ms late: a line without the load's other torque there is worth less than a profile."""
+    session, machine, _ = drawn(tmp_path, 285308, each=2, kind="two", level="clear")
+    found = weigh(session, machine)
+    assert {one.name for one in found.names if one.probability > 0.5} == {
+        "encoder_eccentricity",
+        "measurement_delay",
+    }
+
+
+def test_where_the_angle_is_misread_the_load_is_another():
+    """J α + ½ J' ω² − T of the load, at an angle a little further, is so much more."""
+    points = np.linspace(-0.5, 3.5, 800)
+    crank = belief_of(STRANGERS[14]).model_copy(
+        update={
+            "load": Load(
+                inertia_table=InertiaTable(points, 0.02 * (1 + 0.6 * np.sin(2 * points) ** 2)),
+                torque_table=LoadTorqueTable(points, 3.0 * np.cos(points)),
+            )
+        }
+    )
+    at, speed, faster = np.linspace(0.1, 3.0, 200), 12.0, 300.0
+    along = SimpleNamespace(present=crank, load_angle=at, load_speed=speed, load_acceleration=faster)
+
+    slope, bend, pull = 0.024 * np.sin(4 * at), 0.096 * np.cos(4 * at), -3.0 * np.sin(at)
+    expected = slope * faster + bend * speed**2 / 2 - pull
+    told = Along.turned_less.func(along)  # type: ignore[attr-defined]
+    assert np.std(told - expected) < 0.15 * np.std(expected)  # a table's second derivative is rough

@@ -152,16 +152,6 @@ def test_what_a_proof_takes_is_nothing_where_it_makes_worse(
     assert Proof((1,), 0.0, before, after).taken == pytest.approx(taken)
 
 
-def test_what_one_curve_cannot_deny_several_small_ones_cannot_either():
-    """Each is a sample of how far names may be wrong: of three such, one as large as 30 of them all is no accident."""
-    drift = Cause("drift", 90_000.0)
-    one = stands(drift, Cause("curve", 3000.0, named=False))
-    three = stands(drift, *(Cause(f"curve {i}", 1000.0, named=False) for i in range(3)))
-    assert three.left == pytest.approx(3000.0, rel=1e-3)
-    assert one.names["drift"] < 0.5
-    assert three.names["drift"] > 0.95
-
-
 def late(lag_us: float, usual_us: float) -> float:
     """That a lag is a finding beside so much that the usual timing takes of it, all known to 5 µs, together to 1 µs."""
     usual = Candidate("usual_torque_timing", lambda *_: Effect(), (5e-5, 1e-8), named=False)

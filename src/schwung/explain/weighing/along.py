@@ -16,6 +16,9 @@ from schwung.innovations.splines import slopes
 from schwung.motion import Array
 from schwung.session.model import Run
 
+#: Over which slopes by the angle are taken.
+DIFFERENCE_RAD = 1e-3
+
 
 @dataclass(frozen=True)
 class Ranges:
@@ -279,12 +282,30 @@ class Along:
         return self.present.load_inertia_at(self.load_angle)
 
     @cached_property
+    def turned_less(self) -> Array:
+        """Torque that drives the load more for each radian that it has turned less (N·m/rad), with what is present.
+
+        J α + ½ J' ω² − T, each along the way: where the angle is misread, the load is another there.
+        """
+        _, slope, bend = inertia_of(self.present, self.load_angle)
+        ends = [self.present.load_torque_at(self.load_angle + way * DIFFERENCE_RAD) for way in (1, -1)]
+        pulled = (ends[0] - ends[1]) / (2 * DIFFERENCE_RAD)
+        return np.asarray(slope * self.load_acceleration + bend * self.load_speed**2 / 2 - pulled)
+
+    @cached_property
     def carried(self) -> Array:
         """Torque through the shaft to the load (N·m)."""
         if self.present.coupling is None:
             return np.asarray(self.inertia * self.load_acceleration)
         k, b = self.present.coupling.stiffness_nm_rad, self.present.coupling.damping_nms
         return np.asarray(k * self.wound + b * self.winding)
+
+
+def inertia_of(machine: Machine, angle: Array) -> tuple[Array, Array, Array]:
+    """J_l of a machine at angles (n,), its slope and its bend."""
+    h, inertia_at = DIFFERENCE_RAD, machine.load_inertia_at
+    low, middle, high = inertia_at(angle - h), inertia_at(angle), inertia_at(angle + h)
+    return middle, (high - low) / (2 * h), (high - 2 * middle + low) / h**2
 
 
 def along(

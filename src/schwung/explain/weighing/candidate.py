@@ -81,7 +81,9 @@ class Candidate:
     heavier: Callable[[Along, Shape, Array], Array] | None = (
         None  # what it adds to the load's inertia along a run: its slope by the acceleration, (n,)
     )
-    whole: Callable[[Along, Shape, Array], Effect] | None = None  # `done`, where there is a shorter way
+    whole: Callable[[Along, Shape, Array], Effect] | None = (
+        None  # `done`, where there is a shorter way, or where states that rest with it know a part of `effect`
+    )
     bent: Bent | None = None  # where it is not in proportion to its coefficients; `effect` is then about 0
     inertia: Callable[[Array, Shape], Array] | None = (
         None  # what a unit of each adds to J_l at angles, (n, p)

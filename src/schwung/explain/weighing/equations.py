@@ -7,8 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from schwung.drivetrain.machine import Machine
-from schwung.explain.weighing.along import Along
-from schwung.explain.weighing.vocabulary.load import inertia_of
+from schwung.explain.weighing.along import Along, inertia_of
 from schwung.innovations.likelihood import Equations, Noise
 from schwung.innovations.play import LEAST_SHARE, through_play
 from schwung.innovations.steps import Steps, bulge, off_middle

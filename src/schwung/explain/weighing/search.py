@@ -26,6 +26,8 @@ from schwung.motion import Array
 EXPECTED = 1.0
 #: The best so many candidates are looked at closely wherever one is added.
 _LOOKED_AT = 3
+#: So many laws are among those.
+_LAWS = 2
 _ROUNDS = 4
 #: No set holds more causes: what needs more is not understood, and each costs a search of its own.
 MOST = 6
@@ -214,13 +216,14 @@ class Search:
     def offered(self, picks: Set, without: frozenset[int] = frozenset()) -> list[Scored]:
         """Sets of one cause more, those that promise most or open a gap, and curves in place of their cases.
 
-        The law that promises most is one of them: between the shapes of its grid it may be worth more than any curve.
+        The two laws that promise most are among them: between the shapes of its grid, and where it is no line about the
+        set at hand, a law may be worth more than any curve.
         """
         offers = [o for o in self.additions(picks) if self.index(o[1]) not in without]
         rest = offers[_LOOKED_AT:]
         beyond = [o for o in rest if self.candidate(o[1]).opens][:1]
-        if not any(self.candidate(pick).is_law for _, pick in offers[:_LOOKED_AT]):
-            beyond += [o for o in rest if self.candidate(o[1]).is_law and o not in beyond][:1]
+        laws = [o for o in offers if self.candidate(o[1]).is_law][:_LAWS]
+        beyond += [o for o in laws if o in rest and o not in beyond]
         return [
             *(self._with(picks, pick) for _, pick in [*offers[:_LOOKED_AT], *beyond]),
             *self._curves_instead(picks, without),

@@ -2,10 +2,9 @@
 
 Evidence takes for granted that one of the sets is true. Where none is, names that are only like the truth share what it
 does, each surely. What is left to no name (curves, and what repeats of a motion share beyond any set) may point along
-any name's columns: each is one sample, of an unknown size, of how far a name may be wrong, however many there are of
-the noise. Of a normal error of unknown size, of which ν others are seen, a gain of evidence G beyond what is left, L in
-all, is likelier by (1 + G/L)^((ν + 1)/2) (Student's distribution, of one Cauchy's), not by exp G. A name that falls by
-this counts to what is left.
+any name's columns: it is one sample, of an unknown size, of how far a name may be wrong, however many there are of the
+noise. Of a normal error of unknown size, of which one other is seen, a gain of evidence G beyond what is left, L, is
+likelier by 1 + G/L (Cauchy's distribution), not by exp G. A name that falls by this counts to what is left.
 
 What is left is an error of the torque that the model foresees, and is held against what a name takes of the recording
 while all that is usual keeps what it has. Whether a late speed is a defect or usual no recording tells: both take the
@@ -37,7 +36,6 @@ class Standing:
 
     left: float
     names: Mapping[str, float]  # of the best set
-    seen: int = 1  # of how many causes that is
     usual: Mapping[str, float] = field(
         default_factory=dict
     )  # of its names: that they are as much as is usual
@@ -49,8 +47,7 @@ class Standing:
             best = max(sets, key=lambda one: one.log)
             pick = next(one for one in best.picks if search.name(one) == name)
             worth = _worth(search, best.picks, pick)
-            data = max(worth, taken(search, best.picks, pick))
-            sure = _sure(search, worth, data, self.left, self.seen)
+            sure = _sure(search, worth, max(worth, taken(search, best.picks, pick)), self.left)
             return sure * float(expit(one_law(search, best, pick))) * finding(search, best, pick)
         return self.names[name]
 
@@ -113,12 +110,11 @@ def standing(
     """Of the best set's names; `repeated`: curves of what only repeats share; `law`: log odds of being one law;
     `larger`: probability of being more than is usual; `takes`: log evidence of the recording alone.
     """
-    gains, picks = [_gain(search, best, curve) for curve in repeated], best.picks
+    left = sum(max(_gain(search, best, curve), 0.0) for curve in repeated)
+    picks = best.picks
     for pick in picks:
         if not search.candidate(pick).named:
-            gains.append(_worth(search, picks, pick))
-            picks = _without(picks, pick)
-    left, seen = sum(max(gain, 0.0) for gain in gains), max(1, sum(gain > 0 for gain in gains))
+            left, picks = left + max(_worth(search, picks, pick), 0.0), _without(picks, pick)
     left += RIGHT_TO**2 * max(_log(search, picks) - _log(search, ()), 0.0)
     names: dict[str, float] = {}
     # beside all others: what is left out as no finding is still there, and would be taken over by what is like it
@@ -130,7 +126,7 @@ def standing(
         here = search.sized(search.score(picks))
         laws = {pick: law(search, here, pick) for pick in picks}
         sure = {
-            pick: _sure(search, gain, data[pick], left + _others(search, worth, pick), seen)
+            pick: _sure(search, gain, data[pick], left + _others(search, worth, pick))
             * float(expit(laws[pick]))
             * large[pick]
             for pick, gain in worth.items()
@@ -141,12 +137,10 @@ def standing(
             continue
         weakest = min(picks, key=lambda pick: data[pick])
         if sure[weakest] > 0.5:
-            return Standing(
-                left, {**names, **{search.candidate(p).name: sure[p] for p in picks}}, seen, usual
-            )
+            return Standing(left, {**names, **{search.candidate(p).name: sure[p] for p in picks}}, usual)
         names[search.candidate(weakest).name] = sure[weakest]
-        left, seen, picks = left + max(worth[weakest], 0.0), seen + 1, _without(picks, weakest)
-    return Standing(left, names, seen, usual)
+        left, picks = left + max(worth[weakest], 0.0), _without(picks, weakest)
+    return Standing(left, names, usual)
 
 
 def _others(search: Search, worth: Mapping[Pick, float], pick: Pick) -> float:
@@ -159,12 +153,11 @@ def _others(search: Search, worth: Mapping[Pick, float], pick: Pick) -> float:
     return sum((max(gain, 0.0) for gain in others), 0.0) if is_curve(pick) else 0.0
 
 
-def _sure(search: Search, gain: float, data: float, left: float, seen: int) -> float:
-    """Probability of a name that adds so much evidence, `data` of it the recording's, where so much is left to so many
-    causes."""
+def _sure(search: Search, gain: float, data: float, left: float) -> float:
+    """Probability of a name that adds so much evidence, `data` of it the recording's, where so much is left."""
     if gain <= 0:
         return 0.0
-    counted = min(gain, (seen + 1) / 2 * float(np.log1p(data / left))) if left > 0 else gain
+    counted = min(gain, float(np.log1p(data / left))) if left > 0 else gain
     return float(expit(counted + search.odds))
 
 

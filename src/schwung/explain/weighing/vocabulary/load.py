@@ -18,7 +18,7 @@ from scipy.interpolate import CubicSpline, PchipInterpolator, PPoly
 
 from schwung.drivetrain.inertia import InertiaTable
 from schwung.drivetrain.machine import Machine
-from schwung.explain.weighing.along import Along, Ranges
+from schwung.explain.weighing.along import DIFFERENCE_RAD, Along, Ranges, inertia_of
 from schwung.explain.weighing.candidate import (
     LADDER,
     RIGHT_TO,
@@ -38,7 +38,6 @@ from schwung.motion import Array
 _HIGHEST = 60
 #: A believed inertia that varies by less than this share has no profile to shift or to scale.
 _VARIES = 0.02
-_DIFFERENCE_RAD = 1e-3
 #: Shifts from which the search for one begins: about none, a large one looks like another curve.
 _SHIFTS_RAD = (-0.5, -0.2, -0.08, -0.03, 0.03, 0.08, 0.2, 0.5)
 #: What is wrong with a measured curve is alike within this share of the visited angles.
@@ -101,13 +100,6 @@ def _cogging(along: Along, shape: Shape) -> Effect:
     return Effect(np.stack([np.sin(shape[0] * along.angle), np.cos(shape[0] * along.angle)], 1))
 
 
-def inertia_of(machine: Machine, angle: Array) -> tuple[Array, Array, Array]:
-    """J_l of a machine at angles (n,), its slope and its bend."""
-    h, inertia_at = _DIFFERENCE_RAD, machine.load_inertia_at
-    low, middle, high = inertia_at(angle - h), inertia_at(angle), inertia_at(angle + h)
-    return middle, (high - low) / (2 * h), (high - 2 * middle + low) / h**2
-
-
 def of_inertia(unit: Callable[[Array, Shape], Array], step_rad: float) -> Callable[[Along, Shape], Effect]:
     """What a change of J_l takes, −(δJ α + ½ δJ' ω²); `unit`: of each coefficient at angles, (n, p)."""
 
@@ -163,7 +155,7 @@ def _beyond_ends(of: Ranges, table: InertiaTable) -> list[Candidate]:
         return np.stack([power for over in beyond for power in (over, over**2 / 2)], 1)
 
     return [
-        Candidate("usual_continuation", of_inertia(further, _DIFFERENCE_RAD), (steep, bent) * len(passed),
+        Candidate("usual_continuation", of_inertia(further, DIFFERENCE_RAD), (steep, bent) * len(passed),
                   named=False, inertia=further)
     ]  # fmt: skip
 
@@ -257,7 +249,7 @@ def load(of: Ranges, torque_nm: float, machine: Machine) -> list[Candidate]:
     def over_angle(along: Along, _shape: Shape, coefficients: Array) -> Effect:
         return Effect(on_load=angle.folded(coefficients).at(along.load_angle))
 
-    step = _DIFFERENCE_RAD
+    step = DIFFERENCE_RAD
     found: list[Candidate] = [
         Candidate("load_torque", _gravity, natural,
                   lambda c, _: dict(zip(("amplitude_nm", "phase_rad"), polar(c), strict=True)),

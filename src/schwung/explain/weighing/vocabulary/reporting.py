@@ -9,6 +9,8 @@ eccentricity a sin(θ + φ) in the angle, its rate in the speed        harmonic 
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 from schwung.explain.weighing.along import Along, Ranges
@@ -64,22 +66,26 @@ def _ripple(along: Along, shape: Shape) -> Effect:
     return Effect(np.stack([along.torque * np.sin(turned), along.torque * np.cos(turned)], 1))
 
 
-def _eccentric(along: Along, _shape: Shape) -> Effect:
-    sine, cosine = np.sin(along.angle), np.cos(along.angle)
-    return Effect(
-        position=np.stack([sine, cosine], 1),
-        speed=np.stack([cosine * along.speed, -sine * along.speed], 1),
-    )
+def _misread(along: Along, order: float) -> tuple[Array, Array]:
+    """Of the angle sin and cos nθ over n, and of the speed what goes with that, (n, 2) each."""
+    turned = order * along.angle
+    sine, cosine = np.sin(turned), np.cos(turned)
+    return np.stack([sine, cosine], 1) / order, np.stack([cosine * along.speed, -sine * along.speed], 1)
 
 
 def _harmonic(along: Along, shape: Shape) -> Effect:
-    """Coefficients are a n: by what share the reported speed is off, which is as natural at any order."""
-    turned = shape[0] * along.angle
-    sine, cosine = np.sin(turned), np.cos(turned)
-    return Effect(
-        position=np.stack([sine, cosine], 1) / shape[0],
-        speed=np.stack([cosine * along.speed, -sine * along.speed], 1),
-    )
+    """Coefficients are a n: by what share the reported speed is off, which is as natural at any order.
+
+    Where the angle is misread, the load is the one of another angle: of half a degree that may be more than all else.
+    """
+    angle, speed = _misread(along, *shape)
+    return Effect(on_load=along.turned_less[:, None] * angle, position=angle, speed=speed)
+
+
+def _harmonic_whole(along: Along, shape: Shape, coefficients: Array) -> Effect:
+    """Its states are at the true angle, where the load is what it is there."""
+    angle, speed = _misread(along, *shape)
+    return Effect(position=column(angle @ coefficients), speed=column(speed @ coefficients))
 
 
 def reporting(of: Ranges, share: float) -> list[Candidate]:
@@ -119,13 +125,13 @@ def reporting(of: Ranges, share: float) -> list[Candidate]:
                   shapes=grid(peak * np.linspace(0.5, 0.97, 12)), spacing=(0.04 * peak,),
                   logarithmic=(False,), bounds=((0.2 * peak, 0.99 * peak),), positive=(0,),
                   coordinate="torque"),
-        Candidate("encoder_eccentricity", _eccentric, (share * of.span_rad / 10,) * 2,
+        Candidate("encoder_eccentricity", lambda a, _: _harmonic(a, (1.0,)), (share * of.span_rad / 10,) * 2,
                   lambda c, _: dict(zip(("amplitude_rad", "phase_rad"), polar(c), strict=True)),
-                  coordinate="position"),
-        *of_any_order(
+                  whole=lambda a, _, c: _harmonic_whole(a, (1.0,), c), coordinate="position"),
+        *(replace(harmonic, whole=_harmonic_whole) for harmonic in of_any_order(
             of, "encoder_harmonic", _harmonic, (share * of.span_rad / 10,) * 2,
             lambda c, s: {"order": s[0], "amplitude_rad": polar(c)[0] / s[0], "phase_rad": polar(c)[1]},
-        ),
+        )),
     ]  # fmt: skip
 
 
