@@ -1,5 +1,7 @@
 """Columns against the filter itself, their products against the columns, and a refined shape against its neighbours."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from scipy.interpolate import CubicSpline
@@ -266,3 +268,22 @@ def test_what_was_not_kept_is_not_promised_by_more_of_the_same(data):
     assert search.unkept(frozenset({14})) == -3.0
     search.kept = {frozenset({13}): -np.inf}
     assert search.unkept(frozenset({14})) == 0.0
+
+
+@pytest.mark.parametrize("runs_away", [np.nan, 1e4])
+def test_states_that_run_away_stay_where_the_runs_were_likeliest(view, monkeypatch, runs_away):
+    """A further mass beside a wrong inertia shook itself up: noise was taken for 10⁵ N·m, and nothing was found."""
+    smoothed, seen = rounds.resmoothed_about, []
+
+    def shaken(about):
+        further = smoothed(about)
+        seen.append(about.square(range(len(view.runs))))
+        if len(seen) < 2:
+            return further
+        runs = (run.about(run.states * runs_away) for run in further.runs)
+        return replace(further, runs=tuple(runs))
+
+    monkeypatch.setattr(rounds, "resmoothed_about", shaken)
+    found = rounds.at_rest(view, (), first_noise(view.runs))
+    assert len(seen) >= 2
+    assert found.square(range(len(view.runs))) == pytest.approx(min(seen))

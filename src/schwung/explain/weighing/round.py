@@ -183,8 +183,9 @@ class Linearised:
         return rows
 
     def square(self, runs: Sequence[int]) -> float:
-        """Sum of squares of some runs' innovations."""
-        return float(np.sum(self.innovations(runs) ** 2))
+        """Sum of squares of some runs' innovations; ∞ where they ran away."""
+        with np.errstate(over="ignore"):
+            return float(np.sum(self.innovations(runs) ** 2))
 
     def unsure(self, runs: Sequence[int]) -> float:
         """What some runs' innovations are less sure of for a coupling's gap (−2 log likelihood)."""
@@ -285,22 +286,35 @@ def loud_about(about: Linearised) -> tuple[Sequence[Array], ...]:
     return tuple(every)
 
 
+def finite(view: View) -> bool:
+    """Whether the machine still moved as machines do: coefficients far off make its numbers run away."""
+    return all(bool(np.all(np.isfinite(run.states))) for run in view.runs)
+
+
 def at_rest(
     view: View, members: Sequence[Member], noise: Noise, runs: Sequence[int] | None = None
 ) -> Linearised:
     """Some runs (None: all) about the states that these members make likely, smoothed until those stay as they are.
 
     As recorded, a shaft is not wound up: about such states, and about those smoothed once from there, a machine that is
-    as believed misses several times its noise.
+    as believed misses several times its noise. Where what is present makes the numbers run away, they stay where the
+    runs were likeliest.
     """
-    about = linearised(resmoothed(view, members, noise, runs), members, noise, None, runs)
+    about = best = linearised(view, members, noise, None, runs)
     every = tuple(about.passed)
-    for _ in range(STEPS):
-        before, missed = about.square(every), max(1.0, about.square(every) / about.samples(every))
-        about = linearised(resmoothed_about(about), members, noise, None, runs)
-        if abs(about.square(every) - before) < ALIKE * missed:
+    first, square = about.square(every), np.inf
+    least = first
+    for _ in range(1 + STEPS):
+        further = resmoothed_about(about)
+        if not finite(further):
+            return best
+        about = linearised(further, members, noise, None, runs)
+        before, square = square, about.square(every)
+        if square < least:
+            best, least = about, square
+        if abs(square - before) < ALIKE * max(1.0, before / about.samples(every)):
             break
-    return about
+    return about if square <= first else best
 
 
 def target_of(about: Linearised, members: Sequence[Member], runs: Sequence[int]) -> Array:

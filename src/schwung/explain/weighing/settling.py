@@ -17,6 +17,7 @@ from schwung.explain.weighing.round import (
     Linearised,
     View,
     few_of,
+    finite,
     linearised,
     resmoothed,
     resmoothed_about,
@@ -185,11 +186,6 @@ def _at_rest(at: _Step, weighing: Weighing) -> Settled:
             break
         at = better
     return Settled(at.about, at.members, at.log + _inexact(at.about, at.members, weighing))
-
-
-def finite(view: View) -> bool:
-    """Whether the machine still moved as machines do: coefficients far off make its numbers run away."""
-    return all(bool(np.all(np.isfinite(run.states))) for run in view.runs)
 
 
 @dataclass(frozen=True, eq=False)

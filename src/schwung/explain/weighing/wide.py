@@ -14,12 +14,13 @@ from schwung.explain.weighing.round import (
     View,
     acting,
     at_rest,
+    finite,
     linearised,
     loud_about,
     resmoothed_about,
     torques_about,
 )
-from schwung.explain.weighing.settling import HALVINGS, finite, within
+from schwung.explain.weighing.settling import HALVINGS, within
 from schwung.explain.weighing.work import PRODUCT
 from schwung.innovations.evidence import Weighed, weigh
 from schwung.innovations.likelihood import Noise
