@@ -10,8 +10,8 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from schwung.drivetrain import load_machine, write_machine
+from schwung.drivetrain.effects import Effects, effects_of
 from schwung.drivetrain.machine import Control, Load, Machine, paper_machine
-from schwung.drivetrain.physics import Effects, effects_of
 from schwung.drivetrain.physics_term import PhysicsTerm
 from schwung.drivetrain.simulation import Simulated, simulate
 from schwung.errors import InputError

@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 import tomli_w
 
+from schwung.drivetrain.effects import PHYSICS, Effects, effects_of
 from schwung.drivetrain.machine import Machine, load_machine, paper_machine, write_machine
-from schwung.drivetrain.physics import PHYSICS, Effects, effects_of
 from schwung.drivetrain.physics_term import PhysicsTerm
 from schwung.drivetrain.residual import load_torque_table
 from schwung.drivetrain.simulation import simulate

@@ -17,9 +17,9 @@ import numpy as np
 import pytest
 from scipy.interpolate import CubicSpline
 
+from schwung.drivetrain.effects import PHYSICS
 from schwung.drivetrain.inertia import InertiaTable, slider_crank_inertia
 from schwung.drivetrain.machine import Load, Machine, paper_machine
-from schwung.drivetrain.physics import PHYSICS
 from schwung.drivetrain.physics_term import PhysicsTerm
 from schwung.drivetrain.simulation import Simulated, simulate
 from schwung.errors import InputError

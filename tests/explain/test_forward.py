@@ -8,9 +8,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from schwung.drivetrain.effects import Effects, effects_of
 from schwung.drivetrain.inertia import InertiaTable, slider_crank_inertia
 from schwung.drivetrain.machine import Control, Coupling, Load, Machine, Motor
-from schwung.drivetrain.physics import Effects, effects_of
 from schwung.drivetrain.physics_term import PhysicsTerm
 from schwung.drivetrain.simulation import simulate
 from schwung.explain import forward

@@ -10,8 +10,8 @@ from sealed_sessions import fewer
 from strangers import Stranger, belief_of, session_of
 
 from schwung.drivetrain import load_machine, write_machine
+from schwung.drivetrain.effects import PHYSICS, effects_of
 from schwung.drivetrain.machine import Machine, paper_machine
-from schwung.drivetrain.physics import PHYSICS, effects_of
 from schwung.drivetrain.physics_term import PhysicsTerm
 from schwung.drivetrain.residual import residuals_of
 from schwung.errors import InputError

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from schwung.drivetrain.effects import Effects
 from schwung.drivetrain.machine import Coupling, Load, Machine, Motor
-from schwung.drivetrain.physics import Effects
 from schwung.explain.noise import whitener
 from schwung.explain.residual import Residuals, Unknowns
 from schwung.explain.signals import prepare

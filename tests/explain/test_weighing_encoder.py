@@ -73,5 +73,5 @@ def test_where_the_angle_is_misread_the_load_is_another():
 
     slope, bend, pull = 0.024 * np.sin(4 * at), 0.096 * np.cos(4 * at), -3.0 * np.sin(at)
     expected = slope * faster + bend * speed**2 / 2 - pull
-    told = Along.turned_less.func(along)  # type: ignore[attr-defined]
+    told = Along.load_torque_slope.func(along)  # type: ignore[attr-defined]
     assert np.std(told - expected) < 0.15 * np.std(expected)  # a table's second derivative is rough

@@ -10,6 +10,7 @@ from hypothesis import strategies as st
 from optimise_machines import COARSE, PAPER, rigid, task, with_physics
 
 from schwung.drivetrain import physics
+from schwung.drivetrain.effects import effects_of
 from schwung.drivetrain.inertia import InertiaTable
 from schwung.drivetrain.physics_term import PhysicsTerm
 from schwung.errors import InputError
@@ -36,7 +37,7 @@ def model_of(machine: object = LEARNED) -> Model:
 @settings(deadline=None)  # the first call compiles
 @given(st.floats(0.0, np.pi), st.floats(1.5, 60.0), st.sampled_from([1.0, -1.0]))
 def test_friction_is_the_simulations_away_from_standstill(angle: float, speed: float, sign: float) -> None:
-    model, e = model_of(), physics.effects_of(LEARNED.physics)
+    model, e = model_of(), effects_of(LEARNED.physics)
     theirs = 0.2 * sign * speed - physics.motor_torque(e, angle, sign * speed, 0.0, 0.0, 1.0, 0.02)
     # the tight spot's ends are rounded within a hundredth of its width
     assert model.motor_needs(angle, sign * speed) == pytest.approx(theirs, abs=0.05)

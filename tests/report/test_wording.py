@@ -8,7 +8,7 @@ from typing import Any
 
 import pytest
 
-from schwung.drivetrain.physics import PHYSICS as CONTRACT
+from schwung.drivetrain.effects import PHYSICS as CONTRACT
 from schwung.explain.values import Located, Quantity
 from schwung.explain.words import PHYSICS, told_apart_by, words_of
 from schwung.report.wording import label_of, place_of, runs_text, value_text

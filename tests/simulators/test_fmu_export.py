@@ -16,7 +16,7 @@ import pytest
 
 from schwung.cli import main
 from schwung.drivetrain import write_machine
-from schwung.drivetrain.physics import PHYSICS, Effects
+from schwung.drivetrain.effects import PHYSICS, Effects
 from schwung.errors import InputError
 from schwung.simulators.fmu import FmiVersion, WrittenFmu, write_fmu
 

@@ -11,9 +11,9 @@ from typing import NamedTuple
 import numpy as np
 
 from schwung.compiled import compiled, inlined
+from schwung.drivetrain.effects import Effects
 from schwung.drivetrain.kernel import Cascade, Curve, Inputs, Plant, command, value_and_slope
 from schwung.drivetrain.physics import (
-    Effects,
     coupling_torque,
     driven,
     encoder_off,

@@ -24,6 +24,7 @@ from pydantic import (
     model_validator,
 )
 
+from schwung.drivetrain.effects import check_physics
 from schwung.drivetrain.inertia import (
     InertiaTable,
     LoadTorqueTable,
@@ -33,7 +34,6 @@ from schwung.drivetrain.inertia import (
     write_inertia_csv,
     write_load_torque_csv,
 )
-from schwung.drivetrain.physics import check_physics
 from schwung.drivetrain.physics_term import PhysicsTerm
 from schwung.errors import InputError
 from schwung.files import replace_file

@@ -1,4 +1,4 @@
-"""One term of physics that a machine file names beyond the two masses, as data; `physics.py` holds what it does."""
+"""One term of physics that a machine file names beyond the two masses, as data; `effects.py` holds what it may say."""
 
 from __future__ import annotations
 

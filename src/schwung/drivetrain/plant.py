@@ -9,6 +9,7 @@ from scipy.interpolate import PchipInterpolator
 from scipy.optimize import brentq
 
 from schwung.drivetrain import kernel, learned, physics, residual
+from schwung.drivetrain.effects import Effects, effects_of
 from schwung.drivetrain.inertia import InertiaTable
 from schwung.drivetrain.machine import Machine
 from schwung.drivetrain.residual_plane import NOTHING, PAIRS, Pair, Plane, planes_of, sheet_at
@@ -32,7 +33,7 @@ def plant_of(machine: Machine, inertia: InertiaTable | float | None) -> kernel.P
     `inertia` (kg·m²) stands in for the machine's. Raises InputError where it is unknown or not positive.
     """
     load, coupling = machine.load, machine.coupling
-    effects = physics.effects_of(machine.physics)
+    effects = effects_of(machine.physics)
     stiffness, damping = (coupling.stiffness_nm_rad, coupling.damping_nms) if coupling else (0.0, 0.0)
     torque = load.torque_table
     return kernel.Plant(
@@ -58,7 +59,7 @@ def learned_of(
     leaves_rest = float(ticks[max(int(np.argmax(moving)) - 1, 0)]) if np.any(moving) else np.inf
     return learned.Learned(
         plant=plant,
-        effects=physics.effects_of(machine.physics),
+        effects=effects_of(machine.physics),
         load_table=_constant(0.0) if table is None else _curve(table.position_rad, table.load_torque_nm),
         curves=_curves(residual.residuals_of(machine.physics), planes_of(machine.physics)),
         smoothing=SMOOTHING_RAD_S,
@@ -95,9 +96,7 @@ def _constant(value: float) -> kernel.Curve:
     return _curve(np.array([0.0, 1.0]), np.array([value, value]))
 
 
-def _inertia_curve(
-    machine: Machine, inertia: InertiaTable | float | None, effects: physics.Effects
-) -> kernel.Curve:
+def _inertia_curve(machine: Machine, inertia: InertiaTable | float | None, effects: Effects) -> kernel.Curve:
     believed = machine.load_inertia if inertia is None else inertia
     if believed is None:
         raise InputError(
@@ -152,7 +151,7 @@ def rest(plant: kernel.Plant, motor_angle: float) -> tuple[kernel.State, float]:
     return kernel.State(motor_angle, 0.0, load_angle, 0.0), held
 
 
-def angle_of(e: physics.Effects, read_angle: float) -> float:
+def angle_of(e: Effects, read_angle: float) -> float:
     """The motor angle (rad) at which an encoder reads this one (rad), which only grows with it: by halving."""
     most = abs(e.eccentricity_rad) + abs(e.harmonic_rad)
     low, high = read_angle - most, read_angle + most
@@ -221,7 +220,7 @@ def substeps(machine: Machine, plant: kernel.Plant, period: float, top_speed: fl
 
     Raises InputError where that is too fast.
     """
-    e = physics.effects_of(machine.physics)
+    e = effects_of(machine.physics)
     last, _ = kernel.value_and_slope(plant.inertia, plant.inertia.knots[-1])
     lightest = min(float(np.min(plant.inertia.coefficients[3])), last)
     step = _CONTACT_STEP if e.gap_rad > 0 else _COUPLING_STEP
@@ -278,7 +277,7 @@ def substeps(machine: Machine, plant: kernel.Plant, period: float, top_speed: fl
     return needed
 
 
-def _at_ends(e: physics.Effects, fastest: float, mass: float, step: float) -> float:
+def _at_ends(e: Effects, fastest: float, mass: float, step: float) -> float:
     """The fastest thing, springs at the ends among them (1/s): their torque has a corner as play's has, but only their
     own swing has to be told so finely.
     """
@@ -286,13 +285,13 @@ def _at_ends(e: physics.Effects, fastest: float, mass: float, step: float) -> fl
     return float(max(np.hypot(fastest, met), met * step / _CONTACT_STEP))
 
 
-def _dry_level(e: physics.Effects, share: float) -> float:
+def _dry_level(e: Effects, share: float) -> float:
     """The most that dry friction can be (N·m)."""
     level = max(e.coulomb_positive_nm, e.coulomb_negative_nm) + physics.drift(e, share)
     return max(level + max(e.stribeck_rise_nm, 0.0) + max(e.local_friction_nm, 0.0), 0.0)
 
 
-def _wound(machine: Machine, plant: kernel.Plant, e: physics.Effects) -> float:
+def _wound(machine: Machine, plant: kernel.Plant, e: Effects) -> float:
     """How far the motor's peak torque winds a coupling up that stiffens (rad)."""
     if e.cubic_nm_rad3 <= 0:
         return 0.0

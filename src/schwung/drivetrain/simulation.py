@@ -3,7 +3,7 @@
 Two masses (or one) with the load's inertia over its angle, under the drive's cascade, sampled and held at
 control.sample_rate (method.md (1), A7). Compiled; see `benchmarks/simulation.py` for its speed and error.
 
-All learned terms of the machine (`physics.PHYSICS`) take part; without any, a leaner kernel runs. What it does
+All learned terms of the machine (`effects.PHYSICS`) take part; without any, a leaner kernel runs. What it does
 not model: encoder counts, speed filter, and a current loop other than `torque_lag`.
 """
 
@@ -16,9 +16,9 @@ from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 
 from schwung.drivetrain import kernel, learned, plant
+from schwung.drivetrain.effects import check_physics, effects_of
 from schwung.drivetrain.inertia import InertiaTable
 from schwung.drivetrain.machine import Machine
-from schwung.drivetrain.physics import check_physics, effects_of
 from schwung.errors import InputError
 from schwung.motion import Array, Demand
 

@@ -12,8 +12,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from schwung.drivetrain.effects import effects_of
 from schwung.drivetrain.machine import Machine
-from schwung.drivetrain.physics import effects_of
 from schwung.errors import InputError
 from schwung.estimation.sampling import is_held
 from schwung.estimation.table import DEFAULT_POINTS

@@ -12,7 +12,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from schwung.drivetrain.physics import Effects
+from schwung.drivetrain.effects import Effects
 from schwung.explain.noise import Whitener, usable
 from schwung.explain.residual import TABLE_POINTS, Memory, Residuals, Unknowns
 from schwung.explain.terms import LIBRARY, LOAD_TABLE, TABLE_FIELDS

@@ -22,10 +22,11 @@ import numpy as np
 from scipy.interpolate import CubicSpline, PchipInterpolator
 
 from schwung.compiled import compiled, inlined
+from schwung.drivetrain.effects import Effects
 from schwung.drivetrain.inertia import InertiaTable
 from schwung.drivetrain.kernel import Curve, value_and_slope
 from schwung.drivetrain.machine import Machine
-from schwung.drivetrain.physics import Effects, coupling_torque, load_torque, motor_torque, third_torque
+from schwung.drivetrain.physics import coupling_torque, load_torque, motor_torque, third_torque
 from schwung.explain.spectrum import Spectrum
 from schwung.motion import Array
 

@@ -7,8 +7,8 @@ from dataclasses import replace
 import numpy as np
 from scipy.interpolate import CubicSpline
 
+from schwung.drivetrain.effects import PHYSICS
 from schwung.drivetrain.machine import Machine
-from schwung.drivetrain.physics import PHYSICS
 from schwung.drivetrain.physics_term import PhysicsTerm
 from schwung.explain.fit import PERIODIC, Fitted, Model, without
 from schwung.explain.intervals import alternatives, interval, parameters

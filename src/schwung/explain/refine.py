@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 from scipy.interpolate import CubicSpline
 
-from schwung.drivetrain.physics import Effects
+from schwung.drivetrain.effects import Effects
 from schwung.explain.fit import Fitted, combined, without
 from schwung.explain.residual import FINEST
 from schwung.explain.ripple import ripple

@@ -12,8 +12,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from schwung.drivetrain.effects import Effects
 from schwung.drivetrain.machine import Machine
-from schwung.drivetrain.physics import Effects
 from schwung.explain import forward
 from schwung.explain.filtered import bent
 from schwung.explain.measured import Measured

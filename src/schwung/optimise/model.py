@@ -12,8 +12,8 @@ from typing import Any
 
 import numpy as np
 
-from schwung.drivetrain import InertiaTable, Machine, kernel, physics, plant, residual
-from schwung.drivetrain.physics import Effects
+from schwung.drivetrain import InertiaTable, Machine, kernel, plant, residual
+from schwung.drivetrain.effects import Effects, effects_of
 from schwung.drivetrain.residual_plane import planes_of
 from schwung.errors import InputError
 from schwung.motion import Array
@@ -212,7 +212,7 @@ def _heavier(model: Model, added: Callable[[Array, float], Array], by: float) ->
 
 
 def _model(machine: Machine, ends_rad: tuple[float, float], mean_speed_rad_s: float, limit: float) -> Model:
-    body, effects = plant.plant_of(machine, None), physics.effects_of(machine.physics)
+    body, effects = plant.plant_of(machine, None), effects_of(machine.physics)
     learned = residual.load_torque_table(machine.physics)
     wound = 0.0 if body.rigid else 2 * limit / body.stiffness
     beyond = wound + 0.02 * abs(ends_rad[1] - ends_rad[0])

@@ -11,7 +11,7 @@ import casadi as ca
 import numpy as np
 
 from schwung.drivetrain import Machine
-from schwung.drivetrain.physics import Effects
+from schwung.drivetrain.effects import Effects
 from schwung.errors import InputError
 from schwung.motion import Array
 from schwung.optimise.collocation import (

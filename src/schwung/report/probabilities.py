@@ -7,8 +7,8 @@ from dataclasses import dataclass
 from html import escape
 from pathlib import Path
 
+from schwung.drivetrain.effects import PHYSICS
 from schwung.drivetrain.machine import Machine
-from schwung.drivetrain.physics import PHYSICS
 from schwung.explain.weighing.publication import NAMED, Curve, Published, Where, over_words, percent
 from schwung.explain.words import told_apart_by, words_of
 from schwung.quantities import sentences_of

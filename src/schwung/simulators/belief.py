@@ -16,8 +16,8 @@ from pathlib import Path
 import numpy as np
 from scipy.interpolate import CubicHermiteSpline, CubicSpline
 
+from schwung.drivetrain.effects import Effects
 from schwung.drivetrain.machine import Machine, Motor
-from schwung.drivetrain.physics import Effects
 from schwung.errors import InputError
 from schwung.explain import forward
 from schwung.explain.signals import Prepared, Signals, prepare, prepare_twin

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from schwung.drivetrain.physics import Effects
+from schwung.drivetrain.effects import Effects
 from schwung.simulators.exported import NO_LIMIT_NM, Exported, Parameter
 
 #: Terms that need several fields: where the first is neutral, the others are of no account.

@@ -11,10 +11,10 @@ import numpy as np
 from scipy.interpolate import PchipInterpolator
 
 from schwung.drivetrain import plant
+from schwung.drivetrain.effects import PHYSICS, Effects, check_physics, effects_of
 from schwung.drivetrain.inertia import InertiaTable, LoadTorqueTable
 from schwung.drivetrain.learned import shaft_torque
 from schwung.drivetrain.machine import Machine
-from schwung.drivetrain.physics import PHYSICS, Effects, check_physics, effects_of
 from schwung.drivetrain.residual import (
     OVER,
     UNDIRECTED,

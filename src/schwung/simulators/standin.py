@@ -22,9 +22,9 @@ from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 from scipy.optimize import least_squares
 
+from schwung.drivetrain.effects import Effects
 from schwung.drivetrain.inertia import InertiaTable, LoadTorqueTable
 from schwung.drivetrain.machine import Coupling, Load, Machine, Motor
-from schwung.drivetrain.physics import Effects
 from schwung.drivetrain.physics_term import PhysicsTerm
 from schwung.errors import InputError
 from schwung.explain import forward

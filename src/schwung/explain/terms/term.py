@@ -7,8 +7,8 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from schwung.drivetrain.effects import Effects
 from schwung.drivetrain.machine import Machine
-from schwung.drivetrain.physics import Effects
 from schwung.explain.residual import Moving, Residuals
 from schwung.explain.values import Coordinate
 from schwung.motion import Array

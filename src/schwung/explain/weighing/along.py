@@ -282,10 +282,10 @@ class Along:
         return self.present.load_inertia_at(self.load_angle)
 
     @cached_property
-    def turned_less(self) -> Array:
-        """Torque that drives the load more for each radian that it has turned less (N·m/rad), with what is present.
+    def load_torque_slope(self) -> Array:
+        """How much more torque the load takes for each radian further (N·m/rad), (n,), with what is present.
 
-        J α + ½ J' ω² − T, each along the way: where the angle is misread, the load is another there.
+        d/dθ of J α + ½ J' ω² − T: where an angle is misread, the load is taken for the one of another angle.
         """
         _, slope, bend = inertia_of(self.present, self.load_angle)
         ends = [self.present.load_torque_at(self.load_angle + way * DIFFERENCE_RAD) for way in (1, -1)]

@@ -99,10 +99,12 @@ class Candidate:
     known_to: float = (
         0.0  # size of its coefficients that the belief is usually off by: a smaller change is no finding
     )
-    felt: Callable[[Shape], float] = lambda _shape: 1.0  # so many times its coefficients are to be known
+    felt: Callable[[Shape], float] = (
+        lambda _shape: 1.0  # how many times its coefficients count where that is compared, by its shape
+    )
     with_usual: Mapping[str, Shape] = field(
-        default_factory=dict
-    )  # what a unit of each coefficient of the usual ones counts to its only one
+        default_factory=dict  # what a unit of each coefficient of usual causes adds to its one, where that is compared
+    )
     products: Array | None = (
         None  # of a curve's modes, by which its size is measured (p, p); None: of the coefficients
     )

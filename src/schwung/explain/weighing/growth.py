@@ -35,8 +35,8 @@ NOISE_SHARE, _FURTHER = 0.2, 0.7
 
 #: Of the work, what all causes may take before laws alone are tried; and what those may take beside it.
 _FIRST, _LAWS = 0.5, 0.4
-#: Sets that are brought to rest each round; and beyond those, what promises at least this share of what the best kept.
-_TRIED, _PROMISED = 3, 0.5
+#: Sets that are brought to rest each round.
+_TRIED = 3
 
 
 @dataclass(frozen=True, eq=False)
@@ -200,16 +200,13 @@ class Growth:
         if len(start.picks) >= MOST:
             return None
         offered = sorted(search.offered(start.picks), key=lambda one: -one.log)
-        promising = [one for one in offered if one.log > start.log]
+        promising = [one for one in offered if one.log > start.log][:_TRIED]
         # without numba a gap costs a hundred times as much: there a line has to promise something
         opening = [one for one in offered if IS_FAST and search.candidate(one.picks[-1]).opens][:1]
         best, top = None, 0.0
-        every = [*promising, *(one for one in opening if one not in promising)]
-        for number, one in enumerate(every):
+        for one in [*promising, *(one for one in opening if one not in promising)]:
             if best is not None and search.data.work.spent:
                 break
-            if number >= _TRIED and one not in opening and one.log - start.log < _PROMISED * top:
-                continue
             tried, gain = self._rested(search, one, start, at)
             if gain > top:
                 best, top = (one, tried), gain

@@ -7,9 +7,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from schwung.compiled import compiled
+from schwung.drivetrain.effects import Effects, effects_of
 from schwung.drivetrain.inertia import InertiaTable, LoadTorqueTable
 from schwung.drivetrain.machine import Coupling, Load, Machine
-from schwung.drivetrain.physics import Effects, driven, effects_of, encoder_off, load_torque, motor_torque
+from schwung.drivetrain.physics import driven, encoder_off, load_torque, motor_torque
 from schwung.drivetrain.presliding import bent
 from schwung.drivetrain.residual import (
     Residual,

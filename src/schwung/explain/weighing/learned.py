@@ -13,8 +13,8 @@ from typing import Any
 import numpy as np
 from scipy.interpolate import PchipInterpolator
 
+from schwung.drivetrain.effects import PHYSICS
 from schwung.drivetrain.machine import Machine
-from schwung.drivetrain.physics import PHYSICS
 from schwung.drivetrain.physics_term import PhysicsTerm
 from schwung.drivetrain.residual import TABLES, law_of
 from schwung.drivetrain.residual_plane import is_plane, plane_of

@@ -6,8 +6,8 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
+from schwung.drivetrain.effects import PHYSICS
 from schwung.drivetrain.machine import Machine
-from schwung.drivetrain.physics import PHYSICS
 from schwung.drivetrain.residual_plane import Plane
 from schwung.explain.values import Located, Overlay, Quantity, Verdict
 from schwung.explain.weighing.drawn import Drawn

@@ -12,8 +12,8 @@ from typing import Any
 
 import numpy as np
 
+from schwung.drivetrain.effects import PHYSICS
 from schwung.drivetrain.machine import Machine
-from schwung.drivetrain.physics import PHYSICS
 from schwung.drivetrain.residual import OVER, TABLES, UNDIRECTED, UNITS
 from schwung.drivetrain.residual_plane import Plane
 from schwung.explain import free_run
