@@ -66,13 +66,14 @@ def run(options: argparse.Namespace) -> None:
     """Explain every session that has no explanation yet; it sees the session and the belief, nothing else."""
     sessions = sorted((options.out / "sessions").iterdir())
     for folder in sessions:
-        into = options.out / "explanations" / folder.name
+        into = options.out / ("former" if options.former else "explanations") / folder.name
         if (into / "run.json").exists() and not options.again:
             continue
         shutil.rmtree(into, ignore_errors=True)
         into.mkdir(parents=True)
         began = time.perf_counter()
-        error = _by_command(folder, into) if options.through == "cli" else _by_call(folder, into)
+        by = _by_command if options.through == "cli" else _by_call
+        error = by(folder, into, former=options.former)
         seconds = time.perf_counter() - began
         if error:
             (into / "error.txt").write_text(error, encoding="utf-8")
@@ -81,24 +82,26 @@ def run(options: argparse.Namespace) -> None:
     print()
 
 
-def _by_call(folder: Path, into: Path) -> str:
+def _by_call(folder: Path, into: Path, *, former: bool) -> str:
     """In this process; returns what went wrong, or nothing."""
     from schwung.drivetrain import load_machine
     from schwung.explain.explain import explain
+    from schwung.explain.weighing.published import publish
     from schwung.session import read_session
 
+    session, machine = read_session(folder / "session.h5"), load_machine(folder / "machine.toml")
     try:
-        found = explain(read_session(folder / "session.h5"), load_machine(folder / "machine.toml"))
+        found = explain(session, machine) if former else publish(session, machine)
         (into / "explanation.json").write_text(json.dumps(found.to_json()), encoding="utf-8")
     except Exception:  # the benchmark counts whatever goes wrong and goes on
         return traceback.format_exc()
     return ""
 
 
-def _by_command(folder: Path, into: Path) -> str:
+def _by_command(folder: Path, into: Path, *, former: bool) -> str:
     """As a user would; returns what went wrong, or nothing."""
     command = [sys.executable, "-m", "schwung", "explain", str(folder / "session.h5")]
-    command += ["--machine", str(folder / "machine.toml"), "--out", str(into)]
+    command += ["--machine", str(folder / "machine.toml"), "--out", str(into), *["--no-weigh"] * former]
     try:
         made = subprocess.run(command, capture_output=True, text=True, timeout=_TIME_LIMIT_S, check=False)
     except subprocess.TimeoutExpired:
@@ -127,6 +130,8 @@ def score(options: argparse.Namespace) -> None:
     from explain_score import peer_scores, printed, score_all, write_scores
 
     scores, peers = score_all(options.out), peer_scores(options.out)
+    if (options.out / "former").exists():
+        print(printed(score_all(options.out, "former"), []), "\n\nThat is the former way; by evidence:\n")
     print(printed(scores, peers))
     write_scores(options.out, scores)
     if peers:
@@ -218,6 +223,9 @@ def main() -> None:
     parser.add_argument("--control", choices=CONTROLS, default="given", help="[control] of the belief")
     parser.add_argument("--first", type=int, default=0, help="seed of the first case")
     parser.add_argument("--through", choices=("call", "cli"), default="call", help="how `run` calls the tool")
+    parser.add_argument(
+        "--former", action="store_true", help="`run` the former way, --no-weigh, beside the other"
+    )
     parser.add_argument("--again", action="store_true", help="run what has been run, too")
     parser.add_argument("--no-peer", action="store_true", help="leave PySINDy out of `all`")
     options = parser.parse_args()

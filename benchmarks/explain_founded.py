@@ -23,6 +23,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from explain_tally import Told, printed, read_tally, write_tally
+from explain_truth import WORDS
 from reliability import write_reliability
 from strangers import STRANGERS, belief_of, judged, session_of
 
@@ -35,8 +36,6 @@ from schwung.session import read_session
 from schwung.session.model import Session
 from schwung_sim.sealed import CaseWishes, draw_case, write_case
 
-#: What the vocabulary calls effects that the room calls foreign.
-WORDS = {"dahl_presliding": "presliding_friction", "mesh_stiffness": "stiffness_over_angle"}
 KINDS = ("single", "weak", "gross", "two", "three", "none", "foreign")
 LIKELY, MOST_OF_IT = 0.5, 0.8
 

@@ -1,6 +1,7 @@
 """The tables of docs/sealed-benchmark.md, from folders that benchmarks/explain.py has scored.
 
     python benchmarks/explain_page.py DIR      DIR/single, DIR/weak, … as of `explain.py all --out DIR/KIND --kind KIND`
+    python benchmarks/explain_page.py DIR former            of `explain.py run --former`
 
 Prints Markdown: every demand with what was measured, on which seeds; each effect; the confusion matrix; every miss.
 """
@@ -65,7 +66,7 @@ def demands(of: dict[str, list[CaseScore]], folder: Path) -> str:
         (
             "foreign effect: not named as something else",
             "≥ 90 %",
-            share(not s.names and not s.error for s in foreign),
+            share(not s.extra and not s.error for s in foreign),
         ),
         ("true coordinate first", "≥ 90 %", share(bool(s.coordinate_right) for s in hidden)),
         ("interval overlap ≥ 0.7", "", share(value >= 0.7 for value in overlaps)),
@@ -156,9 +157,7 @@ def misses(of: dict[str, list[CaseScore]], folder: Path) -> str:
         seeds = {label["case"]: label["seed"] for label in (read_labels(folder / kind) if scores else ())}
         for s in scores:
             wrong = (
-                bool(s.names)
-                if kind in ("none", "foreign")
-                else not (s.first_right and s.all_named) or s.extra
+                s.extra > 0 if kind in ("none", "foreign") else not (s.first_right and s.all_named) or s.extra
             )
             if wrong or s.error:
                 said = ", ".join(s.names) or s.error or NOTHING
@@ -166,14 +165,14 @@ def misses(of: dict[str, list[CaseScore]], folder: Path) -> str:
     return table(("set", "seed", "hidden", "named", "verdict"), rows) if rows else "None."
 
 
-def _run(folder: Path) -> list[CaseScore]:
+def _run(folder: Path, way: str) -> list[CaseScore]:
     """The cases that were run, however they ended."""
-    return [s for s in score_all(folder) if (folder / "explanations" / s.case / "run.json").exists()]
+    return [s for s in score_all(folder, way) if (folder / way / s.case / "run.json").exists()]
 
 
-def page(folder: Path) -> str:
+def page(folder: Path, way: str = "explanations") -> str:
     """All tables of the scored sets in a folder, as Markdown."""
-    of = {kind: _run(folder / kind) if (folder / kind).exists() else [] for kind in KINDS}
+    of = {kind: _run(folder / kind, way) if (folder / kind).exists() else [] for kind in KINDS}
     parts = (
         ("The demands", demands(of, folder)),
         ("What was run", sets(of, folder)),
@@ -186,4 +185,4 @@ def page(folder: Path) -> str:
 
 
 if __name__ == "__main__":
-    print(page(Path(sys.argv[1])))
+    print(page(Path(sys.argv[1]), *sys.argv[2:]))

@@ -11,11 +11,13 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from explain_truth import COORDINATES, intervals, overlap, parameter_errors
+from explain_truth import COORDINATES, WORDS, intervals, overlap, parameter_errors
 
 from schwung_sim.sealed import read_labels
 
 NOTHING, FAILED = "(nothing)", "(failed)"
+#: More probable than this is a name.
+_NAMED = 0.5
 
 
 @dataclass
@@ -71,7 +73,7 @@ class CaseScore:
 
 def score_case(label: Mapping[str, Any], folder: Path) -> CaseScore:
     """One case; `folder` holds its explanation.json, or error.txt."""
-    truth = [effect["physics"] for effect in label["effects"]]
+    truth = [WORDS.get(effect["physics"], effect["physics"]) for effect in label["effects"]]
     run_file = folder / "run.json"
     seconds = (
         json.loads(run_file.read_text(encoding="utf-8"))["seconds"] if run_file.exists() else float("nan")
@@ -82,17 +84,15 @@ def score_case(label: Mapping[str, Any], folder: Path) -> CaseScore:
         text = error.read_text(encoding="utf-8").strip() if error.exists() else "was not run"
         return CaseScore(*base, "", [], [], seconds, error=text.splitlines()[-1])
     document = json.loads((folder / "explanation.json").read_text(encoding="utf-8"))
-    findings = document["names"]
-    floor = document["noise"]["torque_nm"]
-    after = document["proof"]["after_nm"] if document["proof"] else float("nan")
+    findings = [one for one in document["names"] if one["probability"] is None or one["probability"] > _NAMED]
     score = CaseScore(
         *base,
         document["verdict"],
         [finding["physics"] for finding in findings],
         [finding["indistinguishable_from"] for finding in findings],
         seconds,
-        floor_ratio=floor / label["floor_nm"],
-        after_over_floor=after / floor,
+        floor_ratio=document["noise"]["torque_nm"] / label["floor_nm"],
+        after_over_floor=document["proof"]["after"] if document["proof"] else float("nan"),
     )
     if label["kind"] in ("single", "two", "three"):
         _score_place(score, label, document["mismatch"])
@@ -120,9 +120,9 @@ def _score_place(score: CaseScore, label: Mapping[str, Any], mismatch: Sequence[
             score.interval_overlap = max(score.interval_overlap or 0.0, *overlaps)
 
 
-def score_all(out: Path) -> list[CaseScore]:
-    """Open the seal and score every case of the folder."""
-    return [score_case(label, out / "explanations" / label["case"]) for label in read_labels(out)]
+def score_all(out: Path, way: str = "explanations") -> list[CaseScore]:
+    """Open the seal and score every case of the folder; way: "former", or as `run` does it by default."""
+    return [score_case(label, out / way / label["case"]) for label in read_labels(out)]
 
 
 def peer_scores(out: Path) -> list[CaseScore]:
@@ -170,7 +170,7 @@ def summary(scores: Sequence[CaseScore]) -> dict[str, str]:
         lines["nothing hidden: false alarms"] = _share(bool(s.names) for s in silent)
         lines["  verdict consistent"] = _share(s.verdict == "consistent" for s in silent)
     if foreign:
-        lines["foreign: not named as something else"] = _share(not s.names and not s.error for s in foreign)
+        lines["foreign: not named as something else"] = _share(not s.extra and not s.error for s in foreign)
         lines["  verdict unexplained or partly explained"] = _share(
             s.verdict in ("unexplained", "partly_explained") for s in foreign
         )

@@ -67,6 +67,8 @@ COORDINATES: Mapping[str, tuple[str, ...]] = {
     "load_inertia": ("acceleration", "torque"),
     "inertia_profile_shift": ("position", "acceleration", "speed"),
 }
+#: What the vocabulary calls effects that the room calls foreign.
+WORDS = {"dahl_presliding": "presliding_friction", "mesh_stiffness": "stiffness_over_angle"}
 #: Parameters of the virtual machine room alone.
 _INTERNAL = ("motions",)
 

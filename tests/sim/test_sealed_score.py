@@ -53,6 +53,7 @@ def explanation(
         "names": [
             {
                 "physics": name,
+                "probability": 0.97,
                 "parameters": {
                     key: {"value": value, "ci95": [0.9 * value, 1.1 * value]} for key, value in values.items()
                 },
@@ -60,7 +61,7 @@ def explanation(
             }
             for name, values in effects.items()
         ],
-        "proof": {"after_nm": 0.126},
+        "proof": {"after": 1.05},
     }
 
 
@@ -103,6 +104,13 @@ def test_a_wrong_name_place_and_number_are_wrong(benchmark: dict[str, ModuleType
     assert scored(benchmark, tmp_path / "twin", truth, twin).first_twin
     off = scored(benchmark, tmp_path / "off", truth, explanation({"coulomb_friction": {"torque_nm": 2.5}}))
     assert off.parameters == [("coulomb_friction", "torque_nm", 0.25, False)]
+
+
+def test_what_is_less_probable_than_half_is_no_name(benchmark: dict[str, ModuleType], tmp_path: Path) -> None:
+    said = explanation({"coulomb_friction": {"torque_nm": 2.0}, "viscous_friction": {"coefficient_nms": 0.1}})
+    said["names"][1]["probability"] = 0.3
+    score = scored(benchmark, tmp_path, label({"coulomb_friction": {"torque_nm": 2.0}}), said)
+    assert score.names == ["coulomb_friction"]
 
 
 def test_angles_turn_and_inertias_compare_by_their_change(benchmark: dict[str, ModuleType]) -> None:
