@@ -8,7 +8,7 @@ import numpy as np
 
 from schwung.compiled import compiled
 from schwung.drivetrain.effects import Effects, effects_of
-from schwung.drivetrain.inertia import InertiaTable, LoadTorqueTable
+from schwung.drivetrain.inertia import LoadTorqueTable
 from schwung.drivetrain.machine import Coupling, Load, Machine
 from schwung.drivetrain.physics import driven, encoder_off, load_torque, motor_torque
 from schwung.drivetrain.presliding import bent
@@ -23,7 +23,7 @@ from schwung.drivetrain.residual_plane import ON_LOAD as LOADED
 from schwung.drivetrain.residual_plane import Plane, planes_of
 from schwung.explain.weighing.along import Along
 from schwung.explain.weighing.late import acceleration_bent, beyond_bent, lagging
-from schwung.explain.weighing.present import points_of
+from schwung.explain.weighing.present import changed
 from schwung.innovations.effect import Effect
 from schwung.motion import Array
 
@@ -195,13 +195,15 @@ def known(machine: Machine, low_rad: float, high_rad: float) -> Known:
         )
     added = bool(inertia_points(machine.physics).size)
     if added or (e.inertia_delta_kgm2, e.inertia_scale, e.inertia_shift_rad) != (0.0, 1.0, 0.0):
-        span = max(high_rad - low_rad, 1e-9)
-        angle = np.linspace(low_rad - 0.05 * span, high_rad + 0.05 * span, points_of(span))
-        true = e.inertia_scale * machine.load_inertia_at(angle + e.inertia_shift_rad) + e.inertia_delta_kgm2
-        true = true + inertia_added(machine.physics, angle)
+        believed = machine
+
+        def law(angle: Array) -> Array:
+            same = believed.load_inertia_at(angle + e.inertia_shift_rad)
+            return e.inertia_scale * same + e.inertia_delta_kgm2 + inertia_added(believed.physics, angle)
+
         load = Load(
             viscous_friction_nms=load.viscous_friction_nms,
-            inertia_table=InertiaTable(angle, true),
+            inertia_table=changed(law, low_rad, high_rad),
             torque_nm=load.torque_nm,
             torque_table=load.torque_table,
         )
