@@ -2,9 +2,10 @@
 
     python benchmarks/explain.py generate --out DIR --cases 24 --kind single
     python benchmarks/explain.py run      --out DIR
-    python benchmarks/explain.py peer     --out DIR         PySINDy on the same residual (extra `peers`)
     python benchmarks/explain.py score    --out DIR
-    python benchmarks/explain.py all      --out DIR --cases 24 --kind single     the first four
+    git worktree add /tmp/former 8e216f2; python benchmarks/explain.py run --out DIR --former /tmp/former
+                                                            by tests against thresholds, for `score` to put beside
+    python benchmarks/explain.py all      --out DIR --cases 24 --kind single     the first three
     python benchmarks/explain.py control  --out DIR         the drop without, with wrong [control], same sessions
     python benchmarks/explain.py likeness --out DIR         of wrong answers: could the truth have been told at all
 
@@ -22,6 +23,7 @@ from __future__ import annotations
 
 import argparse
 import json
+import os
 import random
 import re
 import shutil
@@ -36,6 +38,8 @@ from schwung_sim.sealed import LABELS, CaseWishes, draw_case, likeness_of, read_
 KINDS = ("single", "weak", "gross", "two", "three", "none", "foreign")
 CONTROLS = ("given", "none", "wrong")
 _TIME_LIMIT_S = 300.0
+#: The last commit that explained by tests against thresholds, too (`--no-weigh`).
+FORMER = "8e216f2"
 
 
 def wishes_of(options: argparse.Namespace) -> CaseWishes:
@@ -49,7 +53,7 @@ def wishes_of(options: argparse.Namespace) -> CaseWishes:
 def generate(options: argparse.Namespace) -> None:
     """Draw, record and write the cases; what the folder held before is replaced."""
     if (options.out / LABELS).exists():
-        for folder in ("sessions", "explanations", "peer"):
+        for folder in ("sessions", "explanations", "former"):
             shutil.rmtree(options.out / folder, ignore_errors=True)
         (options.out / LABELS).unlink()
     wishes = wishes_of(options)
@@ -72,8 +76,8 @@ def run(options: argparse.Namespace) -> None:
         shutil.rmtree(into, ignore_errors=True)
         into.mkdir(parents=True)
         began = time.perf_counter()
-        by = _by_command if options.through == "cli" else _by_call
-        error = by(folder, into, former=options.former)
+        by_call = options.through == "call" and options.former is None
+        error = _by_call(folder, into) if by_call else _by_command(folder, into, options.former)
         seconds = time.perf_counter() - began
         if error:
             (into / "error.txt").write_text(error, encoding="utf-8")
@@ -82,65 +86,52 @@ def run(options: argparse.Namespace) -> None:
     print()
 
 
-def _by_call(folder: Path, into: Path, *, former: bool) -> str:
+def _by_call(folder: Path, into: Path) -> str:
     """In this process; returns what went wrong, or nothing."""
     from schwung.drivetrain import load_machine
-    from schwung.explain.explain import explain
     from schwung.explain.weighing.published import publish
     from schwung.session import read_session
 
     session, machine = read_session(folder / "session.h5"), load_machine(folder / "machine.toml")
     try:
-        found = explain(session, machine) if former else publish(session, machine)
+        found = publish(session, machine)
         (into / "explanation.json").write_text(json.dumps(found.to_json()), encoding="utf-8")
     except Exception:  # the benchmark counts whatever goes wrong and goes on
         return traceback.format_exc()
     return ""
 
 
-def _by_command(folder: Path, into: Path, *, former: bool) -> str:
-    """As a user would; returns what went wrong, or nothing."""
+def _by_command(folder: Path, into: Path, former: Path | None) -> str:
+    """As a user would, of this or of a former checkout; returns what went wrong, or nothing."""
     command = [sys.executable, "-m", "schwung", "explain", str(folder / "session.h5")]
-    command += ["--machine", str(folder / "machine.toml"), "--out", str(into), *["--no-weigh"] * former]
+    command += ["--machine", str(folder / "machine.toml"), "--out", str(into)]
+    environment = dict(os.environ)
+    if former is not None:
+        command.append("--no-weigh")
+        environment["PYTHONPATH"] = str(former.absolute() / "src")
     try:
-        made = subprocess.run(command, capture_output=True, text=True, timeout=_TIME_LIMIT_S, check=False)
+        made = subprocess.run(
+            command, env=environment, capture_output=True, text=True, timeout=_TIME_LIMIT_S, check=False
+        )
     except subprocess.TimeoutExpired:
         return f"took more than {_TIME_LIMIT_S:.0f} s"
     return "" if (into / "explanation.json").exists() else f"{made.stdout}\n{made.stderr}"
 
 
-def peer(options: argparse.Namespace) -> None:
-    """PySINDy's names for every session, each in a process of its own."""
-    folder = options.out / "peer"
-    folder.mkdir(exist_ok=True)
-    script = Path(__file__).with_name("explain_peer.py")
-    for session in sorted((options.out / "sessions").iterdir()):
-        command = [sys.executable, str(script), str(session / "session.h5"), str(session / "machine.toml")]
-        made = subprocess.run(command, capture_output=True, text=True, check=False)
-        answer = (
-            json.loads(made.stdout.splitlines()[-1])
-            if made.returncode == 0
-            else {"names": [], "seconds": float("nan"), "error": made.stderr.strip().splitlines()[-1]}
-        )
-        (folder / f"{session.name}.json").write_text(json.dumps(answer), encoding="utf-8")
-
-
 def score(options: argparse.Namespace) -> None:
     """Open the labels, print and write the figures."""
-    from explain_score import peer_scores, printed, score_all, write_scores
+    from explain_score import printed, score_all, write_scores
 
-    scores, peers = score_all(options.out), peer_scores(options.out)
     if (options.out / "former").exists():
-        print(printed(score_all(options.out, "former"), []), "\n\nThat is the former way; by evidence:\n")
-    print(printed(scores, peers))
+        print(f"Formerly:\n\n{printed(score_all(options.out, 'former'))}\n\nNow:\n")
+    scores = score_all(options.out)
+    print(printed(scores))
     write_scores(options.out, scores)
-    if peers:
-        write_scores(options.out, peers, "peer")
 
 
 def everything(options: argparse.Namespace) -> None:
-    """generate, run, peer, score."""
-    for step in (generate, run, *(() if options.no_peer else (peer,)), score):
+    """generate, run, score."""
+    for step in (generate, run, score):
         step(options)
 
 
@@ -200,8 +191,7 @@ def likeness(options: argparse.Namespace) -> None:
 
 
 STEPS = {
-    "generate": generate, "run": run, "peer": peer, "score": score, "all": everything, "control": control,
-    "likeness": likeness,
+    "generate": generate, "run": run, "score": score, "all": everything, "control": control, "likeness": likeness,
 }  # fmt: skip
 
 
@@ -224,11 +214,15 @@ def main() -> None:
     parser.add_argument("--first", type=int, default=0, help="seed of the first case")
     parser.add_argument("--through", choices=("call", "cli"), default="call", help="how `run` calls the tool")
     parser.add_argument(
-        "--former", action="store_true", help="`run` the former way, --no-weigh, beside the other"
+        "--former",
+        type=Path,
+        metavar="CHECKOUT",
+        help=f"`run` by tests against thresholds, as {FORMER} still had it",
     )
     parser.add_argument("--again", action="store_true", help="run what has been run, too")
-    parser.add_argument("--no-peer", action="store_true", help="leave PySINDy out of `all`")
     options = parser.parse_args()
+    if options.former and options.step != "run":
+        parser.error("--former is for run alone: the other steps take what it left")
     STEPS[options.step](options)
 
 

@@ -14,7 +14,7 @@ from itertools import chain
 from pathlib import Path
 
 import numpy as np
-from explain_score import NOTHING, CaseScore, confusion, peer_scores, score_all
+from explain_score import NOTHING, CaseScore, confusion, score_all
 
 from schwung_sim.sealed import read_labels
 
@@ -118,28 +118,6 @@ def effects(of: dict[str, list[CaseScore]]) -> str:
     return table(heads, rows)
 
 
-def peers(of: dict[str, list[CaseScore]], folder: Path) -> str:
-    """PySINDy's names beside ours, on the sets on which it was run."""
-    rows = []
-    for kind, scored in of.items():
-        theirs = peer_scores(folder / kind) if scored else []
-        both = {s.case for s in scored} & {s.case for s in theirs if not s.error}
-        ours, theirs = ([s for s in scores if s.case in both] for scores in (scored, theirs))
-        if not theirs:
-            continue
-        for what, of_case in (
-            ("right name first", lambda s: s.first_right),
-            ("right name first, and no other", lambda s: s.first_right and not s.extra),
-            ("all named", lambda s: s.all_named),
-        ):
-            rows.append((_OF[kind], what, share(map(of_case, ours)), share(map(of_case, theirs))))
-        wrong = [np.mean([s.extra for s in scores]) for scores in (ours, theirs)]
-        rows.append((_OF[kind], "wrong names per session", *(f"{value:.2f}" for value in wrong)))
-        times = [np.median([s.seconds for s in scores]) for scores in (ours, theirs)]
-        rows.append((_OF[kind], "time per session, median", *(f"{value:.1f} s" for value in times)))
-    return table(("hidden", "", "schwung", "PySINDy"), rows) if rows else "The peer was not run."
-
-
 def matrix(scores: Sequence[CaseScore]) -> str:
     """Hidden against named first, where they differ."""
     rows, columns, counts = confusion(scores)
@@ -178,7 +156,6 @@ def page(folder: Path, way: str = "explanations") -> str:
         ("What was run", sets(of, folder)),
         ("Effect by effect", effects(of)),
         ("Confusion of the clear single effects", matrix(of["single"])),
-        ("The peer", peers(of, folder)),
         ("Every miss", misses(of, folder)),
     )
     return "\n\n".join(f"## {title}\n\n{text}" for title, text in parts)

@@ -125,25 +125,6 @@ def score_all(out: Path, way: str = "explanations") -> list[CaseScore]:
     return [score_case(label, out / way / label["case"]) for label in read_labels(out)]
 
 
-def peer_scores(out: Path) -> list[CaseScore]:
-    """The peer's names where it was run, scored alike; it has neither verdicts nor places nor parameters."""
-    scores = []
-    for label in read_labels(out):
-        file = out / "peer" / f"{label['case']}.json"
-        if not file.exists():
-            continue
-        answer = json.loads(file.read_text(encoding="utf-8"))
-        truth = [effect["physics"] for effect in label["effects"]]
-        twins: list[list[str]] = [[] for _ in answer["names"]]
-        scores.append(
-            CaseScore(
-                label["case"], label["kind"], truth, label["strength"], "", answer["names"], twins,
-                answer["seconds"], error=answer.get("error", ""),
-            )
-        )  # fmt: skip
-    return scores
-
-
 def _share(values: Iterable[bool]) -> str:
     flags = list(values)
     return f"{100 * np.mean(flags):5.1f} % ({sum(flags)}/{len(flags)})" if flags else "  –"
@@ -248,34 +229,25 @@ def confusion(scores: Sequence[CaseScore]) -> tuple[list[str], list[str], np.nda
     return rows, columns, np.array([[pairs[row, column] for column in columns] for row in rows])
 
 
-def write_scores(out: Path, scores: Sequence[CaseScore], name: str = "score") -> None:
-    """score.json with every case, confusion.csv beside it."""
-    (out / f"{name}.json").write_text(
+def write_scores(out: Path, scores: Sequence[CaseScore]) -> None:
+    """score.json with every case, score_confusion.csv beside it."""
+    (out / "score.json").write_text(
         json.dumps({"summary": summary(scores), "cases": [asdict(s) for s in scores]}, indent=1),
         encoding="utf-8",
     )
     rows, columns, counts = confusion(scores)
-    with (out / f"{name}_confusion.csv").open("w", newline="", encoding="utf-8") as file:
+    with (out / "score_confusion.csv").open("w", newline="", encoding="utf-8") as file:
         writer = csv.writer(file)
         writer.writerow(["hidden \\ named first", *columns])
         writer.writerows([row, *map(int, line)] for row, line in zip(rows, counts, strict=True))
 
 
-def printed(scores: Sequence[CaseScore], peers: Sequence[CaseScore]) -> str:
-    """Everything as text, the peer beside."""
-    ours, theirs = summary(scores), summary(peers) if peers else {}
-    text = [f"{'':52}{'schwung':24}{'PySINDy' if peers else ''}"]
-    text += [
-        f"{key:52}{value:24}{theirs.get(key, '') if _comparable(key) else ''}" for key, value in ours.items()
-    ]
+def printed(scores: Sequence[CaseScore]) -> str:
+    """Everything as text."""
+    text = [f"{key:52}{value}" for key, value in summary(scores).items()]
     text += ["", *by_effect(scores), "", "Hidden, and what was named first:"]
     rows, columns, counts = confusion(scores)
     for row, line in zip(rows, counts, strict=True):
         said = sorted(((int(c), column) for c, column in zip(line, columns, strict=True) if c), reverse=True)
         text.append(f"  {row:23} " + ", ".join(f"{column} {count}" for count, column in said))
     return "\n".join(text)
-
-
-def _comparable(key: str) -> bool:
-    """The peer has no intervals, verdicts or twins."""
-    return any(word in key for word in ("name", "alarms", "time", "nothing"))

@@ -1,6 +1,6 @@
 """Rates of weighed sessions and the calibration of their probabilities, each with an interval of 95 %.
 
-A tally is a file with a line of JSON for each session, as `explain_founded.py --tally` writes it. A probability is
+A tally is a file with a line of JSON for each session, as `explain_rates.py --tally` writes it. A probability is
 right as often as it says: names are sorted into bins by it, and the expected calibration error is the mean distance
 between the bins' mean probability and the share that was true, weighted by their counts (Naeini et al. 2015). Its
 interval is that of sessions drawn again, with replacement; of rates it is Wilson's.
@@ -22,14 +22,11 @@ LIKELY, MOST_OF_IT = 0.5, 0.8
 #: Ends of the bins: the last are those of names that are as good as sure.
 EDGES = (0.01, 0.1, 0.3, 0.5, 0.7, 0.9, 0.99, 1.0)
 _DRAWS = 2000
-#: The way of explaining whose probabilities are calibrated; the former has none.
-WEIGHED = "weighed"
 
 
 @dataclass(frozen=True)
 class Told:
-    """A session: what is hidden, names with their probabilities, share of the held-out excess taken, seconds, and by
-    which way it was explained."""
+    """A session: what is hidden, names with their probabilities, share of the held-out excess taken, seconds."""
 
     kind: str
     seed: int
@@ -38,7 +35,6 @@ class Told:
     taken: float
     seconds: float
     said: str = ""
-    way: str = WEIGHED
 
     @property
     def likely(self) -> list[str]:
@@ -126,10 +122,10 @@ def _rate(hits: int, total: int) -> str:
 
 
 def printed(sessions: Sequence[Told]) -> str:
-    """A line for each kind and way, then the bins and the error of what was weighed."""
+    """A line for each kind, then the bins of the probabilities and their error."""
     lines = []
-    for kind, way in sorted({(one.kind, one.way) for one in sessions}):
-        mine = [one for one in sessions if (one.kind, one.way) == (kind, way)]
+    for kind in sorted({one.kind for one in sessions}):
+        mine = [one for one in sessions if one.kind == kind]
         count, seconds = len(mine), sorted(one.seconds for one in mine)
         parts = {
             "right": [one.right for one in mine],
@@ -138,9 +134,8 @@ def printed(sessions: Sequence[Told]) -> str:
             f"{MOST_OF_IT:.0%} of the excess taken": [one.taken >= MOST_OF_IT for one in mine],
         }
         rates = ", ".join(f"{what} {_rate(sum(which), count)}" for what, which in parts.items())
-        lines.append(f"{kind:8}{way:8} {rates}, {seconds[count // 2]:.0f} s, worst {seconds[-1]:.0f} s")
+        lines.append(f"{kind:8} {rates}, {seconds[count // 2]:.0f} s, worst {seconds[-1]:.0f} s")
     lines.append("")
-    sessions = [one for one in sessions if one.way == WEIGHED]
     for one in bins_of(sessions):
         lines.append(
             f"said {one.low:.2f} to {one.high:.2f}: mean {one.mean:.3f}, true {_rate(one.true, one.count)}"

@@ -1,6 +1,6 @@
 """The reliability diagram of a tally: how often names were true, beside the probability that they were given.
 
-python benchmarks/explain_founded.py --read sessions.jsonl --picture docs/reliability.png
+python benchmarks/explain_rates.py --read sessions.jsonl --picture docs/reliability.png
 """
 
 from __future__ import annotations

@@ -63,7 +63,7 @@ def _signals_as_before() -> Iterator[None]:
 #: want them at a time: so one worker compiles what most tests need while the other is at what needs none, and what
 #: weighing needs while the other is at the browser. Then long files, so that no worker is left with one at the end.
 FIRST = (
-    "api/test_moving_safely.py", "session/", "fieldbus/", "service/browser/", "real/test_real_weigh.py",
+    "api/test_moving_safely.py", "session/", "fieldbus/", "service/browser/", "real/test_real_explain.py",
     "simulators/test_fmu_belief.py", "sim/test_sealed_cases.py",
 )  # fmt: skip
 #: Folders of files that take a second or two each. They come last, so that no worker is still at a long file when the

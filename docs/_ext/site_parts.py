@@ -30,7 +30,7 @@ GROUPS = {
         "read_session", "Session", "Run", "load_machine", "write_machine", "example_machine", "Machine", "read_inertia",
         "write_inertia", "InertiaTable",
     ),
-    "Estimating and explaining": ("estimate", "Estimate", "explain", "Explanation", "weigh", "Weighed", "write_report"),
+    "Estimating and explaining": ("estimate", "Estimate", "explain", "Explanation", "write_report"),
     "Simulating and optimising": (
         "Motion", "Excitation", "simulate", "Simulated", "MotionLimits", "Task", "optimise", "Optimised",
     ),

@@ -23,7 +23,7 @@ __version__ = "0.1.0"
 #: Where each public name is made; __init__.pyi says the same to type checkers.
 _PLACES = {
     "schwung.api.computing": (
-        "estimate", "example_machine", "explain", "load_machine", "read_inertia", "read_session", "simulate",
+        "estimate", "example_machine", "load_machine", "read_inertia", "read_session", "simulate",
         "write_inertia", "write_machine",
     ),
     "schwung.api.drives": ("Connection", "connect", "doctor", "scan"),
@@ -31,9 +31,9 @@ _PLACES = {
     "schwung.api.optimising": ("MotionLimits", "Optimised", "Task", "optimise"),
     "schwung.api.reports": ("write_report",),
     "schwung.api.values": (
-        "Estimate", "Explanation", "InertiaTable", "Machine", "Run", "Session", "Simulated",
+        "Estimate", "InertiaTable", "Machine", "Run", "Session", "Simulated",
     ),
-    "schwung.api.weighing": ("Weighed", "weigh"),
+    "schwung.api.explaining": ("Explanation", "explain"),
     "schwung.commissioning": ("Check", "LimitWishes", "Observer", "Wishes"),
     "schwung.errors": (
         "BusError", "DriveError", "DriveFaultError", "InputError", "InterruptedByUser", "NodeLostError",

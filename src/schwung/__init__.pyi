@@ -1,6 +1,5 @@
 from schwung.api.computing import estimate as estimate
 from schwung.api.computing import example_machine as example_machine
-from schwung.api.computing import explain as explain
 from schwung.api.computing import load_machine as load_machine
 from schwung.api.computing import read_inertia as read_inertia
 from schwung.api.computing import read_session as read_session
@@ -11,6 +10,8 @@ from schwung.api.drives import Connection as Connection
 from schwung.api.drives import connect as connect
 from schwung.api.drives import doctor as doctor
 from schwung.api.drives import scan as scan
+from schwung.api.explaining import Explanation as Explanation
+from schwung.api.explaining import explain as explain
 from schwung.api.moving import Commissioned as Commissioned
 from schwung.api.moving import Exported as Exported
 from schwung.api.moving import Plan as Plan
@@ -24,14 +25,11 @@ from schwung.api.optimising import Task as Task
 from schwung.api.optimising import optimise as optimise
 from schwung.api.reports import write_report as write_report
 from schwung.api.values import Estimate as Estimate
-from schwung.api.values import Explanation as Explanation
 from schwung.api.values import InertiaTable as InertiaTable
 from schwung.api.values import Machine as Machine
 from schwung.api.values import Run as Run
 from schwung.api.values import Session as Session
 from schwung.api.values import Simulated as Simulated
-from schwung.api.weighing import Weighed as Weighed
-from schwung.api.weighing import weigh as weigh
 from schwung.commissioning import Check as Check
 from schwung.commissioning import LimitWishes as LimitWishes
 from schwung.commissioning import Observer as Observer

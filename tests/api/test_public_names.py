@@ -42,7 +42,7 @@ def world(tmp_path_factory: pytest.TempPathFactory) -> Iterator[dict[str, Any]]:
             "bench": "api",
             "folder": folder,
             "session_file": made["done"].session_path.absolute(),
-            "weighed": schwung.Weighed(
+            "explanation": schwung.Explanation(
                 axis="rotary",
                 effort="torque",
                 names=(),

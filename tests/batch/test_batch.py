@@ -250,7 +250,6 @@ def test_wishes_that_cannot_be_are_refused_before_anything(
 
 def test_a_weighed_session_is_a_row_like_any_other(archive: Path, tmp_path: Path) -> None:
     item = Item(archive / "older" / "session.h5", archive / "older" / "machine.toml")
-    assert key_of(item, Wish("explain")) != key_of(item, Wish("explain", weigh=False))
     (row,) = rows_of({item: Outcome("0", machine_name="Axis", document=answer().to_json())})
     assert (row.verdict, row.physics) == ("explained", "torque_offset, unnamed over speed")
     assert (row.rmse_before_nm, row.rmse_after_nm) == (2.1, 0.14)

@@ -183,7 +183,7 @@ def weighing(monkeypatch: pytest.MonkeyPatch) -> list[float]:
     monkeypatch.setattr(
         until_explained,
         "posterior_of",
-        lambda *_: SimpleNamespace(told=SimpleNamespace(probability=lambda name: 0.98)),
+        lambda *_, **_named: SimpleNamespace(told=SimpleNamespace(probability=lambda name: 0.98)),
     )
     monkeypatch.setattr(until_explained, "Rivals", SimpleNamespace(of=rivals))
     monkeypatch.setattr(until_explained, "next_experiments", experiment)
@@ -214,7 +214,7 @@ def test_an_answer_that_hardly_stands_out_from_what_has_no_name_is_not_sure(
 ) -> None:
     weighing[:] = [0.99]
     told = SimpleNamespace(told=SimpleNamespace(probability=lambda name: 0.7))
-    monkeypatch.setattr(until_explained, "posterior_of", lambda *_: told)
+    monkeypatch.setattr(until_explained, "posterior_of", lambda *_, **_named: told)
     found = explained(drive, tmp_path)
     assert not found.sure
     assert found.ended == "one answer leads, but a stands out from what no name describes with 0.70 only"
@@ -269,7 +269,7 @@ def test_a_drive_lost_in_the_middle_is_stopped_and_all_before_is_kept(
 def test_ctrl_c_while_weighing_is_told_and_nothing_moves(
     drive: DeskDrive, weighing: list[float], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    def interrupted(*_: object) -> None:
+    def interrupted(*_: object, **_named: object) -> None:
         raise KeyboardInterrupt
 
     monkeypatch.setattr(until_explained, "posterior_of", interrupted)

@@ -1,10 +1,10 @@
-"""The three parts of a session: runs to fit on, runs that check what was chosen, runs that nothing hangs on."""
+"""The two parts of a session: runs to fit on, and runs that prove what was found there."""
 
 from __future__ import annotations
 
 import numpy as np
 
-from schwung.explain.kept_aside import split
+from schwung.explain.kept_aside import kept_aside
 from schwung.motion import Excitation, Motion
 from schwung.session import Run, Session
 
@@ -27,29 +27,17 @@ def session_of(*runs: tuple[float, bool]) -> Session:
     return Session(made, created="2026-01-01T00:00:00", source="test")
 
 
-def test_a_motion_time_is_kept_aside_and_halved() -> None:
+def test_half_of_a_motion_time_is_kept_aside() -> None:
     times = (0.2, 0.3, 0.4)
-    parts = split(
-        session_of(*((duration, excited) for duration in times for excited in (False, False, True, True)))
-    )
-    assert parts.train == (0, 1, 2, 3, 8, 9, 10, 11)
-    assert parts.check == (4, 6)
-    assert parts.heldout == (5, 7)
+    every = ((duration, excited) for duration in times for excited in (False, False, True, True))
+    assert kept_aside(session_of(*every)) == (5, 7)
 
 
-def test_of_repeats_the_last_are_kept_aside_and_halved() -> None:
-    parts = split(session_of((0.2, False), (0.2, True), (0.2, False), (0.2, True)))
-    assert (parts.train, parts.check, parts.heldout) == ((0, 1), (2,), (3,))
+def test_of_repeats_the_last_is_kept_aside() -> None:
+    assert kept_aside(session_of((0.2, False), (0.2, True), (0.2, False), (0.2, True))) == (3,)
+    assert kept_aside(session_of((0.2, False), (0.2, False), (0.2, False), (0.2, True))) == (2,)
 
 
 def test_where_one_run_can_be_spared_it_is_for_the_proof() -> None:
-    parts = split(session_of((0.2, False), (0.2, False)))
-    assert (parts.train, parts.check, parts.heldout) == ((0,), (), (1,))
-    assert split(session_of((0.2, False), (0.2, True))).heldout == ()
-
-
-def test_a_third_repeat_checks_where_one_run_alone_is_for_the_proof() -> None:
-    parts = split(session_of((0.2, False), (0.2, False), (0.2, False), (0.2, False)))
-    assert (parts.train, parts.check, parts.heldout) == ((0, 1), (2,), (3,))
-    parts = split(session_of((0.2, False), (0.2, False), (0.2, False), (0.2, True)))
-    assert (parts.train, parts.check, parts.heldout) == ((0, 3), (1,), (2,))
+    assert kept_aside(session_of((0.2, False), (0.2, False))) == (1,)
+    assert kept_aside(session_of((0.2, False), (0.2, True))) == ()

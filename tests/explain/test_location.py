@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from scipy.signal import lfilter
 
-from schwung.explain.location import Residual, interval_of, locate, shares
+from schwung.explain.location import Residual, interval_of, locate
 
 RATE_HZ = 1000.0
 EFFECTS = {
@@ -165,7 +165,6 @@ def session(seed, *effects, ratio=10.0, rho=0.6, runs=16, distance=None, measure
                 noise,
                 considered,
                 1.0,
-                (run // 2) % 3,
             )
         )
         for effect in effects:
@@ -280,20 +279,11 @@ def test_a_ripple_of_a_linear_axis_is_located_over_position():
     assert (first.coordinate, first.unit) == ("position", "m")
 
 
-def test_shares_tell_alone_from_beyond():
-    by = {one.coordinate: one for one in shares(session(7, "coulomb")[0], "rotary")}
-    assert by["direction"].beyond > 0.9
-    assert by["position"].alone > 0.9  # position times direction predicts it too
-    assert by["position"].beyond == 0
-    assert by["position"].p_value == 1
-
-
 def test_nothing_to_look_at_gives_nothing():
     residuals, _ = session(8, "coulomb", runs=2)
     still = [replace(one, considered=np.zeros_like(one.considered)) for one in residuals]
     assert locate([], "rotary") == ()
     assert locate(still, "rotary") == ()
-    assert shares(still, "rotary") == ()
     silent = [replace(one, residual_nm=np.zeros_like(one.residual_nm)) for one in residuals]
     assert locate(silent, "rotary") == ()
 

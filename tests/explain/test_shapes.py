@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 
 from schwung.drivetrain.machine import Load, Machine, Motor
-from schwung.explain.explain import explain
 from schwung.explain.values import Quantity
 from schwung.explain.weighing.published import publish
 from schwung.motion import Array, Motion
@@ -101,13 +100,6 @@ def has(told: Mapping[str, Quantity], true: dict[str, float]) -> None:
 def test_an_unusual_shape_is_one_name_with_its_numbers(
     hidden: Hidden, names: set[str], true: dict[str, float]
 ) -> None:
-    found = explain(session(hidden), MACHINE).findings
-    assert {finding.physics for finding in found} == names
-    has({key: quantity for finding in found for key, quantity in finding.parameters.items()}, true)
-
-
-@pytest.mark.parametrize(("hidden", "names", "true"), SHAPES)
-def test_weighed_it_is_one_name_in_the_file(hidden: Hidden, names: set[str], true: dict[str, float]) -> None:
     found = [one for one in publish(session(hidden), MACHINE).names if one.in_file]
     assert {one.physics for one in found} == names
     has({key: quantity for one in found for key, quantity in one.parameters.items()}, true)

@@ -65,7 +65,6 @@ def test_what_is_published_is_proven_on_motions_that_were_not_fitted(both):
 
 def test_probabilities_are_shares(both):
     assert all(0 <= one.probability <= 1 + 1e-9 for one in (*both.names, *both.unnamed))
-    assert 0 <= both.runner_up_probability <= 0.5 + 1e-9
     assert both.excess >= 1
     assert both.probability("backlash") < 0.5
 

@@ -35,7 +35,7 @@ def view():
     """Four runs of a machine with a tight spot."""
     session, machine = session_of(SPOT, 5, every=8, times=(0.25,)), belief_of(SPOT)
     runs = tuple(signals_of(run, machine, 160.0, 0.0) for run in session.runs)
-    of = ranges_of(list(runs), machine, 0.002, 160.0)
+    of = ranges_of(list(runs), 0.002, 160.0)
     torques = tuple(TrueTorque(run, run.drive.smooth_nm) for run in runs)
     return rounds.View(session.runs, runs, known(machine, of.low_rad, of.high_rad), of, torques)
 
@@ -193,7 +193,7 @@ def test_a_run_kept_aside_is_missed_by_no_more_than_noise():
     """From the recording to the states in as many steps as it takes: after one, the shaft is not wound up yet."""
     session, machine = session_of(STRANGERS[0], 5, every=8, times=(0.2,)), belief_of(STRANGERS[0])
     runs = tuple(signals_of(run, machine, 160.0, 0.0) for run in session.runs)
-    of = ranges_of(list(runs), machine, 0.002, 160.0)
+    of = ranges_of(list(runs), 0.002, 160.0)
     torques = tuple(TrueTorque(run, run.drive.smooth_nm) for run in runs)
     view = rounds.View(session.runs, runs, known(machine, of.low_rad, of.high_rad), of, torques, dry_nm=0.0)
     noise = first_noise(runs)

@@ -70,7 +70,7 @@ def recorded() -> list[Run]:
 
 def view_of(machine: Machine) -> View:
     runs = [signals_of(run, machine, 160.0) for run in recorded()]
-    of = ranges_of(runs, machine, 0.002, 160.0)
+    of = ranges_of(runs, 0.002, 160.0)
     torques = tuple(TrueTorque(run, run.drive.whole_nm) for run in runs)
     return View(recorded(), tuple(runs), known(machine, of.low_rad, of.high_rad), of, torques, dry_nm=0.0)
 

@@ -30,7 +30,7 @@ def test_a_gap_comes_to_rest_where_it_is():
     gap, stranger = 2e-4, Stranger("play with round corners", ("backlash",), gap=2e-4)
     session, machine = session_of(stranger, 5, every=8, times=(0.25,)), belief_of(stranger)
     runs = [signals_of(run, machine, 160.0, 0.0) for run in session.runs]
-    of = ranges_of(runs, machine, 0.002, 160.0)
+    of = ranges_of(runs, 0.002, 160.0)
     torques = tuple(TrueTorque(run, run.drive.whole_nm) for run in runs)
     view = View(session.runs, tuple(runs), known(machine, of.low_rad, of.high_rad), of, torques, dry_nm=0.0)
     causes = vocabulary(of, view.known)

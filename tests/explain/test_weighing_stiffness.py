@@ -1,7 +1,10 @@
 """A stiffness that differs along the way, of a machine whose compliance waves: another formula than the law's."""
 
+from pathlib import Path
+
 import numpy as np
 import pytest
+from sealed_sessions import drawn
 from strangers import STIFFNESS, Stranger, belief_of, session_of
 
 from schwung.explain.weighing.weigh import weigh
@@ -20,3 +23,14 @@ def test_a_coupling_that_gives_more_here_than_there_has_a_name():
     assert share == pytest.approx(0.15, abs=0.03)
     turns = name.parameters["order"]
     assert 0.002 < (turns.high - turns.low) / turns.value < 0.2  # it is known so well, and no better
+
+
+def test_a_coupling_half_as_stiff_as_believed_is_found_first_of_three(tmp_path: Path) -> None:
+    """Its resonance is far off: no line about the belief leads there, and curves of all kinds stood for it."""
+    session, machine, label = drawn(tmp_path, 288502, kind="three")
+    found = weigh(session, machine)
+    hidden = {effect["physics"]: effect["parameters"] for effect in label["effects"]}
+    assert {one.name for one in found.names if one.probability > 0.5} == set(hidden)
+    assert found.names[0].name == "coupling_stiffness"
+    stiffness = found.names[0].parameters["stiffness_nm_rad"].value
+    assert stiffness == pytest.approx(hidden["coupling_stiffness"]["stiffness_nm_rad"], rel=0.01)

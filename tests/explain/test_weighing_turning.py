@@ -57,7 +57,7 @@ def test_a_machine_with_dry_friction_misses_noise_where_it_turns(session: Sessio
         physics=(rubs,),
     )
     runs = [signals_of(run, machine, 160.0, 0.0) for run in session.runs]
-    of = ranges_of(runs, machine, 0.002, 160.0)
+    of = ranges_of(runs, 0.002, 160.0)
     torques = tuple(TrueTorque(run, run.drive.whole_nm) for run in runs)
     view = View(
         session.runs, tuple(runs), known(machine, of.low_rad, of.high_rad), of, torques, dry_nm=RUBS_NM

@@ -140,3 +140,23 @@ def test_a_signal_that_is_early_is_not_late(candidates) -> None:
     assert not candidates["measurement_delay"].possible(np.array([-2.5e-4]))
     assert not candidates["coupling_damping"].possible(np.array([-2.0]))
     assert candidates["coupling_damping"].possible(np.array([-1.0]))
+
+
+def test_what_only_accelerating_shows_is_known_as_such(candidates):
+    shown = {"load_inertia", "inertia_profile", "torque_constant", "torque_lag", "torque_saturation",
+             "measurement_delay", "coupling_stiffness", "coupling_damping", "backlash", "extra_compliance",
+             "torque_ripple", "stiffness_over_angle"}  # fmt: skip
+    steady = {"coulomb_friction", "viscous_friction", "stribeck_friction", "friction_over_angle", "load_torque",
+              "torque_offset", "cogging", "periodic_disturbance", "usual_filter"}  # fmt: skip
+    assert all(candidates[name].shown_by_accelerating for name in shown)
+    assert not any(candidates[name].shown_by_accelerating for name in steady)
+
+
+@pytest.mark.parametrize("exponent", [1.0, 2.0])
+def test_dry_friction_falls_as_steeply_as_its_exponent_says(candidates, exponent):
+    law = candidates["stribeck_friction"]
+    speed = np.array([-6.0, -2.0, 0.5, 2.0, 6.0])
+    along = SimpleNamespace(speed=speed, direction=np.sign(speed))
+    done = law.done(along, (2.0, exponent), np.array([1.0, 3.0])).of(np.ones(1))[0]
+    np.testing.assert_allclose(done, -np.sign(speed) * (1 + 3 * np.exp(-(np.abs(speed / 2) ** exponent))))
+    assert {shape[1] for shape in law.shapes} == {1.0, 2.0}

@@ -20,7 +20,7 @@ NOISE = Noise(0.05, 1e-2, 2e-6, 0.01)
 def test_states_of_a_run_are_those_without_noise_and_those_of_noise() -> None:
     session, machine = session_of(STRANGERS[0], 5, every=8, times=(0.25,)), belief_of(STRANGERS[0])
     run = signals_of(session.runs[0], machine, 160.0, 0.0)
-    of = ranges_of([run], machine, 0.002, 160.0)
+    of = ranges_of([run], 0.002, 160.0)
     torques = (TrueTorque(run, run.drive.smooth_nm),)
     view = rounds.View(session.runs[:1], (run,), known(machine, of.low_rad, of.high_rad), of, torques)
     equations, steps = equations_of(view.alongs(())[0], Acting(), NOISE)

@@ -1,154 +1,124 @@
-"""What `explain` finds in recordings of machines that nobody here has built, held against what is published of them."""
+"""What `explain` makes of recordings of machines that nobody here has built: an answer, whatever they lack.
+
+Cut short and thinned, so that each takes a few seconds. They have no repeats, no rests, one motion, no measured speed,
+no known load: none of that is an error, and what is published is a machine that can be read and moved.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import replace
-from functools import cache
+from pathlib import Path
 
-import numpy as np
 import pytest
 from real_recordings import RealRecordings, emps_machine, hsm150_machine, pendulum_machine
 
-from schwung.drivetrain import Machine
+from schwung.drivetrain import Load, Machine, load_machine, write_machine
 from schwung.drivetrain.physics_term import PhysicsTerm
-from schwung.explain.explain import explain
 from schwung.explain.free_run import free_runs
-from schwung.explain.values import Explanation, Finding
-from schwung.motion import Array
+from schwung.explain.weighing.published import publish
+from schwung.explain.weighing.weigh import signals_as_measured
+from schwung.explain.weighing.work import Work
+from schwung.report.explanation import tables
+from schwung.session import Run, Session
 
-#: Published of EMPS (Janot, Gautier, Brunot 2019): N·s/m, N, N.
+LIGHTER_KG = 5.1
+#: Published of EMPS: N·s/m, N, N.
 VISCOUS, COULOMB, OFFSET = 203.5034, 20.3935, -3.1648
-#: Force residual of the published model, N rms: estimation record, validation record.
-PUBLISHED_RMS, PUBLISHED_PULSES_RMS = 2.2, 3.4
+#: Work after which nothing more is tried: there has to be an answer then, too.
+ENOUGH = 6e7
 
 
-@cache
-def emps(recordings: RealRecordings) -> Explanation:
-    return explain(recordings.emps, emps_machine())
+def thinned(session: Session, every: int, samples: int) -> Session:
+    """Every so many samples of the first so many of each run."""
+    return replace(session, runs=tuple(_thin(run, slice(0, samples, every), every) for run in session.runs))
 
 
-@cache
-def pendulum(recordings: RealRecordings, name: str) -> Explanation:
-    return explain(recordings.pendulum(name), pendulum_machine())
+def _thin(run: Run, at: slice, every: int) -> Run:
+    demand = run.position_demand_rad
+    return replace(
+        run,
+        sample_rate_hz=run.sample_rate_hz / every,
+        time_s=run.time_s[at],
+        position_rad=run.position_rad[at],
+        speed_rad_s=run.speed_rad_s[at],
+        torque_nm=run.torque_nm[at],
+        position_demand_rad=None if demand is None else demand[at],
+    )
 
 
-def found(explanation: Explanation) -> Mapping[str, Finding]:
-    return {finding.physics: finding for finding in explanation.findings}
+def asked(recordings: RealRecordings, name: str) -> tuple[Session, Machine]:
+    """A little of a recording, and what is believed."""
+    if name == "pendulum":  # one run of one motion without a rest
+        return thinned(recordings.pendulum("ddp"), 4, 2000), pendulum_machine()
+    if name == "motor alone":  # with an unknown load
+        return thinned(recordings.hsm150("neg_0.04_1"), 10, 3000), hsm150_machine()
+    return thinned(recordings.emps, 16, 6240), emps_machine()  # no measured speed
 
 
-def value(finding: Finding, key: str) -> float:
-    number = finding.parameters[key].value
-    assert isinstance(number, float)
-    return number
+@pytest.mark.timeout(300)
+@pytest.mark.parametrize("name", ["pendulum", "motor alone"])
+def test_whatever_a_recording_lacks_there_is_an_answer(
+    recordings: RealRecordings, name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(Work, "spent", property(lambda self: self.done > ENOUGH))
+    monkeypatch.setattr(Work, "late", property(lambda self: self.done > 1.5 * ENOUGH))
+    session, machine = asked(recordings, name)
+    found = publish(session, machine)
+    assert found.headline
+    assert found.proof is None
+    assert any("nothing is proven" in note for note in found.notes)
+    assert all(rows for _, _, rows in tables(found))
+    assert found.overlays
+    assert not found.overlays[0].heldout
+    write_machine(found.machine, tmp_path / "machine.toml")
+    assert len(load_machine(tmp_path / "machine.toml").physics) == len(found.machine.physics)
+    if name == "motor alone":
+        assert any("does not determine the inertia" in note for note in found.notes)
+        unseen = {"torque_constant", "torque_saturation", "torque_lag", "load_inertia", "inertia_profile"}
+        assert not unseen & {one.physics for one in found.names}
 
 
-def torque_over_angle(finding: Finding) -> tuple[Array, Array]:
-    """A load torque over ±1.5 rad, where all swings were, however it is given."""
-    angle = np.linspace(-1.5, 1.5, 31)
-    table = finding.parameters.get("table")
-    if table is not None:
-        assert isinstance(table.value, tuple)
-        knots, torques = np.array(table.value).T
-        return angle, np.interp(angle, knots, torques)
-    return angle, value(finding, "amplitude_nm") * np.sin(angle + value(finding, "phase_rad"))
+def test_a_speed_that_was_made_of_the_position_is_no_measurement(recordings: RealRecordings) -> None:
+    """EMPS reports its position alone; taken for measured, a polynomial's slope has noise of 4 nm/s."""
+    session, machine = asked(recordings, "EMPS")
+    assert not any(run.speed_measured for run in signals_as_measured(session, machine))
+    measured, motor = asked(recordings, "motor alone")
+    assert all(run.speed_measured for run in signals_as_measured(measured, motor))
 
 
-def published_emps() -> Machine:
+def test_the_published_model_of_emps_runs_free_as_was_published(recordings: RealRecordings) -> None:
+    """Baselines: 5.2 to 5.5 mm RMS over the record (Janot, Gautier, Brunot 2019)."""
     terms = (
         PhysicsTerm(name="viscous_friction", coefficient_nms=VISCOUS),
         PhysicsTerm(name="coulomb_friction", torque_nm=COULOMB),
         PhysicsTerm(name="torque_offset", torque_nm=-OFFSET),
     )
-    return emps_machine().model_copy(update={"physics": terms})
-
-
-def test_emps_viscous_and_coulomb_friction_are_the_published_ones(recordings: RealRecordings) -> None:
-    named = found(emps(recordings))
-    assert set(named) == {"viscous_friction", "asymmetric_friction", "cogging"}
-    # the published model has one viscous coefficient and an offset for both directions: a few per cent may move
-    assert value(named["viscous_friction"], "coefficient_nms") == pytest.approx(VISCOUS, rel=0.03)
-    dry = named["asymmetric_friction"]
-    levels = [value(dry, "torque_positive_nm"), value(dry, "torque_negative_nm")]
-    assert np.mean(levels) == pytest.approx(COULOMB, rel=0.05)
-    assert dry.parameters["torque_positive_nm"].unit == "N"
-
-
-def test_emps_asymmetry_takes_the_place_of_the_published_offset(recordings: RealRecordings) -> None:
-    """At half the highest speed, friction forwards less friction backwards is twice the published offset."""
-    dry = found(emps(recordings))["asymmetric_friction"]
-    speed = 0.08  # m/s, root mean square of the record while it moves
-    difference = value(dry, "torque_positive_nm") - value(dry, "torque_negative_nm")
-    difference += value(dry, "coefficient_difference_nms") * speed
-    assert difference == pytest.approx(2 * OFFSET, rel=0.15)
-
-
-def test_emps_ripple_has_the_period_that_is_known(recordings: RealRecordings) -> None:
-    ripple = found(emps(recordings))["cogging"]
-    assert ripple.parameters["order"].unit == "1/m"
-    assert 2 * np.pi / value(ripple, "order") == pytest.approx(2.5e-3, rel=2e-3)
-    assert 0.5 < value(ripple, "amplitude_nm") < 1.5  # about 1 N, from the spectrum over position
-
-
-def test_emps_is_partly_explained_beyond_what_was_published(recordings: RealRecordings) -> None:
-    explanation = emps(recordings)
-    assert explanation.verdict == "partly_explained"
-    assert explanation.remainder
-    assert explanation.fit.heldout_runs == (3,)
-    assert explanation.fit.before.torque_rmse_nm == pytest.approx(37, abs=2)
-    # the comparison here reaches to 180 Hz, the published one to 20 Hz: even so it is to be better
-    assert explanation.fit.after.torque_rmse_nm < 0.8 * PUBLISHED_RMS
-    assert explanation.noise_floor.torque_nm < explanation.fit.after.torque_rmse_nm
-
-
-def test_emps_pulses_tell_the_same(recordings: RealRecordings) -> None:
-    session = recordings.emps_pulses
-    explanation = explain(replace(session, runs=session.runs[:2]), emps_machine())
-    named, estimated = found(explanation), found(emps(recordings))
-    for term, key in (
-        ("viscous_friction", "coefficient_nms"),
-        ("asymmetric_friction", "coefficient_difference_nms"),
-    ):
-        assert value(named[term], key) == pytest.approx(value(estimated[term], key), rel=0.06)
-    assert explanation.fit.after.torque_rmse_nm < PUBLISHED_PULSES_RMS
-
-
-def test_emps_free_run_of_the_validation_record(recordings: RealRecordings) -> None:
-    """Published baselines: 5.2 to 5.5 mm RMS over the record."""
-    (published,) = free_runs(published_emps(), recordings.emps)
+    (published,) = free_runs(emps_machine().model_copy(update={"physics": terms}), recordings.emps)
     assert published.duration_s == pytest.approx(24.841)
     assert published.position_rms_rad == pytest.approx(5.3e-3, abs=0.4e-3)
-    (learned,) = free_runs(emps(recordings).machine, recordings.emps_pulses)
-    (baseline,) = free_runs(published_emps(), recordings.emps_pulses)
-    assert learned.position_rms_rad < 6.5e-3 < baseline.position_rms_rad
-    assert any("mm RMS" in note for note in emps(recordings).notes)
 
 
-def test_the_pendulum_hides_gravity(recordings: RealRecordings) -> None:
-    explanation = pendulum(recordings, "ddp")
-    assert explanation.verdict in ("partly_explained", "explained")
-    gravity = explanation.findings[0]
-    assert gravity.physics == "load_torque"
-    angle, torque = torque_over_angle(gravity)
-    sine = float(np.sum(torque * np.sin(angle)) / np.sum(np.sin(angle) ** 2))
-    # m g l is 2.98 N·m by the data sheet, hanging down at 0; torque is reported by a constant that is off by some 10 %
-    assert sine == pytest.approx(-2.98, rel=0.2)
-    # and J is 0.15 kg·m²: reported torque is 1.05 to 1.25 times what that takes, the data sheet's m g l alike
-    (scale,) = (note for note in explanation.notes if "believed inertia takes" in note)
-    assert 1.05 < float(scale.partition("reported torque is ")[2].split()[0]) < 1.25
-    assert "cannot tell torque_constant from load_inertia" in scale
-    assert any("not proven" in note for note in explanation.notes)
+@pytest.mark.timeout(600)
+def test_emps_says_which_laws_it_is_like_and_runs_free(recordings: RealRecordings) -> None:
+    """Believed 5 kg lighter. Published (Janot, Gautier, Brunot 2019): 203.5 N·s/m, 20.4 N, 5.3 mm rms.
 
-
-def test_the_pendulum_of_ddp_swings_up_by_torque_alone(recordings: RealRecordings) -> None:
-    session = recordings.pendulum("ddp")
-    (driven,) = free_runs(pendulum(recordings, "ddp").machine, session)
-    assert driven.position_rms_rad < 0.05 * float(np.ptp(session.runs[0].position_rad))
-
-
-def test_hsm150_names_no_inertia_and_says_why(recordings: RealRecordings) -> None:
-    names = [f"{side}_{repeat}" for side in ("neg_0.04", "pos_0.06") for repeat in (1,)]
-    explanation = explain(recordings.hsm150(*names), hsm150_machine())
-    assert any("does not determine the inertia" in note for note in explanation.notes)
-    assert explanation.verdict != "explained"
-    assert all("friction" in finding.physics for finding in explanation.findings)
+    Friction that a late force stood beside was 8 % off, and ran free within 6.5 mm.
+    """
+    lighter = emps_machine().model_copy(update={"load": Load(inertia_kgm2=80.0 - LIGHTER_KG)})
+    found = publish(recordings.emps, lighter)
+    # published are dry friction and an offset; beside a curve over speed their numbers are open, so they are in no file
+    assert {name.physics for name in found.names if name.probability > 0.5} <= {"asymmetric_friction"}
+    assert not any(name.in_file for name in found.names)
+    assert not any(curve.over == "frequency" for curve in found.curves)
+    assert found.plain is not None
+    assert found.plain.share > 0.99
+    laws = found.plain.laws
+    assert laws["viscous_friction"]["coefficient_nms"].value == pytest.approx(VISCOUS, rel=0.05)
+    dry = laws["asymmetric_friction"]
+    levels = [dry[key].value for key in ("torque_positive_nm", "torque_negative_nm")]
+    assert sum(levels) / 2 == pytest.approx(COULOMB, rel=0.05)
+    assert laws["load_inertia"]["delta_kgm2"].value == pytest.approx(LIGHTER_KG, rel=0.3)
+    (driven,) = free_runs(found.machine, recordings.emps)
+    assert driven.position_rms_rad < 4e-3
+    (elsewhere,) = free_runs(found.machine, recordings.emps_pulses)  # of another motion, never seen
+    assert elsewhere.position_rms_rad < 1e-2  # 8.9 mm, that of the published model is 8.4 mm

@@ -17,7 +17,7 @@ from schwung.drivetrain import Coupling, Load, Machine, Motor, load_machine, pap
 from schwung.drivetrain.inertia import read_inertia_csv, write_inertia_csv
 from schwung.errors import InputError
 from schwung.estimation import estimate
-from schwung.explain.explain import explain
+from schwung.explain.weighing.published import publish
 from schwung.fieldbus.profile import load_profile
 from schwung.quantities import Effort, document_of, sentences_of
 from schwung.session import Session, read_session
@@ -72,7 +72,7 @@ def test_a_belief_of_the_other_kind_is_refused() -> None:
     with pytest.raises(InputError, match="the session in A, and how many N·m an ampere makes is unknown"):
         estimate(session(), paper_machine())
     with pytest.raises(InputError, match="is in A, the session in N·m"):
-        explain(in_torque(), machine())
+        publish(in_torque(), machine())
 
 
 def test_the_file_says_so_and_an_older_reader_sees_the_unit(tmp_path: Path) -> None:

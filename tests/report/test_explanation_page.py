@@ -1,61 +1,131 @@
-"""The page of an explanation: what each verdict shows, in which words, safely."""
-
-from __future__ import annotations
+"""The page of weighing: one line for each name and set, pictures of what has one, and the file within reach."""
 
 import re
 import xml.etree.ElementTree as ET
 from dataclasses import replace
-from pathlib import Path
+from html.parser import HTMLParser
 
+import numpy as np
 import pytest
-from explanation_samples import COULOMB, COULOMB_NM, NOISE_NM, OTHERS, consistent, explained, session
+from probability_samples import answer
 
-from schwung.drivetrain.machine import paper_machine
-from schwung.explain.terms import LIBRARY
-from schwung.explain.values import Explanation
-from schwung.explain.words import PHYSICS, told_apart_by, words_of
+from schwung.drivetrain import paper_machine
+from schwung.drivetrain.residual_plane import Plane
+from schwung.explain.values import Quantity
+from schwung.explain.weighing.publication import Curve, Name, merged
+from schwung.explain.words import told_apart_by
+from schwung.report.content import units_of
 from schwung.report.explanation import (
     ExplanationContent,
-    explanation_pictures,
-    finding_row,
-    headline,
+    fact_rows,
+    name_rows,
     render_explanation,
     separations,
-    write_explanation,
+    set_rows,
+    tables,
 )
 
-LOCAL = next(effect for effect in OTHERS if effect.physics == "local_friction")
+X, Y = np.linspace(0, 3, 31), np.linspace(-40, 40, 21)
+PLANE = Curve(
+    "position, speed", "rad, rad/s", 0.8, 0.9, "", True,
+    plane=Plane(("position", "speed"), X, Y, np.sin(2 * X)[:, None] * Y / 20),
+)  # fmt: skip
+BENDS = Name(
+    "presliding_friction", 0.9,
+    {"torque_nm": Quantity(1.2, "N·m", (1.1, 1.3)), "stiffness_nm_rad": Quantity(2.4, "N·m/rad", (2.2, 2.6))}, True,
+)  # fmt: skip
 
 
-def _content(explanation: Explanation) -> ExplanationContent:
-    return ExplanationContent("A <press>", explanation, paper_machine(), session(), 'name = "a & b"\n')
+def shown(published):
+    return render_explanation(ExplanationContent("A title", published, paper_machine(), None, 'name = "x"'))
 
 
-def _headings(page: str) -> list[str]:
-    return re.findall(r"<h2>(.*?)</h2>", page)
+class Titles(HTMLParser):
+    """The headings of a page, in their order."""
+
+    def __init__(self, text):
+        super().__init__()
+        self.found, self.inside = [], False
+        self.feed(text)
+
+    def handle_starttag(self, tag, attrs):
+        self.inside = tag == "h2"
+
+    def handle_data(self, data):
+        if self.inside:
+            self.found.append(data)
+        self.inside = False
+
+
+def test_sets_of_one_name_and_other_shapes_are_one_line():
+    told = merged(
+        [(("cogging", "backlash"), 0.3), (("coulomb_friction",), 0.35), (("backlash", "cogging"), 0.3)]
+    )
+    assert told == ((("backlash", "cogging"), pytest.approx(0.6)), (("coulomb_friction",), 0.35))
+    assert merged([((), 0.995), (("cogging",), 0.004)]) == (((), 0.995),)
+    assert merged([((f"name {i}",), 0.1) for i in range(10)])[-1][1] == 0.1
+    assert len(merged([((f"name {i}",), 0.1) for i in range(10)])) == 6
+
+
+def test_the_set_of_the_file_is_marked():
+    rows = set_rows(answer())
+    assert [row[2] for row in rows] == ["this", ""]
+    assert rows[1][0] == "play in the coupling"
+
+
+def test_one_set_alone_is_no_table():
+    assert set_rows(replace(answer(), runners_up=((("speed", "torque_offset"), 1.0),))) == []
+
+
+def test_pictures_stand_behind_what_was_found_and_before_the_rest():
+    text = shown(replace(answer(), names=(*answer().names, BENDS), curves=(*answer().curves, PLANE)))
+    titles = Titles(text).found
+    assert titles[:3] == ["Names", "Modelled, unnamed", "Probabilities"]
+    assert titles[-1] == "The learned machine"
+    assert titles.index("Without a name, over position and speed") < titles.index("Sets of causes")
+    assert "Friction that is a spring before it slides" in titles
+    assert text.count("<svg") == 9
+    assert "−40" in text or "-40" in text
+
+
+def test_what_cannot_be_drawn_does_not_break_the_page():
+    flat = replace(BENDS, parameters={**BENDS.parameters, "stiffness_nm_rad": Quantity(0.0, "N·m/rad", None)})
+    assert "Friction that is a spring before it slides</h2>" not in shown(replace(answer(), names=(flat,)))
+
+
+def test_it_says_where_and_what_would_tell_rivals_apart():
+    of = answer()
+    assert name_rows(of)[0][3] == "at −0.01 … 0.02 rad, while moving forward\n40 % of what the belief misses"
+    rivals = replace(of, names=(Name("coulomb_friction", 0.6, {}, True),), curves=(),
+                     runners_up=((("coulomb_friction",), 0.6), (("stribeck_friction",), 0.4)))  # fmt: skip
+    ((question, motion),) = separations(rivals)
+    assert "stribeck_friction" in question
+    assert "several times slower" in motion
+    told = {title: rows for title, _, rows in tables(rivals)}
+    assert told["What the mismatch follows, in words"][0] == (
+        "the belief",
+        "Over the whole range of position, 70 %.",
+    )
+    document = of.to_json()
+    assert document["names"][0]["where"]["direction"] == "forward"
+    assert document["mismatch"][0]["coordinate"] == "position"
+    assert document["proof"]["after_nm"] == 0.14
 
 
 @pytest.mark.usefixtures("undrawn")
-def test_an_explained_session_shows_everything_in_order() -> None:
-    page = render_explanation(_content(explained()))
-    assert _headings(page) == [
-        "What was left out", "What cannot be told apart", "Before and after", "Where it is missing",
-        "Dry friction, over speed", "The proof", "What the mismatch follows", "Notes", "The learned machine",
-    ]  # fmt: skip
-    assert 'class="verdict good"' in page
-    assert "torque: 4.00 N·m (3.92\u00a0…\u00a04.10)" in page
-    assert "coulomb_friction" in page
-    assert "Drive the same stroke several times slower" in page
-    assert "kept aside; chosen and fitted on 0–3" in page
+def test_without_anything_kept_aside_what_was_fitted_is_shown():
+    run = replace(answer().overlays[0], heldout=False)
+    text = shown(replace(answer(), proof=None, overlays=(run,)))
+    assert "which was fitted" in text
 
 
-def test_nothing_is_fetched_nothing_runs_and_text_stays_text() -> None:
-    page = render_explanation(_content(explained()))
+def test_nothing_is_fetched_nothing_runs_and_text_stays_text():
+    odd = replace(answer(), notes=("<script>alert(1)</script>",))
+    page = render_explanation(ExplanationContent("A <press>", odd, paper_machine(), None, 'name = "a & b"'))
     assert "<script" not in page
     assert "&lt;script&gt;alert(1)" in page
     assert "A &lt;press&gt;" in page
     assert "a &amp; b" in page
-    assert "rests on &lt;one&gt; pair" in page
     assert not re.findall(r'(?:src|href)="(?!#)', page)
     assert "default-src 'none'" in page
     for svg in re.findall(r"<svg .*?</svg>", page, flags=re.DOTALL):
@@ -64,90 +134,16 @@ def test_nothing_is_fetched_nothing_runs_and_text_stays_text() -> None:
     assert len(ids) == len(set(ids)) > 0
 
 
-def test_a_consistent_session_has_a_short_page() -> None:
-    page = render_explanation(_content(consistent()))
-    assert _headings(page) == ["Measured and believed", "The proof", "Notes", "The learned machine"]
-    assert "no more than the noise floor" in page
-    assert "belief + physics" not in page
-    assert "Nothing was learned" in page
-
-
-@pytest.mark.usefixtures("undrawn")
-def test_an_unexplained_session_says_where_and_names_nothing() -> None:
-    explanation = explained((), "unexplained", unnamed=(LOCAL,))
-    page = render_explanation(_content(explanation))
-    assert 'class="verdict unusable"' in page
-    assert "Where it is missing" in _headings(page)
-    assert "What was left out" not in _headings(page)
-    assert "position, 0.9 … 1.5 rad" in headline(explanation)
-    assert "no term of the library accounts for them" in headline(explanation)
-
-
-@pytest.mark.usefixtures("undrawn")
-def test_a_partly_explained_session_shows_what_is_left() -> None:
-    explanation = explained((COULOMB,), "partly_explained", unnamed=(LOCAL,))
-    page = render_explanation(_content(explanation))
-    assert 'class="verdict doubtful"' in page
-    assert "What is left" in _headings(page)
-    assert "what is left lies over position, 0.9 … 1.5 rad" in page
-
-
-def test_the_headline_has_both_errors_and_the_floor() -> None:
-    explanation = explained()
-    fit = explanation.fit
-    assert fit.before.torque_rmse_nm == pytest.approx((COULOMB_NM**2 + NOISE_NM**2) ** 0.5, rel=0.02)
-    assert fit.after.torque_rmse_nm == pytest.approx(NOISE_NM, rel=0.1)
-    words = headline(explanation)
-    assert words.startswith("the belief leaves out dry friction; with it the error falls from 4.0")
-    assert words.endswith("(noise floor 0.25 N·m)")
-    assert "with them" in headline(explained((COULOMB, LOCAL)))
-    assert "dry friction and a tight spot" in headline(explained((COULOMB, LOCAL)))
-
-
-def test_a_linear_axis_speaks_of_force_and_newtons() -> None:
-    explanation = replace(explained(), axis="linear")
-    page = render_explanation(_content(explanation))
-    assert "Motor force, N<" in page
-    assert "force: 4.00" in page
-    assert "Motor torque" not in page
-
-
-def test_a_page_without_pictures_or_session_still_stands(tmp_path: Path) -> None:
-    explanation = replace(explained(), overlays=())
-    path = write_explanation(
-        ExplanationContent("t", explanation, paper_machine()), tmp_path / "new" / "e.html"
-    )
-    assert _headings(path.read_text("utf-8")) == [
-        "What was left out", "What cannot be told apart", "The proof", "What the mismatch follows", "Notes",
-    ]  # fmt: skip
-
-
-def test_every_physics_of_the_contract_has_words_and_a_picture() -> None:
-    effects = (COULOMB, *OTHERS)
-    assert {effect.physics for effect in effects} == {
-        *LIBRARY,
-        "periodic_disturbance",
-        "measurement_delay",
-    } & set(PHYSICS)
-    law = [number for number, effect in enumerate(effects) if words_of(effect.physics).view == "wind_up"]
-    drawn = [picture.name for picture in explanation_pictures(_content(explained(effects)))]
-    named = [name for name in drawn if name.startswith(("term", "coupling"))]
-    assert named == [*(f"term{i}" for i in range(24) if i not in law), "coupling"]
-
-
-def test_a_pair_that_cannot_be_told_apart_is_named_once_with_the_motion_that_would() -> None:
-    stribeck = replace(OTHERS[0], like=("coulomb_friction",))
-    (line,) = separations(explained((COULOMB, stribeck)))
-    assert "stribeck_friction" in line
-    assert told_apart_by("stribeck_friction", "coulomb_friction") in line
-    assert told_apart_by("coulomb_friction", "stribeck_friction") == told_apart_by(
-        "stribeck_friction", "coulomb_friction"
+def test_what_tells_two_apart_does_so_either_way():
+    assert told_apart_by("stribeck_friction", "coulomb_friction") == told_apart_by(
+        "coulomb_friction", "stribeck_friction"
     )
 
 
-def test_a_row_for_the_terminal_is_the_one_of_the_page() -> None:
-    finding = explained().findings[0]
-    row = finding_row(finding)
-    assert row[0] == "Dry friction\ncoulomb_friction"
-    assert row[2] == "speed, −12 … 12 rad/s\n90 % of the mismatch, p\u00a0<\u00a00.001"
-    assert row[3] == "dry friction that falls with speed near standstill"
+def test_of_nothing_beyond_noise_no_share_is_told():
+    found, units = answer(), units_of("rotary", "torque")
+    assert found.proof is not None
+    quiet = replace(found, names=(), curves=(), proof=replace(found.proof, before=1.0, after=1.0))
+    assert quiet.verdict == "consistent"
+    shares = [[what for what, _ in fact_rows(of, units) if "unexplained" in what] for of in (found, quiet)]
+    assert [len(one) for one in shares] == [1, 0]

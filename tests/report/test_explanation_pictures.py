@@ -14,7 +14,7 @@ from explanation_samples import (
     NOISE_NM,
     OTHERS,
     Concealed,
-    consistent,
+    Explained,
     explained,
 )
 from matplotlib.axes import Axes
@@ -22,7 +22,7 @@ from matplotlib.collections import PolyCollection
 from matplotlib.figure import Figure
 
 from schwung.drivetrain.machine import Machine, paper_machine
-from schwung.explain.values import Explanation, Overlay
+from schwung.explain.values import Overlay
 from schwung.explain.words import words_of
 from schwung.motion import Array
 from schwung.report.colours import ESTIMATE, EXCITED
@@ -32,10 +32,10 @@ from schwung.report.figures_explanation import (
     judged,
     map_figure,
     overlay_figure,
-    proof_figure,
     residual,
     shown_overlay,
 )
+from schwung.report.pictures_explanation import named_pictures
 
 STIFFNESS = 24963.0
 
@@ -46,14 +46,14 @@ def _effect(physics: str) -> Concealed:
 
 def _term(physics: str) -> Figure:
     explanation = explained((_effect(physics),))
-    figure = term_figure(explanation.findings[0], explanation.overlays, ROTARY)
+    figure = term_figure(explanation.names[0], explanation.overlays, ROTARY)
     assert figure is not None
     return figure
 
 
 def _law(*physics: str, believed: Machine | None = None) -> Axes:
     explanation = explained([_effect(name) for name in physics])
-    figure = coupling_figure(explanation.findings, explanation.overlays, believed or paper_machine(), ROTARY)
+    figure = coupling_figure(explanation.names, explanation.overlays, believed or paper_machine(), ROTARY)
     assert figure is not None
     return figure.axes[0]
 
@@ -63,7 +63,7 @@ def _line(axes: Axes, label: str) -> tuple[Array, Array]:
     return np.asarray(line.get_xdata(), dtype=float), np.asarray(line.get_ydata(), dtype=float)
 
 
-def _shown(explanation: Explanation) -> Overlay:
+def _shown(explanation: Explained) -> Overlay:
     run = shown_overlay(explanation.overlays)
     assert run is not None
     return run
@@ -100,7 +100,7 @@ def test_where_noise_grows_with_the_torque_so_does_its_band() -> None:
 
 
 def test_a_small_mismatch_needs_no_magnifying_glass() -> None:
-    assert len(overlay_figure(_shown(consistent()), NOISE_NM, ROTARY, named=False).axes) == 2
+    assert len(overlay_figure(_shown(explained(())), NOISE_NM, ROTARY, named=False).axes) == 2
 
 
 def test_the_map_is_orange_forward_and_blue_backward_for_friction_and_fades_once_named() -> None:
@@ -120,19 +120,11 @@ def test_the_map_is_orange_forward_and_blue_backward_for_friction_and_fades_once
     assert strength[1].mean() < 0.06
 
 
-def test_bars_are_the_errors_on_the_runs_kept_aside() -> None:
-    explanation = explained()
-    bars = [bar.get_width() for bar in proof_figure(explanation, ROTARY).axes[0].patches]
-    fit = explanation.fit
-    assert bars == pytest.approx([fit.before.torque_rmse_nm, fit.after.torque_rmse_nm, NOISE_NM])
-    assert len(proof_figure(consistent(), ROTARY).axes[0].patches) == 2
-
-
 def test_dots_are_what_the_recording_asks_of_this_term_alone() -> None:
     """With two effects at once, the dots of each are its own torque and noise."""
     viscous = _effect("viscous_friction")
     explanation = explained((COULOMB, viscous))
-    figure = term_figure(explanation.findings[1], explanation.overlays, ROTARY)
+    figure = term_figure(explanation.names[1], explanation.overlays, ROTARY)
     assert figure is not None
     speed, asked = _line(figure.axes[0], "asked for by the recording")
     assert np.std(asked - 0.31 * speed) == pytest.approx(NOISE_NM, rel=0.1)
@@ -215,7 +207,7 @@ def test_a_rigid_belief_is_a_vertical_line() -> None:
 def test_a_term_without_signals_is_left_out() -> None:
     explanation = explained()
     bare = tuple(replace(run, terms_nm={}) for run in explanation.overlays)
-    assert term_figure(explanation.findings[0], bare, ROTARY) is None
+    assert term_figure(explanation.names[0], bare, ROTARY) is None
 
 
 def test_an_event_is_drawn_since_the_motion_began_where_that_is_known() -> None:
@@ -225,7 +217,7 @@ def test_an_event_is_drawn_since_the_motion_began_where_that_is_known() -> None:
     assert axes.get_xlabel() == "time in the run, s"
     assert time[torque.argmax()] == pytest.approx(0.31, abs=0.01)
     since = tuple(replace(run, motion_time_s=run.time_s - 0.1) for run in explanation.overlays)
-    figure = term_figure(explanation.findings[0], since, ROTARY)
+    figure = term_figure(explanation.names[0], since, ROTARY)
     assert figure is not None
     time, torque = _line(figure.axes[0], "named")
     assert figure.axes[0].get_xlabel() == "time since the motion began, s"
@@ -240,3 +232,11 @@ def test_residuals_are_unknown_where_nothing_is_compared() -> None:
 
 def test_words_follow_the_axis() -> None:
     assert words_of("torque_lag", linear=True).name == "a force that lags"
+
+
+def test_every_physics_of_these_has_a_picture() -> None:
+    effects = (COULOMB, *OTHERS)
+    told = explained(effects)
+    law = [number for number, effect in enumerate(effects) if words_of(effect.physics).view == "wind_up"]
+    drawn = [picture.name for picture in named_pictures(told.names, told.overlays, paper_machine(), ROTARY)]
+    assert drawn == [*(f"term{i}" for i in range(len(effects)) if i not in law), "coupling"]

@@ -162,31 +162,27 @@ def test_the_summary_counts_every_kind(benchmark: dict[str, ModuleType], tmp_pat
     assert lines["foreign: not named as something else"].endswith("(1/2)")
     assert lines["claimed explained"].endswith("(1/2)")
     assert lines["true coordinate first"].endswith("(3/3)")
-    text = benchmark["explain_score"].printed(scores, [])
+    text = benchmark["explain_score"].printed(scores)
     assert "coulomb_friction" in text
     benchmark["explain_score"].write_scores(tmp_path, scores)
     assert (tmp_path / "score_confusion.csv").read_text(encoding="utf-8").startswith("hidden")
 
 
-def test_the_page_tells_demands_peer_and_misses(benchmark: dict[str, ModuleType], tmp_path: Path) -> None:
+def test_the_page_tells_demands_and_misses(benchmark: dict[str, ModuleType], tmp_path: Path) -> None:
     friction, offset = {"coulomb_friction": {"torque_nm": 2.0}}, {"torque_offset": {"torque_nm": 1.0}}
     folder = tmp_path / "single"
     cases = [(label(friction, case="0000"), explanation(friction, ("direction", [-1.0, 1.0])))]
     cases += [(label(offset, case="0001"), explanation(friction, ("direction", [-1.0, 1.0])))]
     (folder / LABELS).parent.mkdir(parents=True)
-    (folder / "peer").mkdir()
     lines = [json.dumps({**of, "seed": 70 + n}) + "\n" for n, (of, _) in enumerate(cases)]
     (folder / LABELS).write_text("".join(lines), encoding="utf-8")
     for of, said in cases:
         scored(benchmark, folder, of, said)
-        peer = {"names": ["torque_offset"], "seconds": 1.0}
-        (folder / "peer" / f"{of['case']}.json").write_text(json.dumps(peer), encoding="utf-8")
     page = benchmark["explain_page"].page(tmp_path)
     assert "| one effect, clear: right name first | ≥ 95 % | 50 % (1/2) |" in page
     assert "| one effect, weak: right name first | ≥ 85 % | not run |" in page
     assert "| 70 to 71 |" in page
     assert "| 71 | torque_offset | coulomb_friction | explained |" in page
-    assert "| right name first | 50 % (1/2) | 50 % (1/2) |" in page
 
 
 def test_a_run_that_failed_is_counted_as_failed(benchmark: dict[str, ModuleType], tmp_path: Path) -> None:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable
 
 import numpy as np
 
@@ -12,18 +11,15 @@ from schwung import session as recording
 from schwung.api.shown import as_shown
 from schwung.api.values import (
     Estimate,
-    Explanation,
     InertiaTable,
     Machine,
     Session,
     Simulated,
     estimate_shown,
-    explanation_shown,
     machine_shown,
     session_shown,
 )
 from schwung.drivetrain import FeedForward
-from schwung.errors import InputError
 from schwung.estimation import Inversion
 from schwung.estimation import estimate as estimate_session
 from schwung.motion import Excitation, Motion
@@ -160,41 +156,6 @@ def estimate(
     believed = with_recorded_gains(machine, session)
     return estimate_shown(
         estimate_session(session, believed, method, inversion, frequency_hz=frequency_hz, points=points)
-    )
-
-
-def explain(
-    session: recording.Session,
-    machine: drivetrain.Machine,
-    *,
-    progress: Callable[[str, float], None] | None = None,
-) -> Explanation:
-    """Say what a belief leaves out of a recording: where, which physics, how sure, proven on runs kept aside.
-
-    Args:
-        session: as `read_session` gives it; arrays (n,), rad, rad/s, N·m.
-        machine: the belief; gains that it lacks are taken from the session, where that holds them.
-        progress: told what is being done and the share that is done of all, 0…1.
-
-    Returns the verdict, the named physics with 95 % intervals and units, and the belief with what was learned.
-    Raises InputError where the session cannot be what it says (units, signs, wraps), or holds nothing to compare, and
-    where the belief has learned physics: `weigh` acts with that.
-
-    >>> explanation.fit.before.torque_rmse_nm < 1.5 * explanation.noise_floor.torque_nm
-    True
-    """
-    from schwung.explain.explain import explain as explain_session
-
-    if machine.physics:
-        names = ", ".join(term.name for term in machine.physics)
-        remedy = (
-            "Explain it without --no-weigh (schwung.weigh), which acts with learned physics, or take it out."
-        )
-        raise InputError(
-            machine.name, f"has learned physics ({names}), with which this way does not act", remedy
-        )
-    return explanation_shown(
-        explain_session(session, with_recorded_gains(machine, session), progress=progress)
     )
 
 

@@ -30,6 +30,7 @@ from schwung.commissioning.until_explained import (
 )
 from schwung.drivetrain import Machine
 from schwung.errors import RefusedError
+from schwung.explain.plausibility import examine
 from schwung.explain.weighing.experiment import Rival, Rivals
 from schwung.explain.weighing.weigh import Posterior, posterior_of
 from schwung.files import json_text, replace_file
@@ -102,7 +103,7 @@ def next_motion(session: Session, machine: Machine, posterior: Posterior | None 
     """
     machine = with_recorded_gains(machine, session)
     setting = setting_of(session, machine)
-    posterior = posterior or posterior_of(session, machine)
+    posterior = posterior or posterior_of(session, machine, steady=examine(session, machine).steady)
     rivals = Rivals.of(posterior)
     sure = rivals.best >= SURE
     found = [] if sure else next_experiments(rivals, setting)

@@ -11,11 +11,10 @@ from typing import Any
 
 from schwung.api.moving import Commissioned, Exported
 from schwung.commissioning import Change, Check, contrast_of, following_error, read_backup
-from schwung.drivetrain import InertiaTable, Machine, deviation, read_inertia_csv, write_machine
+from schwung.drivetrain import InertiaTable, Machine, deviation, read_inertia_csv
 from schwung.errors import SchwungError
 from schwung.estimation import Estimate
 from schwung.estimation.reach import reach_of
-from schwung.explain.values import Explanation
 from schwung.fieldbus.drive import RawValue
 from schwung.files import json_text, replace_file
 from schwung.report.bode import BodeContent, angle_rows, parameter_rows, write_bode_report
@@ -35,7 +34,6 @@ __all__ = [
     "save_figures",
     "standard_of",
     "write_bode_report",
-    "write_explanation",
     "write_page",
     "write_report",
     "write_results",
@@ -118,26 +116,6 @@ def write_results(
     write_page(content_of_commissioned(done, against, exported), folder / "report.html")
     replace_file(folder / "estimate.json", json_text(document))
     return document
-
-
-def write_explanation(found: Explanation, session: Session, believed: Machine, folder: Path) -> None:
-    """An explanation for people, explanation.html, and the learned machine.toml, in a folder that is there.
-
-    Raises InputError where they cannot be written.
-    """
-    from schwung.report.explanation import ExplanationContent
-    from schwung.report.explanation import write_explanation as write_explanation_page
-
-    learned = folder / "machine.toml"
-    write_machine(found.machine, learned)
-    content = ExplanationContent(
-        title=f"{believed.name}: what the belief leaves out",
-        explanation=found,
-        believed=believed,
-        session=session,
-        machine_file=learned.read_text(encoding="utf-8"),
-    )
-    write_explanation_page(content, folder / "explanation.html")
 
 
 def content_of_commissioned(

@@ -8,9 +8,8 @@ from dataclasses import dataclass, replace
 
 from schwung import drivetrain
 from schwung import session as recording
-from schwung.api.values import Explanation, Machine, explanation_shown, machine_shown
-from schwung.api.weighing import Weighed, weighed_shown
-from schwung.explain.explain import explain
+from schwung.api.explaining import Explanation, explanation_shown
+from schwung.api.values import Machine, machine_shown
 from schwung.explain.weighing.published import publish
 from schwung.session.gains import with_recorded_gains
 from schwung.simulators.belief import FmuBelief, fmu_belief
@@ -20,10 +19,8 @@ from schwung.simulators.modelica import write_modelica
 
 __all__ = [
     "ExplainedAgainst",
-    "WeighedAgainst",
     "check_fmi",
     "explain_against",
-    "weigh_against",
     "write_fmu",
     "write_matlab",
     "write_modelica",
@@ -41,14 +38,6 @@ class ExplainedAgainst:
     stand_in: Machine
 
 
-@dataclass(frozen=True)
-class WeighedAgainst:
-    """The same with probabilities."""
-
-    weighed: Weighed
-    stand_in: Machine
-
-
 def explain_against(
     session: recording.Session,
     fmu: str | os.PathLike[str],
@@ -56,31 +45,7 @@ def explain_against(
     *,
     progress: Callable[[str, float], None] | None = None,
 ) -> ExplainedAgainst:
-    """Say what an FMU leaves out of a recording, as `explain` does for a machine file.
-
-    Args:
-        session: as `read_session` gives it; arrays (n,), rad, rad/s, N·m.
-        fmu: FMI 2.0 or 3.0, co-simulation or model exchange; it is played in a process of its own.
-        mapped: map.toml, which of its variables are torque and motion, with units and signs.
-        progress: told what is being done and the share that is done of all, 0…1.
-
-    Raises InputError where FMU, map or session are not what they should be, or the FMU fails.
-    """
-    tell = progress or (lambda _text, _share: None)
-    belief, stand_in = _measured(session, fmu, mapped, tell)
-    found = explain(session, stand_in, twin=belief.twin, progress=_then(tell))
-    found = replace(found, notes=(*found.notes, *belief.notes))
-    return ExplainedAgainst(explanation_shown(found), machine_shown(stand_in))
-
-
-def weigh_against(
-    session: recording.Session,
-    fmu: str | os.PathLike[str],
-    mapped: str | os.PathLike[str],
-    *,
-    progress: Callable[[str, float], None] | None = None,
-) -> WeighedAgainst:
-    """Say how probable it is that an FMU leaves each physics out, as `weigh` does for a machine file.
+    """Say how probable it is that an FMU leaves each physics out, as `explain` does for a machine file.
 
     Args:
         session: as `read_session` gives it; arrays (n,), rad, rad/s, N·m.
@@ -94,7 +59,7 @@ def weigh_against(
     belief, stand_in = _measured(session, fmu, mapped, tell)
     found = publish(session, stand_in, twin=belief.twin, progress=_then(tell))
     found = replace(found, notes=(*found.notes, *belief.notes))
-    return WeighedAgainst(weighed_shown(found), machine_shown(stand_in))
+    return ExplainedAgainst(explanation_shown(found), machine_shown(stand_in))
 
 
 def _measured(

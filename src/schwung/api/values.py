@@ -8,7 +8,6 @@ from typing import TYPE_CHECKING, Any
 from schwung import drivetrain, session
 from schwung.api.shown import Shown, as_shown, number, span
 from schwung.estimation import values as estimation
-from schwung.explain import values as explained
 from schwung.quantities import sentences_of
 from schwung.report.content import LINEAR, ROTARY, Units
 from schwung.report.rows import rows_of
@@ -202,85 +201,6 @@ class Estimate(Shown, estimation.Estimate):
         return self.table._columns()
 
 
-class Explanation(Shown, explained.Explanation):
-    """What a belief leaves out of a recording.
-
-    Attributes: `verdict` ("consistent", "explained", "partly_explained" or "unexplained"), `findings` (named physics
-    with 95 % intervals, each parameter with its unit), `mismatch` and `remainder` (where, with units), `fit` (RMS N·m
-    and rad/s on runs kept aside, before and after), `noise_floor` (N·m), `machine` (the belief with what was learned),
-    `overlays` (arrays (n,) for pictures). `to_json()`: the document of explanation.json.
-
-    Raises InputError where `explain` does.
-
-    >>> explanation.verdict
-    'consistent'
-    """
-
-    machine: Machine
-
-    @property
-    def headline(self) -> str:
-        """The verdict in one sentence."""
-        from schwung.report.explanation import headline
-
-        return headline(self)
-
-    def rows(self) -> list[tuple[str, str, str, str]]:
-        """The findings in words: physics, parameters with 95 % intervals, where, and what it could be as well."""
-        from schwung.report.explanation import finding_row
-
-        return [finding_row(finding, linear=self.axis == "linear") for finding in self.findings]
-
-    def cautions(self) -> list[str]:
-        """What limits the explanation, each sentence once."""
-        from schwung.report.explanation import separations
-
-        return list(dict.fromkeys((*separations(self), *self.notes)))
-
-    @property
-    def tone(self) -> str:
-        """Whether the answer is "good", "doubtful" or "unusable" by its proof."""
-        from schwung.report.explanation import tone_of
-
-        return tone_of(self)
-
-    def tables(self) -> list[tuple[str, tuple[str, ...], list[tuple[str, ...]]]]:
-        """Everything in words: title, heads of the columns, and rows of each table."""
-        from schwung.report.explanation import tables
-
-        return tables(self)
-
-    def to_json(self) -> dict[str, Any]:
-        """The document of explanation.json."""
-        return super().to_json() | {"headline": self.headline}
-
-    def _facts(self) -> Sequence[tuple[str, str]]:
-        unit = units_of(self.axis).torque
-        error = f"{number(self.fit.before.torque_rmse_nm)} → {number(self.fit.after.torque_rmse_nm, unit)}"
-        return [
-            ("verdict", f"{self.verdict.replace('_', ' ')}: {self.headline}"),
-            *((name, f"{parameters} {where}") for name, parameters, where, _ in self.rows()),
-            ("missed on runs kept aside, RMS", error),
-            ("noise floor", number(self.noise_floor.torque_nm, unit)),
-        ]
-
-    def _draw(self, axes: Axes) -> None:
-        from schwung.report.axes import draw_explanation
-
-        draw_explanation(axes, self, units_of(self.axis))
-
-    def _columns(self) -> Mapping[str, Any]:
-        rows = [(f, name, q) for f in self.findings for name, q in f.parameters.items()]
-        return {
-            "physics": [finding.physics for finding, _, _ in rows],
-            "parameter": [name for _, name, _ in rows],
-            "value": [quantity.value for _, _, quantity in rows],
-            "unit": [quantity.unit for _, _, quantity in rows],
-            "low": [None if q.ci95 is None else q.ci95[0] for _, _, q in rows],
-            "high": [None if q.ci95 is None else q.ci95[1] for _, _, q in rows],
-        }
-
-
 class Simulated(Shown, drivetrain.Simulated):
     """What the simulated drive would report.
 
@@ -328,8 +248,3 @@ def session_shown(recorded: session.Session) -> Session:
 def estimate_shown(found: estimation.Estimate) -> Estimate:
     """An estimate from below, with its table."""
     return as_shown(Estimate, found, table=as_shown(InertiaTable, found.table))
-
-
-def explanation_shown(found: explained.Explanation) -> Explanation:
-    """An explanation from below, with its machine."""
-    return as_shown(Explanation, found, machine=machine_shown(found.machine))

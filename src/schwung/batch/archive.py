@@ -31,7 +31,6 @@ class Wish:
     inversion: Inversion = "complex"
     frequency_hz: float | None = None
     points: int | None = None
-    weigh: bool = True  # with probabilities; a belief with learned physics is, whatever this says
 
 
 @dataclass(frozen=True)
@@ -81,8 +80,7 @@ def key_of(item: Item, wish: Wish) -> str:
     if item.machine is None:
         names = " nor ".join(MACHINE_NAMES)
         raise InputError(str(item.session), f"has neither {names} beside it", "Give --machine.")
-    asked = {name: value for name, value in asdict(wish).items() if name != "weigh" or wish.kind == "explain"}
-    whole = hashlib.sha256(json.dumps(asked, sort_keys=True).encode())
+    whole = hashlib.sha256(json.dumps(asdict(wish), sort_keys=True).encode())
     for path in (item.session, *machine_files(item.machine)):
         whole.update(digest_of(path).encode())
     return whole.hexdigest()

@@ -39,7 +39,7 @@ def carry_out(item: Item, wish: Wish, key: str) -> Outcome:
         machine = with_recorded_gains(load_machine(item.machine), session)
         if wish.kind == "estimate":
             return _estimated(session, machine, wish)
-        return _weighed(session, machine) if wish.weigh or machine.physics else _explained(session, machine)
+        return _explained(session, machine)
     except SchwungError as error:
         place = str(item.session)
         return failed(f"{place}: {error.problem}. {error.remedy}" if error.place == "session" else str(error))
@@ -65,14 +65,7 @@ def _estimated(session: Session, machine: Machine, wish: Wish) -> Outcome:
 
 
 def _explained(session: Session, machine: Machine) -> Outcome:
-    from schwung.explain.explain import explain  # noqa: PLC0415 (its compiled parts take a second to load)
-
-    found = explain(session, machine)
-    return _outcome(session, machine, found.to_json(), learned=found.machine)
-
-
-def _weighed(session: Session, machine: Machine) -> Outcome:
-    from schwung.explain.weighing.published import publish  # noqa: PLC0415 (as above)
+    from schwung.explain.weighing.published import publish  # noqa: PLC0415 (its compiled parts take a second to load)
 
     found = publish(session, machine)
     return _outcome(session, machine, found.to_json(), learned=found.machine)

@@ -96,14 +96,6 @@ def explain(
     scheduler: Scheduler = None,
     jobs: Jobs = None,
     again: Again = False,
-    weigh: Annotated[
-        bool,
-        typer.Option(
-            "--weigh/--no-weigh",
-            help="Names with probabilities, or the former way, as schwung explain. A belief with learned physics "
-            "is always weighed.",
-        ),
-    ] = True,
     json_output: Json = False,
 ) -> None:
     """Explain every session of an archive: what each belief leaves out; a second call does only what is missing.
@@ -119,7 +111,7 @@ def explain(
     require("schwung batch", "batch")
     from schwung.batch import Wish
 
-    _carry_out(patterns, machine, out, Wish("explain", weigh=weigh), scheduler, jobs, again, json_output)
+    _carry_out(patterns, machine, out, Wish("explain"), scheduler, jobs, again, json_output)
 
 
 def _carry_out(

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -11,7 +10,7 @@ import typer
 from schwung.cli.options import Json
 
 if TYPE_CHECKING:
-    from schwung import Explanation, Machine, Session, Weighed
+    from schwung import Explanation, Machine, Session
     from schwung.cli.console import Terminal
     from schwung.quantities import Effort
 
@@ -33,14 +32,6 @@ def explain(
     out: Annotated[
         Path, typer.Option(help="Folder for explanation.json, explanation.html and the learned machine.toml.")
     ] = Path("explanation"),
-    weigh: Annotated[
-        bool,
-        typer.Option(
-            "--weigh/--no-weigh",
-            help="Names with probabilities, by one likelihood, and curves for what has no name; or the former way, "
-            "which names what tests against thresholds bear out, and acts with no learned physics.",
-        ),
-    ] = True,
     next_plan: Annotated[
         Path | None,
         typer.Option(
@@ -67,15 +58,9 @@ def explain(
       schwung explain session.h5 -m machine.toml --next next.json
     """
     from schwung import load_machine, read_session
-    from schwung.api.computing import explain as explain_session
-    from schwung.api.folders import make_folder, planned_folder
-    from schwung.api.reports import write_explanation
-    from schwung.api.simulators import explain_against
-    from schwung.cli.console import Terminal, progress_bar
+    from schwung.api.folders import planned_folder
+    from schwung.cli.console import Terminal
     from schwung.cli.next_motion import next_and_show
-    from schwung.cli.sessions import in_file
-    from schwung.files import json_text, replace_file
-    from schwung.quantities import document_of
 
     terminal = Terminal(json_output)
     _require_sense(machine, belief, next_plan)
@@ -85,30 +70,9 @@ def explain(
     folder = planned_folder(out, beside_session=True)
     learned = folder / "machine.toml"
     _keep_beliefs(learned, machine)
-    if weigh:
-        asked: Machine | tuple[Path, Path] = believed if believed is not None else _with_map(belief, mapped)
-        document = _weigh(terminal, recorded, asked, (session, machine or belief), folder)
-        if next_plan is not None and believed is not None:
-            document["next"] = next_and_show(terminal, recorded, believed, next_plan)
-        terminal.result(document)
-        return
-    with in_file(session), progress_bar(terminal) as progress:
-        if believed is not None:
-            found = explain_session(recorded, believed, progress=progress)
-        else:
-            against = explain_against(recorded, *_with_map(belief, mapped), progress=progress)
-            found, believed = against.explanation, against.stand_in
-    make_folder(folder)
-    document = document_of(recorded.effort, found.to_json()) | {
-        "session": str(session),
-        "machine": str(machine or belief),
-    }
-    replace_file(folder / "explanation.json", json_text(document))
-    write_explanation(found, recorded, believed, folder)
-    verdict = found.verdict.replace("_", " ")
-    _tell(terminal, found, f"{verdict}: {found.headline}", found.cautions(), recorded.effort)
-    terminal.say(f"Explanation: [bold]{folder / 'explanation.html'}[/]  Learned machine: [bold]{learned}[/]")
-    if next_plan is not None:
+    asked = believed if believed is not None else _with_map(belief, mapped)
+    document = _explain(terminal, recorded, asked, (session, machine or belief), folder)
+    if next_plan is not None and believed is not None:
         document["next"] = next_and_show(terminal, recorded, believed, next_plan)
     terminal.result(document)
 
@@ -129,18 +93,18 @@ def _require_sense(machine: Path | None, belief: Path | None, plan: Path | None)
         raise InputError(str(plan), "its folder is not there", "Make it, or choose another place.")
 
 
-def _weigh(
+def _explain(
     terminal: Terminal,
     recorded: Session,
     belief: Machine | tuple[Path, Path],
     places: tuple[Path, Path | None],
     folder: Path,
 ) -> dict[str, Any]:
-    """The same by probabilities; `belief`: a machine, or an FMU and its map; `places`: of session and belief."""
+    """The answer, written and told; `belief`: a machine, or an FMU and its map; `places`: of session and belief."""
+    from schwung.api.explaining import explain as explain_session
+    from schwung.api.explaining import write_explanation
     from schwung.api.folders import make_folder
-    from schwung.api.simulators import weigh_against
-    from schwung.api.weighing import weigh as weigh_session
-    from schwung.api.weighing import write_probabilities
+    from schwung.api.simulators import explain_against
     from schwung.cli.console import progress_bar
     from schwung.cli.sessions import in_file
     from schwung.files import json_text, replace_file
@@ -148,16 +112,16 @@ def _weigh(
 
     with in_file(places[0]), progress_bar(terminal) as progress:
         if isinstance(belief, tuple):
-            against = weigh_against(recorded, *belief, progress=progress)
-            found, believed = against.weighed, against.stand_in
+            against = explain_against(recorded, *belief, progress=progress)
+            found, believed = against.explanation, against.stand_in
         else:
-            found, believed = weigh_session(recorded, belief, progress=progress), belief
+            found, believed = explain_session(recorded, belief, progress=progress), belief
     make_folder(folder)
     about = {"session": str(places[0]), "machine": str(places[1])}
     document = document_of(recorded.effort, found.to_json()) | about
     replace_file(folder / "explanation.json", json_text(document))
-    write_probabilities(found, recorded, believed, folder)
-    _tell(terminal, found, found.headline, found.notes, recorded.effort)
+    write_explanation(found, recorded, believed, folder)
+    _tell(terminal, found, recorded.effort)
     page, learned = folder / "explanation.html", folder / "machine.toml"
     terminal.say(f"Explanation: [bold]{page}[/]  Learned machine: [bold]{learned}[/]")
     return document
@@ -183,17 +147,15 @@ def _keep_beliefs(learned: Path, machine: Path | None) -> None:
         raise InputError(str(learned), "is a machine file that would be lost", "Choose another --out.")
 
 
-def _tell(
-    terminal: Terminal, found: Explanation | Weighed, headline: str, notes: Sequence[str], effort: Effort
-) -> None:
+def _tell(terminal: Terminal, found: Explanation, effort: Effort) -> None:
     """In one sentence, then every table, then what limits it: for people."""
     from rich.markup import escape
 
     from schwung.quantities import sentences_of
 
     words_in = sentences_of(effort)
-    terminal.say(f"[bold {_COLOURS[found.tone]}]{escape(words_in(headline))}[/]")
+    terminal.say(f"[bold {_COLOURS[found.tone]}]{escape(words_in(found.headline))}[/]")
     for title, head, rows in found.tables():
         terminal.table(title, head, [tuple(map(words_in, row)) for row in rows])
-    for note in notes:
+    for note in found.notes:
         terminal.say(f"[cyan]i[/] {escape(words_in(note))}")

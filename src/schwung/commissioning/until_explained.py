@@ -15,7 +15,8 @@ from schwung.commissioning.commission import Prepared, prepare, record_prepared
 from schwung.commissioning.experiments import SURE, Experiment, Setting, faint, next_experiments, told_apart
 from schwung.commissioning.procedure import Observer
 from schwung.errors import InputError, InterruptedByUser, RefusedError, SchwungError
-from schwung.explain.kept_aside import split
+from schwung.explain.kept_aside import kept_aside
+from schwung.explain.plausibility import examine
 from schwung.explain.weighing.experiment import Rival, Rivals
 from schwung.explain.weighing.values import Weighed
 from schwung.explain.weighing.weigh import posterior_of
@@ -108,11 +109,12 @@ class _Journey:
         self, prepared: Prepared, budget: int, agreed: Callable[[Prepared, Experiment], bool]
     ) -> UntilExplained:
         self.record(prepared)
-        aside = split(self.session).heldout  # stays aside: what is recorded later is there to be fitted
+        aside = kept_aside(self.session)  # stays aside: what is recorded later is there to be fitted
         setting, steps, ended = _setting(prepared), list[Step](), ""
         while True:
             self.observer.phase(f"Weighing {len(self.runs)} motions")
-            posterior = posterior_of(self.session, prepared.machine, aside)
+            steady = examine(self.session, prepared.machine).steady
+            posterior = posterior_of(self.session, prepared.machine, aside, steady=steady)
             rivals = Rivals.of(posterior)
             if steps:
                 steps[-1] = replace(steps[-1], after=rivals.rivals)

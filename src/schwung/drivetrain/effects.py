@@ -1,6 +1,6 @@
 """The physics that a plain two-mass belief leaves out: names and parameters of every term.
 
-Names and keys are the file contract's (`[[physics]]` of machine.toml, findings of explanation.json). Every term has a
+Names and keys are the file contract's (`[[physics]]` of machine.toml, names of explanation.json). Every term has a
 neutral value at which it is not there. What they do is in `physics`.
 """
 

@@ -39,7 +39,7 @@ class FreeRun:
     position_rad: Array  # as simulated
 
 
-def free_runs(machine: Machine, session: Session, shortest_s: float = SHORTEST_S) -> tuple[FreeRun, ...]:
+def free_runs(machine: Machine, session: Session) -> tuple[FreeRun, ...]:
     """Every recording of a session that lasts long enough, its cut runs joined again.
 
     Torque is held from sample to sample, as drives do. Raises InputError where the machine cannot be simulated.
@@ -47,7 +47,7 @@ def free_runs(machine: Machine, session: Session, shortest_s: float = SHORTEST_S
     result = []
     for numbers in _joined(session.runs):
         runs = [session.runs[n] for n in numbers]
-        if sum(len(run) / run.sample_rate_hz for run in runs) >= shortest_s:
+        if sum(len(run) / run.sample_rate_hz for run in runs) >= SHORTEST_S:
             result.append(_free(machine, session, numbers, runs))
     return tuple(result)
 

@@ -134,17 +134,9 @@ class Signals:
     band_hz: float  # within which the motion and the injection lie
     count_rad: float = 0.0  # of the encoder; 0 where the angle is not counted
     loss_std_s2: float = 0.0  # how far it is unknown what a filter took off torque and speed
-    thinned: bool = False  # samples were left out, after a filter
     speed_measured: bool = (
         True  # if not, it was derived from the angle, whose errors it has, or there is none
     )
-
-    def as_sampled(self, values: Array, finer: int) -> Array:
-        """Values (n·finer,), so many in each step, as the filter before samples were left out passes them."""
-        if not self.thinned:
-            return values
-        taps = _taps(finer)
-        return np.convolve(np.pad(values, taps.size // 2, mode="edge"), taps, "valid")
 
     def about(self, states: Array) -> Signals:
         """With another belief of the states (n, s); what does not depend on them is not worked out again."""
@@ -214,7 +206,6 @@ def signals_of(recorded: Run, machine: Machine, band_hz: float, pieces_hz: float
         band_hz=band_hz,
         count_rad=count_of(recorded),
         loss_std_s2=float(run.extra.get(LOSS_STD, 0.0)),
-        thinned=run is not recorded,
     )
 
 

@@ -5,7 +5,6 @@ from __future__ import annotations
 from matplotlib.axes import Axes
 
 from schwung.drivetrain import InertiaTable, Simulated
-from schwung.explain.values import Explanation
 from schwung.explain.weighing.publication import Published
 from schwung.motion import Array
 from schwung.report.colours import ESTIMATE, EXCITED, INK, PLAIN, Colour
@@ -47,21 +46,7 @@ def draw_simulated(axes: Axes, simulated: Simulated, units: Units) -> None:
     name(axes, f"motor {units.torque_word} ({units.torque}), simulated", "time (s)")
 
 
-def draw_explanation(axes: Axes, explanation: Explanation, units: Units) -> None:
-    """What the belief misses of the torque over one run kept aside, before and after the physics that was named."""
-    overlay = shown_overlay(explanation.overlays)
-    if overlay is None:
-        return
-    curve(axes, overlay.time_s, residual(overlay, overlay.before_nm), PLAIN, label="belief")
-    if explanation.findings:
-        curve(axes, overlay.time_s, residual(overlay, overlay.after_nm), ESTIMATE, label="with physics")
-    for sign in (1, -1):
-        floor = sign * explanation.noise_floor.torque_nm
-        axes.axhline(floor, color=INK.light, linewidth=0.8, linestyle=DASHED)
-    name(axes, f"missed {units.torque_word} ({units.torque}), noise floor dashed", "time (s)")
-
-
-def draw_weighed(axes: Axes, found: Published, units: Units) -> None:
+def draw_explanation(axes: Axes, found: Published, units: Units) -> None:
     """What belief and learned machine miss of the torque over one run kept aside; probabilities where there is none."""
     run = shown_overlay(found.overlays)
     if run is not None:

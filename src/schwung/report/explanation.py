@@ -1,39 +1,30 @@
-"""The page of an explanation: verdict in one sentence, findings, before and after, where, and the proof."""
+"""The page of an explanation by probabilities: names, curves without a name, the proof of the published file."""
 
 from __future__ import annotations
 
-import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from html import escape
 from pathlib import Path
 
+from schwung.drivetrain.effects import PHYSICS
 from schwung.drivetrain.machine import Machine
-from schwung.explain.values import Explanation, Finding
+from schwung.explain.weighing.publication import NAMED, Curve, Published, Where, over_words, percent
 from schwung.explain.words import told_apart_by, words_of
 from schwung.quantities import sentences_of
-from schwung.report.content import LINEAR, ROTARY, Units, units_of
-from schwung.report.figures_explanation import (
-    judged,
-    map_figure,
-    overlay_figure,
-    probability,
-    proof_figure,
-    shown_overlay,
+from schwung.report.content import Units, units_of
+from schwung.report.figures_explanation import judged, map_figure, overlay_figure, shown_overlay
+from schwung.report.figures_probabilities import (
+    curve_figure,
+    plane_figure,
+    presliding_figure,
+    probabilities_figure,
 )
-from schwung.report.html import bullets, drawn_figure, page, section, write_page
+from schwung.report.html import bullets, drawn_figure, page, rows_table, section, write_page
 from schwung.report.pictures import Picture
 from schwung.report.pictures_explanation import MAP, located_pictures, named_pictures
-from schwung.report.wording import listed, parameter_lines, place_of, runs_text, unbroken
+from schwung.report.wording import parameter_lines, runs_text
 from schwung.session import Session
-
-_HEAD = ("Physics", "Parameters (95 % interval)", "Where", "Could as well be")
-_TONES = {
-    "consistent": ("good", "✓ Consistent"),
-    "explained": ("good", "✓ Explained"),
-    "partly_explained": ("doubtful", "! Partly explained"),
-    "unexplained": ("unusable", "✗ Unexplained"),
-}
 
 
 @dataclass(frozen=True, eq=False)
@@ -41,7 +32,7 @@ class ExplanationContent:
     """Everything that the page shows. `believed` is the machine before anything was learned."""
 
     title: str
-    explanation: Explanation
+    published: Published
     believed: Machine
     session: Session | None = None
     machine_file: str = ""  # the learned machine.toml as written
@@ -49,12 +40,7 @@ class ExplanationContent:
     @property
     def units(self) -> Units:
         """Units and words of this axis."""
-        return units_of(self.explanation.axis, self.believed.effort)
-
-    @property
-    def linear(self) -> bool:
-        """Whether the axis is a linear one."""
-        return self.explanation.axis == "linear"
+        return units_of(self.published.axis, self.believed.effort)
 
 
 def write_explanation(content: ExplanationContent, path: Path) -> Path:
@@ -62,209 +48,265 @@ def write_explanation(content: ExplanationContent, path: Path) -> Path:
     return write_page(render_explanation(content), path)
 
 
+def tables(of: Published) -> list[tuple[str, tuple[str, ...], list[tuple[str, ...]]]]:
+    """Everything in words: title, heads of the columns, and rows of each table that has some."""
+    every: list[tuple[str, tuple[str, ...], list[tuple[str, ...]]]] = [
+        ("Names", NAME_HEAD, [*name_rows(of)]),
+        ("Modelled, unnamed", CURVE_HEAD, [*curve_rows(of)]),
+        ("What has no name comes near to", PLAIN_HEAD, [*plain_rows(of)]),
+        ("What the mismatch follows, in words", PLACE_HEAD, [*place_rows(of)]),
+        ("Sets of causes", SET_HEAD, [*set_rows(of)]),
+        ("What cannot be told apart", APART_HEAD, [*separations(of)]),
+        ("Proof, noise, and what is left", ("", ""), [*fact_rows(of, units_of(of.axis, of.effort))]),
+    ]
+    return [(title, head, rows) for title, head, rows in every if rows]
+
+
 def render_explanation(content: ExplanationContent) -> str:
     """The whole page as text."""
-    explanation = content.explanation
+    of = content.published
+    file = (
+        f'<div class="wide long" tabindex="0"><pre>{escape(content.machine_file)}</pre></div>'
+        if content.machine_file
+        else ""
+    )
     parts = [
         _header(content),
-        _verdict(content),
-        _numbers(content),
-        section("What was left out", _findings_table(content)),
-        section("What cannot be told apart", bullets(separations(explanation))),
+        _verdict(of),
+        *(_table(one) for one in tables(of) if one[0] in _FIRST),
         *(section(picture.title, drawn_figure(picture)) for picture in explanation_pictures(content)),
-        section("Notes", bullets(dict.fromkeys(explanation.notes))),
-        section("The learned machine", _machine_file(content)),
+        *(_table(one) for one in tables(of) if one[0] not in _FIRST),
+        section("Notes", bullets(of.notes)),
+        section("The learned machine", file),
         "<footer>Written by Schwung. This file needs nothing else: keep it, mail it, print it.</footer>",
     ]
     return sentences_of(content.believed.effort)(page(content.title, parts))
 
 
+#: Tables that stand before the pictures.
+_FIRST = ("Names", "Modelled, unnamed")
+
+
+def _table(one: tuple[str, tuple[str, ...], list[tuple[str, ...]]]) -> str:
+    title, head, rows = one
+    return section(title, rows_table(head if any(head) else (), rows))
+
+
 def _header(content: ExplanationContent) -> str:
-    session = content.session
-    facts = [content.believed.name]
+    session, facts = content.session, [content.believed.name]
     if session is not None:
         facts = [session.created.replace("T", " ", 1), session.source, *facts]
-    line = " · ".join(escape(fact) for fact in facts if fact)
+    line = " · ".join(escape(fact) for fact in dict.fromkeys(facts) if fact)
     return f"<header><h1>{escape(content.title)}</h1><p>{line}</p></header>"
 
 
-def _verdict(content: ExplanationContent) -> str:
-    explanation = content.explanation
-    tone, word = _TONES[explanation.verdict]
-    reasons = [finding.text for finding in explanation.findings] or [w.text for w in explanation.mismatch]
-    if explanation.verdict == "partly_explained":
-        reasons += [f"Left: {where.text}" for where in explanation.remainder]
-    return (
-        f'<section class="verdict {tone}"><strong>{word}: {escape(headline(explanation))}</strong>'
-        f"{bullets(reasons)}</section>"
-    )
+def tone_of(of: Published) -> str:
+    """How good the answer is, as the look of the page has it."""
+    return _TONES[of.verdict]
+
+
+_TONES = {
+    "consistent": "good",
+    "explained": "good",
+    "partly_explained": "doubtful",
+    "unexplained": "unusable",
+}
+
+
+def _verdict(of: Published) -> str:
+    text = of.headline[:1].upper() + of.headline[1:]
+    return f'<section class="verdict {tone_of(of)}"><strong>{escape(text)}</strong></section>'
 
 
 # ------------------------------------------------------------------------------------------- in words
 
-
-def headline(explanation: Explanation) -> str:
-    """The verdict in one sentence, without the verdict's own word."""
-    linear = explanation.axis == "linear"
-    units = LINEAR if linear else ROTARY
-    fit, floor = explanation.fit, explanation.noise_floor.torque_nm
-    before, after = fit.before.torque_rmse_nm, fit.after.torque_rmse_nm
-    at_floor = f"noise floor {floor:.3g} {units.torque}"
-    what = listed([words_of(finding.physics, linear=linear).name for finding in explanation.findings])
-    if explanation.verdict == "consistent":
-        return f"the belief misses {before:.3g} {units.torque}, no more than the {at_floor} allows"
-    if explanation.verdict == "unexplained":
-        where = explanation.remainder or explanation.mismatch
-        place = f", most of it over {place_of(where[0])}" if where else ""
-        missing = f"{before:.3g} {units.torque} are missing{place}"
-        return f"{missing}, and no term of the library accounts for them ({at_floor})"
-    gain = f"with it the error falls from {before:.3g} to {after:.3g} {units.torque} ({at_floor})"
-    gain = gain.replace("with it", "with them") if len(explanation.findings) > 1 else gain
-    if explanation.verdict == "explained":
-        return f"the belief leaves out {what}; {gain}"
-    left = f"; what is left lies over {place_of(explanation.remainder[0])}" if explanation.remainder else ""
-    return f"the belief leaves out {what}; {gain}{left}"
+#: What is less probable and not published is in explanation.json alone.
+_WORTH = 0.05
+#: Samples that count as fewer by this are told.
+_COLOURED = 1.05
+NAME_HEAD = ("physics", "probability", "parameters (95 %)", "where", "machine.toml")
+PLAIN_HEAD = ("physics", "parameters", "share of it, all together")
+PLACE_HEAD, APART_HEAD = ("missed by", "where"), ("one, or the other", "what would tell")
+SET_HEAD = ("together", "probability", "machine.toml")
+CURVE_HEAD = ("over", "probability", "torque, RMS", "where", "what is known of it", "machine.toml")
 
 
-def tone_of(explanation: Explanation) -> str:
-    """How good the answer is, as the look of the page has it."""
-    return _TONES[explanation.verdict][0]
-
-
-def tables(explanation: Explanation) -> list[tuple[str, tuple[str, ...], list[tuple[str, ...]]]]:
-    """Everything in words: title, heads of the columns, and rows of each table that has some."""
-    linear = explanation.axis == "linear"
-    units, fit = LINEAR if linear else ROTARY, explanation.fit
-    errors = [("belief", fit.before.torque_rmse_nm)]
-    errors += [("belief + physics", fit.after.torque_rmse_nm)] if explanation.findings else []
-    errors += [("noise floor", explanation.noise_floor.torque_nm)]
-    runs = f"error on runs {runs_text(fit.heldout_runs)}, kept aside"
-    every: list[tuple[str, tuple[str, ...], list[tuple[str, ...]]]] = [
-        ("Left out", _HEAD, [finding_row(one, linear=linear) for one in explanation.findings]),
-        ("Error", (runs, f"RMS, {units.torque}"), [(name, f"{value:.3g}") for name, value in errors]),
-    ]
-    return [(title, head, rows) for title, head, rows in every if rows]
-
-
-def separations(explanation: Explanation) -> Iterator[str]:
-    """One sentence for each pair of names that this session cannot tell apart: the motion that would."""
-    seen, linear = set(), explanation.axis == "linear"
-    for finding in explanation.findings:
-        for other in finding.indistinguishable_from:
-            if frozenset((finding.physics, other)) not in seen:
-                seen.add(frozenset((finding.physics, other)))
-                first, second = (words_of(name, linear=linear).name for name in (finding.physics, other))
-                yield (
-                    f"{first.capitalize()}, or {second} ({other})? "
-                    f"{told_apart_by(finding.physics, other, linear=linear)}"
-                )
-
-
-# -------------------------------------------------------------------------------------- as HTML
-
-
-def _numbers(content: ExplanationContent) -> str:
-    items = "".join(
-        f"<div><dt>{escape(name)}</dt><dd>{escape(value)}<small>{escape(small)}</small></dd></div>"
-        for name, value, small in _key_numbers(content)
-    )
-    return f'<dl class="numbers">{items}</dl>'
-
-
-def _key_numbers(content: ExplanationContent) -> Iterator[tuple[str, str, str]]:
-    explanation, units = content.explanation, content.units
-    fit, floor = explanation.fit, explanation.noise_floor
-    word = units.torque_word.capitalize()
-    if explanation.findings:
-        small = f"{fit.before.torque_rmse_nm:.3g} {units.torque} by the belief"
-        yield f"{word} error, physics named", f"{fit.after.torque_rmse_nm:.3g} {units.torque}", small
-    else:
-        yield f"{word} error of the belief", f"{fit.before.torque_rmse_nm:.3g} {units.torque}", "RMS"
-    yield "Noise floor", f"{floor.torque_nm:.3g} {units.torque}", floor.how
-    if math.isfinite(fit.after.speed_rmse_rad_s) and fit.after.speed_rmse_rad_s > 0:
-        small = (
-            f"{fit.before.speed_rmse_rad_s:.3g} {units.speed} by the belief"
-            if explanation.findings
-            else "RMS"
+def name_rows(of: Published) -> list[tuple[str, ...]]:
+    """Names for a table; lines within a cell by line feeds."""
+    linear = of.axis == "linear"
+    return [
+        (
+            f"{words_of(one.physics, linear=linear).name.capitalize()}\n{one.physics}",
+            percent(one.probability),
+            one.formula or "\n".join(parameter_lines(one.parameters, linear=linear)) or "a curve",
+            _place(one.where),
+            "yes" if one.in_file else "no",
         )
-        yield "Speed error", f"{fit.after.speed_rmse_rad_s:.3g} {units.speed}", small
-    yield (
-        "Judged on runs",
-        runs_text(fit.heldout_runs),
-        f"kept aside; chosen and fitted on {runs_text(fit.train_runs)}",
-    )
+        for one in of.names
+        if one.in_file or one.probability >= _WORTH
+    ]
 
 
-def _findings_table(content: ExplanationContent) -> str:
-    rows = [finding_row(finding, linear=content.linear) for finding in content.explanation.findings]
-    if not rows:
+def _place(where: Where | None) -> str:
+    """Where it acts, and how much of the mismatch that is."""
+    if where is None:
         return ""
-    top = "".join(f"<th>{text}</th>" for text in _HEAD)
-    lines = "".join(_row(*row) for row in rows)
-    return f'<div class="wide"><table><thead><tr>{top}</tr></thead><tbody>{lines}</tbody></table></div>'
+    text = where.text or "wherever the axis was"
+    if where.share is None:
+        return f"{text}\nbetween the shafts"
+    return f"{text}\n{100 * where.share:.0f} % of what the belief misses"
 
 
-def _row(name: str, *cells: str) -> str:
-    words, _, key = name.partition("\n")
-    first = f"<td><strong>{escape(words)}</strong><br><code>{escape(key)}</code></td>"
-    rest = ("<br>".join(escape(line) for line in cell.split("\n")) for cell in cells)
-    return f"<tr>{first}{''.join(f'<td>{cell}</td>' for cell in rest)}</tr>"
+def curve_rows(of: Published) -> list[tuple[str, ...]]:
+    """What has no name, for a table."""
+    unit = units_of(of.axis, "torque").torque
+    return [
+        (
+            one.over,
+            percent(one.probability),
+            f"{one.torque_nm:.2g} {unit}" if one.torque_nm > 0 else "",
+            _place(one.where),
+            _known_of(one, of),
+            "residual" if one.in_file else "no",
+        )
+        for one in of.curves
+        if one.in_file or one.probability >= _WORTH
+    ]
 
 
-def finding_row(finding: Finding, *, linear: bool = False) -> tuple[str, str, str, str]:
-    """One finding for a table, lines within a cell by line feeds: physics, parameters, where, what else it could be."""
-    others = [words_of(other, linear=linear).name for other in finding.indistinguishable_from]
-    share = f"{100 * finding.where.share_of_energy:.0f} % of the mismatch"
-    return (
-        f"{words_of(finding.physics, linear=linear).name.capitalize()}\n{finding.physics}",
-        "\n".join(parameter_lines(finding.parameters, linear=linear)),
-        f"{place_of(finding.where)}\n{share}, {unbroken(f'p {probability(finding.where.p_value)}')}",
-        "\n".join(others) or "nothing else known",
+def _known_of(one: Curve, of: Published) -> str:
+    if one.formula:
+        missed = f" (misses {one.formula_missed:.3g} σ)" if one.formula_missed is not None else ""
+        return f"{one.formula}, as good as the curve on runs kept aside{missed}"
+    if one.like:
+        name = words_of(one.like, linear=of.axis == "linear").name
+        return f"like {name} ({one.like}), without being surely it"
+    return "a curve: see its picture" if one.drawn is not None or one.plane is not None else "a curve"
+
+
+def fact_rows(of: Published, units: Units) -> list[tuple[str, str]]:
+    """Proof, noise and what is left."""
+    rows = []
+    if of.proof is not None:
+        runs = f"run{'s' * (len(of.proof.runs) > 1)} {runs_text(of.proof.runs)}"
+        before, after = (
+            f", {value:.3g} {units.torque} RMS" if value is not None else ""
+            for value in (of.proof.before_nm, of.proof.after_nm)
+        )
+        rows.append(
+            (
+                f"missed on {runs}, kept aside, by the belief",
+                f"{of.proof.before:.3g} σ of the noise{before}",
+            )
+        )
+        rows.append(("missed there by machine.toml, read back", f"{of.proof.after:.3g} σ{after}"))
+        if of.verdict != "consistent":  # of nothing there is no share
+            left = f"{100 * (1 - of.proof.taken):.0f} %"
+            rows.append(("left unexplained there, of what is beyond noise", left))
+    share = (
+        f", and {100 * of.noise.torque_share:.2g} % of the {units.torque_word}"
+        if of.noise.torque_share > 0
+        else ""
     )
+    rows.append((f"noise of the {units.torque_word}", f"{of.noise.torque_nm:.2g} {units.torque}{share}"))
+    rows.append(("noise of the speed", f"{of.noise.speed_rad_s:.2g} {units.speed}"))
+    rows.append((f"noise of the {units.position_word}", f"{of.noise.position_rad:.2g} {units.position}"))
+    if of.excess > _COLOURED:
+        rows.append(("noise is coloured: samples count as", f"1/{of.excess:.2g} of their number"))
+    return rows
 
 
-def _machine_file(content: ExplanationContent) -> str:
-    if not content.machine_file:
-        return ""
-    learned = (
-        "Use this file in place of the one you gave: all that simulates has the learned terms."
-        if content.explanation.findings
-        else "Nothing was learned: this is the machine as you gave it."
-    )
-    return f'<p>{learned}</p><div class="wide"><pre>{escape(content.machine_file)}</pre></div>'
+def set_rows(of: Published) -> list[tuple[str, str, str]]:
+    """Whole sets of causes, where there is more than the published one."""
+    rows = [
+        (_set_text(names, of), percent(p), "this" if names == of.in_file else "")
+        for names, p in of.runners_up
+    ]
+    return rows if len(rows) > 1 or any(not this for *_, this in rows) else []
+
+
+def plain_rows(of: Published) -> list[tuple[str, str, str]]:
+    """Laws that come near to all that is published without a name: a description, not a finding."""
+    if of.plain is None:
+        return []
+    linear, share = of.axis == "linear", percent(of.plain.share)
+    return [
+        (words_of(name, linear=linear).name, "\n".join(parameter_lines(numbers, linear=linear)), share)
+        for name, numbers in of.plain.laws.items()
+    ]
+
+
+def place_rows(of: Published) -> list[tuple[str, str]]:
+    """Which coordinates the mismatch follows: what the belief misses, and what is left of it."""
+    return [
+        *(("the belief", one.text) for one in of.mismatch),
+        *(("machine.toml", one.text) for one in of.remainder),
+    ]
+
+
+def separations(of: Published) -> Iterator[tuple[str, str]]:
+    """A row for each pair of names that two sets of causes have in each other's place: what would tell them."""
+    linear = of.axis == "linear"
+    for first, other in of.confused:
+        one, instead = (words_of(name, linear=linear).name for name in (first, other))
+        yield f"{one.capitalize()}, or {instead} ({other})?", told_apart_by(first, other, linear=linear)
+
+
+def _set_text(names: Sequence[str], of: Published) -> str:
+    linear = of.axis == "linear"
+    told = [
+        words_of(name, linear=linear).name if name in PHYSICS else f"a curve over {over_words(name)}"
+        for name in names
+    ]
+    return ", ".join(told) or "nothing"
 
 
 # ------------------------------------------------------------------------------------------- pictures
 
 
 def explanation_pictures(content: ExplanationContent) -> Iterator[Picture]:
-    """Every picture for which the explanation has something to show, in reading order."""
-    explanation, units = content.explanation, content.units
-    floor, named = explanation.noise_floor.torque_nm, bool(explanation.findings)
-    shown, runs = shown_overlay(explanation.overlays), judged(explanation.overlays)
+    """Every picture for which there is something to show, in reading order."""
+    of, units = content.published, content.units
+    if of.names or of.curves:
+        caption = (
+            "Green: named in machine.toml. Blue: modelled without a name. Grey: told, but not published by this name. "
+            f"The line is at {100 * NAMED:.0f} %."
+        )
+        yield Picture("probabilities", "Probabilities", caption, probabilities_figure(of))
+    shown, runs, named = shown_overlay(of.overlays), judged(of.overlays), bool(of.in_file)
     if shown is not None:
         aside = "kept aside from fitting" if shown.heldout else "which was fitted"
+        learned = " Green: the same by machine.toml, as it was read back." if named else ""
         caption = (
-            f"Run {shown.run}, {aside}. Needed: the {units.torque_word} that the model asks for the recorded motion. "
-            "Within the grey band nothing can be told from noise."
+            f"Run {shown.run}, {aside}. Orange: the {units.torque_word} that the belief asks for the recorded motion."
+            f"{learned} Within the grey band is noise."
         )
-        title = "Before and after" if named else "Measured and believed"
-        yield Picture("overlay", title, caption, overlay_figure(shown, floor, units, named=named))
-    if runs and explanation.verdict != "consistent":
-        yield Picture("map", "Where it is missing", MAP, map_figure(runs, floor, units, named=named))
-    texts = {finding.physics: finding.text for finding in explanation.findings}
-    yield from named_pictures(explanation.findings, explanation.overlays, content.believed, units, texts)
-    yield Picture("proof", "The proof", _proof_caption(explanation), proof_figure(explanation, units))
-    left = explanation.remainder if named or not explanation.mismatch else ()
-    yield from located_pictures(explanation.mismatch, left)
-
-
-def _proof_caption(explanation: Explanation) -> str:
-    fit = explanation.fit
-    text = f"Runs {runs_text(fit.heldout_runs)} took no part in choosing or fitting anything. "
-    text += f"Noise floor: {explanation.noise_floor.how.rstrip('.')}."
-    return text + (
-        " Dashed: 1.2 times the floor, up to which an error counts as explained."
-        if explanation.findings
-        else ""
-    )
+        share = of.noise.torque_share
+        figure = overlay_figure(shown, of.noise.torque_nm, units, named=named, floor_share=share)
+        yield Picture(
+            "before_after", "Before and after" if named else "Measured and believed", caption, figure
+        )
+    if runs and of.verdict != "consistent":
+        yield Picture(
+            "map", "Where it is missing", MAP, map_figure(runs, of.noise.torque_nm, units, named=named)
+        )
+    yield from named_pictures([one for one in of.names if one.in_file], of.overlays, content.believed, units)
+    for name in of.names:
+        if name.physics == "presliding_friction" and name.in_file:
+            torque, stiffness = (name.parameters[key].value for key in ("torque_nm", "stiffness_nm_rad"))
+            if isinstance(torque, float) and isinstance(stiffness, float) and min(torque, stiffness) > 0:
+                title = "Friction that is a spring before it slides"
+                caption = "Dahl's law with the values of the table above."
+                yield Picture("presliding", title, caption, presliding_figure(torque, stiffness, units))
+    for number, one in enumerate(of.curves):
+        if one.plane is not None and one.in_file:
+            title = f"Without a name, over {one.over}"
+            caption = "Over the first, at five values of the second. Constant beyond the ends."
+            yield Picture(f"unnamed{number}", title, caption, plane_figure(one, units))
+        if one.drawn is not None and one.in_file:
+            caption = "Band: 95 %. Constant beyond the ends. " + (
+                f"Formula: {one.formula}." if one.formula else ""
+            )
+            title = f"Without a name, over {one.over}"
+            yield Picture(f"unnamed{number}", title, caption, curve_figure(one, units))
+    yield from located_pictures(of.mismatch, of.remainder)

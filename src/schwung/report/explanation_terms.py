@@ -56,32 +56,32 @@ class _Samples:
 
 
 @in_style
-def term_figure(finding: Term, runs: Sequence[Overlay], units: Units) -> Figure | None:
+def term_figure(term: Term, runs: Sequence[Overlay], units: Units) -> Figure | None:
     """The term over its own coordinate, from all runs given; None where there is nothing to draw it from.
 
     Terms of the coupling's law have no such picture: `coupling_figure` draws it.
     """
-    view = words_of(finding.physics).view
-    with_term = [run for run in runs if finding.physics in run.terms_nm and compared(run).any()]
+    view = words_of(term.physics).view
+    with_term = [run for run in runs if term.physics in run.terms_nm and compared(run).any()]
     if not with_term or view == "wind_up":
         return None
     if view == "frequency":
-        return _spectrum_figure(finding, with_term, units)
+        return _spectrum_figure(term, with_term, units)
     if view == "run":
-        return _drift_figure(finding, with_term, units)
-    return _scatter_figure(finding, with_term, view, units)
+        return _drift_figure(term, with_term, units)
+    return _scatter_figure(term, with_term, view, units)
 
 
 # ----------------------------------------------------------------------------------------- over samples
 
 
-def _scatter_figure(finding: Term, runs: Sequence[Overlay], view: View, units: Units) -> Figure:
+def _scatter_figure(term: Term, runs: Sequence[Overlay], view: View, units: Units) -> Figure:
     figure = new_figure(3.0)
     axes = figure.axes[0]
-    samples = _samples(finding, runs, _coordinate(view))
+    samples = _samples(term, runs, _coordinate(view))
     since_start = all(run.motion_time_s is not None for run in runs)
     label = _axis_label(view, units, since_start=since_start)
-    period = _period(finding)
+    period = _period(term)
     if view == "position" and period and np.ptp(samples.x) > _REPEATS * period:
         samples = _Samples(samples.x % (_FOLDED * period), samples.asked_nm, samples.term_nm, samples.forward)
         label = f"{units.position_word}, {_FOLDED} periods of many laid on each other, {units.position}"
@@ -96,20 +96,22 @@ def _scatter_figure(finding: Term, runs: Sequence[Overlay], view: View, units: U
     reach = 1.15 * max(usual, float(np.max(np.abs(samples.term_nm)))) or 1e-9
     axes.set_ylim(-reach, reach)
     axes.set_title(
-        f"{words_of(finding.physics, linear=units.position == 'm').name.capitalize()}, {units.torque}"
+        f"{words_of(term.physics, linear=units.position == 'm').name.capitalize()}, {units.torque}"
     )
     axes.set_xlabel(label)
     key(axes)
     return figure
 
 
-def _samples(finding: Term, runs: Sequence[Overlay], coordinate: Callable[[Overlay], Array]) -> _Samples:
+def _samples(term: Term, runs: Sequence[Overlay], coordinate: Callable[[Overlay], Array]) -> _Samples:
     parts = []
     for run in runs:
         inside = compared(run)
-        term = np.asarray(run.terms_nm[finding.physics])
-        asked = run.torque_nm - (run.after_nm - term)
-        parts.append([values[inside] for values in (coordinate(run), asked, term, np.sign(run.speed_rad_s))])
+        fitted = np.asarray(run.terms_nm[term.physics])
+        asked = run.torque_nm - (run.after_nm - fitted)
+        parts.append(
+            [values[inside] for values in (coordinate(run), asked, fitted, np.sign(run.speed_rad_s))]
+        )
     return _Samples(*(np.concatenate(column) for column in zip(*parts, strict=True)))
 
 
@@ -139,11 +141,11 @@ def _axis_label(view: View, units: Units, *, since_start: bool) -> str:
     }.get(view, "time since the motion began, s" if since_start else "time in the run, s")
 
 
-def _period(finding: Term) -> float | None:
+def _period(term: Term) -> float | None:
     """After how much angle (rad, or m) a term repeats; None where it does not."""
-    if finding.physics not in ("cogging", "encoder_eccentricity"):
+    if term.physics not in ("cogging", "encoder_eccentricity"):
         return None
-    order = finding.parameters.get("order")
+    order = term.parameters.get("order")
     turns = float(order.value) if order is not None and isinstance(order.value, int | float) else 1.0
     return 2 * np.pi / abs(turns) if turns else None
 
@@ -203,14 +205,14 @@ def _bin_means(x: Array, y: Array, edges: Array) -> tuple[Array, Array]:
 # --------------------------------------------------------------------------------- over run and frequency
 
 
-def _drift_figure(finding: Term, runs: Sequence[Overlay], units: Units) -> Figure:
+def _drift_figure(term: Term, runs: Sequence[Overlay], units: Units) -> Figure:
     """Friction of each run, as the mean of what acts against the motion."""
     figure = new_figure(2.6)
     axes = figure.axes[0]
     ordered = sorted(runs, key=lambda run: run.run)
     numbers, asked, named = [], [], []
     for run in ordered:
-        samples = _samples(finding, [run], _coordinate("time"))
+        samples = _samples(term, [run], _coordinate("time"))
         numbers.append(run.run)
         asked.append(float(np.mean(samples.asked_nm * samples.forward)))
         named.append(float(np.mean(samples.term_nm * samples.forward)))
@@ -224,14 +226,14 @@ def _drift_figure(finding: Term, runs: Sequence[Overlay], units: Units) -> Figur
     return figure
 
 
-def _spectrum_figure(finding: Term, runs: Sequence[Overlay], units: Units) -> Figure:
+def _spectrum_figure(term: Term, runs: Sequence[Overlay], units: Units) -> Figure:
     """Amplitude of what is left over frequency, root mean square over the runs, before and after."""
     figure = new_figure(3.0)
     axes = figure.axes[0]
     longest = max(run.time_s.size for run in runs)
     step = float(np.median(np.diff(runs[0].time_s)))
     f = np.asarray(np.fft.rfftfreq(longest, step), dtype=np.float64)
-    without = [residual(run, run.after_nm - run.terms_nm[finding.physics]) for run in runs]
+    without = [residual(run, run.after_nm - run.terms_nm[term.physics]) for run in runs]
     before = _mean_amplitude(without, longest)
     after = _mean_amplitude([residual(run, run.after_nm) for run in runs], longest)
     carried = np.cumsum(np.maximum(before**2 - after**2, 0.0))
@@ -240,7 +242,7 @@ def _spectrum_figure(finding: Term, runs: Sequence[Overlay], units: Units) -> Fi
     axes.fill_between(x, y, color=EXCITED.light, alpha=0.25, linewidth=0)
     axes.plot(x, y, color=EXCITED.light, linewidth=1.1, label="without it")
     curve(axes, f[1:last], after[1:last], GOOD, label="with it", width=1.6)
-    _mark_frequency(axes, finding)
+    _mark_frequency(axes, term)
     axes.set_ylim(bottom=0)
     axes.set_title(f"Amplitude of what is left, {units.torque}")
     axes.set_xlabel("frequency, Hz")
@@ -263,8 +265,8 @@ def _amplitude(values: Array, length: int) -> Array:
     return np.asarray(2 * np.abs(np.fft.rfft(weighted)) / max(float(window.sum()), 1e-300))
 
 
-def _mark_frequency(axes: Axes, finding: Term) -> None:
-    quantity = finding.parameters.get("frequency_hz")
+def _mark_frequency(axes: Axes, term: Term) -> None:
+    quantity = term.parameters.get("frequency_hz")
     if quantity is None or not isinstance(quantity.value, int | float):
         return
     axes.axvline(float(quantity.value), color=MUTED.light, linewidth=1.0, linestyle=DASHED)
@@ -279,7 +281,7 @@ def _mark_frequency(axes: Axes, finding: Term) -> None:
 
 @in_style
 def coupling_figure(
-    findings: Sequence[Term], runs: Sequence[Overlay], believed: Machine, units: Units
+    terms: Sequence[Term], runs: Sequence[Overlay], believed: Machine, units: Units
 ) -> Figure | None:
     """Torque in the coupling over its wind-up: as believed and as named; None where no run is at hand."""
     if not runs:
@@ -300,7 +302,7 @@ def coupling_figure(
     axes.axhspan(low, high, color=GRID.light, linewidth=0, zorder=0.5, label="reached in the session")
     label = "belief" if np.isfinite(stiffness) else "belief: rigid"
     axes.plot(1e3 * torque / stiffness, torque, color=EXCITED.light, linewidth=1.4, label=label)
-    wind_up = 1e3 * _wind_up(findings, torque, stiffness)
+    wind_up = 1e3 * _wind_up(terms, torque, stiffness)
     axes.plot(wind_up, torque, color=GOOD.light, linewidth=2.0, label="belief + physics")
     axes.set_title(f"{units.torque_word.capitalize()} in the coupling, {units.torque}")
     axes.set_xlabel(f"wind-up, m{units.position}")
@@ -308,12 +310,12 @@ def coupling_figure(
     return figure
 
 
-def _wind_up(findings: Sequence[Term], torque: Array, stiffness: float) -> Array:
+def _wind_up(terms: Sequence[Term], torque: Array, stiffness: float) -> Array:
     """Wind-up (rad) at each torque (N·m), (n,), of the coupling with all that was named of it.
 
     |T| = k δ + c δ³ beyond half of the play, k as named or as believed (infinite: rigid).
     """
-    named = {key: quantity.value for finding in findings for key, quantity in finding.parameters.items()}
+    named = {key: quantity.value for term in terms for key, quantity in term.parameters.items()}
     numbers = {key: float(value) for key, value in named.items() if isinstance(value, int | float)}
     stiffness = numbers.get("stiffness_nm_rad", stiffness)
     cubic, gap = numbers.get("cubic_nm_rad3", 0.0), numbers.get("gap_rad", 0.0)

@@ -1,4 +1,4 @@
-"""Pictures of an explanation: before and after, where the mismatch is, and the proof on runs kept aside."""
+"""Pictures of an explanation: before and after, where the mismatch is, and what it follows."""
 
 from __future__ import annotations
 
@@ -13,14 +13,12 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Patch
 from numpy.typing import NDArray
 
-from schwung.explain.values import Explanation, Located, Overlay
+from schwung.explain.values import Located, Overlay
 from schwung.motion import Array
 from schwung.report.colours import ESTIMATE, EXCITED, GOOD, GRID, INK, MUTED, PLAIN, Colour
 from schwung.report.content import Units
-from schwung.report.style import DASHED, WIDTH_IN, curve, in_style, key, new_figure
+from schwung.report.style import WIDTH_IN, curve, in_style, key, new_figure
 
-#: A held-out error up to so many times the floor counts as explained (issue 4's demand, and the verdict's).
-CLOSE_TO_FLOOR = 1.2
 _CELLS = (34, 18)  # of the map, over position and over speed
 _FAINTEST = 0.04  # opacity of a visited cell in which nothing is left
 _OUT_OF_SIGHT = 6.0  # what is so many times smaller needs a panel of its own
@@ -169,32 +167,6 @@ def _shade(share: float) -> tuple[float, float, float, float]:
 
 
 # ------------------------------------------------------------------------------------------------ bars
-
-
-@in_style
-def proof_figure(explanation: Explanation, units: Units) -> Figure:
-    """Error on the runs kept aside: by the belief, with the named physics, and the floor that none goes below."""
-    figure = new_figure(1.9)
-    axes, fit, floor = figure.axes[0], explanation.fit, explanation.noise_floor.torque_nm
-    bars = [("belief", fit.before.torque_rmse_nm, EXCITED)]
-    if explanation.findings:
-        bars.append(("belief + physics", fit.after.torque_rmse_nm, GOOD))
-    bars.append(("noise floor", floor, PLAIN))
-    names = [name for name, *_ in bars]
-    limit = CLOSE_TO_FLOOR * floor if explanation.findings else 0.0
-    for name, value, colour in bars:
-        axes.barh(name, value, color=colour.light, height=0.62)
-        axes.annotate(
-            f"{value:.3g}", (max(value, limit), name), xytext=(4, 0), textcoords="offset points", va="center",
-            color=colour.light, fontweight="bold",
-        )  # fmt: skip
-    if limit:
-        axes.axvline(limit, color=MUTED.light, linewidth=1.0, linestyle=DASHED)
-    axes.set_ylim(len(names) - 0.4, -0.6)
-    axes.set_xlim(0, 1.12 * max(value for _, value, _ in bars) or 1.0)
-    axes.grid(visible=False, axis="y")
-    axes.set_title(f"{units.torque_word.capitalize()} error on runs kept aside, RMS, {units.torque}")
-    return figure
 
 
 @in_style

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 
 from matplotlib.figure import Figure
 
@@ -55,32 +55,24 @@ def located_pictures(mismatch: Sequence[Located], remainder: Sequence[Located]) 
 
 
 def named_pictures(
-    terms: Sequence[Term],
-    runs: Sequence[Overlay],
-    believed: Machine,
-    units: Units,
-    texts: Mapping[str, str] | None = None,
+    terms: Sequence[Term], runs: Sequence[Overlay], believed: Machine, units: Units
 ) -> Iterator[Picture]:
     """Each named term over its own coordinate; all that was named of the coupling's law in one picture."""
-    told = texts or {}
     for number, term in enumerate(terms):
         figure = term_figure(term, runs, units)
         if figure is not None:
-            yield _term_picture(units, f"term{number}", [term], figure, told)
+            yield _term_picture(units, f"term{number}", [term], figure)
     law = [term for term in terms if words_of(term.physics).view == "wind_up"]
     figure = coupling_figure(law, runs, believed, units) if law else None
     if figure is not None:
-        yield _term_picture(units, "coupling", law, figure, told)
+        yield _term_picture(units, "coupling", law, figure)
 
 
-def _term_picture(
-    units: Units, name: str, terms: Sequence[Term], figure: Figure, texts: Mapping[str, str]
-) -> Picture:
+def _term_picture(units: Units, name: str, terms: Sequence[Term], figure: Figure) -> Picture:
     words = [words_of(term.physics, linear=units.position == "m") for term in terms]
     where, _, slope = _DRAWN[words[0].view].format(u=units).partition(": ")
     called = listed([each.name for each in words])
     own = {"wind_up": _WIND_UP, "frequency": _SPECTRUM, "run": _DRIFT}
     caption = own.get(words[0].view, _DOTS.format(u=units))
-    caption += " ".join(texts[term.physics] for term in terms if term.physics in texts)
     caption += f" {slope.capitalize()}." if slope else ""
     return Picture(name, f"{called[:1].upper()}{called[1:]}, {where}", caption, figure)

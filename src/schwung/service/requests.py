@@ -124,11 +124,6 @@ class ExplainRequest(Request):
     machine_id: Id | None = Field(
         None, description="Default: the machine that the session was recorded with."
     )
-    weigh: bool = Field(
-        True,
-        description="Weigh every physics there is a name for, with its probability; or name what tests against "
-        "thresholds bear out, the former way, which acts with no learned physics.",
-    )
     next_motion: bool = Field(
         False, description="Choose the motion that best tells apart what the session leaves confused."
     )
@@ -284,7 +279,6 @@ class BatchRequest(Request):
     inversion: Literal["complex", "magnitude"] = "complex"
     frequency_hz: _Positive | None = None
     points: Annotated[int, Field(ge=4, le=1000)] | None = None
-    weigh: bool = Field(True, description="Of `explain`: every name with its probability, as ExplainRequest.")
     jobs: Annotated[int, Field(ge=1, le=64)] | None = None
 
 

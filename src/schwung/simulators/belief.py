@@ -16,18 +16,17 @@ from pathlib import Path
 import numpy as np
 from scipy.interpolate import CubicHermiteSpline, CubicSpline
 
-from schwung.drivetrain.effects import Effects
-from schwung.drivetrain.machine import Machine, Motor
+from schwung.drivetrain.machine import Machine
 from schwung.errors import InputError
-from schwung.explain import forward
-from schwung.explain.signals import Prepared, Signals, prepare, prepare_twin
-from schwung.explain.spectrum import Spectrum
 from schwung.motion import Array
 from schwung.session.imports import motion_identity
 from schwung.session.model import Run, Session
 from schwung.simulators.described import Described, describe
+from schwung.simulators.followed import Followed, Recording, along, recording_of
 from schwung.simulators.mapping import Ports, ports, read_map
+from schwung.simulators.needed import MotorMotion, needed, two_masses
 from schwung.simulators.playing import Job, Played, play
+from schwung.simulators.spectrum import Spectrum
 from schwung.simulators.standin import StandIn, stand_in
 
 Progress = Callable[[str, float], None]
@@ -80,11 +79,10 @@ def fmu_belief(
         )
     described = describe(fmu)
     of = ports(read_map(mapped), described, str(mapped))
-    crude = _crude(session)
-    prepared = prepare(session, crude)
+    prepared = recording_of(session, _crude_kgm2(session))
     step = _step_s(of, session)
     gains = (1.0, 1.0) if of.inverse else _gains(described, of, prepared, step)
-    jobs = [_job(signals, step, gains) for signals in prepared.runs]
+    jobs = [_job(run, step, gains) for run in prepared.runs]
     probes = _probes(session, prepared, jobs, of)
     tell("Playing the FMU", 0.02)
     played = play(
@@ -97,7 +95,7 @@ def fmu_belief(
     found = stand_in(few, probed, f"Stand-in for {described.name}", held=not of.inverse)
     twin = _session(session, described, of, twins)
     if not of.inverse:
-        nearer = _nearer(jobs, twins, prepared, prepare_twin(twin, prepared), found.machine)
+        nearer = _nearer(jobs, twins, prepared, along(twin, prepared), found.machine)
         again = play(
             described.path, of, nearer, lambda share: tell("Playing it once more", 0.7 + 0.3 * share)
         )
@@ -111,22 +109,17 @@ def fmu_belief(
     )
 
 
-def _crude(session: Session) -> Machine:
+def _crude_kgm2(session: Session) -> float:
     """One mass, by torque over acceleration: enough to know which band the recording holds."""
-    inertias, peak = [], 0.0
+    inertias = []
     for run in session.runs:
         spectrum = Spectrum(len(run), run.sample_rate_hz, 0.1)
         low = spectrum.low_pass(min(25.0, 0.1 * run.sample_rate_hz))
         alpha = spectrum.apply(run.position_rad, low * spectrum.omega**2, "drop")
         torque = spectrum.apply(run.torque_nm, low)
         inertias.append(abs(float(alpha @ torque)) / max(float(alpha @ alpha), 1e-300))
-        peak = max(peak, float(np.max(np.abs(run.torque_nm))))
-    inertia = float(np.median(inertias))
-    inertia = min(max(inertia, peak / 1e8, 1e-12), max(peak, 1e-9) / 2.5)
-    return Machine(
-        name="crude",
-        motor=Motor(inertia_kgm2=inertia, viscous_friction_nms=0.0, peak_torque_nm=max(peak, 1e-9)),
-    )
+    peak = max(float(np.max(np.abs(run.torque_nm))) for run in session.runs)
+    return max(float(np.median(inertias)), peak / 1e8, 1e-12)
 
 
 def _step_s(of: Ports, session: Session) -> float:
@@ -139,20 +132,20 @@ def _step_s(of: Ports, session: Session) -> float:
     return of.step_s * max(1, round(wanted / of.step_s)) if of.own_step else of.step_s
 
 
-def _job(signals: Signals, step: float, gains: tuple[float, float]) -> Job:
+def _job(run: Followed, step: float, gains: tuple[float, float]) -> Job:
     """A recorded run on the FMU's grid."""
-    begin, end = float(signals.time_s[0]), float(signals.time_s[-1])
+    begin, end = float(run.time_s[0]), float(run.time_s[-1])
     n = max(2, int((end - begin) / step))
     time = begin + step * np.arange(n + 1)
-    angle = CubicHermiteSpline(signals.time_s, signals.position_rad, signals.speed_rad_s)
-    speed = CubicHermiteSpline(signals.time_s, signals.speed_rad_s, signals.acceleration_rad_s2)
-    torque = CubicSpline(signals.time_s, signals.torque_nm)
+    angle = CubicHermiteSpline(run.time_s, run.position_rad, run.speed_rad_s)
+    speed = CubicHermiteSpline(run.time_s, run.speed_rad_s, run.acceleration_rad_s2)
+    torque = CubicSpline(run.time_s, run.torque_nm)
     return Job(
         begin, step, angle(time), speed(time), speed.derivative()(time), torque(time[:-1] + step / 2), gains
     )
 
 
-def _gains(described: Described, of: Ports, prepared: Prepared, step: float) -> tuple[float, float]:
+def _gains(described: Described, of: Ports, prepared: Recording, step: float) -> tuple[float, float]:
     """What brings the FMU back to the motion, by what a push does to it. Raises InputError for a wrong sign."""
     first = prepared.runs[0]
     push = max(float(np.max(np.abs(run.torque_nm))) for run in prepared.runs)
@@ -198,7 +191,7 @@ def _distinct(session: Session) -> list[int]:
     return list(known.values())
 
 
-def _probes(session: Session, prepared: Prepared, jobs: Sequence[Job], of: Ports) -> list[Job]:
+def _probes(session: Session, prepared: Recording, jobs: Sequence[Job], of: Ports) -> list[Job]:
     """The first motions again with a multisine in the torque, or of an inverse FMU in the motion."""
     push = PROBE_SHARE * max(float(np.max(np.abs(run.torque_nm))) for run in prepared.runs)
     result = []
@@ -214,7 +207,7 @@ def _probes(session: Session, prepared: Prepared, jobs: Sequence[Job], of: Ports
             sine = np.sin(np.outer(time[:-1] + job.step_s / 2, lines) + phases)
             result.append(replace(job, torque_nm=job.torque_nm + each * fade[:-1] * sine.sum(axis=1)))
             continue
-        inertia = max(_crude(session).motor.inertia_kgm2, 1e-300)
+        inertia = _crude_kgm2(session)
         turned = np.outer(time, lines) + phases
         angle = fade * (-each / inertia * np.sin(turned) / lines**2).sum(axis=1)
         shaken = CubicSpline(time, angle)
@@ -244,24 +237,17 @@ def _session(session: Session, described: Described, of: Ports, twins: Sequence[
 
 
 def _nearer(
-    jobs: Sequence[Job], twins: Sequence[Played], recorded: Prepared, prepared: Prepared, machine: Machine
+    jobs: Sequence[Job], twins: Sequence[Played], recorded: Recording, prepared: Recording, machine: Machine
 ) -> list[Job]:
     """The jobs with the torque that the FMU took, and what the stand-in asks for the way back to the recorded motion.
 
     What the FMU lacks, the recorded torque held: it strayed by that, as far as what brings it back is soft.
     """
-    belief = forward.believed(machine)
+    masses = two_masses(machine)
 
-    def asked(run: Signals) -> Array:
-        motion = forward.Motion(
-            np.ascontiguousarray(run.position_rad),
-            np.ascontiguousarray(run.speed_rad_s),
-            np.ascontiguousarray(run.acceleration_rad_s2),
-            np.ascontiguousarray(run.motion_time_s),
-            run.step_s,
-        )
-        needed = belief.rotor_inertia * motion.acceleration + belief.motor_friction * motion.speed
-        return np.asarray(needed + forward.coupling_needed(belief, Effects(), motion))
+    def asked(run: Followed) -> Array:
+        motion = MotorMotion(run.position_rad, run.speed_rad_s, run.acceleration_rad_s2, 1 / recorded.rate_hz)
+        return needed(masses, motion)
 
     result = []
     for job, played, here, there in zip(jobs, twins, recorded.runs, prepared.runs, strict=True):
@@ -298,7 +284,7 @@ def _twin(run: Run, played: Played, *, held: bool) -> Run:
     )
 
 
-def _require_near(described: Described, twins: Sequence[Played], prepared: Prepared) -> None:
+def _require_near(described: Described, twins: Sequence[Played], prepared: Recording) -> None:
     """Raise InputError where the FMU did not go where the recording did: another machine, or another unit."""
     for twin, run in zip(twins, prepared.runs, strict=True):
         stroke = max(float(np.ptp(run.position_rad)), 1e-12)

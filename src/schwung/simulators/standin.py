@@ -4,7 +4,7 @@ Nobody can look into an FMU, but anybody can measure it, and without noise: play
 an injected multisine beside them, it shows its torque T and its motion. Fitted are J_r, k, d, friction, and J_l and T_l
 over the angle (cubic splines through nodes), such that the torque that these need for the motion,
 
-    J_r α + b ω + F(ω) + C(motion; k, d, J_l, T_l)        C: the coupling's torque, explain/forward.py
+    J_r α + b ω + F(ω) + C(motion; k, d, J_l, T_l)        C: the coupling's torque, needed.py
 
 is the FMU's, within the band. The stand-in need not be exact: it says how named physics would show, while what the FMU
 asks beyond it is taken off the recording as it is (`belief.py`).
@@ -22,20 +22,19 @@ from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 from scipy.optimize import least_squares
 
-from schwung.drivetrain.effects import Effects
 from schwung.drivetrain.inertia import InertiaTable, LoadTorqueTable
 from schwung.drivetrain.machine import Coupling, Load, Machine, Motor
 from schwung.drivetrain.physics_term import PhysicsTerm
 from schwung.errors import InputError
-from schwung.explain import forward
-from schwung.explain.spectrum import Spectrum
 from schwung.motion import Array
 from schwung.simulators.impedance import Response, two_masses_of
+from schwung.simulators.needed import MotorMotion, TwoMasses, can_follow, needed
 from schwung.simulators.playing import Played
+from schwung.simulators.spectrum import Spectrum
 
 #: The band that is fitted (Hz), and at most this share of the rate at which the FMU was played.
 BAND_HZ, BAND_SHARE = 300.0, 0.1
-#: As in `explain/signals.py`: the motion keeps more than the band, and the grid more than that.
+#: As in `followed.py`: the motion keeps more than the band, and the grid more than that.
 _MOTION_BAND, _GRID = 3.0, 12.0
 #: Slower than this share of the highest speed, dry friction may hold any torque.
 _STANDSTILL = 0.02
@@ -76,7 +75,7 @@ class StandIn:
 
 @dataclass(frozen=True, eq=False)
 class _Run:
-    motion: forward.Motion
+    motion: MotorMotion
     torque_nm: Array
     spectrum: Spectrum
     low: Array
@@ -119,12 +118,12 @@ class _Shape:
         y[to.torque] = CubicSpline(self.torque_nodes_rad, x[self.torque])(to.torque_nodes_rad)
         return y
 
-    def belief(self, x: Array) -> forward.Belief:
+    def masses(self, x: Array) -> TwoMasses:
         """The parameters as equations."""
         inertia = np.tensordot(_splines(tuple(self.nodes_rad)), _exp(x[self.inertia]), axes=1)
         torque = np.tensordot(_splines(tuple(self.torque_nodes_rad)), x[self.torque], axes=1)
         rotor, stiffness, damping = _exp(x[:_VISCOUS])
-        return forward.Belief(
+        return TwoMasses(
             rotor_inertia=float(rotor),
             motor_friction=float(x[_VISCOUS]),
             load_friction=0.0,
@@ -185,11 +184,10 @@ def _run(played: Played, band_hz: float, held: bool) -> _Run:
         at_instants = at_instants * np.sinc(fine.frequency_hz * step)
     torque = fine.apply(played.torque_nm, fine.low_pass(band_hz) * at_instants)
     speed = fine.apply(played.speed_rad_s[:n], wide)
-    motion = forward.Motion(
+    motion = MotorMotion(
         np.ascontiguousarray(fine.apply(played.angle_rad[:n], wide)[::every]),
         np.ascontiguousarray(speed[::every]),
         np.ascontiguousarray(fine.apply(played.speed_rad_s[:n], wide * fine.omega, "slope")[::every]),
-        np.ascontiguousarray(played.time_s[:n:every]),
         every * step,
     )
     fast = np.abs(motion.speed) > _STANDSTILL * max(float(np.max(np.abs(motion.speed))), 1e-12)
@@ -213,22 +211,18 @@ def _visited(runs: Sequence[_Run]) -> tuple[float, float]:
     return low, high
 
 
-def _residuals(run: _Run, belief: forward.Belief, dry_nm: float) -> Array:
-    """The FMU's torque minus what the belief needs, within the band, (n,); nothing where that is not compared."""
-    if np.min(belief.inertia_coefficients[3]) <= 0 or not forward.can_follow(
-        belief, Effects(), run.motion.step
-    ):
-        return np.full(run.torque_nm.size, 1e3 * float(np.max(np.abs(run.torque_nm))))
+def _residuals(run: _Run, of: TwoMasses, dry_nm: float) -> Array:
+    """The FMU's torque minus what the machine needs, within the band, (n,); nothing where that is not compared."""
     motion = run.motion
-    needed = forward.coupling_needed(belief, Effects(), motion)
-    needed = needed + belief.rotor_inertia * motion.acceleration + belief.motor_friction * motion.speed
-    needed = needed + dry_nm * np.sign(motion.speed)
-    return np.where(run.valid, run.torque_nm - run.spectrum.apply(needed, run.low), 0.0)
+    if np.min(of.inertia_coefficients[3]) <= 0 or not can_follow(of, motion.step):
+        return np.full(run.torque_nm.size, 1e3 * float(np.max(np.abs(run.torque_nm))))
+    asked = needed(of, motion) + dry_nm * np.sign(motion.speed)
+    return np.where(run.valid, run.torque_nm - run.spectrum.apply(asked, run.low), 0.0)
 
 
 def _rms(runs: Sequence[_Run], shape: _Shape, x: Array) -> float:
-    belief, dry = shape.belief(x), float(x[_DRY])
-    squares = sum(float(np.sum(_residuals(run, belief, dry) ** 2)) for run in runs)
+    masses, dry = shape.masses(x), float(x[_DRY])
+    squares = sum(float(np.sum(_residuals(run, masses, dry) ** 2)) for run in runs)
     return float(np.sqrt(squares / max(sum(int(run.valid.sum()) for run in runs), 1)))
 
 
@@ -316,8 +310,8 @@ def _fit(runs: Sequence[_Run], shape: _Shape, start: Array) -> Array:
 
     def cost(values: Array) -> Array:
         x = whole(values)
-        belief, dry = shape.belief(x), float(x[_DRY])
-        left = np.concatenate([_residuals(run, belief, dry)[run.valid] for run in runs])
+        masses, dry = shape.masses(x), float(x[_DRY])
+        left = np.concatenate([_residuals(run, masses, dry)[run.valid] for run in runs])
         bends = (np.diff(x[shape.inertia], 2), np.diff(x[shape.torque], 2) / size)
         ridge = x[[_DRY, *range(shape.torque.start, shape.torque.stop)]] / size
         weak = [_SMOOTH * bend for bend in bends]
@@ -332,7 +326,7 @@ def _fit(runs: Sequence[_Run], shape: _Shape, start: Array) -> Array:
 
 
 def _machine(shape: _Shape, x: Array, name: str, peak_nm: float) -> Machine:
-    belief = shape.belief(x)
+    masses = shape.masses(x)
     angle = np.linspace(shape.nodes_rad[0], shape.nodes_rad[-1], max(201, 4 * shape.nodes_rad.size - 3))
     inertia = np.maximum(CubicSpline(shape.nodes_rad, _exp(x[shape.inertia]))(angle), 1e-9)
     torque = CubicSpline(shape.torque_nodes_rad, x[shape.torque])(angle)
@@ -341,13 +335,13 @@ def _machine(shape: _Shape, x: Array, name: str, peak_nm: float) -> Machine:
     return Machine(
         name=name,
         motor=Motor(
-            inertia_kgm2=belief.rotor_inertia,
-            viscous_friction_nms=max(belief.motor_friction, 0.0),
+            inertia_kgm2=masses.rotor_inertia,
+            viscous_friction_nms=max(masses.motor_friction, 0.0),
             peak_torque_nm=peak_nm,
         ),
         coupling=None
         if shape.rigid
-        else Coupling(stiffness_nm_rad=belief.stiffness, damping_nms=belief.damping),
+        else Coupling(stiffness_nm_rad=masses.stiffness, damping_nms=masses.damping),
         load=Load(
             viscous_friction_nms=0.0,
             inertia_table=InertiaTable(angle, inertia),

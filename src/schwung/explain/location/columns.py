@@ -29,7 +29,7 @@ class Residual:
     """What the belief misses in one run, on a uniform grid, with the coordinates it may depend on; arrays (n,).
 
     `considered`: samples to use (standstill and edges are False). `noise_nm`: standard deviation of a sample's noise.
-    Runs with one `repeat_of` repeat the same motion. On a linear axis: m, m/s, m/s², N.
+    On a linear axis: m, m/s, m/s², N.
     """
 
     run: int
@@ -42,7 +42,6 @@ class Residual:
     residual_nm: Array
     considered: NDArray[np.bool_]
     noise_nm: float
-    repeat_of: int
 
 
 @dataclass(frozen=True, eq=False)

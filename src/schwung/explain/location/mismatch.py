@@ -8,7 +8,6 @@ is tested beyond the others by permutation (chance.py), with its best shape soug
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import numpy as np
 
@@ -24,17 +23,6 @@ from schwung.session.model import Axis
 
 HELD_WIDTH = 0.84  # of a raised cosine's width: where nearly all of it is, as in interval_of
 EQUAL = 0.01  # of a coordinate's gain: another one that misses no more than this cannot be told from it
-
-
-@dataclass(frozen=True)
-class Share:
-    """How much of the residual's energy a coordinate predicts alone, jointly, and beyond the others."""
-
-    coordinate: Coordinate
-    alone: float
-    joint: float
-    beyond: float
-    p_value: float
 
 
 def locate(residuals: Sequence[Residual], axis: Axis, *, surely: bool = True) -> tuple[Located, ...]:
@@ -63,38 +51,6 @@ def locate(residuals: Sequence[Residual], axis: Axis, *, surely: bool = True) ->
         found.append(_located(search, coordinate, interval, min(share, 1.0), p_value, axis, None))
         found.extend(_twins(search, coordinate, mine, min(share, 1.0), p_value, axis))
     return tuple(_once(sorted(found, key=lambda one: -one.share_of_energy)))
-
-
-def shares(residuals: Sequence[Residual], axis: Axis) -> tuple[Share, ...]:
-    """Every coordinate's share of the residual's energy alone, in the joint prediction, and beyond the others.
-
-    p_value is corrected for eight coordinates; 1 for those that have no part in the joint prediction.
-    """
-    search = _searched(residuals, axis)
-    if search is None:
-        return ()
-    space, tested = search.space, _tested(search)
-    gains = space.beyond([]).gains(space.products)
-    whole = space.explained(search.chosen)
-    result = []
-    for coordinate in COORDINATES:
-        mine = _of(search, coordinate)
-        of_it = np.array([shape.coordinate == coordinate for shape in space.shapes])
-        prices = np.array([shape.price for shape in space.shapes])
-        alone = np.max(np.where(of_it, gains - prices * search.samples.noise_nm**2, 0.0), initial=0.0)
-        alone = max(alone, space.explained(mine)) if mine else alone
-        joint = space.contribution(search.chosen, mine) @ search.samples.residual
-        others = [i for i in search.chosen if i not in mine]
-        result.append(
-            Share(
-                coordinate,
-                float(alone) / space.energy,
-                float(joint) / space.energy,
-                (whole - space.explained(others)) / space.energy,
-                tested.get(coordinate, 1.0),
-            )
-        )
-    return tuple(sorted(result, key=lambda one: -one.joint))
 
 
 def _searched(residuals: Sequence[Residual], axis: Axis) -> Search | None:

@@ -75,6 +75,11 @@ class Plausibility:
         """The kinds of all doubts."""
         return tuple(doubt.kind for doubt in self.doubts)
 
+    @property
+    def steady(self) -> bool:
+        """Whether hardly anything accelerates, so that no inertia can be told."""
+        return "inertia_undetermined" in self.kinds()
+
     def require(self, place: str) -> None:
         """Raise InputError for the first doubt with which explaining would name nonsense."""
         for doubt in self.stops:

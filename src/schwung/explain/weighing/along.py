@@ -328,7 +328,7 @@ def along(
     return Along(run, machine, present, ranges, number, begins, true_torque, kept, loud, gap_rad)
 
 
-def ranges_of(runs: list[Signals], machine: Machine, sticking: float, band_hz: float) -> Ranges:
+def ranges_of(runs: list[Signals], sticking: float, band_hz: float) -> Ranges:
     """What the runs cover, by their latest states."""
     angle = np.concatenate([run.load_angle_rad for run in runs])
     speed = max(float(np.max(np.abs(run.states[:, 1]))) for run in runs)

@@ -109,6 +109,7 @@ class Candidate:
         None  # of a curve's modes, by which its size is measured (p, p); None: of the coefficients
     )
     coupling: tuple[float, float, float] = (0.0,) * 3  # what a unit of it adds to stiffness, damping and gap
+    elsewhere: tuple[float, ...] = ()  # of its only coefficient, from where it is looked for as well
 
     @property
     def size(self) -> int:
@@ -155,6 +156,15 @@ class Candidate:
     def is_law(self) -> bool:
         """Whether it has a name, and few numbers: no curve."""
         return self.named and len(self.scales) == 1
+
+    @property
+    def shown_by_accelerating(self) -> bool:
+        """Whether nothing shows it at a steady speed: inertia, coupling, scale and lag of the torque, and whatever goes
+        with torque or acceleration, which hardly change there."""
+        over = self.coordinate.split(", ")
+        shown = self.of_machine or self.tangent is not None or self.name == "torque_ripple"
+        shown = shown or any(one in over for one in ("acceleration", "torque", "frequency"))
+        return shown and not self.each_run and not self.name.startswith("usual")
 
     @property
     def opens(self) -> bool:

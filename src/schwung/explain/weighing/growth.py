@@ -17,7 +17,14 @@ from schwung.explain.weighing.data import Atom, Data
 from schwung.explain.weighing.present import Member
 from schwung.explain.weighing.round import View
 from schwung.explain.weighing.search import HOPELESS, MOST, Pick, Scored, Search, slices
-from schwung.explain.weighing.settling import Settled, Weighing, own_noise, settled, settled_beyond
+from schwung.explain.weighing.settling import (
+    Settled,
+    Weighing,
+    own_noise,
+    settled,
+    settled_beyond,
+    settled_elsewhere,
+)
 from schwung.explain.weighing.wide import Wide, wide_fit
 from schwung.motion import Array
 
@@ -203,8 +210,9 @@ class Growth:
         promising = [one for one in offered if one.log > start.log][:_TRIED]
         # without numba a gap costs a hundred times as much: there a line has to promise something
         opening = [one for one in offered if IS_FAST and search.candidate(one.picks[-1]).opens][:1]
+        elsewhere = [one for one in offered if search.candidate(one.picks[-1]).elsewhere]
         best, top = None, 0.0
-        for one in [*promising, *(one for one in opening if one not in promising)]:
+        for one in dict.fromkeys((*promising, *opening, *elsewhere)):
             if best is not None and search.data.work.spent:
                 break
             tried, gain = self._rested(search, one, start, at)
@@ -250,8 +258,11 @@ class Growth:
         """A set at rest, and how much more probable it is there (log) than the one at hand."""
         members = members_of(search, one, self.candidates)
         if {_key(m) for m in at.members} <= {_key(m) for m in members}:
-            promised = [m.coefficients for m in members]
-            tried = settled_beyond(at.about, _from(at.members, members), promised, self._weighing)
+            promised, begun = [m.coefficients for m in members], _from(at.members, members)
+            tried = settled_beyond(at.about, begun, promised, self._weighing)
+            if members[-1].candidate.elsewhere and _key(members[-1]) not in {_key(m) for m in at.members}:
+                other = settled_elsewhere(at, begun, self._weighing)
+                tried = tried if other is None or other.log < tried.log else other
         else:
             tried = settled(at.about.view, members, self._weighing)
         if any(m.candidate.at_end(m.shape, m.coefficients) for m in tried.members):

@@ -110,20 +110,16 @@ def _way(acts: Array, speed: Array) -> str:
 
 
 def with_places(
-    found: Published,
-    before: Sequence[Shown],
-    after: Sequence[Shown],
-    band_hz: float,
-    groups: Sequence[Sequence[int]],
+    found: Published, before: Sequence[Shown], after: Sequence[Shown], band_hz: float
 ) -> Published:
     """With the coordinates that follows what the belief misses in fitted runs, and what the file does; nothing where
-    that is not plain. `groups`: runs of each motion."""
-    verdict, of = found.verdict, {number: group[0] for group in groups for number in group}
+    that is not plain."""
+    verdict = found.verdict
     if verdict == "consistent":
         return found
 
     def missed(runs: Sequence[Shown], surely: bool) -> tuple[Located, ...]:
-        every = [_residual(run, found.noise.torque_nm, band_hz, of.get(run.run, run.run)) for run in runs]
+        every = [_residual(run, found.noise.torque_nm, band_hz) for run in runs]
         return locate(every, found.axis, surely=surely)
 
     left = found.in_file and verdict != "explained"
@@ -134,7 +130,7 @@ def with_places(
     )
 
 
-def _residual(run: Shown, noise_nm: float, band_hz: float, group: int) -> Residual:
+def _residual(run: Shown, noise_nm: float, band_hz: float) -> Residual:
     along, step = run.along, run.along.run.step_s
     every = max(1, int(1 / (_PER_PERIOD * band_hz * step)))
     at = slice(None, None, every)
@@ -149,7 +145,6 @@ def _residual(run: Shown, noise_nm: float, band_hz: float, group: int) -> Residu
         residual_nm=along.run.quiet(_asked(run))[at],
         considered=along.moves[at],
         noise_nm=noise_nm,
-        repeat_of=group,
     )
 
 

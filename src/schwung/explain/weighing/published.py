@@ -17,6 +17,7 @@ from schwung.drivetrain.machine import Machine
 from schwung.drivetrain.residual import OVER, TABLES, UNDIRECTED, UNITS
 from schwung.drivetrain.residual_plane import Plane
 from schwung.explain import free_run
+from schwung.explain.measured import smooth
 from schwung.explain.plausibility import examine
 from schwung.explain.values import Quantity
 from schwung.explain.weighing.advice import advice
@@ -43,7 +44,7 @@ from schwung.explain.weighing.search import Pick, Scored, Search, slices
 from schwung.explain.weighing.twin import as_missed_by
 from schwung.explain.weighing.values import Parameter, Proof, Weighed
 from schwung.explain.weighing.weigh import Posterior, at_bound, parameters_of, posterior_of
-from schwung.explain.weighing.written import read_back, sayable, smooth
+from schwung.explain.weighing.written import read_back, sayable
 from schwung.explain.words import unit_on
 from schwung.session.effort import require_alike
 from schwung.session.imports import repeats
@@ -57,10 +58,7 @@ _UNITS: Mapping[str, str] = {
     "direction": "",
     "frequency": "Hz",
 }
-_STEADY = (
-    "what is named here of inertia, scale of the torque, lag or coupling is not to be relied on: hardly anything "
-    "accelerates in this session"
-)
+_STEADY = "nothing is told of inertia, coupling, lag or scale of the torque: hardly anything accelerates here"
 _OF_MOTION = (
     "all runs repeat one motion: what it has of its own over its time is told, and not in machine.toml, for another "
     "motion has another: record motions of several times or distances"
@@ -90,9 +88,10 @@ def publish(
         session,
         smooth(machine),
         tell=lambda text, share: tell(text, 0.02 + (_SEARCH - 0.02) * share),
+        steady=doubts.steady,
     )
-    steady = (_STEADY,) if "inertia_undetermined" in doubts.kinds() else ()
-    return published_of(session, machine, outcome, (*doubts.notes, *steady), tell)
+    notes = (*doubts.notes, _STEADY) if doubts.steady else doubts.notes
+    return published_of(session, machine, outcome, notes, tell)
 
 
 def published_of(
@@ -174,7 +173,7 @@ class _Publishing:
             notes=tuple(dict.fromkeys((*notes, *self._notes(causes), *unsaid, *self.weighed.notes, *driven))),
         )
         view = self.outcome.view
-        answer = with_places(answer, before.fitted, after.fitted, view.ranges.band_hz, repeats(self.session))
+        answer = with_places(answer, before.fitted, after.fitted, view.ranges.band_hz)
         self.tell("Done", 1.0)
         return replace(answer, notes=(*answer.notes, *advice(answer, self.machine, view.ranges)))
 

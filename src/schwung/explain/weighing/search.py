@@ -214,7 +214,7 @@ class Search:
         return best
 
     def offered(self, picks: Set, without: frozenset[int] = frozenset()) -> list[Scored]:
-        """Sets of one cause more, those that promise most or open a gap, and curves in place of their cases.
+        """Sets of one cause more, those that promise most or that no line tells, and curves in place of their cases.
 
         The two laws that promise most are among them: between the shapes of its grid, and where it is no line about the
         set at hand, a law may be worth more than any curve.
@@ -222,6 +222,7 @@ class Search:
         offers = [o for o in self.additions(picks) if self.index(o[1]) not in without]
         rest = offers[_LOOKED_AT:]
         beyond = [o for o in rest if self.candidate(o[1]).opens][:1]
+        beyond += [o for o in rest if self.candidate(o[1]).elsewhere]
         laws = [o for o in offers if self.candidate(o[1]).is_law][:_LAWS]
         beyond += [o for o in laws if o in rest and o not in beyond]
         return [

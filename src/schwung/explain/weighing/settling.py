@@ -125,6 +125,22 @@ def settled_beyond(
     return _at_rest(_Step(about, tuple(members), steps, still, np.inf, cost, -np.inf), weighing)
 
 
+def settled_elsewhere(at: Settled, members: Sequence[Member], weighing: Weighing) -> Settled | None:
+    """Members, the last of which is begun where no line leads, at rest; None where none of that is likelier than the
+    set at rest without it, in a few runs.
+
+    A resonance that is far off has a maximum of the likelihood of its own.
+    """
+    first = replace(weighing, train=few_of(weighing.train))
+    here = settled(at.about.view, at.members, first)
+    begun = [
+        settled(at.about.view, [*members[:-1], replace(members[-1], coefficients=np.array([start]))], first)
+        for start in members[-1].candidate.elsewhere
+    ]
+    best = max(begun, key=lambda one: one.log)
+    return settled(at.about.view, best.members, weighing) if best.log > here.log else None
+
+
 def _shut(member: Member) -> bool:
     """Whether it opens a gap that is not open yet."""
     return member.candidate.opens and member.coefficients[0] <= 0

@@ -34,7 +34,7 @@ def as_missed_by(session: Session, machine: Machine, twin: Session) -> Session:
         raise InputError("twin", "has other runs than the recording", "Play it along every run.")
     band = band_of(session)
     runs = tuple(signals_of(run, machine, band, 0.0) for run in twin.runs)
-    of = ranges_of(list(runs), machine, STICKING, band)
+    of = ranges_of(list(runs), STICKING, band)
     torques = tuple(TrueTorque(run, run.drive.whole_nm) for run in runs)
     view = View(twin.runs, runs, known(machine, of.low_rad, of.high_rad), of, torques, dry_nm=0.0)
     span = max(of.span_rad, 1e-12)

@@ -66,8 +66,6 @@ class Weighed:
 
     names: tuple[Named, ...]
     unnamed: tuple[Unnamed, ...]
-    runner_up: tuple[str, ...]  # the second most probable set
-    runner_up_probability: float
     noise: Noise
     excess: float  # the likelihood is tempered by it: colour of the noise, and physics that has no name
     proof: Proof | None

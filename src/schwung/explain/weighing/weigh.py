@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from schwung.drivetrain.machine import Machine
-from schwung.explain.kept_aside import split
+from schwung.explain.kept_aside import kept_aside
 from schwung.explain.weighing.along import TrueTorque, ranges_of
 from schwung.explain.weighing.candidate import NATURAL, Candidate, Shape
 from schwung.explain.weighing.elsewhere import holding
@@ -104,29 +104,32 @@ def posterior_of(
     heldout: Sequence[int] | None = None,
     tell: Progress = lambda _text, _share: None,
     work: Work | None = None,
+    *,
+    steady: bool = False,
 ) -> Posterior:
     """The same with all that was weighed.
 
-    `heldout`: runs for the proof; None: as `split` chooses them. `tell`: what is being done, and the share of it, 0…1.
-    `work`: that may be done; None: the usual, from now on.
+    `heldout`: runs for the proof; None: those that are `kept_aside`. `tell`: what is being done, and its share, 0…1.
+    `work`: that may be done; None: the usual, from now on. `steady`: whether hardly anything accelerates, so that
+    nothing can be told of what only accelerating shows.
 
     Raises InputError where the inertia is unknown.
     """
     work = work or Work()
-    heldout = split(session).heldout if heldout is None else tuple(heldout)
+    heldout = kept_aside(session) if heldout is None else tuple(heldout)
     train = tuple(run for run in range(len(session.runs)) if run not in heldout)
     band = band_of(session)
     runs = signals_as_measured(session, machine)
     one_motion = len(motions_of(session.runs)) == 1
     groups = _repeats(session)
     unrepeated = not any(len(group) > 1 for group in groups)
-    of = ranges_of(runs, machine, STICKING, band)
+    of = ranges_of(runs, STICKING, band)
     of = replace(of, one_motion=one_motion, unrepeated=unrepeated)
     torques = tuple(TrueTorque(run, run.drive.whole_nm) for run in runs)
     belief = known(machine, of.low_rad, of.high_rad)
     seen = View(session.runs, tuple(runs), belief, of, torques, repeats=groups, work=work)
     view = phased(seen, first_noise(runs))
-    candidates = vocabulary(of, view.known)
+    candidates = [c for c in vocabulary(of, view.known) if not (steady and c.shown_by_accelerating)]
     tell("Finding the noise", NOISE_SHARE / 2)
     always = tuple(i for i, c in enumerate(candidates) if c.name.startswith("usual"))
     beside = repeated(session.runs, NATURAL * of.peak_torque_nm)
@@ -191,17 +194,13 @@ def _copied(one: Run, other: Run) -> bool:
 def _told(posterior: Posterior) -> Weighed:
     outcome, sure, likely, heldout = posterior.grown, posterior.sure, posterior.names, posterior.heldout
     search, data = outcome.search, outcome.data
-    shares = sure.shares()
     names = {c.name: likely[c.name] for c in data.candidates if c.named and likely.get(c.name, 0.0) >= TOLD}
     told = [Named(name, p, _parameters(sure, name)) for name, p in names.items() if not _at_bound(sure, name)]
     ends = [name for name in names if _at_bound(sure, name)]
     told.sort(key=lambda one: (-round(one.probability, 2), -_worth(search, outcome.best, one.name)))
-    second = shares[1] if len(shares) > 1 else (0.0, outcome.best)
     return Weighed(
         names=tuple(told),
         unnamed=_unnamed(search, likely, posterior.refuted, posterior.stands.usual),
-        runner_up=tuple(sorted(search.candidate(pick).name for pick in second[1].picks)),
-        runner_up_probability=second[0],
         noise=data.about.noise,
         excess=data.excess * posterior.stands.tempering,
         proof=_proof(outcome, posterior.holding, heldout) if heldout else None,

@@ -8,15 +8,8 @@ from pathlib import Path
 
 from schwung.drivetrain.machine import Machine, load_machine, write_machine
 from schwung.errors import InputError
-from schwung.explain.measured import measured
 from schwung.explain.weighing.known import known
 from schwung.explain.weighing.learned import Found, learned
-
-
-def smooth(machine: Machine) -> Machine:
-    """A measured table as the smooth curve through its scatter."""
-    curve = measured(machine)
-    return machine if curve is None else curve.machine
 
 
 def sayable(

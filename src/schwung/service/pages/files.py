@@ -13,7 +13,6 @@ from schwung.service.pages.markup import moment
 from schwung.service.pages.uploading import upload_form
 
 #: What a choice asks of every session.
-_WORKS = {"estimate": "estimate", "explain": "explain", "former": "explain"}
 _PAPER = {
     "all": "all of it (minutes)",
     **{f"figure-{number}": f"figure {number}" for number in (4, 5, 6, 9, 10, 12, 13, 14)},
@@ -49,11 +48,7 @@ def _archive(desk: Desk, machines: dict[str, str], drives: dict[str, str]) -> No
     sessions = desk.service.store.results("session", limit=10_000)
     with panel("Work through the archive", aside=f"{len(sessions)} sessions"), _body():
         html("Every stored session anew, on all cores; one that cannot be read ends nothing.", "p", "muted")
-        works = {
-            "estimate": "estimate the inertia",
-            "explain": "explain the difference",
-            "former": "explain by tests, the former way",
-        }
+        works = {"estimate": "estimate the inertia", "explain": "explain the difference"}
         work = choice("What", works, "estimate")
         which = choice("Of", {"": "all drives", **drives}, "")
         machine = choice("Against", {"": "the machine that each was recorded with", **machines}, "")
@@ -61,7 +56,7 @@ def _archive(desk: Desk, machines: dict[str, str], drives: dict[str, str]) -> No
         def begin() -> None:
             chosen = [one.id for one in sessions if which.value in ("", one.drive_id)]
             request = {
-                "kind": "batch", "work": _WORKS[work.value], "weigh": work.value != "former",
+                "kind": "batch", "work": work.value,
                 "session_ids": chosen if which.value else [],
                 "machine_id": machine.value or None,
             }  # fmt: skip

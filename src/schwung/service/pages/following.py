@@ -74,18 +74,13 @@ def _explaining(desk: Desk, run: RunView) -> None:
     def explain() -> None:
         machine_id = _keep_measured(desk, run).id if belief.value == _MEASURED else belief.value
         asked = {"kind": "explain", "session_id": result["session_id"], "machine_id": machine_id}
-        _ask(desk, asked | {"weigh": way.value == "weigh", "next_motion": bool(further.value)})
+        _ask(desk, asked | {"next_motion": bool(further.value)})
 
     with ui.element("section").classes("sw-column"):
         html("Explain", "h3")
         html("What a belief leaves out of this recording: where, which physics, how sure.", "p", "muted")
         beliefs = measured | machines
         belief = choice("Against", beliefs, next(iter(beliefs), None))
-        ways = {
-            "weigh": "every name with its probability",
-            "former": "names that tests bear out (the former way)",
-        }
-        way = choice("How", ways, "weigh")
         further = ui.checkbox("Say what to measure next").props("dense")
         _button(desk, "Explain the difference", explain)
 

@@ -84,46 +84,36 @@ def explain_session(
     session: Path,
     machine: Path,
     folder: Path,
-    weigh: bool = True,
     next_motion: bool = False,
     tell: Tell,
 ) -> dict[str, Any]:
     """Explain; explanation.json, machine.toml (learned) and explanation.html into `folder`. Raises InputError.
 
-    weigh, next_motion: see ExplainRequest. A next motion that nobody can choose leaves the explanation as it is. In the
+    next_motion: see ExplainRequest. A next motion that nobody can choose leaves the explanation as it is. In the
     document, beside the numbers, `told`: title, heads and rows of every table in words.
     """
-    from schwung.api.computing import explain, load_machine, read_session
-    from schwung.api.reports import write_explanation
+    from schwung.api.computing import load_machine, read_session
+    from schwung.api.explaining import explain, write_explanation
     from schwung.api.responses import with_recorded_gains
-    from schwung.api.weighing import weigh as weigh_session
-    from schwung.api.weighing import write_probabilities
     from schwung.files import json_text, replace_file
     from schwung.quantities import document_of, sentences_of
 
     recorded = read_session(session)
     believed = with_recorded_gains(load_machine(machine), recorded)
-    if weigh:
-        weighed = weigh_session(recorded, believed, progress=tell)
-        verdict, tables, document = weighed.verdict, weighed.tables(), weighed.to_json()
-        write_probabilities(weighed, recorded, believed, folder)
-    else:
-        found = explain(recorded, believed, progress=tell)
-        verdict, tables = found.verdict, found.tables()
-        document = found.to_json() | {"notes": found.cautions()}
-        write_explanation(found, recorded, believed, folder)
+    found = explain(recorded, believed, progress=tell)
+    write_explanation(found, recorded, believed, folder)
     words = sentences_of(recorded.effort)
-    document = document_of(recorded.effort, document) | {
+    document = document_of(recorded.effort, found.to_json()) | {
         "told": [
             {"title": title, "heads": list(heads), "rows": [[words(cell) for cell in row] for row in rows]}
-            for title, heads, rows in tables
+            for title, heads, rows in found.tables()
         ]
     }
     if next_motion:
         tell("Choosing the next motion", 0.0)
         document["next"] = _next_of(recorded, believed)
     replace_file(folder / "explanation.json", json_text(document))
-    return {"verdict": verdict, "document": document}
+    return {"verdict": found.verdict, "document": document}
 
 
 def _next_of(recorded: Session, believed: Any) -> dict[str, Any]:
@@ -253,7 +243,7 @@ def work_through(
         from schwung.batch.summary import document_of
     except ImportError:
         raise InputError("batch", "needs Dask", "Install it: pip install 'schwung[batch]'.") from None
-    wanted = Wish("explain", weigh=wish["weigh"]) if kind == "explain" else Wish("estimate", **wish)
+    wanted = Wish("explain") if kind == "explain" else Wish("estimate", **wish)
     tell("Starting the workers", 0.0)
     (folder / "results").mkdir()
     done = run_batch(

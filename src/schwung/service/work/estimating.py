@@ -40,7 +40,7 @@ def explain(task: Task) -> Mapping[str, Any]:
     machine_id = _machine_of(asked.machine_id or session.machine_id)
     found = task.compute(
         explain_session, session=store.session_path(session.id), machine=store.machine_path(machine_id),
-        folder=task.folder, weigh=asked.weigh, next_motion=asked.next_motion,
+        folder=task.folder, next_motion=asked.next_motion,
     )  # fmt: skip
     kept = store.add_explanation(task.run, session.id, found["verdict"], found["document"])
     return {"explanation_id": kept.id, "session_id": session.id, "verdict": found["verdict"]}
@@ -79,8 +79,12 @@ def batch(task: Task) -> Mapping[str, Any]:
         machine = None if machine_id is None else store.machine_path(machine_id)
         assert session.file_id is not None
         items.append((store.run_folder(session.run_id) / store.file(session.file_id).name, machine))
-    wish = {"method": asked.method, "inversion": asked.inversion, "frequency_hz": asked.frequency_hz,
-            "points": asked.points, "weigh": asked.weigh}  # fmt: skip
+    wish = {
+        "method": asked.method,
+        "inversion": asked.inversion,
+        "frequency_hz": asked.frequency_hz,
+        "points": asked.points,
+    }
     found = task.compute(
         work_through, items=items, kind=asked.work, wish=wish, jobs=asked.jobs, folder=task.folder, alone=True
     )

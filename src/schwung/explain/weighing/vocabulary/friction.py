@@ -1,7 +1,7 @@
 """Friction, all of it against the motion: −F·d, d = tanh(ω/ω_s) the direction on the motor, d_l that of the load.
 
 coulomb −F d        asymmetric −F₊ (1 + d)/2 + F₋ (1 − d)/2       viscous −b ω        drag −c |ω| ω
-stribeck −(F + ΔF e^{−(ω/ω_S)²}) d        local −F d · bump(θ)        over the angle −F(θ) d
+stribeck −(F + ΔF e^{−|ω/ω_S|ⁿ}) d        local −F d · bump(θ)        over the angle −F(θ) d
 drift −ΔF d · share of the session, as it settles        load-dependent −s |C| d, C what the shaft carries
 behind it −F d_l
 """
@@ -19,6 +19,8 @@ from schwung.motion import Array
 
 #: Friction that falls within so many times the speed at which the sign is smoothed is not told from the smoothing.
 OPEN = 6.0
+#: Exponents of the fall that textbooks have (Tustin's 1, Stribeck's 2), and between which it is fitted.
+_FALLS, _STEEPEST = (1.0, 2.0), (0.5, 4.0)
 #: Within which the sharpness of a bump and the settling of a drift are looked for.
 SHARP, _SETTLING = (0.01, 100.0), (-20.0, 20.0)
 
@@ -56,7 +58,7 @@ def _drag(along: Along, _shape: Shape) -> Effect:
 
 
 def _stribeck(along: Along, shape: Shape) -> Effect:
-    fall = np.exp(-((along.speed / shape[0]) ** 2))
+    fall = np.exp(-((np.abs(along.speed) / shape[0]) ** shape[1]))
     return Effect(np.stack([-along.direction, -along.direction * fall], 1))
 
 
@@ -117,10 +119,10 @@ def friction(of: Ranges, torque_nm: float, rigid: bool, known: Known) -> list[Ca
                   positive=(0,), least=(-e.drag_nms2,), coordinate="speed"),
         Candidate("stribeck_friction", _stribeck, (natural, natural),
                   lambda c, s: {"coulomb_torque_nm": c[0], "breakaway_torque_nm": c[0] + c[1],
-                                "stribeck_speed_rad_s": s[0]},
-                  shapes=grid(np.geomspace(slowest, 0.5 * speed, 10)), spacing=(0.3,), logarithmic=(True,),
-                  bounds=((slowest, speed),), positive=(0, 1), least=(-min(ahead, back), 0.0),
-                  coordinate="speed", family="dry"),
+                                "stribeck_speed_rad_s": s[0], "exponent": s[1]},
+                  shapes=grid(np.geomspace(slowest, 0.5 * speed, 10), _FALLS), spacing=(0.3, 0.3),
+                  logarithmic=(True, True), bounds=((slowest, speed), _STEEPEST), endless=(1,),
+                  positive=(0, 1), least=(-min(ahead, back), 0.0), coordinate="speed", family="dry"),
         Candidate("local_friction", _local, (natural,),
                   lambda c, s: {"torque_nm": c[0], "centre_rad": s[0], "width_rad": s[1], "sharpness": s[2]},
                   shapes=tuple(spots), spacing=(0.03 * span, 0.5, 0.5), logarithmic=(False, True, True),

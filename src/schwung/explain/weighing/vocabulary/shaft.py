@@ -123,7 +123,7 @@ def shaft(of: Ranges, coupling: Coupling, torque_nm: float, inertia_kgm2: float)
     return [
         Candidate("coupling_stiffness", _stiffness, (3 * share * k,),
                   lambda c, _: {"stiffness_nm_rad": k + c[0]}, positive=(0,), least=(-k,),
-                  coordinate="torque", coupling=(1.0, 0.0, 0.0), known_to=RIGHT_TO * k),
+                  coordinate="torque", coupling=(1.0, 0.0, 0.0), known_to=RIGHT_TO * k, elsewhere=(-k / 2, k)),
         Candidate("coupling_damping", _damping, (10 * share * damping,),
                   lambda c, _: {"damping_nms": b + c[0]}, positive=(0,), least=(-b,),
                   coordinate="frequency", coupling=(0.0, 1.0, 0.0), known_to=_DAMPING_KNOWN_TO * damping),

@@ -19,10 +19,10 @@ from schwung.session.gains import with_recorded_gains
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-__all__ = ["Weighed", "weigh", "write_probabilities"]
+__all__ = ["Explanation", "explain", "write_explanation"]
 
 
-class Weighed(Shown, Published):
+class Explanation(Shown, Published):
     """How probable each physics is that a belief leaves out of a recording.
 
     Attributes: `names` (each with `physics`, `probability`, 0…1, `parameters` with unit and 95 % interval), `curves`
@@ -30,9 +30,9 @@ class Weighed(Shown, Published):
     names), `noise` (N·m, rad/s, rad), `proof` (on runs kept aside, in deviations of the noise, before and after),
     `machine` (the belief with what was learned). `to_json()`: the document of explanation.json.
 
-    Raises InputError where `weigh` does.
+    Raises InputError where `explain` does.
 
-    >>> weighed.headline
+    >>> explanation.headline
     'the belief leaves out nothing that this session tells from noise'
     """
 
@@ -41,13 +41,13 @@ class Weighed(Shown, Published):
     @property
     def tone(self) -> str:
         """Whether the answer is "good", "doubtful" or "unusable" by its proof."""
-        from schwung.report.probabilities import tone_of
+        from schwung.report.explanation import tone_of
 
         return tone_of(self)
 
     def tables(self) -> list[tuple[str, tuple[str, ...], list[tuple[str, ...]]]]:
         """Everything in words: title, heads of the columns, and rows of each table."""
-        from schwung.report.probabilities import tables
+        from schwung.report.explanation import tables
 
         return tables(self)
 
@@ -56,9 +56,9 @@ class Weighed(Shown, Published):
         return [("in short", self.headline), *rows]
 
     def _draw(self, axes: Axes) -> None:
-        from schwung.report.axes import draw_weighed
+        from schwung.report.axes import draw_explanation
 
-        draw_weighed(axes, self, units_of(self.axis, self.effort))
+        draw_explanation(axes, self, units_of(self.axis, self.effort))
 
     def _columns(self) -> Mapping[str, Any]:
         rows = [(one, key, q) for one in self.names for key, q in one.parameters.items()]
@@ -73,16 +73,16 @@ class Weighed(Shown, Published):
         }
 
 
-def weigh(
+def explain(
     session: recording.Session,
     machine: drivetrain.Machine,
     *,
     progress: Callable[[str, float], None] | None = None,
-) -> Weighed:
+) -> Explanation:
     """Say how probable it is, of each physics there is a name for, that a belief leaves it out of a recording.
 
-    Beside `explain`, which it is to replace: one likelihood of the samples, names by their evidence, and what has no
-    name as a curve over its coordinate. The learned machine is written, read back, and so proven on runs kept aside.
+    One likelihood of the samples, names by their evidence, and what has no name as a curve over its coordinate. The
+    learned machine is written, read back, and so proven on runs kept aside.
 
     Args:
         session: as `read_session` gives it; arrays (n,), rad, rad/s, N·m.
@@ -92,31 +92,31 @@ def weigh(
     Returns names with probabilities and 95 % intervals, unnamed curves, runners-up, proof, and the learned machine.
     Raises InputError where the session cannot be what it says (units, signs, wraps), or the inertia is unknown.
 
-    >>> schwung.weigh(session, believed.model_copy(update={"effort": "current"}))
+    >>> schwung.explain(session, believed.model_copy(update={"effort": "current"}))
     Traceback (most recent call last):
     schwung.errors.InputError: machine "...": is in A, the session in N·m. Give the machine in N·m, without effort = ...
     """
-    return weighed_shown(publish(session, with_recorded_gains(machine, session), progress=progress))
+    return explanation_shown(publish(session, with_recorded_gains(machine, session), progress=progress))
 
 
-def weighed_shown(found: Published) -> Weighed:
+def explanation_shown(found: Published) -> Explanation:
     """An answer from below, with its machine, as notebooks show it."""
-    return as_shown(Weighed, found, machine=machine_shown(found.machine))
+    return as_shown(Explanation, found, machine=machine_shown(found.machine))
 
 
-def write_probabilities(
+def write_explanation(
     found: Published, session: recording.Session, believed: drivetrain.Machine, folder: Path
 ) -> None:
     """An answer for people, explanation.html, and the learned machine.toml, in a folder that is there.
 
     Raises InputError where they cannot be written.
     """
-    from schwung.report.probabilities import ProbabilitiesContent
-    from schwung.report.probabilities import write_probabilities as write_page
+    from schwung.report.explanation import ExplanationContent
+    from schwung.report.explanation import write_explanation as write_page
 
     learned = folder / "machine.toml"
     write_machine(found.machine, learned)
-    content = ProbabilitiesContent(
+    content = ExplanationContent(
         title=f"{believed.name}: what the belief leaves out",
         published=found,
         believed=believed,

@@ -1,4 +1,4 @@
-"""`explain --weigh` and `--next` by HTTP: names with probabilities, in numbers and in words."""
+"""`explain` and `--next` by HTTP: names with probabilities, in numbers and in words."""
 
 from __future__ import annotations
 
@@ -47,7 +47,7 @@ def test_a_session_is_weighed_and_the_next_motion_asked_for(tmp_path: Path) -> N
         options = {**looked["result"]["proposals"][0]["options"], "position_unit": "deg"}
         taken = _asked(client, kind="import_as", file_id=looked["result"]["file_id"], options=options)
         request = {"session_id": taken["result"]["session_id"], "machine_id": machine["id"]}
-        run = _asked(client, kind="explain", **request, weigh=True, next_motion=True)
+        run = _asked(client, kind="explain", **request, next_motion=True)
         assert run["state"] == "done", run["error"]
         found = client.get(f"/api/explanations/{run['result']['explanation_id']}").json()
         document = found["document"]

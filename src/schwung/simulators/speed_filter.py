@@ -14,9 +14,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from schwung.explain.spectrum import Spectrum
 from schwung.motion import Array
 from schwung.session.model import Run
+from schwung.simulators.spectrum import Spectrum
 
 #: No drive filters its speed for longer (s): beyond that it is a delay.
 LONGEST_FILTER_S = 2.5e-4
@@ -33,11 +33,7 @@ class SpeedFilter:
     """What lies between the angle's slope and the reported speed; nothing is known of the delay by default."""
 
     delay_s: float = 0.0
-    delay_std_s: float = np.inf
     bend_s2: float = 0.0
-    bend_std_s2: float = 0.0
-    seen_s2: float = 0.0  # the bend by what was recorded alone, not by what filters usually do
-    seen_std_s2: float = np.inf
 
     def undone(self, omega: NDArray[Any]) -> Array:
         """Gain at jω (rad/s), (n,), that takes the filter back."""
@@ -71,8 +67,7 @@ def speed_filter(
     usual, usual_std = USUAL * filtered, max(SPREAD * filtered, _LEAST_S2)
     seen, seen_std = _bend(runs, band_hz, delay, angle_noise_rad, speed_noise_rad_s)
     share = usual_std**2 / (usual_std**2 + seen_std**2)
-    bend = usual + share * (seen - usual)
-    return SpeedFilter(delay, spread, max(bend, 0.0), usual_std * float(np.sqrt(1 - share)), seen, seen_std)
+    return SpeedFilter(delay, max(usual + share * (seen - usual), 0.0))
 
 
 def _later(
