@@ -22,6 +22,16 @@ def test_two_laws_are_found_where_a_curve_promises_more_than_either(tmp_path: Pa
     assert told.value == pytest.approx(limit["limit_nm"], rel=2e-3)
 
 
+def test_three_laws_are_found_in_a_few_runs_where_curves_stand_in_all(tmp_path: Path) -> None:
+    """A drive that saturates, play, and grease that warms: in all runs curves came to rest first, and the work was done
+    before laws alone had found their places."""
+    session, machine, label = drawn(tmp_path, 286306, each=2, kind="three")
+    found = weigh(session, machine)
+    assert {name.name for name in found.names if name.probability > 0.9} == {
+        effect["physics"] for effect in label["effects"]
+    }
+
+
 def test_work_apart_counts_to_nothing_else() -> None:
     now = [0.0]
     work = Work(most=100.0, seconds=10.0, now=lambda: now[0])

@@ -15,7 +15,7 @@ from schwung.compiled import IS_FAST
 from schwung.explain.weighing.candidate import Candidate, Shape
 from schwung.explain.weighing.data import Atom, Data
 from schwung.explain.weighing.present import Member
-from schwung.explain.weighing.round import View
+from schwung.explain.weighing.round import View, few_of
 from schwung.explain.weighing.search import HOPELESS, MOST, Pick, Scored, Search, slices
 from schwung.explain.weighing.settling import (
     Settled,
@@ -40,8 +40,9 @@ Progress = Callable[[str, float], None]
 #: The share of the work that the noise takes, and what of the rest is left after each round.
 NOISE_SHARE, _FURTHER = 0.2, 0.7
 
-#: Of the work, what all causes may take before laws alone are tried; and what those may take beside it.
-_FIRST, _LAWS = 0.5, 0.4
+#: Of the work, what all causes may take before laws alone are tried; and what those may take beside it, in a few runs
+#: and then in all.
+_FIRST, _COARSE, _LAWS = 0.5, 0.3, 0.3
 #: Sets that are brought to rest each round.
 _TRIED = 3
 
@@ -66,6 +67,11 @@ class _Climbed:
     halfway: bool = False  # whether it was left for laws alone to be tried first
 
     @property
+    def log(self) -> float:
+        """How probable it is, among sets about one and the same noise in the same runs."""
+        return self.at.log + self.search.prior(self.best.picks)
+
+    @property
     def picks(self) -> _Shaped:
         """The set's, in the shapes that they have come to rest in."""
         return _kept(self.search, self.best, self.at)
@@ -83,6 +89,7 @@ class Growth:
     rounds: int = 0  # of linearising, up to now
     among: frozenset[int] | None = None  # candidates that are looked at; None: all
     unrepeated: bool = False  # whether no run repeats another: then noise is what a set leaves
+    coarse: bool = False  # whether these are a few runs, by which no noise can be told
     rival: float | None = None  # log probability, about the noise at hand, of what these causes stand in for
     tell: Progress = lambda _text, _share: None
     #: Kinds of sets that came to rest about the noise as it is known: their best shapes and sizes, and log probability.
@@ -133,7 +140,7 @@ class Growth:
                     # it was noise, for repeats do not share it; where all repeat one motion, nothing else tells noise
                 if self._is_hopeless(search, start, at):
                     return _Climbed(search, start, at)
-                if not fresh:
+                if not fresh and not self.coarse:
                     self._renew(at)
                     at, fresh = settled(self.wide.seen(at.about.view), at.members, self._weighing), True
                     continue
@@ -171,8 +178,12 @@ class Growth:
         of laws takes from it one at a time.
         """
         among = frozenset(i for i, c in enumerate(self.candidates) if self._is_law(c) or i in self.always)
-        rival = found.at.log + found.search.prior(found.best.picks)
+        rival = found.log
         laws = replace(self, among=among, rested={}, rival=rival)
+        few = laws._by_few(view)
+        if few is not None and few.log > rival:
+            self._renew(few.at)  # it was looked for about something less likely
+            return self._climbed(settled(self.wide.seen(view), few.at.members, self._weighing), few.picks)
         with view.work.apart(_LAWS):
             other = laws._climbed(laws._nothing(view), ())
         self.memory, self.rounds = laws.memory, laws.rounds
@@ -190,6 +201,19 @@ class Growth:
         self.wide, self.rested = laws.wide, laws.rested
         self.rested[found.search.kind(found.best.picks)] = _kept(found.search, found.best, here), mine
         return self._on(other)
+
+    def _by_few(self, view: View) -> _Climbed | None:
+        """What a few runs are made of, at rest in all; None where they are all, or nothing repeats them.
+
+        A few cost less, so that more is tried there, and have fewer maxima of the likelihood on the way.
+        """
+        few = few_of(self.train)
+        if self.unrepeated or len(few) == len(self.train):
+            return None
+        some = replace(self, train=few, rested={}, rival=None, memory=None, coarse=True)
+        with view.work.apart(_COARSE):
+            found = some._climbed(some._nothing(view), ())
+            return replace(found, at=settled(self.wide.seen(view), found.at.members, self._weighing))
 
     @property
     def _weighing(self) -> Weighing:
@@ -210,7 +234,8 @@ class Growth:
         promising = [one for one in offered if one.log > start.log][:_TRIED]
         # without numba a gap costs a hundred times as much: there a line has to promise something
         opening = [one for one in offered if IS_FAST and search.candidate(one.picks[-1]).opens][:1]
-        elsewhere = [one for one in offered if search.candidate(one.picks[-1]).elsewhere]
+        # what is far off is missed by something else as well: where no line promises anything, nothing is
+        elsewhere = [one for one in offered if search.candidate(one.picks[-1]).elsewhere and promising]
         best, top = None, 0.0
         for one in dict.fromkeys((*promising, *opening, *elsewhere)):
             if best is not None and search.data.work.spent:

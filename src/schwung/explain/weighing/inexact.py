@@ -24,8 +24,9 @@ _CURVE = Curve(_POINTS, curve_modes(_POINTS, _REACH, least=_LEAST))
 
 
 def error_of(law: Candidate) -> Candidate | None:
-    """The columns of a law's error, for coefficients of 1; None: the law is a curve already, or each run has one."""
-    if not law.named or len(law.scales) > 1 or law.each_run:
+    """The columns of a law's error, for coefficients of 1; None: the law is a curve already, or each run has one, or no
+    sample is anywhere along its coordinate."""
+    if not law.named or len(law.scales) > 1 or law.each_run or law.coordinate == "frequency":
         return None
 
     def effect(along: Along, shape: Shape) -> Effect:

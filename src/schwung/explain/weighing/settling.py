@@ -138,7 +138,9 @@ def settled_elsewhere(at: Settled, members: Sequence[Member], weighing: Weighing
         for start in members[-1].candidate.elsewhere
     ]
     best = max(begun, key=lambda one: one.log)
-    return settled(at.about.view, best.members, weighing) if best.log > here.log else None
+    if best.log <= here.log:
+        return None
+    return best if len(first.train) == len(weighing.train) else settled(at.about.view, best.members, weighing)
 
 
 def _shut(member: Member) -> bool:
