@@ -17,10 +17,10 @@ from schwung.motion import Array
 
 #: Whitened numbers (one column at one sample of angle or speed) after which nothing more is tried.
 MOST = 3e9
-#: Time of the processor (s) after which nothing more is tried either; nobody waits for more than half as much again.
+#: Time of the processor (s) after which nothing more is tried either: with what laws may take apart, and what was begun, 88.
 SECONDS = 50.0
 #: Beyond so many times that, sets are taken as far as they have come to rest, and no further formula is tried.
-_LATE, _LATE_S = 1.5, 1.25
+_LATE, _LATE_S = 1.5, 1.1
 #: What else takes time, in whitened numbers: to linearise about a sample of angle or speed; to find the sizes of noise
 #: from one; to score a set, for the set and for each of its columns cubed; and a product in a sum of products.
 LINEARISED, NOISE, SCORED, CUBED, PRODUCT = 100.0, 1000.0, 1e5, 0.1, 1 / 60
