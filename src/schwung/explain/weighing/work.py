@@ -17,7 +17,8 @@ from schwung.motion import Array
 
 #: Whitened numbers (one column at one sample of angle or speed) after which nothing more is tried.
 MOST = 3e9
-#: Time of the processor (s) after which nothing more is tried either: with what laws may take apart, and what was begun, 88.
+#: Time of the processor (s) after which nothing more is tried either; 88 with what laws may take apart, and what was
+#: begun.
 SECONDS = 50.0
 #: Beyond so many times that, sets are taken as far as they have come to rest, and no further formula is tried.
 _LATE, _LATE_S = 1.5, 1.1
