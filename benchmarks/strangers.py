@@ -57,6 +57,9 @@ class Stranger:
     hum: tuple[float, float] = (0.0, 1.0)  # a rectangular torque: amplitude, frequency (Hz); begins anywhere
     mesh: tuple[float, float] = (0.0, 1.0)  # a transmission that is off likewise
     tracks: tuple[float, float] = (0.0, 1.0)  # error of an encoder whose tracks differ: amplitude, per radian
+    loop_s: float = (
+        0.0  # of each of two filters between the torque that is asked for, and reported, and the true one
+    )
 
     @property
     def laws(self) -> Array:
@@ -93,6 +96,8 @@ STRANGERS = (
     Stranger("a rectangular hum", ("periodic_disturbance",), hum=(0.3, 71.3)),
     Stranger("compliance that waves along the way", ("stiffness_over_angle",), gives=(0.15, 3.0)),
     Stranger("an encoder whose tracks differ in size", ("encoder_harmonic",), tracks=(2e-4, 16.0)),
+    Stranger("a transmission that is off likewise", ("kinematic_error",), mesh=(1e-4, 12.0)),
+    Stranger("torque through two filters of 0.4 ms", ("torque_lag",), loop_s=4e-4),
 )  # fmt: skip
 
 
@@ -143,12 +148,15 @@ def _slopes(state: Array, torque: float, friction: Array, last: float) -> tuple[
 
 
 @njit(cache=True)
-def _played(demand: Array, added: Array, hum: Array, friction: Array, tracks: tuple[float, float]) -> Array:
+def _played(
+    demand: Array, added: Array, hum: Array, friction: Array, tracks: tuple[float, float], loop_s: float
+) -> Array:
     """Angle, speed and torque at every tick, (n, 3), as the drive is told them; `hum`: torque that it knows nothing of,
-    `tracks`: its encoder's error."""
+    `tracks`: its encoder's error, `loop_s`: how late its torque is, twice."""
     n, h = demand.size, TICK_S / SUBSTEPS
     rows, state, integral, shaft = np.empty((n, 3)), np.zeros(5), 0.0, 0.0
     gain, position_gain, reset = 100.0 * (ROTOR + LOAD), 45.0, 0.03
+    follows, halfway, true = 1.0 if loop_s <= 0 else 1 - np.exp(-h / loop_s), 0.0, 0.0
     for i in range(n):
         ahead = (demand[min(i + 1, n - 1)] - demand[max(i - 1, 0)]) / (2 * TICK_S)
         angle, speed = _told(state[0], state[1], tracks[0], tracks[1])
@@ -157,10 +165,13 @@ def _played(demand: Array, added: Array, hum: Array, friction: Array, tracks: tu
         torque = min(max(gain * (error + integral) + added[i], -PEAK_NM), PEAK_NM)
         rows[i, 0], rows[i, 1], rows[i, 2] = angle, speed, torque
         for _ in range(SUBSTEPS):
-            a, shaft = _slopes(state, torque + hum[i], friction, shaft)
-            b, _ = _slopes(state + 0.5 * h * a, torque + hum[i], friction, shaft)
-            c, _ = _slopes(state + 0.5 * h * b, torque + hum[i], friction, shaft)
-            d, _ = _slopes(state + h * c, torque + hum[i], friction, shaft)
+            halfway += follows * (torque - halfway)
+            true += follows * (halfway - true)
+            acts = true + hum[i]
+            a, shaft = _slopes(state, acts, friction, shaft)
+            b, _ = _slopes(state + 0.5 * h * a, acts, friction, shaft)
+            c, _ = _slopes(state + 0.5 * h * b, acts, friction, shaft)
+            d, _ = _slopes(state + h * c, acts, friction, shaft)
             state = state + h * (a + 2 * b + 2 * c + d) / 6
     return rows
 
@@ -208,7 +219,7 @@ def session_of(
             added = np.zeros_like(time) if sine is None else sine.torque(time)
             begins = chance.uniform() if stranger.hum[0] else 0.0
             hum = stranger.hum[0] * np.sign(np.sin(2 * np.pi * (stranger.hum[1] * time + begins)))
-            rows = _played(demand, added, hum, stranger.laws, stranger.tracks)
+            rows = _played(demand, added, hum, stranger.laws, stranger.tracks, stranger.loop_s)
             # the torque of a tick is held until the next: on average it belongs half a tick later
             torque = _filtered(
                 (rows[:, 2] + np.concatenate([[0.0], rows[:-1, 2]])) / 2, stranger.torque_filter_s

@@ -182,9 +182,11 @@ def test_what_acts_between_the_shafts_has_a_torque_too(view, data):
 
     def between(name):
         candidate = next(c for c in data.candidates if c.name == name)
-        return Acts(name, candidate, candidate.shapes[0], np.ones(1)).between_shafts(data.about.alongs[0])
+        coefficients = np.full(candidate.size, 1e-3)
+        return Acts(name, candidate, candidate.shapes[0], coefficients).between_shafts(data.about.alongs[0])
 
     assert between("coupling_stiffness")
+    assert between("kinematic_error")  # but for the ratio that it drives by
     assert not between("coulomb_friction")
     assert not between("load_side_friction")
 

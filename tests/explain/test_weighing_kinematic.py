@@ -1,10 +1,21 @@
-"""A transmission that is off many times a turn, where the belief knows it."""
+"""A transmission that is off many times a turn."""
 
 import pytest
 from strangers import Stranger, belief_of, session_of
 
 from schwung.drivetrain.physics_term import PhysicsTerm
 from schwung.explain.weighing.weigh import weigh
+
+
+@pytest.mark.parametrize(("amplitude", "order"), [(1e-4, 12.0), (4e-4, 6.0)])
+def test_it_is_no_error_of_the_encoder(amplitude, order):
+    """Both are many times a turn; what the motor's end does of it, only one of them shows in the torque."""
+    stranger = Stranger("mesh", ("kinematic_error",), mesh=(amplitude, order))
+    found = weigh(session_of(stranger, 5, every=8, times=(0.25,)), belief_of(stranger))
+    assert [one.name for one in found.names if one.probability > 0.05] == ["kinematic_error"]
+    told = found.names[0].parameters
+    assert told["order"].value == pytest.approx(order, rel=0.01)
+    assert told["amplitude_rad"].value == pytest.approx(amplitude, rel=0.05)
 
 
 def test_a_belief_that_has_it_misses_nothing():

@@ -138,6 +138,9 @@ def test_a_signal_that_is_early_is_not_late(candidates) -> None:
     late by −0.25 ms."""
     assert candidates["measurement_delay"].possible(np.array([2.5e-4]))
     assert not candidates["measurement_delay"].possible(np.array([-2.5e-4]))
+    assert not candidates["usual_filter"].possible(
+        np.array([-2.5e-4])
+    )  # a late torque was a late speed, which it took
     assert not candidates["coupling_damping"].possible(np.array([-2.0]))
     assert candidates["coupling_damping"].possible(np.array([-1.0]))
 

@@ -95,9 +95,7 @@ def _scatter_figure(term: Term, runs: Sequence[Overlay], view: View, units: Unit
     usual = float(np.quantile(np.abs(samples.asked_nm), 0.99))
     reach = 1.15 * max(usual, float(np.max(np.abs(samples.term_nm)))) or 1e-9
     axes.set_ylim(-reach, reach)
-    axes.set_title(
-        f"{words_of(term.physics, linear=units.position == 'm').name.capitalize()}, {units.torque}"
-    )
+    axes.set_title(f"{units.torque_word.capitalize()}, {units.torque}")  # the page's heading has the name
     axes.set_xlabel(label)
     key(axes)
     return figure

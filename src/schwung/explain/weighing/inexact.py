@@ -26,22 +26,34 @@ _CURVE = Curve(_POINTS, curve_modes(_POINTS, _REACH, least=_LEAST))
 def error_of(law: Candidate) -> Candidate | None:
     """The columns of a law's error, for coefficients of 1; None: the law is a curve already, or each run has one, or no
     sample is anywhere along its coordinate."""
-    if not law.named or len(law.scales) > 1 or law.each_run or law.coordinate == "frequency":
+    if not law.named or len(law.scales) > 1 or law.each_run:
+        return None
+    if law.error is not None:
+        largest = law.error
+
+        def most(along: Along, shape: Shape) -> Effect:
+            return Effect(
+                *(None if part is None else part / SHARES[-1] for part in largest(along, shape).parts)
+            )
+
+        return Candidate(f"{law.name}, inexact", most, (1.0,) * law.size, named=False)
+    if law.coordinate == "frequency":
         return None
 
     def effect(along: Along, shape: Shape) -> Effect:
-        where = law.own(along, shape) if law.own is not None else _coordinate(law.coordinate, along)
-        modes = _CURVE.at(where)
+        places = [own(along, shape) for own in law.own] or [_coordinate(law.coordinate, along)]
+        modes = np.hstack([_CURVE.at(place) for place in places])
         return Effect(
             *(None if part is None else _times(part, modes) for part in law.effect(along, shape).parts)
         )
 
-    return Candidate(f"{law.name}, inexact", effect, (1.0,) * (law.size * _CURVE.size), named=False)
+    columns = law.size * max(len(law.own), 1) * _CURVE.size
+    return Candidate(f"{law.name}, inexact", effect, (1.0,) * columns, named=False)
 
 
-def deviations_of(coefficients: Array) -> Array:
+def deviations_of(coefficients: Array, columns: int) -> Array:
     """Of a law's error as large as the law, in the order of its columns."""
-    return np.repeat(np.abs(coefficients), _CURVE.size)
+    return np.repeat(np.abs(coefficients), columns // coefficients.size)
 
 
 def _times(part: Array, modes: Array) -> Array:

@@ -38,17 +38,16 @@ class Acts:
         motor, load = self._on_shafts(along)
         if not (np.any(motor) or np.any(load)):
             return None
-        whole = motor + load
-        return -((whole if np.any(whole) else motor) + 0.0 * along.speed)
+        return -(motor if self.between_shafts(along) else motor + load)
 
     def between_shafts(self, along: Along) -> bool:
-        """Whether it is the same on both shafts, and takes nothing of the whole."""
+        """Whether one shaft gets of it what the other gives, rather than one of them alone."""
         motor, load = self._on_shafts(along)
-        return not np.any(motor + load)
+        return bool(2 * motor @ load < -0.5 * (motor @ motor + load @ load))
 
-    def _on_shafts(self, along: Along) -> tuple[Array | float, Array | float]:
+    def _on_shafts(self, along: Along) -> tuple[Array, Array]:
         motor, load, _, _ = self.candidate.done(along, self.shape, self.coefficients).of(np.ones(1))
-        return motor, load
+        return motor + 0.0 * along.speed, load + 0.0 * along.speed
 
 
 def where_of(cause: Acts, runs: Sequence[Shown], axis: Axis) -> Where | None:

@@ -141,7 +141,7 @@ class Search:
             evidence = logsumexp(logs) - float(np.log(len(SHARES)))
         times = 1 if errors is None else 1 + len(SHARES)
         self.data.work.add(SCORED + times * CUBED * which.size**3)
-        scored = Scored(picks, evidence + self._log(picks, found, first), found, which, deviations, exact)
+        scored = Scored(picks, evidence + self._log(picks, found), found, which, deviations, exact)
         self.known[picks] = scored
         kind = self.kind(picks)
         if kind not in self.table or self.table[kind].log < scored.log:
@@ -158,17 +158,17 @@ class Search:
             where = self.data.error(atom) if SHARES[-1] ** 2 * seen > _SEEN else None
             if where is not None:
                 which.append(np.arange(where.start, where.stop))
-                sizes.append(deviations_of(mine))
+                sizes.append(deviations_of(mine, where.stop - where.start))
         return (np.concatenate(which), np.concatenate(sizes)) if which else None
 
-    def _log(self, picks: Set, found: Weighed, at: int) -> float:
+    def _log(self, picks: Set, found: Weighed) -> float:
         """Of the prior alone, and of what signs are forbidden."""
-        log, spread = self.prior(picks), found.spread
-        for pick in picks:
-            candidate = self.candidate(pick)
+        log, spread, at = self.prior(picks), found.spread, 0
+        every = [(self.data.candidates[i], 1.0) for i in self.always]
+        for candidate, scale in (*every, *((self.candidate(pick), pick.scale) for pick in picks)):
             for i, least in candidate.bounds_below:
                 log += float(log_ndtr((found.coefficients[at + i] - least) / spread[at + i]))
-                log -= float(log_ndtr(-least / (pick.scale * candidate.deviations[i])))
+                log -= float(log_ndtr(-least / (scale * candidate.deviations[i])))
             at += candidate.size
         return log
 
@@ -247,6 +247,18 @@ class Search:
             if len(others) < len(picks) and index not in without:
                 offers = [pick for _, pick in self.additions(others) if self.index(pick) == index]
                 found += [self._with(others, pick) for pick in offers]
+        return found
+
+    def laws_instead(self, picks: Set) -> list[Scored]:
+        """In place of each curve the law that promises most: what a curve took first may be one, once others are there
+        that it took the part of.
+        """
+        found = []
+        for curve in picks:
+            if not self.candidate(curve).is_law:
+                others = tuple(pick for pick in picks if pick != curve)
+                offers = [pick for _, pick in self.additions(others) if self.candidate(pick).is_law]
+                found += [self._with(others, pick) for pick in offers[:1]]
         return found
 
     def _with(self, picks: Set, pick: Pick) -> Scored:

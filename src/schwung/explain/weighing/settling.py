@@ -278,7 +278,11 @@ def _inexact(about: Linearised, members: Sequence[Member], weighing: Weighing) -
     """
     laws = [(m.candidate.about(m.coefficients), m.shape) for m in members]
     found = [(error_of(law), m) for (law, _), m in zip(laws, members, strict=True) if np.any(m.coefficients)]
-    errors = [((error, m.shape), deviations_of(m.coefficients)) for error, m in found if error is not None]
+    errors = [
+        ((error, m.shape), deviations_of(m.coefficients, error.size))
+        for error, m in found
+        if error is not None
+    ]
     if not errors or not finite(about.view):
         return 0.0
     present = np.concatenate([m.coefficients for m in members])

@@ -128,7 +128,7 @@ def friction(of: Ranges, torque_nm: float, rigid: bool, known: Known) -> list[Ca
                   shapes=tuple(spots), spacing=(0.03 * span, 0.5, 0.5), logarithmic=(False, True, True),
                   bounds=((of.low_rad - 0.2 * span, of.high_rad + 0.2 * span), (0.01 * span, 0.8 * span), SHARP),
                   endless=(2,),
-                  positive=(0,), coordinate="position", own=_within),
+                  positive=(0,), coordinate="position", own=(_within,)),
         Candidate("friction_over_angle", lambda a, _: Effect(-a.direction[:, None] * level.at(a.angle)),
                   (natural,) * level.size, scales=LADDER, coordinate="position", family="dry",
                   whole=lambda a, _, c: Effect(-a.direction[:, None] * level.folded(c).at(a.angle))),

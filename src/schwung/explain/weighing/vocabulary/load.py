@@ -82,7 +82,7 @@ def end_spring(of: Ranges, torque_nm: float) -> list[Candidate]:
             "end_spring", lambda a, s: Effect(on_load=column(-side * entered(a, s))), (torque_nm,), keys,
             shapes=grid(np.geomspace(0.02, 0.8, 10) * span), spacing=(0.3,), logarithmic=(True,),
             bounds=((0.01 * span, span),), positive=(0,), coordinate="position",
-            own=lambda a, s: np.clip(2 * entered(a, s) - 1, -1.0, 1.0),
+            own=(lambda a, s: np.clip(2 * entered(a, s) - 1, -1.0, 1.0),),
         )  # fmt: skip
 
     return [at(1.0, of.high_rad), at(-1.0, of.low_rad)]
@@ -179,12 +179,13 @@ def of_any_order(
     effect: Callable[[Along, Shape], Effect],
     deviations: Shape,
     keys: Callable[[Array, Shape], Mapping[str, float]],
+    lowest: int | None = None,
 ) -> list[Candidate]:
     """What comes so many times a radian, the one number of its shape: tried one by one, finer ones where one stands out
-    of what is missed.
+    of what is missed. `lowest`: from which on; None: the first after 1 that is a whole wave.
     """
     span = max(of.span_rad, 1e-9)
-    lowest = max(2, int(np.ceil(2 * np.pi / span)))
+    lowest = lowest or max(2, int(np.ceil(2 * np.pi / span)))
     finest = max(lowest + 1, 2 * np.pi * of.band_hz / (0.5 * of.peak_speed_rad_s))
     highest = int(min(_HIGHEST, finest))
     found = Candidate(
@@ -266,7 +267,7 @@ def load(of: Ranges, torque_nm: float, machine: Machine) -> list[Candidate]:
                   lambda c, s: {"time_s": s[0], "duration_s": s[1], "peak_nm": c[0], "sharpness": s[2]},
                   shapes=tuple(events), spacing=(0.01 * of.longest_s, 0.5, 0.5), logarithmic=(False, True, True),
                   bounds=((-0.1, of.longest_s), (2e-3, of.longest_s), SHARP), endless=(2,), coordinate="time_in_motion",
-                  own=_during),
+                  own=(_during,)),
         *of_any_order(
             of, "cogging", _cogging, natural,
             lambda c, s: {"order": s[0], "amplitude_nm": polar(c)[0], "phase_rad": polar(c)[1]},

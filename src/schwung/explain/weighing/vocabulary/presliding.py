@@ -31,7 +31,7 @@ def presliding(of: Ranges, torque_nm: float, known: Known) -> Candidate:
         "presliding_friction", _effect, (torque_nm, torque_nm, 1.0), _keys,
         shapes=grid(np.geomspace(shortest, of.span_rad, 10)), spacing=(0.3,), logarithmic=(True,),
         bounds=((0.5 * shortest, 2 * of.span_rad),), positive=(0,), least=(-known.effects.presliding_nm,),
-        coordinate="travel", own=lambda along, shape: bent(along.angle, shape[0], 0.0),
+        coordinate="travel", own=(lambda along, shape: bent(along.angle, shape[0], 0.0),),
     )  # fmt: skip
 
 

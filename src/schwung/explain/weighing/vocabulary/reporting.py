@@ -44,6 +44,20 @@ def _earlier(along: Along, shape: Shape) -> Effect:
     return Effect(column(along.torque_rate + shape[0] * along.torque_bend))
 
 
+def _twice(along: Along, values: Array, time_s: float) -> Array:
+    """Through two filters of half the time, beyond one of the whole: from the third order in ωτ on they differ."""
+    half = lagging(along, lagging(along, values, time_s / 2), time_s / 2)
+    return np.asarray(half - lagging(along, values, time_s))
+
+
+def _later_twice(along: Along, shape: Shape) -> Effect:
+    return Effect(column(-_twice(along, along.torque_rate, shape[0])))
+
+
+def _speed_later_twice(along: Along, shape: Shape) -> Effect:
+    return Effect(speed=column(-_twice(along, along.acceleration, shape[0])))
+
+
 def _speed_later(along: Along, shape: Shape) -> Effect:
     return Effect(speed=column(-acceleration_bent(along, shape[0])))
 
@@ -104,7 +118,7 @@ def reporting(of: Ranges, share: float) -> list[Candidate]:
         Candidate("torque_lag", _later, (DEFECT_S,), lambda c, _: {"time_constant_s": c[0]}, positive=(0,),
                   shapes=grid(BENDS_S), spacing=(BEND_STEP_S,), logarithmic=(False,),
                   bounds=((LEAST_BEND_S, MOST_BEND_S),), coordinate="frequency", known_to=apart, family="lag",
-                  with_usual=torque_later),
+                  with_usual=torque_later, error=_later_twice),
         Candidate("torque_filter", _earlier, (DEFECT_S,), lambda c, _: {"time_constant_s": c[0]},
                   positive=(0,), shapes=grid(BENDS_S), spacing=(BEND_STEP_S,), logarithmic=(False,),
                   bounds=((LEAST_BEND_S, MOST_BEND_S),), coordinate="frequency", known_to=apart, family="lag",
@@ -112,7 +126,7 @@ def reporting(of: Ranges, share: float) -> list[Candidate]:
         Candidate("measurement_delay", _speed_later, (DEFECT_S,), lambda c, _: {"delay_s": c[0]},
                   positive=(0,), bent=_later_yet, shapes=grid(BENDS_S), spacing=(BEND_STEP_S,), logarithmic=(False,),
                   bounds=((LEAST_BEND_S, MOST_BEND_S),), coordinate="acceleration", known_to=apart,
-                  with_usual=torque_later),
+                  with_usual=torque_later, error=_speed_later_twice),
         Candidate("torque_constant_drop", drop, (share,),
                   lambda c, s: {"share_at_peak": c[0], "peak_nm": peak, "order": s[0]}, positive=(0,),
                   shapes=grid([0.5, 1.0, 2.0, 4.0]), spacing=(0.7,), logarithmic=(True,), bounds=((0.3, 10.0),),
@@ -138,6 +152,9 @@ def reporting(of: Ranges, share: float) -> list[Candidate]:
 def usual(tick_s: float) -> list[Candidate]:
     """Present in every set: a filter that torque and speed share, a little apart, and each of any order; what is held
     is taken at any time. `tick_s`: period of the drive's own loop.
+
+    No drive reports torque and speed before the angle that they belong to: a filter of less than nothing beside a late
+    speed takes what is a late torque.
 
     A first-order filter is undone in the torque by T + τ T' to the last, a delay by T + δ T' + ½ δ² T''; in the speed
     the one is − τ α + τ² α', the other − δ α + ½ δ² α'. At the injection T'' is what a stiffness a part in a thousand
@@ -172,7 +189,7 @@ def usual(tick_s: float) -> list[Candidate]:
     return [
         Candidate("usual_hold", held, (1.0, 1.0), named=False),
         Candidate("usual_corners", corners, (tick_s**2 / 12,), named=False),
-        Candidate("usual_filter", both, (USUAL_S,), named=False),
+        Candidate("usual_filter", both, (USUAL_S,), positive=(0,), named=False),
         Candidate("usual_torque_timing", torque, (APART_S, (USUAL_S / 2) ** 2 / 2), named=False),
         Candidate("usual_speed_timing", speed, (APART_S, USUAL_S**2), named=False),
     ]

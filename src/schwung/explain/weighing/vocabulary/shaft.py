@@ -2,11 +2,13 @@
 
 stiffness δk·φ        damping δb·φ'        cubic κ φ³        along the way k a sin nθ·φ        φ the wind-up
 play −½ gap · k · sign φ where it touches, else all that the coupling would carry (`innovations/play.py`)
+transmission e = a sin nθ in the angle that drives it: k e + b e' ω, and −e' C on the motor besides
 a further mass: −J₃ · H · α on the load, H = (2ζω₃ s + ω₃²)/(s² + 2ζω₃ s + ω₃²)
 """
 
 from __future__ import annotations
 
+from dataclasses import replace
 from functools import lru_cache
 
 import numpy as np
@@ -15,7 +17,7 @@ from scipy.linalg import expm
 from schwung.drivetrain.machine import Coupling
 from schwung.explain.weighing.along import Along, Ranges
 from schwung.explain.weighing.candidate import RIGHT_TO, Candidate, Shape, column, grid
-from schwung.explain.weighing.vocabulary.load import polar
+from schwung.explain.weighing.vocabulary.load import of_any_order, polar
 from schwung.innovations import kernel
 from schwung.innovations.effect import Effect
 from schwung.motion import Array
@@ -47,6 +49,10 @@ def _waves(along: Along, order: float) -> Array:
     """Sine and cosine of so many times the motor's angle, (n, 2)."""
     turned = order * along.angle
     return np.stack([np.sin(turned), np.cos(turned)], 1)
+
+
+#: A wave is none but for its harmonics: what gives by a sine is as stiff as one over that.
+_PHASES = tuple(lambda along, shape, which=which: _waves(along, shape[0])[:, which] for which in (0, 1))
 
 
 def _cubic(along: Along, _shape: Shape) -> Effect:
@@ -115,6 +121,19 @@ def shaft(of: Ranges, coupling: Coupling, torque_nm: float, inertia_kgm2: float)
         there = along.present.coupling or coupling
         return between(there.stiffness_nm_rad * along.wound[:, None] * _waves(along, shape[0]))
 
+    def driven_about(along: Along, shape: Shape, errors: Array) -> tuple[Effect, Effect]:
+        """Coefficients are a n, as of an encoder. The motor feels the coupling by the ratio that drives it."""
+        there = along.present.coupling or coupling
+        angle, faster = _waves(along, shape[0]) / shape[0], _waves(along, shape[0])[:, ::-1] * [1.0, -1.0]
+        pushed = there.stiffness_nm_rad * angle + there.damping_nms * faster * along.speed[:, None]
+        pushed = along.contact[:, :1] * pushed
+        ratio, further = column(1 + faster @ errors), column(pushed @ errors)
+        felt = column(along.carried) + further
+        return (
+            Effect(-ratio * pushed - faster * felt, pushed),
+            Effect(-ratio * further - (ratio - 1) * column(along.carried), further),
+        )
+
     def over_angle_tangent(along: Along, shape: Shape, shares: Array) -> Array:
         there = along.present.coupling or coupling
         stiffer = there.stiffness_nm_rad * (_waves(along, shape[0]) @ shares)
@@ -133,11 +152,15 @@ def shaft(of: Ranges, coupling: Coupling, torque_nm: float, inertia_kgm2: float)
         Candidate("stiffness_over_angle", over_angle, (3 * share, 3 * share),
                   lambda c, s: {"order": s[0], "share": polar(c)[0], "phase_rad": polar(c)[1]},
                   shapes=grid(range(1, 15)), spacing=(0.25,), logarithmic=(False,), bounds=((0.5, 60.0),),
-                  coordinate="position", tangent=over_angle_tangent),
+                  coordinate="position", tangent=over_angle_tangent, own=_PHASES),
+        *(replace(error, bent=driven_about) for error in of_any_order(
+            of, "kinematic_error", lambda a, s: driven_about(a, s, np.zeros(2))[0], (share * of.span_rad / 10,) * 2,
+            lambda c, s: {"order": s[0], "amplitude_rad": polar(c)[0] / s[0], "phase_rad": polar(c)[1]}, lowest=1,
+        )),
         Candidate("backlash", play, (2 * share * wound, _OF_CONTACTS * damping),
                   lambda c, _: {"gap_rad": c[0]}, positive=(0, 1), least=(0.0, -b),
                   shapes=grid(wound * _GAPS),
-                  coordinate="torque", bent=play_about, own=closing, coupling=(0.0, 0.0, 1.0)),
+                  coordinate="torque", bent=play_about, own=(closing,), coupling=(0.0, 0.0, 1.0)),
         Candidate("extra_compliance", _third_mass, (3 * share * inertia_kgm2,),
                   lambda c, s: {"inertia_kgm2": c[0], "stiffness_nm_rad": c[0] * s[0] ** 2,
                                 "damping_nms": 2 * c[0] * s[0] * s[1]},
