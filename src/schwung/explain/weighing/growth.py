@@ -43,8 +43,8 @@ NOISE_SHARE, _FURTHER = 0.2, 0.7
 #: Of the work, what all causes may take before laws alone are tried; and what those may take beside it, in a few runs
 #: and then in all.
 _FIRST, _COARSE, _LAWS = 0.5, 0.3, 0.3
-#: Sets that are brought to rest each round.
-_TRIED = 3
+#: Sets that are brought to rest each round; so many of one law more among them, or beside them.
+_TRIED, _LAWS_TRIED = 3, 2
 
 
 @dataclass(frozen=True, eq=False)
@@ -227,17 +227,26 @@ class Growth:
         return Search(data, self.always)
 
     def _further(self, search: Search, start: Scored, at: Settled) -> tuple[Scored, Settled] | None:
-        """The best set of one cause more, at rest; None where none is more probable than the one at hand."""
+        """The best set of one cause more, or of a law in place of a curve, at rest; None where none is more probable
+        than the one at hand.
+        """
         if len(start.picks) >= MOST:
             return None
         offered = sorted(search.offered(start.picks), key=lambda one: -one.log)
-        promising = [one for one in offered if one.log > start.log][:_TRIED]
+        likelier = [one for one in offered if one.log > start.log]
+        # what one motion has of its own could be anything: first all that another motion would show as well
+        shared = [one for one in likelier if not search.candidate(one.picks[-1]).of_motion]
+        likelier = shared or likelier
+        # of much that is missed any curve promises more than a law keeps
+        laws = [one for one in likelier if search.candidate(one.picks[-1]).is_law][:_LAWS_TRIED]
+        promising = [*likelier[:_TRIED], *laws]
         # without numba a gap costs a hundred times as much: there a line has to promise something
         opening = [one for one in offered if IS_FAST and search.candidate(one.picks[-1]).opens][:1]
         # what is far off is missed by something else as well: where no line promises anything, nothing is
         elsewhere = [one for one in offered if search.candidate(one.picks[-1]).elsewhere and promising]
         best, top = None, 0.0
-        for one in dict.fromkeys((*promising, *opening, *elsewhere)):
+        named = [one for one in search.laws_instead(start.picks) if one.log > start.log]
+        for one in dict.fromkeys((*promising, *opening, *elsewhere, *named)):
             if best is not None and search.data.work.spent:
                 break
             tried, gain = self._rested(search, one, start, at)

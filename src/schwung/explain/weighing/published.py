@@ -21,6 +21,7 @@ from schwung.explain.measured import smooth
 from schwung.explain.plausibility import examine
 from schwung.explain.values import Quantity
 from schwung.explain.weighing.advice import advice
+from schwung.explain.weighing.candidate import Candidate
 from schwung.explain.weighing.drawn import Drawn, drawn
 from schwung.explain.weighing.drawn_formula import formulas_of
 from schwung.explain.weighing.drawn_plane import PLANES, drawn_plane
@@ -190,7 +191,7 @@ class _Publishing:
 
     def _acts(self, pick: Pick, where: slice) -> Acts:
         candidate, shape = self.search.candidate(pick), self.search.data.atoms[pick.atom].shape
-        return Acts(candidate.name, candidate, shape, self.set.found.coefficients[where])
+        return Acts(candidate.name, candidate, shape, self.set.exact[where])
 
     def _of_motion(self) -> list[Acts]:
         """What the one motion has of its own: a part of what laws come near to."""
@@ -220,9 +221,12 @@ class _Publishing:
         """The most probable set without a parameter at its bound, without what does not hold elsewhere, and without
         changes that are no larger than is usual: so far what is believed stays.
         """
-        shares = self.search.shares()  # tempered by what has no name, they would leave out what has none
-        sound = (one for _, one in shares if all(self._publishable(one, pick) for pick in one.picks))
-        best = next(sound, self.search.score(()))
+        # tempered by what has no name, they would leave out what has none
+        best = self.search.shares()[0][1]
+        while not all(sound := [self._publishable(best, pick) for pick in best.picks]):
+            self.search.score(tuple(pick for pick, holds in zip(best.picks, sound, strict=True) if holds))
+            every = (one for _, one in self.search.shares())
+            best = next(one for one in every if all(self._publishable(one, pick) for pick in one.picks))
         usual = {name for name, p in self.outcome.stands.usual.items() if p > NAMED}
         left_out = usual | self.outcome.refuted
         kept = tuple(pick for pick in best.picks if self.search.name(pick) not in left_out)
@@ -230,9 +234,7 @@ class _Publishing:
 
     def _publishable(self, of: Scored, pick: Pick) -> bool:
         """Whether a file can say a cause of a set, inside its bounds."""
-        candidate = self.search.candidate(pick)
-        told = candidate.named or candidate.coordinate in OVER or candidate.coordinate in PLANES
-        return told and not at_bound(self.search, of, pick)
+        return _told_by_a_file(self.search.candidate(pick)) and not at_bound(self.search, of, pick)
 
     def _causes(self) -> list[_Cause]:
         of, places = self.outcome.view.ranges, slices(self.search, self.set)
@@ -241,7 +243,7 @@ class _Publishing:
             if self.search.candidate(pick).of_motion:
                 continue
             candidate, shape = self.search.candidate(pick), self.search.data.atoms[pick.atom].shape
-            coefficients, found = self.set.found.coefficients[where], self.set.found
+            coefficients, found = self.set.exact[where], self.set.found
             curve = drawn(candidate, shape, coefficients, found.covariance[where, where], of)
             plane = None if candidate.named else drawn_plane(candidate, shape, coefficients, of)
             result.append(_Cause(pick, where, self._found(pick, where, curve, plane), curve, plane))
@@ -264,7 +266,7 @@ class _Publishing:
             return Found("residual", False, _residual(curve), beside, sampled)
         if len(candidate.scales) > 1:
             return Found(candidate.name, named, self._table(pick, where, curve), beside, sampled)
-        coefficients = self.set.found.coefficients[where]
+        coefficients = self.set.exact[where]
         values = {key: float(value) for key, value in candidate.keys(coefficients, shape).items()}
         return Found(candidate.name, named, values, beside, sampled)
 
@@ -274,7 +276,7 @@ class _Publishing:
         if candidate.inertia is not None:
             of = self.outcome.view.ranges
             angle = np.linspace(of.low_rad, of.high_rad, 129)
-            added = candidate.inertia(angle, shape) @ self.set.found.coefficients[where]
+            added = candidate.inertia(angle, shape) @ self.set.exact[where]
             return {"table": table(angle, added)}
         assert curve is not None
         if candidate.name == "friction_over_angle":
@@ -419,10 +421,14 @@ class _Publishing:
         for cause in causes:
             candidate, atom = self.search.candidate(cause.pick), self.search.data.atoms[cause.pick.atom]
             if candidate.unsaid is not None:
-                found, spread = self.set.found.coefficients[cause.where], self.set.found.spread[cause.where]
+                found, spread = self.set.exact[cause.where], self.set.found.spread[cause.where]
                 words = candidate.unsaid(found, spread, atom.shape, unit)
                 notes += [f"{candidate.name}: machine.toml cannot say {words}"] if words else []
         return notes
+
+
+def _told_by_a_file(candidate: Candidate) -> bool:
+    return candidate.named or candidate.coordinate in OVER or candidate.coordinate in PLANES
 
 
 def _wider(one: Parameter, other: Parameter | None) -> Parameter:

@@ -269,7 +269,7 @@ def _parameters(search: Search, name: str) -> dict[str, Parameter]:
 def parameters_of(search: Search, scored: Scored, pick: Pick, where: slice) -> dict[str, Parameter]:
     """Of one cause of a set, whose coefficients are at these places."""
     candidate, atom = search.candidate(pick), search.data.atoms[pick.atom]
-    centre = scored.found.coefficients[where]
+    centre = scored.exact[where]
     moved = _spread(candidate, centre, covariance_of(search, scored, pick), atom.shape)
     return {
         key: Parameter(float(v), float(v - 1.96 * moved[key]), float(v + 1.96 * moved[key]))
@@ -305,7 +305,7 @@ def _at_bound(search: Search, name: str) -> bool:
 def at_bound(search: Search, scored: Scored, pick: Pick) -> bool:
     """Whether a cause of a set is at the end of what is tried, or nothing that there can be."""
     candidate, shape = search.candidate(pick), search.data.atoms[pick.atom].shape
-    coefficients = scored.found.coefficients[slices(search, scored)[scored.picks.index(pick)]]
+    coefficients = scored.exact[slices(search, scored)[scored.picks.index(pick)]]
     return not candidate.possible(coefficients) or candidate.at_end(shape, coefficients)
 
 
@@ -317,7 +317,7 @@ def _rms(search: Search, name: str) -> float:
             if candidate.name == name:
                 shape, total = search.data.atoms[pick.atom].shape, []
                 for along in search.data.about.alongs:
-                    done = candidate.done(along, shape, scored.found.coefficients[where])
+                    done = candidate.done(along, shape, scored.exact[where])
                     motor, load, _, _ = done.of(np.ones(1))
                     # what acts between the shafts is the same on both, and takes nothing of the whole
                     each = (np.mean((side + 0.0 * along.speed) ** 2) for side in (motor, load, motor + load))

@@ -127,8 +127,8 @@ def unnamed(of: Ranges, torque_nm: float) -> list[Candidate]:
         return -acceleration.slope(along.load_acceleration, coefficients)
 
     return [
-        Candidate(name, effect, (torque_nm,) * size, scales=SMALL if own and name == "time_in_motion" else LADDER,
-                  named=False, of_motion=own and name == "time_in_motion", coordinate=name,
+        Candidate(name, effect, (torque_nm,) * size, scales=SMALL if own and "time_in_motion" in name else LADDER,
+                  named=False, of_motion=own and "time_in_motion" in name, coordinate=name,
                   family=_BALANCE if "torque" in name or name == "acceleration" else "",
                   cases=frozenset(_CASES.get(name, ())), whole=whole,
                   heavier=heavier if name == "acceleration" else None)
