@@ -49,7 +49,7 @@ def test_a_belief_that_has_it_misses_nothing():
 
 def test_half_a_degree_misread_where_the_inertia_is_steep_is_no_other_inertia(tmp_path):
     """Two degrees, a speed 0.8 ms late: a line without the load's other torque there is worth less than a profile."""
-    session, machine, _ = drawn(tmp_path, 285308, each=2, kind="two", level="clear")
+    session, machine, _ = drawn(tmp_path, 285308, kind="two", level="clear")
     found = weigh(session, machine)
     assert {one.name for one in found.names if one.probability > 0.5} == {
         "encoder_eccentricity",

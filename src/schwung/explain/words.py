@@ -109,6 +109,7 @@ _SLOWER = "Drive the same stroke several times slower: "
 _FASTER = "Drive the same stroke at two clearly different motion times: "
 _RETURN = "Drive the stroke there and back: "
 _INJECT = "Inject a sine at two frequencies: "
+_UNCOUPLED = "Drive the motor alone, uncoupled: an encoder's error stays, a transmission's is gone."
 
 #: What tells two names apart. In each pair the names are in alphabetical order.
 _PAIRS: dict[tuple[str, str], str] = {
@@ -138,6 +139,8 @@ _PAIRS: dict[tuple[str, str], str] = {
     "cogging stays.",
     ("cogging", "encoder_harmonic"): _FASTER + "what an encoder's error costs grows with the square of speed, "
     "cogging stays.",
+    ("encoder_harmonic", "kinematic_error"): _UNCOUPLED,
+    ("encoder_eccentricity", "kinematic_error"): _UNCOUPLED,
     ("encoder_eccentricity", "load_torque"): _FASTER + "what an encoder's error costs grows with the square of "
     "speed, a load stays.",
     ("inertia_profile_shift", "load_torque"): _FASTER + "inertia's torque grows with the square of speed, a load "
