@@ -134,6 +134,10 @@ def shaft(of: Ranges, coupling: Coupling, torque_nm: float, inertia_kgm2: float)
             Effect(-ratio * further - (ratio - 1) * column(along.carried), further),
         )
 
+    def each_turn(shape: Shape) -> float:
+        """Of a n what is a: a shaft is where it is told to be as closely as the peak torque winds it up."""
+        return 1 / shape[0]
+
     def over_angle_tangent(along: Along, shape: Shape, shares: Array) -> Array:
         there = along.present.coupling or coupling
         stiffer = there.stiffness_nm_rad * (_waves(along, shape[0]) @ shares)
@@ -152,8 +156,8 @@ def shaft(of: Ranges, coupling: Coupling, torque_nm: float, inertia_kgm2: float)
         Candidate("stiffness_over_angle", over_angle, (3 * share, 3 * share),
                   lambda c, s: {"order": s[0], "share": polar(c)[0], "phase_rad": polar(c)[1]},
                   shapes=grid(range(1, 15)), spacing=(0.25,), logarithmic=(False,), bounds=((0.5, 60.0),),
-                  coordinate="position", tangent=over_angle_tangent, own=_PHASES),
-        *(replace(error, bent=driven_about) for error in of_any_order(
+                  coordinate="position", tangent=over_angle_tangent, own=_PHASES, known_to=RIGHT_TO),
+        *(replace(error, bent=driven_about, known_to=RIGHT_TO * wound, felt=each_turn) for error in of_any_order(
             of, "kinematic_error", lambda a, s: driven_about(a, s, np.zeros(2))[0], (share * of.span_rad / 10,) * 2,
             lambda c, s: {"order": s[0], "amplitude_rad": polar(c)[0] / s[0], "phase_rad": polar(c)[1]}, lowest=1,
         )),
