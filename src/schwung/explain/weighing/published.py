@@ -21,7 +21,6 @@ from schwung.explain.measured import smooth
 from schwung.explain.plausibility import examine
 from schwung.explain.values import Quantity
 from schwung.explain.weighing.advice import advice
-from schwung.explain.weighing.candidate import Candidate
 from schwung.explain.weighing.drawn import Drawn, drawn
 from schwung.explain.weighing.drawn_formula import formulas_of
 from schwung.explain.weighing.drawn_plane import PLANES, drawn_plane
@@ -221,12 +220,9 @@ class _Publishing:
         """The most probable set without a parameter at its bound, without what does not hold elsewhere, and without
         changes that are no larger than is usual: so far what is believed stays.
         """
-        # tempered by what has no name, they would leave out what has none
-        best = self.search.shares()[0][1]
-        while not all(sound := [self._publishable(best, pick) for pick in best.picks]):
-            self.search.score(tuple(pick for pick, holds in zip(best.picks, sound, strict=True) if holds))
-            every = (one for _, one in self.search.shares())
-            best = next(one for one in every if all(self._publishable(one, pick) for pick in one.picks))
+        shares = self.search.shares()  # tempered by what has no name, they would leave out what has none
+        sound = (one for _, one in shares if all(self._publishable(one, pick) for pick in one.picks))
+        best = next(sound, self.search.score(()))
         usual = {name for name, p in self.outcome.stands.usual.items() if p > NAMED}
         left_out = usual | self.outcome.refuted
         kept = tuple(pick for pick in best.picks if self.search.name(pick) not in left_out)
@@ -234,7 +230,9 @@ class _Publishing:
 
     def _publishable(self, of: Scored, pick: Pick) -> bool:
         """Whether a file can say a cause of a set, inside its bounds."""
-        return _told_by_a_file(self.search.candidate(pick)) and not at_bound(self.search, of, pick)
+        candidate = self.search.candidate(pick)
+        told = candidate.named or candidate.coordinate in OVER or candidate.coordinate in PLANES
+        return told and not at_bound(self.search, of, pick)
 
     def _causes(self) -> list[_Cause]:
         of, places = self.outcome.view.ranges, slices(self.search, self.set)
@@ -425,10 +423,6 @@ class _Publishing:
                 words = candidate.unsaid(found, spread, atom.shape, unit)
                 notes += [f"{candidate.name}: machine.toml cannot say {words}"] if words else []
         return notes
-
-
-def _told_by_a_file(candidate: Candidate) -> bool:
-    return candidate.named or candidate.coordinate in OVER or candidate.coordinate in PLANES
 
 
 def _wider(one: Parameter, other: Parameter | None) -> Parameter:
