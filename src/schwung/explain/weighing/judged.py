@@ -1,8 +1,8 @@
 """The proof of a machine file: what belief and file, each as it is read, miss on runs that were not fitted.
 
-Nothing of the file is fitted again. The usual timing of a drive, which no file says, is found about each of the two
-from the runs that were fitted. What a measured inertia is usually off by is the same for both, as it was found beside
-all causes: about the belief alone it would be fitted to what the belief leaves out.
+Nothing of the file is fitted again. What no file says, the usual timing of a drive and what a measured inertia is
+usually off by, is the same for both, as it was found beside all causes: about the belief alone it would be fitted to
+what the belief leaves out.
 """
 
 from __future__ import annotations
@@ -17,9 +17,9 @@ from schwung.explain.weighing.along import Along
 from schwung.explain.weighing.growth import absent, members_of
 from schwung.explain.weighing.known import Known, known
 from schwung.explain.weighing.phases import phased
-from schwung.explain.weighing.present import with_members
+from schwung.explain.weighing.present import Member, with_members
 from schwung.explain.weighing.round import Linearised, View
-from schwung.explain.weighing.settling import Weighing, settled
+from schwung.explain.weighing.settling import Weighing, settled, smoothed
 from schwung.explain.weighing.weigh import Posterior
 from schwung.innovations.effect import Passed
 from schwung.motion import Array
@@ -47,6 +47,7 @@ class Judged:
 
     runs: tuple[Shown, ...]
     fitted: tuple[Shown, ...]
+    timing: tuple[Member, ...]  # of the drive, as it was found
 
     @property
     def missed(self) -> float:
@@ -71,26 +72,33 @@ class Judged:
         return sum(shown.innovations.size for shown in self.runs)
 
 
-def judged(outcome: Posterior, machine: Machine, runs: Sequence[int]) -> Judged:
-    """Judge a machine, as it was read, on some runs."""
+def judged(
+    outcome: Posterior, machine: Machine, runs: Sequence[int], timing: Sequence[Member] | None = None
+) -> Judged:
+    """Judge a machine, as it was read, on some runs; `timing`: of the drive; None: as the fitted runs have it."""
     of = outcome.view.ranges
-    return judged_by(outcome, known(machine, of.low_rad, of.high_rad), runs)
+    return judged_by(outcome, known(machine, of.low_rad, of.high_rad), runs, timing)
 
 
-def judged_by(outcome: Posterior, told: Known, runs: Sequence[int]) -> Judged:
+def judged_by(
+    outcome: Posterior, told: Known, runs: Sequence[int], timing: Sequence[Member] | None = None
+) -> Judged:
     """The same of what is known of a machine, in whatever form."""
     growth, of = outcome.growth, outcome.view.ranges
     found = members_of(outcome.grown.search, outcome.holding, growth.candidates)
     usual = found[: len(growth.always)]
     off = [member for member in usual if member.candidate.of_machine]
     told = replace(told, machine=with_members(told.machine, off, of))
-    view = phased(replace(outcome.view, known=told), growth.wide.noise)
-    always = [absent(member.candidate) for member in usual if not member.candidate.of_machine]
-    at = settled(
-        growth.wide.seen(view), always, Weighing(growth.wide.noise, growth.train, growth.wide.excess)
-    )
-    aside = _shown(at.about.beside(runs), runs) if runs else ()
-    return Judged(aside, _shown(at.about, growth.train))
+    view = growth.wide.seen(phased(replace(outcome.view, known=told), growth.wide.noise))
+    weighing = Weighing(growth.wide.noise, growth.train, growth.wide.excess)
+    if timing is None:
+        always = [absent(member.candidate) for member in usual if not member.candidate.of_machine]
+        at = settled(view, always, weighing)
+        about, timing = at.about, at.members
+    else:
+        about = smoothed(view, timing, weighing)
+    aside = _shown(about.beside(runs), runs) if runs else ()
+    return Judged(aside, _shown(about, growth.train), tuple(timing))
 
 
 def _shown(about: Linearised, runs: Sequence[int]) -> tuple[Shown, ...]:

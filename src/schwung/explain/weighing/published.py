@@ -129,15 +129,17 @@ class _Publishing:
         """All of it."""
         self.tell("Writing the machine, and proving what was written", _SEARCH)
         causes, unsaid = self._sayable()
-        machine = read_back(learned(self.machine, [cause.found for cause in causes]))
+        machine, before, after = self._judged(causes)
         aside = self.outcome.heldout
-        before = after = judged(self.outcome, smooth(self.machine), aside)
-        after = judged(self.outcome, smooth(machine), aside) if causes else before
-        needless = bool(causes and aside) and as_good(before, after)
-        if needless:  # then the file is the belief
-            what = ", ".join(dict.fromkeys(map(self._over, causes)))
-            causes, machine, after = [], self.machine, before
-            unsaid = (*unsaid, _NEEDLESS.format(what))
+        unnamed = [cause for cause in causes if not cause.found.named]
+        needless = bool(unnamed and aside) and as_good(before, after)
+        if needless:  # a name stands by its probability: runs kept aside may show nothing of it
+            without = {cause.pick for cause in unnamed}
+            self.set = self.search.score(tuple(pick for pick in self.set.picks if pick not in without))
+            what = ", ".join(dict.fromkeys(map(self._over, unnamed)))
+            causes, more = self._sayable()
+            machine, before, after = self._judged(causes)
+            unsaid = (*unsaid, *more, _NEEDLESS.format(what))
         formulated = {}
         if aside:
             for number, cause in enumerate(causes):
@@ -176,6 +178,15 @@ class _Publishing:
         answer = with_places(answer, before.fitted, after.fitted, view.ranges.band_hz)
         self.tell("Done", 1.0)
         return replace(answer, notes=(*answer.notes, *advice(answer, self.machine, view.ranges)))
+
+    def _judged(self, causes: Sequence[_Cause]) -> tuple[Machine, Judged, Judged]:
+        """The machine of these causes as a file has it; what the belief misses, and what that file does."""
+        aside = self.outcome.heldout
+        machine = read_back(learned(self.machine, [cause.found for cause in causes]))
+        after = judged(self.outcome, smooth(machine), aside)
+        if not causes:
+            return self.machine, after, after
+        return machine, judged(self.outcome, smooth(self.machine), aside, after.timing), after
 
     def _plain(self, curves: Sequence[Acts], after: Judged) -> Plain | None:
         """What comes near to all that is published without a name."""
@@ -359,7 +370,9 @@ class _Publishing:
                 break
             instead = Found("residual", False, _residual(shape), {})
             every = [instead if one is cause else one.found for one in causes]
-            tried = judged(self.outcome, smooth(learned(self.machine, every)), self.outcome.heldout)
+            tried = judged(
+                self.outcome, smooth(learned(self.machine, every)), self.outcome.heldout, after.timing
+            )
             if as_good(tried, after):
                 return formula, tried.missed
         return None

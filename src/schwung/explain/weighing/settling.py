@@ -63,7 +63,7 @@ def settled(view: View, members: Sequence[Member], weighing: Weighing) -> Settle
     A step that makes the runs less likely is halved: far from the truth, a linear model promises too much.
     """
     members = _that_move(view, members)
-    return _at_rest(_stepped(_smoothed(view, members, weighing), members, weighing), weighing)
+    return _at_rest(_stepped(smoothed(view, members, weighing), members, weighing), weighing)
 
 
 def own_noise(at: Settled, weighing: Weighing) -> Noise:
@@ -89,7 +89,7 @@ def _that_move(view: View, members: Sequence[Member]) -> Sequence[Member]:
     return members
 
 
-def _smoothed(view: View, members: Sequence[Member], weighing: Weighing) -> Linearised:
+def smoothed(view: View, members: Sequence[Member], weighing: Weighing) -> Linearised:
     """The session about the states that the members make likely.
 
     Where the coupling bends, whether it touches follows from the states that follow from whether it touches: so they
@@ -194,7 +194,7 @@ def _at_rest(at: _Step, weighing: Weighing) -> Settled:
                 )
                 for m, step, moved in zip(at.members, at.steps, at.shifts, strict=True)
             ]
-            about = _smoothed(at.about.view, tried, weighing)
+            about = smoothed(at.about.view, tried, weighing)
             if finite(about.view):
                 better = _stepped(about, tried, weighing)
                 if better.cost < at.cost + ALIKE * missed**2:
