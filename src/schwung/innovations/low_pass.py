@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from functools import lru_cache
+
 import numpy as np
 from scipy.fft import dst, idst
 
@@ -109,8 +111,15 @@ def heard(values: Array, noise: float | Array) -> Array:
 
 def _averaged(power: Array, beside: int) -> Array:
     """With as many on either side, fewer at the ends."""
-    about = np.ones(2 * beside + 1)
-    return np.convolve(power, about, "same") / np.convolve(np.ones_like(power), about, "same")
+    whole = np.convolve(power, np.ones(2 * beside + 1))[beside : beside + power.size]
+    return np.asarray(whole / _counted(power.size, beside))
+
+
+@lru_cache(maxsize=64)
+def _counted(count: int, beside: int) -> Array:
+    """How many there are within so many on either side, of each of `count`."""
+    here = np.arange(count)
+    return np.asarray(np.minimum(here, beside) + np.minimum(count - 1 - here, beside) + 1.0)
 
 
 def _in_sines(values: Array) -> tuple[Array, Array]:

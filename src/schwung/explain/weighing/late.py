@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
-from scipy.signal import lfilter, lfilter_zi
+from scipy.signal import lfilter
 
 from schwung.explain.weighing.along import Along
 from schwung.innovations.splines import interpolated
@@ -12,13 +12,14 @@ from schwung.motion import Array
 
 def lagging(along: Along, values: Array, time_s: float) -> Array:
     """Through a first-order filter (bilinear), backwards where its time is negative; at rest before."""
-    step, later = along.run.step_s, abs(time_s)
-    signal = values if time_s >= 0 else values[::-1]
-    first = lfilter_zi([step, step], [step + 2 * later, step - 2 * later]) * signal[0] if later > 0 else None
-    if first is None:
+    if time_s == 0:
         return values
-    found, _ = lfilter([step, step], [step + 2 * later, step - 2 * later], signal, zi=first)
-    return np.asarray(found if time_s >= 0 else found[::-1])
+    step, later = along.run.step_s, abs(time_s)
+    signal = values if time_s > 0 else values[::-1]
+    whole = step + 2 * later
+    rest = [2 * later / whole * signal[0]]  # what it holds of its first value, had that always been
+    found, _ = lfilter([step / whole] * 2, [1.0, (step - 2 * later) / whole], signal, zi=rest)
+    return np.asarray(found if time_s > 0 else found[::-1])
 
 
 def acceleration_bent(along: Along, time_s: float) -> Array:

@@ -92,7 +92,8 @@ def acting(view: View, along: Along, members: Sequence[Member]) -> Acting:
     what = known.effect(along)
     total, opposed = Acting(*what.of(np.ones(1))), known.dry(along)
     for member in members:
-        if member.candidate.of_machine and view.dry_nm is not None:
+        needless = member.candidate.of_machine and view.dry_nm is not None
+        if needless or not np.any(member.coefficients):
             continue
         parts = member.candidate.done(along, member.shape, member.coefficients).of(np.ones(1))
         opposed = opposed - parts[0] - parts[1]
