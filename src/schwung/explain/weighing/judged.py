@@ -14,12 +14,13 @@ import numpy as np
 
 from schwung.drivetrain.machine import Machine
 from schwung.explain.weighing.along import Along
-from schwung.explain.weighing.growth import absent, members_of
+from schwung.explain.weighing.growth import members_of
 from schwung.explain.weighing.known import Known, known
 from schwung.explain.weighing.phases import phased
 from schwung.explain.weighing.present import Member, with_members
 from schwung.explain.weighing.round import Linearised, View
-from schwung.explain.weighing.settling import Weighing, settled, smoothed
+from schwung.explain.weighing.search import Scored
+from schwung.explain.weighing.settling import Weighing, smoothed
 from schwung.explain.weighing.weigh import Posterior
 from schwung.innovations.effect import Passed
 from schwung.motion import Array
@@ -47,7 +48,6 @@ class Judged:
 
     runs: tuple[Shown, ...]
     fitted: tuple[Shown, ...]
-    timing: tuple[Member, ...]  # of the drive, as it was found
 
     @property
     def missed(self) -> float:
@@ -72,33 +72,32 @@ class Judged:
         return sum(shown.innovations.size for shown in self.runs)
 
 
-def judged(
-    outcome: Posterior, machine: Machine, runs: Sequence[int], timing: Sequence[Member] | None = None
-) -> Judged:
-    """Judge a machine, as it was read, on some runs; `timing`: of the drive; None: as the fitted runs have it."""
+def judged(outcome: Posterior, machine: Machine, runs: Sequence[int], beside: Scored | None = None) -> Judged:
+    """Judge a machine, as it was read, on some runs; `beside`: the set that what no file says was found beside; None:
+    all causes that hold."""
     of = outcome.view.ranges
-    return judged_by(outcome, known(machine, of.low_rad, of.high_rad), runs, timing)
+    return judged_by(outcome, known(machine, of.low_rad, of.high_rad), runs, beside)
 
 
-def judged_by(
-    outcome: Posterior, told: Known, runs: Sequence[int], timing: Sequence[Member] | None = None
-) -> Judged:
+def judged_by(outcome: Posterior, told: Known, runs: Sequence[int], beside: Scored | None = None) -> Judged:
     """The same of what is known of a machine, in whatever form."""
     growth, of = outcome.growth, outcome.view.ranges
-    found = members_of(outcome.grown.search, outcome.holding, growth.candidates)
-    usual = found[: len(growth.always)]
+    usual = _usual(outcome, outcome.holding if beside is None else beside)
     off = [member for member in usual if member.candidate.of_machine]
+    timing = [member for member in usual if not member.candidate.of_machine]
     told = replace(told, machine=with_members(told.machine, off, of))
     view = growth.wide.seen(phased(replace(outcome.view, known=told), growth.wide.noise))
-    weighing = Weighing(growth.wide.noise, growth.train, growth.wide.excess)
-    if timing is None:
-        always = [absent(member.candidate) for member in usual if not member.candidate.of_machine]
-        at = settled(view, always, weighing)
-        about, timing = at.about, at.members
-    else:
-        about = smoothed(view, timing, weighing)
+    about = smoothed(view, timing, Weighing(growth.wide.noise, growth.train, growth.wide.excess))
     aside = _shown(about.beside(runs), runs) if runs else ()
-    return Judged(aside, _shown(about, growth.train), tuple(timing))
+    return Judged(aside, _shown(about, growth.train))
+
+
+def _usual(outcome: Posterior, beside: Scored) -> Sequence[Member]:
+    """What is always there, as it was found beside a set."""
+    if not beside.picks:
+        return outcome.grown.nothing.members
+    growth = outcome.growth
+    return members_of(outcome.grown.search, beside, growth.candidates)[: len(growth.always)]
 
 
 def _shown(about: Linearised, runs: Sequence[int]) -> tuple[Shown, ...]:

@@ -181,12 +181,15 @@ class _Publishing:
 
     def _judged(self, causes: Sequence[_Cause]) -> tuple[Machine, Judged, Judged]:
         """The machine of these causes as a file has it; what the belief misses, and what that file does."""
-        aside = self.outcome.heldout
-        machine = read_back(learned(self.machine, [cause.found for cause in causes]))
-        after = judged(self.outcome, smooth(machine), aside)
-        if not causes:
-            return self.machine, after, after
-        return machine, judged(self.outcome, smooth(self.machine), aside, after.timing), after
+        machine = (
+            read_back(learned(self.machine, [cause.found for cause in causes])) if causes else self.machine
+        )
+        after = self._judged_as(machine)
+        return machine, self._judged_as(self.machine) if causes else after, after
+
+    def _judged_as(self, machine: Machine) -> Judged:
+        """A machine on the runs kept aside, beside what was found of all that no file says."""
+        return judged(self.outcome, smooth(machine), self.outcome.heldout, self.set)
 
     def _plain(self, curves: Sequence[Acts], after: Judged) -> Plain | None:
         """What comes near to all that is published without a name."""
@@ -370,9 +373,7 @@ class _Publishing:
                 break
             instead = Found("residual", False, _residual(shape), {})
             every = [instead if one is cause else one.found for one in causes]
-            tried = judged(
-                self.outcome, smooth(learned(self.machine, every)), self.outcome.heldout, after.timing
-            )
+            tried = self._judged_as(learned(self.machine, every))
             if as_good(tried, after):
                 return formula, tried.missed
         return None
