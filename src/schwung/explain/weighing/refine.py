@@ -14,7 +14,6 @@ from itertools import product
 
 import numpy as np
 from scipy.linalg import solve_triangular
-from scipy.optimize import minimize
 
 from schwung.explain.weighing.candidate import Candidate, Shape
 from schwung.explain.weighing.data import Atom, Data
@@ -32,8 +31,8 @@ _FIRST, _SHRINK = 0.5, 0.1
 _AGAIN = 4.0
 #: Beyond so many times their reach the nodes say nothing.
 _TRUSTED = 2.0
-#: Places in each number that are looked at between the nodes, before the best is improved.
-_PLACES = {1: 33, 2: 9, 3: 7}
+#: Places in each number that are looked at between the nodes; how near the best is come to, over the box.
+_PLACES, _FINE = {1: 33, 2: 9, 3: 7}, 1 / 200
 #: Of the width over which the evidence is measured, as a share of the grid's spacing; divided until it is about one.
 _STEP = 0.25
 
@@ -70,22 +69,15 @@ class _Box:
         )
 
     def top(self) -> Array:
-        """The best shape in the box."""
+        """The best shape in the box: the best of evenly spread places, then of others about that."""
         size = self.centre.size
         each = np.array(list(product(np.linspace(-1.0, 1.0, _PLACES[size]), repeat=size)))
-        places = self.centre + self.reach * each
-        first = places[int(np.argmax(self.gains(places)))]
-        step = 2 * self.reach / (_PLACES[size] - 1)
-        best = minimize(
-            self._cost, first, method="Nelder-Mead",
-            options={"xatol": 0.02 * step, "fatol": 0.1 * _SETTLED,
-                     "initial_simplex": first + 0.4 * step * np.vstack([np.zeros(size), np.eye(size)])},
-        )  # fmt: skip
-        return np.asarray(best.x)
-
-    def _cost(self, moved: Array) -> float:
-        inside = np.max(np.abs(moved - self.centre)) <= self.reach
-        return min(-self.gain(moved), 1e300) if inside else 1e300
+        best, about = self.centre, self.reach
+        while about > _FINE * self.reach:
+            places = np.clip(best + about * each, self.centre - self.reach, self.centre + self.reach)
+            best = places[int(np.argmax(self.gains(places)))]
+            about *= 2 / (_PLACES[size] - 1)
+        return best
 
 
 def refined(data: Data, atom: Atom, members: Numbers, deviations: Array, scale: float) -> Atom | None:

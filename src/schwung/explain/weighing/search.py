@@ -6,7 +6,7 @@ All sets that were visited are kept, and share the probability.
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Container, Iterable
 from dataclasses import dataclass, field
 from itertools import groupby
 
@@ -176,18 +176,25 @@ class Search:
     def _shape_log(atom: Atom, candidate: Candidate) -> float:
         return candidate.shape_log if atom.refined is None else atom.refined
 
-    def additions(self, picks: Set) -> list[tuple[float, Pick]]:
-        """The best atom of every candidate that is not in the set, by what it would add, the best first."""
+    def additions(self, picks: Set, among: Container[int] | None = None) -> list[tuple[float, Pick]]:
+        """The best atom of every candidate that is not in the set, by what it would add, the best first; `among`: of
+        these alone."""
         which, deviations = self.columns(picks)
-        beyond = self.data.beyond(which, deviations)
         taken = [self.candidate(pick) for pick in picks]
         inside = set(self.always)
         inside |= {i for i, c in enumerate(self.data.candidates) if any(c.excludes(t) for t in taken)}
+        grouped = groupby(enumerate(self.data.atoms), lambda pair: pair[1].candidate)
+        asked = [
+            (index, list(group))
+            for index, group in grouped
+            if index not in inside and (among is None or index in among)
+        ]
+        if not asked:
+            return []
+        beyond = self.data.beyond(which, deviations)
         found = []
-        for index, group in groupby(enumerate(self.data.atoms), lambda pair: pair[1].candidate):
-            if index in inside:
-                continue
-            candidate, numbered = self.data.candidates[index], list(group)
+        for index, numbered in asked:
+            candidate = self.data.candidates[index]
             scales, own = candidate.scales, np.array(candidate.deviations)
             gains = beyond.gains([atom.where for _, atom in numbered], own, scales)
             shares = np.array([self._shape_log(atom, candidate) for _, atom in numbered])
@@ -245,7 +252,7 @@ class Search:
         for index, curve in enumerate(self.data.candidates):
             others = tuple(pick for pick in picks if self.candidate(pick).name not in curve.cases)
             if len(others) < len(picks) and index not in without:
-                offers = [pick for _, pick in self.additions(others) if self.index(pick) == index]
+                offers = [pick for _, pick in self.additions(others, (index,))]
                 found += [self._with(others, pick) for pick in offers]
         return found
 
@@ -254,11 +261,11 @@ class Search:
         that it took the part of.
         """
         found = []
+        laws = {index for index, candidate in enumerate(self.data.candidates) if candidate.is_law}
         for curve in picks:
             if not self.candidate(curve).is_law:
                 others = tuple(pick for pick in picks if pick != curve)
-                offers = [pick for _, pick in self.additions(others) if self.candidate(pick).is_law]
-                found += [self._with(others, pick) for pick in offers[:1]]
+                found += [self._with(others, pick) for _, pick in self.additions(others, laws)[:1]]
         return found
 
     def _with(self, picks: Set, pick: Pick) -> Scored:
