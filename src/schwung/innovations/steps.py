@@ -15,6 +15,8 @@ from schwung.motion import Array
 
 #: Inertias at which a step is worked out; between them it is interpolated (relative error below 1e-7).
 _NODES = 32
+#: Shares of a step at which what is within is worked out, and their weights in its mean by Boole's rule, ends apart.
+WITHIN, _MEAN = np.array([[0.25], [0.5], [0.75]]), np.array([32.0, 12.0, 32.0]) / 90
 _DIFFERENCE = 1e-4  # of log k and log b, for their sensitivities
 
 
@@ -106,6 +108,30 @@ def bulge(values: Array) -> Array:
     bend = np.zeros_like(values)
     bend[1:-1] = values[2:] - 2 * values[1:-1] + values[:-2]
     return np.asarray(-(bend[1:] + bend[:-1]) / 16)
+
+
+def straight(start: Array, end: Array) -> Array:
+    """Within steps that begin and end with these (m,), (3, m)."""
+    return np.asarray(start * (1 - WITHIN) + end * WITHIN)
+
+
+def smoothly(values: Array) -> Array:
+    """Within the steps between samples (n,) of a smooth curve, (3, n − 1)."""
+    return np.asarray(straight(values[:-1], values[1:]) + 4 * WITHIN * (1 - WITHIN) * bulge(values))
+
+
+def sloping(values: Array, slopes: Array, step_s: float) -> Array:
+    """The same of a curve whose slopes are known (Hermite's cubic)."""
+    x, y = WITHIN, 1 - WITHIN
+    ends = y**2 * (1 + 2 * x) * values[:-1] + x**2 * (1 + 2 * y) * values[1:]
+    return np.asarray(ends + step_s * x * y * (y * slopes[:-1] - x * slopes[1:]))
+
+
+def height_of(off: Array) -> Array:
+    """Height of the parabola over a step whose mean is that of what is off the straight line within it, (3, m) -> (m,):
+    it is momentum that counts.
+    """
+    return np.asarray(1.5 * (_MEAN @ off))
 
 
 def no_such_machine() -> InputError:

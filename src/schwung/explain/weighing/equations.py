@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
@@ -10,7 +11,7 @@ from schwung.drivetrain.machine import Machine
 from schwung.explain.weighing.along import Along, inertia_of
 from schwung.innovations.likelihood import Equations, Noise
 from schwung.innovations.play import LEAST_SHARE, through_play
-from schwung.innovations.steps import Steps, bulge, off_middle
+from schwung.innovations.steps import Steps, height_of, sloping, smoothly, straight
 from schwung.innovations.values import Shaft
 from schwung.motion import Array
 
@@ -57,28 +58,56 @@ def shaft_of(machine: Machine) -> Shaft:
     )
 
 
+class _Load(NamedTuple):
+    """Inertia of the load in each step; torque on it beyond what accelerates that, at the step's start, at its end, and
+    the height of a parabola between, (n − 1,) each."""
+
+    inertia: Array
+    start: Array
+    end: Array
+    height: Array
+
+
+def _load(along: Along, acting: Acting) -> _Load:
+    """An inertia may bend within a step more than samples tell: by those alone, at 1 kHz and 30 rad/s, a sound coupling
+    had 30 % less damping.
+    """
+    run, machine = along.run, along.present
+    accelerated, heard = run.load_acceleration, along.load_acceleration
+    plain, slope, _ = inertia_of(machine, along.load_angle)
+    inertia = np.maximum(plain + acting.inertia, LEAST_SHARE * plain)
+    further = inertia - plain
+    acts = np.broadcast_to(np.asarray(acting.on_load, dtype=float), plain.shape)
+    load = machine.load_torque_at(along.load_angle) - slope * along.load_speed**2 / 2 + acts + further * heard
+    middle, half = (inertia[1:] + inertia[:-1]) / 2, np.diff(inertia) / 2
+    start, end = load[:-1] + half * accelerated[:-1], load[1:] - half * accelerated[1:]
+
+    angle = sloping(along.load_angle, along.load_speed, run.step_s)
+    speed = sloping(along.load_speed, heard, run.step_s)
+    plain, slope = (each.reshape(angle.shape) for each in inertia_of(machine, angle.reshape(-1))[:2])
+    whole = machine.load_torque_at(angle.reshape(-1)).reshape(angle.shape) - slope * speed**2 / 2
+    whole = whole + smoothly(acts) + smoothly(further) * smoothly(heard)
+    whole = whole - (plain + smoothly(further) - middle) * smoothly(accelerated)
+    return _Load(middle, start, end, height_of(whole - straight(start, end)))
+
+
 def equations_of(along: Along, acting: Acting, noise: Noise) -> tuple[Equations, Steps]:
     """Of one run about its states; `noise`: as far as it is known, where the coupling has play."""
     run, machine = along.run, along.present
-    plain, slope, _ = inertia_of(machine, along.load_angle)
-    inertia = np.maximum(plain + acting.inertia, LEAST_SHARE * plain)
-    load = machine.load_torque_at(along.load_angle) - slope * along.load_speed**2 / 2 + acting.on_load
-    load = load + (inertia - plain) * along.load_acceleration
-    push = np.broadcast_to(np.asarray(acting.on_motor, dtype=float), load.shape)
-    motor = run.drive.undelayed
-    early, late, between = off_middle(inertia, run)
+    load = _load(along, acting)
+    push = np.broadcast_to(np.asarray(acting.on_motor, dtype=float), run.time_s.shape)
+    motor, middle = run.drive.undelayed, load.inertia
     torques = np.stack(
         [
             motor.start_nm + push[:-1],
-            load[:-1] - early,
+            load.start,
             motor.end_nm + push[1:],
-            load[1:] - late,
+            load.end,
             motor.bulge_nm,
-            bulge(load) - between,
+            load.height,
         ],
-        1,
+        axis=1,
     )
-    middle = (inertia[1:] + inertia[:-1]) / 2
     shaft, bent = shaft_of(machine), np.asarray(acting.coupling, dtype=float)
     whole = np.array([shaft.stiffness, shaft.damping])
     if bent.ndim:
@@ -91,11 +120,11 @@ def equations_of(along: Along, acting: Acting, noise: Noise) -> tuple[Equations,
     alone = along.ranges.unrepeated and shaft.rigid
     surely = _rigid_ratio(along, middle) if alone else np.ones_like(middle)
     size = steps.transition.shape[1]
-    transition = np.zeros((load.size - 1, size + 1, size + 1))
-    forcing = np.zeros((load.size - 1, size + 1))
+    transition = np.zeros((push.size - 1, size + 1, size + 1))
+    forcing = np.zeros((push.size - 1, size + 1))
     transition[:, :size, :size] = steps.transition
     transition[:, :size, size] = -surely[:, None] * steps.inputs[:, :, 0]
-    driven = np.column_stack([-surely[:, None] * steps.inputs[:, :, 2], np.ones(load.size - 1)])
+    driven = np.column_stack([-surely[:, None] * steps.inputs[:, :, 2], np.ones(push.size - 1)])
     forcing[:, :size] = np.einsum("ksi,ki->ks", steps.inputs, torques)
     measured = np.column_stack([run.position_rad - acting.position, run.speed_rad_s - acting.speed])
     sticking = np.exp(-((along.slowest / (3 * along.ranges.sticking_rad_s)) ** 2))
