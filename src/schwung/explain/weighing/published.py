@@ -7,44 +7,39 @@ back, and what was read is what is proven.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
-from typing import Any
+from dataclasses import replace
 
 import numpy as np
 
 from schwung.drivetrain.effects import PHYSICS
 from schwung.drivetrain.machine import Machine
-from schwung.drivetrain.residual import OVER, TABLES, UNDIRECTED, UNITS
-from schwung.drivetrain.residual_plane import Plane
+from schwung.drivetrain.residual import UNITS
 from schwung.explain import free_run
 from schwung.explain.measured import smooth
 from schwung.explain.plausibility import examine
 from schwung.explain.values import Quantity
 from schwung.explain.weighing.advice import advice
-from schwung.explain.weighing.drawn import Drawn, drawn
+from schwung.explain.weighing.chosen import Cause, Chosen, residual_of
 from schwung.explain.weighing.drawn_formula import formulas_of
-from schwung.explain.weighing.drawn_plane import PLANES, drawn_plane
 from schwung.explain.weighing.formula import Formula
 from schwung.explain.weighing.growth import Progress
 from schwung.explain.weighing.judged import Judged, as_good, judged
-from schwung.explain.weighing.learned import Found, learned, table
+from schwung.explain.weighing.learned import Found, learned
 from schwung.explain.weighing.places import Acts, overlays, where_of, with_places
 from schwung.explain.weighing.plainly import nearest
 from schwung.explain.weighing.publication import (
-    NAMED,
     Curve,
     Name,
     Plain,
     Published,
     Where,
     merged,
-    over_words,
 )
-from schwung.explain.weighing.search import Pick, Scored, Search, slices
+from schwung.explain.weighing.search import Pick, Search
 from schwung.explain.weighing.twin import as_missed_by
 from schwung.explain.weighing.values import Parameter, Proof, Weighed
-from schwung.explain.weighing.weigh import Posterior, at_bound, parameters_of, posterior_of
-from schwung.explain.weighing.written import read_back, sayable
+from schwung.explain.weighing.weigh import Posterior, parameters_of, posterior_of
+from schwung.explain.weighing.written import read_back
 from schwung.explain.words import unit_on
 from schwung.session.effort import require_alike
 from schwung.session.imports import repeats
@@ -105,17 +100,6 @@ def published_of(
     return _Publishing(session, machine, outcome, tell).published(notes)
 
 
-@dataclass(frozen=True, eq=False)
-class _Cause:
-    """A cause of the published set."""
-
-    pick: Pick
-    where: slice
-    found: Found
-    curve: Drawn | None
-    plane: Plane | None = None
-
-
 class _Publishing:
     """An outcome on its way to people."""
 
@@ -123,21 +107,20 @@ class _Publishing:
         self.session, self.machine, self.outcome, self.tell = session, machine, outcome, tell
         self.weighed: Weighed = outcome.told
         self.search: Search = outcome.grown.search
-        self.set = self._set()
+        self.chosen = Chosen(machine, outcome)
 
     def published(self, notes: Sequence[str]) -> Published:
         """All of it."""
         self.tell("Writing the machine, and proving what was written", _SEARCH)
-        causes, unsaid = self._sayable()
+        causes, unsaid = self.chosen.sayable()
         machine, before, after = self._judged(causes)
         aside = self.outcome.heldout
         unnamed = [cause for cause in causes if not cause.found.named]
         needless = bool(unnamed and aside) and as_good(before, after)
         if needless:  # a name stands by its probability: runs kept aside may show nothing of it
-            without = {cause.pick for cause in unnamed}
-            self.set = self.search.score(tuple(pick for pick in self.set.picks if pick not in without))
-            what = ", ".join(dict.fromkeys(map(self._over, unnamed)))
-            causes, more = self._sayable()
+            self.chosen.leave_out(unnamed)
+            what = ", ".join(dict.fromkeys(map(self.chosen.over, unnamed)))
+            causes, more = self.chosen.sayable()
             machine, before, after = self._judged(causes)
             unsaid = (*unsaid, *more, _NEEDLESS.format(what))
         formulated = {}
@@ -152,7 +135,7 @@ class _Publishing:
         if formulated:
             machine = read_back(learned(self.machine, [self._told(cause, formulated) for cause in causes]))
         self.tell("Locating what was missed", _LOCATING)
-        acts = [self._acts(cause.pick, cause.where) for cause in causes]
+        acts = [self.chosen.acts(cause.pick, cause.where) for cause in causes]
         places = {
             cause.pick: where_of(one, before.fitted, self.session.axis)
             for cause, one in zip(causes, acts, strict=True)
@@ -164,13 +147,13 @@ class _Publishing:
             axis=self.session.axis,
             effort=self.session.effort,
             names=self._names(causes, formulated, places),
-            curves=() if needless else self._curves(causes, formulated, places),
+            curves=self._curves(causes, formulated, places, needless),
             runners_up=self._runners_up(),
             noise=self.weighed.noise,
             excess=self.outcome.grown.data.excess,
             proof=self._proof(before, after),
             overlays=overlays(*shown, named, aside),
-            plain=self._plain([*(one for one in acts if one not in named), *self._of_motion()], after),
+            plain=self._plain([*(one for one in acts if one not in named), *self.chosen.of_motion()], after),
             machine=machine,
             notes=tuple(dict.fromkeys((*notes, *self._notes(causes), *unsaid, *self.weighed.notes, *driven))),
         )
@@ -179,7 +162,7 @@ class _Publishing:
         self.tell("Done", 1.0)
         return replace(answer, notes=(*answer.notes, *advice(answer, self.machine, view.ranges)))
 
-    def _judged(self, causes: Sequence[_Cause]) -> tuple[Machine, Judged, Judged]:
+    def _judged(self, causes: Sequence[Cause]) -> tuple[Machine, Judged, Judged]:
         """The machine of these causes as a file has it; what the belief misses, and what that file does."""
         machine = (
             read_back(learned(self.machine, [cause.found for cause in causes])) if causes else self.machine
@@ -189,7 +172,7 @@ class _Publishing:
 
     def _judged_as(self, machine: Machine) -> Judged:
         """A machine on the runs kept aside, beside what was found of all that no file says."""
-        return judged(self.outcome, smooth(machine), self.outcome.heldout, self.set)
+        return judged(self.outcome, smooth(machine), self.outcome.heldout, self.chosen.set)
 
     def _plain(self, curves: Sequence[Acts], after: Judged) -> Plain | None:
         """What comes near to all that is published without a name."""
@@ -202,110 +185,9 @@ class _Publishing:
         }
         return Plain(laws, found.share)
 
-    def _acts(self, pick: Pick, where: slice) -> Acts:
-        candidate, shape = self.search.candidate(pick), self.search.data.atoms[pick.atom].shape
-        return Acts(candidate.name, candidate, shape, self.set.exact[where])
-
-    def _of_motion(self) -> list[Acts]:
-        """What the one motion has of its own: a part of what laws come near to."""
-        own = zip(self.set.picks, slices(self.search, self.set), strict=True)
-        return [self._acts(pick, where) for pick, where in own if self.search.candidate(pick).of_motion]
-
-    def _sayable(self) -> tuple[list[_Cause], tuple[str, ...]]:
-        """The set's causes as far as a file can hold them, and a note for each other one.
-
-        Without one the others are others: curves that cancelled it would be left alone.
-        """
-        of, notes = self.outcome.view.ranges, tuple[str, ...]()
-        while True:
-            every = self._causes()
-            over = [self._over(cause) for cause in every]
-            found = [cause.found for cause in every]
-            kept, unsaid = sayable(self.machine, found, over, (of.low_rad, of.high_rad))
-            notes = (*notes, *unsaid)
-            if len(kept) == len(every):
-                return every, notes
-            self.set = self.search.score(tuple(every[i].pick for i in kept))
-
-    def _over(self, cause: _Cause) -> str:
-        return over_words(self.search.candidate(cause.pick).coordinate)
-
-    def _set(self) -> Scored:
-        """The most probable set without a parameter at its bound, without what does not hold elsewhere, and without
-        changes that are no larger than is usual: so far what is believed stays.
-        """
-        shares = self.search.shares()  # tempered by what has no name, they would leave out what has none
-        sound = (one for _, one in shares if all(self._publishable(one, pick) for pick in one.picks))
-        best = next(sound, self.search.score(()))
-        usual = {name for name, p in self.outcome.stands.usual.items() if p > NAMED}
-        left_out = usual | self.outcome.refuted
-        kept = tuple(pick for pick in best.picks if self.search.name(pick) not in left_out)
-        return self.search.score(kept)
-
-    def _publishable(self, of: Scored, pick: Pick) -> bool:
-        """Whether a file can say a cause of a set, inside its bounds."""
-        candidate = self.search.candidate(pick)
-        told = candidate.named or candidate.coordinate in OVER or candidate.coordinate in PLANES
-        return told and not at_bound(self.search, of, pick)
-
-    def _causes(self) -> list[_Cause]:
-        of, places = self.outcome.view.ranges, slices(self.search, self.set)
-        result = []
-        for pick, where in zip(self.set.picks, places, strict=True):
-            if self.search.candidate(pick).of_motion:
-                continue
-            candidate, shape = self.search.candidate(pick), self.search.data.atoms[pick.atom].shape
-            coefficients, found = self.set.exact[where], self.set.found
-            curve = drawn(candidate, shape, coefficients, found.covariance[where, where], of)
-            plane = None if candidate.named else drawn_plane(candidate, shape, coefficients, of)
-            result.append(_Cause(pick, where, self._found(pick, where, curve, plane), curve, plane))
-        return result
-
-    def _found(self, pick: Pick, where: slice, curve: Drawn | None, plane: Plane | None) -> Found:
-        candidate, shape = self.search.candidate(pick), self.search.data.atoms[pick.atom].shape
-        p = (
-            self.weighed.probability(candidate.name)
-            if candidate.named
-            else self._unnamed(candidate.coordinate)
-        )
-        named = candidate.named and p > NAMED
-        beside = {"probability": round(float(p), 4)} if named or not candidate.named else {}
-        sampled = None if curve is None else lambda: _residual(curve)
-        if plane is not None:
-            return Found("residual", False, plane.parameters(), beside)
-        if not candidate.named:
-            assert curve is not None
-            return Found("residual", False, _residual(curve), beside, sampled)
-        if len(candidate.scales) > 1:
-            return Found(candidate.name, named, self._table(pick, where, curve), beside, sampled)
-        coefficients = self.set.exact[where]
-        values = {key: float(value) for key, value in candidate.keys(coefficients, shape).items()}
-        return Found(candidate.name, named, values, beside, sampled)
-
-    def _table(self, pick: Pick, where: slice, curve: Drawn | None) -> dict[str, Any]:
-        """Of a name whose numbers are a curve."""
-        candidate, shape = self.search.candidate(pick), self.search.data.atoms[pick.atom].shape
-        if candidate.inertia is not None:
-            of = self.outcome.view.ranges
-            angle = np.linspace(of.low_rad, of.high_rad, 129)
-            added = candidate.inertia(angle, shape) @ self.set.exact[where]
-            return {"table": table(angle, added)}
-        assert curve is not None
-        if candidate.name == "friction_over_angle":
-            return {"table": table(curve.x, -curve.forward_nm)}
-        if TABLES[candidate.name] == (2,):
-            return {"table": table(curve.x, curve.forward_nm)}
-        return {"table": table(curve.x, curve.forward_nm, curve.backward_nm)}
-
-    def _unnamed(self, coordinate: str) -> float:
-        every = (
-            one.probability for one in self.weighed.unnamed if one.coordinate == coordinate and not one.like
-        )
-        return max(every, default=0.0)
-
     def _names(
         self,
-        causes: Sequence[_Cause],
+        causes: Sequence[Cause],
         formulated: Mapping[Pick, tuple[Formula, float]],
         places: Mapping[Pick, Where | None],
     ) -> tuple[Name, ...]:
@@ -315,7 +197,7 @@ class _Publishing:
             cause = inside.get(one.name)
             given: Mapping[str, Parameter] = one.parameters
             if cause is not None:
-                told_values = parameters_of(self.search, self.set, cause.pick, cause.where)
+                told_values = parameters_of(self.search, self.chosen.set, cause.pick, cause.where)
                 given = {key: _wider(value, given.get(key)) for key, value in told_values.items()}
             quantities = {
                 key: Quantity(q.value, self._unit(one.name, key), (q.low, q.high)) for key, q in given.items()
@@ -338,14 +220,19 @@ class _Publishing:
 
     def _curves(
         self,
-        causes: Sequence[_Cause],
+        causes: Sequence[Cause],
         formulated: Mapping[Pick, tuple[Formula, float]],
         places: Mapping[Pick, Where | None],
+        needless: bool,
     ) -> tuple[Curve, ...]:
-        by_name = {self.search.candidate(cause.pick).name: cause for cause in causes}
+        """What is modelled without a name; where that is `needless`, what is left of it alone."""
+        by_name = {self.search.name(cause.pick): cause for cause in causes}
         result = []
         for one in self.weighed.unnamed:
-            cause = by_name.get(one.like or one.coordinate)
+            name = one.like or one.coordinate
+            if needless and name not in self.chosen.names:
+                continue
+            cause = by_name.get(name)
             formula = formulated.get(cause.pick) if cause is not None else None
             over = one.coordinate
             unit = ", ".join(unit_on(_UNITS.get(part, ""), self.session.axis) for part in over.split(", "))
@@ -361,9 +248,7 @@ class _Publishing:
             )  # fmt: skip
         return tuple(result)
 
-    def _formula(
-        self, causes: Sequence[_Cause], cause: _Cause, after: Judged
-    ) -> tuple[Formula, float] | None:
+    def _formula(self, causes: Sequence[Cause], cause: Cause, after: Judged) -> tuple[Formula, float] | None:
         """The shortest formula that predicts the runs kept aside as well as the curve."""
         curve = cause.curve
         if curve is None or "table" not in cause.found.parameters:
@@ -371,14 +256,14 @@ class _Publishing:
         for formula, shape in formulas_of(curve):
             if self.outcome.view.work.late:
                 break
-            instead = Found("residual", False, _residual(shape), {})
+            instead = Found("residual", False, residual_of(shape), {})
             every = [instead if one is cause else one.found for one in causes]
             tried = self._judged_as(learned(self.machine, every))
             if as_good(tried, after):
                 return formula, tried.missed
         return None
 
-    def _told(self, cause: _Cause, formulated: Mapping[Pick, tuple[Formula, float]]) -> Found:
+    def _told(self, cause: Cause, formulated: Mapping[Pick, tuple[Formula, float]]) -> Found:
         """With its formula as a remark: what is simulated is the table."""
         had = {term.parameters.get("coordinate") for term in self.machine.physics}
         if (
@@ -391,7 +276,7 @@ class _Publishing:
 
     def _runners_up(self) -> tuple[tuple[tuple[str, ...], float], ...]:
         # a curve counts to what has no name, beside which no set that holds it stands out
-        bare = all(self.search.candidate(pick).named for pick in self.set.picks)
+        bare = all(self.search.candidate(pick).named for pick in self.chosen.set.picks)
         by = self.outcome.sure if bare else self.search
         every = by.shares()
         return merged((tuple(by.candidate(pick).name for pick in one.picks), share) for share, one in every)
@@ -405,7 +290,7 @@ class _Publishing:
             before_nm=before.missed_nm, after_nm=after.missed_nm, fitted=tuple(self.outcome.growth.train),
         )  # fmt: skip
 
-    def _notes(self, causes: Sequence[_Cause]) -> list[str]:
+    def _notes(self, causes: Sequence[Cause]) -> list[str]:
         notes = []
         if self.outcome.view.work.late and any(cause.curve is not None for cause in causes):
             notes.append("formulas were looked for no further than the work that a session may cost")
@@ -418,7 +303,7 @@ class _Publishing:
                 if repeated
                 else "no motion was repeated, so that the noise is what no smooth curve explains: record repeats"
             )
-        if any(self.search.candidate(pick).of_motion for pick in self.set.picks):
+        if any(self.search.candidate(pick).of_motion for pick in self.chosen.set.picks):
             notes.append(_OF_MOTION)
         notes += self._beyond_file(causes)
         if any(cause.found.law == "torque_filter" for cause in causes):
@@ -427,13 +312,13 @@ class _Publishing:
             )
         return notes
 
-    def _beyond_file(self, causes: Sequence[_Cause]) -> list[str]:
+    def _beyond_file(self, causes: Sequence[Cause]) -> list[str]:
         """What is found of the published causes and no file can say."""
         notes, unit = [], unit_on("N·m", self.session.axis)
         for cause in causes:
             candidate, atom = self.search.candidate(cause.pick), self.search.data.atoms[cause.pick.atom]
             if candidate.unsaid is not None:
-                found, spread = self.set.exact[cause.where], self.set.found.spread[cause.where]
+                found, spread = self.chosen.set.exact[cause.where], self.chosen.set.found.spread[cause.where]
                 words = candidate.unsaid(found, spread, atom.shape, unit)
                 notes += [f"{candidate.name}: machine.toml cannot say {words}"] if words else []
         return notes
@@ -445,13 +330,3 @@ def _wider(one: Parameter, other: Parameter | None) -> Parameter:
         return one
     half = (other.high - other.low) / 2
     return Parameter(one.value, one.value - half, one.value + half)
-
-
-def _residual(curve: Drawn) -> dict[str, Any]:
-    """A curve as the file's `residual`."""
-    columns = (
-        [curve.x, curve.forward_nm]
-        if curve.over in UNDIRECTED
-        else [curve.x, curve.forward_nm, curve.backward_nm]
-    )
-    return {"coordinate": curve.over, "table": table(*columns)}
