@@ -3,7 +3,7 @@
 import io
 import sys
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import count
 from pathlib import Path
 
@@ -122,8 +122,6 @@ def test_an_exception_within_the_block_switches_off_what_we_have_switched_on() -
 
 
 def test_an_unusable_table_does_not_go_into_a_drive(room: Room, tmp_path: Path) -> None:
-    from dataclasses import replace  # noqa: PLC0415
-
     done = schwung.commission(room.connection, room.plan(), tmp_path, confirm=lambda _question: True)
     trust = replace(done.estimate.trust, verdict="unusable")
     spoilt = replace(done, estimate=replace(done.estimate, trust=trust))

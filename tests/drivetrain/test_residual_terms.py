@@ -29,8 +29,16 @@ TIMES = np.linspace(0.0, 0.4, 81)
 EVENTS = np.stack([TIMES, 4 * np.sin(9 * TIMES)], 1).tolist()
 
 Acts = Callable[[Simulated, Array], Array]
-ahead: Acts = lambda s, _: np.tanh(s.speed_rad_s / 0.02)  # noqa: E731
-load_ahead: Acts = lambda s, _: np.tanh(s.load_speed_rad_s / 0.02)  # noqa: E731
+
+
+def ahead(moved: Simulated, _time: Array) -> Array:
+    """Which way the motor goes, −1…1."""
+    return np.asarray(np.tanh(moved.speed_rad_s / 0.02))
+
+
+def load_ahead(moved: Simulated, _time: Array) -> Array:
+    """Which way the load goes, −1…1."""
+    return np.asarray(np.tanh(moved.load_speed_rad_s / 0.02))
 
 
 def either(forward: Array, backward: Array, way: Array) -> Array:

@@ -33,7 +33,7 @@ from schwung.simulators.needed import MotorMotion, needed, two_masses
 from schwung.simulators.spectrum import Spectrum
 from schwung_sim.sealed import CaseWishes, draw_case, read_labels, write_case
 
-pytest.importorskip("fmpy")
+fmpy = pytest.importorskip("fmpy")
 foreign = pytest.importorskip("foreign_fmus")
 pytestmark = pytest.mark.skipif(
     not any(shutil.which(name) for name in ("cc", "gcc", "clang")), reason="no C compiler"
@@ -314,8 +314,6 @@ def test_an_fmu_that_crashes_or_gives_no_numbers_is_one_sentence(short: Session,
 def test_what_is_no_fmu_or_none_for_this_computer_is_told(
     short: Session, ours: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    import fmpy  # noqa: PLC0415
-
     (tmp_path / "text.fmu").write_text("no zip", encoding="utf-8")
     with zipfile.ZipFile(tmp_path / "photos.fmu", "w") as archive:
         archive.writestr("holiday.txt", "no model")

@@ -46,8 +46,8 @@ class ToppraStroke:
 def toppra_stroke(model: Model, task: Task) -> ToppraStroke:
     """The fastest stroke by TOPP-RA. Raises InputError where it finds none."""
     import toppra  # noqa: PLC0415  # late: only --fastest asks for it
-    from toppra.algorithm import TOPPRA  # noqa: PLC0415
-    from toppra.constraint import (  # noqa: PLC0415
+    from toppra.algorithm import TOPPRA  # noqa: PLC0415  # likewise
+    from toppra.constraint import (  # noqa: PLC0415  # likewise
         JointTorqueConstraint,
         JointVelocityConstraint,
     )
