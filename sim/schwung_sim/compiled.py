@@ -56,3 +56,14 @@ def compiled(function: F) -> F:
     if hasattr(cache_file, "_source_stamp"):
         cache_file._source_stamp = (cache_file._source_stamp, _STAMP)
     return dispatcher
+
+
+def compiled_for(function: F, *arguments: Any) -> F:
+    """A compiled function for arguments of these types alone.
+
+    numba asks at every call of which types its arguments are, each array of each of them: as long as a short one takes.
+    """
+    if numba is None:
+        return function
+    dispatcher: Any = function
+    return cast(F, dispatcher.compile(tuple(numba.typeof(one) for one in arguments)))

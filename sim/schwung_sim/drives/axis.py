@@ -10,6 +10,7 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from schwung_sim.compiled import compiled_for
 from schwung_sim.drives import controller as ctl
 from schwung_sim.errors import BenchError
 from schwung_sim.plants import Plant
@@ -88,7 +89,7 @@ class ServoAxis:
 
     def __init__(self, plant: Plant, settings: AxisSettings | None = None, seed: int = 0) -> None:
         self.plant = plant
-        self._loop, self._machine = _compiled(plant)
+        loop, self._machine = _compiled(plant)
         self._control = np.zeros(1, ctl.CONTROL)
         self._c: Any = self._control[0]  # a view: writes go to the array
         self._segments = np.zeros(ctl.SEGMENTS_SHAPE)
@@ -103,6 +104,9 @@ class ServoAxis:
         self._c["trace_divider"] = 1
         self.settings = settings or AxisSettings()
         self._apply(set(_SETTINGS))
+        self._loop = compiled_for(loop, 1, self._control, self._memory, self._machine)
+        self._follow = compiled_for(ctl.follow_setpoint, self._control, self._segments, 0.0, TICK_S)
+        self._add = compiled_for(ctl.add_torque, self._control, 0.0, False)
 
     # Settings --------------------------------------------------------------------------------------------
 
@@ -157,7 +161,7 @@ class ServoAxis:
         straight line. A setpoint that comes early or late changes nothing but a blend back onto this path.
         One that does not come is bridged for one cycle at constant speed; then the axis holds the last.
         """
-        ctl.follow_setpoint(self._control, self._segments, position_rad, max(over_s, TICK_S))
+        self._follow(self._control, self._segments, position_rad, max(over_s, TICK_S))
 
     def start_move(self, target_rad: float, speed: float, acceleration: float, deceleration: float) -> None:
         """Go there on a trapezoid of the drive's own (rad/s, rad/s²), from whatever the demand does now."""
@@ -201,7 +205,7 @@ class ServoAxis:
         `interpolate_torque`). Held steps fold their images into samples of the same rate and look half a cycle late:
         whoever estimates from such samples has to know.
         """
-        ctl.add_torque(self._control, torque_nm, self.settings.interpolate_torque)
+        self._add(self._control, torque_nm, self.settings.interpolate_torque)
 
     def arm_trace(self, divider: int, length: int, at_once: bool = False) -> None:
         """Record every divider-th 8 kHz sample, `length` of them, from the next start of a motion on, or from now."""
@@ -234,9 +238,13 @@ class ServoAxis:
         """Let time pass: whole control ticks of 125 µs."""
         ticks = round(duration_s / TICK_S)
         self._ticks += ticks
-        memory = (self._segments, self._table, self._history, self._trace)
-        self._loop(ticks, self._control, memory, self._machine)
+        self._loop(ticks, self._control, self._memory, self._machine)
         self.plant.check()
+
+    @property
+    def _memory(self) -> Any:
+        """What the loop keeps in arrays."""
+        return self._segments, self._table, self._history, self._trace
 
     def _read_encoder(self) -> None:
         c = self._c

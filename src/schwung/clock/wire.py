@@ -51,6 +51,16 @@ class _Reader:
         finally:
             self.busy = False
 
+    def take(self, message: can.Message) -> None:
+        """Receive a frame for which nobody waits in line, and what comes meanwhile."""
+        self.busy = True
+        try:
+            self.receive(message)
+        finally:
+            self.busy = False
+        if self.inner.waiting:
+            self.catch_up()
+
     def close(self) -> None:
         if self.inner.reader is self:
             self.inner.reader = None
@@ -121,6 +131,7 @@ class SteppedBus(can.BusABC):
         self.channel_info, self.channel = f"stepped {channel}", channel
         self.waiting: deque[can.Message] = deque()
         self.reader: _Reader | None = None
+        self.left = False  # the wire
         wire.ends.append(self)
         super().__init__(channel=channel)
 
@@ -140,17 +151,21 @@ class SteppedBus(can.BusABC):
 
     def send(self, msg: can.Message, timeout: float | None = None) -> None:
         """See can.BusABC; never fails, and the frame may be changed afterwards."""
-        if self in self.wire.ends:
+        if not self.left:
             self.wire.carry(self, msg)
 
     def arrived(self, message: can.Message, stamp_s: float) -> None:
         """A frame has come; given to the reader where there is one, else kept for `recv`."""
-        if self not in self.wire.ends:
+        if self.left:
             return
         message.timestamp, message.channel = stamp_s, self.channel
+        reader = self.reader
+        if reader is not None and reader.bus is self and not reader.busy and not self.waiting:
+            reader.take(message)  # as `catch_up` would, without putting it down first
+            return
         self.waiting.append(message)
-        if self.reader is not None:
-            self.reader.catch_up()
+        if reader is not None:
+            reader.catch_up()
 
     def recv(self, timeout: float | None = None) -> can.Message | None:
         """See can.BusABC, whose own would look at the wall's clock; filters are not modelled."""
@@ -165,7 +180,8 @@ class SteppedBus(can.BusABC):
     def shutdown(self) -> None:
         """Leave the wire."""
         super().shutdown()
-        if self in self.wire.ends:
+        if not self.left:
+            self.left = True
             self.wire.ends.remove(self)
         if not self.wire.ends and _named.get(self.channel) is self.wire:
             del _named[self.channel]

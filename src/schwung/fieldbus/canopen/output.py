@@ -67,6 +67,10 @@ class Output:
         """A playback is under way."""
         return bool(self._frames)
 
+    def over(self) -> bool:
+        """No playback is under way."""
+        return not self._frames
+
     @property
     def coming(self) -> int | None:
         """The setpoint whose turn is next; None: none is."""

@@ -188,7 +188,7 @@ class PeriodicProducer(_PythonProducer):
 
     def play(self, frames: list[bytes], after: bytes, recorder: Recorder, progress: Progress | None) -> None:
         self._output.play(frames, after)
-        wait_while_playing(lambda: not self._output.playing, self._exchange, recorder, len(frames), progress)
+        wait_while_playing(self._output.over, self._exchange, recorder, len(frames), progress)
         self._clock.sleep(4 * self.period_s)  # answers that come late
 
     def stop(self) -> None:
