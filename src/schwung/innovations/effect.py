@@ -35,15 +35,21 @@ class Effect:
         """The four, in their order."""
         return self.on_motor, self.on_load, self.position, self.speed
 
-    @cached_property
+    @property
     def count(self) -> int:
         """p."""
-        return next(int(part.shape[1]) for part in self.parts if part is not None)
+        for part in self.parts:
+            if part is not None:
+                return int(part.shape[1])
+        raise ValueError("an effect does something")
 
-    @cached_property
-    def kind(self) -> tuple[bool, ...]:
+    @property
+    def kind(self) -> tuple[bool, bool, bool, bool]:
         """Which of the four there are."""
-        return tuple(part is not None for part in self.parts)
+        return (
+            self.on_motor is not None, self.on_load is not None,
+            self.position is not None, self.speed is not None,
+        )  # fmt: skip
 
     def of(self, coefficients: Array) -> tuple[Array | float, Array | float, Array | float, Array | float]:
         """The four with these coefficients (p,), summed, (n,) each; 0.0: nothing."""
@@ -117,14 +123,15 @@ class Passed:
 
     def whiten(self, effects: Iterable[Effect], rows: Array, across: int = 0) -> None:
         """The same written to `rows` (≥ Σp, ≥ across + 2n, in C's order) from [0, across] on."""
-        at, waiting = 0, 0
+        at, waiting, alike = 0, 0, None
         group: list[Effect] = []
         for effect in effects:
-            if group and (waiting + effect.count > _TOGETHER or effect.kind != group[0].kind):
+            kind, count = effect.kind, effect.count
+            if group and (waiting + count > _TOGETHER or kind != alike):
                 self._respond(group, rows, at, across)
                 at, waiting, group = at + waiting, 0, []
             group.append(effect)
-            waiting += effect.count
+            waiting, alike = waiting + count, kind
         if group:
             self._respond(group, rows, at, across)
 

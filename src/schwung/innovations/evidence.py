@@ -12,6 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from scipy.linalg import cho_factor, cho_solve, solve_triangular
+from scipy.linalg.lapack import dtrtri
 
 from schwung.innovations.statistics import Numbers, Statistics
 from schwung.motion import Array
@@ -32,14 +33,19 @@ class Weighed:
     @property
     def covariance(self) -> Array:
         """(P, P)."""
-        root = solve_triangular(self.factor, np.diag(self.deviations), lower=True)
+        root = self._root
         return np.asarray(root.T @ root)
 
     @property
     def spread(self) -> Array:
         """Standard deviations (P,)."""
-        root = solve_triangular(self.factor, np.diag(self.deviations), lower=True)
-        return np.asarray(np.sqrt(np.sum(root**2, axis=0)))
+        return np.asarray(np.sqrt(np.sum(self._root**2, axis=0)))
+
+    @property
+    def _root(self) -> Array:
+        """Of the covariance, lower."""
+        inverse, _ = dtrtri(self.factor, lower=1)
+        return np.asarray(inverse * self.deviations)
 
 
 def weigh(data: Statistics, deviations: Array) -> Weighed:

@@ -130,7 +130,7 @@ class Data:
             lone = which[missing.any(axis=1)]
             columns = np.flatnonzero(missing.any(axis=0))
             span = slice(int(columns[0]), int(columns[-1]) + 1)
-            self._note(lone, np.arange(span.start, span.stop), self._products(self.rows[lone], span))
+            self._note(lone, span, self._products(self.rows[lone], span))
         known = self.statistics
         everything = Statistics(known.gram[:width, :width], known.slope[:width], known.square, known.count)
         self.work.add(SCORED + CUBED * which.size**2 * (which.size + width))
@@ -212,7 +212,7 @@ class Data:
         self.statistics.slope[first : self.width] = new @ self.target / self.excess
         for where in wheres:
             mine = self.rows[where]
-            self._note(np.arange(where.start, where.stop), np.arange(where.start, where.stop), mine @ mine.T)
+            self._note(where, where, mine @ mine.T)
         return wheres
 
     def _make_room(self, width: int) -> None:
@@ -235,21 +235,18 @@ class Data:
             numbers = np.arange(mine.start, mine.stop)
             lone = which[~self.met[np.ix_(numbers, which)].all(axis=0)]
             for other in _segments(np.sort(lone)) if lone.size else ():
-                columns = np.arange(other.start, other.stop)
-                self._note(numbers, columns, self._products(self.rows[mine], other))
+                self._note(mine, other, self._products(self.rows[mine], other))
 
     def _products(self, rows: Array, where: slice) -> Array:
         """Of some rows with those of columns."""
         self.work.add(PRODUCT * rows.size * (where.stop - where.start))
         return rows @ self.rows[where].T
 
-    def _note(self, one: Numbers, other: Numbers, products: Array) -> None:
+    def _note(self, one: Numbers | slice, other: slice, products: Array) -> None:
         """Keep products of columns (one, other)."""
-        gram = self.statistics.gram
-        gram[np.ix_(one, other)] = products / self.excess
-        gram[np.ix_(other, one)] = products.T / self.excess
-        self.met[np.ix_(one, other)] = True
-        self.met[np.ix_(other, one)] = True
+        gram, met, tempered = self.statistics.gram, self.met, products / self.excess
+        gram[one, other], gram[other, one] = tempered, tempered.T
+        met[one, other] = met[other, one] = True
 
 
 def _segments(which: Numbers) -> list[slice]:

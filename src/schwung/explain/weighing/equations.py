@@ -34,14 +34,21 @@ class Acting:
 
     def __add__(self, other: Acting) -> Acting:
         return Acting(
-            self.on_motor + other.on_motor,
-            self.on_load + other.on_load,
-            self.position + other.position,
-            self.speed + other.speed,
+            together(self.on_motor, other.on_motor),
+            together(self.on_load, other.on_load),
+            together(self.position, other.position),
+            together(self.speed, other.speed),
             max(self.dry_nm, other.dry_nm),
-            self.coupling + other.coupling,
-            self.inertia + other.inertia,
+            together(self.coupling, other.coupling),
+            together(self.inertia, other.inertia),
         )
+
+
+def together(one: Array | float, other: Array | float) -> Array | float:
+    """Their sum; most of what acts does so in one way of many, so that most are nothing."""
+    if isinstance(other, float) and other == 0.0:
+        return one
+    return other if isinstance(one, float) and one == 0.0 else one + other
 
 
 def shaft_of(machine: Machine) -> Shaft:

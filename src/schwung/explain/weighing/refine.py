@@ -13,6 +13,7 @@ from functools import partial
 from itertools import product
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.linalg import solve_triangular
 
 from schwung.explain.weighing.candidate import Candidate, Shape
@@ -46,7 +47,7 @@ class _Box:
     gram: Array  # (nodes, p, nodes, p)
     slope: Array  # (nodes, p)
     deviations: Array  # (p,)
-    allowed: Callable[[Array], bool]
+    allowed: Callable[[Array], NDArray[np.bool_]]  # which of several shapes (m, d) are within their bounds
 
     def gain(self, moved: Array) -> float:
         """Log evidence that the columns of a shape (d,) add; −∞ where it is none."""
@@ -64,9 +65,7 @@ class _Box:
         gram = np.einsum("mn,mpnq->mpq", weights, once)
         found = block_gains(gram, weights @ self.slope, self.deviations, (1.0,))[:, 0]
         near = np.max(np.abs(away), axis=1) <= _TRUSTED
-        return np.where(
-            [ok and self.allowed(one) for ok, one in zip(near, moved, strict=True)], found, -np.inf
-        )
+        return np.where(near & self.allowed(moved), found, -np.inf)
 
     def top(self) -> Array:
         """The best shape in the box: the best of evenly spread places, then of others about that."""
@@ -107,7 +106,7 @@ def refined(data: Data, atom: Atom, members: Numbers, deviations: Array, scale: 
             break
     if height <= first + (_SETTLED if atom.refined is not None else 0.0):
         return None
-    shape = _decoded(candidate, start + centre * np.array(candidate.spacing))
+    shape = tuple(_decoded(candidate, start + centre * np.array(candidate.spacing)).tolist())
     share, widths = candidate.shape_log, np.zeros(start.size)
     for axis in range(start.size):
         width = _width(partial(_on_line, box.gain, centre, np.eye(start.size)[axis]), height)
@@ -122,16 +121,17 @@ def _laid(
     """Nodes about a shape that is `centre` spacings from the atom's."""
     candidate = data.candidates[atom.candidate]
     start, spacing = _coded(candidate, atom.shape), np.array(candidate.spacing)
+    low, high = np.array(candidate.bounds).T
 
-    def shape_at(moved: Array) -> Shape:
-        return _decoded(candidate, start + moved * spacing)
+    def shapes_at(moved: Array) -> Array:
+        return np.asarray(_decoded(candidate, start + moved * spacing))
 
-    def allowed(moved: Array) -> bool:
-        ends = zip(shape_at(moved), candidate.bounds, strict=True)
-        return all(low <= value <= high for value, (low, high) in ends)
+    def allowed(moved: Array) -> NDArray[np.bool_]:
+        shapes = shapes_at(moved)
+        return np.asarray(np.all((low <= shapes) & (shapes <= high), axis=-1))
 
-    places = product(_points(start.size), repeat=start.size)
-    causes = [(candidate, shape_at(centre + reach * np.array(place))) for place in places]
+    nodes_at = centre + reach * np.array(list(product(_points(start.size), repeat=start.size)))
+    causes = [(candidate, tuple(shape)) for shape in shapes_at(nodes_at).tolist()]
     cross, gram, slope = data.beside(members, causes)
     known = weigh(data.at(members), deviations)
     across = solve_triangular(known.factor, (cross * deviations).T, lower=True, check_finite=False)
@@ -194,7 +194,7 @@ def _coded(candidate: Candidate, shape: Shape) -> Array:
     return np.array(values, dtype=float)
 
 
-def _decoded(candidate: Candidate, code: Array) -> Shape:
-    return tuple(
-        float(np.exp(v)) if log else float(v) for v, log in zip(code, candidate.logarithmic, strict=True)
-    )
+def _decoded(candidate: Candidate, code: Array) -> Array:
+    """Shapes (…, d)."""
+    logarithmic = np.array(candidate.logarithmic)
+    return np.where(logarithmic, np.exp(np.where(logarithmic, code, 0.0)), code)

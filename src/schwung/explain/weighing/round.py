@@ -11,7 +11,7 @@ import numpy as np
 
 from schwung.explain.weighing.along import Along, Ranges, TrueTorque, along
 from schwung.explain.weighing.candidate import Candidate, Missed, Shape
-from schwung.explain.weighing.equations import Acting, equations_of
+from schwung.explain.weighing.equations import Acting, equations_of, together
 from schwung.explain.weighing.known import Known
 from schwung.explain.weighing.present import Member, gap_of, with_members
 from schwung.explain.weighing.work import LINEARISED, NOISE, Work
@@ -95,31 +95,28 @@ def acting(view: View, along: Along, members: Sequence[Member]) -> Acting:
         needless = member.candidate.of_machine and view.dry_nm is not None
         if needless or not np.any(member.coefficients):
             continue
-        parts = member.candidate.done(along, member.shape, member.coefficients).of(np.ones(1))
-        opposed = opposed - parts[0] - parts[1]
-        if member.candidate.of_machine:
-            continue
-        total += Acting(*parts) + _coupled(along, member) + _heavier(along, member)
+        done = Acting(*member.candidate.done(along, member.shape, member.coefficients).of(np.ones(1)))
+        opposed = opposed - together(done.on_motor, done.on_load)
+        if not member.candidate.of_machine:
+            total += _further(along, member, done)
     return replace(total, dry_nm=_dry(along, opposed) if view.dry_nm is None else view.dry_nm)
 
 
-def _coupled(along: Along, member: Member) -> Acting:
-    """What bends the coupling: the filter then knows how much more it winds up for more torque."""
-    if member.candidate.tangent is None:
-        return Acting()
-    bent = member.candidate.tangent(along, member.shape, member.coefficients)
-    wound = bent[:, 0] * along.wound + bent[:, 1] * along.winding
-    return Acting(on_motor=wound, on_load=-wound, coupling=bent)
+def _further(along: Along, member: Member, done: Acting) -> Acting:
+    """What it does, and what the filter has to know beside it.
 
-
-def _heavier(along: Along, member: Member) -> Acting:
-    """What follows the acceleration: the filter then knows how much less the load accelerates for more torque. Given as
-    a torque alone, along an acceleration that is told by the samples that it shall foresee, it would foresee anything.
+    Of what bends the coupling: how much more that winds up for more torque. Of what follows the acceleration: how much
+    less the load accelerates for more torque. Given as a torque alone, along an acceleration that is told by the
+    samples that it shall foresee, it would foresee anything.
     """
-    heavier = member.candidate.heavier
-    if heavier is None:
-        return Acting()
-    return Acting(inertia=heavier(along, member.shape, member.coefficients))
+    tangent, heavier = member.candidate.tangent, member.candidate.heavier
+    if tangent is not None:
+        bent = tangent(along, member.shape, member.coefficients)
+        wound = bent[:, 0] * along.wound + bent[:, 1] * along.winding
+        done += Acting(on_motor=wound, on_load=-wound, coupling=bent)
+    if heavier is not None:
+        done += Acting(inertia=heavier(along, member.shape, member.coefficients))
+    return done
 
 
 def _dry(along: Along, opposed: Array) -> float:
