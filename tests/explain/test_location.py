@@ -165,6 +165,7 @@ def session(seed, *effects, ratio=10.0, rho=0.6, runs=16, distance=None, measure
                 noise,
                 considered,
                 1.0,
+                injected=run % 2 == 1,
             )
         )
         for effect in effects:
@@ -242,6 +243,21 @@ def test_two_effects_are_both_located(effects):
         [EFFECTS[one] for one in reversed(effects)],
     )
     assert sum(one.share_of_energy for one in found) < 1.05
+
+
+def test_what_only_answers_an_injection_goes_with_no_frequency_of_the_machine():
+    """It goes with whatever the injection moves; a hum is there without one."""
+    residuals, machine = session(12, ratio=1.0)
+    shaken = [
+        replace(one, residual_nm=one.residual_nm + 3 * one.injected * np.sin(2 * np.pi * machine.excited_hz
+                * np.arange(one.residual_nm.size) / RATE_HZ + run))
+        for run, one in enumerate(residuals)
+    ]  # fmt: skip
+    assert "frequency" not in named(shaken)
+    assert named([replace(one, injected=True) for one in shaken])[0] == "frequency"
+    humming, _ = session(12, "periodic", ratio=3.0)
+    few = [one for one in humming if one.injected or one.run == 0]
+    assert named(few)[0] == "frequency"
 
 
 def test_a_tight_spot_that_comes_back_every_turn_is_one_place():

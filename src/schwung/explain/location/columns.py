@@ -42,6 +42,7 @@ class Residual:
     residual_nm: Array
     considered: NDArray[np.bool_]
     noise_nm: float
+    injected: bool = False  # a torque was
 
 
 @dataclass(frozen=True, eq=False)
@@ -63,6 +64,7 @@ class Samples:
     torque_rate: Array
     residual: Array
     noise_nm: float
+    injected: NDArray[np.bool_]  # (runs,) those with an injection
 
     def values(self, coordinate: Coordinate) -> Array:
         """The coordinate's value at each sample (n,); frequency has none and gives time on the run's grid."""
@@ -106,6 +108,7 @@ def gather(residuals: Sequence[Residual]) -> Samples | None:
         torque_rate=joined([np.gradient(one.torque_nm) * one.rate_hz for one in used]),
         residual=joined([one.residual_nm for one in used]),
         noise_nm=float(np.sqrt(np.mean([one.noise_nm**2 for one in used]))),
+        injected=np.array([one.injected for one in used]),
     )
 
 

@@ -85,7 +85,7 @@ class Comb:
 def frequency_line(samples: Samples, remainder: Array) -> tuple[Line, float] | None:
     """The strongest line in time, its phase free in every run, and its p-value against the spectrum around it.
 
-    The sum over the runs of their periodograms follows χ² with two degrees of freedom per run, times the noise's
+    Sought in runs without injection, where there are any. The sum over the runs of their periodograms follows χ² with two degrees of freedom per run, times the noise's
     spectrum, for which the median beside the peak stands.
     """
     spans = [samples.grid_s[end - 1] - samples.grid_s[start] for start, end in samples.bounds]
@@ -93,17 +93,19 @@ def frequency_line(samples: Samples, remainder: Array) -> tuple[Line, float] | N
     longest = max(int(samples.grid_s[end - 1] * samples.rate_hz) + 2 for _, end in samples.bounds)
     size = 1 << int(np.ceil(np.log2(2 * longest)))
     frequency = np.fft.rfftfreq(size, 1 / samples.rate_hz)
-    power = np.zeros(frequency.size)
-    for start, end in samples.bounds:
+    powers = np.zeros((len(samples.bounds), frequency.size))
+    for held, (start, end) in zip(powers, samples.bounds, strict=True):
         row = np.zeros(longest)
         row[np.round(samples.grid_s[start:end] * samples.rate_hz).astype(np.int64)] = remainder[start:end]
-        power += np.abs(np.fft.rfft(row, size)) ** 2 * 2 / (end - start)
+        held[:] = np.abs(np.fft.rfft(row, size)) ** 2 * 2 / (end - start)
+    # what only runs with an injection have is their answer to that, and no frequency of the machine's
+    alone = powers[~samples.injected] if not np.all(samples.injected) else powers
+    power, degrees = alone.sum(axis=0), 2 * alone.shape[0]
     allowed = np.flatnonzero((frequency >= lowest) & (frequency <= 0.45 * samples.rate_hz))
     if allowed.size < 20:
         return None
     peak = int(allowed[np.argmax(power[allowed])])
     width = max(round(size / longest), 1)  # bins of one independent frequency
-    degrees = 2 * len(samples.bounds)
     height, others = _level(power, peak, width)
     level = height / float(chi2.median(degrees))
     tries = 2 * allowed.size / width
@@ -111,12 +113,12 @@ def frequency_line(samples: Samples, remainder: Array) -> tuple[Line, float] | N
     p_value = min(1.0, tries * float(f_law.sf(ratio, degrees, MEDIAN_WORTH * others * degrees)))
     place = _top(frequency, power, peak)
     angle = TURN * place * samples.grid_s
-    columns = np.zeros((remainder.size, degrees))
+    columns = np.zeros((remainder.size, 2 * len(samples.bounds)))
     for i, (start, end) in enumerate(samples.bounds):
         columns[start:end, 2 * i] = np.cos(angle[start:end])
         columns[start:end, 2 * i + 1] = np.sin(angle[start:end])
-    gain = float(power[peak]) - degrees * level
-    return Line(place, gain, columns, Shape("frequency", "line", np.eye(degrees), 6.0)), p_value
+    gain = float(np.sum(powers[:, peak])) - columns.shape[1] * level
+    return Line(place, gain, columns, Shape("frequency", "line", np.eye(columns.shape[1]), 6.0)), p_value
 
 
 def _level(power: Array, peak: int, width: int) -> tuple[float, float]:

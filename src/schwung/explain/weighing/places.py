@@ -144,6 +144,7 @@ def _residual(run: Shown, noise_nm: float, band_hz: float) -> Residual:
         residual_nm=along.run.quiet(_asked(run))[at],
         considered=along.moves[at],
         noise_nm=noise_nm,
+        injected=bool(np.any(along.run.drive.injected_nm)),
     )
 
 
