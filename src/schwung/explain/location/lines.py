@@ -85,8 +85,8 @@ class Comb:
 def frequency_line(samples: Samples, remainder: Array) -> tuple[Line, float] | None:
     """The strongest line in time, its phase free in every run, and its p-value against the spectrum around it.
 
-    Sought in runs without injection, where there are any. The sum over the runs of their periodograms follows χ² with two degrees of freedom per run, times the noise's
-    spectrum, for which the median beside the peak stands.
+    Sought in runs without injection, where there are any. The sum over the runs of their periodograms follows χ² with
+    two degrees of freedom per run, times the noise's spectrum, for which the median beside the peak stands.
     """
     spans = [samples.grid_s[end - 1] - samples.grid_s[start] for start, end in samples.bounds]
     lowest = FEWEST_IN_TIME / float(np.median(spans))

@@ -5,8 +5,9 @@ before.py    what comes before the machine moves: connect, check, confirm
 planning.py  the wishes, and the plan with its prediction
 after.py     run, result
 exporting.py what is written into the drive: proposed, confirmed, read back
+page.py      the page: the steps put together
 """
 
-from schwung.service.pages.wizard.guide import commissioning
+from schwung.service.pages.wizard.page import commissioning
 
 __all__ = ["commissioning"]

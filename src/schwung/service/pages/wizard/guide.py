@@ -2,18 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from html import escape
 from typing import Any
 
-from fastapi import Request
 from nicegui import ui
 from nicegui.element import Element
 
-from schwung.errors import SchwungError
-from schwung.service.pages.desk import Desk, frame, html, set_address
-from schwung.service.pages.markup import problem
+from schwung.service.pages.desk import Desk, html, set_address
 from schwung.service.records import DriveRecord
 from schwung.service.values import RunView
 
@@ -49,8 +46,9 @@ class Step(Element, component="../static/step.js"):
 class Guide:
     """One commissioning at one page. It keeps nothing that the store lacks, but wishes that were not asked for yet."""
 
-    def __init__(self, desk: Desk, drive: DriveRecord) -> None:
-        self.desk, self.drive = desk, drive
+    def __init__(self, desk: Desk, drive: DriveRecord, builders: Sequence[Callable[[Guide], None]]) -> None:
+        """`builders`: what shows each of STEPS, in their order."""
+        self.desk, self.drive, self._builders = desk, drive, builders
         self.known = Known(machine_id=drive.machine_id)
         self.step = CONNECT
         self._failed = self._shown = False
@@ -65,7 +63,7 @@ class Guide:
         self._show_bar()
         self._place.clear()
         with self._place, Step(self._bar if came else None):  # what had the focus goes
-            _builders()[step](self)
+            self._builders[step](self)
         run = self.known.run
         keeps = step >= RUN and run is not None
         set_address(
@@ -100,20 +98,6 @@ class Guide:
         self._bar.set_content("".join(items))
 
 
-def _builders() -> tuple[Callable[[Guide], None], ...]:
-    from schwung.service.pages.wizard import after, before, exporting, planning  # noqa: PLC0415  # each knows the guide
-
-    return (
-        before.connect,
-        before.check,
-        planning.plan,
-        before.confirm,
-        after.run,
-        after.result,
-        exporting.export,
-    )
-
-
 def wishes_of(plan: Mapping[str, Any]) -> dict[str, Any]:
     """What stands in the form of step 3 for the fields of a PlanRequest, in SI."""
     quantities = {"Stroke": "distance_rad", "Time of one stroke": "duration_s", "Frequency": "frequency_hz",
@@ -125,27 +109,3 @@ def wishes_of(plan: Mapping[str, Any]) -> dict[str, Any]:
         "phases": 4 if plan["phases"] > 1 else 1,  # as the form has them
         "returns": plan["returns"],
     }
-
-
-def commissioning(desk: Desk, request: Request) -> None:
-    """The page: a new commissioning, with ?run= the one that goes on or has ended, with ?next= one whose motion an
-    explanation has chosen."""
-    try:
-        drive = desk.service.store.drive(request.path_params["drive_id"])
-        run_id = request.query_params.get("run")
-        run = desk.service.run(run_id) if run_id else None
-        explained = request.query_params.get("next")
-        chosen = desk.service.store.explanation(explained).document.get("next") if explained else None
-    except SchwungError as error:
-        with frame(desk, "Commission", "/"):
-            html(problem(error))
-        return
-    with frame(desk, f"Commission {drive.name}", "/", f"{drive.bus}, node {drive.node_id}"):
-        guide = Guide(desk, drive)
-        if chosen is not None and chosen["plan"] is not None:
-            guide.known.wishes = wishes_of(chosen["plan"])
-        if run is not None and run.kind == "commission" and run.drive_id == drive.id:
-            guide.known.run = run
-            guide.go(RUN if run.state != "done" else RESULT)
-        else:
-            guide.go(CONNECT)
