@@ -56,6 +56,7 @@ class Stranger:
     gives: tuple[float, float] = (0.0, 1.0)  # compliance that waves along the way: its share, order
     hum: tuple[float, float] = (0.0, 1.0)  # a rectangular torque: amplitude, frequency (Hz); begins anywhere
     mesh: tuple[float, float] = (0.0, 1.0)  # a transmission that is off likewise
+    slots: tuple[float, float] = (0.0, 1.0)  # cogging that leans over: amplitude, order
     tracks: tuple[float, float] = (0.0, 1.0)  # error of an encoder whose tracks differ: amplitude, per radian
     loop_s: float = (
         0.0  # of each of two filters between the torque that is asked for, and reported, and the true one
@@ -74,6 +75,7 @@ class Stranger:
             self.power,
             *self.gives,
             *self.mesh,
+            *self.slots,
         )
         return np.array(each)
 
@@ -98,6 +100,7 @@ STRANGERS = (
     Stranger("an encoder whose tracks differ in size", ("encoder_harmonic",), tracks=(2e-4, 16.0)),
     Stranger("a transmission that is off likewise", ("kinematic_error",), mesh=(1e-4, 12.0)),
     Stranger("torque through two filters of 0.4 ms", ("torque_lag",), loop_s=4e-4),
+    Stranger("cogging that leans over", ("cogging",), slots=(0.5, 11.0), curves=("position",)),
 )  # fmt: skip
 
 
@@ -135,6 +138,8 @@ def _slopes(state: Array, torque: float, friction: Array, last: float) -> tuple[
     level += friction[4] * max(1 - (2 * (state[0] - friction[5]) / friction[6]) ** 2, 0.0) ** 2
     level += friction[10] / (1 + (state[1] / friction[11]) ** 2) + friction[15] * abs(state[1]) ** 1.2
     cogs = friction[12] * np.sin(friction[13] * state[0] + friction[14] * np.sin(0.6 * state[0]))
+    slot = friction[21] * state[0]
+    cogs += friction[20] * np.sin(slot) / (1 + 0.3 * np.cos(slot))
     rates = np.empty(5)
     rates[0], rates[2] = state[1], state[3]
     # R. Bouc 1967, Y. K. Wen 1976: the share of the friction that is there, with the exponent 1.4

@@ -1,16 +1,20 @@
 """A periodic disturbance: the waveform that all runs share, wherever in it they begin."""
 
 import re
+from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
 from sealed_sessions import fewer
-from strangers import STRANGERS, belief_of, session_of
+from strangers import STRANGERS, Stranger, belief_of, session_of
 
 from schwung.explain.weighing.along import Ranges
+from schwung.explain.weighing.growth import Growth
 from schwung.explain.weighing.published import publish
+from schwung.explain.weighing.round import View
 from schwung.explain.weighing.vocabulary.periodic import periodic
+from schwung.explain.weighing.weigh import weigh
 
 RANGES = Ranges(0.0, 4.0, 50.0, 2000.0, 40.0, 1.0, 0.1, 3, 160.0)
 HERTZ, STEP_S = 71.3, 1e-3
@@ -56,3 +60,27 @@ def test_harmonics_of_a_rectangular_hum_are_its_own() -> None:
     told = {float(at): float(size) for size, at in re.findall(r"([\d.]+) N·m at ([\d.]+) Hz", note)}
     assert {round(at / hertz) for at in told} <= {3, 5, 7}
     assert told[213.9] == pytest.approx(4 / np.pi * amplitude / 3, rel=0.1)
+
+
+class _LookedAtError(Exception):
+    """Ends a search whose set is known."""
+
+
+def test_a_hum_found_in_few_runs_is_in_the_set_at_rest_and_in_what_is_scored(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """They were two sets: the states had the hum, the probabilities were those without one."""
+    stranger = Stranger("hum, dry friction", (), (0.8, 0.0, 0.0, 0.0), hum=(0.3, HERTZ))
+
+    def grown(growth: Growth, view: View) -> None:
+        climbed = replace(growth, coarse=True)._climbed(growth._nothing(view), ())
+        scored = [climbed.search.candidate(pick).name for pick in climbed.best.picks]
+        assert sorted(scored) == ["coulomb_friction", "periodic_disturbance"]
+        assert [member.candidate.name for member in climbed.at.members[-2:]] == scored
+        raise _LookedAtError
+
+    monkeypatch.setattr(Growth, "grown", grown)
+    for exchange in ("_instead", "_fewer"):  # which may mend it
+        monkeypatch.setattr(Growth, exchange, lambda *_: None)
+    with pytest.raises(_LookedAtError):
+        weigh(fewer(session_of(stranger, 5, every=8, times=(0.25, 0.4)), 1), belief_of(stranger))

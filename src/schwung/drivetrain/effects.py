@@ -60,6 +60,8 @@ class Effects(NamedTuple):
     cogging_order: float = 1.0
     cogging_amplitude_nm: float = 0.0  # × sin(order·θ + phase)
     cogging_phase_rad: float = 0.0
+    cogging_second_nm: float = 0.0  # of twice the order
+    cogging_second_phase_rad: float = 0.0
     torque_gain: float = 1.0  # true over reported
     torque_drop: float = (
         0.0  # of the torque constant, as a share at `torque_drop_at_nm`, as the torque to the order's power
@@ -94,6 +96,15 @@ class Effects(NamedTuple):
     inertia_delta_kgm2: float = 0.0
     inertia_scale: float = 1.0
     inertia_shift_rad: float = 0.0  # true J_l(θ) = believed J_l(θ + shift)
+
+    @property
+    def cogging_waves(self) -> tuple[tuple[float, float, float], ...]:
+        """Amplitude (N·m, not 0), order and phase (rad) of each wave of the cogging."""
+        waves = (
+            (self.cogging_amplitude_nm, self.cogging_order, self.cogging_phase_rad),
+            (self.cogging_second_nm, 2 * self.cogging_order, self.cogging_second_phase_rad),
+        )
+        return tuple(wave for wave in waves if wave[0] != 0.0)
 
 
 _NOT_NEGATIVE = 0.0
@@ -182,6 +193,8 @@ PHYSICS: Mapping[str, Mapping[str, Key]] = {
         "order": Key("cogging_order", "1/rev", _POSITIVE),
         "amplitude_nm": Key("cogging_amplitude_nm", "N·m"),
         "phase_rad": Key("cogging_phase_rad", "rad"),
+        "second_amplitude_nm": Key("cogging_second_nm", "N·m", optional=0.0),
+        "second_phase_rad": Key("cogging_second_phase_rad", "rad", optional=0.0),
     },
     "torque_constant": {"gain": Key("torque_gain", "", _POSITIVE, highest=100.0)},
     "torque_constant_drop": {

@@ -62,6 +62,8 @@ def motor_torque(
     torque -= dry_friction(e, angle, speed, share) * float(np.tanh(speed / smoothing))
     if e.cogging_amplitude_nm != 0.0:
         torque += e.cogging_amplitude_nm * np.sin(e.cogging_order * angle + e.cogging_phase_rad)
+    if e.cogging_second_nm != 0.0:
+        torque += e.cogging_second_nm * np.sin(2.0 * e.cogging_order * angle + e.cogging_second_phase_rad)
     if e.periodic_amplitude_nm != 0.0:
         torque += e.periodic_amplitude_nm * np.sin(2.0 * np.pi * e.periodic_frequency_hz * time + phase)
     return torque

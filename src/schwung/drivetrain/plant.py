@@ -203,7 +203,8 @@ def learned_rest(machine: learned.Learned, read_angle: float) -> tuple[learned.M
                 )
         load_angle = brentq(pull, driven, driven + towards * wound, xtol=1e-15)
     held = -ratio * load_torque(load_angle) - e.offset_nm - machine.share * e.offset_drift_nm
-    held -= e.cogging_amplitude_nm * np.sin(e.cogging_order * motor_angle + e.cogging_phase_rad)
+    for amplitude, order, phase in e.cogging_waves:
+        held -= amplitude * np.sin(order * motor_angle + phase)
     state = learned.Masses(motor_angle, 0.0, load_angle, 0.0, load_angle, 0.0, 0.0)
     share = 1.0 + e.ripple_share * np.sin(e.ripple_order * motor_angle + e.ripple_phase_rad)
     on_shaft = held / share
@@ -236,9 +237,8 @@ def substeps(machine: Machine, plant: kernel.Plant, period: float, top_speed: fl
         third = max(np.sqrt(e.third_stiffness_nm_rad * mobility), e.third_damping_nms * mobility)
         fastest = np.hypot(fastest, third)
     fastest = _at_ends(e, fastest, moved if plant.rigid else lightest, step)
-    if e.cogging_amplitude_nm != 0:
-        ripple = np.sqrt(abs(e.cogging_amplitude_nm) * e.cogging_order**2 / moved)
-        fastest = max(fastest, ripple, e.cogging_order * top_speed)
+    for amount, order, _ in e.cogging_waves:
+        fastest = max(fastest, np.sqrt(abs(amount) * order**2 / moved), order * top_speed)
     for amount, order in (
         (e.ripple_share, e.ripple_order),
         (e.stiffness_share, e.stiffness_order),

@@ -41,8 +41,8 @@ SHOWN_BY, MOST_OF_ALL = 2.5, 800
 def nodes_for(models: Sequence[Model], duration_s: float, distance_rad: float) -> int:
     """Intervals of the grid: enough for what swings fastest, and for cogging."""
     periods = duration_s * max(map(swings_at_hz, models))
-    if models[0].effects.cogging_amplitude_nm:
-        periods = max(periods, models[0].effects.cogging_order * abs(distance_rad) / (2 * np.pi))
+    for _, order, _ in models[0].effects.cogging_waves:
+        periods = max(periods, order * abs(distance_rad) / (2 * np.pi))
     shown = min(SHOWN_BY * periods, MOST_OF_ALL)
     return int(max(np.clip(NODES_PER_PERIOD * periods, FEWEST, MOST), shown))
 

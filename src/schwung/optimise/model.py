@@ -109,8 +109,8 @@ class Model:
         for over in where.keys() & self.curves.keys():
             needed -= self.curves[over].at(where[over], sign)
         needed += e.viscous_difference_nms / 2 * size + level * sign
-        if e.cogging_amplitude_nm:
-            needed -= e.cogging_amplitude_nm * np.sin(e.cogging_order * angle + e.cogging_phase_rad)
+        for amplitude, order, phase in e.cogging_waves:
+            needed -= amplitude * np.sin(order * angle + phase)
         return needed
 
     def reported(self, torque: Any) -> Any:

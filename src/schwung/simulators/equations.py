@@ -33,6 +33,7 @@ _GROUPS = (
     ("event_peak_nm", "event_time_s", "event_duration_s", "event_sharpness", "motion_start_s"),
     ("periodic_amplitude_nm", "periodic_frequency_hz", "periodic_phase_rad"),
     ("cogging_amplitude_nm", "cogging_order", "cogging_phase_rad"),
+    ("cogging_second_nm", "cogging_order", "cogging_second_phase_rad"),
     ("eccentricity_rad", "eccentricity_phase_rad"),
     ("harmonic_rad", "harmonic_order", "harmonic_phase_rad"),
     ("presliding_nm", "presliding_stiffness_nm_rad"),
@@ -230,6 +231,8 @@ def _ripple(told: Exported, here: frozenset[str]) -> list[Equation]:
         parts.append("plane_value(residual_torque_time_in_motion_plane, acting, time - motion_start_s)")
     if "cogging_amplitude_nm" in here:
         parts.append("cogging_amplitude_nm*sin(cogging_order*motor_angle + cogging_phase_rad)")
+    if "cogging_second_nm" in here:
+        parts.append("cogging_second_nm*sin(2*cogging_order*motor_angle + cogging_second_phase_rad)")
     if "periodic_amplitude_nm" in here:
         turned = "6.283185307179586*periodic_frequency_hz*time"
         parts.append(f"periodic_amplitude_nm*sin({turned} + periodic_phase_rad)")

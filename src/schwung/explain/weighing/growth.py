@@ -133,9 +133,10 @@ class Growth:
             if growing:
                 taken = self._further(search, start, at)
                 if taken is not None:
-                    best, at = taken
-                    picks, fresh = _kept(search, best, at), False
-                    if not search.candidate(best.picks[-1]).each_run or at.about.view.ranges.one_motion:
+                    start, at = taken
+                    picks, fresh = _kept(search, start, at), False
+                    shared = not search.candidate(start.picks[-1]).each_run
+                    if shared or self.coarse or at.about.view.ranges.one_motion:
                         continue
                     # it was noise, for repeats do not share it; where all repeat one motion, nothing else tells noise
                 if self._is_hopeless(search, start, at):

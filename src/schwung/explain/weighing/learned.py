@@ -130,6 +130,9 @@ _SINES = {
     "stiffness_over_angle": ("share", ("order",)),
     "kinematic_error": ("amplitude_rad", ("order",)),
 }
+_PHASE = "phase_rad"
+#: Of a law that has a second sine, that one's.
+_SECOND = {"cogging": ("second_amplitude_nm", "second_phase_rad")}
 #: Laws that become one where these are alike, and what then adds up.
 _SHAPED = {
     "stribeck_friction": (
@@ -153,8 +156,11 @@ def _merged(law: str, had: Mapping[str, Any], new: Mapping[str, Any]) -> _Parame
         return {"table": _added_tables(had["table"], new["table"], TABLES[law])}
     if law in _SINES:
         amplitude, alike = _SINES[law]
-        both = sum(one[amplitude] * np.exp(1j * one.get("phase_rad", 0.0)) for one in (had, new))
-        merged = {amplitude: float(np.abs(both)), "phase_rad": float(np.angle(both))}
+        merged: _Parameters = {}
+        for size, phase in [(amplitude, _PHASE), *([_SECOND[law]] if law in _SECOND else [])]:
+            if size in had or size in new:
+                both = sum(one.get(size, 0.0) * np.exp(1j * one.get(phase, 0.0)) for one in (had, new))
+                merged |= {size: float(np.abs(both)), phase: float(np.angle(both))}
         return merged if _same(law, alike, had, new) else None
     alike, summed = _SHAPED.get(law, ((), _SUMS.get(law, ())))
     if not _same(law, alike, had, new) or (law == "friction_drift" and had.get("settling", 0.0) != 0.0):

@@ -143,14 +143,23 @@ static double dry_friction(const double *p, double angle, double speed) {
     return larger(level, 0.0);
 }
 
+/* What teeth and magnets do to the motor (N.m): a wave, and one of twice the order. */
+static double cogging(const double *p, double angle) {
+    double torque = 0.0;
+    if (p[COGGING_AMPLITUDE_NM] != 0.0)
+        torque += p[COGGING_AMPLITUDE_NM] * sin(p[COGGING_ORDER] * angle + p[COGGING_PHASE_RAD]);
+    if (p[COGGING_SECOND_NM] != 0.0)
+        torque += p[COGGING_SECOND_NM] * sin(2.0 * p[COGGING_ORDER] * angle + p[COGGING_SECOND_PHASE_RAD]);
+    return torque;
+}
+
 /* What friction and disturbances add to the motor's torque. */
 static double motor_torque(const double *p, double angle, double speed, double time) {
     double torque = p[OFFSET_NM] - (p[VISCOUS_NMS] + p[DRAG_NMS2] * fabs(speed)) * speed;
     torque += p[SESSION_SHARE] * (p[OFFSET_DRIFT_NM] - p[VISCOUS_DRIFT_NMS] * speed);
     torque -= 0.5 * p[VISCOUS_DIFFERENCE_NMS] * fabs(speed);
     torque -= dry_friction(p, angle, speed) * tanh(speed / p[SMOOTHING_RAD_S]);
-    if (p[COGGING_AMPLITUDE_NM] != 0.0)
-        torque += p[COGGING_AMPLITUDE_NM] * sin(p[COGGING_ORDER] * angle + p[COGGING_PHASE_RAD]);
+    torque += cogging(p, angle);
     if (p[PERIODIC_AMPLITUDE_NM] != 0.0)
         torque += p[PERIODIC_AMPLITUDE_NM]
                   * sin(TWO_PI * p[PERIODIC_FREQUENCY_HZ] * time + p[PERIODIC_PHASE_RAD]);
@@ -283,9 +292,11 @@ static double steps_needed(const Machine *m, double duration) {
         const double met = sqrt(end / (RIGID ? mass : lightest));
         fastest = larger(hypot(fastest, met), met * step / CONTACT_STEP);
     }
-    if (p[COGGING_AMPLITUDE_NM] != 0.0) {
-        const double order = p[COGGING_ORDER];
-        fastest = larger(fastest, larger(sqrt(fabs(p[COGGING_AMPLITUDE_NM]) * order * order / mass), order * speed));
+    for (int wave = 1; wave <= 2; wave++) {
+        const double amplitude = p[wave == 1 ? COGGING_AMPLITUDE_NM : COGGING_SECOND_NM];
+        const double order = wave * p[COGGING_ORDER];
+        if (amplitude != 0.0)
+            fastest = larger(fastest, larger(sqrt(fabs(amplitude) * order * order / mass), order * speed));
     }
     if (p[RIPPLE_SHARE] != 0.0) fastest = larger(fastest, p[RIPPLE_ORDER] * speed);
     if (p[STIFFNESS_SHARE] != 0.0) fastest = larger(fastest, p[STIFFNESS_ORDER] * speed);
@@ -426,7 +437,7 @@ const char *machine_rest(Machine *m, double time) {
     m->time = time;
     m->state = (Masses){angle, 0.0, load, 0.0, load, 0.0, 0.0};
     double held = -(RIGID ? 1.0 : driven(p, angle).slope) * resting_load(p, load) - p[OFFSET_NM] - p[SESSION_SHARE] * p[OFFSET_DRIFT_NM];
-    held -= p[COGGING_AMPLITUDE_NM] * sin(p[COGGING_ORDER] * angle + p[COGGING_PHASE_RAD]);
+    held -= cogging(p, angle);
     const double share = 1.0 + p[RIPPLE_SHARE] * sin(p[RIPPLE_ORDER] * angle + p[RIPPLE_PHASE_RAD]);
     double on_shaft = held / share;
     for (int i = 0; i < 200; i++) /* what depends on the torque does so by less than all of it */

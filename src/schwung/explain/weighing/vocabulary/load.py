@@ -2,7 +2,7 @@
 
 load torque a sin θ_l + b cos θ_l, or T(θ_l)        offset T        event T · bump(t)
 spring at an end −T max(θ_l − p, 0)/r, r from p to the last angle that was visited
-    cogging a sin nθ + b cos nθ
+    cogging a sin nθ + b cos nθ, or with a wave of 2n besides
 inertia −(δJ α + ½ δJ' ω²): δJ constant, ∝ J, J(θ_l + shift) − J(θ_l), or any curve; α, ω of the load
 direction-dependent load T(θ_l) where it moves forward, another backward
 """
@@ -98,6 +98,20 @@ def _during(along: Along, shape: Shape) -> Array:
 
 def _cogging(along: Along, shape: Shape) -> Effect:
     return Effect(np.stack([np.sin(shape[0] * along.angle), np.cos(shape[0] * along.angle)], 1))
+
+
+def _cogging_twice(along: Along, shape: Shape) -> Effect:
+    """Teeth are no sine: with a wave of twice the order."""
+    first, second = shape[0] * along.angle, 2 * shape[0] * along.angle
+    return Effect(np.stack([np.sin(first), np.cos(first), np.sin(second), np.cos(second)], 1))
+
+
+def _both_waves(coefficients: Array, shape: Shape) -> dict[str, float]:
+    first, second = polar(coefficients[:2]), polar(coefficients[2:])
+    return {
+        "order": shape[0], "amplitude_nm": first[0], "phase_rad": first[1],
+        "second_amplitude_nm": second[0], "second_phase_rad": second[1],
+    }  # fmt: skip
 
 
 def of_inertia(unit: Callable[[Array, Shape], Array], step_rad: float) -> Callable[[Along, Shape], Effect]:
@@ -272,6 +286,7 @@ def load(of: Ranges, torque_nm: float, machine: Machine) -> list[Candidate]:
             of, "cogging", _cogging, natural,
             lambda c, s: {"order": s[0], "amplitude_nm": polar(c)[0], "phase_rad": polar(c)[1]},
         ),
+        *of_any_order(of, "cogging", _cogging_twice, 2 * natural, _both_waves),
         Candidate("direction_dependent_load", directed, (torque_nm,) * (2 * angle.size), scales=LADDER,
                   coordinate="position", family="load", cases=frozenset({"end_spring"}), whole=directed_whole),
         Candidate("load_inertia", of_inertia(constant, step), (share * mass,),
