@@ -250,7 +250,7 @@ class Growth:
         for one in dict.fromkeys((*promising, *opening, *elsewhere, *named)):
             if best is not None and search.data.work.spent:
                 break
-            tried, gain = self._rested(search, one, start, at)
+            tried, gain = self._rested(search, one, start, at, top)
             if gain > top:
                 best, top = (one, tried), gain
         return best
@@ -289,14 +289,17 @@ class Growth:
             search.kept[search.kind(one.picks)] = start.log + gain - one.log
         return None
 
-    def _rested(self, search: Search, one: Scored, start: Scored, at: Settled) -> tuple[Settled, float]:
-        """A set at rest, and how much more probable it is there (log) than the one at hand."""
+    def _rested(
+        self, search: Search, one: Scored, start: Scored, at: Settled, least: float = 0.0
+    ) -> tuple[Settled, float]:
+        """A set at rest, and how much more probable it is there (log) than the one at hand; where that is not more than
+        `least`, perhaps not where it is most probable."""
         members = members_of(search, one, self.candidates)
         if {_key(m) for m in at.members} <= {_key(m) for m in members}:
             promised, begun = [m.coefficients for m in members], _from(at.members, members)
             tried = settled_beyond(at.about, begun, promised, self._weighing)
             if members[-1].candidate.elsewhere and _key(members[-1]) not in {_key(m) for m in at.members}:
-                other = settled_elsewhere(at, begun, self._weighing)
+                other = settled_elsewhere(at, begun, self._weighing, least)
                 tried = tried if other is None or other.log < tried.log else other
         else:
             tried = settled(at.about.view, members, self._weighing)

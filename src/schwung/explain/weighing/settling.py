@@ -125,9 +125,11 @@ def settled_beyond(
     return _at_rest(_Step(about, tuple(members), steps, still, np.inf, cost, -np.inf), weighing)
 
 
-def settled_elsewhere(at: Settled, members: Sequence[Member], weighing: Weighing) -> Settled | None:
-    """Members, the last of which is begun where no line leads, at rest; None where none of that is likelier than the
-    set at rest without it, in a few runs.
+def settled_elsewhere(
+    at: Settled, members: Sequence[Member], weighing: Weighing, least: float
+) -> Settled | None:
+    """Members, the last of which is begun where no line leads, at rest; None where by a few runs none of that is
+    likelier than the set at rest without it, by more than `least` (log) in all.
 
     A resonance that is far off has a maximum of the likelihood of its own.
     """
@@ -138,9 +140,10 @@ def settled_elsewhere(at: Settled, members: Sequence[Member], weighing: Weighing
         for start in members[-1].candidate.elsewhere
     ]
     best = max(begun, key=lambda one: one.log)
-    if best.log <= here.log:
+    in_all = at.about.samples(weighing.train) / at.about.samples(first.train)
+    if in_all * (best.log - here.log) <= least:
         return None
-    return best if len(first.train) == len(weighing.train) else settled(at.about.view, best.members, weighing)
+    return best if in_all == 1 else settled(at.about.view, best.members, weighing)
 
 
 def _shut(member: Member) -> bool:
