@@ -45,6 +45,8 @@ def test_work_apart_counts_to_nothing_else() -> None:
     assert not work.hurried
     now[0] = 14.0
     assert not work.spent
+    assert work.overdue(0.9)  # for what may take no more than that; the search goes on
+    assert not work.hurried
     now[0] = 15.0
     assert work.spent
     assert work.hurried

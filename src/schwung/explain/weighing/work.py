@@ -36,7 +36,7 @@ class Work:
     now: Callable[[], float] = computing_s
     done: float = 0.0
     scratch: Array = field(default_factory=lambda: np.empty(0))
-    hurried: bool = False  # whether it was the time that ended something
+    hurried: bool = False  # whether it was the time that ended the search
 
     def __post_init__(self) -> None:
         self.began = self.now()
@@ -72,9 +72,9 @@ class Work:
         return self.done > _LATE * self.most or self.overdue(_LATE_S)
 
     def overdue(self, share: float) -> bool:
-        """Whether this share of the time is over; what asks ends something where it is."""
+        """Whether this share of the time is over. Where all of it is, what asks ends the search."""
         overdue = self.now() - self.began > share * self.seconds
-        self.hurried = self.hurried or overdue
+        self.hurried = self.hurried or (overdue and share >= 1)
         return overdue
 
     def rows(self, count: int, samples: int) -> Array:
