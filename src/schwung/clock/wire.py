@@ -180,8 +180,8 @@ class SteppedBus(can.BusABC):
     def shutdown(self) -> None:
         """Leave the wire."""
         super().shutdown()
-        if not self.left:
-            self.left = True
+        self.left = True
+        if self in self.wire.ends:  # who only talks is not
             self.wire.ends.remove(self)
         if not self.wire.ends and _named.get(self.channel) is self.wire:
             del _named[self.channel]
