@@ -14,6 +14,7 @@ from __future__ import annotations
 
 import hashlib
 import sys
+import threading
 import time
 from collections.abc import Callable, Iterator
 from functools import cached_property, partial, update_wrapper
@@ -93,38 +94,40 @@ class Kernel:
 
 
 def computing_s() -> float:
-    """Time that this process has had of its processors (s), in all threads and since some instant, but for compiling.
+    """Time that this thread has had of a processor (s), since some instant, but for compiling.
 
-    While it waits, or others have the processors, this stands still.
+    While it waits, or others have the processors, other threads of this process among them, this stands still.
     """
-    return time.process_time() - _COMPILING.taken_s
+    return time.thread_time() - _COMPILING.taken_s
 
 
-class _Compiling:
-    """What numba's compiling has taken of the processors: kernels that others call are compiled within theirs."""
+class _Compiling(threading.local):
+    """What numba's compiling has taken of a thread's processor: kernels that others call are compiled within theirs."""
+
+    heeded = False  # in all threads
 
     def __init__(self) -> None:
-        self.taken_s, self._began_s, self._deep, self._heeded = 0.0, 0.0, 0, False
+        self.taken_s, self._began_s, self._deep = 0.0, 0.0, 0
 
     def heed(self) -> None:
         """From now on, whenever numba compiles."""
-        if not self._heeded:
+        if not _Compiling.heeded:
             from numba.core import event  # noqa: PLC0415  (see above)
 
             event.register("numba:compile", _listener(event.Listener, self))
-            self._heeded = True
+            _Compiling.heeded = True
 
     def begin(self) -> None:
         """Another kernel."""
         if self._deep == 0:
-            self._began_s = time.process_time()
+            self._began_s = time.thread_time()
         self._deep += 1
 
     def end(self) -> None:
         """The last begun."""
         self._deep -= 1
         if self._deep == 0:
-            self.taken_s += time.process_time() - self._began_s
+            self.taken_s += time.thread_time() - self._began_s
 
 
 def _listener(base: Any, compiling: _Compiling) -> Any:

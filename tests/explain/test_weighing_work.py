@@ -1,12 +1,15 @@
 """What weighing costs, in numbers worked out: no more than it did, and no more than it may."""
 
 from itertools import count
+from threading import Thread  # noqa: TID251  (what a program beside us does)
 
 import pytest
 from strangers import Stranger, belief_of, session_of
+from threadpoolctl import threadpool_info, threadpool_limits
 
+from schwung.compiled import computing_s
 from schwung.explain.weighing.weigh import posterior_of
-from schwung.explain.weighing.work import Work
+from schwung.explain.weighing.work import Work, on_one_thread
 
 DRY = Stranger("dry friction", ("coulomb_friction",), (0.8, 0.0, 0.0, 0.0))
 #: Whitened numbers that this session took on 2026-11-22, and what is no surprise.
@@ -62,3 +65,23 @@ def test_room_is_used_again():
     first[:] = 1.0
     assert work.rows(2, 4).base is first.base
     assert work.rows(4, 5).shape == (4, 5)
+
+
+def test_linear_algebra_has_one_thread_while_it_is_weighed() -> None:
+    """A program that imports us has as many as the computer has processors, and each counts."""
+
+    @on_one_thread
+    def threads() -> set[int]:
+        return {pool["num_threads"] for pool in threadpool_info() if pool["user_api"] == "blas"}
+
+    with threadpool_limits(2, user_api="blas"):
+        assert threads() == {1}
+        assert {pool["num_threads"] for pool in threadpool_info() if pool["user_api"] == "blas"} == {2}
+
+
+def test_what_other_threads_compute_is_not_counted() -> None:
+    began = computing_s()
+    other = Thread(target=lambda: sum(number * number for number in range(3_000_000)))
+    other.start()
+    other.join()
+    assert computing_s() - began < 0.05

@@ -39,6 +39,7 @@ from schwung.explain.weighing.search import Pick, Search
 from schwung.explain.weighing.twin import as_missed_by
 from schwung.explain.weighing.values import Parameter, Proof, Weighed
 from schwung.explain.weighing.weigh import Posterior, parameters_of, posterior_of
+from schwung.explain.weighing.work import on_one_thread
 from schwung.explain.weighing.written import read_back
 from schwung.explain.words import unit_on
 from schwung.session.effort import require_alike
@@ -89,6 +90,7 @@ def publish(
     return published_of(session, machine, outcome, notes, tell)
 
 
+@on_one_thread
 def published_of(
     session: Session,
     machine: Machine,

@@ -28,7 +28,7 @@ from schwung.explain.weighing.standing import Standing, standing
 from schwung.explain.weighing.values import Named, Parameter, Proof, Unnamed, Weighed
 from schwung.explain.weighing.vocabulary import vocabulary
 from schwung.explain.weighing.wide import wide_fit
-from schwung.explain.weighing.work import Work
+from schwung.explain.weighing.work import Work, on_one_thread
 from schwung.innovations.evidence import weigh as weigh_columns
 from schwung.innovations.likelihood import first_noise
 from schwung.innovations.signals import Signals, signals_of
@@ -98,6 +98,7 @@ def weigh(session: Session, machine: Machine) -> Weighed:
     return posterior_of(session, machine).told
 
 
+@on_one_thread
 def posterior_of(
     session: Session,
     machine: Machine,

@@ -9,11 +9,17 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
+from functools import wraps
+from typing import ParamSpec, TypeVar
 
 import numpy as np
+from threadpoolctl import threadpool_limits
 
 from schwung.compiled import computing_s
 from schwung.motion import Array
+
+P = ParamSpec("P")
+R = TypeVar("R")
 
 #: Whitened numbers (one column at one sample of angle or speed) after which nothing more is tried.
 MOST = 3e9
@@ -25,6 +31,18 @@ _LATE, _LATE_S = 1.5, 1.1
 #: What else takes time, in whitened numbers: to linearise about a sample of angle or speed; to find the sizes of noise
 #: from one; to score a set, for the set and for each of its columns cubed; and a product in a sum of products.
 LINEARISED, NOISE, SCORED, CUBED, PRODUCT = 100.0, 1000.0, 1e5, 0.1, 1 / 60
+
+
+def on_one_thread(function: Callable[P, R]) -> Callable[P, R]:
+    """A function during which linear algebra has one thread: its matrices are small, and more of them would take the
+    time that it may take from as many processors at once."""
+
+    @wraps(function)
+    def alone(*arguments: P.args, **options: P.kwargs) -> R:
+        with threadpool_limits(1, user_api="blas"):
+            return function(*arguments, **options)
+
+    return alone
 
 
 @dataclass(eq=False)
