@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from math import erf
+from math import erf, erfc
 
 import numpy as np
 
@@ -15,12 +15,18 @@ SUREST = 1e-9
 
 
 @inlined
-def touching(twist: float, ahead: float, half: float, spread: float) -> tuple[float, float]:
-    """How surely a coupling touches on one side, and the torque over the stiffness that it lacks there (rad).
+def touching(twist: float, ahead: float, half: float, spread: float) -> tuple[float, float, float]:
+    """How surely a coupling touches on one side, the torque over the stiffness that it lacks there (rad), and the
+    variance (rad²) of what it carries beyond what a line through the wind-up says of that.
 
     `twist` towards that side, `ahead`: the same and what the damping adds to it, over the stiffness; a contact that
     lifts lets go where it would pull.
     """
     away = (min(twist, ahead) - half) / spread
     sure = 0.5 * (1.0 + erf(away / np.sqrt(2.0)))
-    return sure, half * sure - spread * np.exp(-0.5 * away * away) / np.sqrt(2.0 * np.pi)
+    dense = np.exp(-0.5 * away * away) / np.sqrt(2.0 * np.pi)
+    # what is carried beyond the line is as much so far within the gap as so far beyond its end
+    off, rarely = -abs(away), 0.5 * erfc(abs(away) / np.sqrt(2.0))
+    mean = off * rarely + dense
+    beyond = (off * off + 1.0) * rarely + off * dense - mean * mean - rarely * rarely
+    return sure, half * sure - spread * dense, spread * spread * max(beyond, 0.0)

@@ -30,7 +30,8 @@ def begun(system: System, x: Array, p: Array, size: int) -> None:
 
 @inlined
 def carried(system: System, k: int, x: Array, p: Array, ahead: Array, half: Array, size: int) -> None:
-    """x and p over step k: Φ x + forcing; Φ p Φᵀ + noise·noiseᵀ·power, and `apart` of what torques at its ends do."""
+    """x and p over step k: Φ x + forcing; Φ p Φᵀ + noise·noiseᵀ·power, `apart` of what torques at its ends do, and
+    what an open contact does."""
     phi, noise, power, apart = system.transition, system.noise, system.power[k], system.apart[k]
     for i in range(size):
         ahead[i] = system.forcing[k, i]
@@ -48,6 +49,11 @@ def carried(system: System, k: int, x: Array, p: Array, ahead: Array, half: Arra
             for c in range(size):
                 p[i, j] += half[i, c] * phi[k, j, c]
             p[j, i] = p[i, j]
+    if system.open_contact.shape[0] > 0:
+        opened = system.open_contact[k]
+        for i in range(size):
+            for j in range(size):
+                p[i, j] += opened[i] * opened[j]
     if apart > 0.0:
         last = size - 1
         for i in range(last):

@@ -66,10 +66,12 @@ class Play:
     `contact`: how surely it touches in each step, on which side (−1…1), and what of its wind-up is gap (rad),
     (n − 1, 3).
     `logs_without`: Σ log of the innovations' variances, had it no gap.
+    `open_contact`: of `System`.
     """
 
     contact: Array
     logs_without: float
+    open_contact: Array
 
 
 @dataclass(frozen=True, eq=False)
@@ -130,6 +132,7 @@ def problem_of(equations: Equations, noise: Noise, run: Signals) -> System:
         np.array([noise.position_rad**2, noise.speed_rad_s**2 if run.speed_measured else _untold(run) ** 2]),
         equations.first,
         np.array([*shaft, np.sqrt(power[0])]),
+        np.zeros((0, equations.first.size)) if equations.play is None else equations.play.open_contact,
     )
 
 

@@ -83,6 +83,8 @@ def filtered(system: System) -> Filtered:
     added[:, :, :size] = system.noise[:, :, None] * (system.noise * system.power[:, None])[:, None, :]
     for ends in (system.transition[:, :-1, size - 1], system.noise[:, :-1]):
         added[:, :-1, : size - 1] += ends[:, :, None] * (ends * system.apart[:, None])[:, None, :]
+    for one in (system.open_contact,) if system.open_contact.size else ():
+        added[:, :, :size] += one[:, :, None] * one[:, None, :]
     added[:, :, size] = system.forcing
     measured, variances = system.measured.tolist(), system.variances.tolist()
     here = np.column_stack([np.diag(system.spread**2), system.first])
@@ -129,7 +131,7 @@ def through(
     for k in range(system.measured.shape[0] - 1):
         drifting, turned = p[2, 1] - p[2, 3], p[1, 1] + p[3, 3] - 2 * p[1, 3]
         acting = torques[k, :2] * (1 - share) + torques[k, 2:4] * share + torques[k, 4:] * parabola
-        phi, onto, push = np.eye(4), np.zeros((4, 4)), np.zeros(4)
+        phi, onto, push, opened = np.eye(4), np.zeros((4, 4)), np.zeros(4), np.zeros(4)
         ratio = coupling[k, 1] / coupling[k, 0]
         for part in range(PARTS):
             here = phi @ x[:4] + push - onto[:, 0] * x[4]
@@ -137,14 +139,16 @@ def through(
             twist, since = here[2] + turning * middle, (2 * part + 1) * middle
             variance = max(p[2, 2] + 2 * since * drifting + since * since * turned, 0.0)
             spread = max(float(np.sqrt(variance)), SUREST * gap)
-            one, missing = touching(twist, twist + ratio * turning, gap / 2, spread)
-            other, misses = touching(-twist, -twist - ratio * turning, gap / 2, spread)
+            one, missing, beyond = touching(twist, twist + ratio * turning, gap / 2, spread)
+            other, misses, further = touching(-twist, -twist - ratio * turning, gap / 2, spread)
             contact[k] += np.array([one + other, one - other, missing - misses]) / PARTS
             step = free[k] + (one + other) * (pressed[k] - free[k])
             lacks = coupling[k, 0] * (missing - misses) * np.array([1.0, -1.0])
             early, late = share[part, 0], share[part + 1, 0]
             push = step[:, :4] @ push + step[:, 4:6] @ (acting[part] + lacks)
             push += step[:, 6:8] @ (acting[part + 1] + lacks) + step[:, 8:] @ torques[k, 4:] / PARTS**2
+            unknown = coupling[k, 0] * np.sqrt(beyond + further)
+            opened = step[:, :4] @ opened + unknown * (step[:, 4:8] @ [-1.0, 1.0, -1.0, 1.0])
             within = [
                 step[:, 4:6] * (1 - early) + step[:, 6:8] * (1 - late),
                 step[:, 4:6] * early + step[:, 6:8] * late,
@@ -152,6 +156,7 @@ def through(
             onto, phi = step[:, :4] @ onto + np.hstack(within), step[:, :4] @ phi
         system.forcing[k, :4], system.transition[k, :4, :4], inputs[k, :, :4] = push, phi, onto
         system.transition[k, :4, 4], system.noise[k, :4] = -onto[:, 0], -onto[:, 2]
+        system.open_contact[k, :4] = opened
         x, p = _carried(system, k, x, p)
         _updated(system, k + 1, x, p)
 
@@ -163,6 +168,8 @@ def _carried(system: System, k: int, x: Array, p: Array) -> tuple[Array, Array]:
     torque = np.append(noise[:-1], 0.0)
     added = system.power[k] * np.outer(noise, noise)
     added += system.apart[k] * (np.outer(last, last) + np.outer(torque, torque))
+    if system.open_contact.size:
+        added += np.outer(system.open_contact[k], system.open_contact[k])
     return phi @ x + system.forcing[k], phi @ p @ phi.T + added
 
 

@@ -4,7 +4,8 @@ Whether the coupling touches follows from the states, and these from whether it 
 back comes to rest in many places. A filter that goes forward meets each step with the states up to there, and the
 torque that such a coupling carries on average over what is still open of its wind-up, which is Gaussian (statistical
 linearisation: Gelb, Applied Optimal Estimation, 1974, section 6.2). So the likelihood is as smooth over the gap as the
-wind-up is uncertain.
+wind-up is uncertain. What the coupling carries more or less than that line says is a torque that nobody knows: a filter
+that took it for nothing would be sure of a load that it has lost.
 """
 
 from __future__ import annotations
@@ -25,6 +26,10 @@ from schwung.motion import Array
 
 #: A coupling that carries nothing within its play still has this share of its stiffness.
 LEAST_SHARE = 1e-3
+
+#: Φ (4, 4) up to a part of a step, what units of torque at its ends do (4, 4), what its torques do (4,), and what torque
+#: of the coupling does that its wind-up leaves open (4,).
+_Parts = tuple[Array, Array, Array, Array]
 
 
 def through_play(
@@ -51,7 +56,10 @@ def through_play(
     system = problem_of(equations, noise, run)
     logs, _ = deviance(system)
     system = system._replace(
-        transition=system.transition.copy(), forcing=system.forcing.copy(), noise=system.noise.copy()
+        transition=system.transition.copy(),
+        forcing=system.forcing.copy(),
+        noise=system.noise.copy(),
+        open_contact=np.zeros_like(system.forcing),
     )
     inputs, coupling = steps.inputs.copy(), np.ascontiguousarray(np.broadcast_to(coupling, (count, 2)))
     parts = (pressed.whole, Steps.of(free, inertia, part_s, slopes=False).whole)
@@ -62,7 +70,7 @@ def through_play(
         transition=system.transition,
         forcing=system.forcing,
         noise=system.noise,
-        play=Play(contact, logs),
+        play=Play(contact, logs, system.open_contact),
     )
     return passed, replace(steps, transition=system.transition[:, :-1, :-1], inputs=inputs)
 
@@ -75,15 +83,17 @@ def _torque(torques: Array, side: int, share: float) -> float:
 
 
 @inlined
-def _further(step: Array, phi: Array, onto: Array, push: Array, after: tuple[Array, Array, Array]) -> None:
+def _further(step: Array, before: _Parts, after: _Parts) -> None:
     """Φ and what torques do, one part of a step further: by Φ of the part, and what was added to `after` within it."""
-    new_phi, new_onto, new_push = after
+    phi, onto, push, opened = before
+    new_phi, new_onto, new_push, new_opened = after
     for a in range(4):
         for b in range(4):
             new_phi[a, b] = 0.0
         for c in range(4):
             factor = step[a, c]
             new_push[a] += factor * push[c]
+            new_opened[a] += factor * opened[c]
             for b in range(4):
                 new_phi[a, b] += factor * phi[c, b]
                 new_onto[a, b] += factor * onto[c, b]
@@ -91,15 +101,18 @@ def _further(step: Array, phi: Array, onto: Array, push: Array, after: tuple[Arr
 
 @inlined
 def _within(
-    step: Array, torques: Array, early: float, late: float, lacks: float, after: tuple[Array, Array, Array]
+    step: Array, torques: Array, span: tuple[float, float], lacks: float, unknown: float, after: _Parts
 ) -> None:
-    """What torques do within a part of a step: those of the step, and units at its start and its end."""
-    _, new_onto, new_push = after
+    """What torques do within a part of a step: those of the step, units at its start and its end, and as much in the
+    coupling as is `unknown` there."""
+    early, late = span
+    _, new_onto, new_push, new_opened = after
     first = _torque(torques, 0, early) + lacks, _torque(torques, 1, early) - lacks
     last = _torque(torques, 0, late) + lacks, _torque(torques, 1, late) - lacks
     height = (late - early) ** 2
     for a in range(4):
         new_push[a] = 0.0
+        new_opened[a] = unknown * (step[a, 5] + step[a, 7] - step[a, 4] - step[a, 6])
         for side in range(2):
             start, end, bulge = step[a, 4 + side], step[a, 6 + side], step[a, 8 + side]
             new_push[a] += start * first[side] + end * last[side] + bulge * height * torques[4 + side]
@@ -126,8 +139,9 @@ def _through(
     count, size = system.measured.shape[0], 5
     x, p = np.empty(size), np.empty((size, size))
     gain, row, ahead, lower = np.empty((2, size)), np.empty(size), np.empty(size), np.empty((size, size))
-    phi, onto, push = np.empty((4, 4)), np.empty((4, 4)), np.empty(4)
-    after = (np.empty((4, 4)), np.empty((4, 4)), np.empty(4))
+    before = (np.empty((4, 4)), np.empty((4, 4)), np.empty(4), np.empty(4))
+    phi, onto, push, opened = before
+    after = (np.empty((4, 4)), np.empty((4, 4)), np.empty(4), np.empty(4))
     step, here = np.empty((4, 10)), np.empty(4)
     errors, spreads = np.empty(2), np.empty(2)
     begun(system, x, p, size)
@@ -135,7 +149,7 @@ def _through(
     for k in range(count - 1):
         drifting = p[2, 1] - p[2, 3]  # covariance of the wind-up and its rate; and the variance of that
         turned = p[1, 1] + p[3, 3] - 2 * p[1, 3]
-        phi[:, :], onto[:, :], push[:] = np.eye(4), 0.0, 0.0
+        phi[:, :], onto[:, :], push[:], opened[:] = np.eye(4), 0.0, 0.0, 0.0
         for part in range(PARTS):
             for a in range(4):  # the torque's error is a state as well: it acts as torque on the motor does
                 here[a] = push[a] - onto[a, 0] * x[4]
@@ -147,8 +161,8 @@ def _through(
             variance = p[2, 2] + 2 * since * drifting + since * since * turned
             spread = max(np.sqrt(max(variance, 0.0)), SUREST * gap)
             damped = twist + coupling[k, 1] / coupling[k, 0] * turning
-            one, missing = touching(twist, damped, gap / 2, spread)
-            other, misses = touching(-twist, -damped, gap / 2, spread)
+            one, missing, beyond = touching(twist, damped, gap / 2, spread)
+            other, misses, further = touching(-twist, -damped, gap / 2, spread)
             for a in range(4):
                 for b in range(10):
                     step[a, b] = free[k, a, b] + (one + other) * (pressed[k, a, b] - free[k, a, b])
@@ -156,11 +170,12 @@ def _through(
             contact[k, 0] += (one + other) / PARTS
             contact[k, 1] += (one - other) / PARTS
             contact[k, 2] += (missing - misses) / PARTS
-            _within(step, torques[k], part / PARTS, (part + 1) / PARTS, lacks, after)
-            _further(step, phi, onto, push, after)
-            phi[:, :], onto[:, :], push[:] = after
+            unknown = coupling[k, 0] * np.sqrt(beyond + further)
+            _within(step, torques[k], (part / PARTS, (part + 1) / PARTS), lacks, unknown, after)
+            _further(step, before, after)
+            phi[:, :], onto[:, :], push[:], opened[:] = after
         for a in range(4):
-            system.forcing[k, a] = push[a]
+            system.forcing[k, a], system.open_contact[k, a] = push[a], opened[a]
             system.transition[k, a, 4], system.noise[k, a] = -onto[a, 0], -onto[a, 2]
             for b in range(4):
                 system.transition[k, a, b], inputs[k, a, b] = phi[a, b], onto[a, b]
