@@ -45,7 +45,10 @@ def system(request: pytest.FixtureRequest) -> System:
     spread = np.array([*[1e-3, 0.1, 1e-3, 0.1][:size], 0.3])
     measured = np.cumsum(noise.normal(size=(300, 2)), axis=0) * [1e-3, 0.1]
     apart = np.where(np.arange(299) % 50 == 7, 20.0, 0.0)
-    opened = noise.normal(size=(0 if shaft.rigid else 299, size + 1)) * [*[1e-6, 1e-3, 1e-6, 1e-3][:size], 0.0]
+    opened = noise.normal(size=(0 if shaft.rigid else 299, size + 1)) * [
+        *[1e-6, 1e-3, 1e-6, 1e-3][:size],
+        0.0,
+    ]
     return System(
         transition, forcing, noises, np.full(299, 0.1), apart, measured, np.array([1e-10, 1e-4]),
         np.zeros(size + 1), spread, opened,

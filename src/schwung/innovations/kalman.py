@@ -29,6 +29,14 @@ def begun(system: System, x: Array, p: Array, size: int) -> None:
 
 
 @inlined
+def _outer(p: Array, one: Array, power: float, size: int) -> None:
+    """Add power · one·oneᵀ to p, of the first so many states."""
+    for i in range(size):
+        for j in range(size):
+            p[i, j] += power * one[i] * one[j]
+
+
+@inlined
 def carried(system: System, k: int, x: Array, p: Array, ahead: Array, half: Array, size: int) -> None:
     """x and p over step k: Φ x + forcing; Φ p Φᵀ + noise·noiseᵀ·power, `apart` of what torques at its ends do, and
     what an open contact does."""
@@ -50,15 +58,10 @@ def carried(system: System, k: int, x: Array, p: Array, ahead: Array, half: Arra
                 p[i, j] += half[i, c] * phi[k, j, c]
             p[j, i] = p[i, j]
     if system.open_contact.shape[0] > 0:
-        opened = system.open_contact[k]
-        for i in range(size):
-            for j in range(size):
-                p[i, j] += opened[i] * opened[j]
+        _outer(p, system.open_contact[k], 1.0, size)
     if apart > 0.0:
-        last = size - 1
-        for i in range(last):
-            for j in range(last):
-                p[i, j] += apart * (phi[k, i, last] * phi[k, j, last] + noise[k, i] * noise[k, j])
+        _outer(p, phi[k, :, size - 1], apart, size - 1)
+        _outer(p, noise[k], apart, size - 1)
 
 
 @inlined

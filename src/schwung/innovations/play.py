@@ -27,8 +27,8 @@ from schwung.motion import Array
 #: A coupling that carries nothing within its play still has this share of its stiffness.
 LEAST_SHARE = 1e-3
 
-#: Φ (4, 4) up to a part of a step, what units of torque at its ends do (4, 4), what its torques do (4,), and what torque
-#: of the coupling does that its wind-up leaves open (4,).
+#: Φ (4, 4) up to a part of a step, what units of torque at its ends do (4, 4), what its torques do (4,), and what that
+#: of the coupling does which its wind-up leaves open (4,).
 _Parts = tuple[Array, Array, Array, Array]
 
 

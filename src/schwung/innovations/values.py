@@ -36,7 +36,9 @@ class System(NamedTuple):
     variances: Array  # (2,) of the measurements
     first: Array  # (s,) the state at first, and how well it is known
     spread: Array  # (s,)
-    open_contact: Array  # (n − 1, s) a deviation of what a coupling with a gap may carry besides; (0, s): it has none
+    open_contact: (
+        Array  # (n − 1, s) a deviation of what a coupling with a gap may carry besides; (0, s): it has none
+    )
 
 
 class Filtered(NamedTuple):

@@ -40,9 +40,9 @@ Progress = Callable[[str, float], None]
 #: The share of the work that the noise takes, and what of the rest is left after each round.
 NOISE_SHARE, _FURTHER = 0.2, 0.7
 
-#: Of the work, what all causes may take before laws alone are tried; and what those may take beside it, in a few runs
-#: and then in all.
-_FIRST, _COARSE, _LAWS = 0.5, 0.3, 0.3
+#: Of the work, what all causes may take in a few runs, and in all before laws alone are tried; and what those may take
+#: beside it, in a few runs and then in all.
+_FEW, _FIRST, _COARSE, _LAWS = 0.3, 0.5, 0.3, 0.3
 #: Sets that are brought to rest each round; so many of one law more among them, or beside them.
 _TRIED, _LAWS_TRIED = 3, 2
 
@@ -96,10 +96,13 @@ class Growth:
     rested: dict[frozenset[int], tuple[_Shaped, float]] = field(default_factory=dict)
 
     def grown(self, view: View) -> Grown:
-        """From nothing but what is always there."""
+        """From nothing but what is always there, or from what a few runs are made of, where that is likelier in all."""
         first = self.wide
         nothing = self._nothing(view)
-        climbed = self._climbed(nothing, (), _FIRST)
+        with view.work.within(_FEW):
+            few = self._by_few(view)
+        begun = (nothing, ()) if few is None or few.log <= nothing.log else (few.at, few.picks)
+        climbed = self._climbed(*begun, _FIRST)
         if _is_unnamed(climbed.search, climbed.best) and (self.unrepeated or climbed.halfway):
             climbed = self._by_laws(view, climbed)
         search, best, at = climbed.search, climbed.best, climbed.at
@@ -181,7 +184,8 @@ class Growth:
         among = frozenset(i for i, c in enumerate(self.candidates) if self._is_law(c) or i in self.always)
         rival = found.log
         laws = replace(self, among=among, rested={}, rival=rival)
-        few = laws._by_few(view)
+        with view.work.apart(_COARSE):
+            few = laws._by_few(view)
         if few is not None and few.log > rival:
             self._renew(few.at)  # it was looked for about something less likely
             return self._climbed(settled(self.wide.seen(view), few.at.members, self._weighing), few.picks)
@@ -212,9 +216,9 @@ class Growth:
         if self.unrepeated or len(few) == len(self.train):
             return None
         some = replace(self, train=few, rested={}, rival=None, memory=None, coarse=True)
-        with view.work.apart(_COARSE):
-            found = some._climbed(some._nothing(view), ())
-            return replace(found, at=settled(self.wide.seen(view), found.at.members, self._weighing))
+        found = some._climbed(some._nothing(view), ())
+        self.rounds = some.rounds
+        return replace(found, at=settled(self.wide.seen(view), found.at.members, self._weighing))
 
     @property
     def _weighing(self) -> Weighing:

@@ -74,6 +74,17 @@ class Work:
             self.most, self.seconds = most + self.done - done, seconds + self.now() - began
             self.hurried = hurried
 
+    @contextmanager
+    def within(self, share: float) -> Iterator[None]:
+        """Within, no more than so much more may be done; what was left of it may be done after it."""
+        most, seconds, hurried = self.most, self.seconds, self.hurried
+        self.most = min(most, self.done + share * most)
+        self.seconds = min(seconds, self.now() - self.began + share * seconds)
+        try:
+            yield
+        finally:
+            self.most, self.seconds, self.hurried = most, seconds, hurried
+
     @property
     def share(self) -> float:
         """How much of it was done, 0…"""
