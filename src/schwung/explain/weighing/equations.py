@@ -11,7 +11,7 @@ from schwung.drivetrain.machine import Machine
 from schwung.explain.weighing.along import Along, inertia_of
 from schwung.innovations.likelihood import Equations, Noise
 from schwung.innovations.play import LEAST_SHARE, through_play
-from schwung.innovations.steps import Steps, height_of, sloping, smoothly, straight
+from schwung.innovations.steps import WITHIN, Steps, bulge, height_of, sloping, smoothly, straight
 from schwung.innovations.values import Shaft
 from schwung.motion import Array
 
@@ -98,6 +98,19 @@ def _load(along: Along, acting: Acting) -> _Load:
     return _Load(middle, start, end, height_of(whole - straight(start, end)))
 
 
+def _off_mean(along: Along, bent: Array, mean: Array) -> tuple[Array, Array, Array]:
+    """What a coupling that bends (n, 2) carries less than one with its step's mean (n − 1, 2), on the motor: at the
+    step's start, at its end, and the height of a parabola between, (n − 1,) each.
+
+    Left out, a cubic stiffness was found 1 to 10 % too large.
+    """
+    wound, within = np.column_stack([along.wound, along.winding]), np.zeros((WITHIN.size, len(mean)))
+    start, end = (np.sum((mean - bent[at]) * wound[at], axis=1) for at in (slice(None, -1), slice(1, None)))
+    for each in range(2):
+        within += (mean[:, each] - smoothly(bent[:, each])) * smoothly(wound[:, each])
+    return start, end, height_of(within - straight(start, end))
+
+
 def equations_of(along: Along, acting: Acting, noise: Noise) -> tuple[Equations, Steps]:
     """Of one run about its states; `noise`: as far as it is known, where the coupling has play."""
     run, machine = along.run, along.present
@@ -110,7 +123,7 @@ def equations_of(along: Along, acting: Acting, noise: Noise) -> tuple[Equations,
             load.start,
             motor.end_nm + push[1:],
             load.end,
-            motor.bulge_nm,
+            motor.bulge_nm + bulge(push),
             load.height,
         ],
         axis=1,
@@ -120,6 +133,9 @@ def equations_of(along: Along, acting: Acting, noise: Noise) -> tuple[Equations,
     if bent.ndim:
         coupling = np.maximum(whole + (bent[1:] + bent[:-1]) / 2, LEAST_SHARE * whole)
         steps = Steps.of_each(shaft, coupling, middle, run.step_s)
+        for place, torque in enumerate(_off_mean(along, bent, coupling - whole)):
+            torques[:, 2 * place] += torque
+            torques[:, 2 * place + 1] -= torque
     else:
         coupling = whole
         steps = Steps.of(shaft, middle, run.step_s, slopes=False)
