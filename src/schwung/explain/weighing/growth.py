@@ -101,8 +101,11 @@ class Growth:
         nothing = self._nothing(view)
         with view.work.within(_FEW):
             few = self._by_few(view)
-        begun = (nothing, ()) if few is None or few.log <= nothing.log else (few.at, few.picks)
-        climbed = self._climbed(*begun, _FIRST)
+        if few is not None and few.log > nothing.log:
+            few = replace(few, at=self._renewed(few.at))
+            climbed = self._climbed(few.at, few.picks, _FIRST)
+        else:
+            climbed = self._climbed(nothing, (), _FIRST)
         if _is_unnamed(climbed.search, climbed.best) and (self.unrepeated or climbed.halfway):
             climbed = self._by_laws(view, climbed)
         search, best, at = climbed.search, climbed.best, climbed.at
@@ -145,8 +148,8 @@ class Growth:
                 if self._is_hopeless(search, start, at):
                     return _Climbed(search, start, at)
                 if not fresh and not self.coarse:
-                    self._renew(at)
-                    at, fresh = settled(self.wide.seen(at.about.view), at.members, self._weighing), True
+                    at, fresh = self._renewed(at), True
+                    picks = _kept(search, start, at)
                     continue
                 growing = False
             search.best(start.picks)
@@ -187,8 +190,7 @@ class Growth:
         with view.work.apart(_COARSE):
             few = laws._by_few(view)
         if few is not None and few.log > rival:
-            self._renew(few.at)  # it was looked for about something less likely
-            return self._climbed(settled(self.wide.seen(view), few.at.members, self._weighing), few.picks)
+            return self._on(replace(few, at=self._renewed(few.at)))
         with view.work.apart(_LAWS):
             other = laws._climbed(laws._nothing(view), ())
         self.memory, self.rounds = laws.memory, laws.rounds
@@ -219,6 +221,11 @@ class Growth:
         found = some._climbed(some._nothing(view), ())
         self.rounds = some.rounds
         return replace(found, at=settled(self.wide.seen(view), found.at.members, self._weighing))
+
+    def _renewed(self, at: Settled) -> Settled:
+        """At rest about the noise that it leaves: until then it was looked for about something less likely."""
+        self._renew(at)
+        return settled(self.wide.seen(at.about.view), at.members, self._weighing)
 
     @property
     def _weighing(self) -> Weighing:
