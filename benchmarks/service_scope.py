@@ -149,7 +149,7 @@ def measure(seconds: float, scale: float, width: int) -> list[Part]:
         service = context.Process(target=serve, args=(Path(folder), theirs), daemon=True)
         service.start()
         told = ours.recv()
-        served = Served(told["url"], told["token"], told["drive_id"], None)  # type: ignore[arg-type]
+        served = Served(told["url"], told["token"], told["drive_id"], None)
         look = {"viewport": {"width": width, "height": 900}, "device_scale_factor": scale}
         with browser_process() as browser, visiting(browser, served, **look) as page:
             page.goto(f"{served.url}/drive/{served.drive_id}")

@@ -72,9 +72,6 @@ class Candidate:
     coordinate: str = ""
     family: str = ""  # of which a set holds one at most: each is a case of another
     cases: frozenset[str] = frozenset()  # names that are cases of this one: a set holds it or them
-    error: Callable[[Along, Shape], Effect] | None = (
-        None  # what its law may be off by at most, of the whole law; None: by its coordinates
-    )
     own: tuple[Callable[[Along, Shape], Array], ...] = ()  # that its law may be off over, −1…1; none: by name
     tangent: Callable[[Along, Shape, Array], Array] | None = (
         None  # to stiffness and damping along a run, (n, 2)

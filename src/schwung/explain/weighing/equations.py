@@ -123,7 +123,7 @@ def equations_of(along: Along, acting: Acting, noise: Noise) -> tuple[Equations,
             load.start,
             motor.end_nm + push[1:],
             load.end,
-            motor.bulge_nm,
+            motor.bulge_nm + bulge(push),
             load.height,
         ],
         axis=1,
@@ -133,7 +133,6 @@ def equations_of(along: Along, acting: Acting, noise: Noise) -> tuple[Equations,
     if bent.ndim:
         coupling = np.maximum(whole + (bent[1:] + bent[:-1]) / 2, LEAST_SHARE * whole)
         steps = Steps.of_each(shaft, coupling, middle, run.step_s)
-        torques[:, 4] += bulge(push)
         for place, torque in enumerate(_off_mean(along, bent, coupling - whole)):
             torques[:, 2 * place] += torque
             torques[:, 2 * place + 1] -= torque

@@ -28,15 +28,6 @@ def error_of(law: Candidate) -> Candidate | None:
     sample is anywhere along its coordinate."""
     if not law.named or len(law.scales) > 1 or law.each_run:
         return None
-    if law.error is not None:
-        largest = law.error
-
-        def most(along: Along, shape: Shape) -> Effect:
-            return Effect(
-                *(None if part is None else part / SHARES[-1] for part in largest(along, shape).parts)
-            )
-
-        return Candidate(f"{law.name}, inexact", most, (1.0,) * law.size, named=False)
     if law.coordinate == "frequency":
         return None
 

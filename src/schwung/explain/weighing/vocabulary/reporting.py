@@ -3,7 +3,8 @@
 gain (g − 1)·T        lag −τ F T' (the true torque comes later)        filter +τ T' (the reported one does)
 drop −s (|T|/T_peak)^p T        ripple s T sin nθ        saturation clip(T, ±L) − T        speed late −δ F α
 F = 1/(1 + φ d/dt): with φ = τ a filter's lag, with φ = τ/2 a delay, but for the third order in ωτ (Padé), which a late
-speed has besides
+speed has besides; a second number of the shape is the share of what two such filters of half the time do otherwise, for a
+filter of a higher order
 eccentricity a sin(θ + φ) in the angle, its rate in the speed        harmonic a sin(nθ + φ) likewise
 """
 
@@ -30,41 +31,46 @@ TICK_S = 250e-6
 BENDS_S = np.concatenate([np.linspace(-2e-4, 6e-4, 9), np.geomspace(9e-4, 5e-3, 6)])
 _DIFFERENCE_S = 1e-5
 BEND_STEP_S, LEAST_BEND_S, MOST_BEND_S = 1e-4, -1e-3, 2e-2
+#: How much more than the one filter's is taken off the third order in ωτ: nothing; 1 for two filters alike; 4/3 for a
+#: delay, which is any number of them.
+ORDERS = (0.0, 4 / 3)
 
 
 def _gain(along: Along, _shape: Shape) -> Effect:
     return Effect(column(along.torque))
 
 
-def _later(along: Along, shape: Shape) -> Effect:
-    return Effect(column(-lagging(along, along.torque_rate, shape[0])))
-
-
 def _earlier(along: Along, shape: Shape) -> Effect:
     return Effect(column(along.torque_rate + shape[0] * along.torque_bend))
 
 
-def _twice(along: Along, values: Array, time_s: float) -> Array:
-    """Through two filters of half the time, beyond one of the whole: from the third order in ωτ on they differ."""
+def _twice(along: Along, values: Array, shape: Shape) -> Array:
+    """By how much a shape's signal differs from that through one filter: two of half the time each do so from the third
+    order in ωτ on."""
+    time_s, share = shape
+    if share == 0:
+        return np.zeros_like(values)
     half = lagging(along, lagging(along, values, time_s / 2), time_s / 2)
-    return np.asarray(half - lagging(along, values, time_s))
+    return np.asarray(share * (half - lagging(along, values, time_s)))
 
 
-def _later_twice(along: Along, shape: Shape) -> Effect:
-    return Effect(column(-_twice(along, along.torque_rate, shape[0])))
+def _later(along: Along, shape: Shape) -> Effect:
+    rate = along.torque_rate
+    return Effect(column(-lagging(along, rate, shape[0]) - _twice(along, rate, shape)))
 
 
-def _speed_later_twice(along: Along, shape: Shape) -> Effect:
-    return Effect(speed=column(-_twice(along, along.acceleration, shape[0])))
+def _bent(along: Along, shape: Shape) -> Array:
+    """The acceleration that a speed is late by."""
+    return acceleration_bent(along, shape[0]) + _twice(along, along.acceleration, shape)
 
 
 def _speed_later(along: Along, shape: Shape) -> Effect:
-    return Effect(speed=column(-acceleration_bent(along, shape[0])))
+    return Effect(speed=column(-_bent(along, shape)))
 
 
 def _later_yet(along: Along, shape: Shape, coefficients: Array) -> tuple[Effect, Effect]:
     """About a delay: what more of it does, and all that it does."""
-    delay, own = float(coefficients[0]), column(-acceleration_bent(along, shape[0]))
+    delay, own = float(coefficients[0]), column(-_bent(along, shape))
     ends = [beyond_bent(along, delay + way * _DIFFERENCE_S, shape[0]) for way in (1, -1)]
     more = own + column((ends[0] - ends[1]) / (2 * _DIFFERENCE_S))
     return Effect(speed=more), Effect(speed=own * delay + column(beyond_bent(along, delay, shape[0])))
@@ -116,17 +122,17 @@ def reporting(of: Ranges, share: float) -> list[Candidate]:
         Candidate("torque_constant", _gain, (share,), lambda c, _: {"gain": 1 + c[0]}, coordinate="torque",
                   known_to=RIGHT_TO),
         Candidate("torque_lag", _later, (DEFECT_S,), lambda c, _: {"time_constant_s": c[0]}, positive=(0,),
-                  shapes=grid(BENDS_S), spacing=(BEND_STEP_S,), logarithmic=(False,),
-                  bounds=((LEAST_BEND_S, MOST_BEND_S),), coordinate="frequency", known_to=apart, family="lag",
-                  with_usual=torque_later, error=_later_twice),
+                  shapes=grid(BENDS_S, (0.0,)), spacing=(BEND_STEP_S, 1.0),
+                  logarithmic=(False, False), bounds=((LEAST_BEND_S, MOST_BEND_S), ORDERS), endless=(1,),
+                  coordinate="frequency", known_to=apart, family="lag", with_usual=torque_later),
         Candidate("torque_filter", _earlier, (DEFECT_S,), lambda c, _: {"time_constant_s": c[0]},
                   positive=(0,), shapes=grid(BENDS_S), spacing=(BEND_STEP_S,), logarithmic=(False,),
                   bounds=((LEAST_BEND_S, MOST_BEND_S),), coordinate="frequency", known_to=apart, family="lag",
                   with_usual=torque_earlier),
         Candidate("measurement_delay", _speed_later, (DEFECT_S,), lambda c, _: {"delay_s": c[0]},
-                  positive=(0,), bent=_later_yet, shapes=grid(BENDS_S), spacing=(BEND_STEP_S,), logarithmic=(False,),
-                  bounds=((LEAST_BEND_S, MOST_BEND_S),), coordinate="acceleration", known_to=apart,
-                  with_usual=torque_later, error=_speed_later_twice),
+                  positive=(0,), bent=_later_yet, shapes=grid(BENDS_S, (0.0,)), spacing=(BEND_STEP_S, 1.0),
+                  logarithmic=(False, False), bounds=((LEAST_BEND_S, MOST_BEND_S), ORDERS), endless=(1,),
+                  coordinate="acceleration", known_to=apart, with_usual=torque_later),
         Candidate("torque_constant_drop", drop, (share,),
                   lambda c, s: {"share_at_peak": c[0], "peak_nm": peak, "order": s[0]}, positive=(0,),
                   shapes=grid([0.5, 1.0, 2.0, 4.0]), spacing=(0.7,), logarithmic=(True,), bounds=((0.3, 10.0),),
