@@ -3,8 +3,7 @@
 gain (g − 1)·T        lag −τ F T' (the true torque comes later)        filter +τ T' (the reported one does)
 drop −s (|T|/T_peak)^p T        ripple s T sin nθ        saturation clip(T, ±L) − T        speed late −δ F α
 F = 1/(1 + φ d/dt): with φ = τ a filter's lag, with φ = τ/2 a delay, but for the third order in ωτ (Padé), which a late
-speed has besides; a second number of the shape is the share of what two such filters of half the time do otherwise, for a
-filter of a higher order
+speed has besides; the shape's second number is how much of what two filters of half the time do otherwise is there
 eccentricity a sin(θ + φ) in the angle, its rate in the speed        harmonic a sin(nθ + φ) likewise
 """
 
