@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+import itertools
 import signal
+import sys
 from collections.abc import Callable, Iterator
 from types import FrameType
 from typing import Any
 
 import pytest
 
+from schwung.clock import Clock, SteppedClock, WallClock
 from schwung.commissioning.interrupts import _WATCHED, OneInterrupt
 
 WATCHED = (signal.SIGINT, signal.SIGTERM)
@@ -66,19 +69,75 @@ def test_one_that_comes_while_the_handlers_are_changed_gets_through_and_leaves_n
     assert heard()
 
 
-def test_the_first_gets_through_and_no_other() -> None:
+@pytest.mark.parametrize("clock", [WallClock(), SteppedClock()])
+def test_the_first_gets_through_to_who_waits_and_no_other(clock: Clock) -> None:
     def work(_: OneInterrupt) -> None:
+        signal.raise_signal(signal.SIGINT)
+        done.append("goes on")
         try:
-            signal.raise_signal(signal.SIGINT)
+            clock.sleep(0.001)
+            done.append("waited")
         finally:
             signal.raise_signal(signal.SIGINT)
-            done.append(True)
+            clock.sleep(0.001)
+            done.append("stopped")
 
-    done: list[bool] = []
+    done: list[str] = []
     with pytest.raises(KeyboardInterrupt):
         within(work)
-    assert done
+    assert done == ["goes on", "stopped"]
     assert heard()
+
+
+def test_who_waits_hears_of_it_soon() -> None:
+    clock = WallClock()
+    waits = (
+        lambda: clock.sleep(60),
+        lambda: clock.wait(lambda: False, 60),
+        lambda: clock.event().wait(60),
+    )
+    for wait in waits:
+        began = clock.now()
+        task = clock.later(0.05, lambda: signal.raise_signal(signal.SIGINT))
+        with pytest.raises(KeyboardInterrupt):
+            within(lambda _, wait=wait: wait())  # type: ignore[misc]  # of this round
+        task.close()
+        assert 0.04 < clock.now() - began < 20
+
+
+@pytest.mark.parametrize("at", range(40))
+def test_an_interrupt_amid_a_wait_leaves_no_lock_held(at: int) -> None:
+    """The program then waited for itself, for good, while its heartbeat went on and the drive stayed on: a hundredth of
+    all interrupts of a lockstep motion.
+    """
+    clock, lines = WallClock(), itertools.count()
+    event, done = clock.event(), clock.event()
+
+    def on_line(frame: FrameType, kind: str, _: object) -> Any:
+        if kind == "line" and frame.f_globals["__name__"] == "threading" and next(lines) == at:
+            signal.raise_signal(signal.SIGINT)
+        return on_line
+
+    def work(_: OneInterrupt) -> None:
+        traced = sys.gettrace()
+        sys.settrace(on_line)
+        try:
+            for _ in range(20):
+                event.clear()
+                event.wait(0.0)
+                event.set()
+        finally:
+            sys.settrace(traced)
+
+    with pytest.raises(KeyboardInterrupt):
+        within(work)
+
+    def as_the_reader() -> None:
+        event.set()
+        done.set()
+
+    clock.later(0.0, as_the_reader)
+    assert clock.wait(done.is_set, 5.0)
 
 
 def test_one_that_was_held_off_is_not_forgotten() -> None:

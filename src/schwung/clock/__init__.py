@@ -8,6 +8,7 @@ Callbacks of `every`, `read` and `later` note what came and do not wait: under t
 from __future__ import annotations
 
 from schwung.python_can import can  # isort: skip  # first: see there
+from schwung.clock.interruption import INTERRUPTION
 from schwung.clock.protocol import Clock, Event, Failed, Reader, Receive, Task
 from schwung.clock.stepped import EPOCH_S, SteppedClock
 from schwung.clock.wall import WallClock
@@ -16,6 +17,7 @@ from schwung.clock.wire import BIT_RATE, SteppedBus, Wire
 __all__ = [
     "BIT_RATE",
     "EPOCH_S",
+    "INTERRUPTION",
     "Clock",
     "Event",
     "Failed",

@@ -41,7 +41,10 @@ class Event(Protocol):
 
 
 class Clock(Protocol):
-    """What time it is, and how it passes. All times are in seconds."""
+    """What time it is, and how it passes. All times are in seconds.
+
+    Whoever sleeps or waits, in the main thread, hears of an interrupt that was noted: see `INTERRUPTION`.
+    """
 
     @property
     def simulated(self) -> bool:

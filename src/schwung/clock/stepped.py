@@ -13,6 +13,7 @@ from typing import Any
 
 import can
 
+from schwung.clock.interruption import INTERRUPTION
 from schwung.clock.protocol import Event, Failed, Reader, Receive, Task
 
 #: 2000-01-01 UTC: simulated time says a simulated date.
@@ -45,6 +46,8 @@ class SteppedClock:
     def wait(self, ready: Callable[[], bool], timeout_s: float) -> bool:
         """See Clock. May be called from a callback: what it waits for goes on."""
         end, due, pop = self._now + max(timeout_s, 0.0), self._due, heapq.heappop
+        if INTERRUPTION.noted:
+            INTERRUPTION.let_through()
         while not ready():
             if not due or due[0][0] > end:
                 self._now = max(self._now, end)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import math
 import threading
 import time
 from collections.abc import Callable
@@ -10,12 +11,14 @@ from typing import Any
 
 import can
 
+from schwung.clock.interruption import INTERRUPTION
 from schwung.clock.protocol import Event, Failed, Reader, Receive, Task
 
 _POLL_S = 0.001  # how often `wait` looks
 _READ_TIMEOUT_S = 0.02  # on a silent bus, `close` waits for the reader so long
 _FAILURE_PAUSE_S = 0.1
 _WAITED_FOR_S = 1.0
+_DEAF_S = 0.02  # who waits hears of an interrupt within that: not every system breaks off a wait for it
 
 
 class WallClock:
@@ -25,12 +28,22 @@ class WallClock:
 
     now = staticmethod(time.monotonic)
     date = staticmethod(time.time)
-    sleep = staticmethod(time.sleep)
+
+    def sleep(self, duration_s: float) -> None:
+        """See Clock."""
+        end = time.monotonic() + duration_s
+        while True:
+            INTERRUPTION.let_through()
+            left = end - time.monotonic()
+            if left <= 0:
+                return
+            time.sleep(min(left, _DEAF_S))
 
     def wait(self, ready: Callable[[], bool], timeout_s: float) -> bool:
         """See Clock."""
         end = time.monotonic() + timeout_s
         while not ready():
+            INTERRUPTION.let_through()
             if time.monotonic() >= end:
                 return ready()
             time.sleep(_POLL_S)
@@ -38,7 +51,7 @@ class WallClock:
 
     def event(self) -> Event:
         """See Clock."""
-        return threading.Event()
+        return _Event()
 
     def lock(self) -> contextlib.AbstractContextManager[Any]:
         """See Clock."""
@@ -71,6 +84,17 @@ class WallClock:
     def read(self, bus: can.BusABC, receive: Receive, failed: Failed) -> Reader:
         """See Clock."""
         return _ReaderThread(bus, receive, failed)
+
+
+class _Event(threading.Event):
+    def wait(self, timeout: float | None = None) -> bool:
+        """Within so much time."""
+        end = math.inf if timeout is None else time.monotonic() + timeout
+        while True:
+            INTERRUPTION.let_through()
+            left = end - time.monotonic()
+            if super().wait(max(0.0, min(left, _DEAF_S))) or left <= _DEAF_S:
+                return self.is_set()
 
 
 class _Thread:

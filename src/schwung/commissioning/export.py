@@ -309,6 +309,7 @@ def export_table(
         try:
             journal.change(values)
             _compare(drive, values)
+            interrupt.let_through()
         except BaseException as error:
             interrupt.hold_off()
             _undo(journal, error)

@@ -7,15 +7,18 @@ import threading
 from types import FrameType, TracebackType
 from typing import Any, Self
 
+from schwung.clock import INTERRUPTION
+
 _WATCHED = tuple(getattr(signal, name) for name in ("SIGINT", "SIGTERM", "SIGHUP") if hasattr(signal, name))
 
 
 class OneInterrupt:
-    """Within: the first signal raises KeyboardInterrupt, later ones do nothing; after `hold_off` none does.
+    """Within: after the first signal whoever waits next gets KeyboardInterrupt, later ones do nothing; after `hold_off`
+    none does.
 
     A drive that is being stopped, switched off and put back takes a second or two, in which people press Ctrl-C
     again. A signal that came while it was held off raises KeyboardInterrupt at the end of a block that ends well, so
-    that nothing is begun afterwards. So does one that Python drops, as it does in a finaliser: what goes on calls
+    that nothing is begun afterwards. So does one that nobody has heard of: what goes on without waiting calls
     `let_through` now and then. Signals that are ignored (nohup) stay so; off the main thread nothing happens.
     """
 
@@ -27,11 +30,13 @@ class OneInterrupt:
     def hold_off(self) -> None:
         """From now on signals wait."""
         self._armed = False
+        INTERRUPTION.forget()
 
     def let_through(self) -> None:
-        """Raise KeyboardInterrupt where a signal has waited, or has been raised and we are still here."""
+        """Raise KeyboardInterrupt where a signal has waited, or was heard of and we are still here."""
         if self._pending:
             self._pending = False
+            INTERRUPTION.forget()
             raise KeyboardInterrupt
 
     def __enter__(self) -> Self:
@@ -69,4 +74,4 @@ class OneInterrupt:
         self._pending = True
         if self._armed:
             self._armed = False
-            raise KeyboardInterrupt
+            INTERRUPTION.note()
