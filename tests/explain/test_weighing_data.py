@@ -12,12 +12,12 @@ from schwung.explain.weighing.along import TrueTorque, ranges_of
 from schwung.explain.weighing.candidate import Candidate, Curve, Plane
 from schwung.explain.weighing.data import Data
 from schwung.explain.weighing.equations import Acting, equations_of
-from schwung.explain.weighing.growth import members_of
 from schwung.explain.weighing.known import known
 from schwung.explain.weighing.places import Acts
 from schwung.explain.weighing.present import Member
 from schwung.explain.weighing.refine import refined
 from schwung.explain.weighing.search import Pick, Search, slices
+from schwung.explain.weighing.sets import members_of
 from schwung.explain.weighing.sharpness import covariance_of
 from schwung.explain.weighing.vocabulary import vocabulary
 from schwung.explain.weighing.weigh import _rms, weigh

@@ -8,10 +8,10 @@ from scipy.integrate import solve_ivp
 
 from schwung.drivetrain.machine import Coupling, Load, Machine, Motor
 from schwung.explain.weighing.along import TrueTorque, ranges_of
-from schwung.explain.weighing.growth import absent
 from schwung.explain.weighing.known import known
 from schwung.explain.weighing.present import Member
 from schwung.explain.weighing.round import View, at_rest
+from schwung.explain.weighing.sets import absent
 from schwung.explain.weighing.settling import Settled, Weighing, settled, settled_beyond
 from schwung.explain.weighing.vocabulary import vocabulary
 from schwung.innovations.likelihood import Noise

@@ -38,6 +38,6 @@ def test_a_rigid_machine_without_noise_is_weighed(dry_nm: float, second_s: float
         assert not found.names
         assert not found.unnamed
     else:
-        assert found.names[0].name == "coulomb_friction"
+        assert [one.name for one in found.names if one.probability > 0.9] == ["coulomb_friction"]
     assert np.isfinite(found.noise.speed_rad_s)
     assert found.noise.speed_rad_s >= 1e-9

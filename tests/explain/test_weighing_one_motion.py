@@ -9,9 +9,9 @@ import pytest
 from strangers import Stranger, belief_of, session_of
 
 from schwung.drivetrain import Machine
-from schwung.explain.weighing.growth import absent
 from schwung.explain.weighing.published import publish
 from schwung.explain.weighing.repeated import motions_of
+from schwung.explain.weighing.sets import absent
 from schwung.explain.weighing.settling import settled
 from schwung.explain.weighing.weigh import posterior_of
 from schwung.session.model import Run, Session

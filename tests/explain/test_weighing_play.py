@@ -5,9 +5,9 @@ import pytest
 from strangers import NOISE, Stranger, belief_of, session_of
 
 from schwung.explain.weighing.along import TrueTorque, ranges_of
-from schwung.explain.weighing.growth import absent
 from schwung.explain.weighing.known import known
 from schwung.explain.weighing.round import View
+from schwung.explain.weighing.sets import absent
 from schwung.explain.weighing.settling import Weighing, settled, settled_beyond
 from schwung.explain.weighing.vocabulary import vocabulary
 from schwung.explain.weighing.vocabulary.shaft import third_mass

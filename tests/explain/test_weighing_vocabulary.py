@@ -163,3 +163,13 @@ def test_dry_friction_falls_as_steeply_as_its_exponent_says(candidates, exponent
     done = law.done(along, (2.0, exponent), np.array([1.0, 3.0])).of(np.ones(1))[0]
     np.testing.assert_allclose(done, -np.sign(speed) * (1 + 3 * np.exp(-(np.abs(speed / 2) ** exponent))))
     assert {shape[1] for shape in law.shapes} == {1.0, 2.0}
+
+
+def test_a_law_of_which_a_part_is_nothing_is_another(candidates):
+    """Friction that falls by less than a law is right to is dry friction, as sure as one likes to be of it."""
+    stribeck, shape = candidates["stribeck_friction"], (5.0, 2.0)
+    assert stribeck.is_another(np.array([0.3, 1e-5]))
+    assert stribeck.at_end(shape, np.array([0.3, 1e-5]))
+    assert not stribeck.is_another(np.array([0.3, 0.01]))
+    assert not stribeck.is_another(np.array([0.3, -0.01]))  # that is none at all, and known as such
+    assert not candidates["coulomb_friction"].is_another(np.array([1e-9]))

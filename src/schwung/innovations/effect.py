@@ -118,35 +118,15 @@ class Passed:
     def whitened(self, effects: Sequence[Effect]) -> Array:
         """Effects side by side as the innovations show them, (Σp, 2n): filtered alike, over their deviation."""
         rows = np.empty((sum(effect.count for effect in effects), self.samples))
-        self.whiten(effects, rows)
+        whiten([self], effects, rows)
         return rows
 
-    def whiten(self, effects: Iterable[Effect], rows: Array, across: int = 0) -> None:
-        """The same written to `rows` (≥ Σp, ≥ across + 2n, in C's order) from [0, across] on."""
-        at, waiting, alike = 0, 0, None
-        group: list[Effect] = []
-        for effect in effects:
-            kind, count = effect.kind, effect.count
-            if group and (waiting + count > _TOGETHER or kind != alike):
-                self._respond(group, rows, at, across)
-                at, waiting, group = at + waiting, 0, []
-            group.append(effect)
-            waiting, alike = waiting + count, kind
-        if group:
-            self._respond(group, rows, at, across)
-
-    def _respond(self, group: list[Effect], rows: Array, down: int, across: int) -> None:
-        """Of effects of one kind."""
-        nothing = np.empty((self.result.error.shape[0], 0))
-        sides = [nothing] * 4
-        for which, acts in enumerate(group[0].kind):
-            if acts:
-                each = [part for effect in group if (part := effect.parts[which]) is not None]
-                sides[which] = np.ascontiguousarray(
-                    each[0] if len(each) == 1 else np.concatenate(each, axis=1)
-                )
-        if group[0].kind[2:] == (False, False) and sum(group[0].kind) == 1:
-            side = group[0].kind.index(True)
+    def respond(self, sides: Sequence[Array], rows: Array, down: int, across: int) -> None:
+        """Write what columns of one kind show to `rows` from [down, across] on; `sides`: of `Effect`, (n, p), in C's
+        order, or (n, 0) for nothing."""
+        acts = [side.shape[1] > 0 for side in sides]
+        if sum(acts) == 1 and not any(acts[2:]):
+            side = acts.index(True)
             kernel.responses_to_torque(self._loop, sides[side], side, rows, down, across)
             return
         kernel.responses(self._loop, (sides[0], sides[1], sides[2], sides[3]), rows, down, across)
@@ -154,3 +134,34 @@ class Passed:
     @cached_property
     def _loop(self) -> Array:
         return np.asarray(kernel.closed_loop(self.equations.transition, self.result, self.steps.inputs))
+
+
+def whiten(passed: Sequence[Passed], effects: Iterable[Effect], rows: Array, across: int = 0) -> None:
+    """Write effects along some runs, one behind another, as their innovations show them to `rows` (≥ Σp,
+    ≥ across + Σ2n, in C's order) from [0, across] on."""
+    at, waiting, alike = 0, 0, None
+    group: list[Effect] = []
+    for effect in effects:
+        kind, count = effect.kind, effect.count
+        if group and (waiting + count > _TOGETHER or kind != alike):
+            _respond(passed, group, rows, at, across)
+            at, waiting, group = at + waiting, 0, []
+        group.append(effect)
+        waiting, alike = waiting + count, kind
+    if group:
+        _respond(passed, group, rows, at, across)
+
+
+def _respond(passed: Sequence[Passed], group: list[Effect], rows: Array, down: int, across: int) -> None:
+    """Of effects of one kind."""
+    nothing = np.empty((sum(one.result.error.shape[0] for one in passed), 0))
+    sides = [nothing] * 4
+    for which, acts in enumerate(group[0].kind):
+        if acts:
+            each = [part for effect in group if (part := effect.parts[which]) is not None]
+            sides[which] = np.ascontiguousarray(each[0] if len(each) == 1 else np.concatenate(each, axis=1))
+    first = 0
+    for one in passed:
+        last = first + one.result.error.shape[0]
+        one.respond([side[first:last] for side in sides], rows, down, across + 2 * first)
+        first = last

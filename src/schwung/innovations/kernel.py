@@ -10,7 +10,7 @@ from schwung.innovations.values import Added, Filtered
 from schwung.motion import Array
 
 #: Samples whose rows are turned at once, from one after another to one column after another.
-TILE = 16
+TILE = 32
 
 
 @compiled_or(plain.smoothed)

@@ -103,10 +103,15 @@ def off_middle(inertia: Array, run: Signals) -> tuple[Array, Array, Array]:
     )
 
 
-def bulge(values: Array) -> Array:
-    """Height over the straight line of a smooth curve in the middle between samples (n,), (n − 1,)."""
+def bulge(values: Array, ends: Array | None = None) -> Array:
+    """Height over the straight line of a smooth curve in the middle between samples (n,), (n − 1,).
+
+    `ends`: where curves begin and end, of which there are several one behind another; None: there is one.
+    """
     bend = np.zeros_like(values)
     bend[1:-1] = values[2:] - 2 * values[1:-1] + values[:-2]
+    if ends is not None:
+        bend[ends] = 0.0
     return np.asarray(-(bend[1:] + bend[:-1]) / 16)
 
 
@@ -115,13 +120,13 @@ def straight(start: Array, end: Array) -> Array:
     return np.asarray(start * (1 - WITHIN) + end * WITHIN)
 
 
-def smoothly(values: Array) -> Array:
-    """Within the steps between samples (n,) of a smooth curve, (3, n − 1)."""
-    return np.asarray(straight(values[:-1], values[1:]) + 4 * WITHIN * (1 - WITHIN) * bulge(values))
+def smoothly(values: Array, ends: Array | None = None) -> Array:
+    """Within the steps between samples (n,) of a smooth curve, (3, n − 1); `ends`: see `bulge`."""
+    return np.asarray(straight(values[:-1], values[1:]) + 4 * WITHIN * (1 - WITHIN) * bulge(values, ends))
 
 
-def sloping(values: Array, slopes: Array, step_s: float) -> Array:
-    """The same of a curve whose slopes are known (Hermite's cubic)."""
+def sloping(values: Array, slopes: Array, step_s: Array | float) -> Array:
+    """The same of a curve whose slopes are known (Hermite's cubic); `step_s`: of each step, or of all."""
     x, y = WITHIN, 1 - WITHIN
     ends = y**2 * (1 + 2 * x) * values[:-1] + x**2 * (1 + 2 * y) * values[1:]
     return np.asarray(ends + step_s * x * y * (y * slopes[:-1] - x * slopes[1:]))

@@ -108,6 +108,16 @@ class Along:
     met: Array | None = None  # `Play.contact` of each step, as the filter met it, (n − 1, 3); None: not known
 
     @property
+    def step_s(self) -> Array | float:
+        """Between samples."""
+        return self.run.step_s
+
+    @property
+    def ends(self) -> Array:
+        """The first and the last sample."""
+        return np.array([0, self.speed.size - 1])
+
+    @property
     def time_s(self) -> Array:
         return self.run.time_s
 
@@ -202,10 +212,15 @@ class Along:
         jump, _ = self.held
         return self._rate(self.acceleration) - 2 * jump / self.run.step_s
 
+    @property
+    def accelerated(self) -> Array:
+        """The load's acceleration as smoothed."""
+        return self.run.load_acceleration
+
     @cached_property
     def load_acceleration(self) -> Array:
         """As far as it is heard: of noise it would foresee the noise that it was smoothed from."""
-        found = self.run.load_acceleration
+        found = self.accelerated
         return found if self.loud is None else heard(found, self.loud[2])
 
     @property
@@ -302,10 +317,32 @@ class Along:
 
 
 def inertia_of(machine: Machine, angle: Array) -> tuple[Array, Array, Array]:
-    """J_l of a machine at angles (n,), its slope and its bend."""
+    """J_l of a machine at angles (n,), its slope and its bend.
+
+    Where there are more angles than differences within their range, those are worked out, and cubics go through
+    them.
+    """
     h, inertia_at = DIFFERENCE_RAD, machine.load_inertia_at
+    if isinstance(machine.load_inertia, float):
+        return inertia_at(angle), np.zeros_like(angle), np.zeros_like(angle)
+    first, span = float(np.min(angle)), float(np.ptp(angle))
+    if span < 2 * h * angle.size and np.isfinite(span):
+        every = inertia_at(first + h * np.arange(-1.0, int(span / h) + 4.0))
+        middle, steep = every[1:-1], (every[2:] - every[:-2]) / (2 * h)
+        bent = (every[2:] - 2 * middle + every[:-2]) / h**2
+        left = ((angle - first) / h).astype(int)
+        x = (angle - first) / h - left
+        found = _through(middle, steep, left, x), _through(steep, bent, left, x)
+        return *found, bent[left] * (1 - x) + bent[left + 1] * x
     low, middle, high = inertia_at(angle - h), inertia_at(angle), inertia_at(angle + h)
     return middle, (high - low) / (2 * h), (high - 2 * middle + low) / h**2
+
+
+def _through(values: Array, slopes: Array, left: NDArray[np.intp], x: Array) -> Array:
+    """Cubics through values `DIFFERENCE_RAD` apart, of these slopes, at the share x of the way behind those `left`."""
+    y = 1 - x
+    ends = y**2 * (1 + 2 * x) * values[left] + x**2 * (1 + 2 * y) * values[left + 1]
+    return np.asarray(ends + DIFFERENCE_RAD * x * y * (y * slopes[left] - x * slopes[left + 1]))
 
 
 def along(

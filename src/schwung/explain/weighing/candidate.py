@@ -137,11 +137,19 @@ class Candidate:
         """Whether none of its coefficients is beyond its bound."""
         return all(coefficients[which] > least for which, least in self.bounds_below)
 
+    def is_another(self, coefficients: Array) -> bool:
+        """Whether a part of a law is next to nothing, less than a law is right to: friction that hardly falls is dry
+        friction."""
+        totals = [(coefficients[i] - least) / self.deviations[i] for i, least in self.bounds_below]
+        return len(totals) > 1 and not self.opens and bool(0 <= min(totals) <= RIGHT_TO * max(totals))
+
     def at_end(self, shape: Shape, coefficients: Array) -> bool:
         """Whether a shape is at the end of what is tried, as far as that means anything; or a gap has closed to less
         than any that is tried: without one, contacts that only push are another machine, but no play.
         """
-        if self.opens and coefficients[0] < self.shapes[0][0]:
+        if self.opens:
+            return bool(coefficients[0] < self.shapes[0][0])
+        if self.is_another(coefficients):
             return True
         every = zip(shape, self.bounds, self.logarithmic, strict=True) if self.bounds else ()
         for number, (value, ends, factor) in enumerate(every):

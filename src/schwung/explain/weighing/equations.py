@@ -32,6 +32,22 @@ class Acting:
     coupling: Array | float = 0.0  # stiffness and damping beyond the machine's, about the wind-up, (n, 2)
     inertia: Array | float = 0.0  # of the load beyond the machine's, about its acceleration
 
+    def within(self, where: slice, dry_nm: float) -> Acting:
+        """Of one of several joined runs, and how large dry friction is there."""
+
+        def there(whole: Array | float) -> Array | float:
+            return whole if isinstance(whole, float) else whole[where]
+
+        return Acting(
+            there(self.on_motor),
+            there(self.on_load),
+            there(self.position),
+            there(self.speed),
+            dry_nm,
+            there(self.coupling),
+            there(self.inertia),
+        )
+
     def __add__(self, other: Acting) -> Acting:
         return Acting(
             together(self.on_motor, other.on_motor),
@@ -65,7 +81,7 @@ def shaft_of(machine: Machine) -> Shaft:
     )
 
 
-class _Load(NamedTuple):
+class LoadTaken(NamedTuple):
     """Inertia of the load in each step; torque on it beyond what accelerates that, at the step's start, at its end, and
     the height of a parabola between, (n − 1,) each."""
 
@@ -74,13 +90,20 @@ class _Load(NamedTuple):
     end: Array
     height: Array
 
+    def within(self, where: slice) -> LoadTaken:
+        """Of one of several joined runs, whose samples are there."""
+        return LoadTaken(*(each[where.start : where.stop - 1] for each in self))
 
-def _load(along: Along, acting: Acting) -> _Load:
-    """An inertia may bend within a step more than samples tell: by those alone, at 1 kHz and 30 rad/s, a sound coupling
+
+def load_taken(along: Along, acting: Acting) -> LoadTaken:
+    """What the load takes of one run, or of several that are joined, with a step between each two that is none.
+
+    An inertia may bend within a step more than samples tell: by those alone, at 1 kHz and 30 rad/s, a sound coupling
     had 30 % less damping.
     """
-    run, machine = along.run, along.present
-    accelerated, heard = run.load_acceleration, along.load_acceleration
+    machine, accelerated, heard = along.present, along.accelerated, along.load_acceleration
+    ends, step_s = along.ends, along.step_s
+    step_s = step_s[:-1] if isinstance(step_s, np.ndarray) else step_s
     plain, slope, _ = inertia_of(machine, along.load_angle)
     inertia = np.maximum(plain + acting.inertia, LEAST_SHARE * plain)
     further = inertia - plain
@@ -89,13 +112,14 @@ def _load(along: Along, acting: Acting) -> _Load:
     middle, half = (inertia[1:] + inertia[:-1]) / 2, np.diff(inertia) / 2
     start, end = load[:-1] + half * accelerated[:-1], load[1:] - half * accelerated[1:]
 
-    angle = sloping(along.load_angle, along.load_speed, run.step_s)
-    speed = sloping(along.load_speed, heard, run.step_s)
+    angle = sloping(along.load_angle, along.load_speed, step_s)
+    speed = sloping(along.load_speed, heard, step_s)
     plain, slope = (each.reshape(angle.shape) for each in inertia_of(machine, angle.reshape(-1))[:2])
     whole = machine.load_torque_at(angle.reshape(-1)).reshape(angle.shape) - slope * speed**2 / 2
-    whole = whole + smoothly(acts) + smoothly(further) * smoothly(heard)
-    whole = whole - (plain + smoothly(further) - middle) * smoothly(accelerated)
-    return _Load(middle, start, end, height_of(whole - straight(start, end)))
+    added = smoothly(further, ends)
+    whole = whole + smoothly(acts, ends) + added * smoothly(heard, ends)
+    whole = whole - (plain + added - middle) * smoothly(accelerated, ends)
+    return LoadTaken(middle, start, end, height_of(whole - straight(start, end)))
 
 
 def _off_mean(along: Along, bent: Array, mean: Array) -> tuple[Array, Array, Array]:
@@ -111,10 +135,13 @@ def _off_mean(along: Along, bent: Array, mean: Array) -> tuple[Array, Array, Arr
     return start, end, height_of(within - straight(start, end))
 
 
-def equations_of(along: Along, acting: Acting, noise: Noise) -> tuple[Equations, Steps]:
-    """Of one run about its states; `noise`: as far as it is known, where the coupling has play."""
+def equations_of(
+    along: Along, acting: Acting, noise: Noise, load: LoadTaken | None = None
+) -> tuple[Equations, Steps]:
+    """Of one run about its states; `noise`: as far as it is known, where the coupling has play; `load`: what the load
+    takes, where it is worked out already."""
     run, machine = along.run, along.present
-    load = _load(along, acting)
+    load = load_taken(along, acting) if load is None else load
     push = np.broadcast_to(np.asarray(acting.on_motor, dtype=float), run.time_s.shape)
     motor, middle = run.drive.undelayed, load.inertia
     torques = np.stack(

@@ -12,11 +12,21 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from schwung.compiled import IS_FAST
-from schwung.explain.weighing.candidate import Candidate, Shape
-from schwung.explain.weighing.data import Atom, Data
-from schwung.explain.weighing.present import Member
+from schwung.explain.weighing.candidate import Candidate
+from schwung.explain.weighing.data import Data
 from schwung.explain.weighing.round import View, few_of
-from schwung.explain.weighing.search import HOPELESS, MOST, Pick, Scored, Search, slices
+from schwung.explain.weighing.search import HOPELESS, MOST, Scored, Search
+from schwung.explain.weighing.sets import (
+    Shaped,
+    absent,
+    begun_from,
+    carried,
+    everything,
+    is_unnamed,
+    kept,
+    key_of,
+    members_of,
+)
 from schwung.explain.weighing.settling import (
     Settled,
     Weighing,
@@ -30,11 +40,6 @@ from schwung.motion import Array
 
 #: How far off the noise may be, once it was found (log).
 KNOWN = 0.3
-#: Causes of one shape that are smooth along any motion, and so are present where the noise is found.
-SMOOTH = ("torque_constant", "torque_lag", "measurement_delay", "coupling_stiffness", "coupling_damping")
-
-#: Causes in their shapes, with their sizes.
-_Shaped = tuple[tuple[Atom, float], ...]
 #: Told what is being done, and the share that is done.
 Progress = Callable[[str, float], None]
 #: The share of the work that the noise takes, and what of the rest is left after each round.
@@ -72,9 +77,9 @@ class _Climbed:
         return self.at.log + self.search.prior(self.best.picks)
 
     @property
-    def picks(self) -> _Shaped:
+    def picks(self) -> Shaped:
         """The set's, in the shapes that they have come to rest in."""
-        return _kept(self.search, self.best, self.at)
+        return kept(self.search, self.best, self.at)
 
 
 @dataclass(eq=False)
@@ -90,10 +95,13 @@ class Growth:
     among: frozenset[int] | None = None  # candidates that are looked at; None: all
     unrepeated: bool = False  # whether no run repeats another: then noise is what a set leaves
     coarse: bool = False  # whether these are a few runs, by which no noise can be told
+    looked: bool = (
+        False  # whether a few runs were looked at: what no line leads to was tried beside each of their sets
+    )
     rival: float | None = None  # log probability, about the noise at hand, of what these causes stand in for
     tell: Progress = lambda _text, _share: None
     #: Kinds of sets that came to rest about the noise as it is known: their best shapes and sizes, and log probability.
-    rested: dict[frozenset[int], tuple[_Shaped, float]] = field(default_factory=dict)
+    rested: dict[frozenset[int], tuple[Shaped, float]] = field(default_factory=dict)
 
     def grown(self, view: View) -> Grown:
         """From nothing but what is always there, or from what a few runs are made of, where that is likelier in all."""
@@ -103,10 +111,10 @@ class Growth:
             few = self._by_few(view)
         if few is not None and few.log > nothing.log:
             few = replace(few, at=self._renewed(few.at))
-            climbed = self._climbed(few.at, few.picks, _FIRST)
+            climbed = self._climbed(few.at, few.picks, _FIRST, fresh=True)
         else:
             climbed = self._climbed(nothing, (), _FIRST)
-        if _is_unnamed(climbed.search, climbed.best) and (self.unrepeated or climbed.halfway):
+        if is_unnamed(climbed.search, climbed.best) and (self.unrepeated or climbed.halfway):
             climbed = self._by_laws(view, climbed)
         search, best, at = climbed.search, climbed.best, climbed.at
         self._recall(search, best, at)
@@ -119,28 +127,29 @@ class Growth:
         always = [absent(self.candidates[i]) for i in self.always]
         return settled(self.wide.seen(view), always, self._weighing)
 
-    def _climbed(self, at: Settled, picks: _Shaped, until: float = np.inf) -> _Climbed:
+    def _climbed(self, at: Settled, picks: Shaped, until: float = np.inf, *, fresh: bool = False) -> _Climbed:
         """From a set at rest, by one cause more at a time; then by what may stand in its place. Where something
-        has no name after the share `until` of the work, it is left halfway: laws alone are tried then.
+        has no name after the share `until` of the work, it is left halfway: laws alone are tried then. `fresh`: whether
+        the noise was looked at since something was found.
         """
-        growing, fresh = True, False  # whether the noise was looked at since something was found
+        growing = True
         while True:  # each round is likelier than the one before, or the last but for a look at the noise
             self.rounds += 1
             share = NOISE_SHARE + (1 - NOISE_SHARE) * (1 - _FURTHER ** (self.rounds - 1))
             self.tell(f"Weighing causes beside {len(picks)} found" if picks else "Weighing causes", share)
             search = self._search(at)
-            start = search.score(_carried(search.data, picks))
+            start = search.score(carried(search.data, picks))
             if search.data.work.spent:
                 return _Climbed(search, start, at)
             if search.data.work.share > until:
-                if _is_unnamed(search, start):
+                if is_unnamed(search, start):
                     return _Climbed(search, start, at, halfway=True)
                 until = np.inf  # there is nothing that laws alone would stand for
             if growing:
                 taken = self._further(search, start, at)
                 if taken is not None:
                     start, at = taken
-                    picks, fresh = _kept(search, start, at), False
+                    picks, fresh = kept(search, start, at), False
                     shared = not search.candidate(start.picks[-1]).each_run
                     if shared or self.coarse or at.about.view.ranges.one_motion:
                         continue
@@ -149,7 +158,7 @@ class Growth:
                     return _Climbed(search, start, at)
                 if not fresh and not self.coarse:
                     at, fresh = self._renewed(at), True
-                    picks = _kept(search, start, at)
+                    picks = kept(search, start, at)
                     continue
                 growing = False
             search.best(start.picks)
@@ -157,7 +166,7 @@ class Growth:
             if taken is None:
                 return _Climbed(search, start, at)
             best, at = taken
-            picks = _kept(search, best, at)
+            picks = kept(search, best, at)
 
     def _is_hopeless(self, search: Search, best: Scored, at: Settled) -> bool:
         """Whether what grew in place of something is so much less probable that no exchange makes up for it.
@@ -176,9 +185,9 @@ class Growth:
         """Whether it is looked for where laws alone are: of repeats a curve with a name is as good as one."""
         return candidate.is_law if self.unrepeated else candidate.named
 
-    def _on(self, climbed: _Climbed) -> _Climbed:
+    def _on(self, climbed: _Climbed, *, fresh: bool = False) -> _Climbed:
         """Further from there."""
-        return self._climbed(climbed.at, climbed.picks)
+        return self._climbed(climbed.at, climbed.picks, fresh=fresh)
 
     def _by_laws(self, view: View, found: _Climbed) -> _Climbed:
         """From laws alone, where that comes to rest at something likelier: what a curve was found to be first, no pair
@@ -190,7 +199,7 @@ class Growth:
         with view.work.apart(_COARSE):
             few = laws._by_few(view)
         if few is not None and few.log > rival:
-            return self._on(replace(few, at=self._renewed(few.at)))
+            return self._on(replace(few, at=self._renewed(few.at)), fresh=True)
         with view.work.apart(_LAWS):
             other = laws._climbed(laws._nothing(view), ())
         self.memory, self.rounds = laws.memory, laws.rounds
@@ -206,7 +215,7 @@ class Growth:
                 self.rested = laws.rested | self.rested
             return self._on(found)
         self.wide, self.rested = laws.wide, laws.rested
-        self.rested[found.search.kind(found.best.picks)] = _kept(found.search, found.best, here), mine
+        self.rested[found.search.kind(found.best.picks)] = kept(found.search, found.best, here), mine
         return self._on(other)
 
     def _by_few(self, view: View) -> _Climbed | None:
@@ -217,9 +226,9 @@ class Growth:
         few = few_of(self.train)
         if self.unrepeated or len(few) == len(self.train):
             return None
-        some = replace(self, train=few, rested={}, rival=None, memory=None, coarse=True)
+        some = replace(self, train=few, rested={}, rival=None, memory=None, coarse=True, looked=False)
         found = some._climbed(some._nothing(view), ())
-        self.rounds = some.rounds
+        self.rounds, self.looked = some.rounds, True
         return replace(found, at=settled(self.wide.seen(view), found.at.members, self._weighing))
 
     def _renewed(self, at: Settled) -> Settled:
@@ -256,14 +265,21 @@ class Growth:
         opening = [one for one in offered if IS_FAST and search.candidate(one.picks[-1]).opens][:1]
         # what is far off is missed by something else as well: where no line promises anything, nothing is
         elsewhere = [one for one in offered if search.candidate(one.picks[-1]).elsewhere and promising]
-        best, top = None, 0.0
         named = [one for one in search.laws_instead(start.picks) if one.log > start.log]
-        for one in dict.fromkeys((*promising, *opening, *elsewhere, *named)):
-            if best is not None and search.data.work.spent:
+        lines, beyond = (*promising, *named), (*opening, *elsewhere)
+        # beside each set that grew in a few runs, those showed nothing of what no line leads to: where there is
+        # anything else, it comes first
+        goes = [(lines, False), (beyond, True)] if self.looked else [((*lines, *beyond), True)]
+        best, top = None, 0.0
+        for sets, everywhere in goes:
+            for one in dict.fromkeys(sets):
+                if best is not None and search.data.work.spent:
+                    break
+                tried, gain = self._rested(search, one, start, at, top, everywhere=everywhere)
+                if gain > top:
+                    best, top = (one, tried), gain
+            if best is not None:
                 break
-            tried, gain = self._rested(search, one, start, at, top)
-            if gain > top:
-                best, top = (one, tried), gain
         return best
 
     def _fewer(self, search: Search, start: Scored, at: Settled) -> tuple[Scored, Settled] | None:
@@ -301,15 +317,23 @@ class Growth:
         return None
 
     def _rested(
-        self, search: Search, one: Scored, start: Scored, at: Settled, least: float = 0.0
+        self,
+        search: Search,
+        one: Scored,
+        start: Scored,
+        at: Settled,
+        least: float = 0.0,
+        *,
+        everywhere: bool = True,
     ) -> tuple[Settled, float]:
         """A set at rest, and how much more probable it is there (log) than the one at hand; where that is not more than
-        `least`, perhaps not where it is most probable."""
+        `least`, or it is not looked for `everywhere`, perhaps not where it is most probable."""
         members = members_of(search, one, self.candidates)
-        if {_key(m) for m in at.members} <= {_key(m) for m in members}:
-            promised, begun = [m.coefficients for m in members], _from(at.members, members)
+        if {key_of(m) for m in at.members} <= {key_of(m) for m in members}:
+            promised, begun = [m.coefficients for m in members], begun_from(at.members, members)
             tried = settled_beyond(at.about, begun, promised, self._weighing)
-            if members[-1].candidate.elsewhere and _key(members[-1]) not in {_key(m) for m in at.members}:
+            far = everywhere and members[-1].candidate.elsewhere
+            if far and key_of(members[-1]) not in {key_of(m) for m in at.members}:
                 other = settled_elsewhere(at, begun, self._weighing, least)
                 tried = tried if other is None or other.log < tried.log else other
         else:
@@ -318,7 +342,7 @@ class Growth:
             tried = replace(tried, log=-np.inf)  # it stands for what is none of its shapes
         kind, log = search.kind(one.picks), tried.log + search.prior(one.picks)
         if kind not in self.rested or self.rested[kind][1] < log:
-            self.rested[kind] = _kept(search, one, tried), log
+            self.rested[kind] = kept(search, one, tried), log
         return tried, tried.log + search.prior(one.picks) - at.log - search.prior(start.picks)
 
     def _recall(self, search: Search, best: Scored, at: Settled) -> None:
@@ -328,7 +352,7 @@ class Growth:
         for kind, (picks, log) in self.rested.items():
             promised = search.table.get(kind)
             if promised is None and log - here > -HOPELESS:
-                promised = search.score(_carried(search.data, picks))
+                promised = search.score(carried(search.data, picks))
             if promised is not None and kind != search.kind(best.picks):
                 search.kept[kind] = log - here - (promised.log - best.log)
 
@@ -344,77 +368,3 @@ class Growth:
         members = everything(self.candidates, at.members)
         self.wide = wide_fit(at.about.view, members, self.wide.noise, self.train, KNOWN)
         self.rested.clear()
-
-
-def _is_unnamed(search: Search, one: Scored) -> bool:
-    """Whether a set holds what has no name."""
-    return any(not search.candidate(pick).named for pick in one.picks)
-
-
-def _from(present: Sequence[Member], members: Sequence[Member]) -> list[Member]:
-    """The members with the coefficients that they have in a set at rest, or none: what a linear model promises far from
-    it may be no machine at all."""
-    had = {_key(m): m.coefficients for m in present}
-    return [replace(m, coefficients=had.get(_key(m), 0 * m.coefficients)) for m in members]
-
-
-def _key(member: Member) -> tuple[str, Shape, int]:
-    """What tells members apart."""
-    return member.candidate.name, member.shape, member.coefficients.size
-
-
-def absent(candidate: Candidate) -> Member:
-    """With coefficients of nothing."""
-    return Member(candidate, candidate.shapes[0], np.zeros(candidate.size), np.array(candidate.deviations))
-
-
-def everything(candidates: Sequence[Candidate], members: Sequence[Member]) -> list[Member]:
-    """The members, and whatever is smooth along any motion."""
-    inside = {(m.candidate.name, m.candidate.coordinate) for m in members}
-    smooth = (c for c in candidates if _smooth(c) and (c.name, c.coordinate) not in inside)
-    return [*members, *(absent(c) for c in smooth)]
-
-
-def _smooth(candidate: Candidate) -> bool:
-    if candidate.name.startswith("usual"):
-        return True
-    return len(candidate.scales) > 1 or candidate.name in SMOOTH
-
-
-def members_of(search: Search, best: Scored, candidates: Sequence[Candidate]) -> list[Member]:
-    """What is always there, and the set, with the coefficients of laws without errors, which is how they are settled;
-    `candidates`: as they are about nothing."""
-    result, at = [], 0
-    for index in search.always:
-        candidate = candidates[index]
-        coefficients = best.exact[at : at + candidate.size]
-        result.append(Member(candidate, candidate.shapes[0], coefficients, np.array(candidate.deviations)))
-        at += candidate.size
-    for pick, where in zip(best.picks, slices(search, best), strict=True):
-        candidate, shape = candidates[search.index(pick)], search.data.atoms[pick.atom].shape
-        deviations = pick.scale * np.array(candidate.deviations)
-        result.append(Member(candidate, shape, best.exact[where], deviations))
-    return result
-
-
-def _kept(search: Search, best: Scored, at: Settled) -> _Shaped:
-    """A set's atoms, in the shapes that they have come to rest in."""
-    own = at.members[len(at.members) - len(best.picks) :]
-    return tuple(
-        (replace(search.data.atoms[pick.atom], shape=member.shape), pick.scale)
-        for pick, member in zip(best.picks, own, strict=True)
-    )
-
-
-def _carried(data: Data, picks: Sequence[tuple[Atom, float]]) -> tuple[Pick, ...]:
-    """The former round's set in this round's columns."""
-    carried = []
-    for old, scale in picks:
-        same = (i for i, a in enumerate(data.atoms) if (a.candidate, a.shape) == (old.candidate, old.shape))
-        number = next(same, None)
-        if number is None:
-            share = data.candidates[old.candidate].shape_log
-            data.append(old.candidate, old.shape, share if old.refined is None else old.refined, old.spread)
-            number = len(data.atoms) - 1
-        carried.append(Pick(number, scale))
-    return tuple(carried)

@@ -14,12 +14,12 @@ import numpy as np
 
 from schwung.drivetrain.machine import Machine
 from schwung.explain.weighing.along import Along
-from schwung.explain.weighing.growth import members_of
 from schwung.explain.weighing.known import Known, known
 from schwung.explain.weighing.phases import phased
 from schwung.explain.weighing.present import Member, with_members
 from schwung.explain.weighing.round import Linearised, View
 from schwung.explain.weighing.search import Scored
+from schwung.explain.weighing.sets import members_of
 from schwung.explain.weighing.settling import Weighing, smoothed
 from schwung.explain.weighing.weigh import Posterior
 from schwung.innovations.effect import Passed

@@ -22,6 +22,7 @@ from schwung.drivetrain.residual import (
 from schwung.drivetrain.residual_plane import ON_LOAD as LOADED
 from schwung.drivetrain.residual_plane import Plane, planes_of
 from schwung.explain.weighing.along import Along
+from schwung.explain.weighing.joined import run_by_run
 from schwung.explain.weighing.late import acceleration_bent, beyond_bent, lagging
 from schwung.explain.weighing.present import changed
 from schwung.innovations.effect import Effect
@@ -45,10 +46,13 @@ class Known:
 
     def effect(self, along: Along) -> Effect:
         """One column: all that is known, and what is known of the reporting."""
-        e = self.effects
         if self.nothing:
             none = np.zeros((along.speed.size, 1))
             return Effect(none, none, none, none)
+        return run_by_run(self._in_run)(along)
+
+    def _in_run(self, along: Along) -> Effect:
+        e = self.effects
         if self.phases_rad:
             e = e._replace(periodic_phase_rad=self.phases_rad[along.number])
         on_motor, on_load = _torques(

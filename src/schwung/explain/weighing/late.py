@@ -6,6 +6,7 @@ import numpy as np
 from scipy.signal import lfilter
 
 from schwung.explain.weighing.along import Along
+from schwung.explain.weighing.joined import Joined, run_by_run
 from schwung.innovations.splines import interpolated
 from schwung.motion import Array
 
@@ -14,6 +15,9 @@ def lagging(along: Along, values: Array, time_s: float) -> Array:
     """Through a first-order filter (bilinear), backwards where its time is negative; at rest before."""
     if time_s == 0:
         return values
+    if isinstance(along, Joined):
+        each = zip(along.parts, along.wheres, strict=True)
+        return np.concatenate([lagging(part, values[where], time_s) for part, where in each])
     step, later = along.run.step_s, abs(time_s)
     signal = values if time_s > 0 else values[::-1]
     whole = step + 2 * later
@@ -22,6 +26,7 @@ def lagging(along: Along, values: Array, time_s: float) -> Array:
     return np.asarray(found if time_s > 0 else found[::-1])
 
 
+@run_by_run
 def acceleration_bent(along: Along, time_s: float) -> Array:
     """Of the motor just before each sample through 1/(1 + φ d/dt), φ = `time_s` (rad/s²), (n,).
 
@@ -36,6 +41,7 @@ def acceleration_bent(along: Along, time_s: float) -> Array:
     return lagging(along, along.acceleration, time_s) - whole * ((1 - late) * jump - (1 - late**2) * change)
 
 
+@run_by_run
 def beyond_bent(along: Along, delay_s: float, bend_s: float) -> Array:
     """What a delay does to the speed beyond −δ α through 1/(1 + δ/2 d/dt), the first of Padé's (rad/s), (n,).
 

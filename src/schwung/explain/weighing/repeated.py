@@ -13,6 +13,7 @@ import numpy as np
 
 from schwung.explain.weighing.along import Along
 from schwung.explain.weighing.candidate import LADDER, Candidate, Curve, Shape
+from schwung.explain.weighing.joined import run_by_run
 from schwung.innovations.effect import Effect
 from schwung.session.model import Run
 
@@ -45,11 +46,12 @@ def repeated(runs: Sequence[Run], torque_nm: float) -> list[Candidate]:
 
 def _curve(runs: Sequence[Run], numbers: Sequence[int], torque_nm: float) -> Candidate:
     curve = curve_over_time(max(float(runs[number].time_s[-1]) for number in numbers))
-    effect = partial(_over_time, curve, frozenset(numbers))
+    effect = partial(_over_time, curve=curve, numbers=frozenset(numbers))
     return Candidate("motion", effect, (torque_nm,) * curve.size, scales=LADDER, named=False)
 
 
-def _over_time(curve: Curve, numbers: frozenset[int], along: Along, _shape: Shape) -> Effect:
+@run_by_run
+def _over_time(along: Along, _shape: Shape, curve: Curve, numbers: frozenset[int]) -> Effect:
     if along.number not in numbers:
         return Effect(on_load=np.zeros((along.speed.size, curve.size)))
     return Effect(on_load=curve.at(along.time_s))

@@ -11,11 +11,12 @@ import numpy as np
 
 from schwung.explain.weighing.along import Along, Ranges, TrueTorque, along
 from schwung.explain.weighing.candidate import Candidate, Missed, Shape
-from schwung.explain.weighing.equations import Acting, equations_of, together
+from schwung.explain.weighing.equations import Acting, equations_of, load_taken, together
+from schwung.explain.weighing.joined import Joined
 from schwung.explain.weighing.known import Known
 from schwung.explain.weighing.present import Member, gap_of, with_members
 from schwung.explain.weighing.work import LINEARISED, NOISE, Work
-from schwung.innovations.effect import Passed
+from schwung.innovations.effect import Passed, whiten
 from schwung.innovations.likelihood import Noise, likely_noise, unshared_deviance_of
 from schwung.innovations.low_pass import heard, loudness
 from schwung.innovations.signals import Signals
@@ -28,6 +29,9 @@ FEW = 3
 STEPS = 12
 #: Costs (−2 log) that differ by less are the same: the filter's equations change a little with the states.
 ALIKE = 0.5
+
+#: Samples of angle and speed whose columns are worked out at once: more are further away than the nearest memory.
+TOGETHER = 16_384
 
 T = TypeVar("T")
 #: A candidate in one of its shapes.
@@ -88,6 +92,12 @@ class View:
 
 def acting(view: View, along: Along, members: Sequence[Member]) -> Acting:
     """What the belief and the members do along a run."""
+    (found,) = acting_on_each(view, Joined.of([along]), members)[1]
+    return found
+
+
+def acting_on_each(view: View, along: Joined, members: Sequence[Member]) -> tuple[Acting, list[Acting]]:
+    """The same of several runs: together, where dry friction is not told, and of each."""
     known = view.known
     what = known.effect(along)
     total, opposed = Acting(*what.of(np.ones(1))), known.dry(along)
@@ -99,7 +109,12 @@ def acting(view: View, along: Along, members: Sequence[Member]) -> Acting:
         opposed = opposed - together(done.on_motor, done.on_load)
         if not member.candidate.of_machine:
             total += _further(along, member, done)
-    return replace(total, dry_nm=_dry(along, opposed) if view.dry_nm is None else view.dry_nm)
+    each = zip(along.parts, along.wheres, strict=True)
+    known_nm = view.dry_nm
+    return total, [
+        total.within(where, _dry(part, opposed[where]) if known_nm is None else known_nm)
+        for part, where in each
+    ]
 
 
 def _further(along: Along, member: Member, done: Acting) -> Acting:
@@ -166,12 +181,21 @@ class Linearised:
     def whiten(self, causes: Iterable[Cause], runs: Sequence[int], rows: Array) -> None:
         """Write causes as the innovations of some runs show them, one run behind another, to `rows` (Σp, Σ2n)."""
         causes, across = list(causes), 0
+        for some in self._few_samples(runs):
+            together = Joined.of([self.alongs[run] for run in some])
+            effects = (candidate.effect(together, shape) for candidate, shape in causes)
+            whiten([self.passed[run] for run in some], effects, rows, across)
+            across += self.samples(some)
+        self.view.work.add(self.samples(runs) * sum(candidate.size for candidate, _ in causes))
+
+    def _few_samples(self, runs: Sequence[int]) -> list[list[int]]:
+        """These runs, as many at once as there is room for their columns in the nearest memory."""
+        found: list[list[int]] = []
         for run in runs:
-            where = self.alongs[run]
-            effects = (candidate.effect(where, shape) for candidate, shape in causes)
-            self.passed[run].whiten(effects, rows, across)
-            across += self.passed[run].samples
-        self.view.work.add(across * sum(candidate.size for candidate, _ in causes))
+            if not found or self.samples([*found[-1], run]) > TOGETHER:
+                found.append([])
+            found[-1].append(run)
+        return found
 
     def whitened(self, causes: Iterable[Cause], runs: Sequence[int]) -> Array:
         """The same in an array that holds until columns are whitened next."""
@@ -208,7 +232,14 @@ def linearised(
     runs = range(len(alongs)) if runs is None else runs
     pairs = few_of([group for group in view.repeats if len(group) > 1])
     few = [] if reach is None else [i for pair in pairs for i in pair[:2]] or few_of(range(len(alongs)))
-    made = {i: equations_of(alongs[i], acting(view, alongs[i], members), noise) for i in {*runs, *few}}
+    asked = sorted({*runs, *few})
+    joined = Joined.of([alongs[i] for i in asked])
+    act, each = acting_on_each(view, joined, members)
+    load = load_taken(joined, act)
+    made = {
+        i: equations_of(alongs[i], acts, noise, load.within(where))
+        for i, acts, where in zip(asked, each, joined.wheres, strict=True)
+    }
     unlikely = 0.0
     if reach is not None:
         equations = [made[i][0] for i in few]

@@ -6,7 +6,7 @@ All sets that were visited are kept, and share the probability.
 
 from __future__ import annotations
 
-from collections.abc import Container, Iterable
+from collections.abc import Container, Iterable, Iterator
 from dataclasses import dataclass, field
 from itertools import groupby
 
@@ -139,6 +139,8 @@ class Search:
             top = int(np.argmax(logs))
             found, deviations = weighed[top], each[top]
             evidence = logsumexp(logs) - float(np.log(len(SHARES)))
+        if any(self.candidate(pick).is_another(mine) for pick, mine in self._of_each(picks, exact[first:])):
+            evidence = -np.inf
         times = 1 if errors is None else 1 + len(SHARES)
         self.data.work.add(SCORED + times * CUBED * which.size**3)
         scored = Scored(picks, evidence + self._log(picks, found), found, which, deviations, exact)
@@ -148,12 +150,19 @@ class Search:
             self.table[kind] = scored
         return scored
 
+    def _of_each(self, picks: Set, coefficients: Array) -> Iterator[tuple[Pick, Array]]:
+        """Every cause of a set with its own."""
+        at = 0
+        for pick in picks:
+            size = self.candidate(pick).size
+            yield pick, coefficients[at : at + size]
+            at += size
+
     def _errors(self, picks: Set, coefficients: Array) -> tuple[Numbers, Array] | None:
         """Columns of the errors of a set's laws, and their deviations if they were as large as the laws."""
-        which, sizes, at = [], [], 0
-        for pick in picks:
-            atom, size = self.data.atoms[pick.atom], self.candidate(pick).size
-            mine, at = coefficients[at : at + size], at + size
+        which, sizes = [], []
+        for pick, mine in self._of_each(picks, coefficients):
+            atom = self.data.atoms[pick.atom]
             seen = float(mine @ self.data.statistics.gram[atom.where, atom.where] @ mine)
             where = self.data.error(atom) if SHARES[-1] ** 2 * seen > _SEEN else None
             if where is not None:

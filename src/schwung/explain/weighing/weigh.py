@@ -14,7 +14,7 @@ from schwung.explain.kept_aside import kept_aside
 from schwung.explain.weighing.along import TrueTorque, ranges_of
 from schwung.explain.weighing.candidate import NATURAL, Candidate, Shape
 from schwung.explain.weighing.elsewhere import holding
-from schwung.explain.weighing.growth import NOISE_SHARE, Grown, Growth, Progress, everything
+from schwung.explain.weighing.growth import NOISE_SHARE, Grown, Growth, Progress
 from schwung.explain.weighing.known import known
 from schwung.explain.weighing.one_law import one_law
 from schwung.explain.weighing.phases import phased
@@ -23,6 +23,7 @@ from schwung.explain.weighing.publication import NAMED
 from schwung.explain.weighing.repeated import motions_of, repeated
 from schwung.explain.weighing.round import Linearised, View, target_of
 from schwung.explain.weighing.search import Pick, Scored, Search, slices
+from schwung.explain.weighing.sets import everything
 from schwung.explain.weighing.sharpness import covariance_of
 from schwung.explain.weighing.standing import Standing, standing
 from schwung.explain.weighing.values import Named, Parameter, Proof, Unnamed, Weighed
@@ -49,6 +50,7 @@ _HURRIED = (
 _REFUTED = (
     "{} takes something of the motions at hand, and makes others worse that it is not fitted to: left out"
 )
+
 #: Probabilities below this are not told.
 TOLD = 0.01
 

@@ -17,6 +17,7 @@ import numpy as np
 
 from schwung.explain.weighing.along import Along, Ranges
 from schwung.explain.weighing.candidate import Candidate, Missed, Shape, column
+from schwung.explain.weighing.joined import run_by_run
 from schwung.explain.weighing.vocabulary.line import FINER, LEAST_PERIODS, beyond_nearby, line_of
 from schwung.innovations.effect import Effect
 from schwung.motion import Array
@@ -30,11 +31,13 @@ def periodic(of: Ranges, torque_nm: float) -> list[Candidate]:
     """The family: a sine and a waveform, of which a set holds one; `torque_nm`: a natural torque."""
     told_apart, runs = 1 / max(of.longest_s, 1e-9), 2 * of.runs
 
+    @run_by_run
     def effect(along: Along, shape: Shape) -> Effect:
         found = np.zeros((along.speed.size, runs))
         found[:, 2 * along.number : 2 * along.number + 2] = waves(along, shape[0])
         return Effect(found)
 
+    @run_by_run
     def whole(along: Along, shape: Shape, coefficients: Array) -> Effect:
         own = coefficients[2 * along.number : 2 * along.number + 2]
         return Effect(column(waves(along, shape[0]) @ own))
@@ -53,6 +56,7 @@ def _waveform(sine: Candidate) -> Candidate:
     """With the harmonics' shares p, then q, behind the runs' own coefficients."""
     runs = sine.size
 
+    @run_by_run
     def bent(along: Along, shape: Shape, coefficients: Array) -> tuple[Effect, Effect]:
         mine = slice(2 * along.number, 2 * along.number + 2)
         amplitude = float(np.hypot(*coefficients[mine]))

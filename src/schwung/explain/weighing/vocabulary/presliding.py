@@ -14,6 +14,7 @@ import numpy as np
 from schwung.drivetrain.presliding import bent
 from schwung.explain.weighing.along import Along, Ranges
 from schwung.explain.weighing.candidate import Candidate, Shape, grid
+from schwung.explain.weighing.joined import run_by_run
 from schwung.explain.weighing.known import Known
 from schwung.innovations.effect import Effect
 from schwung.motion import Array
@@ -31,12 +32,19 @@ def presliding(of: Ranges, torque_nm: float, known: Known) -> Candidate:
         "presliding_friction", _effect, (torque_nm, torque_nm, 1.0), _keys,
         shapes=grid(np.geomspace(shortest, of.span_rad, 10)), spacing=(0.3,), logarithmic=(True,),
         bounds=((0.5 * shortest, 2 * of.span_rad),), positive=(0,), least=(-known.effects.presliding_nm,),
-        coordinate="travel", own=(lambda along, shape: bent(along.angle, shape[0], 0.0),),
+        coordinate="travel", own=(_slid,),
     )  # fmt: skip
 
 
+@run_by_run
+def _slid(along: Along, shape: Shape) -> Array:
+    """How far the bristles are bent, from rest."""
+    return np.asarray(bent(along.angle, shape[0], 0.0))
+
+
+@run_by_run
 def _effect(along: Along, shape: Shape) -> Effect:
-    sliding = bent(along.angle, shape[0], 0.0)
+    sliding = _slid(along, shape)
     first = bent(along.angle, shape[0], 1.0) - sliding
     return Effect(-np.stack([sliding, first, first * along.resting_nm], 1))
 

@@ -15,6 +15,7 @@ import numpy as np
 
 from schwung.explain.weighing.along import Along, Ranges
 from schwung.explain.weighing.candidate import RIGHT_TO, Candidate, Shape, column, grid
+from schwung.explain.weighing.joined import run_by_run
 from schwung.explain.weighing.late import acceleration_bent, beyond_bent, lagging
 from schwung.explain.weighing.vocabulary.load import of_any_order, polar
 from schwung.innovations.effect import Effect
@@ -180,6 +181,7 @@ def usual(tick_s: float) -> list[Candidate]:
     def speed(along: Along, _shape: Shape) -> Effect:
         return Effect(speed=np.stack([-along.acceleration_before, along.jerk_before], 1))
 
+    @run_by_run
     def held(along: Along, _shape: Shape) -> Effect:
         step, rotor = along.run.step_s, along.machine.motor.inertia_kgm2
         rate = slopes(along.run.drive.injected_nm, step)

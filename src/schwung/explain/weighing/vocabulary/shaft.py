@@ -17,6 +17,7 @@ from scipy.linalg import expm
 from schwung.drivetrain.machine import Coupling
 from schwung.explain.weighing.along import Along, Ranges
 from schwung.explain.weighing.candidate import RIGHT_TO, Candidate, Shape, column, grid
+from schwung.explain.weighing.joined import run_by_run
 from schwung.explain.weighing.vocabulary.load import of_any_order, polar
 from schwung.innovations import kernel
 from schwung.innovations.effect import Effect
@@ -80,6 +81,7 @@ def third_mass(acceleration: Array, rate: float, ratio: float, step_s: float) ->
     return np.asarray(states @ np.array([rate**2, 2 * ratio * rate]))
 
 
+@run_by_run
 def _third_mass(along: Along, shape: Shape) -> Effect:
     rate, ratio = shape
     return Effect(on_load=column(-third_mass(along.load_acceleration, rate, ratio, along.run.step_s)))
@@ -109,6 +111,7 @@ def shaft(of: Ranges, coupling: Coupling, torque_nm: float, inertia_kgm2: float)
         further = lost(along, along.gap_rad + shape[0]) - lost(along, along.gap_rad)
         return between(np.column_stack([-further / shape[0], along.winding]))
 
+    @run_by_run
     def closing(along: Along, _shape: Shape) -> Array:
         """How fast a contact closes, over the fastest, −1…1: what it does then no stiffness and damping say exactly."""
         fast = along.contact[:, 1] * along.twist_speed

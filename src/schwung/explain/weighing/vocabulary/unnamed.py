@@ -13,6 +13,7 @@ import numpy as np
 
 from schwung.explain.weighing.along import Along, Ranges
 from schwung.explain.weighing.candidate import LADDER, SMALL, Candidate, Curve, Plane, Shape, column
+from schwung.explain.weighing.joined import run_by_run
 from schwung.explain.weighing.repeated import curve_over_time
 from schwung.innovations.effect import Effect
 from schwung.motion import Array
@@ -95,12 +96,14 @@ def unnamed(of: Ranges, torque_nm: float) -> list[Candidate]:
 
         return lambda along, _: Effect(on_load=curve.at(where(along))), whole
 
+    @run_by_run
     def over_runs(along: Along, _shape: Shape) -> Effect:
         found = np.zeros((along.speed.size, 2 * of.runs))
         found[:, along.number] = np.maximum(along.direction, 0)
         found[:, of.runs + along.number] = np.maximum(-along.direction, 0)
         return Effect(found)
 
+    @run_by_run
     def over_runs_whole(along: Along, _shape: Shape, coefficients: Array) -> Effect:
         ahead, back = coefficients[along.number], coefficients[of.runs + along.number]
         return Effect(column(ahead * np.maximum(along.direction, 0) + back * np.maximum(-along.direction, 0)))
