@@ -182,8 +182,8 @@ class Linearised:
         """Write causes as the innovations of some runs show them, one run behind another, to `rows` (Σp, Σ2n)."""
         causes, across = list(causes), 0
         for some in self._few_samples(runs):
-            together = Joined.of([self.alongs[run] for run in some])
-            effects = (candidate.effect(together, shape) for candidate, shape in causes)
+            joined = Joined.of([self.alongs[run] for run in some])
+            effects = (candidate.effect(joined, shape) for candidate, shape in causes)
             whiten([self.passed[run] for run in some], effects, rows, across)
             across += self.samples(some)
         self.view.work.add(self.samples(runs) * sum(candidate.size for candidate, _ in causes))

@@ -224,6 +224,7 @@ def load(of: Ranges, torque_nm: float, machine: Machine) -> list[Candidate]:
     inertia = machine.load_inertia_at(np.linspace(of.low_rad, of.high_rad, 65))
     mass = float(np.mean(inertia)) + (machine.motor.inertia_kgm2 if machine.coupling is None else 0.0)
     varies = bool(np.ptp(inertia) > _VARIES * np.mean(inertia))
+    steep = float(np.sqrt(np.mean(np.gradient(inertia, max(of.span_rad, 1e-9) / (inertia.size - 1)) ** 2)))
     angle = Curve.over(of.low_rad, of.high_rad, 0.3)
     masses = BentCurve.over(of.low_rad, of.high_rad, 0.3)  # its slope is felt, too
     events = [
@@ -305,6 +306,6 @@ def load(of: Ranges, torque_nm: float, machine: Machine) -> list[Candidate]:
         found.append(
             Candidate("inertia_profile_shift", of_inertia(towards, step), (share,),
                       lambda c, _: {"shift_rad": c[0]}, shapes=grid(_SHIFTS_RAD), coordinate="position",
-                      bent=shift_about, inertia=towards, inertia_whole=shifted)
+                      bent=shift_about, inertia=towards, inertia_whole=shifted, known_to=RIGHT_TO * mass / steep)
         )  # fmt: skip
     return found
