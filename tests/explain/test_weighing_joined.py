@@ -104,3 +104,17 @@ def test_an_inertia_by_differences_is_the_same_for_many_angles_and_for_few(view)
         inertia_of(machine, np.concatenate([few, many])), inertia_of(machine, few), strict=True
     ):
         assert same(found[: few.size], wanted)
+
+
+def test_what_each_run_has_of_its_own_is_nothing_in_a_run_that_is_yet_to_come(view):
+    """`--next` ended in a traceback where a set held one of these."""
+    (part, *_), chance = view.alongs(()), np.random.default_rng(4)
+    coming = replace(part, number=view.ranges.runs + 1)
+    own = [one for one in vocabulary(view.ranges, view.known) if one.each_run or one.coordinate == "run"]
+    assert {one.name for one in own} >= {"run", "periodic_disturbance", "friction_drift"}
+    for one in own:
+        shape = (30.0,) if one.sought is not None else one.shapes[0]
+        coefficients = chance.uniform(0.1, 1.0, one.size) * one.deviations
+        effect, done = one.effect(coming, shape), one.done(coming, shape, coefficients)
+        drifts = one.named and not one.each_run  # and goes on drifting
+        assert np.any(effect.parts[0]) == np.any(done.parts[0]) == drifts, one.name

@@ -31,6 +31,18 @@ def test_a_late_speed_beside_a_saturation_is_no_late_torque(tmp_path: Path) -> N
     }
 
 
+@pytest.mark.timeout(300)
+def test_laws_are_tried_beside_curves_that_were_found_soon(tmp_path: Path) -> None:
+    """A curve over speed and one over torque and time took all there was, with most of the work left: laws alone were
+    not looked for. Dry friction that a drag was found beside first falls near standstill, too."""
+    session, machine, label = drawn(tmp_path, 299502, each=2, kind="three")
+    found = weigh(session, machine)
+    assert {name.name for name in found.names if name.probability > 0.9} == {
+        effect["physics"] for effect in label["effects"]
+    }
+    assert not found.unnamed
+
+
 def test_work_apart_counts_to_nothing_else() -> None:
     now = [0.0]
     work = Work(most=100.0, seconds=10.0, now=lambda: now[0])

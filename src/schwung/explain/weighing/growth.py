@@ -114,7 +114,7 @@ class Growth:
             climbed = self._climbed(few.at, few.picks, _FIRST, fresh=True)
         else:
             climbed = self._climbed(nothing, (), _FIRST)
-        if is_unnamed(climbed.search, climbed.best) and (self.unrepeated or climbed.halfway):
+        if is_unnamed(climbed.search, climbed.best):
             climbed = self._by_laws(view, climbed)
         search, best, at = climbed.search, climbed.best, climbed.at
         self._recall(search, best, at)

@@ -53,7 +53,7 @@ class Known:
 
     def _in_run(self, along: Along) -> Effect:
         e = self.effects
-        if self.phases_rad:
+        if along.number < len(self.phases_rad):  # of a run that is yet to come, the file's is as good as any
             e = e._replace(periodic_phase_rad=self.phases_rad[along.number])
         on_motor, on_load = _torques(
             e, along.angle, along.load_angle, along.speed, along.time_s, along.motion_time_s,

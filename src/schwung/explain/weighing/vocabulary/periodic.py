@@ -34,11 +34,14 @@ def periodic(of: Ranges, torque_nm: float) -> list[Candidate]:
     @run_by_run
     def effect(along: Along, shape: Shape) -> Effect:
         found = np.zeros((along.speed.size, runs))
-        found[:, 2 * along.number : 2 * along.number + 2] = waves(along, shape[0])
+        if along.number < of.runs:  # the phase of a run that is yet to come is anything
+            found[:, 2 * along.number : 2 * along.number + 2] = waves(along, shape[0])
         return Effect(found)
 
     @run_by_run
     def whole(along: Along, shape: Shape, coefficients: Array) -> Effect:
+        if along.number >= of.runs:
+            return Effect(column(np.zeros(along.speed.size)))
         own = coefficients[2 * along.number : 2 * along.number + 2]
         return Effect(column(waves(along, shape[0]) @ own))
 
@@ -59,9 +62,11 @@ def _waveform(sine: Candidate) -> Candidate:
     @run_by_run
     def bent(along: Along, shape: Shape, coefficients: Array) -> tuple[Effect, Effect]:
         mine = slice(2 * along.number, 2 * along.number + 2)
+        more = np.zeros((along.speed.size, coefficients.size))
+        if mine.stop > runs:
+            return Effect(more), Effect(column(np.zeros(along.speed.size)))
         amplitude = float(np.hypot(*coefficients[mine]))
         base = waves(along, shape[0])
-        more = np.zeros((along.speed.size, coefficients.size))
         more[:, mine] = base
         if amplitude == 0:  # of a run whose phase is not known, nothing is known of its harmonics
             return Effect(more), Effect(column(np.zeros(along.speed.size)))

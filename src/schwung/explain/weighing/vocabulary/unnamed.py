@@ -99,12 +99,15 @@ def unnamed(of: Ranges, torque_nm: float) -> list[Candidate]:
     @run_by_run
     def over_runs(along: Along, _shape: Shape) -> Effect:
         found = np.zeros((along.speed.size, 2 * of.runs))
-        found[:, along.number] = np.maximum(along.direction, 0)
-        found[:, of.runs + along.number] = np.maximum(-along.direction, 0)
+        if along.number < of.runs:  # of a run that is yet to come nothing of its own is known
+            found[:, along.number] = np.maximum(along.direction, 0)
+            found[:, of.runs + along.number] = np.maximum(-along.direction, 0)
         return Effect(found)
 
     @run_by_run
     def over_runs_whole(along: Along, _shape: Shape, coefficients: Array) -> Effect:
+        if along.number >= of.runs:
+            return Effect(column(np.zeros(along.speed.size)))
         ahead, back = coefficients[along.number], coefficients[of.runs + along.number]
         return Effect(column(ahead * np.maximum(along.direction, 0) + back * np.maximum(-along.direction, 0)))
 
