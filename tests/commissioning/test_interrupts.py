@@ -107,9 +107,7 @@ def test_who_waits_hears_of_it_soon() -> None:
 
 @pytest.mark.parametrize("at", range(40))
 def test_an_interrupt_amid_a_wait_leaves_no_lock_held(at: int) -> None:
-    """The program then waited for itself, for good, while its heartbeat went on and the drive stayed on: a hundredth of
-    all interrupts of a lockstep motion.
-    """
+    """The program then waited for itself, for good, while its heartbeat went on and the drive stayed on."""
     clock, lines = WallClock(), itertools.count()
     event, done = clock.event(), clock.event()
 

@@ -1,9 +1,9 @@
 """Where an interrupt gets through while a machine may move: where somebody waits, and nowhere else.
 
 A signal's handler runs between any two instructions of the main thread. What it raises there can leave a lock held or
-a stop half begun for ever: of a hundred interrupts amid the waits of threading.Event, which is written in Python, one
-left its lock held, and the program then waited for itself, for good, while its heartbeat went on. So a handler notes
-the interrupt, and whoever sleeps or waits next by a clock, in the main thread, hears of it.
+a stop half begun for ever: threading.Event is written in Python, and an interrupt amid its waits may leave its lock
+held. The program then waited for itself, for good, while its heartbeat went on. So a handler notes the interrupt, and
+whoever sleeps or waits next by a clock, in the main thread, hears of it.
 """
 
 from __future__ import annotations
