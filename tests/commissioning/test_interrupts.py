@@ -100,7 +100,7 @@ def test_who_waits_hears_of_it_soon() -> None:
         began = clock.now()
         task = clock.later(0.05, lambda: signal.raise_signal(signal.SIGINT))
         with pytest.raises(KeyboardInterrupt):
-            within(lambda _, wait=wait: wait())  # type: ignore[misc]  # of this round
+            within(lambda _, wait=wait: wait())
         task.close()
         assert 0.04 < clock.now() - began < 20
 

@@ -1,6 +1,8 @@
 """Several runs as one are what each is by itself, one behind another."""
 
+from collections.abc import Callable
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -9,7 +11,8 @@ from strangers import STRANGERS, belief_of, session_of
 from schwung.drivetrain.inertia import InertiaTable, slider_crank_inertia
 from schwung.drivetrain.machine import Load
 from schwung.explain.weighing import round as rounds
-from schwung.explain.weighing.along import DIFFERENCE_RAD, TrueTorque, inertia_of, ranges_of
+from schwung.explain.weighing.along import DIFFERENCE_RAD, Along, TrueTorque, inertia_of, ranges_of
+from schwung.explain.weighing.candidate import Candidate, Shape
 from schwung.explain.weighing.equations import load_taken
 from schwung.explain.weighing.joined import Joined, behind
 from schwung.explain.weighing.known import known
@@ -46,6 +49,17 @@ def view():
     return rounds.at_rest(found, (), first_noise(runs)).view
 
 
+def asked_of(one: Candidate, shape: Shape, coefficients: np.ndarray) -> list[Callable[[Along], Any]]:
+    """All that a cause is asked along a run."""
+    laws = [law for law in (one.tangent, one.heavier) if law is not None]
+    return [
+        lambda along: one.effect(along, shape),
+        lambda along: one.done(along, shape, coefficients),
+        *(lambda along, law=law: law(along, shape) for law in one.own),
+        *(lambda along, law=law: law(along, shape, coefficients) for law in laws),
+    ]
+
+
 @pytest.mark.parametrize("gap_rad", [0.0, PLAY_RAD])
 def test_every_cause_does_to_joined_runs_what_it_does_to_each(view, gap_rad):
     """Whoever adds one that goes from sample to sample, or has numbers of each run's own, says so (`run_by_run`)."""
@@ -55,12 +69,7 @@ def test_every_cause_does_to_joined_runs_what_it_does_to_each(view, gap_rad):
     for one in candidates:
         shape = (30.0,) if one.sought is not None else one.shapes[-1]
         coefficients = chance.uniform(0.1, 1.0, one.size) * one.deviations
-        asked = [lambda along: one.effect(along, shape), lambda along: one.done(along, shape, coefficients)]  # noqa: B023
-        asked += [lambda along, law=law: law(along, shape) for law in one.own]  # noqa: B023
-        for law in (one.tangent, one.heavier):
-            if law is not None:
-                asked.append(lambda along, law=law: law(along, shape, coefficients))  # noqa: B023
-        for ask in asked:
+        for ask in asked_of(one, shape, coefficients):
             whole, each = ask(joined), behind([ask(part) for part in parts])
             pairs = (
                 [(whole, each)]
