@@ -61,7 +61,7 @@ def test_what_is_missed_is_no_part_of_the_torque_that_drives() -> None:
     outcome = posterior_of(session, machine)
     growth = outcome.growth
     usual = [absent(growth.candidates[i]) for i in growth.always]
-    about = settled(growth.wide.seen(outcome.view), usual, growth._weighing).about
+    about = settled(growth.wide.seen(outcome.view), usual, growth.weighing).about
     every = about.view.alongs(about.members)
     for along in (every[number] for number in growth.train):
         ahead = along.direction * along.moves

@@ -2,6 +2,7 @@
 
 import re
 from dataclasses import replace
+from importlib import import_module
 from types import SimpleNamespace
 
 import numpy as np
@@ -73,13 +74,13 @@ def test_a_hum_found_in_few_runs_is_in_the_set_at_rest_and_in_what_is_scored(
     stranger = Stranger("hum, dry friction", (), (0.8, 0.0, 0.0, 0.0), hum=(0.3, HERTZ))
 
     def grown(growth: Growth, view: View) -> None:
-        climbed = replace(growth, coarse=True)._climbed(growth._nothing(view), ())
+        climbed = replace(growth, coarse=True).climbed(growth.nothing(view), ())
         scored = [climbed.search.candidate(pick).name for pick in climbed.best.picks]
         assert sorted(scored) == ["coulomb_friction", "periodic_disturbance"]
         assert [member.candidate.name for member in climbed.at.members[-2:]] == scored
         raise _LookedAtError
 
-    monkeypatch.setattr(Growth, "grown", grown)
+    monkeypatch.setattr(import_module("schwung.explain.weighing.weigh"), "grown", grown)
     for exchange in ("_instead", "_fewer"):  # which may mend it
         monkeypatch.setattr(Growth, exchange, lambda *_: None)
     with pytest.raises(_LookedAtError):

@@ -16,8 +16,9 @@ def recalled(promised: float, rested: float) -> Any:
     table = {kind: SimpleNamespace(log=log) for kind, log in ((LATE, 40.0), (SOFT, promised), (BOTH, 36.0))}
     search: Any = SimpleNamespace(table=table, kept={}, resting=LATE, kind=frozenset, prior=lambda _: 0.0)
     growth: Any = SimpleNamespace(rested={SOFT: ((), rested), LATE: ((), -10.0)})
-    best: Any = SimpleNamespace(picks=(1,), log=40.0)
-    Growth._recall(growth, search, best, SimpleNamespace(log=-10.0))  # type: ignore[arg-type]
+    best = SimpleNamespace(picks=(1,), log=40.0)
+    climbed: Any = SimpleNamespace(search=search, best=best, log=-10.0)
+    Growth.recall(growth, climbed)
     return search
 
 

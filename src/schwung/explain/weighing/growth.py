@@ -45,36 +45,28 @@ Progress = Callable[[str, float], None]
 #: The share of the work that the noise takes, and what of the rest is left after each round.
 NOISE_SHARE, _FURTHER = 0.2, 0.7
 
-#: Of the work, what all causes may take in a few runs, and in all before laws alone are tried; and what those may take
-#: beside it, in a few runs and then in all.
-_FEW, _FIRST, _COARSE, _LAWS = 0.3, 0.5, 0.3, 0.3
 #: Sets that are brought to rest each round; so many of one law more among them, or beside them.
 _TRIED, _LAWS_TRIED = 3, 2
 
 
 @dataclass(frozen=True, eq=False)
-class Grown:
-    """The most probable set and all that were visited, linearised about it."""
-
-    data: Data
-    search: Search
-    best: Scored
-    nothing: Settled  # the belief with what is always there
-
-
-@dataclass(frozen=True, eq=False)
-class _Climbed:
+class Climbed:
     """A set at rest, and all that were visited about it."""
 
     search: Search
     best: Scored
     at: Settled
-    halfway: bool = False  # whether it was left for laws alone to be tried first
+    halfway: bool = False  # whether it was left because something has no name
 
     @property
     def log(self) -> float:
         """How probable it is, among sets about one and the same noise in the same runs."""
-        return self.at.log + self.search.prior(self.best.picks)
+        return self.at.log + self.prior
+
+    @property
+    def prior(self) -> float:
+        """How probable so many causes were (log)."""
+        return self.search.prior(self.best.picks)
 
     @property
     def picks(self) -> Shaped:
@@ -95,42 +87,33 @@ class Growth:
     among: frozenset[int] | None = None  # candidates that are looked at; None: all
     unrepeated: bool = False  # whether no run repeats another: then noise is what a set leaves
     coarse: bool = False  # whether these are a few runs, by which no noise can be told
-    looked: bool = (
-        False  # whether a few runs were looked at: what no line leads to was tried beside each of their sets
-    )
     rival: float | None = None  # log probability, about the noise at hand, of what these causes stand in for
     tell: Progress = lambda _text, _share: None
     #: Kinds of sets that came to rest about the noise as it is known: their best shapes and sizes, and log probability.
     rested: dict[frozenset[int], tuple[Shaped, float]] = field(default_factory=dict)
+    #: What each candidate that no line leads to gained (log) when it was last asked.
+    gained: dict[int, float] = field(default_factory=dict)
 
-    def grown(self, view: View) -> Grown:
-        """From nothing but what is always there, or from what a few runs are made of, where that is likelier in all."""
-        first = self.wide
-        nothing = self._nothing(view)
-        with view.work.within(_FEW):
-            few = self._by_few(view)
-        if few is not None and few.log > nothing.log:
-            few = replace(few, at=self._renewed(few.at))
-            climbed = self._climbed(few.at, few.picks, _FIRST, fresh=True)
-        else:
-            climbed = self._climbed(nothing, (), _FIRST)
-        if is_unnamed(climbed.search, climbed.best):
-            climbed = self._by_laws(view, climbed)
-        search, best, at = climbed.search, climbed.best, climbed.at
-        self._recall(search, best, at)
-        if self.wide is not first:
-            nothing = self._nothing(view)
-        return Grown(search.data, search, best, nothing)
+    @property
+    def laws(self) -> frozenset[int]:
+        """What is looked for where laws alone are: of repeats a curve with a name is as good as one."""
+        every = enumerate(self.candidates)
+        return frozenset(
+            i for i, c in every if (c.is_law if self.unrepeated else c.named) or i in self.always
+        )
 
-    def _nothing(self, view: View) -> Settled:
+    def afresh(self, among: frozenset[int] | None = None) -> Growth:
+        """The same before anything was found, of these causes alone; None: of all."""
+        return replace(self, among=among, rested={}, gained={}, rival=None)
+
+    def nothing(self, view: View) -> Settled:
         """The belief with what is always there."""
         always = [absent(self.candidates[i]) for i in self.always]
-        return settled(self.wide.seen(view), always, self._weighing)
+        return settled(self.wide.seen(view), always, self.weighing)
 
-    def _climbed(self, at: Settled, picks: Shaped, until: float = np.inf, *, fresh: bool = False) -> _Climbed:
-        """From a set at rest, by one cause more at a time; then by what may stand in its place. Where something
-        has no name after the share `until` of the work, it is left halfway: laws alone are tried then. `fresh`: whether
-        the noise was looked at since something was found.
+    def climbed(self, at: Settled, picks: Shaped, *, named: bool = False, fresh: bool = False) -> Climbed:
+        """From a set at rest, by one cause more at a time; then by what may stand in its place. `named`: whether it is
+        left halfway where something has no name. `fresh`: whether the noise was looked at since something was found.
         """
         growing = True
         while True:  # each round is likelier than the one before, or the last but for a look at the noise
@@ -140,33 +123,35 @@ class Growth:
             search = self._search(at)
             start = search.score(carried(search.data, picks))
             if search.data.work.spent:
-                return _Climbed(search, start, at)
-            if search.data.work.share > until:
-                if is_unnamed(search, start):
-                    return _Climbed(search, start, at, halfway=True)
-                until = np.inf  # there is nothing that laws alone would stand for
+                return Climbed(search, start, at)
             if growing:
                 taken = self._further(search, start, at)
                 if taken is not None:
                     start, at = taken
+                    if named and is_unnamed(search, start):
+                        return Climbed(search, start, at, halfway=True)
                     picks, fresh = kept(search, start, at), False
                     shared = not search.candidate(start.picks[-1]).each_run
                     if shared or self.coarse or at.about.view.ranges.one_motion:
                         continue
                     # it was noise, for repeats do not share it; where all repeat one motion, nothing else tells noise
                 if self._is_hopeless(search, start, at):
-                    return _Climbed(search, start, at)
+                    return Climbed(search, start, at)
                 if not fresh and not self.coarse:
-                    at, fresh = self._renewed(at), True
+                    at, fresh = self.renewed(at), True
                     picks = kept(search, start, at)
                     continue
                 growing = False
             search.best(start.picks)
             taken = self._instead(search, start, at) or self._fewer(search, start, at)
             if taken is None:
-                return _Climbed(search, start, at)
-            best, at = taken
-            picks = kept(search, best, at)
+                if search.data.work.spent:
+                    search.forget_beyond(start)
+                return Climbed(search, start, at)
+            start, at = taken
+            if named and is_unnamed(search, start):
+                return Climbed(search, start, at, halfway=True)
+            picks = kept(search, start, at)
 
     def _is_hopeless(self, search: Search, best: Scored, at: Settled) -> bool:
         """Whether what grew in place of something is so much less probable that no exchange makes up for it.
@@ -181,63 +166,27 @@ class Growth:
             behind /= 1 + 2 * behind * self.wide.excess / at.about.samples(self.train)
         return behind > HOPELESS
 
-    def _is_law(self, candidate: Candidate) -> bool:
-        """Whether it is looked for where laws alone are: of repeats a curve with a name is as good as one."""
-        return candidate.is_law if self.unrepeated else candidate.named
+    @property
+    def has_few(self) -> bool:
+        """Whether a few runs are not all, and repeats tell what is noise in them."""
+        return not self.unrepeated and len(few_of(self.train)) < len(self.train)
 
-    def _on(self, climbed: _Climbed, *, fresh: bool = False) -> _Climbed:
-        """Further from there."""
-        return self._climbed(climbed.at, climbed.picks, fresh=fresh)
+    def by_few(self, view: View) -> Climbed:
+        """What a few runs are made of, at rest in all: a few cost less, so that more is tried there, and have fewer
+        maxima of the likelihood on the way."""
+        some = replace(self.afresh(self.among), train=few_of(self.train), memory=None, coarse=True)
+        found = some.climbed(some.nothing(view), ())
+        self.rounds, self.gained = some.rounds, some.gained
+        return replace(found, at=settled(self.wide.seen(view), found.at.members, self.weighing))
 
-    def _by_laws(self, view: View, found: _Climbed) -> _Climbed:
-        """From laws alone, where that comes to rest at something likelier: what a curve was found to be first, no pair
-        of laws takes from it one at a time.
-        """
-        among = frozenset(i for i, c in enumerate(self.candidates) if self._is_law(c) or i in self.always)
-        rival = found.log
-        laws = replace(self, among=among, rested={}, rival=rival)
-        with view.work.apart(_COARSE):
-            few = laws._by_few(view)
-        if few is not None and few.log > rival:
-            return self._on(replace(few, at=self._renewed(few.at)), fresh=True)
-        with view.work.apart(_LAWS):
-            other = laws._climbed(laws._nothing(view), ())
-        self.memory, self.rounds = laws.memory, laws.rounds
-        here = found.at
-        if laws.wide is not self.wide:
-            here = settled(laws.wide.seen(here.about.view), here.members, laws._weighing)
-        mine, theirs = (
-            at.log + one.search.prior(one.best.picks) for one, at in ((found, here), (other, other.at))
-        )
-        # of two about as likely, laws say more
-        if theirs <= mine - (np.log(2) if self.unrepeated else 0.0):
-            if laws.wide is self.wide:
-                self.rested = laws.rested | self.rested
-            return self._on(found)
-        self.wide, self.rested = laws.wide, laws.rested
-        self.rested[found.search.kind(found.best.picks)] = kept(found.search, found.best, here), mine
-        return self._on(other)
-
-    def _by_few(self, view: View) -> _Climbed | None:
-        """What a few runs are made of, at rest in all; None where they are all, or nothing repeats them.
-
-        A few cost less, so that more is tried there, and have fewer maxima of the likelihood on the way.
-        """
-        few = few_of(self.train)
-        if self.unrepeated or len(few) == len(self.train):
-            return None
-        some = replace(self, train=few, rested={}, rival=None, memory=None, coarse=True, looked=False)
-        found = some._climbed(some._nothing(view), ())
-        self.rounds, self.looked = some.rounds, True
-        return replace(found, at=settled(self.wide.seen(view), found.at.members, self._weighing))
-
-    def _renewed(self, at: Settled) -> Settled:
+    def renewed(self, at: Settled) -> Settled:
         """At rest about the noise that it leaves: until then it was looked for about something less likely."""
         self._renew(at)
-        return settled(self.wide.seen(at.about.view), at.members, self._weighing)
+        return settled(self.wide.seen(at.about.view), at.members, self.weighing)
 
     @property
-    def _weighing(self) -> Weighing:
+    def weighing(self) -> Weighing:
+        """What sets are weighed by."""
         return Weighing(self.wide.noise, self.train, self.wide.excess)
 
     def _search(self, at: Settled) -> Search:
@@ -266,20 +215,19 @@ class Growth:
         # what is far off is missed by something else as well: where no line promises anything, nothing is
         elsewhere = [one for one in offered if search.candidate(one.picks[-1]).elsewhere and promising]
         named = [one for one in search.laws_instead(start.picks) if one.log > start.log]
-        lines, beyond = (*promising, *named), (*opening, *elsewhere)
-        # beside each set that grew in a few runs, those showed nothing of what no line leads to: where there is
-        # anything else, it comes first
-        goes = [(lines, False), (beyond, True)] if self.looked else [((*lines, *beyond), True)]
+        lines = dict.fromkeys((*promising, *named))
+        beyond = [*(one for one in opening if one not in lines), *elsewhere]
         best, top = None, 0.0
-        for sets, everywhere in goes:
-            for one in dict.fromkeys(sets):
-                if best is not None and search.data.work.spent:
-                    break
-                tried, gain = self._rested(search, one, start, at, top, everywhere=everywhere)
-                if gain > top:
-                    best, top = (one, tried), gain
-            if best is not None:
-                break
+        for one, everywhere in [*((one, False) for one in lines), *((one, True) for one in beyond)]:
+            last = self.gained.get(search.index(one.picks[-1]), np.inf) if everywhere else np.inf
+            # what a cause takes beside more is seldom more: it is not asked again for less than there is already
+            if best is not None and (last <= top or search.data.work.spent):
+                continue
+            tried, gain = self._rested(search, one, start, at, top, everywhere=everywhere)
+            if everywhere:
+                self.gained[search.index(one.picks[-1])] = gain
+            if gain > top:
+                best, top = (one, tried), gain
         return best
 
     def _fewer(self, search: Search, start: Scored, at: Settled) -> tuple[Scored, Settled] | None:
@@ -331,13 +279,13 @@ class Growth:
         members = members_of(search, one, self.candidates)
         if {key_of(m) for m in at.members} <= {key_of(m) for m in members}:
             promised, begun = [m.coefficients for m in members], begun_from(at.members, members)
-            tried = settled_beyond(at.about, begun, promised, self._weighing)
+            tried = settled_beyond(at.about, begun, promised, self.weighing)
             far = everywhere and members[-1].candidate.elsewhere
             if far and key_of(members[-1]) not in {key_of(m) for m in at.members}:
-                other = settled_elsewhere(at, begun, self._weighing, least)
+                other = settled_elsewhere(at, begun, self.weighing, least)
                 tried = tried if other is None or other.log < tried.log else other
         else:
-            tried = settled(at.about.view, members, self._weighing)
+            tried = settled(at.about.view, members, self.weighing)
         if any(m.candidate.at_end(m.shape, m.coefficients) for m in tried.members):
             tried = replace(tried, log=-np.inf)  # it stands for what is none of its shapes
         kind, log = search.kind(one.picks), tried.log + search.prior(one.picks)
@@ -345,10 +293,10 @@ class Growth:
             self.rested[kind] = kept(search, one, tried), log
         return tried, tried.log + search.prior(one.picks) - at.log - search.prior(start.picks)
 
-    def _recall(self, search: Search, best: Scored, at: Settled) -> None:
+    def recall(self, climbed: Climbed) -> None:
         """Weigh sets that were at rest by what they were worth there: about another set, a linear model may show little
         of it, and of two that explain the same the last would have all."""
-        here = at.log + search.prior(best.picks)
+        search, best, here = climbed.search, climbed.best, climbed.log
         for kind, (picks, log) in self.rested.items():
             promised = search.table.get(kind)
             if promised is None and log - here > -HOPELESS:
@@ -362,7 +310,7 @@ class Growth:
         """
         self.rival = None
         if self.unrepeated:  # of everything that may be there, something fits any noise
-            self.wide = replace(self.wide, noise=own_noise(at, self._weighing))
+            self.wide = replace(self.wide, noise=own_noise(at, self.weighing))
             self.rested.clear()
             return
         members = everything(self.candidates, at.members)

@@ -384,6 +384,11 @@ class Search:
         most = max((log for other, log in beyond.items() if other and np.isfinite(log)), default=0.0)
         return min(0.0, min(fewer, default=most if kind - self.resting else 0.0))
 
+    def forget_beyond(self, start: Scored) -> None:
+        """Sets that only promised more than one at rest, and that there was no work left for."""
+        promised = {kind: one.log + self.unkept(kind) for kind, one in self.table.items()}
+        self.table = {kind: one for kind, one in self.table.items() if promised[kind] <= start.log}
+
     def shares(self) -> list[tuple[float, Scored]]:
         """Every visited kind of set with its probability, the most probable first."""
         told = [(one.log + self.unkept(kind), one) for kind, one in self.table.items()]

@@ -14,7 +14,8 @@ from schwung.explain.kept_aside import kept_aside
 from schwung.explain.weighing.along import TrueTorque, ranges_of
 from schwung.explain.weighing.candidate import NATURAL, Candidate, Shape
 from schwung.explain.weighing.elsewhere import holding
-from schwung.explain.weighing.growth import NOISE_SHARE, Grown, Growth, Progress
+from schwung.explain.weighing.grown import Grown, grown
+from schwung.explain.weighing.growth import NOISE_SHARE, Growth, Progress
 from schwung.explain.weighing.known import known
 from schwung.explain.weighing.one_law import one_law
 from schwung.explain.weighing.phases import phased
@@ -138,20 +139,20 @@ def posterior_of(
     beside = repeated(session.runs, NATURAL * of.peak_torque_nm)
     wide = wide_fit(view, everything(candidates, ()), first_noise(runs), train)
     growth = Growth(candidates, always, train, wide, tell=tell, unrepeated=unrepeated)
-    grown = growth.grown(view)
+    found = grown(growth, view)
 
     def about(best: Scored) -> Posterior:
-        stands = standing(grown.search, best, beside, one_law)
-        sure = grown.search.tempered(stands.tempering)
-        return Posterior(grown, stands, sure, tuple(heldout), view, growth)
+        stands = standing(found.search, best, beside, one_law)
+        sure = found.search.tempered(stands.tempering)
+        return Posterior(found, stands, sure, tuple(heldout), view, found.growth)
 
-    outcome = about(grown.best)
+    outcome = about(found.best)
     laws = {c.name for c in candidates if c.named} & outcome.refuted
     if not laws:
         return outcome
     # beside a law that does not hold elsewhere, none stands out whose place it can take
-    kept = tuple(pick for pick in grown.best.picks if grown.search.name(pick) not in laws)
-    return about(grown.search.score(kept))
+    kept = tuple(pick for pick in found.best.picks if found.search.name(pick) not in laws)
+    return about(found.search.score(kept))
 
 
 def band_of(session: Session) -> float:

@@ -1,0 +1,141 @@
+"""From where sets are grown: from what all causes, or laws alone, make of a few runs, or from nothing in all.
+
+A pair of laws explains together what one curve does: beside the curve neither is missed, and none takes its place. And
+laws take what they can of what is none of them. So where something without a name is found, laws alone are looked for
+as well; and where something without a name is found beside those, all is looked for from nothing. The likelier counts.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from schwung.explain.weighing.data import Data
+from schwung.explain.weighing.growth import Climbed, Growth
+from schwung.explain.weighing.round import View
+from schwung.explain.weighing.search import Scored, Search
+from schwung.explain.weighing.sets import is_unnamed
+from schwung.explain.weighing.settling import Settled, settled
+
+#: Of the work, what all causes may take in a few runs; and what laws alone may take beside it, each time.
+_FEW, _LAWS = 0.3, 0.3
+
+
+@dataclass(frozen=True, eq=False)
+class Grown:
+    """The most probable set and all that were visited, linearised about it."""
+
+    growth: Growth  # that came to it
+    climbed: Climbed
+    nothing: Settled  # the belief with what is always there
+
+    @property
+    def search(self) -> Search:
+        """The table of visited sets."""
+        return self.climbed.search
+
+    @property
+    def data(self) -> Data:
+        """Its columns."""
+        return self.search.data
+
+    @property
+    def best(self) -> Scored:
+        """The most probable set."""
+        return self.climbed.best
+
+
+@dataclass(frozen=True, eq=False)
+class _Found:
+    """What was found, by which causes, about which noise."""
+
+    growth: Growth
+    climbed: Climbed
+    fresh: bool = False  # whether the noise was looked at since
+
+    @property
+    def named(self) -> bool:
+        """Whether all of it has a name."""
+        return not is_unnamed(self.climbed.search, self.climbed.best)
+
+    def renewed(self, nothing: Settled) -> _Found:
+        """About the noise that it leaves in all runs; `nothing`, where that is likelier there."""
+        if self.climbed.log <= nothing.log:
+            return replace(
+                self, climbed=replace(self.climbed, at=nothing, best=self.climbed.search.score(()))
+            )
+        return replace(
+            self, climbed=replace(self.climbed, at=self.growth.renewed(self.climbed.at)), fresh=True
+        )
+
+    def further(self, *, named: bool = False) -> _Found:
+        """With all causes from there; `named`: until one has no name."""
+        growth = replace(self.growth, among=None, rival=None)
+        at, picks = self.climbed.at, self.climbed.picks
+        return _Found(growth, growth.climbed(at, picks, named=named, fresh=self.fresh))
+
+    def about(self, other: _Found) -> Climbed:
+        """At rest about another's noise."""
+        if self.growth.wide is other.growth.wide:
+            return self.climbed
+        view, members = self.climbed.at.about.view, self.climbed.at.members
+        return replace(self.climbed, at=settled(other.growth.wide.seen(view), members, other.growth.weighing))
+
+    def beats(self, other: _Found) -> bool:
+        """Whether laws alone are likelier than another set about the same noise; which of them is less likely is noted
+        as such."""
+        theirs = other.about(self)
+        # of two about as likely, laws say more
+        slack = np.log(2) if self.growth.unrepeated else 0.0
+        if self.climbed.log > theirs.log - slack:
+            self.growth.rested[other.climbed.search.kind(other.climbed.best.picks)] = theirs.picks, theirs.log
+            return True
+        if self.growth.wide is other.growth.wide:
+            other.growth.rested = self.growth.rested | other.growth.rested
+        return False
+
+
+def grown(growth: Growth, view: View) -> Grown:
+    """The sets of a session."""
+    nothing = growth.nothing(view)
+    found = _from_few(growth, view, nothing) if growth.has_few else _from_nothing(growth, nothing)
+    if not found.named:
+        found = _or_laws(found, view)
+    found.growth.recall(found.climbed)
+    if found.growth.wide is not growth.wide:
+        nothing = found.growth.nothing(view)
+    return Grown(found.growth, found.climbed, nothing)
+
+
+def _from_nothing(growth: Growth, nothing: Settled) -> _Found:
+    """All causes, in all runs."""
+    every = growth.afresh()
+    return _Found(every, every.climbed(nothing, ()))
+
+
+def _from_few(growth: Growth, view: View, nothing: Settled) -> _Found:
+    """From what all causes make of a few runs, or laws alone, where those leave something without a name."""
+    every, laws = growth.afresh(), growth.afresh(growth.laws)
+    with view.work.within(_FEW):
+        few = _Found(every, every.by_few(view))
+    if not few.named:
+        with view.work.apart(_LAWS):
+            alone = _Found(laws, laws.by_few(view))
+        if alone.climbed.log > few.climbed.log:
+            alone = alone.renewed(nothing)
+            beside = alone.further(named=True)
+            if beside.named:
+                return beside
+            found = few.renewed(nothing).further()
+            return beside.further() if not found.named and alone.beats(found) else found
+    return few.renewed(nothing).further()
+
+
+def _or_laws(found: _Found, view: View) -> _Found:
+    """From laws alone in all runs, where those are likelier than what was found."""
+    # what was found keeps its columns
+    laws = replace(found.growth.afresh(found.growth.laws), rival=found.climbed.log, memory=None)
+    with view.work.apart(_LAWS):
+        alone = _Found(laws, laws.climbed(laws.nothing(view), ()))
+    return alone.further() if alone.beats(found) else found
