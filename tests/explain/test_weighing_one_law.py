@@ -21,16 +21,20 @@ def odds(
     scales: tuple[float, ...] = (1.0,),
     each_run: bool = False,
     shows: tuple[float, ...] = (1.0,) * 6,
+    across: list[float] | None = None,
 ) -> float:
     """Of a column that acts by so much in each of six runs; they repeat some motions, and another column is beside.
 
-    `shows`: how much of the column there is in each run.
+    `shows`: how much of the column there is in each run; `across`: amounts of a second column of the law, if any.
     """
     chance = np.random.default_rng(5)
     runs, size = range(len(amounts)), SAMPLES * len(amounts)
-    rows = chance.normal(size=(2, size))
+    each = [amounts] if across is None else [amounts, across]
+    rows = chance.normal(size=(1 + len(each), size))
     rows[1] *= np.repeat(shows, SAMPLES)
-    target = 0.2 * rows[0] + np.repeat(amounts, SAMPLES) * rows[1] + chance.normal(size=size)
+    target = 0.2 * rows[0] + chance.normal(size=size)
+    for row, own in zip(rows[1:], each, strict=True):
+        target += np.repeat(own, SAMPLES) * row
     data: Any = object.__new__(Data)
     motion = [
         SimpleNamespace(motion=SimpleNamespace(model_dump_json=lambda i=i: str(i % motions))) for i in runs
@@ -40,14 +44,14 @@ def odds(
         view=SimpleNamespace(recorded=motion, work=Work()),
     )
     data.train, data.rows, data.target, data.excess = runs, rows, target, 1.0
-    data.atoms = [SimpleNamespace(where=slice(i, i + 1)) for i in range(2)]
+    data.atoms = [SimpleNamespace(where=slice(0, 1)), SimpleNamespace(where=slice(1, len(rows)))]
     data.at = Statistics.of(rows.T, target).at
     search: Any = SimpleNamespace(
         data=data,
         odds=-3.4,
-        candidate=lambda _: SimpleNamespace(scales=scales, deviations=(1.0,), each_run=each_run),
+        candidate=lambda _: SimpleNamespace(scales=scales, deviations=(1.0,) * len(each), each_run=each_run),
     )
-    scored: Any = SimpleNamespace(which=np.arange(2), deviations=np.ones(2))
+    scored: Any = SimpleNamespace(which=np.arange(len(rows)), deviations=np.ones(len(rows)))
     return one_law(search, scored, LAW)
 
 
@@ -70,6 +74,12 @@ def test_a_law_is_right_to_a_per_cent_or_so() -> None:
     """However surely each motion's own amount is known."""
     assert odds([30.0, 30.3, 29.7] * 2) > 3
     assert odds([30.0, 60.0, 15.0] * 2) < -3
+
+
+def test_a_wave_is_right_to_a_per_cent_in_its_phase_as_well() -> None:
+    """Of a wave that is all cosine, a phase that is a little off in each motion is a sine that the law has none of."""
+    assert odds([30.0] * 6, across=[0.9, -0.4, -0.5] * 2) > 3
+    assert odds([30.0] * 6, across=[20.0, -10.0, -10.0] * 2) < -3
 
 
 def test_of_one_motion_nothing_is_known() -> None:

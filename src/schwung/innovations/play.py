@@ -149,7 +149,10 @@ def _through(
     for k in range(count - 1):
         drifting = p[2, 1] - p[2, 3]  # covariance of the wind-up and its rate; and the variance of that
         turned = p[1, 1] + p[3, 3] - 2 * p[1, 3]
-        phi[:, :], onto[:, :], push[:], opened[:] = np.eye(4), 0.0, 0.0, 0.0
+        onto[:, :], push[:], opened[:] = 0.0, 0.0, 0.0
+        for a in range(4):
+            for b in range(4):
+                phi[a, b] = 1.0 if a == b else 0.0
         for part in range(PARTS):
             for a in range(4):  # the torque's error is a state as well: it acts as torque on the motor does
                 here[a] = push[a] - onto[a, 0] * x[4]
@@ -173,7 +176,10 @@ def _through(
             unknown = coupling[k, 0] * np.sqrt(beyond + further)
             _within(step, torques[k], (part / PARTS, (part + 1) / PARTS), lacks, unknown, after)
             _further(step, before, after)
-            phi[:, :], onto[:, :], push[:], opened[:] = after
+            for a in range(4):  # number by number: an array in another's place takes seconds more to compile
+                push[a], opened[a] = after[2][a], after[3][a]
+                for b in range(4):
+                    phi[a, b], onto[a, b] = after[0][a, b], after[1][a, b]
         for a in range(4):
             system.forcing[k, a], system.open_contact[k, a] = push[a], opened[a]
             system.transition[k, a, 4], system.noise[k, a] = -onto[a, 0], -onto[a, 2]

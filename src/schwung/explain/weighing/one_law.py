@@ -46,7 +46,11 @@ def one_law(search: Search, scored: Scored, pick: Pick) -> float:
     cross, gram, slope = (np.sum(parts, axis=0) for parts in zip(*each, strict=True))
     beyond = [(np.vstack([across, own]), own, pulled) for across, own, pulled in each]
     joined = _joined(known, cross, gram, slope)
-    found = weigh(joined, np.append(deviations, pick.scale * natural)).coefficients
+    found = weigh(joined, np.append(deviations, pick.scale * natural)).coefficients[which.size :]
+    # each coefficient takes as large a part in what the law is off by, one that is nothing itself as well: as a wave's
+    # may be, by its phase
+    power = max(float(found @ gram @ found), 0.0) / natural.size
+    alike = np.sqrt(power / np.maximum(np.diag(gram), 1e-300))
 
     def averaged(parts: Sequence[_Part]) -> float:
         """Log evidence with coefficients for each of these parts, of any size."""
@@ -54,8 +58,7 @@ def one_law(search: Search, scored: Scored, pick: Pick) -> float:
 
     def nearly(share: float) -> float:
         """Log evidence of a law whose coefficients are off by such a share in each motion."""
-        off = share * np.abs(found[which.size :])
-        logs = [_log(joined, np.append(deviations, size * natural), beyond, off) for size in sizes]
+        logs = [_log(joined, np.append(deviations, size * natural), beyond, share * alike) for size in sizes]
         return float(np.logaddexp.reduce(logs))
 
     own = [averaged(parts) + len(parts) * search.odds for parts in (each, *([part] for part in each))]
