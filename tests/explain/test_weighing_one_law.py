@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from schwung.explain.weighing.data import Data
+from schwung.explain.weighing.inexact import alike
 from schwung.explain.weighing.one_law import one_law
 from schwung.explain.weighing.search import Pick
 from schwung.explain.weighing.work import Work
@@ -80,6 +81,19 @@ def test_a_wave_is_right_to_a_per_cent_in_its_phase_as_well() -> None:
     """Of a wave that is all cosine, a phase that is a little off in each motion is a sine that the law has none of."""
     assert odds([30.0] * 6, across=[0.9, -0.4, -0.5] * 2) > 3
     assert odds([30.0] * 6, across=[20.0, -10.0, -10.0] * 2) < -3
+
+
+@pytest.mark.parametrize("phase", [0.0, 0.7, np.pi / 2])
+def test_what_a_wave_may_be_off_by_does_not_depend_on_its_phase(phase: float) -> None:
+    sizes = alike(3.0 * np.array([np.cos(phase), np.sin(phase)]), 50.0 * np.eye(2))
+    assert sizes == pytest.approx(np.full(2, 3.0 / np.sqrt(2)))
+
+
+def test_of_coefficients_in_other_units_each_takes_as_large_a_part() -> None:
+    """As of play: its gap, and the damping of its contacts, which hardly tells."""
+    gram = np.array([[4e10, 0.0], [0.0, 9.0]])
+    sizes = alike(np.array([5e-4, 0.1]), gram)
+    assert sizes**2 * np.diag(gram) == pytest.approx(np.full(2, (4e10 * 25e-8 + 0.09) / 2))
 
 
 def test_of_one_motion_nothing_is_known() -> None:

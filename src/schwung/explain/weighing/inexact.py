@@ -1,7 +1,8 @@
 """How far a law itself is off: a textbook's law is right to a per cent or so.
 
 The error is a smooth curve over the law's coordinate times what the law does, one for each of its coefficients, with a
-prior size of a share of that coefficient. It is there whenever the law is and has no name.
+prior size of a share of all that the law does: a wave is right to a per cent or so in its phase as well, where that has
+no coefficient of its own. It is there whenever the law is and has no name.
 """
 
 from __future__ import annotations
@@ -42,9 +43,16 @@ def error_of(law: Candidate) -> Candidate | None:
     return Candidate(f"{law.name}, inexact", effect, (1.0,) * columns, named=False)
 
 
-def deviations_of(coefficients: Array, columns: int) -> Array:
-    """Of a law's error as large as the law, in the order of its columns."""
-    return np.repeat(np.abs(coefficients), columns // coefficients.size)
+def alike(coefficients: Array, gram: Array) -> Array:
+    """Of each coefficient of a law (p,) what does as much as any other, and all together what the law does; `gram`:
+    products of their columns (p, p)."""
+    power = max(float(coefficients @ gram @ coefficients), 0.0) / coefficients.size
+    return np.asarray(np.sqrt(power / np.maximum(np.diag(gram), 1e-300)))
+
+
+def deviations_of(coefficients: Array, gram: Array, columns: int) -> Array:
+    """Of a law's error as large as the law, in the order of its columns; see `alike`."""
+    return np.repeat(alike(coefficients, gram), columns // coefficients.size)
 
 
 def _times(part: Array, modes: Array) -> Array:

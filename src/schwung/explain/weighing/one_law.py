@@ -18,7 +18,7 @@ from scipy.linalg import solve_triangular
 
 from schwung.explain.weighing.candidate import LADDER
 from schwung.explain.weighing.elsewhere import motions_of_fitted
-from schwung.explain.weighing.inexact import SHARES
+from schwung.explain.weighing.inexact import SHARES, alike
 from schwung.explain.weighing.search import Pick, Scored, Search
 from schwung.innovations.evidence import ROUNDING, weigh
 from schwung.innovations.statistics import Statistics
@@ -47,10 +47,7 @@ def one_law(search: Search, scored: Scored, pick: Pick) -> float:
     beyond = [(np.vstack([across, own]), own, pulled) for across, own, pulled in each]
     joined = _joined(known, cross, gram, slope)
     found = weigh(joined, np.append(deviations, pick.scale * natural)).coefficients[which.size :]
-    # each coefficient takes as large a part in what the law is off by, one that is nothing itself as well: as a wave's
-    # may be, by its phase
-    power = max(float(found @ gram @ found), 0.0) / natural.size
-    alike = np.sqrt(power / np.maximum(np.diag(gram), 1e-300))
+    whole = alike(found, gram)
 
     def averaged(parts: Sequence[_Part]) -> float:
         """Log evidence with coefficients for each of these parts, of any size."""
@@ -58,7 +55,7 @@ def one_law(search: Search, scored: Scored, pick: Pick) -> float:
 
     def nearly(share: float) -> float:
         """Log evidence of a law whose coefficients are off by such a share in each motion."""
-        logs = [_log(joined, np.append(deviations, size * natural), beyond, share * alike) for size in sizes]
+        logs = [_log(joined, np.append(deviations, size * natural), beyond, share * whole) for size in sizes]
         return float(np.logaddexp.reduce(logs))
 
     own = [averaged(parts) + len(parts) * search.odds for parts in (each, *([part] for part in each))]

@@ -163,11 +163,12 @@ class Search:
         which, sizes = [], []
         for pick, mine in self._of_each(picks, coefficients):
             atom = self.data.atoms[pick.atom]
-            seen = float(mine @ self.data.statistics.gram[atom.where, atom.where] @ mine)
+            gram = self.data.statistics.gram[atom.where, atom.where]
+            seen = float(mine @ gram @ mine)
             where = self.data.error(atom) if SHARES[-1] ** 2 * seen > _SEEN else None
             if where is not None:
                 which.append(np.arange(where.start, where.stop))
-                sizes.append(deviations_of(mine, where.stop - where.start))
+                sizes.append(deviations_of(mine, gram, where.stop - where.start))
         return (np.concatenate(which), np.concatenate(sizes)) if which else None
 
     def _log(self, picks: Set, found: Weighed) -> float:

@@ -280,22 +280,21 @@ def _inexact(about: Linearised, members: Sequence[Member], weighing: Weighing) -
     error is as large as its law, and a law that grew with it would have no size.
     """
     laws = [(m.candidate.about(m.coefficients), m.shape) for m in members]
-    found = [(error_of(law), m) for (law, _), m in zip(laws, members, strict=True) if np.any(m.coefficients)]
-    errors = [
-        ((error, m.shape), deviations_of(m.coefficients, error.size))
-        for error, m in found
-        if error is not None
-    ]
+    ends = np.cumsum([m.coefficients.size for m in members]).tolist()
+    wheres = [slice(end - m.coefficients.size, end) for m, end in zip(members, ends, strict=True)]
+    found = [(error_of(law), m, where) for (law, _), m, where in zip(laws, members, wheres, strict=True)]
+    errors = [(error, m, where) for error, m, where in found if error is not None and np.any(m.coefficients)]
     if not errors or not finite(about.view):
         return 0.0
     present = np.concatenate([m.coefficients for m in members])
     deviations = np.concatenate([m.deviations for m in members])
-    rows = about.whitened([*laws, *(cause for cause, _ in errors)], weighing.train)
+    rows = about.whitened([*laws, *((error, m.shape) for error, m, _ in errors)], weighing.train)
     about.view.work.add(PRODUCT * rows.size * rows.shape[0])
     target = about.innovations(weighing.train) + present @ rows[: present.size]
     statistics = Statistics.of(rows.T, target).tempered(weighing.excess)
     exact = weigh(statistics.at(np.arange(present.size)), deviations).log_evidence
-    sizes = np.concatenate([size for _, size in errors])
+    gram = statistics.gram
+    sizes = np.concatenate([deviations_of(m.coefficients, gram[at, at], e.size) for e, m, at in errors])
     logs = [weigh(statistics, np.concatenate([deviations, share * sizes])).log_evidence for share in SHARES]
     return logsumexp(np.array(logs)) - float(np.log(len(SHARES))) - exact
 
