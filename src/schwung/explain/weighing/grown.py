@@ -99,19 +99,17 @@ class _Found:
 def grown(growth: Growth, view: View) -> Grown:
     """The sets of a session."""
     nothing = growth.nothing(view)
-    found = _from_few(growth, view, nothing) if growth.has_few else _from_nothing(growth, nothing)
-    if not found.named:
-        found = _or_laws(found, view)
+    found = _from_few(growth, view, nothing) if growth.has_few else _from_nothing(growth, view, nothing)
     found.growth.recall(found.climbed)
     if found.growth.wide is not growth.wide:
         nothing = found.growth.nothing(view)
     return Grown(found.growth, found.climbed, nothing)
 
 
-def _from_nothing(growth: Growth, nothing: Settled) -> _Found:
-    """All causes, in all runs."""
+def _from_nothing(growth: Growth, view: View, nothing: Settled) -> _Found:
+    """All causes in all runs, or laws alone."""
     every = growth.afresh()
-    return _Found(every, every.climbed(nothing, ()))
+    return _or_laws(_Found(every, every.climbed(nothing, ())), view)
 
 
 def _from_few(growth: Growth, view: View, nothing: Settled) -> _Found:
@@ -119,21 +117,26 @@ def _from_few(growth: Growth, view: View, nothing: Settled) -> _Found:
     every, laws = growth.afresh(), growth.afresh(growth.laws)
     with view.work.within(_FEW):
         few = _Found(every, every.by_few(view))
-    if not few.named:
-        with view.work.apart(_LAWS):
-            alone = _Found(laws, laws.by_few(view))
-        if alone.climbed.log > few.climbed.log:
-            alone = alone.renewed(nothing)
-            beside = alone.further(named=True)
-            if beside.named:
-                return beside
-            found = few.renewed(nothing).further()
-            return beside.further() if not found.named and alone.beats(found) else found
-    return few.renewed(nothing).further()
+    if few.named:
+        return _or_laws(few.renewed(nothing).further(), view)
+    with view.work.apart(_LAWS):
+        alone = _Found(laws, laws.by_few(view))
+    if alone.climbed.log <= few.climbed.log:
+        return _or_laws(few.renewed(nothing).further(), view)
+    alone = alone.renewed(nothing)
+    beside = alone.further(named=True)
+    if beside.named:
+        return beside
+    found = few.renewed(nothing).further()
+    if not found.named and alone.beats(found):
+        return beside.further()
+    return _or_laws(found, view)
 
 
 def _or_laws(found: _Found, view: View) -> _Found:
-    """From laws alone in all runs, where those are likelier than what was found."""
+    """What was found, where all of it has a name, or from laws alone in all runs, where those are likelier."""
+    if found.named:
+        return found
     # what was found keeps its columns
     laws = replace(found.growth.afresh(found.growth.laws), rival=found.climbed.log, memory=None)
     with view.work.apart(_LAWS):
