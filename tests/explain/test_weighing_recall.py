@@ -35,3 +35,15 @@ def test_what_a_rival_is_worth_at_rest_is_not_worth_it_beside_another() -> None:
 
 def test_what_it_did_not_keep_it_keeps_beside_none() -> None:
     assert Search.unkept(recalled(39.0, rested=-60.0), BOTH) == pytest.approx(-49.0)
+
+
+def test_progress_never_goes_back() -> None:
+    """However many searches a session takes: laws alone began again at a fifth."""
+    nobody: Any = None
+    growth = Growth((), (), (), nobody)
+    assert [next(one.rounds) for one in (growth, growth.afresh(), growth, growth.afresh().afresh())] == [
+        1,
+        2,
+        3,
+        4,
+    ]

@@ -6,8 +6,9 @@ floors of a wrong stiffness a late torque explains, to first order, more than th
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
+from itertools import count
 
 import numpy as np
 
@@ -83,7 +84,8 @@ class Growth:
     train: Sequence[int]
     wide: Wide
     memory: Array | None = None
-    rounds: int = 0  # of linearising, up to now
+    #: Counts rounds of linearising, with those of the others that were made of it: progress never goes back.
+    rounds: Iterator[int] = field(default_factory=lambda: count(1))
     among: frozenset[int] | None = None  # candidates that are looked at; None: all
     unrepeated: bool = False  # whether no run repeats another: then noise is what a set leaves
     coarse: bool = False  # whether these are a few runs, by which no noise can be told
@@ -117,8 +119,7 @@ class Growth:
         """
         growing = True
         while True:  # each round is likelier than the one before, or the last but for a look at the noise
-            self.rounds += 1
-            share = NOISE_SHARE + (1 - NOISE_SHARE) * (1 - _FURTHER ** (self.rounds - 1))
+            share = NOISE_SHARE + (1 - NOISE_SHARE) * (1 - _FURTHER ** (next(self.rounds) - 1))
             self.tell(f"Weighing causes beside {len(picks)} found" if picks else "Weighing causes", share)
             search = self._search(at)
             start = search.score(carried(search.data, picks))
@@ -176,7 +177,7 @@ class Growth:
         maxima of the likelihood on the way."""
         some = replace(self.afresh(self.among), train=few_of(self.train), memory=None, coarse=True)
         found = some.climbed(some.nothing(view), ())
-        self.rounds, self.gained = some.rounds, some.gained
+        self.gained = some.gained
         return replace(found, at=settled(self.wide.seen(view), found.at.members, self.weighing))
 
     def renewed(self, at: Settled) -> Settled:
