@@ -52,7 +52,7 @@ class Additive:
         return scored
 
 
-def stands(*causes: Cause):
+def stands(*causes: Cause, besides: float = 0.0):
     search = Additive(*causes)
     every = tuple(Pick(number, 1.0) for number in range(len(causes)))
     return standing(
@@ -62,6 +62,7 @@ def stands(*causes: Cause):
         lambda *_: inf,
         lambda _search, scored, pick: causes[pick.atom].larger if scored.picks == every else 1.0,
         lambda _search, _picks, pick: causes[pick.atom].taken or causes[pick.atom].worth,
+        besides,
     )
 
 
@@ -83,6 +84,13 @@ def test_a_small_name_beside_a_large_one_is_what_the_large_law_is_off_by():
     found = stands(Cause("spot", 2e6), Cause("cogging", 40.0))
     assert found.names["spot"] > 0.9
     assert found.names["cogging"] < 0.5
+
+
+def test_laws_that_other_motions_refute_are_left_to_no_name():
+    """They took something that is there, and may be along the names' columns as well."""
+    assert stands(Cause("ripple", 16.0)).names["ripple"] > 0.99
+    assert stands(Cause("ripple", 16.0), besides=170.0).names["ripple"] < 0.1
+    assert stands(Cause("friction", 50_000.0), besides=170.0).names["friction"] > 0.8
 
 
 def test_two_that_are_both_large_both_stand():

@@ -132,13 +132,13 @@ def _stiffer(found: Fit) -> Nuisance:
 
 def _missed(found: Fit) -> float:
     """The torque that the model misses beyond the noise of its samples, over all torque (both rms)."""
-    torque = np.concatenate([run.drive.smooth(run.time_s) for run in found.runs])
+    torque = np.concatenate([run.drive.smooth_nm for run in found.runs])
     beyond = max(found.noise.torque_nm**2 - _sensor_noise(found) ** 2, 0.0)
     return float(np.sqrt(beyond / max(float(np.mean(torque**2)), 1e-300)))
 
 
 def _check_explained(found: Fit) -> None:
-    torque = np.concatenate([run.drive.smooth(run.time_s) for run in found.runs])
+    torque = np.concatenate([run.drive.smooth_nm for run in found.runs])
     missed = found.noise.torque_nm / max(float(np.sqrt(np.mean(torque**2))), 1e-300)
     if missed > UNEXPLAINED:
         raise InputError(
@@ -182,5 +182,5 @@ def _notes(found: Fit) -> tuple[str, ...]:
 
 def _sensor_noise(found: Fit) -> float:
     """The noise of the torque's samples (N·m), from third differences: what no machine could follow."""
-    bends = np.concatenate([np.diff(run.drive.smooth(run.time_s), 3) for run in found.runs])
+    bends = np.concatenate([np.diff(run.drive.smooth_nm, 3) for run in found.runs])
     return max(float(np.sqrt(found.every * np.mean(bends**2) / 20)), 1e-300)

@@ -145,7 +145,7 @@ def first_noise(runs: Sequence[Signals]) -> Noise:
     """A rough guess, to start from: what second differences of torque and speed show."""
     stroke = max(float(np.ptp(run.position_rad)) for run in runs)
     return Noise(
-        torque_nm=_roughness([run.drive.smooth(run.time_s) for run in runs]),
+        torque_nm=_roughness([run.drive.smooth_nm for run in runs]),
         speed_rad_s=_roughness([run.speed_rad_s for run in runs]),
         position_rad=max(_ANGLE_ERROR * stroke, 1e-15),
     )

@@ -136,18 +136,19 @@ def through(
         for part in range(PARTS):
             here = phi @ x[:4] + push - onto[:, 0] * x[4]
             turning = here[1] - here[3]
-            twist, since = here[2] + turning * middle, (2 * part + 1) * middle
+            since, moves, lifts = (2 * part + 1) * middle, 2 * turning * middle, ratio * turning
+            up, down = here[2] + min(lifts, 0.0), here[2] + max(lifts, 0.0)
             variance = max(p[2, 2] + 2 * since * drifting + since * since * turned, 0.0)
             spread = max(float(np.sqrt(variance)), SUREST * gap)
-            one, missing, beyond = touching(twist, twist + ratio * turning, gap / 2, spread)
-            other, misses, further = touching(-twist, -twist - ratio * turning, gap / 2, spread)
+            one, missing, open_one = touching(up, up + moves, gap / 2, spread)
+            other, misses, open_other = touching(-down, -down - moves, gap / 2, spread)
             contact[k] += np.array([one + other, one - other, missing - misses]) / PARTS
             step = free[k] + (one + other) * (pressed[k] - free[k])
             lacks = coupling[k, 0] * (missing - misses) * np.array([1.0, -1.0])
             early, late = share[part, 0], share[part + 1, 0]
             push = step[:, :4] @ push + step[:, 4:6] @ (acting[part] + lacks)
             push += step[:, 6:8] @ (acting[part + 1] + lacks) + step[:, 8:] @ torques[k, 4:] / PARTS**2
-            unknown = coupling[k, 0] * np.sqrt(beyond + further)
+            unknown = coupling[k, 0] * np.sqrt(open_one**2 + open_other**2)
             opened = step[:, :4] @ opened + unknown * (step[:, 4:8] @ [-1.0, 1.0, -1.0, 1.0])
             within = [
                 step[:, 4:6] * (1 - early) + step[:, 6:8] * (1 - late),

@@ -159,13 +159,16 @@ def _through(
                 for b in range(4):
                     here[a] += phi[a, b] * x[b]
             turning = here[1] - here[3]
-            twist = here[2] + turning * middle  # of the part
             since = (2 * part + 1) * middle
             variance = p[2, 2] + 2 * since * drifting + since * since * turned
             spread = max(np.sqrt(max(variance, 0.0)), SUREST * gap)
-            damped = twist + coupling[k, 1] / coupling[k, 0] * turning
-            one, missing, beyond = touching(twist, damped, gap / 2, spread)
-            other, misses, further = touching(-twist, -damped, gap / 2, spread)
+            lifts = (
+                coupling[k, 1] / coupling[k, 0] * turning
+            )  # a contact that lifts lets go where it would pull
+            up, down = here[2] + min(lifts, 0.0), here[2] + max(lifts, 0.0)
+            moves = 2 * turning * middle
+            one, missing, open_one = touching(up, up + moves, gap / 2, spread)
+            other, misses, open_other = touching(-down, -down - moves, gap / 2, spread)
             for a in range(4):
                 for b in range(10):
                     step[a, b] = free[k, a, b] + (one + other) * (pressed[k, a, b] - free[k, a, b])
@@ -173,7 +176,7 @@ def _through(
             contact[k, 0] += (one + other) / PARTS
             contact[k, 1] += (one - other) / PARTS
             contact[k, 2] += (missing - misses) / PARTS
-            unknown = coupling[k, 0] * np.sqrt(beyond + further)
+            unknown = coupling[k, 0] * np.sqrt(open_one**2 + open_other**2)
             _within(step, torques[k], (part / PARTS, (part + 1) / PARTS), lacks, unknown, after)
             _further(step, before, after)
             for a in range(4):  # number by number: an array in another's place takes seconds more to compile

@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
+from numpy.lib.stride_tricks import sliding_window_view
 from scipy.interpolate import CubicSpline
 
 from schwung.drivetrain.machine import Machine
@@ -58,6 +59,7 @@ class Drive:
     time_s: Array
     smooth: CubicSpline  # all of it, or the controller's part where the injection is held
     held_nm: Array  # (n − 1,) held over each interval
+    smooth_nm: Array  # (n,) that at the samples; where there were more of them, passed through a filter
 
     @cached_property
     def injected_nm(self) -> Array:
@@ -72,22 +74,20 @@ class Drive:
         """Variance (N·m)² of the torque between samples where it bends too sharply for them to tell, (n,).
 
         A cubic between every other sample misses a corner by so much; between all of them by half of that. Noise, and
-        what is smooth, are missed alike everywhere.
+        what is smooth, are missed alike everywhere. Where the torque was sampled several times in a step, it is missed
+        in one part of it.
         """
-        reported = self.smooth_nm
+        reported = self.smooth(self.smooth.x)
         if reported.size < 2 * _GUESS.size:
-            return np.zeros_like(reported)
+            return np.zeros_like(self.time_s)
         missed = np.zeros_like(reported)
         missed[2:-2] = np.convolve(reported, _GUESS, "valid") - reported[2:-2]
         usual = 1.4826 * float(np.median(np.abs(missed[2:-2])))
         sharp = np.where(np.abs(missed) > _SHARP * usual, missed**2 - usual**2, 0.0) / 4
-        beside = np.concatenate([sharp[:1], sharp, sharp[-1:]])
-        return np.asarray(np.max([beside[:-2], sharp, beside[2:]], axis=0))
-
-    @cached_property
-    def smooth_nm(self) -> Array:
-        """All of it but the held injection, at the samples, (n,)."""
-        return np.asarray(self.smooth(self.time_s))
+        first, second = np.searchsorted(self.smooth.x, self.time_s[:2] - 1e-9)
+        every = int(second - first)
+        around = sliding_window_view(np.pad(sharp, every, "edge"), 2 * every + 1)
+        return np.asarray(np.max(around[first::every][: self.time_s.size], axis=1)) / every**2
 
     @cached_property
     def jumps_nm(self) -> Array:
@@ -180,6 +180,30 @@ class Signals:
         return slopes(self.quiet(self.load_speed_rad_s), self.step_s)
 
 
+def picked_signals_of(recorded: Run, machine: Machine, band_hz: float) -> Signals:
+    """A recorded run made ready of which only every so manieth sample is taken, each as it was recorded.
+
+    A filter passes what is linear: of a contact that closes it makes a motion that no machine has. The torque between
+    the samples that are taken is that of all.
+    """
+    every = _spare(recorded, machine, band_hz, 0.0)
+    whole = signals_of(recorded, machine, band_hz)
+    if every < 2:
+        return whole
+    edge = _HALF * every
+    picks, drive = slice(edge, len(recorded) - edge, every), whole.drive
+    time_s, filtered = whole.time_s[picks], np.convolve(drive.smooth_nm, _taps(every), "valid")[::every]
+    return replace(
+        whole,
+        time_s=time_s,
+        step_s=every * whole.step_s,
+        position_rad=whole.position_rad[picks],
+        speed_rad_s=whole.speed_rad_s[picks],
+        drive=Drive(time_s, drive.smooth, np.zeros(time_s.size - 1), filtered),
+        states=whole.states[picks],
+    )
+
+
 def signals_of(recorded: Run, machine: Machine, band_hz: float, pieces_hz: float | None = None) -> Signals:
     """A recorded run made ready; where the injection is held, the torque is a staircase plus the controller's.
 
@@ -200,7 +224,7 @@ def signals_of(recorded: Run, machine: Machine, band_hz: float, pieces_hz: float
         step_s=1 / run.sample_rate_hz,
         position_rad=position,
         speed_rad_s=run.speed_rad_s,
-        drive=Drive(run.time_s, CubicSpline(run.time_s, smooth), held),
+        drive=Drive(run.time_s, CubicSpline(run.time_s, smooth), held, smooth),
         states=np.column_stack(states),
         rigid=rigid,
         band_hz=band_hz,
@@ -225,12 +249,10 @@ def thinned(run: Run, machine: Machine, band_hz: float, pieces_hz: float) -> Run
     All signals pass one filter without lag, which the machine's balance passes as a whole; white noise stays white, and
     its density in the band what it was. Runs with a held injection stay as they are: their steps matter.
     """
-    swing = machine.coupling.stiffness_nm_rad / machine.motor.inertia_kgm2 if machine.coupling else 0.0
-    needed = max(PER_BAND * band_hz, PER_SWING * np.sqrt(swing) / (2 * np.pi), PER_PIECE * pieces_hz)
-    every = int(run.sample_rate_hz / needed)
-    half = _HALF * every
-    if every < 2 or run.is_held or len(run) < _EDGE * every + 2 * half:
+    every = _spare(run, machine, band_hz, pieces_hz)
+    if every < 2:
         return run
+    half = _HALF * every
     taps = _taps(every)
 
     def thin(values: Array) -> Array:
@@ -246,6 +268,14 @@ def thinned(run: Run, machine: Machine, band_hz: float, pieces_hz: float) -> Run
         torque_added_nm=None,
         position_demand_rad=None,
     )
+
+
+def _spare(run: Run, machine: Machine, band_hz: float, pieces_hz: float) -> int:
+    """Of how many samples one is enough for motion, injection, the coupling's swing and the curve's pieces."""
+    swing = machine.coupling.stiffness_nm_rad / machine.motor.inertia_kgm2 if machine.coupling else 0.0
+    needed = max(PER_BAND * band_hz, PER_SWING * np.sqrt(swing) / (2 * np.pi), PER_PIECE * pieces_hz)
+    every = int(run.sample_rate_hz / needed)
+    return 1 if run.is_held or len(run) < (_EDGE + 2 * _HALF) * every else every
 
 
 def _taps(every: int) -> Array:
@@ -269,7 +299,7 @@ def _wind_up(run: Signals, machine: Machine) -> Array:
     """Of the coupling (rad), as the motor's balance tells it without knowing the load."""
     if machine.coupling is None:
         return np.zeros_like(run.position_rad)
-    torque, speed = run.drive.smooth(run.time_s), run.quiet(run.states[:, 1])
+    torque, speed = run.drive.smooth_nm, run.quiet(run.states[:, 1])
     accelerated = np.gradient(speed, run.step_s)
     driving = torque - machine.motor.inertia_kgm2 * accelerated - machine.motor.viscous_friction_nms * speed
     return run.quiet(driving) / machine.coupling.stiffness_nm_rad

@@ -29,7 +29,7 @@ from schwung.explain.weighing.weigh import Posterior
 from schwung.explain.weighing.work import Work
 from schwung.innovations.effect import Effect, Passed
 from schwung.innovations.evidence import weigh
-from schwung.innovations.signals import signals_of
+from schwung.innovations.signals import picked_signals_of
 from schwung.innovations.statistics import Numbers, Statistics
 from schwung.motion import Array
 from schwung.session.model import Run
@@ -155,7 +155,7 @@ class Rivals:
         data = self.posterior.sure.data
         about, members = data.about, data.members
         known, ranges = about.view.known, about.view.ranges
-        signals = tuple(signals_of(run, known.machine, ranges.band_hz, 0.0) for run in runs)
+        signals = tuple(picked_signals_of(run, known.machine, ranges.band_hz) for run in runs)
         torques = tuple(TrueTorque(run, run.drive.whole_nm) for run in signals)
         view: View = replace(
             about.view,

@@ -106,11 +106,13 @@ def standing(
     law: Of,
     larger: Of = finding,
     takes: Callable[[Search, Set, Pick], float] = taken,
+    besides: float = 0.0,
 ) -> Standing:
     """Of the best set's names; `repeated`: curves of what only repeats share; `law`: log odds of being one law;
-    `larger`: probability of being more than is usual; `takes`: log evidence of the recording alone.
+    `larger`: probability of being more than is usual; `takes`: log evidence of the recording alone; `besides`: what is
+    left by laws that do not hold elsewhere.
     """
-    left = sum(max(_gain(search, best, curve), 0.0) for curve in repeated)
+    left = besides + sum(max(_gain(search, best, curve), 0.0) for curve in repeated)
     picks = best.picks
     for pick in picks:
         if not search.candidate(pick).named:

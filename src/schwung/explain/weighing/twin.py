@@ -18,7 +18,7 @@ from schwung.explain.weighing.known import known
 from schwung.explain.weighing.round import View, at_rest
 from schwung.explain.weighing.weigh import STICKING, band_of
 from schwung.innovations.likelihood import Noise
-from schwung.innovations.signals import signals_of
+from schwung.innovations.signals import picked_signals_of
 from schwung.session.model import Session
 
 #: A simulator's angle and speed are followed as closely as this, over their ranges.
@@ -33,7 +33,7 @@ def as_missed_by(session: Session, machine: Machine, twin: Session) -> Session:
     if [len(run) for run in twin.runs] != [len(run) for run in session.runs]:
         raise InputError("twin", "has other runs than the recording", "Play it along every run.")
     band = band_of(session)
-    runs = tuple(signals_of(run, machine, band, 0.0) for run in twin.runs)
+    runs = tuple(picked_signals_of(run, machine, band) for run in twin.runs)
     of = ranges_of(list(runs), STICKING, band)
     torques = tuple(TrueTorque(run, run.drive.whole_nm) for run in runs)
     view = View(twin.runs, runs, known(machine, of.low_rad, of.high_rad), of, torques, dry_nm=0.0)

@@ -33,7 +33,7 @@ from schwung.explain.weighing.wide import wide_fit
 from schwung.explain.weighing.work import Work, on_one_thread
 from schwung.innovations.evidence import weigh as weigh_columns
 from schwung.innovations.likelihood import first_noise
-from schwung.innovations.signals import Signals, signals_of
+from schwung.innovations.signals import Signals, picked_signals_of
 from schwung.innovations.statistics import Statistics
 from schwung.motion import Array
 from schwung.session.imports import repeats
@@ -142,7 +142,7 @@ def posterior_of(
     found = grown(growth, view)
 
     def about(best: Scored) -> Posterior:
-        stands = standing(found.search, best, beside, one_law)
+        stands = standing(found.search, best, beside, one_law, besides=found.best.log - best.log)
         sure = found.search.tempered(stands.tempering)
         return Posterior(found, stands, sure, tuple(heldout), view, found.growth)
 
@@ -166,7 +166,7 @@ def signals_as_measured(session: Session, machine: Machine) -> list[Signals]:
     band = band_of(session)
     return [
         replace(
-            signals_of(run, machine, band, 0.0),
+            picked_signals_of(run, machine, band),
             speed_measured="speed_origin" not in run.extra and bool(np.ptp(run.speed_rad_s)),
         )
         for run in session.runs

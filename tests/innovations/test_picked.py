@@ -1,0 +1,75 @@
+"""Every so manieth sample, as it was recorded, with the torque of all between them."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from schwung.drivetrain.machine import Machine
+from schwung.innovations.signals import picked_signals_of, signals_of
+from schwung.session.model import Run
+
+RATE_HZ, EVERY = 8000.0, 4
+
+
+@pytest.fixture
+def machine() -> Machine:
+    return Machine.model_validate(
+        {
+            "name": "arm",
+            "motor": {"inertia": 0.01, "viscous_friction": 0.0, "peak_torque": 50.0},
+            "load": {"inertia": 0.05, "viscous_friction": 0.0},
+        }
+    )
+
+
+def _recorded(torque: np.ndarray) -> Run:
+    time = np.arange(torque.size) / RATE_HZ
+    chance = np.random.default_rng(1)
+    return Run("reference", 0, RATE_HZ, time, np.sin(9 * time) + 1e-5 * chance.standard_normal(time.size),
+               9 * np.cos(9 * time), torque)  # fmt: skip
+
+
+def test_samples_are_those_that_were_recorded(machine: Machine) -> None:
+    run = _recorded(np.zeros(8000))
+    picked = picked_signals_of(run, machine, 160.0)
+    assert picked.step_s == pytest.approx(EVERY / RATE_HZ)
+    places = np.round(picked.time_s * RATE_HZ).astype(int)
+    assert np.all(np.diff(places) == EVERY)
+    np.testing.assert_array_equal(picked.position_rad, run.position_rad[places])
+    np.testing.assert_array_equal(picked.speed_rad_s, run.speed_rad_s[places])
+    np.testing.assert_allclose(picked.states[:, 0], picked.position_rad)
+
+
+def test_the_torque_of_a_step_is_that_of_all_samples_in_it(machine: Machine) -> None:
+    """A blow between two of the samples that are taken, which a filter would spread over several of them."""
+    torque = np.zeros(8000)
+    torque[4002] = 1.0
+    between = picked_signals_of(_recorded(torque), machine, 160.0).drive.undelayed
+    mean = (between.start_nm + between.end_nm) / 2 + 2 / 3 * between.bulge_nm
+    assert np.sum(mean) * EVERY == pytest.approx(1.0, rel=1e-9)
+    assert np.max(mean) * EVERY == pytest.approx(1.0, rel=0.2)
+    # a spline between eight thousand a second knows hardly anything of it half a step away
+    assert np.count_nonzero(np.abs(mean) * EVERY > 0.05) <= 2
+
+
+def test_the_torque_at_the_samples_is_as_quiet_as_a_filter_leaves_it(machine: Machine) -> None:
+    noise = np.random.default_rng(2).standard_normal(16_000)
+    drive = picked_signals_of(_recorded(noise), machine, 160.0).drive
+    assert np.std(drive.smooth_nm) == pytest.approx(EVERY**-0.5, rel=0.1)
+
+
+def test_a_corner_within_a_step_is_missed_in_one_part_of_it(machine: Machine) -> None:
+    torque = np.maximum(0.0, np.arange(8000) - 4002.0)
+    slow, fast = (
+        signals(_recorded(torque), machine, 160.0).drive.sharp_nm2
+        for signals in (picked_signals_of, signals_of)
+    )
+    assert np.max(slow) == pytest.approx(np.max(fast) / EVERY**2)
+    assert 1 <= np.count_nonzero(slow > 1e-9) <= 3
+
+
+def test_a_recording_with_no_sample_to_spare_is_taken_as_it_is(machine: Machine) -> None:
+    run = _recorded(np.zeros(8000))
+    picked, whole = picked_signals_of(run, machine, 700.0), signals_of(run, machine, 700.0)
+    assert picked.time_s.size == whole.time_s.size == len(run)
