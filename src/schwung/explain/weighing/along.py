@@ -59,7 +59,7 @@ class TrueTorque:
         """The same about something else; how the torque changes is not worked out again."""
         other = replace(self, driving_nm=nm)
         other.__dict__.update(
-            {name: self.__dict__[name] for name in ("rate", "bend") if name in self.__dict__}
+            {name: self.__dict__[name] for name in ("rate", "sharp_rate", "bend") if name in self.__dict__}
         )
         return other
 
@@ -71,6 +71,11 @@ class TrueTorque:
     @cached_property
     def rate(self) -> Array:
         return slopes(self.run.quiet(self.nm), self.run.step_s)
+
+    @cached_property
+    def sharp_rate(self) -> Array:
+        """Beyond the band as well, where contacts are answered."""
+        return slopes(self.nm, self.run.step_s)
 
     @cached_property
     def bend(self) -> Array:
@@ -183,9 +188,18 @@ class Along:
 
     @property
     @_kept
-    def acceleration(self) -> Array:
-        """Of the motor."""
+    def _smooth_acceleration(self) -> Array:
         return self._rate(self.speed)
+
+    @cached_property
+    def acceleration(self) -> Array:
+        """Of the motor; beyond the band it is that of a coupling which closes and opens."""
+        coupling, smooth = self.present.coupling, self._smooth_acceleration
+        if self.gap_rad <= 0 or coupling is None:
+            return smooth
+        pressed = coupling.stiffness_nm_rad * (self.twist - np.sign(self.twist) * self.gap_rad / 2)
+        carried = self.touches_with(self.gap_rad) * (pressed + coupling.damping_nms * self.twist_speed)
+        return np.asarray(smooth - (carried - self.run.quiet(carried)) / self.machine.motor.inertia_kgm2)
 
     @property
     def held(self) -> tuple[Array, Array]:
@@ -198,15 +212,13 @@ class Along:
         jumps = self.run.drive.jumps_nm / self.machine.motor.inertia_kgm2
         return jumps / 2, np.gradient(jumps) / 6
 
-    @property
-    @_kept
+    @cached_property
     def acceleration_before(self) -> Array:
         """Of the motor just before each sample, which is what a late speed is late by: a held injection jumps there."""
         jump, change = self.held
         return np.asarray(self.acceleration - jump + change)
 
-    @property
-    @_kept
+    @cached_property
     def jerk_before(self) -> Array:
         """Of the motor just before each sample: against the smooth curve a held injection falls within each step."""
         jump, _ = self.held
@@ -236,7 +248,7 @@ class Along:
 
     @property
     def torque_rate(self) -> Array:
-        return self.true_torque.rate
+        return self.true_torque.rate if self.gap_rad <= 0 else self.true_torque.sharp_rate
 
     @property
     def torque_bend(self) -> Array:
