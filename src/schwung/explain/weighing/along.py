@@ -194,12 +194,17 @@ class Along:
     @cached_property
     def acceleration(self) -> Array:
         """Of the motor; beyond the band it is that of a coupling which closes and opens."""
-        coupling, smooth = self.present.coupling, self._smooth_acceleration
+        return np.asarray(self._smooth_acceleration - self._sharp_nm / self.machine.motor.inertia_kgm2)
+
+    @cached_property
+    def _sharp_nm(self) -> Array | float:
+        """What a coupling with play carries beyond the band."""
+        coupling = self.present.coupling
         if self.gap_rad <= 0 or coupling is None:
-            return smooth
+            return 0.0
         pressed = coupling.stiffness_nm_rad * (self.twist - np.sign(self.twist) * self.gap_rad / 2)
         carried = self.touches_with(self.gap_rad) * (pressed + coupling.damping_nms * self.twist_speed)
-        return np.asarray(smooth - (carried - self.run.quiet(carried)) / self.machine.motor.inertia_kgm2)
+        return np.asarray(carried - self.run.quiet(carried))
 
     @property
     def held(self) -> tuple[Array, Array]:
@@ -227,7 +232,7 @@ class Along:
     @property
     def accelerated(self) -> Array:
         """The load's acceleration as smoothed."""
-        return self.run.load_acceleration
+        return np.asarray(self.run.load_acceleration + self._sharp_nm / self.inertia)
 
     @cached_property
     def load_acceleration(self) -> Array:
