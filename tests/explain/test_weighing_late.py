@@ -27,7 +27,7 @@ def held() -> Along:
     run = Signals(
         time, STEP_S, 0 * time, speed, drive, np.column_stack([0 * time, speed]), True, band_hz=450.0
     )
-    machine = SimpleNamespace(motor=SimpleNamespace(inertia_kgm2=ROTOR))
+    machine = SimpleNamespace(motor=SimpleNamespace(inertia_kgm2=ROTOR), coupling=None)
     ranges = Ranges(0.0, 1.0, 1.0, 1.0, INJECTED_NM, 0.4, 1e-3, 1, 450.0)
     return Along(run, machine, machine, ranges, 0, 0.0, SimpleNamespace())
 
