@@ -23,7 +23,7 @@ def held() -> Along:
     time = STEP_S * np.arange(401)
     injected = INJECTED_NM * np.sin(2 * np.pi * HZ * (time[:-1] + STEP_S / 2))
     speed = np.concatenate([[0.0], np.cumsum(injected) * STEP_S / ROTOR])
-    drive = Drive(time, CubicSpline(time, 0 * time), injected, 0 * time)
+    drive = Drive(time, CubicSpline(time, 0 * time), injected)
     run = Signals(
         time, STEP_S, 0 * time, speed, drive, np.column_stack([0 * time, speed]), True, band_hz=450.0
     )
@@ -54,7 +54,7 @@ def test_a_file_s_lag_is_one_whatever_the_frequency(held: Along) -> None:
     lags = PhysicsTerm.model_validate({"name": "torque_lag", "time_constant_s": lag_s})
     machine = Machine(name="lags", motor=motor, load=Load(inertia_kgm2=0.1), physics=(lags,))
     torque = INJECTED_NM * np.sin(rate * held.time_s)
-    drive = Drive(held.time_s, CubicSpline(held.time_s, torque), 0 * held.run.drive.held_nm, torque)
+    drive = Drive(held.time_s, CubicSpline(held.time_s, torque), 0 * held.run.drive.held_nm)
     run = replace(held.run, drive=drive)
     along = replace(
         held, run=run, machine=machine, present=machine, true_torque=TrueTorque(run, torque), kept={}

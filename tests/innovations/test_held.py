@@ -13,7 +13,7 @@ RATE_HZ, SINE_HZ = 1000.0, 50.0
 
 def _drive(held: np.ndarray, smooth: np.ndarray) -> Drive:
     time = np.arange(smooth.size) / RATE_HZ
-    return Drive(time, CubicSpline(time, smooth), held, smooth)
+    return Drive(time, CubicSpline(time, smooth), held)
 
 
 def test_the_whole_torque_is_the_controllers_and_the_injection() -> None:

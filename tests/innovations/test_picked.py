@@ -69,6 +69,22 @@ def test_a_corner_within_a_step_is_missed_in_one_part_of_it(machine: Machine) ->
     assert 1 <= np.count_nonzero(slow > 1e-9) <= 3
 
 
+@pytest.mark.parametrize("rate_hz", [2000.0, RATE_HZ])
+def test_a_limit_cuts_what_was_asked_for_before_the_drives_filter(machine: Machine, rate_hz: float) -> None:
+    """A sine that is asked for, which a filter delays, and which was cut before it."""
+    filter_s, pulse, limit = 3e-4, 2 * np.pi * 10.0, 3.0
+    time = np.arange(int(rate_hz)) / rate_hz
+    asked = 5 * np.sin(pulse * time)
+    reported = 5 * np.imag(np.exp(1j * pulse * time) / (1 + 1j * pulse * filter_s))
+    run = Run("reference", 0, rate_hz, time, np.sin(9 * time), 9 * np.cos(9 * time), reported)
+    picked = picked_signals_of(run, machine, 160.0)
+    cut = picked.drive.asked(lambda nm: np.clip(nm, -limit, limit) - nm, filter_s)
+    expected = np.interp(picked.time_s, time, np.clip(asked, -limit, limit) - asked)
+    assert np.max(np.abs(cut - expected)[5:-5]) < 0.03
+    late = picked.drive.asked(lambda nm: np.clip(nm, -limit, limit) - nm, 0.0)
+    assert np.max(np.abs(late - expected)) > 0.06
+
+
 def test_a_recording_with_no_sample_to_spare_is_taken_as_it_is(machine: Machine) -> None:
     run = _recorded(np.zeros(8000))
     picked, whole = picked_signals_of(run, machine, 700.0), signals_of(run, machine, 700.0)

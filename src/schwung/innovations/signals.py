@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -59,7 +59,7 @@ class Drive:
     time_s: Array
     smooth: CubicSpline  # all of it, or the controller's part where the injection is held
     held_nm: Array  # (n − 1,) held over each interval
-    smooth_nm: Array  # (n,) that at the samples; where there were more of them, passed through a filter
+    every: int = 1  # of so many recorded samples one is taken
 
     @cached_property
     def injected_nm(self) -> Array:
@@ -68,6 +68,31 @@ class Drive:
             return np.zeros_like(self.time_s)
         middles = (self.time_s[1:] + self.time_s[:-1]) / 2
         return np.asarray(CubicSpline(middles, self.held_nm)(np.clip(self.time_s, middles[0], middles[-1])))
+
+    @cached_property
+    def smooth_nm(self) -> Array:
+        """All of it but the held injection, at the samples, (n,)."""
+        return self._at_samples(self.smooth(self.smooth.x))
+
+    def asked(self, law: Callable[[Array], Array], filter_s: float) -> Array:
+        """What a law makes of the torque that was asked for, before a filter delayed it by so much, at the samples.
+
+        It is asked of each recorded one, so that a corner stays where it is.
+        """
+        whole = self.smooth(self.smooth.x) if self.every > 1 else self.whole_nm
+        return self._at_samples(law(whole + filter_s * self._rate))
+
+    @cached_property
+    def _rate(self) -> Array:
+        """Of all of the torque at every recorded sample, from those that are taken (N·m/s)."""
+        within = np.clip(self.smooth.x, self.time_s[0], self.time_s[-1])
+        return np.asarray(CubicSpline(self.time_s, self.whole_nm)(within, 1))
+
+    def _at_samples(self, values: Array) -> Array:
+        """Of values at all that were recorded; passed through a filter, where more were."""
+        if self.every < 2:
+            return np.asarray(values)
+        return np.convolve(values, _taps(self.every), "valid")[:: self.every]
 
     @cached_property
     def sharp_nm2(self) -> Array:
@@ -84,8 +109,7 @@ class Drive:
         missed[2:-2] = np.convolve(reported, _GUESS, "valid") - reported[2:-2]
         usual = 1.4826 * float(np.median(np.abs(missed[2:-2])))
         sharp = np.where(np.abs(missed) > _SHARP * usual, missed**2 - usual**2, 0.0) / 4
-        first, second = np.searchsorted(self.smooth.x, self.time_s[:2] - 1e-9)
-        every = int(second - first)
+        every, first = self.every, _HALF * self.every if self.every > 1 else 0
         around = sliding_window_view(np.pad(sharp, every, "edge"), 2 * every + 1)
         return np.asarray(np.max(around[first::every][: self.time_s.size], axis=1)) / every**2
 
@@ -191,15 +215,15 @@ def picked_signals_of(recorded: Run, machine: Machine, band_hz: float) -> Signal
     if every < 2:
         return whole
     edge = _HALF * every
-    picks, drive = slice(edge, len(recorded) - edge, every), whole.drive
-    time_s, filtered = whole.time_s[picks], np.convolve(drive.smooth_nm, _taps(every), "valid")[::every]
+    picks = slice(edge, len(recorded) - edge, every)
+    time_s = whole.time_s[picks]
     return replace(
         whole,
         time_s=time_s,
         step_s=every * whole.step_s,
         position_rad=whole.position_rad[picks],
         speed_rad_s=whole.speed_rad_s[picks],
-        drive=Drive(time_s, drive.smooth, np.zeros(time_s.size - 1), filtered),
+        drive=Drive(time_s, whole.drive.smooth, np.zeros(time_s.size - 1), every),
         states=whole.states[picks],
     )
 
@@ -224,7 +248,7 @@ def signals_of(recorded: Run, machine: Machine, band_hz: float, pieces_hz: float
         step_s=1 / run.sample_rate_hz,
         position_rad=position,
         speed_rad_s=run.speed_rad_s,
-        drive=Drive(run.time_s, CubicSpline(run.time_s, smooth), held, smooth),
+        drive=Drive(run.time_s, CubicSpline(run.time_s, smooth), held),
         states=np.column_stack(states),
         rigid=rigid,
         band_hz=band_hz,

@@ -110,6 +110,7 @@ class Along:
     kept: dict[str, Array] = field(default_factory=dict)  # coordinates by their names, for these states
     loud: Sequence[Array] | None = None  # `loudness` of what noise alone makes: see `View.loud`
     gap_rad: float = 0.0  # of the coupling, known and present
+    filter_s: float = 0.0  # by how much a filter delays the reported torque, known and present
     met: Array | None = None  # `Play.contact` of each step, as the filter met it, (n − 1, 3); None: not known
 
     @property
@@ -246,12 +247,6 @@ class Along:
         return self.true_torque.quiet_nm
 
     @property
-    @_kept
-    def reported(self) -> Array:
-        """The reported torque within the band (N·m), with its noise and whatever of it never drove the machine."""
-        return np.asarray(self.run.quiet(self.run.drive.whole_nm))
-
-    @property
     def torque_rate(self) -> Array:
         return self.true_torque.rate if self.gap_rad <= 0 else self.true_torque.sharp_rate
 
@@ -373,13 +368,14 @@ def along(
     kept: dict[str, Array] | None = None,
     loud: Sequence[Array] | None = None,
     gap_rad: float = 0.0,
+    filter_s: float = 0.0,
 ) -> Along:
     """The coordinates of a run of a session; `kept`: those that were worked out for the same states; `loud`: see
-    `View.loud`; `gap_rad`: of the coupling, known and present.
+    `View.loud`; `gap_rad`, `filter_s`: see `Along`.
     """
     starts = recorded.motion.start_time_s if recorded.motion is not None else 0.0
     begins, kept = float(starts or 0.0), {} if kept is None else kept
-    return Along(run, machine, present, ranges, number, begins, true_torque, kept, loud, gap_rad)
+    return Along(run, machine, present, ranges, number, begins, true_torque, kept, loud, gap_rad, filter_s)
 
 
 def ranges_of(runs: list[Signals], sticking: float, band_hz: float) -> Ranges:

@@ -107,6 +107,7 @@ class Candidate:
         None  # of a curve's modes, by which its size is measured (p, p); None: of the coefficients
     )
     coupling: tuple[float, float, float] = (0.0,) * 3  # what a unit of it adds to stiffness, damping and gap
+    unfilters: bool = False  # its first coefficient is by how much a filter delays the reported torque (s)
     elsewhere: tuple[float, ...] = ()  # of its only coefficient, from where it is looked for as well
 
     @property

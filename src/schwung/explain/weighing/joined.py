@@ -79,7 +79,6 @@ class Joined(Along):
     accelerated = _of_each("accelerated")
     load_acceleration = _of_each("load_acceleration")
     torque = _of_each("torque")
-    reported = _of_each("reported")
     torque_rate = _of_each("torque_rate")
     torque_bend = _of_each("torque_bend")
     twist = _of_each("twist")

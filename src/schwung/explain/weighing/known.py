@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 
@@ -65,9 +66,9 @@ class Known:
             at_rest = on_motor[0] + on_load[0] + self.machine.load_torque_at(along.load_angle[:1])[0]
             on_motor = on_motor - self._bristles(along, along.resting_nm + at_rest)
         torque = along.run.drive.whole_nm
-        drop = e.torque_drop * (np.abs(torque) / e.torque_drop_at_nm) ** e.torque_drop_order
-        true = (e.torque_gain - drop) * torque
-        true = np.clip(true, -e.torque_limit_nm, e.torque_limit_nm)
+        true = _driving(e, torque)
+        if np.isfinite(e.torque_limit_nm):
+            true = true + along.run.drive.asked(partial(_cut, e), along.filter_s)
         true = true * (1 + e.ripple_share * np.sin(e.ripple_order * along.angle + e.ripple_phase_rad))
         on_motor = on_motor + true - torque + e.torque_filter_s * along.torque_rate
         if e.torque_lag_s > 0:
@@ -116,6 +117,18 @@ class Known:
         level = (e.coulomb_positive_nm + e.coulomb_negative_nm) / 2 * along.direction
         directed = [curve for curve in self.curves if curve.over not in ("run", *ON_LOAD)]
         return np.asarray(level - sum((c.at(*_where(c, along)) for c in directed), 0.0 * level))
+
+
+def _driving(e: Effects, asked: Array) -> Array:
+    """What a motor gives of the torque that it is asked for, but for its limit."""
+    drop = e.torque_drop * (np.abs(asked) / e.torque_drop_at_nm) ** e.torque_drop_order
+    return np.asarray((e.torque_gain - drop) * asked)
+
+
+def _cut(e: Effects, asked: Array) -> Array:
+    """And what the limit takes of that."""
+    given = _driving(e, asked)
+    return np.clip(given, -e.torque_limit_nm, e.torque_limit_nm) - given
 
 
 #: Curves that act on the load; the others on the motor.

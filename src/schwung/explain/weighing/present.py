@@ -111,3 +111,8 @@ def gap_of(known_rad: float, members: Sequence[Member]) -> float:
     """The coupling's gap (rad): what is known, and the members'."""
     added = sum(m.candidate.coupling[2] * float(m.coefficients[0]) for m in members)
     return max(known_rad + added, 0.0)
+
+
+def filter_of(known_s: float, members: Sequence[Member]) -> float:
+    """By how much a filter delays the reported torque (s): what is known, and the members'."""
+    return known_s + sum(float(m.coefficients[0]) for m in members if m.candidate.unfilters)

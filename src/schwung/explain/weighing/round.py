@@ -14,7 +14,7 @@ from schwung.explain.weighing.candidate import Candidate, Missed, Shape
 from schwung.explain.weighing.equations import Acting, equations_of, load_taken, together
 from schwung.explain.weighing.joined import Joined
 from schwung.explain.weighing.known import Known
-from schwung.explain.weighing.present import Member, gap_of, with_members
+from schwung.explain.weighing.present import Member, filter_of, gap_of, with_members
 from schwung.explain.weighing.work import LINEARISED, NOISE, Work
 from schwung.innovations.effect import Passed, whiten
 from schwung.innovations.likelihood import Noise, likely_noise, unshared_deviance_of
@@ -73,6 +73,7 @@ class View:
         """Every run's coordinates, with these members present."""
         present = with_members(self.known.machine, members, self.ranges)
         gap = gap_of(self.known.effects.gap_rad, members)
+        filter_s = filter_of(self.known.effects.torque_filter_s, members)
         return [
             along(
                 run,
@@ -85,6 +86,7 @@ class View:
                 self._kept[number],
                 self.loud[number] if self.loud else None,
                 gap,
+                filter_s,
             )
             for number, (run, recorded) in enumerate(zip(self.runs, self.recorded, strict=True))
         ]

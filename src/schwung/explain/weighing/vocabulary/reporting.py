@@ -76,9 +76,12 @@ def _later_yet(along: Along, shape: Shape, coefficients: Array) -> tuple[Effect,
     return Effect(speed=more), Effect(speed=own * delay + column(beyond_bent(along, delay, shape[0])))
 
 
+@run_by_run
 def _clipped(along: Along, shape: Shape) -> Effect:
-    """Of what is asked for, which is reported: what drives the machine is clipped, and so is noise that is reported."""
-    return Effect(column(np.clip(along.reported, -shape[0], shape[0]) - along.reported))
+    """Of what is asked for, which is reported, through a filter: what drives the machine is clipped, and so is noise
+    that is reported."""
+    (limit,) = shape
+    return Effect(column(along.run.drive.asked(lambda nm: np.clip(nm, -limit, limit) - nm, along.filter_s)))
 
 
 def _ripple(along: Along, shape: Shape) -> Effect:
@@ -128,7 +131,7 @@ def reporting(of: Ranges, share: float) -> list[Candidate]:
         Candidate("torque_filter", _earlier, (DEFECT_S,), lambda c, _: {"time_constant_s": c[0]},
                   positive=(0,), shapes=grid(BENDS_S), spacing=(BEND_STEP_S,), logarithmic=(False,),
                   bounds=((LEAST_BEND_S, MOST_BEND_S),), coordinate="frequency", known_to=apart, family="lag",
-                  with_usual=torque_earlier),
+                  with_usual=torque_earlier, unfilters=True),
         Candidate("measurement_delay", _speed_later, (DEFECT_S,), lambda c, _: {"delay_s": c[0]},
                   positive=(0,), bent=_later_yet, shapes=grid(BENDS_S, (0.0,)), spacing=(BEND_STEP_S, 1.0),
                   logarithmic=(False, False), bounds=((LEAST_BEND_S, MOST_BEND_S), ORDERS), endless=(1,),
@@ -196,7 +199,9 @@ def usual(tick_s: float) -> list[Candidate]:
     return [
         Candidate("usual_hold", held, (1.0, 1.0), named=False),
         Candidate("usual_corners", corners, (tick_s**2 / 12,), named=False),
-        Candidate("usual_filter", both, (USUAL_S,), positive=(0,), named=False),
-        Candidate("usual_torque_timing", torque, (APART_S, (USUAL_S / 2) ** 2 / 2), named=False),
+        Candidate("usual_filter", both, (USUAL_S,), positive=(0,), named=False, unfilters=True),
+        Candidate(
+            "usual_torque_timing", torque, (APART_S, (USUAL_S / 2) ** 2 / 2), named=False, unfilters=True
+        ),
         Candidate("usual_speed_timing", speed, (APART_S, USUAL_S**2), named=False),
     ]
