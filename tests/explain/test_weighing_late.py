@@ -12,6 +12,7 @@ from schwung.drivetrain.physics_term import PhysicsTerm
 from schwung.explain.weighing.along import Along, Ranges, TrueTorque
 from schwung.explain.weighing.known import known
 from schwung.explain.weighing.late import acceleration_bent
+from schwung.explain.weighing.vocabulary.reporting import usual
 from schwung.innovations.signals import Drive, Signals
 
 ROTOR, STEP_S, INJECTED_NM, HZ = 0.012, 1e-3, 46.6, 50.0
@@ -62,3 +63,26 @@ def test_a_file_s_lag_is_one_whatever_the_frequency(held: Along) -> None:
     late = INJECTED_NM * np.imag(np.exp(1j * rate * held.time_s) / (1 + 1j * rate * lag_s))
     found = known(machine, 0.0, 1.0).effect(along).on_motor[:, 0]
     assert np.max(np.abs(torque + found - late)[100:-20]) < 0.03 * INJECTED_NM
+
+
+@pytest.mark.parametrize(("hertz", "share"), [(40.0, 0.0), (270.0, 1.0)])
+def test_what_is_late_beyond_the_band_is_late_by_itself(held: Along, hertz: float, share: float) -> None:
+    """At a resonance there, which a loop's own noise excites, a lag would be a damping."""
+    rate = 2 * np.pi * hertz
+    torque, speed = INJECTED_NM * np.sin(rate * held.time_s), np.cos(rate * held.time_s)
+    drive = Drive(held.time_s, CubicSpline(held.time_s, torque), 0 * held.run.drive.held_nm)
+    run = replace(
+        held.run, drive=drive, states=np.column_stack([0 * speed, speed]), speed_rad_s=speed, band_hz=160.0
+    )
+    along = replace(held, run=run, true_torque=TrueTorque(run, torque), kept={})
+    beyond = next(one for one in usual(1.25e-4) if one.name == "usual_timing_beyond")
+    done = beyond.effect(along, ())
+    assert done.on_motor is not None
+    assert done.speed is not None
+    for found, changes in (
+        (done.on_motor[:, 0], INJECTED_NM * rate * np.cos(rate * held.time_s)),
+        (done.speed[:, 1], rate * np.sin(rate * held.time_s)),
+    ):
+        assert np.std((found - share * changes)[40:-40]) < 0.2 * np.std(changes)
+    assert not np.any(done.on_motor[:, 1])
+    assert not np.any(done.speed[:, 0])

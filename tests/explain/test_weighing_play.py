@@ -9,8 +9,8 @@ from schwung.explain.weighing.known import known
 from schwung.explain.weighing.round import View
 from schwung.explain.weighing.sets import absent
 from schwung.explain.weighing.settling import Weighing, settled, settled_beyond
+from schwung.explain.weighing.third_mass import third_mass
 from schwung.explain.weighing.vocabulary import vocabulary
-from schwung.explain.weighing.vocabulary.shaft import third_mass
 from schwung.innovations.likelihood import Noise
 from schwung.innovations.signals import signals_of
 

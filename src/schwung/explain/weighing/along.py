@@ -251,6 +251,13 @@ class Along:
         return self.true_torque.rate if self.gap_rad <= 0 else self.true_torque.sharp_rate
 
     @property
+    @_kept
+    def beyond_band(self) -> Array:
+        """How the true torque and the motor's speed change beyond the band (N·m/s, rad/s²), (n, 2)."""
+        rough = np.column_stack([self.true_torque.nm, self.speed])
+        return slopes(rough - self.run.quiet(rough), self.run.step_s)
+
+    @property
     def torque_bend(self) -> Array:
         """Second derivative of the true torque."""
         return self.true_torque.bend

@@ -81,6 +81,7 @@ class Joined(Along):
     torque = _of_each("torque")
     torque_rate = _of_each("torque_rate")
     torque_bend = _of_each("torque_bend")
+    beyond_band = _of_each("beyond_band")
     twist = _of_each("twist")
     twist_speed = _of_each("twist_speed")
     contact = _of_each("contact")

@@ -26,6 +26,7 @@ from schwung.explain.weighing.along import Along
 from schwung.explain.weighing.joined import run_by_run
 from schwung.explain.weighing.late import acceleration_bent, beyond_bent, lagging
 from schwung.explain.weighing.present import changed
+from schwung.explain.weighing.third_mass import third_mass
 from schwung.innovations.effect import Effect
 from schwung.motion import Array
 
@@ -77,16 +78,10 @@ class Known:
             on_motor = on_motor - e.carried_share * np.abs(along.carried) * along.direction
         if e.load_coulomb_nm:
             on_load = on_load - e.load_coulomb_nm * along.load_direction
-        for curve in self.curves:
-            acts = curve.at(*_where(curve, along))
-            on_motor, on_load = (
-                (on_motor, on_load + acts) if curve.over in ON_LOAD else (on_motor + acts, on_load)
-            )
-        for plane in self.planes:
-            acts = plane.at(*_places(plane, along))
-            on_motor, on_load = (
-                (on_motor, on_load + acts) if plane.over in LOADED else (on_motor + acts, on_load)
-            )
+        if e.third_inertia_kgm2 > 0:
+            on_load = on_load - _further_mass(e, along)
+        unnamed = self._unnamed(along)
+        on_motor, on_load = on_motor + unnamed[0], on_load + unnamed[1]
         coupled = e.cubic_nm_rad3 * along.wound**3
         if e.stiffness_share != 0.0 and self.machine.coupling is not None:
             share = e.stiffness_share * np.sin(e.stiffness_order * along.angle + e.stiffness_phase_rad)
@@ -104,6 +99,17 @@ class Known:
                 speed - e.speed_delay_s * acceleration_bent(along, half) + beyond_bent(along, 2 * half, half)
             )
         return Effect(*(part[:, None] for part in (on_motor - coupled, on_load + coupled, position, speed)))
+
+    def _unnamed(self, along: Along) -> tuple[Array, Array]:
+        """What the known curves and planes do, on motor and load (N·m), (n,) each."""
+        on_motor, on_load = np.zeros_like(along.speed), np.zeros_like(along.speed)
+        for curve in self.curves:
+            on = on_load if curve.over in ON_LOAD else on_motor
+            on += curve.at(*_where(curve, along))
+        for plane in self.planes:
+            on = on_load if plane.over in LOADED else on_motor
+            on += plane.at(*_places(plane, along))
+        return on_motor, on_load
 
     def _bristles(self, along: Along, held_nm: float) -> Array:
         """Torque of the known friction that is a spring before it slides (N·m), (n,); `held_nm`: at rest."""
@@ -129,6 +135,13 @@ def _cut(e: Effects, asked: Array) -> Array:
     """And what the limit takes of that."""
     given = _driving(e, asked)
     return np.clip(given, -e.torque_limit_nm, e.torque_limit_nm) - given
+
+
+def _further_mass(e: Effects, along: Along) -> Array:
+    """What the known mass behind the load takes (N·m), (n,)."""
+    rate = float(np.sqrt(e.third_stiffness_nm_rad / e.third_inertia_kgm2))
+    ratio = e.third_damping_nms / (2 * rate * e.third_inertia_kgm2)
+    return e.third_inertia_kgm2 * third_mass(along.load_acceleration, rate, ratio, along.run.step_s)
 
 
 #: Curves that act on the load; the others on the motor.

@@ -142,7 +142,8 @@ def posterior_of(
     found = grown(growth, view)
 
     def about(best: Scored) -> Posterior:
-        stands = standing(found.search, best, beside, one_law, besides=found.best.log - best.log)
+        lost = max(found.best.log - best.log, 0.0)  # with laws that do not hold elsewhere
+        stands = standing(found.search, best, beside, one_law, besides=lost)
         sure = found.search.tempered(stands.tempering)
         return Posterior(found, stands, sure, tuple(heldout), view, found.growth)
 

@@ -169,6 +169,9 @@ def usual(tick_s: float) -> list[Candidate]:
     the one is − τ α + τ² α', the other − δ α + ½ δ² α'. At the injection T'' is what a stiffness a part in a thousand
     off would do.
 
+    Beyond the band either may be late by any time: a loop answers its encoder's noise up to its own bandwidth, at the
+    coupling's resonance as well, where a lag would be a damping.
+
     An injection that a bus holds is taken at any time within the step, 1/√12 of it; the controller answers the rotor's
     move about the corners, ΔT h/(2 J_r) B₂(x) at the share x of a step, where it is sampled. So it is with all torque,
     which a drive holds from tick to tick of its own loop: ΔT = T' h, and a speed that is read at the tick, in the
@@ -183,6 +186,11 @@ def usual(tick_s: float) -> list[Candidate]:
 
     def speed(along: Along, _shape: Shape) -> Effect:
         return Effect(speed=np.stack([-along.acceleration_before, along.jerk_before], 1))
+
+    def beyond(along: Along, _shape: Shape) -> Effect:
+        changes = along.beyond_band
+        none = np.zeros_like(changes[:, :1])
+        return Effect(np.hstack([changes[:, :1], none]), speed=np.hstack([none, -changes[:, 1:]]))
 
     @run_by_run
     def held(along: Along, _shape: Shape) -> Effect:
@@ -203,5 +211,6 @@ def usual(tick_s: float) -> list[Candidate]:
         Candidate(
             "usual_torque_timing", torque, (APART_S, (USUAL_S / 2) ** 2 / 2), named=False, unfilters=True
         ),
+        Candidate("usual_timing_beyond", beyond, (USUAL_S, USUAL_S), named=False),
         Candidate("usual_speed_timing", speed, (APART_S, USUAL_S**2), named=False),
     ]
