@@ -179,12 +179,11 @@ class Published:
         found, left = bool(self.in_file), self.left
         if self.proof is None or left is None:
             return "partly_explained" if found else "consistent"
-        plain = self.proof.after > _PLAIN
         if not found:
-            return "unexplained" if plain else "consistent"
+            return "unexplained" if self.proof.after > _FLOOR else "consistent"
         if left <= _LITTLE:
             return "explained"
-        return "unexplained" if plain and left > _MUCH else "partly_explained"
+        return "unexplained" if self.proof.after > _PLAIN and left > _MUCH else "partly_explained"
 
     @property
     def headline(self) -> str:
