@@ -28,13 +28,15 @@ def test_an_inertia_that_bends_within_a_step_is_no_damping(tmp_path: Path) -> No
     assert all(one.probability < 0.1 for one in (*found.names, *found.unnamed))
 
 
-def test_a_damping_that_is_a_sixteenth_off_has_a_name(tmp_path: Path) -> None:
-    """A coupling's damping is heard to a thousandth, however little anybody knows of it before."""
+def test_a_damping_that_is_a_fiftieth_off_has_a_name(tmp_path: Path) -> None:
+    """A coupling's damping is heard to a thousandth, however little anybody knows of it before: of 4.6 % more beside a
+    weight and a viscous friction (304202) it was the better set by 19 000 nats, and neither told nor in the file."""
     session, machine, label = drawn(tmp_path, 190016, each=2, kind="single")
     assert machine.coupling is not None
     (effect,) = label["effects"]
     true = effect["parameters"]["damping_nms"]
-    assert true == pytest.approx(1.063 * machine.coupling.damping_nms, rel=1e-3)
-    (found,) = (name for name in weigh(session, machine).names if name.probability > 0.5)
+    believed = machine.coupling.model_copy(update={"damping_nms": true / 1.02})
+    nearly = machine.model_copy(update={"coupling": believed})
+    (found,) = (name for name in weigh(session, nearly).names if name.probability > 0.5)
     assert found.name == "coupling_damping"
     assert found.parameters["damping_nms"].value == pytest.approx(true, rel=5e-3)

@@ -21,8 +21,6 @@ from schwung.explain.weighing.vocabulary.load import of_any_order, polar
 from schwung.innovations.effect import Effect
 from schwung.motion import Array
 
-#: Nobody knows a coupling's damping better than to this share: a smaller change is no finding.
-_DAMPING_KNOWN_TO = 0.05
 #: What a contact that opens and closes damps may differ by so much from what the coupling was believed to damp.
 _OF_CONTACTS = 0.3
 #: Gaps from which the search for one begins, as shares of the largest wind-up.
@@ -129,7 +127,7 @@ def shaft(of: Ranges, coupling: Coupling, torque_nm: float, inertia_kgm2: float)
                   coordinate="torque", coupling=(1.0, 0.0, 0.0), known_to=RIGHT_TO * k, elsewhere=(-k / 2, k)),
         Candidate("coupling_damping", _damping, (10 * share * damping,),
                   lambda c, _: {"damping_nms": b + c[0]}, positive=(0,), least=(-b,),
-                  coordinate="frequency", coupling=(0.0, 1.0, 0.0), known_to=_DAMPING_KNOWN_TO * damping),
+                  coordinate="frequency", coupling=(0.0, 1.0, 0.0), known_to=RIGHT_TO * damping),
         Candidate("nonlinear_stiffness", _cubic, (3 * share * k / wound**2,),
                   lambda c, _: {"cubic_nm_rad3": c[0]}, positive=(0,), coordinate="torque",
                   tangent=cubic_tangent),
