@@ -93,6 +93,7 @@ class Candidate:
     unsaid: Callable[[Array, Array, Shape, str], str] | None = (
         None  # what no file can say of it, in words: by coefficients, their deviations, shape and the torque's unit
     )
+    swings: bool = False  # whether what it does to the load follows from how the load moves then
     each_run: bool = False  # its coefficients are each run's own, and say nothing of another
     known_to: float = (
         0.0  # size of its coefficients that the belief is usually off by: a smaller change is no finding

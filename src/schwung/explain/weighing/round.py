@@ -30,6 +30,9 @@ STEPS = 12
 #: Costs (−2 log) that differ by less are the same: the filter's equations change a little with the states.
 ALIKE = 0.5
 
+#: Of the way to the states that a further mass makes likely, so much at once.
+_OF_THE_WAY = 0.5
+
 #: Samples of angle and speed whose columns are worked out at once: more are further away than the nearest memory.
 TOGETHER = 16_384
 
@@ -156,6 +159,12 @@ class Linearised:
     members: Sequence[Member] = ()  # that are present
     unlikely: float = 0.0  # what repeats do not share, where noise was found by it (−2 log likelihood)
 
+    @property
+    def swings(self) -> bool:
+        """Whether a further mass, driven by the load, is present or known: what it does follows from what it does."""
+        there = any(m.candidate.swings and np.any(m.coefficients) for m in self.members)
+        return there or self.view.known.effects.third_inertia_kgm2 > 0
+
     def beside(self, runs: Sequence[int]) -> Linearised:
         """Other runs about the same, with the states that it makes likely."""
         return at_rest(self.view, self.members, self.noise, runs)
@@ -275,12 +284,16 @@ def resmoothed_about(about: Linearised) -> View:
     """With the states that what is present makes likely, and the torque that drives the machine then.
 
     How the true torque changes stays what it is taken to be for all sets: the second derivative of what a set cannot do
-    would look like that.
+    would look like that. Of what a further mass does, half of the way is taken: near the load's own resonance the whole
+    leads past it, further each time.
     """
     view = about.view
     runs, torques = list(view.runs), list(view.torques)
     for i, passed in about.passed.items():
-        runs[i] = runs[i].about(np.ascontiguousarray(passed.states[:, :-1]))
+        states = passed.states[:, :-1]
+        if about.swings:
+            states = runs[i].states + _OF_THE_WAY * (states - runs[i].states)
+        runs[i] = runs[i].about(np.ascontiguousarray(states))
         if view.noise_found:
             torques[i] = torques[i].with_driving(_without_noise(about, i))
     return replace(view, runs=tuple(runs), torques=tuple(torques))

@@ -92,12 +92,13 @@ def _that_move(view: View, members: Sequence[Member]) -> Sequence[Member]:
 def smoothed(view: View, members: Sequence[Member], weighing: Weighing) -> Linearised:
     """The session about the states that the members make likely.
 
-    Where the coupling bends, whether it touches follows from the states that follow from whether it touches: so they
-    are smoothed for as long as that makes the runs likelier.
+    Where the coupling bends, whether it touches follows from the states that follow from whether it touches; what a
+    further mass does, too, follows from what it does. So they are smoothed for as long as that makes the runs likelier.
     """
     noise, train = weighing.noise, weighing.train
     about = linearised(resmoothed(view, members, noise, train), members, noise, None, train)
-    for _ in range(STEPS if any(m.candidate.tangent is not None for m in members) else 0):
+    bends = any(m.candidate.tangent is not None for m in members)
+    for _ in range(STEPS if bends or about.swings else 0):
         if not finite(about.view):
             break
         further = linearised(resmoothed_about(about), members, noise, None, train)

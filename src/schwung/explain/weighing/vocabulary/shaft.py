@@ -148,6 +148,6 @@ def shaft(of: Ranges, coupling: Coupling, torque_nm: float, inertia_kgm2: float)
                                 "damping_nms": 2 * c[0] * s[0] * s[1]},
                   shapes=grid(2 * np.pi * _RESONANCES_HZ, _DAMPING_RATIOS), spacing=(0.06, 0.7),
                   logarithmic=(True, True), bounds=((2 * np.pi * 10, 2 * np.pi * of.band_hz), (0.005, 0.5)),
-                  positive=(0,), coordinate="frequency", known_to=RIGHT_TO * inertia_kgm2,
+                  positive=(0,), coordinate="frequency", known_to=RIGHT_TO * inertia_kgm2, swings=True,
                   felt=lambda s: 1 / (2 * s[1])),  # at its resonance, where it is as if the load were so much heavier
     ]  # fmt: skip
