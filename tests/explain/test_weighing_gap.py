@@ -4,18 +4,16 @@ from functools import lru_cache
 
 import numpy as np
 import pytest
+from integrated import RATE_HZ, sampled, view_of
 from scipy.integrate import solve_ivp
 
 from schwung.drivetrain.machine import Coupling, Load, Machine, Motor
-from schwung.explain.weighing.along import TrueTorque, ranges_of
-from schwung.explain.weighing.known import known
 from schwung.explain.weighing.present import Member
 from schwung.explain.weighing.round import View, at_rest
 from schwung.explain.weighing.sets import absent
 from schwung.explain.weighing.settling import Settled, Weighing, settled, settled_beyond
 from schwung.explain.weighing.vocabulary import vocabulary
 from schwung.innovations.likelihood import Noise
-from schwung.innovations.signals import signals_of
 from schwung.session.model import Run
 
 ROTOR, LOAD, STIFFNESS, DAMPING, GAP = 2e-3, 1e-2, 3000.0, 1.0, 4e-4
@@ -47,20 +45,11 @@ def rates(time, state, phase):
 
 def run_of(number: int) -> Run:
     """A quarter of a second at 2 kHz, sampled with noise."""
-    chance, phase = np.random.default_rng(number), number * np.pi / 3
-    time = np.arange(500) / 2000
+    phase = number * np.pi / 3
+    time = np.arange(500) / RATE_HZ
     start = [0.0, 0.0, -GAP / 2, 0.0]
     moved = solve_ivp(rates, (0, time[-1]), start, "RK45", time, max_step=2e-5, args=(phase,)).y
-    noisy = (NOISE.position_rad, NOISE.speed_rad_s, NOISE.torque_nm) * chance.standard_normal((500, 3))
-    return Run(
-        role="reference",
-        repeat=number,
-        sample_rate_hz=2000.0,
-        time_s=time,
-        position_rad=moved[0] + noisy[:, 0],
-        speed_rad_s=moved[1] + noisy[:, 1],
-        torque_nm=torque(time, phase) + noisy[:, 2],
-    )
+    return sampled(number, time, moved, torque(time, phase), NOISE)
 
 
 @lru_cache(maxsize=1)
@@ -68,19 +57,12 @@ def recorded() -> list[Run]:
     return [run_of(number) for number in range(3)]
 
 
-def view_of(machine: Machine) -> View:
-    runs = [signals_of(run, machine, 160.0) for run in recorded()]
-    of = ranges_of(runs, 0.002, 160.0)
-    torques = tuple(TrueTorque(run, run.drive.whole_nm) for run in runs)
-    return View(recorded(), tuple(runs), known(machine, of.low_rad, of.high_rad), of, torques, dry_nm=0.0)
-
-
 WEIGHING = Weighing(NOISE, range(3), 1.0)
 
 
 @pytest.fixture(scope="module")
 def view() -> View:
-    return view_of(MACHINE)
+    return view_of(recorded(), MACHINE)
 
 
 @pytest.fixture(scope="module")
@@ -123,7 +105,7 @@ def test_a_gap_that_is_believed_leaves_nothing_to_find():
             ).physics
         }
     )
-    about = at_rest(view_of(believed), (), NOISE)
+    about = at_rest(view_of(recorded(), believed), (), NOISE)
     assert about.square(range(3)) / about.samples(range(3)) < 1.5
 
 

@@ -4,17 +4,14 @@ from functools import lru_cache
 
 import numpy as np
 import pytest
+from integrated import RATE_HZ, sampled, view_of
 from scipy.integrate import solve_ivp
 
 from schwung.drivetrain.machine import Coupling, Load, Machine, Motor
-from schwung.explain.weighing.along import TrueTorque, ranges_of
-from schwung.explain.weighing.known import known
 from schwung.explain.weighing.present import Member
-from schwung.explain.weighing.round import View
 from schwung.explain.weighing.settling import Weighing, settled
 from schwung.explain.weighing.vocabulary import vocabulary
 from schwung.innovations.likelihood import Noise
-from schwung.innovations.signals import signals_of
 from schwung.session.model import Run
 
 #: Behind a held rotor the load swings at 66 Hz, as the mass behind it does behind a held load.
@@ -50,19 +47,9 @@ def rates(time, state, phase):
 
 def run_of(number: int) -> Run:
     """A quarter of a second at 2 kHz, sampled with noise."""
-    chance, phase = np.random.default_rng(number), 1.0 + number
-    time = np.arange(500) / 2000
+    time, phase = np.arange(500) / RATE_HZ, 1.0 + number
     moved = solve_ivp(rates, (0, time[-1]), np.zeros(6), "RK45", time, max_step=5e-5, args=(phase,)).y
-    noisy = (NOISE.position_rad, NOISE.speed_rad_s, NOISE.torque_nm) * chance.standard_normal((500, 3))
-    return Run(
-        role="reference",
-        repeat=number,
-        sample_rate_hz=2000.0,
-        time_s=time,
-        position_rad=moved[0] + noisy[:, 0],
-        speed_rad_s=moved[1] + noisy[:, 1],
-        torque_nm=torque(time, phase) + noisy[:, 2],
-    )
+    return sampled(number, time, moved, torque(time, phase), NOISE)
 
 
 @lru_cache(maxsize=1)
@@ -70,17 +57,10 @@ def recorded() -> list[Run]:
     return [run_of(number) for number in RUNS]
 
 
-def view_of(machine: Machine) -> View:
-    runs = [signals_of(run, machine, 160.0) for run in recorded()]
-    of = ranges_of(runs, 0.002, 160.0)
-    torques = tuple(TrueTorque(run, run.drive.whole_nm) for run in runs)
-    return View(recorded(), tuple(runs), known(machine, of.low_rad, of.high_rad), of, torques, dry_nm=0.0)
-
-
 def test_from_a_fifth_off_it_comes_to_rest_where_it_is() -> None:
     """Driven by the states that followed from it, all of the way at once, it swings further each time: it came to rest
     a fifth too light, 5 % too fast, and twice as damped."""
-    view = view_of(MACHINE)
+    view = view_of(recorded(), MACHINE)
     law = next(one for one in vocabulary(view.ranges, view.known) if one.name == "extra_compliance")
     begun = Member(law, (0.8 * RATE, 2 * RATIO), np.array([0.8 * FURTHER]), np.array(law.deviations))
     (found,) = settled(view, [begun], Weighing(NOISE, RUNS, 1.0)).members
