@@ -1,5 +1,6 @@
 """Names that stand out from what is left to none, and names that do not."""
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from math import inf
 from types import SimpleNamespace
@@ -26,6 +27,8 @@ class Cause:
     scales: tuple[float, ...] = (1.0,)
     taken: float = 0.0  # of the recording, where that is more
     larger: float = 1.0  # probability of being more than is usual
+    inertia: Callable[[], None] | None = None  # of an inertia, anything
+    part_of: str = ""
 
 
 @dataclass
@@ -44,6 +47,9 @@ class Additive:
 
     def candidate(self, pick: Pick) -> Cause:
         return self.causes[pick.atom]
+
+    def name(self, pick: Pick) -> str:
+        return self.candidate(pick).name
 
     def score(self, picks: tuple[Pick, ...]) -> Picked:
         return Picked(picks, sum(self.candidate(pick).worth + self.odds for pick in picks))
@@ -141,6 +147,21 @@ def test_a_curve_has_its_name_only_where_it_is_the_only_one(alone):
     other = [] if alone else [Cause("load over angle", 48_000.0, scales=(1.0, 0.1))]
     found = stands(curve, *other, Cause("lag", 5000.0))
     assert (found.names["friction over angle"] > 0.5) is alone
+
+
+def test_an_inertia_over_the_angle_leaves_nothing_to_a_curve_of_torque():
+    """What swings is felt by how it accelerates, a torque is not: no law is needed to tell them apart."""
+    inertia = Cause("inertia over angle", 48_000.0, scales=(1.0, 0.1), inertia=lambda: None)
+    found = stands(Cause("friction over angle", 14_000.0, scales=(1.0, 0.1)), inertia)
+    assert min(found.names.values()) > 0.9
+
+
+@pytest.mark.parametrize(("part_of", "stands_out"), [("inertia over angle", True), ("", False)])
+def test_a_part_of_a_curve_that_stands_is_nothing_left(part_of: str, stands_out: bool):
+    curve = Cause("inertia over angle", 1e6, scales=(1.0, 0.1), inertia=lambda: None)
+    found = stands(curve, Cause("inertia everywhere", 40.0, part_of=part_of), Cause("lag", 1000.0))
+    assert found.names["inertia everywhere"] < 0.2
+    assert (found.names["lag"] > 0.5) is stands_out
 
 
 @pytest.mark.parametrize(

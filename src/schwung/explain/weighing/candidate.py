@@ -8,7 +8,7 @@ from itertools import product
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.special import ndtr
+from scipy.special import log_ndtr, ndtr
 
 from schwung.compiled import compiled
 from schwung.explain.weighing.along import Along
@@ -64,12 +64,17 @@ class Candidate:
     spacing: Shape = ()  # of the shapes' grid, in each of their numbers
     bounds: tuple[tuple[float, float], ...] = ()  # within which a shape is one
     endless: tuple[int, ...] = ()  # numbers of the shape whose bounds are as good as what lies beyond
+    bends: tuple[float, float] | None = (
+        None  # of the first number of its shape over its only coefficient: what it naturally is, and how far off that
+    )
     logarithmic: tuple[bool, ...] = ()  # numbers of the shape that are refined by factors
     scales: tuple[float, ...] = (1.0,)
     positive: tuple[int, ...] = ()  # coefficients that cannot be below `least`
+    often_none: bool = False  # whether it is as often nothing at all
     least: Shape = ()  # what is believed, the sign turned: no total is negative; empty: nothing is believed
     named: bool = True
     coordinate: str = ""
+    part_of: str = ""  # a curve with a name that it is a part of, where a set holds both
     family: str = ""  # of which a set holds one at most: each is a case of another
     cases: frozenset[str] = frozenset()  # names that are cases of this one: a set holds it or them
     own: tuple[Callable[[Along, Shape], Array], ...] = ()  # that its law may be off over, −1…1; none: by name
@@ -104,6 +109,10 @@ class Candidate:
     with_usual: Mapping[str, Shape] = field(
         default_factory=dict  # what a unit of each coefficient of usual causes adds to its one, where that is compared
     )
+    late: tuple[float, float] = (
+        0.0,
+        0.0,
+    )  # by how much torque and speed are reported later for a unit of its first coefficient (s)
     products: Array | None = (
         None  # of a curve's modes, by which its size is measured (p, p); None: of the coefficients
     )
@@ -125,6 +134,21 @@ class Candidate:
     def bounds_below(self) -> tuple[tuple[int, float], ...]:
         """Coefficients that have a lower bound, and that bound."""
         return tuple(zip(self.positive, self.least or (0.0,) * len(self.positive), strict=True))
+
+    def allowed(self, coefficients: Array, spread: Array, deviations: Array) -> float:
+        """Log probability that no coefficient is beyond its bound, over that before anything was seen; all (p,).
+
+        Where it is as often nothing as anything, the density at nothing counts as well (Savage and Dickey's ratio).
+        """
+        log = 0.0
+        for which, least in self.bounds_below:
+            mean, wide, open_to = coefficients[which], spread[which], deviations[which]
+            within = float(log_ndtr((mean - least) / wide) - log_ndtr(-least / open_to))
+            if self.often_none:
+                nothing = float(np.log(open_to / wide) - 0.5 * (mean / wide) ** 2)
+                within = float(np.logaddexp(within, nothing) - np.log(2))
+            log += within
+        return log
 
     def beyond(self, coefficients: Array, covariance: Array, shape: Shape = ()) -> float:
         """Probability that a change is larger than the belief is usually off by; (p,), (p, p)."""
@@ -166,6 +190,11 @@ class Candidate:
         return self.named and len(self.scales) == 1
 
     @property
+    def is_number(self) -> bool:
+        """Whether it is a change of one number of the belief."""
+        return self.named and self.size == 1 and not self.spacing and self.known_to > 0
+
+    @property
     def shown_by_accelerating(self) -> bool:
         """Whether nothing shows it at a steady speed: inertia, coupling, scale and lag of the torque, and whatever goes
         with torque or acceleration, which hardly change there."""
@@ -173,6 +202,13 @@ class Candidate:
         shown = self.of_machine or self.tangent is not None or self.name == "torque_ripple"
         shown = shown or any(one in over for one in ("acceleration", "torque", "frequency"))
         return shown and not self.each_run and not self.name.startswith("usual")
+
+    def unbent(self, shape: Shape, coefficients: Array) -> tuple[float, float, float]:
+        """How many deviations its shape is off what is natural, and that by its coefficient and by its shape."""
+        assert self.bends is not None
+        ratio, share = self.bends
+        wide = share * max(float(coefficients[0]), self.known_to)
+        return (shape[0] - ratio * float(coefficients[0])) / wide, -ratio / wide, 1 / wide
 
     @property
     def opens(self) -> bool:
@@ -193,7 +229,11 @@ class Candidate:
         )
         found = []
         for value, by, spacing, factor, (low, high) in every:
-            further = value * float(np.exp(by * spacing)) if factor else value + float(by) * spacing
+            further = (
+                value * float(np.exp(np.clip(by * spacing, -100, 100)))
+                if factor
+                else value + float(by) * spacing
+            )
             found.append(min(max(further, low), high))
         return tuple(found) if self.spacing else shape
 

@@ -13,10 +13,10 @@ from itertools import count
 import numpy as np
 
 from schwung.compiled import IS_FAST
-from schwung.explain.weighing.candidate import Candidate
+from schwung.explain.weighing.candidate import RIGHT_TO, Candidate
 from schwung.explain.weighing.data import Data
 from schwung.explain.weighing.round import View, few_of
-from schwung.explain.weighing.search import HOPELESS, MOST, Scored, Search
+from schwung.explain.weighing.search import HOPELESS, MOST, TOLD, Scored, Search
 from schwung.explain.weighing.sets import (
     Shaped,
     absent,
@@ -27,6 +27,8 @@ from schwung.explain.weighing.sets import (
     kept,
     key_of,
     members_of,
+    timed,
+    without_damping,
 )
 from schwung.explain.weighing.settling import (
     Settled,
@@ -93,6 +95,8 @@ class Growth:
     tell: Progress = lambda _text, _share: None
     #: Kinds of sets that came to rest about the noise as it is known: their best shapes and sizes, and log probability.
     rested: dict[frozenset[int], tuple[Shaped, float]] = field(default_factory=dict)
+    #: Kinds of sets whose late cause was begun where what is usual says about that noise.
+    timed: set[frozenset[int]] = field(default_factory=set)
     #: What each candidate that no line leads to gained (log) when it was last asked.
     gained: dict[int, float] = field(default_factory=dict)
 
@@ -106,7 +110,7 @@ class Growth:
 
     def afresh(self, among: frozenset[int] | None = None) -> Growth:
         """The same before anything was found, of these causes alone; None: of all."""
-        return replace(self, among=among, rested={}, gained={}, rival=None)
+        return replace(self, among=among, rested={}, timed=set(), gained={}, rival=None)
 
     def nothing(self, view: View) -> Settled:
         """The belief with what is always there."""
@@ -128,12 +132,14 @@ class Growth:
             if growing:
                 taken = self._further(search, start, at)
                 if taken is not None:
-                    start, at = taken
+                    start, at = self._exchanged(search, *taken)
                     if named and is_unnamed(search, start):
                         return Climbed(search, start, at, halfway=True)
-                    picks, fresh = kept(search, start, at), False
+                    fresh = self.unrepeated and self._is_loud(at)
+                    at = self.renewed(at) if fresh else at
+                    picks = kept(search, start, at)
                     shared = not search.candidate(start.picks[-1]).each_run
-                    if shared or self.coarse or at.about.view.ranges.one_motion:
+                    if fresh or shared or self.coarse or at.about.view.ranges.one_motion:
                         continue
                     # it was noise, for repeats do not share it; where all repeat one motion, nothing else tells noise
                 if self._is_hopeless(search, start, at):
@@ -144,7 +150,8 @@ class Growth:
                     continue
                 growing = False
             search.best(start.picks)
-            taken = self._instead(search, start, at) or self._fewer(search, start, at)
+            taken = self._timed(search, start, at) or self._instead(search, start, at)
+            taken = taken or self._fewer(search, start, at)
             if taken is None:
                 if search.data.work.spent:
                     search.forget_beyond(start)
@@ -184,6 +191,11 @@ class Growth:
         """At rest about the noise that it leaves: until then it was looked for about something less likely."""
         self._renew(at)
         return settled(self.wide.seen(at.about.view), at.members, self.weighing)
+
+    def _is_loud(self, at: Settled) -> bool:
+        """Whether a set leaves so much less than the noise is that it has not been known until now: about that nothing
+        small can be told."""
+        return bool(at.about.square(self.train) < np.exp(-2 * KNOWN) * at.about.samples(self.train))
 
     @property
     def weighing(self) -> Weighing:
@@ -231,6 +243,60 @@ class Growth:
                 best, top = (one, tried), gain
         return best
 
+    def _exchanged(self, search: Search, start: Scored, at: Settled) -> tuple[Scored, Settled]:
+        """The set, or with another number of the belief in place of one that is further off than is natural, where that
+        is likelier at rest: so far off, no line says which of them it is.
+        """
+        best, top = (start, at), 0.0
+        for pick, member in zip(start.picks, at.members[len(at.members) - len(start.picks) :], strict=True):
+            if not member.candidate.is_number or np.all(np.abs(member.coefficients) <= member.deviations):
+                continue
+            others = tuple(other for other in start.picks if other != pick)
+            for instead in search.numbers_beside(start.picks):
+                one = search.score((*others, instead))
+                if search.kind(one.picks) in self.rested or search.data.work.spent:
+                    continue
+                begun = [
+                    without_damping(m)
+                    for m in begun_from(at.members, members_of(search, one, self.candidates))
+                ]
+                tried, gain = self._noted(
+                    search, one, start, at, settled(at.about.view, begun, self.weighing)
+                )
+                if gain > top:
+                    best, top = (one, tried), gain
+        return best
+
+    def _timed(self, search: Search, start: Scored, at: Settled) -> tuple[Scored, Settled] | None:
+        """The set with another late cause, or with one where what is usual is further off than a name costs; where that
+        is more probable at rest.
+
+        To first order all of them say the same, and where little is noise no line about the one leads to another.
+        """
+        others = tuple(pick for pick in start.picks if not any(search.candidate(pick).late))
+        apart = [m for m in at.members if any(m.candidate.late) and not all(m.candidate.late)]
+        off = sum(0.5 * float((m.coefficients[0] / m.deviations[0]) ** 2) for m in apart)
+        if len(start.picks) - len(others) > 1 or (len(others) == len(start.picks) and off < -search.odds):
+            return None
+        for index, candidate in enumerate(self.candidates):
+            kind = search.kind(others) | {index}
+            begun = timed(at.members, candidate) if candidate.named and any(candidate.late) else None
+            if (
+                begun is None
+                or kind in self.timed
+                or kind == search.kind(start.picks)
+                or search.data.work.spent
+            ):
+                continue
+            self.timed.add(kind)
+            tried = settled(at.about.view, begun, self.weighing)
+            one = search.score((*others, search.nearest(index, tried.members[-1].shape)))
+            tried, gain = self._noted(search, one, start, at, tried)
+            if gain > 0:
+                return one, tried
+            search.kept[kind] = max(search.kept.get(kind, -np.inf), start.log + gain - one.log)
+        return None
+
     def _fewer(self, search: Search, start: Scored, at: Settled) -> tuple[Scored, Settled] | None:
         """The set without one of its names, where that is more probable at rest.
 
@@ -247,7 +313,9 @@ class Growth:
         return None
 
     def _instead(self, search: Search, start: Scored, at: Settled) -> tuple[Scored, Settled] | None:
-        """A visited set that is more probable than the one at hand at rest, too; what was only promised is noted."""
+        """A visited set that is more probable than the one at hand at rest, too; what was only promised is noted, of
+        all that promise to be worth telling.
+        """
         search.resting = search.kind(start.picks)
         for _ in range(_TRIED):
             if search.data.work.spent:
@@ -257,7 +325,7 @@ class Growth:
                 pair for pair in rivals if search.kind(pair[1].picks) not in {search.resting, *search.kept}
             ]
             promised, one = max(untried, key=lambda pair: pair[0], default=(-np.inf, start))
-            if promised <= start.log:
+            if promised <= start.log + np.log(TOLD):
                 break
             tried, gain = self._rested(search, one, start, at)
             if gain > 0:
@@ -287,6 +355,12 @@ class Growth:
                 tried = tried if other is None or other.log < tried.log else other
         else:
             tried = settled(at.about.view, members, self.weighing)
+        return self._noted(search, one, start, at, tried)
+
+    def _noted(
+        self, search: Search, one: Scored, start: Scored, at: Settled, tried: Settled
+    ) -> tuple[Settled, float]:
+        """Of a set that was brought to rest the same; it is kept in mind where it is the best of its kind."""
         if any(m.candidate.at_end(m.shape, m.coefficients) for m in tried.members):
             tried = replace(tried, log=-np.inf)  # it stands for what is none of its shapes
         kind, log = search.kind(one.picks), tried.log + search.prior(one.picks)
@@ -311,9 +385,13 @@ class Growth:
         """
         self.rival = None
         if self.unrepeated:  # of everything that may be there, something fits any noise
-            self.wide = replace(self.wide, noise=own_noise(at, self.weighing))
+            noise = own_noise(at, self.weighing)
+            noise = replace(noise, torque_share=max(noise.torque_share, RIGHT_TO))
+            self.wide = replace(self.wide, noise=noise)
             self.rested.clear()
+            self.timed.clear()
             return
         members = everything(self.candidates, at.members)
         self.wide = wide_fit(at.about.view, members, self.wide.noise, self.train, KNOWN)
         self.rested.clear()
+        self.timed.clear()

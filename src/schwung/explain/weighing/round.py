@@ -237,12 +237,13 @@ def linearised(
     runs: Sequence[int] | None = None,
 ) -> Linearised:
     """Filter some runs (None: all) with these members present; `reach`: how far off the noise may be (log), None: keep
-    it.
+    it. It is found from some of them: the others may be about states of former members.
     """
     alongs = view.alongs(members)
     runs = range(len(alongs)) if runs is None else runs
-    pairs = few_of([group for group in view.repeats if len(group) > 1])
-    few = [] if reach is None else [i for pair in pairs for i in pair[:2]] or few_of(range(len(alongs)))
+    groups = [[i for i in group if i in runs] for group in view.repeats]
+    pairs = few_of([group for group in groups if len(group) > 1])
+    few = [] if reach is None else [i for pair in pairs for i in pair[:2]] or few_of(list(runs))
     asked = sorted({*runs, *few})
     joined = Joined.of([alongs[i] for i in asked])
     act, each = acting_on_each(view, joined, members)

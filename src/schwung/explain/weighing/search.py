@@ -11,9 +11,8 @@ from dataclasses import dataclass, field
 from itertools import groupby
 
 import numpy as np
-from scipy.special import log_ndtr
 
-from schwung.explain.weighing.candidate import Candidate
+from schwung.explain.weighing.candidate import Candidate, Shape
 from schwung.explain.weighing.data import Atom, Data
 from schwung.explain.weighing.inexact import SHARES, deviations_of
 from schwung.explain.weighing.refine import refined
@@ -33,6 +32,8 @@ _ROUNDS = 4
 MOST = 6
 #: What is so much less probable (log) is not looked at closely.
 HOPELESS = 50.0
+#: Probabilities below this are not told.
+TOLD = 0.01
 #: The error of a law whose largest share is not worth so much (log) is not looked at.
 _SEEN = 1.0
 
@@ -176,9 +177,10 @@ class Search:
         log, spread, at = self.prior(picks), found.spread, 0
         every = [(self.data.candidates[i], 1.0) for i in self.always]
         for candidate, scale in (*every, *((self.candidate(pick), pick.scale) for pick in picks)):
-            for i, least in candidate.bounds_below:
-                log += float(log_ndtr((found.coefficients[at + i] - least) / spread[at + i]))
-                log -= float(log_ndtr(-least / (scale * candidate.deviations[i])))
+            own = slice(at, at + candidate.size)
+            log += candidate.allowed(
+                found.coefficients[own], spread[own], scale * np.array(candidate.deviations)
+            )
             at += candidate.size
         return log
 
@@ -277,6 +279,18 @@ class Search:
                 others = tuple(pick for pick in picks if pick != curve)
                 found += [self._with(others, pick) for _, pick in self.additions(others, laws)[:1]]
         return found
+
+    def numbers_beside(self, picks: Set) -> list[Pick]:
+        """Changes of the belief's numbers that a set does not hold."""
+        inside = self.kind(picks)
+        every = enumerate(self.data.candidates)
+        return [Pick(self._first(i), 1.0) for i, c in every if c.is_number and i not in inside]
+
+    def nearest(self, index: int, shape: Shape) -> Pick:
+        """A candidate in a shape of its grid that is near one."""
+        own = [i for i, atom in enumerate(self.data.atoms) if atom.candidate == index]
+        off = [abs(self.data.atoms[i].shape[0] - shape[0]) for i in own]
+        return Pick(own[int(np.argmin(off))], 1.0)
 
     def _with(self, picks: Set, pick: Pick) -> Scored:
         """One more, in its best shape and sizes all about."""

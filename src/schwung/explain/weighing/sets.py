@@ -32,6 +32,35 @@ def begun_from(present: Sequence[Member], members: Sequence[Member]) -> list[Mem
     return [replace(m, coefficients=had.get(key_of(m), 0 * m.coefficients)) for m in members]
 
 
+def without_damping(member: Member) -> Member:
+    """Of play the gap alone: what its contacts damp makes up for whatever else was not there yet."""
+    if not member.candidate.opens:
+        return member
+    return replace(member, coefficients=member.coefficients * [1.0, 0.0])
+
+
+def timed(members: Sequence[Member], late: Candidate) -> list[Member] | None:
+    """The members with one late cause, the only one, in place of all that torque and speed are apart by; None where it
+    would be early. What is usual stays as the filter that both share."""
+    coefficients = np.array([float(m.coefficients[0]) for m in members])
+    ways = np.array([m.candidate.late for m in members])
+    torque, speed = coefficients @ ways
+    shared, later = np.linalg.solve([[1.0, late.late[0]], [1.0, late.late[1]]], [torque, speed])
+    if later <= 0:
+        return None
+    found = []
+    for member in members:
+        at = member.coefficients.copy()
+        if any(member.candidate.late):
+            if member.candidate.named:
+                continue
+            at[0] = shared if all(member.candidate.late) else 0.0
+        found.append(replace(member, coefficients=at))
+    assert late.bends is not None
+    shape = (late.bends[0] * float(later), *late.shapes[0][1:])
+    return [*found, Member(late, shape, np.array([later]), np.array(late.deviations))]
+
+
 def key_of(member: Member) -> tuple[str, Shape, int]:
     """What tells members apart."""
     return member.candidate.name, member.shape, member.coefficients.size

@@ -6,8 +6,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.optimize import minimize_scalar
-from scipy.special import log_ndtr
 
 from schwung.explain.weighing.inexact import SHARES, deviations_of, error_of
 from schwung.explain.weighing.present import Member, moves
@@ -25,9 +25,9 @@ from schwung.explain.weighing.round import (
 from schwung.explain.weighing.search import logsumexp
 from schwung.explain.weighing.sharpness import shape_slopes
 from schwung.explain.weighing.work import PRODUCT
-from schwung.innovations.evidence import weigh
+from schwung.innovations.evidence import Weighed, weigh
 from schwung.innovations.likelihood import Noise
-from schwung.innovations.statistics import Statistics
+from schwung.innovations.statistics import Numbers, Statistics
 from schwung.motion import Array
 
 #: Halvings of a step at most; at rest, where no coefficient moves by more than this (deviations).
@@ -191,11 +191,7 @@ def _at_rest(at: _Step, weighing: Weighing) -> Settled:
         share, better = 1.0, at
         for _ in range(HALVINGS):
             tried = [
-                replace(
-                    m,
-                    coefficients=within(m, m.coefficients + share * step),
-                    shape=m.candidate.moved(m.shape, share * moved),
-                )
+                _moved(m, share * step, share * moved)
                 for m, step, moved in zip(at.members, at.steps, at.shifts, strict=True)
             ]
             about = smoothed(at.about.view, tried, weighing)
@@ -225,9 +221,50 @@ class _Step:
     log: float
 
 
+def _moved(member: Member, step: Array, shift: Array) -> Member:
+    """A member so much further, its shape by so many spacings of the grid.
+
+    A line says how the product of a late cause's time and bend changes.
+    """
+    coefficients = within(member, member.coefficients + step)
+    if member.candidate.bends is not None and coefficients[0] > 0:
+        shift = shift * [
+            min(max(member.coefficients[0] / coefficients[0], 0.0), 2.0),
+            *np.ones(shift.size - 1),
+        ]
+    return replace(member, coefficients=coefficients, shape=member.candidate.moved(member.shape, shift))
+
+
+def _leads_beyond(member: Member, shift: Array) -> NDArray[np.bool_]:
+    """Which numbers of its shape are at an end, and are led beyond, (d,)."""
+    shape = member.candidate.moved(member.shape, shift)
+    each = zip(shift, member.shape, shape, strict=False)
+    return np.array([by != 0 and ahead == now for by, now, ahead in each], dtype=bool)
+
+
+def _of_shapes(members: Sequence[Member]) -> Statistics:
+    """What is known beforehand of shapes that go with their coefficients, by all coefficients and all shapes."""
+    coefficients, shapes = (
+        sum(m.candidate.size for m in members),
+        sum(len(m.candidate.spacing) for m in members),
+    )
+    rows, targets, at, place = [], [], 0, coefficients
+    for member in members:
+        if member.candidate.bends is not None:
+            off, by_coefficient, by_shape = member.candidate.unbent(member.shape, member.coefficients)
+            row = np.zeros(coefficients + shapes)
+            row[at], row[place] = by_coefficient, by_shape * member.candidate.spacing[0]
+            rows.append(row)
+            targets.append(by_coefficient * float(member.coefficients[0]) - off)
+        at, place = at + member.candidate.size, place + len(member.candidate.spacing)
+    return Statistics.of(np.reshape(rows, (-1, coefficients + shapes)), np.array(targets), 0.0)
+
+
 def _cost(about: Linearised, members: Sequence[Member], weighing: Weighing) -> float:
     """How unlikely the runs and the members' coefficients are (−2 log)."""
     prior = sum(float(np.sum((m.coefficients / m.deviations) ** 2)) for m in members)
+    bent = (m for m in members if m.candidate.bends is not None)
+    prior += sum(m.candidate.unbent(m.shape, m.coefficients)[0] ** 2 for m in bent)
     return (about.square(weighing.train) + about.unsure(weighing.train)) / weighing.excess + prior
 
 
@@ -247,11 +284,25 @@ def _stepped(about: Linearised, members: Sequence[Member], weighing: Weighing) -
         return _Step(about, tuple(members), nowhere, still, 0.0, np.inf, -np.inf)
     about.view.work.add(PRODUCT * rows.size * rows.shape[0])
     statistics = Statistics.of(rows.T, target).tempered(excess)
-    found = weigh(statistics, np.concatenate([deviations, np.ones(len(slopes))]))
-    step = found.coefficients - np.concatenate([present, np.zeros(len(slopes))])
     at, ends = (
         np.cumsum(sizes)[:-1] for sizes in ([m.candidate.size for m in members], [one.size for one in still])
     )
+    every, start = np.append(deviations, np.ones(len(slopes))), np.append(present, np.zeros(len(slopes)))
+
+    told = statistics + _of_shapes(members)
+
+    def solved(free: Numbers) -> tuple[Weighed, Array]:
+        found, step = weigh(told.at(free), every[free]), np.zeros(start.size)
+        step[free] = found.coefficients - start[free]
+        return found, step
+
+    free = np.arange(start.size)
+    found, step = solved(free)
+    shifts = zip(members, np.split(step[size:], ends), strict=True)
+    beyond = np.concatenate([np.zeros(size, dtype=bool), *(_leads_beyond(*each) for each in shifts)])
+    if np.any(beyond):
+        free = np.flatnonzero(~beyond)
+        found, step = solved(free)
     cost = _cost(about, members, weighing)
     plain = weigh(statistics.at(np.arange(size)), deviations) if slopes else found
     return _Step(
@@ -259,21 +310,18 @@ def _stepped(about: Linearised, members: Sequence[Member], weighing: Weighing) -
         members=tuple(members),
         steps=np.split(step[:size], at),
         shifts=np.split(step[size:], ends),
-        moved=float(np.max(np.abs(step) / found.spread)),
+        moved=float(np.max(np.abs(step[free]) / found.spread)),
         cost=cost,
         log=-0.5 * cost - float(np.sum(np.log(np.diag(plain.factor)))) + _allowed(members, plain.spread),
     )
 
 
 def _allowed(members: Sequence[Member], spread: Array) -> float:
-    """Log probability that no coefficient is beyond its bound (deviations (P,)), over that before anything was seen."""
-    log, at = 0.0, 0
-    for member in members:
-        for which, least in member.candidate.bounds_below:
-            log += float(log_ndtr((member.coefficients[which] - least) / spread[at + which]))
-            log -= float(log_ndtr(-least / member.deviations[which]))
-        at += member.coefficients.size
-    return log
+    """Log probability that no coefficient (deviations (P,)) is beyond its bound, over that before anything was seen."""
+    each = np.split(spread, np.cumsum([m.candidate.size for m in members])[:-1])
+    return sum(
+        m.candidate.allowed(m.coefficients, own, m.deviations) for m, own in zip(members, each, strict=True)
+    )
 
 
 def _inexact(about: Linearised, members: Sequence[Member], weighing: Weighing) -> float:

@@ -4,7 +4,8 @@ Evidence takes for granted that one of the sets is true. Where none is, names th
 does, each surely. What is left to no name (curves, and what repeats of a motion share beyond any set) may point along
 any name's columns: it is one sample, of an unknown size, of how far a name may be wrong, however many there are of the
 noise. Of a normal error of unknown size, of which one other is seen, a gain of evidence G beyond what is left, L, is
-likelier by 1 + G/L (Cauchy's distribution), not by exp G. A name that falls by this counts to what is left.
+likelier by 1 + G/L (Cauchy's distribution), not by exp G. A name that falls by this counts to what is left, unless it
+is a part of one that stands: the inertia that changes over the angle may be another one everywhere.
 
 What is left is an error of the torque that the model foresees, and is held against what a name takes of the recording
 while all that is usual keeps what it has. Whether a late speed is a defect or usual no recording tells: both take the
@@ -141,15 +142,19 @@ def standing(
         if sure[weakest] > 0.5:
             return Standing(left, {**names, **{search.candidate(p).name: sure[p] for p in picks}}, usual)
         names[search.candidate(weakest).name] = sure[weakest]
-        left, picks = left + max(worth[weakest], 0.0), _without(picks, weakest)
+        picks = _without(picks, weakest)
+        if search.candidate(weakest).part_of not in map(search.name, picks):
+            left += max(worth[weakest], 0.0)
     return Standing(left, names, usual)
 
 
 def _others(search: Search, worth: Mapping[Pick, float], pick: Pick) -> float:
-    """What is left to a curve with a name by the others of the set: with no law to tell them apart, several are one."""
+    """What is left to a curve of torque with a name by the others of the set: with no law to tell them apart, several
+    are one. An inertia over the angle is none of them: it has another part in each acceleration.
+    """
 
     def is_curve(one: Pick) -> bool:
-        return len(search.candidate(one).scales) > 1
+        return len(search.candidate(one).scales) > 1 and search.candidate(one).inertia is None
 
     others = (gain for other, gain in worth.items() if other != pick and is_curve(other))
     return sum((max(gain, 0.0) for gain in others), 0.0) if is_curve(pick) else 0.0

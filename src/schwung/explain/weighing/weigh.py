@@ -23,7 +23,7 @@ from schwung.explain.weighing.present import Member
 from schwung.explain.weighing.publication import NAMED
 from schwung.explain.weighing.repeated import motions_of, repeated
 from schwung.explain.weighing.round import Linearised, View, target_of
-from schwung.explain.weighing.search import Pick, Scored, Search, slices
+from schwung.explain.weighing.search import TOLD, Pick, Scored, Search, slices
 from schwung.explain.weighing.sets import everything
 from schwung.explain.weighing.sharpness import covariance_of
 from schwung.explain.weighing.standing import Standing, standing
@@ -51,9 +51,6 @@ _HURRIED = (
 _REFUTED = (
     "{} takes something of the motions at hand, and makes others worse that it is not fitted to: left out"
 )
-
-#: Probabilities below this are not told.
-TOLD = 0.01
 
 
 @dataclass(frozen=True, eq=False)
@@ -247,6 +244,8 @@ def _unnamed(
         if name in refuted:
             continue
         candidate = next(c for c in search.data.candidates if c.name == name)
+        if names.get(candidate.part_of, 0.0) > NAMED:
+            continue
         more = p * (1 - usual.get(name, 0.0)) - names.get(name, 0.0) if candidate.named else p
         if more >= TOLD:
             like = name if candidate.named else ""

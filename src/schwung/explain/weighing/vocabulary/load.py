@@ -292,7 +292,7 @@ def load(of: Ranges, torque_nm: float, machine: Machine) -> list[Candidate]:
                   coordinate="position", family="load", cases=frozenset({"end_spring"}), whole=directed_whole),
         Candidate("load_inertia", of_inertia(constant, step), (share * mass,),
                   lambda c, _: {"delta_kgm2": c[0]}, positive=(0,), least=(-float(inertia.min()),),
-                  coordinate="acceleration", inertia=constant, known_to=RIGHT_TO * mass),
+                  coordinate="acceleration", inertia=constant, known_to=RIGHT_TO * mass, part_of="inertia_profile"),
         Candidate("inertia_profile", of_inertia(profile, 1e-4 * of.span_rad), (1.0,) * masses.size,
                   scales=tuple(s * share for s in LADDER), coordinate="position", inertia=profile,
                   known_to=RIGHT_TO, products=masses.modes.T @ masses.modes / masses.points.size),
@@ -301,7 +301,7 @@ def load(of: Ranges, torque_nm: float, machine: Machine) -> list[Candidate]:
         found.append(
             Candidate("load_inertia", of_inertia(scaled, step), (share,), lambda c, _: {"scale": 1 + c[0]},
                       positive=(0,), least=(-1.0,), coordinate="acceleration", inertia=scaled,
-                      known_to=RIGHT_TO)
+                      known_to=RIGHT_TO, part_of="inertia_profile")
         )  # fmt: skip
         found.append(
             Candidate("inertia_profile_shift", of_inertia(towards, step), (share,),

@@ -29,6 +29,9 @@ DEFECT_S, USUAL_S, APART_S = 1e-3, 3e-4, 5e-5
 TICK_S = 250e-6
 #: How a late signal bends (s): half of the delay for a delay, the time constant or nothing for a filter.
 BENDS_S = np.concatenate([np.linspace(-2e-4, 6e-4, 9), np.geomspace(9e-4, 5e-3, 6)])
+#: Of what is late by m₁ on average the next order is ½ m₂ ≥ ½ m₁²: it bends by half of the time as a delay, by all of
+#: it as a filter of first order; what undoes it, m₁² − ½ m₂, by half of it or nothing. Each with how far off that.
+LAG_BENDS, DELAY_BENDS, UNDONE_BENDS = (0.75, 0.5), (0.5, 0.5), (0.25, 0.5)
 _DIFFERENCE_S = 1e-5
 BEND_STEP_S, LEAST_BEND_S, MOST_BEND_S = 1e-4, -1e-3, 2e-2
 #: How much more than the one filter's is taken off the third order in ωτ: nothing; 1 for two filters alike; 4/3 for a
@@ -127,15 +130,17 @@ def reporting(of: Ranges, share: float) -> list[Candidate]:
         Candidate("torque_lag", _later, (DEFECT_S,), lambda c, _: {"time_constant_s": c[0]}, positive=(0,),
                   shapes=grid(BENDS_S, (0.0,)), spacing=(BEND_STEP_S, 1.0),
                   logarithmic=(False, False), bounds=((LEAST_BEND_S, MOST_BEND_S), ORDERS), endless=(1,),
-                  coordinate="frequency", known_to=apart, family="lag", with_usual=torque_later),
+                  coordinate="frequency", known_to=apart, family="lag", with_usual=torque_later, bends=LAG_BENDS,
+                  late=(-1.0, 0.0)),
         Candidate("torque_filter", _earlier, (DEFECT_S,), lambda c, _: {"time_constant_s": c[0]},
                   positive=(0,), shapes=grid(BENDS_S), spacing=(BEND_STEP_S,), logarithmic=(False,),
                   bounds=((LEAST_BEND_S, MOST_BEND_S),), coordinate="frequency", known_to=apart, family="lag",
-                  with_usual=torque_earlier, unfilters=True),
+                  with_usual=torque_earlier, unfilters=True, bends=UNDONE_BENDS, late=(1.0, 0.0)),
         Candidate("measurement_delay", _speed_later, (DEFECT_S,), lambda c, _: {"delay_s": c[0]},
                   positive=(0,), bent=_later_yet, shapes=grid(BENDS_S, (0.0,)), spacing=(BEND_STEP_S, 1.0),
                   logarithmic=(False, False), bounds=((LEAST_BEND_S, MOST_BEND_S), ORDERS), endless=(1,),
-                  coordinate="acceleration", known_to=apart, with_usual=torque_later),
+                  coordinate="acceleration", known_to=apart, with_usual=torque_later, bends=DELAY_BENDS,
+                  late=(0.0, 1.0)),
         Candidate("torque_constant_drop", drop, (share,),
                   lambda c, s: {"share_at_peak": c[0], "peak_nm": peak, "order": s[0]}, positive=(0,),
                   shapes=grid([0.5, 1.0, 2.0, 4.0]), spacing=(0.7,), logarithmic=(True,), bounds=((0.3, 10.0),),
@@ -159,8 +164,8 @@ def reporting(of: Ranges, share: float) -> list[Candidate]:
 
 
 def usual(tick_s: float) -> list[Candidate]:
-    """Present in every set: a filter that torque and speed share, a little apart, and each of any order; what is held
-    is taken at any time. `tick_s`: period of the drive's own loop.
+    """Present in every set: a filter that torque and speed share, if there is one, a little apart, and each of any
+    order; what is held is taken at any time. `tick_s`: period of the drive's own loop.
 
     No drive reports torque and speed before the angle that they belong to: a filter of less than nothing beside a late
     speed takes what is a late torque.
@@ -207,10 +212,24 @@ def usual(tick_s: float) -> list[Candidate]:
     return [
         Candidate("usual_hold", held, (1.0, 1.0), named=False),
         Candidate("usual_corners", corners, (tick_s**2 / 12,), named=False),
-        Candidate("usual_filter", both, (USUAL_S,), positive=(0,), named=False, unfilters=True),
         Candidate(
-            "usual_torque_timing", torque, (APART_S, (USUAL_S / 2) ** 2 / 2), named=False, unfilters=True
+            "usual_filter",
+            both,
+            (USUAL_S,),
+            positive=(0,),
+            often_none=True,
+            named=False,
+            unfilters=True,
+            late=(1.0, 1.0),
+        ),
+        Candidate(
+            "usual_torque_timing",
+            torque,
+            (APART_S, (USUAL_S / 2) ** 2 / 2),
+            named=False,
+            unfilters=True,
+            late=(1.0, 0.0),
         ),
         Candidate("usual_timing_beyond", beyond, (USUAL_S, USUAL_S), named=False),
-        Candidate("usual_speed_timing", speed, (APART_S, USUAL_S**2), named=False),
+        Candidate("usual_speed_timing", speed, (APART_S, USUAL_S**2), named=False, late=(0.0, 1.0)),
     ]

@@ -1,0 +1,84 @@
+"""Which of torque and speed is late, by how much, and what no recording tells of that."""
+
+from itertools import pairwise
+
+import numpy as np
+import pytest
+from scipy.integrate import quad
+from scipy.stats import norm
+
+from schwung.drivetrain.machine import Coupling, Load, Machine, Motor
+from schwung.explain.weighing.along import Ranges
+from schwung.explain.weighing.candidate import Candidate
+from schwung.explain.weighing.known import known
+from schwung.explain.weighing.present import Member
+from schwung.explain.weighing.sets import absent, timed
+from schwung.explain.weighing.vocabulary import vocabulary
+from schwung.innovations.effect import Effect
+
+RANGES = Ranges(0.5, 4.5, 50.0, 2000.0, 40.0, 1.0, 0.1, 8, 160.0)
+USUAL = {"usual_filter": 1.2e-4, "usual_torque_timing": -1.7e-4, "usual_speed_timing": 1.9e-4}
+
+
+@pytest.fixture(scope="module")
+def candidates() -> dict[str, Candidate]:
+    machine = Machine(
+        name="coupled",
+        motor=Motor(inertia_kgm2=0.1, viscous_friction_nms=0.0, peak_torque_nm=40.0),
+        coupling=Coupling(stiffness_nm_rad=9000.0, damping_nms=2.0),
+        load=Load(inertia_kgm2=0.1),
+    )
+    return {one.name: one for one in vocabulary(RANGES, known(machine, 0.5, 4.5))}
+
+
+def present(candidates: dict[str, Candidate], times: dict[str, float]) -> list[Member]:
+    """Members that are late by these."""
+    found = []
+    for name, time in times.items():
+        member = absent(candidates[name])
+        member.coefficients[0] = time
+        found.append(member)
+    return found
+
+
+def lateness(members: list[Member]) -> np.ndarray:
+    """Of torque and speed, to first order (s)."""
+    return sum(float(m.coefficients[0]) * np.array(m.candidate.late) for m in members)  # type: ignore[return-value]
+
+
+@pytest.mark.parametrize("beside", [{}, {"torque_lag": 3e-4}, {"measurement_delay": 2e-4}])
+@pytest.mark.parametrize("name", ["torque_lag", "measurement_delay"])
+def test_every_late_cause_says_the_same_to_first_order(
+    candidates, name: str, beside: dict[str, float]
+) -> None:
+    before = present(candidates, USUAL | beside)
+    after = timed(before, candidates[name])
+    assert after is not None
+    assert lateness(after) == pytest.approx(lateness(before))
+    assert [m.candidate.name for m in after if m.candidate.named] == [name]
+    late = after[-1]
+    assert late.coefficients[0] == pytest.approx(np.diff(lateness(before))[0])
+    assert 0.5 <= late.shape[0] / late.coefficients[0] <= 1.0
+
+
+def test_a_torque_that_is_reported_late_is_none_where_the_speed_is_later(candidates) -> None:
+    assert timed(present(candidates, USUAL), candidates["torque_filter"]) is None
+    early = {"usual_torque_timing": 1.7e-4, "usual_speed_timing": -1.9e-4}
+    assert timed(present(candidates, USUAL | early), candidates["torque_filter"]) is not None
+
+
+def test_what_is_as_often_nothing_counts_as_both() -> None:
+    """By the integral over what it may be: half of it at nothing, half of it above."""
+    sometimes = Candidate("filter", lambda *_: Effect(), (3.0,), positive=(0,), often_none=True)
+    for mean, wide in ((-0.6, 0.5), (0.0, 0.5), (2.0, 0.5)):
+        likely = quad(lambda x, m=mean, w=wide: norm.pdf(x, m, w), 0, 30)[0]  # of the data, the prior's in it
+        both = 0.5 * 2 * likely + 0.5 * norm.pdf(0, mean, wide) / norm.pdf(0, 0, 3.0)
+        found = sometimes.allowed(np.array([mean]), np.array([wide]), np.array([3.0]))
+        assert found == pytest.approx(np.log(both))
+
+
+def test_a_late_cause_that_bends_as_none_does_is_less_likely(candidates) -> None:
+    lag, delay = candidates["torque_lag"], np.array([3e-4])
+    off = [abs(lag.unbent((share * 3e-4, 0.0), delay)[0]) for share in (0.75, 0.5, 0.0)]
+    assert off == pytest.approx([0.0, 0.5, 1.5])
+    assert all(one < other for one, other in pairwise(off))
