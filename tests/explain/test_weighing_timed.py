@@ -43,7 +43,7 @@ def present(candidates: dict[str, Candidate], times: dict[str, float]) -> list[M
 
 def lateness(members: list[Member]) -> np.ndarray:
     """Of torque and speed, to first order (s)."""
-    return sum(float(m.coefficients[0]) * np.array(m.candidate.late) for m in members)  # type: ignore[return-value]
+    return np.sum([float(m.coefficients[0]) * np.array(m.candidate.late) for m in members], axis=0)
 
 
 @pytest.mark.parametrize("beside", [{}, {"torque_lag": 3e-4}, {"measurement_delay": 2e-4}])
