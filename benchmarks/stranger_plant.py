@@ -99,6 +99,9 @@ class Stranger:
     speed_noise: float
     torque_noise: float
     cause: str = "healthy"
+    held_late: int | None = (
+        None  # ticks from a sample to when the drive takes what is added; None: added each tick
+    )
 
     @property
     def rate_hz(self) -> float:
@@ -357,6 +360,12 @@ def stranger_session(stranger: Stranger, seed: int) -> Session:
                 end_s=motion.total_s,
             )  # fmt: skip
         added = np.zeros_like(time) if sine is None else sine.torque(time)
+        told = added[:: s.every]
+        if s.held_late is not None and sine is not None:
+            sine = sine.model_copy(update={"hold_s": 1 / s.rate_hz})
+            sent = sine.torque(time[:: s.every] + 0.5 / s.rate_hz)
+            told = np.concatenate([[0.0], sent[:-1]])
+            added = np.concatenate([np.zeros(s.held_late), np.repeat(sent, s.every)])[: time.size]
         noise = s.speed_noise * chance.standard_normal((time.size,))
         rows = _played(
             demand, added, noise, s.shaft.numbers(loop.peak_nm, s.stroke_rad), numbers, s.curve(angles),
@@ -374,7 +383,7 @@ def stranger_session(stranger: Stranger, seed: int) -> Session:
                 position_rad=rows[:: s.every, 0].copy(),
                 speed_rad_s=_late(rows[:, 1], loop.speed_late)[:: s.every],
                 torque_nm=_late(torque, loop.torque_late)[:: s.every],
-                torque_added_nm=added[:: s.every],
+                torque_added_nm=told,
                 motion=motion,
                 excitation=sine,
                 name=f"stranger {seed}, run {number}",

@@ -155,6 +155,12 @@ def test_the_demo_commissions_and_says_where_the_report_lies(
     again = (tmp_path / "again.html").read_text()
     for heading in ("What the export brought", "Preflight", "Parameters changed in the drive", "SYNC timing"):
         assert heading in again  # as it was told when the machine moved
+    code, out, _ = invoke(
+        capsys, "explain", str(tmp_path / "d/session.h5"), "-m", str(tmp_path / "d/measured.toml"),
+        "--out", str(tmp_path / "e"), "--json",
+    )  # fmt: skip
+    assert code == 0
+    assert [one["physics"] for one in json.loads(out)["names"]] == []  # nothing was hidden in it
     code, _, err = invoke(capsys, "demo", "--out", str(tmp_path / "d"))
     assert code == 2
     assert "holds a session already" in err

@@ -13,6 +13,7 @@ from schwung.explain.weighing.along import Along, Ranges, TrueTorque
 from schwung.explain.weighing.known import known
 from schwung.explain.weighing.late import acceleration_bent
 from schwung.explain.weighing.vocabulary.reporting import usual
+from schwung.innovations.held import Held
 from schwung.innovations.signals import Drive, Signals
 
 ROTOR, STEP_S, INJECTED_NM, HZ = 0.012, 1e-3, 46.6, 50.0
@@ -24,7 +25,7 @@ def held() -> Along:
     time = STEP_S * np.arange(401)
     injected = INJECTED_NM * np.sin(2 * np.pi * HZ * (time[:-1] + STEP_S / 2))
     speed = np.concatenate([[0.0], np.cumsum(injected) * STEP_S / ROTOR])
-    drive = Drive(time, CubicSpline(time, 0 * time), injected)
+    drive = Drive(time, CubicSpline(time, 0 * time), Held(time, injected))
     run = Signals(
         time, STEP_S, 0 * time, speed, drive, np.column_stack([0 * time, speed]), True, band_hz=450.0
     )
@@ -44,7 +45,7 @@ def test_a_late_speed_is_what_it_was(held: Along, delay_s: float) -> None:
 
 
 def test_before_a_sample_acceleration_is_that_of_its_step(held: Along) -> None:
-    inside, step = slice(20, -20), np.append(0.0, held.run.drive.held_nm) / ROTOR
+    inside, step = slice(20, -20), np.append(0.0, held.run.drive.held.torque_nm) / ROTOR
     assert held.acceleration_before[inside] == pytest.approx(step[inside], abs=2e-3 * np.max(step))
 
 
@@ -55,7 +56,8 @@ def test_a_file_s_lag_is_one_whatever_the_frequency(held: Along) -> None:
     lags = PhysicsTerm.model_validate({"name": "torque_lag", "time_constant_s": lag_s})
     machine = Machine(name="lags", motor=motor, load=Load(inertia_kgm2=0.1), physics=(lags,))
     torque = INJECTED_NM * np.sin(rate * held.time_s)
-    drive = Drive(held.time_s, CubicSpline(held.time_s, torque), 0 * held.run.drive.held_nm)
+    nothing = Held(held.time_s, np.zeros(held.time_s.size - 1))
+    drive = Drive(held.time_s, CubicSpline(held.time_s, torque), nothing)
     run = replace(held.run, drive=drive)
     along = replace(
         held, run=run, machine=machine, present=machine, true_torque=TrueTorque(run, torque), kept={}
@@ -70,7 +72,8 @@ def test_what_is_late_beyond_the_band_is_late_by_itself(held: Along, hertz: floa
     """At a resonance there, which a loop's own noise excites, a lag would be a damping."""
     rate = 2 * np.pi * hertz
     torque, speed = INJECTED_NM * np.sin(rate * held.time_s), np.cos(rate * held.time_s)
-    drive = Drive(held.time_s, CubicSpline(held.time_s, torque), 0 * held.run.drive.held_nm)
+    nothing = Held(held.time_s, np.zeros(held.time_s.size - 1))
+    drive = Drive(held.time_s, CubicSpline(held.time_s, torque), nothing)
     run = replace(
         held.run, drive=drive, states=np.column_stack([0 * speed, speed]), speed_rad_s=speed, band_hz=160.0
     )

@@ -6,14 +6,17 @@ import numpy as np
 import pytest
 from scipy.interpolate import CubicSpline
 
+from schwung.innovations.held import Held, early_moments
 from schwung.innovations.signals import Drive
+from schwung.innovations.steps import Steps
+from schwung.innovations.values import Shaft
 
 RATE_HZ, SINE_HZ = 1000.0, 50.0
 
 
 def _drive(held: np.ndarray, smooth: np.ndarray) -> Drive:
     time = np.arange(smooth.size) / RATE_HZ
-    return Drive(time, CubicSpline(time, smooth), held)
+    return Drive(time, CubicSpline(time, smooth), Held(time, held))
 
 
 def test_the_whole_torque_is_the_controllers_and_the_injection() -> None:
@@ -26,7 +29,7 @@ def test_the_whole_torque_is_the_controllers_and_the_injection() -> None:
 
 def test_jumps_stand_at_the_samples_between_two_steps() -> None:
     drive = _drive(np.array([0.0, 0.0, 2.0, 2.0, -1.0]), np.zeros(6))
-    assert drive.jumps_nm.tolist() == [0.0, 0.0, 2.0, 0.0, -3.0, 0.0]
+    assert drive.held.jumps_nm.tolist() == [0.0, 0.0, 2.0, 0.0, -3.0, 0.0]
 
 
 def test_nothing_is_injected_where_nothing_is_held() -> None:
@@ -42,3 +45,33 @@ def test_only_a_corner_is_too_sharp_for_its_neighbours_to_tell() -> None:
     sharp = np.flatnonzero(corner > 0.05**2)
     assert {100, 101} <= set(sharp.tolist())  # on either side of 100.4
     assert np.max(np.abs(sharp - 100.4)) < 3.5  # and no further than the neighbours reach
+
+
+@pytest.mark.parametrize("late", [-0.3, 0.0, 0.125, 0.5, 0.9, 1.4])
+def test_what_is_taken_late_has_the_moments_of_its_steps(late: float) -> None:
+    """Its mean, its lever about the middle, and its second moment, as sums of ten thousand parts say them."""
+    held = Held(np.arange(5) / RATE_HZ, np.array([0.0, 2.0, -1.0, 4.0]))
+    x = (np.arange(10_000) + 0.5) / 10_000
+    start, end, height = held.over_steps(late / RATE_HZ)[2]
+    parabola = start * (1 - x) + end * x + 4 * height * x * (1 - x)
+    taken = held.torque_nm[np.floor(2 + x - late).astype(int)]
+    for power in range(3):
+        assert np.mean(parabola * x**power) == pytest.approx(np.mean(taken * x**power), abs=1e-3)
+
+
+@pytest.mark.parametrize("share", [0.0, 0.1, 0.5, 0.8, 1.0])
+def test_a_corner_within_a_step_moves_the_machine_as_it_does(share: float) -> None:
+    """Against steps of a hundredth, near a resonance at a third of the sampling rate."""
+    shaft, step_s = Shaft(0.01, 0.1, 0.05, 45_000.0, 5.0, False), 1 / RATE_HZ
+    inertia, coupling = np.array([0.1, 0.15]), np.array([45_000.0, 5.0])
+    whole, part = (Steps.of(shaft, inertia, length, slopes=False) for length in (step_s, step_s / 100))
+    state = np.zeros((2, 4))
+    for at in range(100):
+        torque = 1.0 if at < round(100 * share) else 0.0
+        pushed = (part.inputs[:, :, 0] + part.inputs[:, :, 2]) * torque
+        state = np.einsum("kst,kt->ks", part.transition, state) + pushed
+    parabola = whole.inputs[:, :, 0::2] @ early_moments(share)
+    found = parabola + whole.early(shaft, coupling, inertia, step_s, share)
+    assert found == pytest.approx(state, rel=1e-5, abs=1e-12)
+    if share == 0.5:  # alone, the parabola is off by more than is known of any torque
+        assert np.max(np.abs(parabola / state - 1)) > 0.003

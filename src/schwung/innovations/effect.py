@@ -70,13 +70,17 @@ class Passed:
     equations: Equations
     steps: Steps
     result: Filtered
+    noise: Noise
+    run: Signals
     measured: int = 0  # how many of the samples tell anything: n where no speed was measured
 
     @classmethod
     def of(cls, equations: Equations, steps: Steps, noise: Noise, run: Signals) -> Passed:
         """Filter a run."""
         result = kalman.filtered(problem_of(equations, noise, run))
-        return cls(equations, steps, result, result.error.size // (1 if run.speed_measured else 2))
+        return cls(
+            equations, steps, result, noise, run, result.error.size // (1 if run.speed_measured else 2)
+        )
 
     def of_noise(self, noise: Noise, run: Signals, chance: np.random.Generator) -> Passed:
         """The same run, had there been nothing but noise: of a linear filter, what its states hold of that."""
@@ -93,6 +97,19 @@ class Passed:
             first=np.zeros_like(self.equations.first),
         )
         return Passed.of(still, self.steps, noise, run)
+
+    def driven(self, torques: Array) -> Passed:
+        """The same run with nothing in it but torques on the motor over each step: at its start, at its end, and the
+        height of a parabola between, (n − 1, 3)."""
+        forcing = np.zeros_like(self.equations.forcing)
+        forcing[:, :-1] = np.einsum("ksi,ki->ks", self.steps.inputs[:, :, 0::2], -torques)
+        still = replace(
+            self.equations,
+            forcing=forcing,
+            measured=np.zeros_like(self.equations.measured),
+            first=np.zeros_like(self.equations.first),
+        )
+        return replace(self, result=kalman.filtered(problem_of(still, self.noise, self.run)))
 
     @property
     def innovations(self) -> Array:

@@ -11,6 +11,7 @@ from numpy.lib.stride_tricks import sliding_window_view
 from scipy.interpolate import CubicSpline
 
 from schwung.drivetrain.machine import Machine
+from schwung.innovations.held import Held
 from schwung.innovations.low_pass import low_passed
 from schwung.innovations.splines import interpolated, slopes
 from schwung.motion import Array
@@ -38,7 +39,7 @@ _GUESS, _SHARP = np.array([-1.0, 4.0, 0.0, 4.0, -1.0]) / 6, 3.0
 
 
 #: What is worked out of a run's signals and does not depend on its states.
-_STATELESS = ("answer_gain", "load_nm")
+_STATELESS = ("load_nm",)
 
 
 @dataclass(frozen=True, eq=False)
@@ -58,16 +59,13 @@ class Drive:
 
     time_s: Array
     smooth: CubicSpline  # all of it, or the controller's part where the injection is held
-    held_nm: Array  # (n − 1,) held over each interval
+    held: Held
     every: int = 1  # of so many recorded samples one is taken
 
     @cached_property
     def injected_nm(self) -> Array:
         """The held injection as a curve through the middles of its steps, at the samples, (n,)."""
-        if not self.held_nm.any():
-            return np.zeros_like(self.time_s)
-        middles = (self.time_s[1:] + self.time_s[:-1]) / 2
-        return np.asarray(CubicSpline(middles, self.held_nm)(np.clip(self.time_s, middles[0], middles[-1])))
+        return self.held.curve(0.0)
 
     @cached_property
     def smooth_nm(self) -> Array:
@@ -114,11 +112,6 @@ class Drive:
         return np.asarray(np.max(around[first::every][: self.time_s.size], axis=1)) / every**2
 
     @cached_property
-    def jumps_nm(self) -> Array:
-        """Of the held injection at the samples, (n,)."""
-        return np.diff(self.held_nm, prepend=self.held_nm[:1], append=self.held_nm[-1:])
-
-    @cached_property
     def whole_nm(self) -> Array:
         """All of the torque at the samples, (n,)."""
         return np.asarray(self.smooth_nm + self.injected_nm)
@@ -143,6 +136,19 @@ class Drive:
         late = np.zeros_like(mean)
         return Between(mean - tilt + bend, mean + tilt + bend, -1.5 * bend, late, late)
 
+    def taken(self, late_s: float) -> Between:
+        """The same where the drive takes a held injection so much later than it was sent."""
+        whole = self.undelayed
+        if late_s == 0 or not self.held.is_any:
+            return whole
+        start, end, bulge = (self.held.over_steps(late_s) - self.held.over_steps(0.0)).T
+        return replace(
+            whole,
+            start_nm=whole.start_nm + start,
+            end_nm=whole.end_nm + end,
+            bulge_nm=whole.bulge_nm + bulge,
+        )
+
     def between(self, delay_s: float, controller_delay_s: float) -> Between:
         """Torque between samples, delayed, with its true mean over each step."""
         step = float(self.time_s[1] - self.time_s[0])
@@ -152,11 +158,10 @@ class Drive:
         area = np.diff(self.smooth.antiderivative()(at))
         mean = area / np.maximum(np.diff(at), 1e-12)
         bulge = np.where(np.diff(at) > 0, 1.5 * (mean - (value[1:] + value[:-1]) / 2), 0.0)
-        before = np.concatenate([self.held_nm[:1], self.held_nm[:-1]])
-        after = np.concatenate([self.held_nm[1:], self.held_nm[-1:]])
-        jump = self.held_nm - before if delay_s >= 0 else after - self.held_nm
-        held = self.held_nm - jump * delay_s / step
-        return Between(value[:-1] + held, value[1:] + held, bulge, -(rise + jump) / step, -rise / step)
+        first, last, height = self.held.over_steps(delay_s).T
+        ends = value[:-1] + first, value[1:] + last
+        jump = self.held.changes(delay_s)[1]
+        return Between(*ends, bulge + height, -(rise + jump) / step, -rise / step)
 
 
 @dataclass(frozen=True, eq=False)
@@ -192,15 +197,9 @@ class Signals:
         return np.asarray(self.states[:, 1 if self.rigid else 3])
 
     @cached_property
-    def answer_gain(self) -> float:
-        """Of the drive's controller, as its torque and the speed from sample to sample tell it (N·m·s/rad)."""
-        torque, moved = np.diff(self.drive.smooth_nm), np.diff(self.speed_rad_s)
-        return max(0.0, -float(torque @ moved) / max(float(moved @ moved), 1e-300))
-
-    @cached_property
     def load_nm(self) -> Array:
         """How large the reported torque is within the band, (n,)."""
-        held = np.append(self.drive.held_nm, self.drive.held_nm[-1:])
+        held = np.append(self.drive.held.torque_nm, self.drive.held.torque_nm[-1:])
         return np.abs(self.quiet(self.drive.smooth_nm) + held)
 
     def quiet(self, values: Array) -> Array:
@@ -238,7 +237,7 @@ def picked_signals_of(recorded: Run, machine: Machine, band_hz: float) -> Signal
         step_s=every * whole.step_s,
         position_rad=whole.position_rad[picks],
         speed_rad_s=whole.speed_rad_s[picks],
-        drive=Drive(time_s, whole.drive.smooth, np.zeros(time_s.size - 1), every),
+        drive=Drive(time_s, whole.drive.smooth, Held(time_s, np.zeros(time_s.size - 1)), every),
         states=whole.states[picks],
     )
 
@@ -263,7 +262,7 @@ def signals_of(recorded: Run, machine: Machine, band_hz: float, pieces_hz: float
         step_s=1 / run.sample_rate_hz,
         position_rad=position,
         speed_rad_s=run.speed_rad_s,
-        drive=Drive(run.time_s, CubicSpline(run.time_s, smooth), held),
+        drive=Drive(run.time_s, CubicSpline(run.time_s, smooth), Held(run.time_s, held)),
         states=np.column_stack(states),
         rigid=rigid,
         band_hz=band_hz,

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from schwung.drivetrain.machine import Machine
+from schwung.innovations.held import corners
 from schwung.innovations.low_pass import heard
 from schwung.innovations.signals import Signals
 from schwung.innovations.splines import slopes
@@ -45,7 +46,7 @@ class Ranges:
 @dataclass(frozen=True, eq=False)
 class TrueTorque:
     """Of one run, as far as it is known (N·m, (n,)): the reported one but for its noise, which would else explain
-    itself.
+    itself; a held injection as if it was taken at once.
 
     `driving_nm`: what drives the machine with what is present. What is missed is no part of it: if it were, a scale of
     the torque would make all of the equation smaller, and with it what is missed.
@@ -111,6 +112,9 @@ class Along:
     loud: Sequence[Array] | None = None  # `loudness` of what noise alone makes: see `View.loud`
     gap_rad: float = 0.0  # of the coupling, known and present
     filter_s: float = 0.0  # by how much a filter delays the reported torque, known and present
+    held_late: float = (
+        0.0  # by what share of a step the drive takes a held injection later than it was sampled
+    )
     met: Array | None = None  # `Play.contact` of each step, as the filter met it, (n − 1, 3); None: not known
 
     @property
@@ -207,28 +211,30 @@ class Along:
         carried = self.touches_with(self.gap_rad) * (pressed + coupling.damping_nms * self.twist_speed)
         return np.asarray(carried - self.run.quiet(carried))
 
-    @property
+    @cached_property
     def held(self) -> tuple[Array, Array]:
-        """Of a held injection ½ ΔT/J_r and ⅙ Δ²T/J_r (rad/s²), (n,) each: ΔT its jump at the sample, Δ²T by how much
-        the next one differs.
-
-        The smooth curve that passes the motion's samples lies so far above the motor's acceleration just before one: a
-        staircase about a curve that has its mean falls over each step from half of a jump to minus half of it.
-        """
-        jumps = self.run.drive.jumps_nm / self.machine.motor.inertia_kgm2
-        return jumps / 2, np.gradient(jumps) / 6
+        """Of a held injection ΔT/J_r and Δ²T/J_r (rad/s²), (n,) each: its jumps, as they are at the samples, and by how
+        much the next one differs."""
+        drive, step = self.run.drive, self.run.step_s
+        if not drive.held.is_any:
+            return (np.zeros_like(self.time_s),) * 2
+        rate = slopes(drive.held.curve(self.held_late * step), step)
+        jump = rate * step / self.machine.motor.inertia_kgm2
+        return jump, np.gradient(jump)
 
     @cached_property
     def acceleration_before(self) -> Array:
-        """Of the motor just before each sample, which is what a late speed is late by: a held injection jumps there."""
+        """Of the motor just before each sample, which is what a late speed is late by: against the curve through the
+        motion's samples, which has the corners' part in them, see `corners`."""
         jump, change = self.held
-        return np.asarray(self.acceleration - jump + change)
+        return np.asarray(
+            self.acceleration - (0.5 - self.held_late) * jump + corners(self.held_late)[0] * change
+        )
 
     @cached_property
     def jerk_before(self) -> Array:
         """Of the motor just before each sample: against the smooth curve a held injection falls within each step."""
-        jump, _ = self.held
-        return self._rate(self.acceleration) - 2 * jump / self.run.step_s
+        return self._rate(self.acceleration) - self.held[0] / self.run.step_s
 
     @property
     def accelerated(self) -> Array:
@@ -244,11 +250,11 @@ class Along:
     @property
     def torque(self) -> Array:
         """The true torque within the band (N·m)."""
-        return self.true_torque.quiet_nm
+        return self.true_torque.quiet_nm + self._injected[1][0] - self._injected[0][0]
 
     @property
     def torque_rate(self) -> Array:
-        return self.true_torque.rate if self.gap_rad <= 0 else self.true_torque.sharp_rate
+        return self.reported_rate + self._injected[1][1]
 
     @property
     @_kept
@@ -260,7 +266,30 @@ class Along:
     @property
     def torque_bend(self) -> Array:
         """Second derivative of the true torque."""
-        return self.true_torque.bend
+        return self.reported_bend + self._injected[1][2]
+
+    @property
+    def reported_rate(self) -> Array:
+        """How that part of the torque changes which the drive reports: a held injection is known as it was sent."""
+        found = self.true_torque.rate if self.gap_rad <= 0 else self.true_torque.sharp_rate
+        return found - self._injected[0][1]
+
+    @property
+    def reported_bend(self) -> Array:
+        return self.true_torque.bend - self._injected[0][2]
+
+    @cached_property
+    def _injected(self) -> tuple[tuple[Array | float, ...], ...]:
+        """A held injection within the band and its two derivatives, taken at once and as late as it is."""
+        if not self.run.drive.held.is_any:
+            return ((0.0, 0.0, 0.0),) * 2
+        return tuple(self._injected_at(late) for late in (0.0, self.held_late))
+
+    def _injected_at(self, late: float) -> tuple[Array, ...]:
+        step = self.run.step_s
+        whole = self.run.quiet(self.run.drive.held.curve(late * step))
+        rate = slopes(whole, step)
+        return whole, rate, slopes(self.run.quiet(rate), step)
 
     @property
     @_kept
@@ -376,13 +405,15 @@ def along(
     loud: Sequence[Array] | None = None,
     gap_rad: float = 0.0,
     filter_s: float = 0.0,
+    held_late: float = 0.0,
 ) -> Along:
     """The coordinates of a run of a session; `kept`: those that were worked out for the same states; `loud`: see
-    `View.loud`; `gap_rad`, `filter_s`: see `Along`.
+    `View.loud`; `gap_rad`, `filter_s`, `held_late`: see `Along`.
     """
     starts = recorded.motion.start_time_s if recorded.motion is not None else 0.0
     begins, kept = float(starts or 0.0), {} if kept is None else kept
-    return Along(run, machine, present, ranges, number, begins, true_torque, kept, loud, gap_rad, filter_s)
+    late = gap_rad, filter_s, held_late
+    return Along(run, machine, present, ranges, number, begins, true_torque, kept, loud, *late)
 
 
 def ranges_of(runs: list[Signals], sticking: float, band_hz: float) -> Ranges:

@@ -118,6 +118,7 @@ class Candidate:
     )
     coupling: tuple[float, float, float] = (0.0,) * 3  # what a unit of it adds to stiffness, damping and gap
     unfilters: bool = False  # its first coefficient is by how much a filter delays the reported torque (s)
+    holds: bool = False  # its coefficient is by what share of a step a held injection is taken later
     elsewhere: tuple[float, ...] = ()  # of its only coefficient, from where it is looked for as well
 
     @property

@@ -143,7 +143,7 @@ def equations_of(
     run, machine = along.run, along.present
     load = load_taken(along, acting) if load is None else load
     push = np.broadcast_to(np.asarray(acting.on_motor, dtype=float), run.time_s.shape)
-    motor, middle = run.drive.undelayed, load.inertia
+    motor, middle = run.drive.taken(along.held_late * run.step_s), load.inertia
     torques = np.stack(
         [
             motor.start_nm + push[:-1],
@@ -170,12 +170,16 @@ def equations_of(
     alone = along.ranges.unrepeated and shaft.rigid
     surely = _rigid_ratio(along, middle) if alone else np.ones_like(middle)
     size = steps.transition.shape[1]
+    forced = np.einsum("ksi,ki->ks", steps.inputs, torques)
+    if along.held_late and run.drive.held.is_any:
+        share, jumps = run.drive.held.changes(along.held_late * run.step_s)
+        forced -= jumps[:, None] * steps.early(shaft, coupling, middle, run.step_s, share)
     transition = np.zeros((push.size - 1, size + 1, size + 1))
     forcing = np.zeros((push.size - 1, size + 1))
     transition[:, :size, :size] = steps.transition
     transition[:, :size, size] = -surely[:, None] * steps.inputs[:, :, 0]
     driven = np.column_stack([-surely[:, None] * steps.inputs[:, :, 2], np.ones(push.size - 1)])
-    forcing[:, :size] = np.einsum("ksi,ki->ks", steps.inputs, torques)
+    forcing[:, :size] = forced
     measured = np.column_stack([run.position_rad - acting.position, run.speed_rad_s - acting.speed])
     sticking = np.exp(-((along.slowest / (3 * along.ranges.sticking_rad_s)) ** 2))
     apart = _OPEN * acting.dry_nm**2 * sticking

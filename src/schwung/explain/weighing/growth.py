@@ -15,6 +15,7 @@ import numpy as np
 from schwung.compiled import IS_FAST
 from schwung.explain.weighing.candidate import RIGHT_TO, Candidate
 from schwung.explain.weighing.data import Data
+from schwung.explain.weighing.present import Member
 from schwung.explain.weighing.round import View, few_of
 from schwung.explain.weighing.search import HOPELESS, MOST, TOLD, Scored, Search
 from schwung.explain.weighing.sets import (
@@ -37,6 +38,7 @@ from schwung.explain.weighing.settling import (
     settled,
     settled_beyond,
     settled_elsewhere,
+    settled_within_step,
 )
 from schwung.explain.weighing.wide import Wide, wide_fit
 from schwung.motion import Array
@@ -115,7 +117,7 @@ class Growth:
     def nothing(self, view: View) -> Settled:
         """The belief with what is always there."""
         always = [absent(self.candidates[i]) for i in self.always]
-        return settled(self.wide.seen(view), always, self.weighing)
+        return self._settled(view, always)
 
     def climbed(self, at: Settled, picks: Shaped, *, named: bool = False, fresh: bool = False) -> Climbed:
         """From a set at rest, by one cause more at a time; then by what may stand in its place. `named`: whether it is
@@ -133,6 +135,7 @@ class Growth:
                 taken = self._further(search, start, at)
                 if taken is not None:
                     start, at = self._exchanged(search, *taken)
+                    at = settled_within_step(at, self.weighing)
                     if named and is_unnamed(search, start):
                         return Climbed(search, start, at, halfway=True)
                     fresh = self.unrepeated and self._is_loud(at)
@@ -190,7 +193,11 @@ class Growth:
     def renewed(self, at: Settled) -> Settled:
         """At rest about the noise that it leaves: until then it was looked for about something less likely."""
         self._renew(at)
-        return settled(self.wide.seen(at.about.view), at.members, self.weighing)
+        return self._settled(at.about.view, at.members)
+
+    def _settled(self, view: View, members: Sequence[Member]) -> Settled:
+        at = settled(self.wide.seen(view), members, self.weighing)
+        return settled_within_step(at, self.weighing)
 
     def _is_loud(self, at: Settled) -> bool:
         """Whether a set leaves so much less than the noise is that it has not been known until now: about that nothing

@@ -81,6 +81,8 @@ class Joined(Along):
     torque = _of_each("torque")
     torque_rate = _of_each("torque_rate")
     torque_bend = _of_each("torque_bend")
+    reported_rate = _of_each("reported_rate")
+    reported_bend = _of_each("reported_bend")
     beyond_band = _of_each("beyond_band")
     twist = _of_each("twist")
     twist_speed = _of_each("twist_speed")

@@ -7,6 +7,7 @@ from scipy.signal import lfilter
 
 from schwung.explain.weighing.along import Along
 from schwung.explain.weighing.joined import Joined, run_by_run
+from schwung.innovations.held import corners
 from schwung.innovations.splines import interpolated
 from schwung.motion import Array
 
@@ -30,15 +31,17 @@ def lagging(along: Along, values: Array, time_s: float) -> Array:
 def acceleration_bent(along: Along, time_s: float) -> Array:
     """Of the motor just before each sample through 1/(1 + φ d/dt), φ = `time_s` (rad/s²), (n,).
 
-    In proportion to this a speed is late, if by twice that time then as a whole. What a held injection's steps do
-    beyond the smooth curve, only the rotor follows so fast (`Along.held`): a speed that is x of a step h late misses
-    h/J_r (½ (x − x²) ΔT − ⅙ (x − x³) Δ²T) of it, and nothing more after a whole one.
+    In proportion to this a speed is late, if by twice that time then as a whole: by y steps h. What a held injection's
+    corners do, only the rotor follows so fast (`corners`): at the share x behind one, what was y before misses
+    h/J_r (½ (ΔT − y Δ²T) (B₂(x) − B₂(x + y)) + ⅓ Δ²T (B₃(x) − B₃(x + y))), which come round after a whole step.
     """
-    steps = 2 * time_s / along.run.step_s
-    late = steps % 1.0 if steps > 0 else steps
-    whole = late / steps if steps else 1.0
+    steps, x = 2 * time_s / along.run.step_s, along.held_late
+    if not along.run.drive.held.is_any or steps == 0:
+        return lagging(along, along.acceleration_before, time_s)
     jump, change = along.held
-    return lagging(along, along.acceleration, time_s) - whole * ((1 - late) * jump - (1 - late**2) * change)
+    here, before = corners(x), corners((x + steps) % 1.0 if steps > 0 else x + steps)
+    missed = (jump - steps * change) * (here[0] - before[0]) / 2 + change * (here[1] - before[1]) / 3
+    return np.asarray(lagging(along, along.acceleration, time_s) - missed / steps)
 
 
 @run_by_run

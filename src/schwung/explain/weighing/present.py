@@ -113,6 +113,11 @@ def gap_of(known_rad: float, members: Sequence[Member]) -> float:
     return max(known_rad + added, 0.0)
 
 
+def held_late_of(members: Sequence[Member]) -> float:
+    """By what share of a step the drive takes a held injection later than it was sampled."""
+    return sum(float(m.coefficients[0]) for m in members if m.candidate.holds)
+
+
 def filter_of(known_s: float, members: Sequence[Member]) -> float:
     """By how much a filter delays the reported torque (s): what is known, and the members'."""
     return known_s + sum(float(m.coefficients[0]) for m in members if m.candidate.unfilters)

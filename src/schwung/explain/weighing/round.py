@@ -14,7 +14,7 @@ from schwung.explain.weighing.candidate import Candidate, Missed, Shape
 from schwung.explain.weighing.equations import Acting, equations_of, load_taken, together
 from schwung.explain.weighing.joined import Joined
 from schwung.explain.weighing.known import Known
-from schwung.explain.weighing.present import Member, filter_of, gap_of, with_members
+from schwung.explain.weighing.present import Member, filter_of, gap_of, held_late_of, with_members
 from schwung.explain.weighing.work import LINEARISED, NOISE, Work
 from schwung.innovations.effect import Passed, whiten
 from schwung.innovations.likelihood import Noise, likely_noise, unshared_deviance_of
@@ -77,6 +77,7 @@ class View:
         present = with_members(self.known.machine, members, self.ranges)
         gap = gap_of(self.known.effects.gap_rad, members)
         filter_s = filter_of(self.known.effects.torque_filter_s, members)
+        late = held_late_of(members)
         return [
             along(
                 run,
@@ -90,6 +91,7 @@ class View:
                 self.loud[number] if self.loud else None,
                 gap,
                 filter_s,
+                late,
             )
             for number, (run, recorded) in enumerate(zip(self.runs, self.recorded, strict=True))
         ]
@@ -196,8 +198,19 @@ class Linearised:
             joined = Joined.of([self.alongs[run] for run in some])
             effects = (candidate.effect(joined, shape) for candidate, shape in causes)
             whiten([self.passed[run] for run in some], effects, rows, across)
-            across += self.samples(some)
+            for run in some:
+                self._whiten_hold(causes, run, rows, across)
+                across += self.passed[run].samples
         self.view.work.add(self.samples(runs) * sum(candidate.size for candidate, _ in causes))
+
+    def _whiten_hold(self, causes: Sequence[Cause], run: int, rows: Array, across: int) -> None:
+        """The same of what is held and taken later: where in a step it is taken, no torque at samples says."""
+        drive, passed, down = self.view.runs[run].drive, self.passed[run], 0
+        for candidate, _ in causes:
+            if candidate.holds and drive.held.is_any:
+                later = drive.held.slope(self.alongs[run].held_late * self.view.runs[run].step_s)
+                rows[down, across : across + passed.samples] = passed.driven(later).innovations
+            down += candidate.size
 
     def _few_samples(self, runs: Sequence[int]) -> list[list[int]]:
         """These runs, as many at once as there is room for their columns in the nearest memory."""

@@ -34,6 +34,8 @@ from schwung.motion import Array
 HALVINGS, _AT_REST = 4, 0.1
 #: Passes of a set's own noise at most; known, where no size of it moves by more than this (log).
 _PASSES, _KNOWN = 4, 0.1
+#: Where in a step a drive may begin to take what a bus holds, as shares of it.
+_SHARES_OF_STEP = (0.0, 0.3, 0.6, 0.9)
 #: How well a gap is found (log) before all else comes to rest with it.
 _NEARLY = 0.03
 
@@ -145,6 +147,30 @@ def settled_elsewhere(
     if in_all * (best.log - here.log) <= least:
         return None
     return best if in_all == 1 else settled(at.about.view, best.members, weighing)
+
+
+def settled_within_step(at: Settled, weighing: Weighing) -> Settled:
+    """The same with what a bus holds begun elsewhere in its step, at rest, where that is likelier.
+
+    The corners as samples show them are no line of where in the step they are.
+    """
+    if not any(_holds(at, run) for run in weighing.train):
+        return at
+    first = replace(weighing, train=few_of([run for run in weighing.train if _holds(at, run)]))
+    best = here = settled(at.about.view, at.members, first)
+    for share in _SHARES_OF_STEP:
+        begun = [replace(m, coefficients=np.array([share])) if m.candidate.holds else m for m in at.members]
+        tried = settled(at.about.view, begun, first)
+        best = tried if tried.log > best.log else best
+    if best is here:
+        return at
+    found = settled(at.about.view, best.members, weighing)
+    return found if found.log > at.log else at
+
+
+def _holds(at: Settled, run: int) -> bool:
+    """Whether a bus holds anything there."""
+    return at.about.view.runs[run].drive.held.is_any
 
 
 def _shut(member: Member) -> bool:
@@ -349,7 +375,10 @@ def _inexact(about: Linearised, members: Sequence[Member], weighing: Weighing) -
 
 
 def within(member: Member, coefficients: Array) -> Array:
-    """Coefficients that leave a total above what no machine goes below; no step takes more than most of it."""
+    """Coefficients that leave a total above what no machine goes below; no step takes more than most of it. What is
+    held is taken within its step, or a little before what is sampled with it."""
+    if member.candidate.holds:
+        return np.clip(coefficients, -0.5, 1.0)
     held = coefficients.copy()
     for which, least in member.candidate.bounds_below:
         total = member.coefficients[which] - least

@@ -44,7 +44,7 @@ def _gain(along: Along, _shape: Shape) -> Effect:
 
 
 def _earlier(along: Along, shape: Shape) -> Effect:
-    return Effect(column(along.torque_rate + shape[0] * along.torque_bend))
+    return Effect(column(along.reported_rate + shape[0] * along.reported_bend))
 
 
 def _twice(along: Along, values: Array, shape: Shape) -> Array:
@@ -163,6 +163,13 @@ def reporting(of: Ranges, share: float) -> list[Candidate]:
     ]  # fmt: skip
 
 
+def _rotor(along: Along) -> Array:
+    """What torque accelerates within a step (kg·m²)."""
+    machine = along.machine
+    moved = 0.0 if machine.coupling else machine.load_inertia_at(along.angle)
+    return np.asarray(machine.motor.inertia_kgm2 + moved)
+
+
 def usual(tick_s: float) -> list[Candidate]:
     """Present in every set: a filter that torque and speed share, if there is one, a little apart, and each of any
     order; what is held is taken at any time. `tick_s`: period of the drive's own loop.
@@ -184,10 +191,10 @@ def usual(tick_s: float) -> list[Candidate]:
     """
 
     def both(along: Along, _shape: Shape) -> Effect:
-        return Effect(column(along.torque_rate), speed=column(-along.acceleration_before))
+        return Effect(column(along.reported_rate), speed=column(-along.acceleration_before))
 
     def torque(along: Along, _shape: Shape) -> Effect:
-        return Effect(np.stack([along.torque_rate, along.torque_bend], 1))
+        return Effect(np.stack([along.reported_rate, along.reported_bend], 1))
 
     def speed(along: Along, _shape: Shape) -> Effect:
         return Effect(speed=np.stack([-along.acceleration_before, along.jerk_before], 1))
@@ -197,20 +204,28 @@ def usual(tick_s: float) -> list[Candidate]:
         none = np.zeros_like(changes[:, :1])
         return Effect(np.hstack([changes[:, :1], none]), speed=np.hstack([none, -changes[:, 1:]]))
 
-    @run_by_run
     def held(along: Along, _shape: Shape) -> Effect:
-        step, rotor = along.run.step_s, along.machine.motor.inertia_kgm2
-        rate = slopes(along.run.drive.injected_nm, step)
-        answer = along.run.answer_gain * step / rotor * slopes(rate, step) / (2 * np.sqrt(180))
-        return Effect(np.stack([rate, answer], 1) * step ** np.array([1, 2]) / np.sqrt(12))
+        return Effect(column(np.zeros_like(along.speed)))  # the filter's equations know of it
+
+    @run_by_run
+    def answered(along: Along, _shape: Shape) -> Effect:
+        step = along.run.step_s
+        jump = step * slopes(along.run.drive.held.curve(along.held_late * step), step)
+        moved, none = jump * step / _rotor(along), np.zeros_like(jump)
+        return Effect(
+            np.stack([jump, none, none], 1),
+            position=np.stack([none, none, moved * step], 1),
+            speed=np.stack([none, moved, none], 1),
+        )
 
     def corners(along: Along, _shape: Shape) -> Effect:
-        machine = along.machine
-        moved = 0.0 if machine.coupling else machine.load_inertia_at(along.angle)
-        return Effect(speed=column(along.torque_rate / (machine.motor.inertia_kgm2 + moved)))
+        return Effect(speed=column(along.torque_rate / _rotor(along)))
 
     return [
-        Candidate("usual_hold", held, (1.0, 1.0), named=False),
+        Candidate("usual_hold", held, (1 / np.sqrt(3),), named=False, holds=True),
+        Candidate(
+            "usual_answer", answered, (0.5, 1 / (6 * np.sqrt(840)), 1 / (24 * np.sqrt(2100))), named=False
+        ),
         Candidate("usual_corners", corners, (tick_s**2 / 12,), named=False),
         Candidate(
             "usual_filter",
