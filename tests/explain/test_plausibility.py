@@ -13,7 +13,7 @@ from schwung.errors import InputError
 from schwung.explain.plausibility import Doubt, Plausibility, corrected, examine
 from schwung.explain.plausibility.examination import lateness, plateau, wrap_period
 from schwung.explain.plausibility.units import inertia_factor
-from schwung.motion import Array, Motion
+from schwung.motion import Array, Excitation, Motion
 from schwung.session import Run, Session
 
 RATE = 2000.0
@@ -227,6 +227,24 @@ def test_constant_speed_shows_no_inertia() -> None:
 
 def test_drift_of_the_torque_is_not_taken_for_inertia() -> None:
     assert "inertia_undetermined" in examine(turning(torque_slope=3.0), MACHINE).kinds()
+
+
+def test_another_inertia_over_the_angle_is_one() -> None:
+    """About a number, beside dry friction, no part of a crank's stroke has the inertia of another; and an injection
+    turns the motor whatever the motion does."""
+    guessed = MACHINE.model_copy(update={"load": Load(inertia_kgm2=0.11)})
+    time = (motion := Motion(distance_rad=np.pi, duration_s=0.25)).time(1000.0)
+    made = simulate(MACHINE, motion.demand(time), time)
+    rubs = 3.0 * np.tanh(made.speed_rad_s / 0.1)
+    run = Run("reference", 0, 1000.0, time, made.position_rad, made.speed_rad_s, made.torque_nm + rubs)
+    session = Session((run, replace(run, repeat=1)), "2024-01-01T00:00:00+00:00", "simulated")
+    fitted = inertia_factor(session, guessed)
+    assert fitted is not None
+    assert fitted.known
+    assert "inertia_undetermined" not in examine(session, guessed).kinds()
+    sine = Excitation(frequency_hz=40.0, amplitude_nm=1.0, phase_rad=0.0, ramp_s=0.05, end_s=1.0)
+    excited = changed(turning(torque_slope=3.0), lambda one: replace(one, excitation=sine))
+    assert "inertia_undetermined" not in examine(excited, MACHINE).kinds()
 
 
 def test_clipped_torque_is_found_and_compared_with_the_stated_peak(session: Session) -> None:

@@ -1,4 +1,4 @@
-"""A torque that a bus sends once a sample and a drive holds until it takes the next, at the sample or a little later."""
+"""A torque that a bus sends once a sample and a drive holds until it takes the next, then or a little later."""
 
 from __future__ import annotations
 

@@ -6,6 +6,7 @@ everybody knows (9.55, 57.3, 1000, …); wrong beliefs and missing physics do no
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 
@@ -41,6 +42,8 @@ _NEAR_UNIT = 2.2
 #: Cut into so many parts, each with a mean torque of its own, runs shall give the same inertia within this factor:
 #: one that only shows in slow changes of torque could as well be drift, or friction of another form.
 _PARTS, _PARTS_AGREE = (2, 3, 4, 6), 1.3
+#: Half waves over the visited angles that tell how an inertia changes over them.
+_WAVES = (1, 2, 3)
 #: Angles are in another unit where with it the inertia is known so much more clearly (factor over error).
 _CLEARER = 3.0
 _MOVES = 0.02  # of the highest speed
@@ -84,6 +87,20 @@ _SPEED_MISTAKES: dict[Axis, tuple[_Mistake, ...]] = {
         _Mistake(6e4, "speed is in mm/min", _scales(("speed", 1e-3 / 60))),
     ),
 }
+
+
+@dataclass(frozen=True)
+class _Wave:
+    """A wave over the angle."""
+
+    order: float  # 1/rad
+    phase: float
+
+    def at(self, angle: Array) -> Array:
+        return np.asarray(np.cos(self.order * angle + self.phase))
+
+    def slope_at(self, angle: Array) -> Array:
+        return np.asarray(-self.order * np.sin(self.order * angle + self.phase))
 
 
 @dataclass(frozen=True)
@@ -195,8 +212,27 @@ def inertia_factor(session: Session, machine: Machine) -> Fitted | None:
     """Reported torque over that of the believed inertia, by least squares beside friction, offset and sin θ, cos θ.
 
     Motion from position alone, in a band in which the machine is about rigid. None where nothing moves or nothing
-    accelerates. With an unknown load inertia the factor is over the motor's alone.
+    accelerates. With an unknown load inertia the factor is over the motor's alone. Where the runs do not agree about
+    the believed one, it may be another over the angle: about a number, a crank's is as good as none.
     """
+    fitted = _fitted(session, machine, ())
+    if fitted is None or fitted.known:
+        return fitted
+    free = _fitted(session, machine, _waves(session))
+    return free if free is not None and free.known else fitted
+
+
+def _waves(session: Session) -> tuple[_Wave, ...]:
+    """How an inertia may change over the angles of all runs: of what turns round and round, with each turn."""
+    low = min(float(run.position_rad.min()) for run in session.runs)
+    span = max(float(run.position_rad.max()) for run in session.runs) - low
+    if session.axis == "rotary" and span > _TURN:
+        return tuple(_Wave(order, phase) for order in (1, 2) for phase in (0.0, np.pi / 2))
+    return tuple(_Wave(np.pi * k / max(span, 1e-300), -np.pi * k * low / max(span, 1e-300)) for k in _WAVES)
+
+
+def _fitted(session: Session, machine: Machine, waves: Sequence[_Wave]) -> Fitted | None:
+    """The factor beside inertias that change over the angle as `waves` do."""
     rows: list[Array] = []
     torques: list[Array] = []
     shares: list[Array] = []  # how far through its run each sample is, plus the run's number
@@ -208,6 +244,7 @@ def inertia_factor(session: Session, machine: Machine) -> Fitted | None:
         speed = _change(run)
         needed = _needed(run, machine)
         columns = [needed, speed, np.tanh(speed / (_MOVES * peak)) if peak else speed, np.ones_like(speed)]
+        columns += [_taken(run, wave.at(run.position_rad), wave.slope_at(run.position_rad)) for wave in waves]
         if swings:
             columns += [np.sin(run.position_rad), np.cos(run.position_rad)]
         known = machine.load_torque_at(run.position_rad)
@@ -235,13 +272,17 @@ def inertia_factor(session: Session, machine: Machine) -> Fitted | None:
 
 
 def _needed(run: Run, machine: Machine) -> Array:
-    """Torque that the believed inertia needs, (n,), within the band.
+    """Torque that the believed inertia needs, (n,), within the band."""
+    return _taken(run, *_inertia(machine, run.position_rad))
+
+
+def _taken(run: Run, inertia: Array, slope: Array) -> Array:
+    """Torque that an inertia over the motor's angle takes, (n,), within the band; both (n,).
 
     Products of what is filtered are not filtered products: on a fast stroke inertia itself changes within the band.
     """
     rate = run.sample_rate_hz
     speed = low_pass(np.gradient(run.position_rad, 1 / rate), rate, _PRODUCTS * _BAND_HZ)
-    inertia, slope = _inertia(machine, run.position_rad)
     return low_pass(inertia * np.gradient(speed, 1 / rate) + slope * speed**2 / 2, rate)
 
 
@@ -378,6 +419,8 @@ def _undetermined(fitted: Fitted | None, machine: Machine, session: Session) -> 
     unit = "kg·m²" if session.axis == "rotary" else "kg"
     if fitted is None:
         return []  # nothing accelerates, which is said elsewhere
+    if any(run.excitation is not None for run in session.runs):
+        return []  # an injection turns the motor to and fro, whatever the motion between its ends does
     position = session.runs[0].position_rad
     total = float(np.mean(_inertia(machine, position)[0]))
     if abs(fitted.factor) < _KNOWN * fitted.error:

@@ -184,10 +184,11 @@ def usual(tick_s: float) -> list[Candidate]:
     Beyond the band either may be late by any time: a loop answers its encoder's noise up to its own bandwidth, at the
     coupling's resonance as well, where a lag would be a damping.
 
-    An injection that a bus holds is taken at any time within the step, 1/√12 of it; the controller answers the rotor's
-    move about the corners, ΔT h/(2 J_r) B₂(x) at the share x of a step, where it is sampled. So it is with all torque,
-    which a drive holds from tick to tick of its own loop: ΔT = T' h, and a speed that is read at the tick, in the
-    corner, is T' h²/(12 J_r) off. At 69 Hz and 8 kHz that was half a per cent of an apparent inertia.
+    An injection that a bus holds is taken at any share of the step. The controller answers the rotor's move about the
+    corners (`corners`), so that what is sampled is off by a share of ΔT, the more if a sample shows the injection that
+    came after it; and the rotor answers that, by up to B₃ and B₄, of a loop as fast as the bus. So it is with all
+    torque, which a drive holds from tick to tick of its own loop: ΔT = T' h, and a speed that is read at the tick, in
+    the corner, is T' h²/(12 J_r) off. At 69 Hz and 8 kHz that was half a per cent of an apparent inertia.
     """
 
     def both(along: Along, _shape: Shape) -> Effect:
