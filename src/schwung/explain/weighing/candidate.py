@@ -191,6 +191,11 @@ class Candidate:
         return self.named and len(self.scales) == 1
 
     @property
+    def is_inertia_curve(self) -> bool:
+        """Whether it is an inertia that may be any over the angle."""
+        return self.named and self.inertia is not None and not self.is_law
+
+    @property
     def is_number(self) -> bool:
         """Whether it is a change of one number of the belief."""
         return self.named and self.size == 1 and not self.spacing and self.known_to > 0

@@ -13,9 +13,10 @@ from itertools import count
 import numpy as np
 
 from schwung.compiled import IS_FAST
+from schwung.explain.weighing.balance import balanced
 from schwung.explain.weighing.candidate import RIGHT_TO, Candidate
 from schwung.explain.weighing.data import Data
-from schwung.explain.weighing.present import Member
+from schwung.explain.weighing.present import Member, moves
 from schwung.explain.weighing.round import View, few_of
 from schwung.explain.weighing.search import HOPELESS, MOST, TOLD, Scored, Search
 from schwung.explain.weighing.sets import (
@@ -50,6 +51,8 @@ Progress = Callable[[str, float], None]
 #: The share of the work that the noise takes, and what of the rest is left after each round.
 NOISE_SHARE, _FURTHER = 0.2, 0.7
 
+#: A set that misses so many times its noise is far from the truth.
+_FAR = 2.0
 #: Sets that are brought to rest each round; so many of one law more among them, or beside them.
 _TRIED, _LAWS_TRIED = 3, 2
 
@@ -235,6 +238,8 @@ class Growth:
         # what is far off is missed by something else as well: where no line promises anything, nothing is
         elsewhere = [one for one in offered if search.candidate(one.picks[-1]).elsewhere and promising]
         named = [one for one in search.laws_instead(start.picks) if one.log > start.log]
+        if self._misses(at):  # of a load that is unknown, anything that is missed is a line
+            named += [one for one in search.inertia_beside(start.picks) if one.log > start.log]
         lines = dict.fromkeys((*promising, *named))
         beyond = [*(one for one in opening if one not in lines), *elsewhere]
         best, top = None, 0.0
@@ -356,6 +361,8 @@ class Growth:
         if {key_of(m) for m in at.members} <= {key_of(m) for m in members}:
             promised, begun = [m.coefficients for m in members], begun_from(at.members, members)
             tried = settled_beyond(at.about, begun, promised, self.weighing)
+            if members[-1].candidate.is_inertia_curve and self._misses(at):
+                tried = self._balanced(at, begun, tried)
             far = everywhere and members[-1].candidate.elsewhere
             if far and key_of(members[-1]) not in {key_of(m) for m in at.members}:
                 other = settled_elsewhere(at, begun, self.weighing, least)
@@ -363,6 +370,20 @@ class Growth:
         else:
             tried = settled(at.about.view, members, self.weighing)
         return self._noted(search, one, start, at, tried)
+
+    def _balanced(self, at: Settled, begun: Sequence[Member], tried: Settled) -> Settled:
+        """A curve of inertia that came to rest, or the same begun where a balance of torque leads, if that is likelier:
+        so far off, no line leads there."""
+        told = balanced(at.about, at.members, begun[-1], self.train)
+        start = [*begun[:-1], replace(begun[-1], coefficients=told)]
+        if not moves(at.about.view.known.machine, start, at.about.view.ranges):
+            return tried
+        found = settled(at.about.view, start, self.weighing)
+        return found if found.log > tried.log else tried
+
+    def _misses(self, at: Settled) -> bool:
+        """Whether a set misses more than its noise is: then what is missed is no line about it."""
+        return bool(at.about.square(self.train) > _FAR**2 * at.about.samples(self.train))
 
     def _noted(
         self, search: Search, one: Scored, start: Scored, at: Settled, tried: Settled

@@ -268,6 +268,11 @@ class Search:
                 found += [self._with(others, pick) for pick in offers]
         return found
 
+    def inertia_beside(self, picks: Set) -> list[Scored]:
+        """The set with a curve of inertia, where it has none."""
+        curves = {i for i, c in enumerate(self.data.candidates) if c.is_inertia_curve}
+        return [self._with(picks, pick) for _, pick in self.additions(picks, curves)]
+
     def laws_instead(self, picks: Set) -> list[Scored]:
         """In place of each curve the law that promises most: what a curve took first may be one, once others are there
         that it took the part of.
