@@ -301,7 +301,7 @@ class Growth:
             ):
                 continue
             self.timed.add(kind)
-            tried = settled(at.about.view, begun, self.weighing)
+            tried = settled_within_step(settled(at.about.view, begun, self.weighing), self.weighing)
             one = search.score((*others, search.nearest(index, tried.members[-1].shape)))
             tried, gain = self._noted(search, one, start, at, tried)
             if gain > 0:

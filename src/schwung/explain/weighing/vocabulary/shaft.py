@@ -66,6 +66,7 @@ def shaft(of: Ranges, coupling: Coupling, torque_nm: float, inertia_kgm2: float)
     """The family of a machine with a coupling."""
     k, b = coupling.stiffness_nm_rad, coupling.damping_nms
     damping = max(b, 1e-3 * k / of.band_hz)
+    sprung = k / (2 * np.pi * of.band_hz)  # a damping that carries as much as the spring at the band's end
     share, wound = torque_nm / of.peak_torque_nm, of.peak_torque_nm / k
 
     def lost(along: Along, gap: float) -> Array:
@@ -127,7 +128,7 @@ def shaft(of: Ranges, coupling: Coupling, torque_nm: float, inertia_kgm2: float)
                   coordinate="torque", coupling=(1.0, 0.0, 0.0), known_to=RIGHT_TO * k, elsewhere=(-k / 2, k)),
         Candidate("coupling_damping", _damping, (10 * share * damping,),
                   lambda c, _: {"damping_nms": b + c[0]}, positive=(0,), least=(-b,),
-                  coordinate="frequency", coupling=(0.0, 1.0, 0.0), known_to=RIGHT_TO * damping),
+                  coordinate="frequency", coupling=(0.0, 1.0, 0.0), known_to=RIGHT_TO * (damping + sprung)),
         Candidate("nonlinear_stiffness", _cubic, (3 * share * k / wound**2,),
                   lambda c, _: {"cubic_nm_rad3": c[0]}, positive=(0,), coordinate="torque",
                   tangent=cubic_tangent),
