@@ -1,6 +1,7 @@
 """Which of torque and speed is late, by how much, and what no recording tells of that."""
 
 from itertools import pairwise
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -12,6 +13,7 @@ from schwung.explain.weighing.along import Ranges
 from schwung.explain.weighing.candidate import Candidate
 from schwung.explain.weighing.known import known
 from schwung.explain.weighing.present import Member
+from schwung.explain.weighing.search import Pick, Scored, as_told
 from schwung.explain.weighing.sets import absent, timed
 from schwung.explain.weighing.vocabulary import vocabulary
 from schwung.innovations.effect import Effect
@@ -82,3 +84,22 @@ def test_a_late_cause_that_bends_as_none_does_is_less_likely(candidates) -> None
     off = [abs(lag.unbent((share * 3e-4, 0.0), delay)[0]) for share in (0.75, 0.5, 0.0)]
     assert off == pytest.approx([0.0, 0.5, 1.5])
     assert all(one < other for one, other in pairwise(off))
+
+
+@pytest.mark.parametrize("name", ["torque_lag", "torque_filter", "measurement_delay"])
+def test_a_late_cause_is_told_as_all_that_torque_and_speed_are_apart_by(candidates, name: str) -> None:
+    """How much of that is usual only bends say, badly: a delay of 0.70 ms behind a filter was told as 0.98."""
+    usual = [candidates[one] for one in USUAL]
+    every = [*usual, candidates[name]]
+    search = SimpleNamespace(
+        always=(0, 1, 2), data=SimpleNamespace(candidates=every), candidate=lambda _pick: candidates[name]
+    )
+    first = np.cumsum([0, *(one.size for one in usual)])
+    exact = np.ones(first[-1] + 1)
+    exact[first] = [*USUAL.values(), 3e-4]
+    whole = Scored((Pick(0, 1.0),), 0.0, None, np.arange(exact.size), np.ones(exact.size), exact)
+    found = as_told(search, whole).exact
+    late = np.array([one.late for one in every])
+    assert np.diff(found[first] @ late) == pytest.approx(np.diff(exact[first] @ late))
+    assert found[first].tolist() == pytest.approx([1.2e-4, 0.0, 0.0, found[-1]])
+    assert found[np.setdiff1d(np.arange(exact.size), first)].tolist() == [1.0] * (exact.size - first.size)

@@ -23,7 +23,7 @@ from schwung.explain.weighing.present import Member
 from schwung.explain.weighing.publication import NAMED
 from schwung.explain.weighing.repeated import motions_of, repeated
 from schwung.explain.weighing.round import Linearised, View, target_of
-from schwung.explain.weighing.search import TOLD, Pick, Scored, Search, slices
+from schwung.explain.weighing.search import TOLD, Pick, Scored, Search, as_told, slices
 from schwung.explain.weighing.sets import everything
 from schwung.explain.weighing.sharpness import covariance_of
 from schwung.explain.weighing.standing import Standing, standing
@@ -263,10 +263,8 @@ def _parameters(search: Search, name: str) -> dict[str, Parameter]:
     """Of a name in the most probable set that holds it; intervals from the coefficients' deviations."""
     for _, scored in search.shares():
         for pick, where in zip(scored.picks, slices(search, scored), strict=True):
-            candidate = search.candidate(pick)
-            if candidate.name != name:
-                continue
-            return parameters_of(search, scored, pick, where)
+            if search.candidate(pick).name == name:
+                return parameters_of(search, as_told(search, scored), pick, where)
     return {}
 
 

@@ -62,9 +62,9 @@ def _later(along: Along, shape: Shape) -> Effect:
     return Effect(column(-lagging(along, rate, shape[0]) - _twice(along, rate, shape)))
 
 
-def _bent(along: Along, shape: Shape) -> Array:
-    """The acceleration that a speed is late by."""
-    return acceleration_bent(along, shape[0]) + _twice(along, along.acceleration, shape)
+def _bent(along: Along, shape: Shape, late_s: float | None = None) -> Array:
+    """The acceleration that a speed is late by; `late_s`: as a whole."""
+    return acceleration_bent(along, shape[0], late_s) + _twice(along, along.acceleration, shape)
 
 
 def _speed_later(along: Along, shape: Shape) -> Effect:
@@ -73,10 +73,13 @@ def _speed_later(along: Along, shape: Shape) -> Effect:
 
 def _later_yet(along: Along, shape: Shape, coefficients: Array) -> tuple[Effect, Effect]:
     """About a delay: what more of it does, and all that it does."""
-    delay, own = float(coefficients[0]), column(-_bent(along, shape))
-    ends = [beyond_bent(along, delay + way * _DIFFERENCE_S, shape[0]) for way in (1, -1)]
-    more = own + column((ends[0] - ends[1]) / (2 * _DIFFERENCE_S))
-    return Effect(speed=more), Effect(speed=own * delay + column(beyond_bent(along, delay, shape[0])))
+    delay = float(coefficients[0])
+
+    def late(by_s: float) -> Array:
+        return beyond_bent(along, by_s, shape[0]) - by_s * _bent(along, shape, by_s)
+
+    more = (late(delay + _DIFFERENCE_S) - late(delay - _DIFFERENCE_S)) / (2 * _DIFFERENCE_S)
+    return Effect(speed=column(more)), Effect(speed=column(late(delay)))
 
 
 @run_by_run
