@@ -31,9 +31,9 @@ def lagging(along: Along, values: Array, time_s: float) -> Array:
 def acceleration_bent(along: Along, time_s: float, late_s: float | None = None) -> Array:
     """Of the motor just before each sample through 1/(1 + φ d/dt), φ = `time_s` (rad/s²), (n,).
 
-    In proportion to this a speed is late; as a whole by `late_s` (None: twice that time), or y steps h. What a held injection's
-    corners do, only the rotor follows so fast (`corners`): at the share x behind one, what was y before misses
-    h/J_r (½ (ΔT − y Δ²T) (B₂(x) − B₂(x + y)) + ⅓ Δ²T (B₃(x) − B₃(x + y))), which come round after a whole step.
+    In proportion to this a speed is late; as a whole by `late_s` (None: twice that time), or y steps h. What a held
+    injection's corners do, only the rotor follows so fast (`corners`): at the share x behind one, what was y before
+    misses h/J_r (½ (ΔT − y Δ²T) (B₂(x) − B₂(x + y)) + ⅓ Δ²T (B₃(x) − B₃(x + y))), and so again after a whole step.
     """
     steps, x = (2 * time_s if late_s is None else late_s) / along.run.step_s, along.held_late
     if not along.run.drive.held.is_any or steps == 0:
