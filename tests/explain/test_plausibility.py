@@ -12,7 +12,7 @@ from schwung.drivetrain import Load, Machine, paper_machine, simulate
 from schwung.errors import InputError
 from schwung.explain.plausibility import Doubt, Plausibility, corrected, examine
 from schwung.explain.plausibility.examination import lateness, plateau, wrap_period
-from schwung.explain.plausibility.units import inertia_factor
+from schwung.explain.plausibility.inertia_factor import inertia_factor
 from schwung.motion import Array, Excitation, Motion
 from schwung.session import Run, Session
 

@@ -29,7 +29,9 @@ def held() -> Along:
     run = Signals(
         time, STEP_S, 0 * time, speed, drive, np.column_stack([0 * time, speed]), True, band_hz=450.0
     )
-    machine = SimpleNamespace(motor=SimpleNamespace(inertia_kgm2=ROTOR), coupling=None)
+    machine = SimpleNamespace(
+        motor=SimpleNamespace(inertia_kgm2=ROTOR), coupling=None, load_inertia_at=np.zeros_like
+    )
     ranges = Ranges(0.0, 1.0, 1.0, 1.0, INJECTED_NM, 0.4, 1e-3, 1, 450.0)
     return Along(run, machine, machine, ranges, 0, 0.0, SimpleNamespace())
 
@@ -42,6 +44,21 @@ def test_a_late_speed_is_what_it_was(held: Along, delay_s: float) -> None:
     inside = slice(20, -20)
     largest = np.max(np.abs(held.speed - was)[inside])
     assert np.max(np.abs(held.speed - late - was)[inside]) < 0.01 * largest
+
+
+@pytest.mark.parametrize("taken", [0.2, 0.5, 0.9])
+@pytest.mark.parametrize("delay_s", [1e-4, 4e-4, 1.2e-3])
+def test_it_is_wherever_in_its_step_the_drive_takes_what_is_held(
+    held: Along, taken: float, delay_s: float
+) -> None:
+    """The corners are a share of a step behind the samples."""
+    corners = held.time_s + taken * STEP_S
+    now, was = (np.interp(held.time_s - late_s, corners, held.speed) for late_s in (0.0, delay_s))
+    run = replace(held.run, states=np.column_stack([0 * now, now]), speed_rad_s=now)
+    along = replace(held, run=run, held_late=taken, kept={})
+    late = delay_s * acceleration_bent(along, delay_s / 2)
+    inside = slice(20, -20)
+    assert np.max(np.abs(now - late - was)[inside]) < 0.015 * np.max(np.abs(now - was)[inside])
 
 
 def test_before_a_sample_acceleration_is_that_of_its_step(held: Along) -> None:

@@ -14,7 +14,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from schwung.drivetrain.machine import Machine
-from schwung.explain.plausibility.units import low_pass, speed_doubts, torque_doubts
+from schwung.explain.plausibility.inertia_factor import low_pass
+from schwung.explain.plausibility.units import speed_doubts, torque_doubts
 from schwung.explain.plausibility.values import (
     Correction,
     Doubt,

@@ -213,14 +213,20 @@ class Along:
 
     @cached_property
     def held(self) -> tuple[Array, Array]:
-        """Of a held injection ΔT/J_r and Δ²T/J_r (rad/s²), (n,) each: its jumps, as they are at the samples, and by how
-        much the next one differs."""
+        """Of a held injection ΔT/J and Δ²T/J (rad/s²), (n,) each: its jumps, as they are at the samples, and by how
+        much the next one differs, over what they accelerate (`rotor`)."""
         drive, step = self.run.drive, self.run.step_s
         if not drive.held.is_any:
             return (np.zeros_like(self.time_s),) * 2
         rate = slopes(drive.held.curve(self.held_late * step), step)
-        jump = rate * step / self.machine.motor.inertia_kgm2
+        jump = rate * step / self.rotor
         return jump, np.gradient(jump)
+
+    @property
+    def rotor(self) -> Array:
+        """What torque accelerates within a step (kg·m²), (n,): the motor alone, where a coupling is behind it."""
+        motor = np.full_like(self.angle, self.machine.motor.inertia_kgm2)
+        return motor if self.machine.coupling else motor + self.machine.load_inertia_at(self.angle)
 
     @cached_property
     def acceleration_before(self) -> Array:

@@ -16,7 +16,7 @@ from schwung.explain.weighing.drawn_plane import PLANES, drawn_plane
 from schwung.explain.weighing.learned import Found, table
 from schwung.explain.weighing.places import Acts
 from schwung.explain.weighing.publication import NAMED, over_words
-from schwung.explain.weighing.search import Pick, Scored, Search, as_told, slices
+from schwung.explain.weighing.search import Pick, Scored, Search, slices
 from schwung.explain.weighing.weigh import Posterior, at_bound
 from schwung.explain.weighing.written import sayable
 
@@ -49,7 +49,7 @@ class Chosen:
         """Be the set without them."""
         without = {cause.pick for cause in causes}
         kept = tuple(pick for pick in self.set.picks if pick not in without)
-        self.set = as_told(self.search, self.search.score(kept))
+        self.set = self.search.score(kept)
 
     def sayable(self) -> tuple[list[Cause], tuple[str, ...]]:
         """The set's causes as far as a file can hold them, and a note for each other one.
@@ -91,7 +91,7 @@ class Chosen:
         usual = {name for name, p in self.outcome.stands.usual.items() if p > NAMED}
         left_out = usual | self.outcome.refuted
         kept = tuple(pick for pick in best.picks if self.search.name(pick) not in left_out)
-        return as_told(self.search, self.search.score(kept))
+        return self.search.score(kept)
 
     def _publishable(self, of: Scored, pick: Pick) -> bool:
         """Whether a file can say a cause of a set, inside its bounds."""

@@ -166,13 +166,6 @@ def reporting(of: Ranges, share: float) -> list[Candidate]:
     ]  # fmt: skip
 
 
-def _rotor(along: Along) -> Array:
-    """What torque accelerates within a step (kg·m²)."""
-    machine = along.machine
-    moved = 0.0 if machine.coupling else machine.load_inertia_at(along.angle)
-    return np.asarray(machine.motor.inertia_kgm2 + moved)
-
-
 def usual(tick_s: float) -> list[Candidate]:
     """Present in every set: a filter that torque and speed share, if there is one, a little apart, and each of any
     order; what is held is taken at any time. `tick_s`: period of the drive's own loop.
@@ -215,7 +208,7 @@ def usual(tick_s: float) -> list[Candidate]:
     def answered(along: Along, _shape: Shape) -> Effect:
         step = along.run.step_s
         jump = step * slopes(along.run.drive.held.curve(along.held_late * step), step)
-        moved, none = jump * step / _rotor(along), np.zeros_like(jump)
+        moved, none = jump * step / along.rotor, np.zeros_like(jump)
         return Effect(
             np.stack([jump, none, none], 1),
             position=np.stack([none, none, moved * step], 1),
@@ -223,7 +216,7 @@ def usual(tick_s: float) -> list[Candidate]:
         )
 
     def corners(along: Along, _shape: Shape) -> Effect:
-        return Effect(speed=column(along.torque_rate / _rotor(along)))
+        return Effect(speed=column(along.torque_rate / along.rotor))
 
     return [
         Candidate("usual_hold", held, (1 / np.sqrt(3),), named=False, holds=True),
