@@ -66,6 +66,24 @@ def test_whoever_asks_to_stop_twice_is_told_what_there_is_to_tell(
     assert told in err
 
 
+@pytest.mark.parametrize("again", [KeyboardInterrupt, typer.Abort])
+def test_an_interrupt_on_the_way_out_hides_nothing_of_the_first(
+    again: type[BaseException], monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """The framework makes an end without a word of what comes while it passes the first one on."""
+
+    def at_work(**_: object) -> None:
+        try:
+            raise InterruptedByUser("interrupted", "3 of 60 motions are in session.h5")
+        except InterruptedByUser:
+            raise again from None
+
+    monkeypatch.setattr("schwung.cli.app", at_work)
+    code, _, err = invoke(capsys, "demo")
+    assert code == InterruptedByUser.exit_code
+    assert "3 of 60 motions are in session.h5" in err
+
+
 @pytest.mark.parametrize(
     ("what", "text", "value"),
     [

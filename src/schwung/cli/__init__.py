@@ -188,7 +188,9 @@ def main(arguments: list[str] | None = None) -> None:
     given = (sys.argv[1:] if arguments is None else arguments) or ["--help"]
     try:
         code = app(args=given, standalone_mode=False)
-    except (Exception, KeyboardInterrupt) as error:
+    except (Exception, KeyboardInterrupt) as caught:
+        again = isinstance(caught, KeyboardInterrupt | typer.Abort)  # on the way out through the framework
+        error = (_interrupted_before(caught) if again else None) or caught
         sentence, code = _failure(error)
         if code == InterruptedByUser.exit_code:
             _on_signals(
