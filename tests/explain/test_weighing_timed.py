@@ -13,8 +13,8 @@ from schwung.explain.weighing.along import Ranges
 from schwung.explain.weighing.candidate import Candidate
 from schwung.explain.weighing.known import known
 from schwung.explain.weighing.present import Member
-from schwung.explain.weighing.search import Pick, Scored, as_told
-from schwung.explain.weighing.sets import absent, timed
+from schwung.explain.weighing.search import Pick, Scored
+from schwung.explain.weighing.sets import absent, as_told, timed
 from schwung.explain.weighing.vocabulary import vocabulary
 from schwung.innovations.effect import Effect
 

@@ -35,7 +35,8 @@ from schwung.explain.weighing.publication import (
     Where,
     merged,
 )
-from schwung.explain.weighing.search import Pick, Search, as_told
+from schwung.explain.weighing.search import Pick, Search
+from schwung.explain.weighing.sets import as_told
 from schwung.explain.weighing.twin import as_missed_by
 from schwung.explain.weighing.values import Parameter, Proof, Weighed
 from schwung.explain.weighing.weigh import Posterior, parameters_of, posterior_of

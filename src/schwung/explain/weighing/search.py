@@ -7,7 +7,7 @@ All sets that were visited are kept, and share the probability.
 from __future__ import annotations
 
 from collections.abc import Container, Iterable, Iterator
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from itertools import groupby
 
 import numpy as np
@@ -415,33 +415,6 @@ class Search:
         told.sort(key=lambda pair: -pair[0])
         logs, sets = np.array([log for log, _ in told]), [one for _, one in told]
         return list(zip(np.exp(logs - logsumexp(logs)).tolist(), sets, strict=True))
-
-
-def as_told(search: Search, scored: Scored) -> Scored:
-    """A set as it is told: what torque and speed are apart by is the late cause's, and the rest the filter's that both
-    share.
-
-    How late each of them is, is known to microseconds; how much of that is usual, only how each bends says. More late
-    causes than one stay as they are.
-    """
-    always = [search.data.candidates[i] for i in search.always]
-    starts = np.cumsum([0, *(candidate.size for candidate in always)])
-    usual = [(one.late, int(at)) for one, at in zip(always, starts, strict=False) if any(one.late)]
-    own = zip(scored.picks, slices(search, scored), strict=True)
-    found = [(search.candidate(pick).late, where.start) for pick, where in own]
-    named = [pair for pair in found if any(pair[0])]
-    shared = [at for late, at in usual if all(late)]
-    if len(named) != 1 or len(shared) != 1:
-        return scored
-    ((late, mine),) = named
-    whole = sum((scored.exact[at] * np.array(each) for each, at in (*usual, *named)), np.zeros(2))
-    filtered, apart = np.linalg.solve(np.column_stack([(1.0, 1.0), late]), whole)
-    if min(filtered, apart) < 0:
-        return scored
-    exact = scored.exact.copy()
-    exact[[at for _, at in usual]] = 0.0
-    exact[shared[0]], exact[mine] = filtered, apart
-    return replace(scored, exact=exact)
 
 
 def slices(search: Search, best: Scored) -> list[slice]:

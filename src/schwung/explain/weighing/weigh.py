@@ -23,8 +23,8 @@ from schwung.explain.weighing.present import Member
 from schwung.explain.weighing.publication import NAMED
 from schwung.explain.weighing.repeated import motions_of, repeated
 from schwung.explain.weighing.round import Linearised, View, target_of
-from schwung.explain.weighing.search import TOLD, Pick, Scored, Search, as_told, slices
-from schwung.explain.weighing.sets import everything
+from schwung.explain.weighing.search import TOLD, Pick, Scored, Search, slices
+from schwung.explain.weighing.sets import as_told, everything
 from schwung.explain.weighing.sharpness import covariance_of
 from schwung.explain.weighing.standing import Standing, standing
 from schwung.explain.weighing.values import Named, Parameter, Proof, Unnamed, Weighed
