@@ -27,11 +27,6 @@ def test_the_whole_torque_is_the_controllers_and_the_injection() -> None:
     assert drive.whole_nm[2:-2] == pytest.approx(expected[2:-2], abs=2e-3)
 
 
-def test_jumps_stand_at_the_samples_between_two_steps() -> None:
-    drive = _drive(np.array([0.0, 0.0, 2.0, 2.0, -1.0]), np.zeros(6))
-    assert drive.held.jumps_nm.tolist() == [0.0, 0.0, 2.0, 0.0, -3.0, 0.0]
-
-
 def test_nothing_is_injected_where_nothing_is_held() -> None:
     assert not _drive(np.zeros(5), np.ones(6)).injected_nm.any()
 

@@ -42,11 +42,6 @@ class Held:
         """Whether there is any."""
         return bool(self.torque_nm.any())
 
-    @property
-    def jumps_nm(self) -> Array:
-        """At the samples, (n,)."""
-        return np.diff(self.torque_nm, prepend=self.torque_nm[:1], append=self.torque_nm[-1:])
-
     def curve(self, late_s: float) -> Array:
         """Smooth, through the middles of its steps, where they are so much later, at the samples, (n,)."""
         if not self.is_any:

@@ -18,22 +18,26 @@ from schwung.explain.weighing.round import Linearised, acting
 from schwung.innovations.splines import slopes
 from schwung.motion import Array
 
-#: Samples at either end of a run where a filter without lag has no other side yet.
+#: Samples at either end of a run where a filter without lag has no other side yet; of a short run a quarter at most.
 _EDGE = 30
 
 
 def balanced(about: Linearised, present: Sequence[Member], curve: Member, runs: Sequence[int]) -> Array:
     """Coefficients (p,) of a curve of inertia beside what is present, by least squares within the band of motion and
-    injection, about their prior; what friction, weight and offset may do is fitted beside it."""
+    injection, about their prior; what friction, weight and offset may do is fitted beside it. Zeros where what is
+    present makes the numbers run away."""
     rows, torques = [], []
     for run in runs:
         along = about.alongs[run]
         row, torque = _balance(along, acting(about.view, along, present), curve.candidate, curve.shape)
-        inside = slice(_EDGE, max(torque.size - _EDGE, _EDGE))
+        edge = min(_EDGE, torque.size // 4)
+        inside = slice(edge, torque.size - edge)
         rows.append(row[inside])
         torques.append(torque[inside])
     matrix, torque = np.concatenate(rows), np.concatenate(torques)
     size = curve.candidate.size
+    if not (np.all(np.isfinite(matrix)) and np.all(np.isfinite(torque))):
+        return np.zeros(size)
     missed = torque - matrix @ np.linalg.lstsq(matrix, torque, rcond=1e-6)[0]
     prior = np.zeros((size, matrix.shape[1]))
     prior[:, :size] = np.diag(np.std(missed) / np.asarray(curve.candidate.deviations))
