@@ -88,18 +88,24 @@ def test_a_late_cause_that_bends_as_none_does_is_less_likely(candidates) -> None
 
 @pytest.mark.parametrize("name", ["torque_lag", "measurement_delay"])
 def test_a_late_cause_is_told_as_all_that_torque_and_speed_are_apart_by(candidates, name: str) -> None:
-    """How much of that is usual only bends say, badly: a delay of 0.70 ms behind a filter was told as 0.98."""
+    """How much of that is usual only bends say, badly: a delay of 0.70 ms behind a filter was told as 0.98. As a whole
+    each signal bends as it did, though a file's lag is one of first order, and its delay a delay."""
     usual = [candidates[one] for one in USUAL]
     every = [*usual, candidates[name]]
     search = SimpleNamespace(
-        always=(0, 1, 2), data=SimpleNamespace(candidates=every), candidate=lambda _pick: candidates[name]
+        always=(0, 1, 2),
+        data=SimpleNamespace(candidates=every, atoms=[SimpleNamespace(shape=(2e-4, 0.0))]),
+        candidate=lambda _pick: candidates[name],
     )
     first = np.cumsum([0, *(one.size for one in usual)])
-    exact = np.ones(first[-1] + 1)
+    exact = np.full(first[-1] + 1, 1e-8)
     exact[first] = [*USUAL.values(), 3e-4]
     whole = Scored((Pick(0, 1.0),), 0.0, None, np.arange(exact.size), np.ones(exact.size), exact)
     found = as_told(search, whole).exact
     late = np.array([one.late for one in every])
     assert found[first] @ late == pytest.approx(exact[first] @ late)
     assert found[first][1:-1].tolist() == [0.0, 0.0]
-    assert found[np.setdiff1d(np.arange(exact.size), first)].tolist() == [1.0] * (exact.size - first.size)
+    bends = {"torque_lag": 1.0, "measurement_delay": 0.5}[name] * found[-1] ** 2
+    own, other = (first[i] + 1 for i in ((1, 2) if name == "torque_lag" else (2, 1)))
+    assert found[own] + bends == pytest.approx(exact[own] + 3e-4 * 2e-4)
+    assert found[other] == exact[other]

@@ -67,6 +67,7 @@ class Candidate:
     bends: tuple[float, float] | None = (
         None  # of the first number of its shape over its only coefficient: what it naturally is, and how far off that
     )
+    bends_told: float = 0.0  # the same ratio, exactly, as a file has it
     logarithmic: tuple[bool, ...] = ()  # numbers of the shape that are refined by factors
     scales: tuple[float, ...] = (1.0,)
     positive: tuple[int, ...] = ()  # coefficients that cannot be below `least`

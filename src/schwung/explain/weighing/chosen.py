@@ -17,6 +17,7 @@ from schwung.explain.weighing.learned import Found, table
 from schwung.explain.weighing.places import Acts
 from schwung.explain.weighing.publication import NAMED, over_words
 from schwung.explain.weighing.search import Pick, Scored, Search, slices
+from schwung.explain.weighing.sets import as_told
 from schwung.explain.weighing.weigh import Posterior, at_bound
 from schwung.explain.weighing.written import sayable
 
@@ -38,7 +39,7 @@ class Chosen:
     def __init__(self, machine: Machine, outcome: Posterior) -> None:
         self.machine, self.outcome = machine, outcome
         self.search: Search = outcome.grown.search
-        self.set = self._first()
+        self.set = as_told(self.search, self._first())
 
     @property
     def names(self) -> frozenset[str]:
@@ -49,7 +50,7 @@ class Chosen:
         """Be the set without them."""
         without = {cause.pick for cause in causes}
         kept = tuple(pick for pick in self.set.picks if pick not in without)
-        self.set = self.search.score(kept)
+        self.set = as_told(self.search, self.search.score(kept))
 
     def sayable(self) -> tuple[list[Cause], tuple[str, ...]]:
         """The set's causes as far as a file can hold them, and a note for each other one.

@@ -71,7 +71,7 @@ class Known:
         if np.isfinite(e.torque_limit_nm):
             true = true + along.run.drive.asked(partial(_cut, e), along.filter_s)
         true = true * (1 + e.ripple_share * np.sin(e.ripple_order * along.angle + e.ripple_phase_rad))
-        on_motor = on_motor + true - torque + e.torque_filter_s * along.torque_rate
+        on_motor = on_motor + true - torque + e.torque_filter_s * along.reported_rate
         if e.torque_lag_s > 0:
             on_motor = on_motor - e.torque_lag_s * lagging(along, along.torque_rate, e.torque_lag_s)
         if e.carried_share:

@@ -36,7 +36,6 @@ from schwung.explain.weighing.publication import (
     merged,
 )
 from schwung.explain.weighing.search import Pick, Search
-from schwung.explain.weighing.sets import as_told
 from schwung.explain.weighing.twin import as_missed_by
 from schwung.explain.weighing.values import Parameter, Proof, Weighed
 from schwung.explain.weighing.weigh import Posterior, parameters_of, posterior_of
@@ -200,9 +199,7 @@ class _Publishing:
             cause = inside.get(one.name)
             given: Mapping[str, Parameter] = one.parameters
             if cause is not None:
-                told_values = parameters_of(
-                    self.search, as_told(self.search, self.chosen.set), cause.pick, cause.where
-                )
+                told_values = parameters_of(self.search, self.chosen.set, cause.pick, cause.where)
                 given = {key: _wider(value, given.get(key)) for key, value in told_values.items()}
             quantities = {
                 key: Quantity(q.value, self._unit(one.name, key), (q.low, q.high)) for key, q in given.items()
