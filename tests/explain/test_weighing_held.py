@@ -4,22 +4,70 @@ import sys
 from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 sys.path.append(str(Path(__file__).parents[2] / "benchmarks"))
 from stranger_plant import draw_stranger, stranger_belief, stranger_session
 
-from schwung.explain.weighing.weigh import posterior_of
+from schwung.explain.weighing.round import linearised
+from schwung.explain.weighing.weigh import Posterior, posterior_of
 
 
-@pytest.mark.parametrize(("seed", "late"), [(607, 3), (606, 4)])
-def test_what_is_taken_late_is_no_damping(seed: int, late: int) -> None:
-    """Its corners lie within the steps, where samples do not show them: a coupling's damping or stiffness a few per
-    cent off says the same of them. The belief's load is a third off."""
+def weighed(seed: int, late: int) -> Posterior:
+    """Of a stranger that logs every eighth tick, and takes what is sent with a log's sample so many ticks later."""
     stranger = replace(draw_stranger(seed, every=8), held_late=late)
-    found = posterior_of(stranger_session(stranger, seed), stranger_belief(stranger))
-    sure = [one.name for one in found.told.names if one.probability > 0.5]
-    assert sure in (["inertia_profile"], ["load_inertia"])
+    return posterior_of(stranger_session(stranger, seed), stranger_belief(stranger))
+
+
+@pytest.fixture(scope="module")
+def late_by_half() -> Posterior:
+    """By half a step; the belief's load is a third off."""
+    return weighed(606, 4)
+
+
+def sure(found: Posterior) -> list[str]:
     assert not [one for one in found.told.unnamed if one.probability > 0.5]
-    taken = found.grown.climbed.at.about.alongs[1].held_late
-    assert taken * stranger.every == pytest.approx(late, abs=0.7)
+    return [one.name for one in found.told.names if one.probability > 0.5]
+
+
+def taken(found: Posterior) -> float:
+    """In ticks after the sample whose injection it is taken for."""
+    return 8 * found.grown.climbed.at.about.alongs[1].held_late
+
+
+def test_what_is_taken_late_is_no_damping(late_by_half: Posterior) -> None:
+    """Its corners lie within the steps, where samples do not show them: a coupling's damping or stiffness a few per
+    cent off says the same of them."""
+    assert sure(late_by_half) == ["load_inertia"]
+    assert taken(late_by_half) == pytest.approx(4, abs=0.7)
+
+
+def test_from_a_belief_that_is_far_off_another_share_of_the_step_is_likelier() -> None:
+    """Begun from what the belief alone makes likely, it came to rest at 0.8 of a step."""
+    found = weighed(607, 3)
+    assert sure(found) == ["inertia_profile"]
+    assert taken(found) == pytest.approx(3, abs=0.7)
+
+
+def test_what_is_taken_more_than_a_step_late_is_no_stiffness() -> None:
+    """A drive may answer a PDO after more than one SYNC: what is the injection's of the reported torque was sent a
+    sample before. It was a stiffness and a torque constant (0.98, 0.90)."""
+    found = weighed(606, 12)
+    assert sure(found) == ["load_inertia"]
+    assert taken(found) == pytest.approx(12 - 8, abs=0.7)
+
+
+@pytest.mark.parametrize("share", [0.0, 0.3, 0.8])
+def test_where_in_the_step_it_is_taken_has_the_right_slope(late_by_half: Posterior, share: float) -> None:
+    """A speed that is late, as any is, shows the corners a little later: without that the line led the other way."""
+    at, noise, run = late_by_half.grown.climbed.at, late_by_half.growth.wide.noise, 1
+
+    def about(where: float):
+        members = [replace(m, coefficients=np.array([where])) if m.candidate.holds else m for m in at.members]
+        return linearised(at.about.view, members, noise, None, [run])
+
+    (hold,) = (m for m in at.members if m.candidate.holds)
+    line = about(share).whitened([(hold.candidate, hold.shape)], [run])[0].copy()
+    change = (about(share + 1e-3).innovations([run]) - about(share - 1e-3).innovations([run])) / 2e-3
+    assert -line == pytest.approx(change, abs=0.02 * np.max(np.abs(change)))

@@ -40,7 +40,7 @@ def test_what_it_did_not_keep_it_keeps_beside_none() -> None:
 def test_progress_never_goes_back() -> None:
     """However many searches a session takes: laws alone began again at a fifth."""
     nobody: Any = None
-    growth = Growth((), (), (), nobody)
+    growth = Growth((), (), (), nobody, nobody)
     assert [next(one.rounds) for one in (growth, growth.afresh(), growth, growth.afresh().afresh())] == [
         1,
         2,

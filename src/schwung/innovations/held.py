@@ -46,9 +46,12 @@ class Held:
         """Smooth, through the middles of its steps, where they are so much later, at the samples, (n,)."""
         if not self.is_any:
             return np.zeros_like(self.time_s)
-        middles = (self.time_s[1:] + self.time_s[:-1]) / 2
-        at = np.clip(self.time_s - late_s, middles[0], middles[-1])
-        return np.asarray(CubicSpline(middles, self.torque_nm)(at))
+        spline = self._spline
+        return np.asarray(spline(np.clip(self.time_s - late_s, spline.x[0], spline.x[-1])))
+
+    @cached_property
+    def _spline(self) -> CubicSpline:
+        return CubicSpline((self.time_s[1:] + self.time_s[:-1]) / 2, self.torque_nm)
 
     def changes(self, late_s: float) -> tuple[float, Array]:
         """At what share of each step it changes where it is taken so much later, and by how much (N·m), (n − 1,)."""

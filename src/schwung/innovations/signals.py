@@ -39,7 +39,9 @@ _GUESS, _SHARP = np.array([-1.0, 4.0, 0.0, 4.0, -1.0]) / 6, 3.0
 
 
 #: What is worked out of a run's signals and does not depend on its states.
-_STATELESS = ("load_nm",)
+_STATELESS = ("load_nm", "_injected")
+#: So many times of a held injection's are kept.
+_TIMES = 4
 
 
 @dataclass(frozen=True, eq=False)
@@ -201,6 +203,21 @@ class Signals:
         """How large the reported torque is within the band, (n,)."""
         held = np.append(self.drive.held.torque_nm, self.drive.held.torque_nm[-1:])
         return np.abs(self.quiet(self.drive.smooth_nm) + held)
+
+    def injected(self, late_s: float) -> tuple[Array, Array, Array]:
+        """A held injection taken so much later, within the band, and its two derivatives, at the samples, (n,) each."""
+        kept = self._injected
+        if late_s not in kept:
+            whole = self.quiet(self.drive.held.curve(late_s))
+            rate = slopes(whole, self.step_s)
+            if len(kept) >= _TIMES:
+                kept.pop(next(iter(kept)))
+            kept[late_s] = whole, rate, slopes(self.quiet(rate), self.step_s)
+        return kept[late_s]
+
+    @cached_property
+    def _injected(self) -> dict[float, tuple[Array, Array, Array]]:
+        return {}
 
     def quiet(self, values: Array) -> Array:
         """Signals (n, …) without what lies above the band, without lag."""

@@ -284,18 +284,12 @@ class Along:
     def reported_bend(self) -> Array:
         return self.true_torque.bend - self._injected[0][2]
 
-    @cached_property
-    def _injected(self) -> tuple[tuple[Array | float, ...], ...]:
+    @property
+    def _injected(self) -> tuple[Sequence[Array | float], Sequence[Array | float]]:
         """A held injection within the band and its two derivatives, taken at once and as late as it is."""
         if not self.run.drive.held.is_any:
             return ((0.0, 0.0, 0.0),) * 2
-        return tuple(self._injected_at(late) for late in (0.0, self.held_late))
-
-    def _injected_at(self, late: float) -> tuple[Array, ...]:
-        step = self.run.step_s
-        whole = self.run.quiet(self.run.drive.held.curve(late * step))
-        rate = slopes(whole, step)
-        return whole, rate, slopes(self.run.quiet(rate), step)
+        return self.run.injected(0.0), self.run.injected(self.held_late * self.run.step_s)
 
     @property
     @_kept

@@ -39,8 +39,8 @@ from schwung.explain.weighing.settling import (
     settled,
     settled_beyond,
     settled_elsewhere,
-    settled_within_step,
 )
+from schwung.explain.weighing.taken import Held
 from schwung.explain.weighing.wide import Wide, wide_fit
 from schwung.motion import Array
 
@@ -90,6 +90,7 @@ class Growth:
     always: tuple[int, ...]  # candidates that are in every set
     train: Sequence[int]
     wide: Wide
+    held: Held
     memory: Array | None = None
     #: Counts rounds of linearising, with those of the others that were made of it: progress never goes back.
     rounds: Iterator[int] = field(default_factory=lambda: count(1))
@@ -120,11 +121,13 @@ class Growth:
     def nothing(self, view: View) -> Settled:
         """The belief with what is always there."""
         always = [absent(self.candidates[i]) for i in self.always]
-        return self._settled(view, always)
+        return self._nearest(self._settled(view, always))
 
     def climbed(self, at: Settled, picks: Shaped, *, named: bool = False, fresh: bool = False) -> Climbed:
         """From a set at rest, by one cause more at a time; then by what may stand in its place. `named`: whether it is
         left halfway where something has no name. `fresh`: whether the noise was looked at since something was found.
+
+        Raises TakenLater where a set shows that what a bus holds is taken a sample later.
         """
         growing = True
         while True:  # each round is likelier than the one before, or the last but for a look at the noise
@@ -138,7 +141,7 @@ class Growth:
                 taken = self._further(search, start, at)
                 if taken is not None:
                     start, at = self._exchanged(search, *taken)
-                    at = settled_within_step(at, self.weighing)
+                    at = self._nearest(at)
                     if named and is_unnamed(search, start):
                         return Climbed(search, start, at, halfway=True)
                     fresh = self.unrepeated and self._is_loud(at)
@@ -199,8 +202,13 @@ class Growth:
         return self._settled(at.about.view, at.members)
 
     def _settled(self, view: View, members: Sequence[Member]) -> Settled:
-        at = settled(self.wide.seen(view), members, self.weighing)
-        return settled_within_step(at, self.weighing)
+        return settled(self.wide.seen(view), members, self.weighing)
+
+    def _nearest(self, at: Settled) -> Settled:
+        """With what a bus holds taken where that is likelier."""
+        if self._misses(at) or at.about.view.work.spent:
+            return at
+        return self.held.nearest(at, self.weighing)
 
     def _is_loud(self, at: Settled) -> bool:
         """Whether a set leaves so much less than the noise is that it has not been known until now: about that nothing
@@ -301,7 +309,7 @@ class Growth:
             ):
                 continue
             self.timed.add(kind)
-            tried = settled_within_step(settled(at.about.view, begun, self.weighing), self.weighing)
+            tried = settled(at.about.view, begun, self.weighing)
             one = search.score((*others, search.nearest(index, tried.members[-1].shape)))
             tried, gain = self._noted(search, one, start, at, tried)
             if gain > 0:

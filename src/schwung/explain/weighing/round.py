@@ -16,7 +16,7 @@ from schwung.explain.weighing.joined import Joined
 from schwung.explain.weighing.known import Known
 from schwung.explain.weighing.present import Member, filter_of, gap_of, held_late_of, with_members
 from schwung.explain.weighing.work import LINEARISED, NOISE, Work
-from schwung.innovations.effect import Passed, whiten
+from schwung.innovations.effect import Effect, Passed, whiten
 from schwung.innovations.likelihood import Noise, likely_noise, unshared_deviance_of
 from schwung.innovations.low_pass import heard, loudness
 from schwung.innovations.signals import Signals
@@ -30,6 +30,8 @@ STEPS = 12
 #: Costs (−2 log) that differ by less are the same: the filter's equations change a little with the states.
 ALIKE = 0.5
 
+#: Shares of a step by which what is held is taken otherwise, for the slope.
+_APART = 1e-3
 #: Of the way to the states that a further mass makes likely, so much at once.
 _OF_THE_WAY = 0.5
 
@@ -209,8 +211,29 @@ class Linearised:
         for candidate, _ in causes:
             if candidate.holds and drive.held.is_any:
                 later = drive.held.slope(self.alongs[run].held_late * self.view.runs[run].step_s)
-                rows[down, across : across + passed.samples] = passed.driven(later).innovations
+                place = slice(across, across + passed.samples)
+                rows[down, place] = passed.driven(later).innovations + passed.whitened([self._beside(run)])[0]
             down += candidate.size
+
+    def _beside(self, run: int) -> Effect:
+        """What all that is present does otherwise where what is held is taken later, by a step: of a late speed, the
+        corners are elsewhere."""
+        along = self.alongs[run]
+        later, earlier = (
+            acting(self.view, replace(along, held_late=along.held_late + way * _APART), self.members)
+            for way in (1, -1)
+        )
+        return Effect(
+            *(
+                ((one - other) * np.ones_like(along.speed) / (2 * _APART))[:, None]
+                for one, other in (
+                    (later.on_motor, earlier.on_motor),
+                    (later.on_load, earlier.on_load),
+                    (later.position, earlier.position),
+                    (later.speed, earlier.speed),
+                )
+            )
+        )
 
     def _few_samples(self, runs: Sequence[int]) -> list[list[int]]:
         """These runs, as many at once as there is room for their columns in the nearest memory."""

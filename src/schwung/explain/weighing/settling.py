@@ -34,8 +34,6 @@ from schwung.motion import Array
 HALVINGS, _AT_REST = 4, 0.1
 #: Passes of a set's own noise at most; known, where no size of it moves by more than this (log).
 _PASSES, _KNOWN = 4, 0.1
-#: Where in a step a drive may begin to take what a bus holds, as shares of it.
-_SHARES_OF_STEP = (0.0, 0.3, 0.6, 0.9)
 #: How well a gap is found (log) before all else comes to rest with it.
 _NEARLY = 0.03
 
@@ -149,30 +147,6 @@ def settled_elsewhere(
     return best if in_all == 1 else settled(at.about.view, best.members, weighing)
 
 
-def settled_within_step(at: Settled, weighing: Weighing) -> Settled:
-    """The same with what a bus holds begun elsewhere in its step, at rest, where that is likelier.
-
-    The corners as samples show them are no line of where in the step they are.
-    """
-    if not any(_holds(at, run) for run in weighing.train):
-        return at
-    first = replace(weighing, train=few_of([run for run in weighing.train if _holds(at, run)]))
-    best = here = settled(at.about.view, at.members, first)
-    for share in _SHARES_OF_STEP:
-        begun = [replace(m, coefficients=np.array([share])) if m.candidate.holds else m for m in at.members]
-        tried = settled(at.about.view, begun, first)
-        best = tried if tried.log > best.log else best
-    if best is here:
-        return at
-    found = settled(at.about.view, best.members, weighing)
-    return found if found.log > at.log else at
-
-
-def _holds(at: Settled, run: int) -> bool:
-    """Whether a bus holds anything there."""
-    return at.about.view.runs[run].drive.held.is_any
-
-
 def _shut(member: Member) -> bool:
     """Whether it opens a gap that is not open yet."""
     return member.candidate.opens and member.coefficients[0] <= 0
@@ -227,7 +201,10 @@ def _at_rest(at: _Step, weighing: Weighing) -> Settled:
                     break
             share /= 2
         if better is at or better.cost >= at.cost + ALIKE * missed**2:
-            break
+            again = _stepped(smoothed(at.about.view, at.members, weighing), at.members, weighing)
+            if again.cost < at.cost + ALIKE * missed**2:
+                break
+            better = again  # what it was about was none of its own states, and too good for any step
         at = better
     return Settled(at.about, at.members, at.log + _inexact(at.about, at.members, weighing))
 

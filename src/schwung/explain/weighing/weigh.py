@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
+from itertools import count
 
 import numpy as np
 from numpy.typing import NDArray
@@ -27,6 +28,7 @@ from schwung.explain.weighing.search import TOLD, Pick, Scored, Search, slices
 from schwung.explain.weighing.sets import as_told, everything
 from schwung.explain.weighing.sharpness import covariance_of
 from schwung.explain.weighing.standing import Standing, standing
+from schwung.explain.weighing.taken import Held, TakenLater, taken_later
 from schwung.explain.weighing.values import Named, Parameter, Proof, Unnamed, Weighed
 from schwung.explain.weighing.vocabulary import vocabulary
 from schwung.explain.weighing.wide import wide_fit
@@ -119,24 +121,22 @@ def posterior_of(
     work = work or Work()
     heldout = kept_aside(session) if heldout is None else tuple(heldout)
     train = tuple(run for run in range(len(session.runs)) if run not in heldout)
-    band = band_of(session)
-    runs = signals_as_measured(session, machine)
-    one_motion = len(motions_of(session.runs)) == 1
     groups = _repeats(session)
     unrepeated = not any(len(group) > 1 for group in groups)
-    of = ranges_of(runs, STICKING, band)
-    of = replace(of, one_motion=one_motion, unrepeated=unrepeated)
-    torques = tuple(TrueTorque(run, run.drive.whole_nm) for run in runs)
-    belief = known(machine, of.low_rad, of.high_rad)
-    seen = View(session.runs, tuple(runs), belief, of, torques, repeats=groups, work=work)
-    view = phased(seen, first_noise(runs))
-    candidates = [c for c in vocabulary(of, view.known) if not (steady and c.shown_by_accelerating)]
+    view = _view(session, machine, groups, work)
+    candidates = [c for c in vocabulary(view.ranges, view.known) if not (steady and c.shown_by_accelerating)]
     tell("Finding the noise", NOISE_SHARE / 2)
     always = tuple(i for i, c in enumerate(candidates) if c.name.startswith("usual"))
-    beside = repeated(session.runs, NATURAL * of.peak_torque_nm)
-    wide = wide_fit(view, everything(candidates, ()), first_noise(runs), train)
-    growth = Growth(candidates, always, train, wide, tell=tell, unrepeated=unrepeated)
-    found = grown(growth, view)
+    beside = repeated(session.runs, NATURAL * view.ranges.peak_torque_nm)
+    for samples in count(1):
+        wide = wide_fit(view, everything(candidates, ()), first_noise(view.runs), train)
+        held = Held(view, _view(taken_later(session, samples), machine, groups, work))
+        growth = Growth(candidates, always, train, wide, held, tell=tell, unrepeated=unrepeated)
+        try:
+            found = grown(growth, view)
+            break
+        except TakenLater:
+            view, work.done = held.later, 0.0
 
     def about(best: Scored) -> Posterior:
         lost = max(found.best.log - best.log, 0.0)  # with laws that do not hold elsewhere
@@ -151,6 +151,20 @@ def posterior_of(
     # beside a law that does not hold elsewhere, none stands out whose place it can take
     kept = tuple(pick for pick in found.best.picks if found.search.name(pick) not in laws)
     return about(found.search.score(kept))
+
+
+def _view(session: Session, machine: Machine, groups: Sequence[Sequence[int]], work: Work) -> View:
+    """A session as it is before anything is known of it; `groups`: of runs whose noise shows."""
+    runs = signals_as_measured(session, machine)
+    of = replace(
+        ranges_of(runs, STICKING, band_of(session)),
+        one_motion=len(motions_of(session.runs)) == 1,
+        unrepeated=not any(len(group) > 1 for group in groups),
+    )
+    torques = tuple(TrueTorque(run, run.drive.whole_nm) for run in runs)
+    belief = known(machine, of.low_rad, of.high_rad)
+    seen = View(session.runs, tuple(runs), belief, of, torques, repeats=groups, work=work)
+    return phased(seen, first_noise(runs))
 
 
 def band_of(session: Session) -> float:
