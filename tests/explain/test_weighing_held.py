@@ -10,7 +10,7 @@ import pytest
 sys.path.append(str(Path(__file__).parents[2] / "benchmarks"))
 from stranger_plant import draw_stranger, stranger_belief, stranger_session
 
-from schwung.explain.weighing.round import linearised
+from schwung.explain.weighing.round import Linearised, linearised
 from schwung.explain.weighing.weigh import Posterior, posterior_of
 
 
@@ -62,12 +62,17 @@ def test_what_is_taken_more_than_a_step_late_is_no_stiffness() -> None:
 def test_where_in_the_step_it_is_taken_has_the_right_slope(late_by_half: Posterior, share: float) -> None:
     """A speed that is late, as any is, shows the corners a little later: without that the line led the other way."""
     at, noise, run = late_by_half.grown.climbed.at, late_by_half.growth.wide.noise, 1
+    (hold,) = (m for m in at.members if m.candidate.holds)
+    (both,) = (m for m in at.members if all(m.candidate.late))
 
-    def about(where: float):
-        members = [replace(m, coefficients=np.array([where])) if m.candidate.holds else m for m in at.members]
+    def about(where: float) -> Linearised:
+        have = {hold.candidate.name: where, both.candidate.name: 4e-4}
+        coefficients = (have.get(m.candidate.name, m.coefficients) for m in at.members)
+        members = [
+            replace(m, coefficients=np.atleast_1d(c)) for m, c in zip(at.members, coefficients, strict=True)
+        ]
         return linearised(at.about.view, members, noise, None, [run])
 
-    (hold,) = (m for m in at.members if m.candidate.holds)
     line = about(share).whitened([(hold.candidate, hold.shape)], [run])[0].copy()
     change = (about(share + 1e-3).innovations([run]) - about(share - 1e-3).innovations([run])) / 2e-3
     assert -line == pytest.approx(change, abs=0.02 * np.max(np.abs(change)))
