@@ -3,6 +3,7 @@
     python benchmarks/calibration.py --first 20000 --machines 500 --methods multiphase auto auto/2
     python benchmarks/calibration.py --plant stranger --first 300 --machines 160
     python benchmarks/calibration.py --plant stranger --every 2 --first 300 --machines 160
+    python benchmarks/calibration.py --plant stranger --every 8 --held 1 --first 720 --machines 60
     python benchmarks/calibration.py --hard --first 9000 --machines 130 --methods denoised multiphase auto
     python benchmarks/calibration.py --hard --plant stranger --first 300 --machines 160
 
@@ -21,7 +22,7 @@ import argparse
 import json
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from functools import partial
 from pathlib import Path
 
@@ -74,10 +75,14 @@ def home(seed: int, *, hard: bool = False) -> Case:
     )
 
 
-def stranger(seed: int, *, hard: bool = False, every: int | None = None) -> Case:
-    """A machine from another hand; the four motion times take turns. `every`: so many ticks per logged sample."""
+def stranger(seed: int, *, hard: bool = False, every: int | None = None, held: float | None = None) -> Case:
+    """A machine from another hand; the four motion times take turns. `every`: so many ticks per logged sample. `held`:
+    the injection is sent once a sample, and taken up to so many samples later."""
     duration = DURATIONS_S[seed % len(DURATIONS_S)]
     drawn = draw_hidden(seed, duration, every) if hard else draw_stranger(seed, duration, every)
+    if held is not None:
+        late = np.random.default_rng([seed, 5077]).integers(0, round(held * drawn.every), endpoint=True)
+        drawn = replace(drawn, held_late=int(late))
     return Case(
         stranger_session(drawn, seed),
         stranger_belief(drawn),
@@ -298,6 +303,11 @@ def main() -> None:
     )
     parser.add_argument("--plant", choices=("home", "stranger"), default="home", help="whose machines")
     parser.add_argument("--every", type=int, help="ticks per logged sample of a stranger; else by chance")
+    parser.add_argument(
+        "--held",
+        type=float,
+        help="a stranger's injection is sent once a sample, and taken up to so many later",
+    )
     parser.add_argument("--workers", type=int, default=2)
     parser.add_argument("--keep", type=Path, help="keep outcomes there, line by line, and go on from them")
     parser.add_argument("--out", type=Path, help="write the tables there, too")
@@ -309,7 +319,7 @@ def main() -> None:
     todo = [seed for seed in seeds if seed not in {o.seed for o in outcomes}]
     make = partial(home, hard=given.hard)
     if given.plant == "stranger":
-        make = partial(stranger, hard=given.hard, every=given.every)
+        make = partial(stranger, hard=given.hard, every=given.every, held=given.held)
     with ProcessPoolExecutor(given.workers) as pool:
         made = pool.map(partial(judge, make, methods), todo)
         for number, part in enumerate(made, start=1 + len(seeds) - len(todo)):
