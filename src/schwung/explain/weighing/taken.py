@@ -17,8 +17,8 @@ from schwung.explain.weighing.search import HOPELESS
 from schwung.explain.weighing.settling import Settled, Weighing, settled
 from schwung.session.model import Run, Session
 
-#: Of a step.
-_MIDDLE = np.array([0.5])
+#: Shares of a step that a set is begun at: in all, and before it is left for another one.
+_MIDDLE, _ENDS = 0.5, (0.1, 0.9)
 
 
 class TakenLater(Exception):
@@ -53,11 +53,17 @@ class Held:
         if not held:
             return at
         few = replace(weighing, train=few_of(held))
-        middle = [replace(m, coefficients=_MIDDLE) if m.candidate.holds else m for m in at.members]
-        here, within = (settled(self.now, members, few) for members in (at.members, middle))
-        later = settled(self.later, middle, few)
+
+        def begun(share: float, view: View = self.now) -> Settled:
+            taken = (np.array([share]) if m.candidate.holds else m.coefficients for m in at.members)
+            members = [replace(m, coefficients=c) for m, c in zip(at.members, taken, strict=True)]
+            return settled(view, members, few)
+
+        here, within, later = settled(self.now, at.members, few), begun(_MIDDLE), begun(_MIDDLE, self.later)
         if later.log > max(here.log, within.log) + HOPELESS:
-            raise TakenLater
+            within = max(within, *map(begun, _ENDS), key=lambda one: one.log)
+            if later.log > max(here.log, within.log) + HOPELESS:
+                raise TakenLater
         if within.log <= here.log + ALIKE:
             return at
         found = settled(at.about.view, within.members, weighing)
