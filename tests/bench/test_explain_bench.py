@@ -91,6 +91,8 @@ def test_what_the_bench_conceals_is_named_and_measured(
     assert found.verdict == "explained"
     assert list(_named(found)) == [physics]
     assert _named(found)[physics][key].value == pytest.approx(truth, rel=tolerance)
+    (term,) = found.machine.physics
+    assert term.parameters[key] == pytest.approx(_named(found)[physics][key].value)  # what is told is proven
     assert found.proof is not None
     assert found.proof.runs == (3,)
     assert found.proof.taken > 0.99
