@@ -89,6 +89,24 @@ def test_from_wherever_it_begins_the_gap_comes_to_rest_where_it_is(view, play, b
     assert missed(at) < 1.5
 
 
+def softer(view: View) -> Member:
+    """A coupling half as stiff as it is."""
+    stiffness = next(c for c in vocabulary(view.ranges, view.known) if c.name == "coupling_stiffness")
+    return Member(stiffness, (), np.array([-STIFFNESS / 2]), np.array(stiffness.deviations))
+
+
+def test_what_is_hopeless_does_not_come_to_rest(view):
+    def rest(least: float = -np.inf) -> tuple[Settled, float]:
+        before = view.work.done
+        return settled(view, [usual(view), softer(view)], WEIGHING, least), view.work.done - before
+
+    found, took = rest()
+    assert rest(found.log + 10)[0].log == found.log
+    hopeless, less = rest(found.log + 1e4)
+    assert less < 0.9 * took
+    assert hopeless.log < found.log + 1e3
+
+
 def test_a_gap_is_tried_whatever_a_line_promises(view, play):
     nothing = settled(view, [usual(view)], WEIGHING)
     members = [*nothing.members, absent(play)]

@@ -64,3 +64,12 @@ def test_no_change_leaves_less_than_a_machine_needs() -> None:
     gone = Member(one, one.shapes[0], np.array([-1.0]), np.ones(1))
     left = with_members(believed, [gone], RANGES).load_inertia_at(WHERE)
     np.testing.assert_allclose(left, LEAST_SHARE * believed.load_inertia_at(WHERE))
+
+
+@pytest.mark.parametrize(("change", "total"), [(1e11, 1e11 + 9000.0), (-1e11, LEAST_SHARE * 9000.0)])
+def test_a_step_may_lead_to_a_coupling_that_no_machine_file_holds(change: float, total: float) -> None:
+    one = candidate("coupling_stiffness")
+    far = Member(one, one.shapes[0], np.array([change]), np.ones(1))
+    coupling = with_members(machine(), [far], RANGES).coupling
+    assert coupling is not None
+    assert coupling.stiffness_nm_rad == pytest.approx(total)

@@ -128,6 +128,11 @@ class Candidate:
         return len(self.deviations)
 
     @property
+    def yields(self) -> bool:
+        """Whether it changes how motor and load give way to each other."""
+        return any(self.coupling) or self.tangent is not None or self.swings
+
+    @property
     def shape_log(self) -> float:
         """Log of the share that one shape has of all that there are, before anything is seen."""
         return -float(np.log(self.choices or len(self.shapes)))

@@ -39,6 +39,7 @@ from schwung.explain.weighing.settling import (
     settled,
     settled_beyond,
     settled_elsewhere,
+    smoothed,
 )
 from schwung.explain.weighing.taken import Held
 from schwung.explain.weighing.wide import Wide, wide_fit
@@ -141,6 +142,7 @@ class Growth:
                 taken = self._further(search, start, at)
                 if taken is not None:
                     start, at = self._exchanged(search, *taken)
+                    start, at = self._play_instead(search, start, at) or (start, at)
                     at = self._nearest(at)
                     if named and is_unnamed(search, start):
                         return Climbed(search, start, at, halfway=True)
@@ -251,14 +253,18 @@ class Growth:
         lines = dict.fromkeys((*promising, *named))
         beyond = [*(one for one in opening if one not in lines), *elsewhere]
         best, top = None, 0.0
-        for one, everywhere in [*((one, False) for one in lines), *((one, True) for one in beyond)]:
-            last = self.gained.get(search.index(one.picks[-1]), np.inf) if everywhere else np.inf
+        for one in [*(one for one in lines if one not in beyond), *beyond]:
+            last = self.gained.get(search.index(one.picks[-1]), np.inf) if one in beyond else np.inf
             # what a cause takes beside more is seldom more: it is not asked again for less than there is already
-            if best is not None and (last <= top or search.data.work.spent):
+            fruitless = best is not None and last <= top
+            if best is not None and ((fruitless and one not in lines) or search.data.work.spent):
                 continue
+            everywhere = one in beyond and not fruitless
             tried, gain = self._rested(search, one, start, at, top, everywhere=everywhere)
             if everywhere:
                 self.gained[search.index(one.picks[-1])] = gain
+            if everywhere or one not in elsewhere:
+                search.asked[frozenset(one.picks)] = gain
             if gain > top:
                 best, top = (one, tried), gain
         return best
@@ -280,9 +286,9 @@ class Growth:
                     without_damping(m)
                     for m in begun_from(at.members, members_of(search, one, self.candidates))
                 ]
-                tried, gain = self._noted(
-                    search, one, start, at, settled(at.about.view, begun, self.weighing)
-                )
+                least = self._least(search, one, start, at) + top
+                tried = settled(at.about.view, begun, self.weighing, least)
+                tried, gain = self._noted(search, one, start, at, tried)
                 if gain > top:
                     best, top = (one, tried), gain
         return best
@@ -317,6 +323,31 @@ class Growth:
             search.kept[kind] = max(search.kept.get(kind, -np.inf), start.log + gain - one.log)
         return None
 
+    def _play_instead(self, search: Search, start: Scored, at: Settled) -> tuple[Scored, Settled] | None:
+        """Play in place of all else by which motor and load give way to each other, where that is likelier at rest:
+        together those may do what play does, and beside them there is no room for it."""
+        others = tuple(pick for pick in start.picks if not search.candidate(pick).yields)
+        play = search.opening() if IS_FAST else None
+        if (
+            play is None
+            or len(others) == len(start.picks)
+            or any(search.candidate(pick).opens for pick in start.picks)
+        ):
+            return None
+        one = search.score((*others, play))
+        if search.kind(one.picks) in self.rested or search.data.work.spent:
+            return None
+        members = begun_from(at.members, members_of(search, one, self.candidates))
+        about = smoothed(at.about.view, members, self.weighing)
+        still = [m.coefficients for m in members]
+        least = self._least(search, one, start, at)
+        tried = settled_beyond(about, members, still, self.weighing, least)
+        tried, gain = self._noted(search, one, start, at, tried)
+        if gain > 0:
+            return one, tried
+        search.kept[search.kind(one.picks)] = start.log + gain - one.log
+        return None
+
     def _fewer(self, search: Search, start: Scored, at: Settled) -> tuple[Scored, Settled] | None:
         """The set without one of its names, where that is more probable at rest.
 
@@ -347,7 +378,9 @@ class Growth:
             promised, one = max(untried, key=lambda pair: pair[0], default=(-np.inf, start))
             if promised <= start.log + np.log(TOLD):
                 break
-            tried, gain = self._rested(search, one, start, at)
+            gain = search.asked.get(frozenset(one.picks), np.inf)
+            if gain > 0:
+                tried, gain = self._rested(search, one, start, at)
             if gain > 0:
                 return one, tried
             search.kept[search.kind(one.picks)] = start.log + gain - one.log
@@ -365,10 +398,13 @@ class Growth:
     ) -> tuple[Settled, float]:
         """A set at rest, and how much more probable it is there (log) than the one at hand; where that is not more than
         `least`, or it is not looked for `everywhere`, perhaps not where it is most probable."""
-        members = members_of(search, one, self.candidates)
+        members, to_exceed = (
+            members_of(search, one, self.candidates),
+            self._least(search, one, start, at) + least,
+        )
         if {key_of(m) for m in at.members} <= {key_of(m) for m in members}:
             promised, begun = [m.coefficients for m in members], begun_from(at.members, members)
-            tried = settled_beyond(at.about, begun, promised, self.weighing)
+            tried = settled_beyond(at.about, begun, promised, self.weighing, to_exceed)
             if members[-1].candidate.is_inertia_curve and self._misses(at):
                 tried = self._balanced(at, begun, tried)
             far = everywhere and members[-1].candidate.elsewhere
@@ -376,7 +412,7 @@ class Growth:
                 other = settled_elsewhere(at, begun, self.weighing, least)
                 tried = tried if other is None or other.log < tried.log else other
         else:
-            tried = settled(at.about.view, members, self.weighing)
+            tried = settled(at.about.view, members, self.weighing, to_exceed)
         return self._noted(search, one, start, at, tried)
 
     def _balanced(self, at: Settled, begun: Sequence[Member], tried: Settled) -> Settled:
@@ -392,6 +428,10 @@ class Growth:
     def _misses(self, at: Settled) -> bool:
         """Whether a set misses more than its noise is: then what is missed is no line about it."""
         return bool(at.about.square(self.train) > _FAR**2 * at.about.samples(self.train))
+
+    def _least(self, search: Search, one: Scored, start: Scored, at: Settled) -> float:
+        """What a set has to be at rest to be as probable as the one at hand (log)."""
+        return at.log + search.prior(start.picks) - search.prior(one.picks)
 
     def _noted(
         self, search: Search, one: Scored, start: Scored, at: Settled, tried: Settled

@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from schwung.drivetrain.inertia import InertiaTable
-from schwung.drivetrain.machine import Coupling, Load, Machine
+from schwung.drivetrain.machine import Load, Machine
 from schwung.explain.weighing.along import Ranges
 from schwung.explain.weighing.candidate import Candidate, Shape
 from schwung.motion import Array
@@ -85,12 +85,14 @@ def with_members(machine: Machine, members: Sequence[Member], of: Ranges) -> Mac
     damping = sum(m.candidate.coupling[1] * float(m.coefficients[0]) for m in members)
     damping += sum(float(m.coefficients[1]) for m in members if m.candidate.opens)
     if coupling is not None and (stiffness or damping):
-        coupling = Coupling(
-            stiffness_nm_rad=max(
+        total = {
+            "stiffness_nm_rad": max(
                 coupling.stiffness_nm_rad + stiffness, LEAST_SHARE * coupling.stiffness_nm_rad
             ),
-            damping_nms=max(coupling.damping_nms + damping, LEAST_SHARE * coupling.damping_nms),
-        )
+            "damping_nms": max(coupling.damping_nms + damping, LEAST_SHARE * coupling.damping_nms),
+        }
+        # not asked whether a machine file may hold it: where a step leads too far, the runs are less likely
+        coupling = coupling.model_copy(update=total)
     heavier = [m for m in members if m.candidate.inertia is not None]
     if heavier:
 

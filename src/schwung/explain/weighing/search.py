@@ -77,6 +77,7 @@ class Search:
     known: dict[Set, Scored] = field(default_factory=dict)
     closely: dict[tuple[Set, Pick], Scored] = field(default_factory=dict)  # what `_with` found
     kept: dict[frozenset[int], float] = field(default_factory=dict)  # at rest, less what was promised (log)
+    asked: dict[frozenset[Pick], float] = field(default_factory=dict)  # at rest, less the set at hand (log)
     resting: frozenset[int] = frozenset()  # the kind of set that all is linearised about
 
     def __post_init__(self) -> None:
@@ -291,6 +292,11 @@ class Search:
         every = enumerate(self.data.candidates)
         return [Pick(self._first(i), 1.0) for i, c in every if c.is_number and i not in inside]
 
+    def opening(self) -> Pick | None:
+        """The first of what opens a gap; None: nothing does."""
+        each = enumerate(self.data.atoms)
+        return next((Pick(i, 1.0) for i, one in each if self.data.candidates[one.candidate].opens), None)
+
     def nearest(self, index: int, shape: Shape) -> Pick:
         """A candidate in a shape of its grid that is near one."""
         own = [i for i, atom in enumerate(self.data.atoms) if atom.candidate == index]
@@ -373,7 +379,8 @@ class Search:
                     self._with(others, instead)
 
     def tempered(self, ratio: float) -> Search:
-        """The same sets as so many times fewer samples would tell them apart, but for those that are then hopeless.
+        """The same sets as so many times fewer samples would tell them apart, but for those that are together no more
+        than a hundredth of what is told then.
 
         ∫ p^(1/r) π ≤ (∫ p π)^(1/r), for the root is concave: so a set's log evidence, over r, is the most that it has
         then, whatever size of its curves is best there.
@@ -386,7 +393,8 @@ class Search:
         ]
         best = -np.inf
         for most, one in sorted(upper, key=lambda pair: -pair[0]):
-            if most < best - HOPELESS or (other.table and self.data.work.late):
+            left = most + np.log(len(upper)) < best + np.log(TOLD / 100)
+            if left or (other.table and self.data.work.late):
                 break
             log = other.sized(other.score(one.picks)).log
             best = max(best, log + other.unkept(self.kind(one.picks)))

@@ -22,7 +22,7 @@ from schwung.explain.weighing.round import (
     resmoothed,
     resmoothed_about,
 )
-from schwung.explain.weighing.search import logsumexp
+from schwung.explain.weighing.search import HOPELESS, logsumexp
 from schwung.explain.weighing.sharpness import shape_slopes
 from schwung.explain.weighing.work import PRODUCT
 from schwung.innovations.evidence import Weighed, weigh
@@ -30,8 +30,9 @@ from schwung.innovations.likelihood import Noise
 from schwung.innovations.statistics import Numbers, Statistics
 from schwung.motion import Array
 
-#: Halvings of a step at most; at rest, where no coefficient moves by more than this (deviations).
-HALVINGS, _AT_REST = 4, 0.1
+#: Halvings at most, of what leaves no machine; shares of a step that are tried; at rest, where no coefficient moves by
+#: more than this (deviations).
+HALVINGS, _SHARES, _AT_REST = 4, (1.0, 0.5, 0.25, 0.125), 0.1
 #: Passes of a set's own noise at most; known, where no size of it moves by more than this (log).
 _PASSES, _KNOWN = 4, 0.1
 #: How well a gap is found (log) before all else comes to rest with it.
@@ -57,13 +58,14 @@ class Settled:
     log: float
 
 
-def settled(view: View, members: Sequence[Member], weighing: Weighing) -> Settled:
-    """Gauss and Newton over the coefficients and shapes of a few members, whose noise is known.
+def settled(view: View, members: Sequence[Member], weighing: Weighing, least: float = -np.inf) -> Settled:
+    """Gauss and Newton over the coefficients and shapes of a few members, whose noise is known; what is hopelessly less
+    likely than `least` (log) does not come to rest.
 
     A step that makes the runs less likely is halved: far from the truth, a linear model promises too much.
     """
     members = _that_move(view, members)
-    return _at_rest(_stepped(smoothed(view, members, weighing), members, weighing), weighing)
+    return _at_rest(_stepped(smoothed(view, members, weighing), members, weighing), weighing, least)
 
 
 def own_noise(at: Settled, weighing: Weighing) -> Noise:
@@ -109,7 +111,11 @@ def smoothed(view: View, members: Sequence[Member], weighing: Weighing) -> Linea
 
 
 def settled_beyond(
-    about: Linearised, members: Sequence[Member], promised: Sequence[Array], weighing: Weighing
+    about: Linearised,
+    members: Sequence[Member],
+    promised: Sequence[Array],
+    weighing: Weighing,
+    least: float = -np.inf,
 ) -> Settled:
     """The same from members with the coefficients they have where all is linearised; `promised`: the linear model's.
 
@@ -119,11 +125,13 @@ def settled_beyond(
         opened = _opened(about, members, weighing)
         if opened is None:
             return Settled(about, tuple(members), -np.inf)
-        return settled(about.view, opened, weighing)
+        return settled(about.view, opened, weighing, least)
     steps = [new - m.coefficients for new, m in zip(promised, members, strict=True)]
     cost = _cost(about, members, weighing)
     still = [np.zeros(len(m.candidate.spacing)) for m in members]
-    return _at_rest(_Step(about, tuple(members), steps, still, np.inf, cost, -np.inf), weighing)
+    return _at_rest(
+        _Step(about, tuple(members), steps, still, np.inf, np.inf, cost, -np.inf), weighing, least
+    )
 
 
 def settled_elsewhere(
@@ -136,12 +144,17 @@ def settled_elsewhere(
     """
     first = replace(weighing, train=few_of(weighing.train))
     here = settled(at.about.view, at.members, first)
+    in_all = at.about.samples(weighing.train) / at.about.samples(first.train)
     begun = [
-        settled(at.about.view, [*members[:-1], replace(members[-1], coefficients=np.array([start]))], first)
+        settled(
+            at.about.view,
+            [*members[:-1], replace(members[-1], coefficients=np.array([start]))],
+            first,
+            here.log + least / in_all,
+        )
         for start in members[-1].candidate.elsewhere
     ]
     best = max(begun, key=lambda one: one.log)
-    in_all = at.about.samples(weighing.train) / at.about.samples(first.train)
     if in_all * (best.log - here.log) <= least:
         return None
     return best if in_all == 1 else settled(at.about.view, best.members, weighing)
@@ -182,31 +195,63 @@ def _opened(about: Linearised, members: Sequence[Member], weighing: Weighing) ->
     return tried(gap) if cost(gap, weighing) < _cost(about, members, weighing) else None
 
 
-def _at_rest(at: _Step, weighing: Weighing) -> Settled:
+def _at_rest(at: _Step, weighing: Weighing, least: float) -> Settled:
+    """Step by step, each likelier than the one before.
+
+    Where none is, the one before may be too good for any: it is about states that were smoothed about another. It is
+    asked again about its own, and has come to rest where those are no likelier than its own were before.
+    """
     samples = at.about.samples(weighing.train) / weighing.excess
+    before = np.inf
     for _ in range(STEPS):
         missed = max(1.0, float(np.sqrt(at.cost / samples)))  # coefficients are known so many times less well
         if at.moved < _AT_REST * missed or at.about.view.work.late:
             break
-        share, better = 1.0, at
-        for _ in range(HALVINGS):
-            tried = [
-                _moved(m, share * step, share * moved)
-                for m, step, moved in zip(at.members, at.steps, at.shifts, strict=True)
-            ]
-            about = smoothed(at.about.view, tried, weighing)
-            if finite(about.view):
-                better = _stepped(about, tried, weighing)
-                if better.cost < at.cost + ALIKE * missed**2:
+        worse = at.cost + ALIKE * missed**2
+        near = (
+            at.moved < missed
+        )  # within what is known of them a line is right: it is the states that are not
+        if near and _is_hopeless(at, weighing, least):
+            break
+        better = _better(at, _SHARES[:1] if near else _SHARES, worse, weighing)
+        if better is None and _is_hopeless(at, weighing, least):
+            break
+        if better is None:
+            own = _stepped(smoothed(at.about.view, at.members, weighing), at.members, weighing)
+            if not own.cost < worse:
+                at, alike = own, own.cost > before - ALIKE * missed**2
+                before = own.cost
+                if alike:
                     break
-            share /= 2
-        if better is at or better.cost >= at.cost + ALIKE * missed**2:
-            again = _stepped(smoothed(at.about.view, at.members, weighing), at.members, weighing)
-            if again.cost < at.cost + ALIKE * missed**2:
+                continue
+            better = _better(at, _SHARES[1:], worse, weighing) if near else None
+            if better is None:
                 break
-            better = again  # what it was about was none of its own states, and too good for any step
         at = better
     return Settled(at.about, at.members, at.log + _inexact(at.about, at.members, weighing))
+
+
+def _is_hopeless(at: _Step, weighing: Weighing, least: float) -> bool:
+    """Whether what a line promises, and errors of its laws, are far from what is to be exceeded (log)."""
+    promised = at.log + at.promised
+    return promised < least - HOPELESS and (
+        promised + _inexact(at.about, at.members, weighing) < least - HOPELESS
+    )
+
+
+def _better(at: _Step, shares: Sequence[float], worse: float, weighing: Weighing) -> _Step | None:
+    """The first of these shares of the step that leads to less than such a cost; None: none does."""
+    for share in shares:
+        tried = [
+            _moved(m, share * step, share * shift)
+            for m, step, shift in zip(at.members, at.steps, at.shifts, strict=True)
+        ]
+        about = smoothed(at.about.view, tried, weighing)
+        if finite(about.view):
+            better = _stepped(about, tried, weighing)
+            if better.cost < worse:
+                return better
+    return None
 
 
 @dataclass(frozen=True, eq=False)
@@ -220,6 +265,7 @@ class _Step:
     steps: list[Array]
     shifts: list[Array]  # of their shapes, in spacings of the grid
     moved: float  # the largest step, over its deviation
+    promised: float  # what a line says that the step gains (log)
     cost: float
     log: float
 
@@ -284,7 +330,7 @@ def _stepped(about: Linearised, members: Sequence[Member], weighing: Weighing) -
     if not np.all(np.isfinite(target)) or not moves(machine, members, about.view.ranges):
         # its numbers run away, or would, were the inertia not held: worth nothing, and no step leads on from here
         nowhere = [0.0 * m.coefficients for m in members]
-        return _Step(about, tuple(members), nowhere, still, 0.0, np.inf, -np.inf)
+        return _Step(about, tuple(members), nowhere, still, 0.0, 0.0, np.inf, -np.inf)
     about.view.work.add(PRODUCT * rows.size * rows.shape[0])
     statistics = Statistics.of(rows.T, target).tempered(excess)
     at, ends = (
@@ -314,6 +360,7 @@ def _stepped(about: Linearised, members: Sequence[Member], weighing: Weighing) -
         steps=np.split(step[:size], at),
         shifts=np.split(step[size:], ends),
         moved=float(np.max(np.abs(step[free]) / found.spread)),
+        promised=0.5 * float(np.sum((found.factor.T @ (step[free] / found.deviations)) ** 2)),
         cost=cost,
         log=-0.5 * cost - float(np.sum(np.log(np.diag(plain.factor)))) + _allowed(members, plain.spread),
     )

@@ -8,7 +8,9 @@ and then all is looked for again.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 
@@ -38,10 +40,15 @@ def _later(run: Run, samples: int) -> Run:
 
 @dataclass(frozen=True, eq=False)
 class Held:
-    """A session as it was looked at before anything was found, and the same with what is held a sample later."""
+    """A session as it was looked at before anything was found, and as it is where what is held is taken later."""
 
     now: View
-    later: View
+    seen_later: Callable[[], View]
+
+    @cached_property
+    def later(self) -> View:
+        """The same with what is held a sample later."""
+        return self.seen_later()
 
     def nearest(self, at: Settled, weighing: Weighing) -> Settled:
         """A set at rest, or the same begun in the middle of the step, where a few runs are likelier so; raises

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cached_property, partial
 from itertools import count
 
 import numpy as np
@@ -130,7 +130,7 @@ def posterior_of(
     beside = repeated(session.runs, NATURAL * view.ranges.peak_torque_nm)
     for samples in count(1):
         wide = wide_fit(view, everything(candidates, ()), first_noise(view.runs), train)
-        held = Held(view, _view(taken_later(session, samples), machine, groups, work))
+        held = Held(view, partial(_view, taken_later(session, samples), machine, groups, work))
         growth = Growth(candidates, always, train, wide, held, tell=tell, unrepeated=unrepeated)
         try:
             found = grown(growth, view)
