@@ -398,10 +398,8 @@ class Growth:
     ) -> tuple[Settled, float]:
         """A set at rest, and how much more probable it is there (log) than the one at hand; where that is not more than
         `least`, or it is not looked for `everywhere`, perhaps not where it is most probable."""
-        members, to_exceed = (
-            members_of(search, one, self.candidates),
-            self._least(search, one, start, at) + least,
-        )
+        members = members_of(search, one, self.candidates)
+        to_exceed = self._least(search, one, start, at) + least
         if {key_of(m) for m in at.members} <= {key_of(m) for m in members}:
             promised, begun = [m.coefficients for m in members], begun_from(at.members, members)
             tried = settled_beyond(at.about, begun, promised, self.weighing, to_exceed)

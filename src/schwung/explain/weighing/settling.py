@@ -208,9 +208,8 @@ def _at_rest(at: _Step, weighing: Weighing, least: float) -> Settled:
         if at.moved < _AT_REST * missed or at.about.view.work.late:
             break
         worse = at.cost + ALIKE * missed**2
-        near = (
-            at.moved < missed
-        )  # within what is known of them a line is right: it is the states that are not
+        # within what is known of the coefficients a line is right: it is the states that are not
+        near = at.moved < missed
         if near and _is_hopeless(at, weighing, least):
             break
         better = _better(at, _SHARES[:1] if near else _SHARES, worse, weighing)
