@@ -393,8 +393,8 @@ class Search:
         ]
         best = -np.inf
         for most, one in sorted(upper, key=lambda pair: -pair[0]):
-            left = most + np.log(len(upper)) < best + np.log(TOLD / 100)
-            if left or (other.table and self.data.work.late):
+            negligible = most + np.log(len(upper)) < best + np.log(TOLD / 100)
+            if negligible or (other.table and self.data.work.late):
                 break
             log = other.sized(other.score(one.picks)).log
             best = max(best, log + other.unkept(self.kind(one.picks)))
