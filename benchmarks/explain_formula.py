@@ -119,7 +119,7 @@ def peer(outcome: Posterior, machine: Machine, before: Judged) -> Taken:
     import pysindy
 
     began = time.process_time()
-    missed = judged(outcome, machine, outcome.growth.train)
+    missed = judged(outcome, machine, outcome.growth.rests.train)
     alongs = {one.run: outcome.grown.nothing.about.alongs[one.run] for one in missed.runs}
     library = Library(np.concatenate([coordinates(along) for along in alongs.values()]))
     columns = {run: library.columns(along) for run, along in alongs.items()}

@@ -6,32 +6,32 @@ import pytest
 from sealed_sessions import fewer
 from strangers import Stranger, belief_of, session_of
 
-from schwung.explain.weighing.growth import Growth
+from schwung.explain.weighing.resting import Rests
 from schwung.explain.weighing.weigh import weigh
 
 
 def test_it_is_asked_first_and_last_and_never_for_less_than_there_is(monkeypatch: pytest.MonkeyPatch) -> None:
-    asked: list[tuple[int, str, float, float]] = []  # who, what, what it had to exceed, what it gained
-    rested = Growth._rested
+    asked: list[tuple[Rests, str, float, float]] = []  # who, what, what it had to exceed, what it gained
+    rest = Rests.rest
 
     def noted(
-        growth: Growth, search: Any, one: Any, start: Any, at: Any, least: float = 0.0, **how: Any
+        rests: Rests, search: Any, one: Any, start: Any, at: Any, least: float = 0.0, **how: Any
     ) -> Any:
-        found = rested(growth, search, one, start, at, least, **how)
+        found = rest(rests, search, one, start, at, least, **how)
         last = search.candidate(one.picks[-1]) if one.picks else None
         grown = last is not None and len(one.picks) > len(start.picks) and (last.opens or last.elsewhere)
         if grown and how.get("everywhere", True):
-            asked.append((id(growth), last.name, least, found[1]))
+            asked.append((rests, last.name, least, found[1]))
         return found
 
-    monkeypatch.setattr(Growth, "_rested", noted)
+    monkeypatch.setattr(Rests, "rest", noted)
     stranger = Stranger("hum, dry friction", (), (0.8, 0.0, 0.0, 0.0), hum=(0.3, 71.3))
     found = weigh(fewer(session_of(stranger, 5, every=8, times=(0.25, 0.4)), 1), belief_of(stranger))
     assert {name.name for name in found.names if name.probability > 0.9} >= {"coulomb_friction"}
 
     before: dict[tuple[int, str], float] = {}
     for who, what, least, gain in asked:
-        assert before.get((who, what), float("inf")) > least or least == 0.0
-        before[who, what] = gain
+        assert before.get((id(who), what), float("inf")) > least or least == 0.0
+        before[id(who), what] = gain
     assert {what for _, what, _, _ in asked} == {"backlash", "coupling_stiffness"}
     assert asked[-1][2] == 0.0  # beside all that was found it was asked as well

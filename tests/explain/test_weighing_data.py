@@ -9,7 +9,8 @@ from strangers import STRANGERS, Stranger, belief_of, session_of
 
 from schwung.explain.weighing import round as rounds
 from schwung.explain.weighing.along import TrueTorque, ranges_of
-from schwung.explain.weighing.candidate import Candidate, Curve, Plane
+from schwung.explain.weighing.candidate import Candidate
+from schwung.explain.weighing.curves import Curve, Plane
 from schwung.explain.weighing.data import Data
 from schwung.explain.weighing.equations import Acting, equations_of
 from schwung.explain.weighing.known import known

@@ -61,7 +61,7 @@ def test_what_is_taken_more_than_a_step_late_is_no_stiffness() -> None:
 @pytest.mark.parametrize("share", [0.0, 0.3, 0.8])
 def test_where_in_the_step_it_is_taken_has_the_right_slope(late_by_half: Posterior, share: float) -> None:
     """A speed that is late, as any is, shows the corners a little later: without that the line led the other way."""
-    at, noise, run = late_by_half.grown.climbed.at, late_by_half.growth.wide.noise, 1
+    at, noise, run = late_by_half.grown.climbed.at, late_by_half.growth.rests.wide.noise, 1
     (hold,) = (m for m in at.members if m.candidate.holds)
     (both,) = (m for m in at.members if all(m.candidate.late))
 

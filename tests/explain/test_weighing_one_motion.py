@@ -12,7 +12,6 @@ from schwung.drivetrain import Machine
 from schwung.explain.weighing.published import publish
 from schwung.explain.weighing.repeated import motions_of
 from schwung.explain.weighing.sets import absent
-from schwung.explain.weighing.settling import settled
 from schwung.explain.weighing.weigh import posterior_of
 from schwung.session.model import Run, Session
 
@@ -60,10 +59,10 @@ def test_what_is_missed_is_no_part_of_the_torque_that_drives() -> None:
     session, machine = recorded()
     outcome = posterior_of(session, machine)
     growth = outcome.growth
-    usual = [absent(growth.candidates[i]) for i in growth.always]
-    about = settled(growth.wide.seen(outcome.view), usual, growth.weighing).about
+    usual = [absent(growth.rests.candidates[i]) for i in growth.always]
+    about = growth.rests.settled(outcome.view, usual).about
     every = about.view.alongs(about.members)
-    for along in (every[number] for number in growth.train):
+    for along in (every[number] for number in growth.rests.train):
         ahead = along.direction * along.moves
         reported = float(np.sum(along.run.quiet(along.run.drive.whole_nm) * ahead) / np.sum(ahead**2))
         driving = float(np.sum(along.torque * ahead) / np.sum(ahead**2))

@@ -81,7 +81,7 @@ def test_a_hum_found_in_few_runs_is_in_the_set_at_rest_and_in_what_is_scored(
         raise _LookedAtError
 
     monkeypatch.setattr(import_module("schwung.explain.weighing.weigh"), "grown", grown)
-    for exchange in ("_instead", "_fewer"):  # which may mend it
-        monkeypatch.setattr(Growth, exchange, lambda *_: None)
+    # which may mend it
+    monkeypatch.setattr(import_module("schwung.explain.weighing.growth"), "exchanged", lambda *_: None)
     with pytest.raises(_LookedAtError):
         weigh(fewer(session_of(stranger, 5, every=8, times=(0.25, 0.4)), 1), belief_of(stranger))

@@ -8,7 +8,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from schwung.explain.weighing.candidate import Candidate, column
+from schwung.explain.weighing.candidate import Candidate
+from schwung.explain.weighing.curves import column
 from schwung.explain.weighing.places import Acts, where_of
 from schwung.explain.weighing.plainly import nearest
 from schwung.innovations.effect import Effect

@@ -6,6 +6,7 @@ from typing import Any
 import pytest
 
 from schwung.explain.weighing.growth import Growth
+from schwung.explain.weighing.resting import Rests
 from schwung.explain.weighing.search import Search
 
 LATE, SOFT, BOTH = frozenset({1}), frozenset({2}), frozenset({1, 2})
@@ -15,10 +16,9 @@ def recalled(promised: float, rested: float) -> Any:
     """A search about `LATE`, at rest at −10, after `SOFT` was brought to rest; the table holds what is promised."""
     table = {kind: SimpleNamespace(log=log) for kind, log in ((LATE, 40.0), (SOFT, promised), (BOTH, 36.0))}
     search: Any = SimpleNamespace(table=table, kept={}, resting=LATE, kind=frozenset, prior=lambda _: 0.0)
-    growth: Any = SimpleNamespace(rested={SOFT: ((), rested), LATE: ((), -10.0)})
-    best = SimpleNamespace(picks=(1,), log=40.0)
-    climbed: Any = SimpleNamespace(search=search, best=best, log=-10.0)
-    Growth.recall(growth, climbed)
+    rests: Any = SimpleNamespace(rested={SOFT: ((), rested), LATE: ((), -10.0)})
+    best: Any = SimpleNamespace(picks=(1,), log=40.0)
+    Rests.recall(rests, search, best, -10.0)
     return search
 
 
@@ -40,7 +40,7 @@ def test_what_it_did_not_keep_it_keeps_beside_none() -> None:
 def test_progress_never_goes_back() -> None:
     """However many searches a session takes: laws alone began again at a fifth."""
     nobody: Any = None
-    growth = Growth((), (), (), nobody, nobody)
+    growth = Growth(Rests((), (), nobody), (), nobody)
     assert [next(one.rounds) for one in (growth, growth.afresh(), growth, growth.afresh().afresh())] == [
         1,
         2,

@@ -16,7 +16,7 @@ from schwung.explain.weighing.growth import Climbed, Growth
 from schwung.explain.weighing.round import View
 from schwung.explain.weighing.search import Scored, Search
 from schwung.explain.weighing.sets import is_unnamed
-from schwung.explain.weighing.settling import Settled, settled
+from schwung.explain.weighing.settling import Settled
 
 #: Of the work, what all causes may take in a few runs; and what laws alone may take beside it, each time.
 _FEW, _LAWS = 0.3, 0.3
@@ -77,10 +77,10 @@ class _Found:
 
     def about(self, other: _Found) -> Climbed:
         """At rest about another's noise."""
-        if self.growth.wide is other.growth.wide:
+        if self.growth.rests.wide is other.growth.rests.wide:
             return self.climbed
         view, members = self.climbed.at.about.view, self.climbed.at.members
-        return replace(self.climbed, at=settled(other.growth.wide.seen(view), members, other.growth.weighing))
+        return replace(self.climbed, at=other.growth.rests.settled(view, members))
 
     def beats(self, other: _Found) -> bool:
         """Whether laws alone are likelier than another set about the same noise; which of them is less likely is noted
@@ -89,10 +89,13 @@ class _Found:
         # of two about as likely, laws say more
         slack = np.log(2) if self.growth.unrepeated else 0.0
         if self.climbed.log > theirs.log - slack:
-            self.growth.rested[other.climbed.search.kind(other.climbed.best.picks)] = theirs.picks, theirs.log
+            self.growth.rests.rested[other.climbed.search.kind(other.climbed.best.picks)] = (
+                theirs.picks,
+                theirs.log,
+            )
             return True
-        if self.growth.wide is other.growth.wide:
-            other.growth.rested = self.growth.rested | other.growth.rested
+        if self.growth.rests.wide is other.growth.rests.wide:
+            other.growth.rests.rested = self.growth.rests.rested | other.growth.rests.rested
         return False
 
 
@@ -100,8 +103,9 @@ def grown(growth: Growth, view: View) -> Grown:
     """The sets of a session."""
     nothing = growth.nothing(view)
     found = _from_few(growth, view, nothing) if growth.has_few else _from_nothing(growth, view, nothing)
-    found.growth.recall(found.climbed)
-    if found.growth.wide is not growth.wide:
+    climbed = found.climbed
+    found.growth.rests.recall(climbed.search, climbed.best, climbed.log)
+    if found.growth.rests.wide is not growth.rests.wide:
         nothing = found.growth.nothing(view)
     return Grown(found.growth, found.climbed, nothing)
 

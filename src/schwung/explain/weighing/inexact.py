@@ -10,7 +10,8 @@ from __future__ import annotations
 import numpy as np
 
 from schwung.explain.weighing.along import Along
-from schwung.explain.weighing.candidate import Candidate, Curve, Shape, curve_modes
+from schwung.explain.weighing.candidate import Candidate, Shape
+from schwung.explain.weighing.curves import Curve, curve_modes
 from schwung.innovations.effect import Effect
 from schwung.motion import Array
 

@@ -20,7 +20,7 @@ from schwung.explain.weighing.present import Member, with_members
 from schwung.explain.weighing.round import Linearised, View
 from schwung.explain.weighing.search import Scored
 from schwung.explain.weighing.sets import members_of
-from schwung.explain.weighing.settling import Weighing, smoothed
+from schwung.explain.weighing.settling import smoothed
 from schwung.explain.weighing.weigh import Posterior
 from schwung.innovations.effect import Passed
 from schwung.motion import Array
@@ -81,15 +81,15 @@ def judged(outcome: Posterior, machine: Machine, runs: Sequence[int], beside: Sc
 
 def judged_by(outcome: Posterior, told: Known, runs: Sequence[int], beside: Scored | None = None) -> Judged:
     """The same of what is known of a machine, in whatever form."""
-    growth, of = outcome.growth, outcome.view.ranges
+    rests, of = outcome.growth.rests, outcome.view.ranges
     usual = _usual(outcome, outcome.holding if beside is None else beside)
     off = [member for member in usual if member.candidate.of_machine]
     timing = [member for member in usual if not member.candidate.of_machine]
     told = replace(told, machine=with_members(told.machine, off, of))
-    view = growth.wide.seen(phased(replace(outcome.view, known=told), growth.wide.noise))
-    about = smoothed(view, timing, Weighing(growth.wide.noise, growth.train, growth.wide.excess))
+    view = rests.wide.seen(phased(replace(outcome.view, known=told), rests.wide.noise))
+    about = smoothed(view, timing, rests.weighing)
     aside = _shown(about.beside(runs), runs) if runs else ()
-    return Judged(aside, _shown(about, growth.train))
+    return Judged(aside, _shown(about, rests.train))
 
 
 def _usual(outcome: Posterior, beside: Scored) -> Sequence[Member]:
@@ -97,7 +97,7 @@ def _usual(outcome: Posterior, beside: Scored) -> Sequence[Member]:
     if not beside.picks:
         return outcome.grown.nothing.members
     growth = outcome.growth
-    return members_of(outcome.grown.search, beside, growth.candidates)[: len(growth.always)]
+    return members_of(outcome.grown.search, beside, growth.rests.candidates)[: len(growth.always)]
 
 
 def _shown(about: Linearised, runs: Sequence[int]) -> tuple[Shown, ...]:

@@ -289,7 +289,7 @@ class _Publishing:
         gain = float(np.sum(after.logs) - np.sum(before.logs)) / after.samples
         return Proof(
             runs=self.outcome.heldout, gain=gain, before=before.missed, after=after.missed,
-            before_nm=before.missed_nm, after_nm=after.missed_nm, fitted=tuple(self.outcome.growth.train),
+            before_nm=before.missed_nm, after_nm=after.missed_nm, fitted=tuple(self.outcome.growth.rests.train),
         )  # fmt: skip
 
     def _notes(self, causes: Sequence[Cause]) -> list[str]:

@@ -12,7 +12,8 @@ from functools import partial
 import numpy as np
 
 from schwung.explain.weighing.along import Along
-from schwung.explain.weighing.candidate import LADDER, Candidate, Curve, Shape
+from schwung.explain.weighing.candidate import LADDER, Candidate, Shape
+from schwung.explain.weighing.curves import Curve
 from schwung.explain.weighing.joined import run_by_run
 from schwung.innovations.effect import Effect
 from schwung.session.model import Run

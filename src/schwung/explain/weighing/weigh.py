@@ -23,6 +23,7 @@ from schwung.explain.weighing.phases import phased
 from schwung.explain.weighing.present import Member
 from schwung.explain.weighing.publication import NAMED
 from schwung.explain.weighing.repeated import motions_of, repeated
+from schwung.explain.weighing.resting import Rests
 from schwung.explain.weighing.round import Linearised, View, target_of
 from schwung.explain.weighing.search import TOLD, Pick, Scored, Search, slices
 from schwung.explain.weighing.sets import as_told, everything
@@ -131,7 +132,8 @@ def posterior_of(
     for samples in count(1):
         wide = wide_fit(view, everything(candidates, ()), first_noise(view.runs), train)
         held = Held(view, partial(_view, taken_later(session, samples), machine, groups, work))
-        growth = Growth(candidates, always, train, wide, held, tell=tell, unrepeated=unrepeated)
+        rests = Rests(candidates, train, wide)
+        growth = Growth(rests, always, held, tell=tell, unrepeated=unrepeated)
         try:
             found = grown(growth, view)
             break

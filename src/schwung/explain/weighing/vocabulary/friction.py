@@ -12,7 +12,8 @@ import numpy as np
 
 from schwung.compiled import compiled
 from schwung.explain.weighing.along import Along, Ranges
-from schwung.explain.weighing.candidate import LADDER, NATURAL, Candidate, Curve, Shape, column, grid
+from schwung.explain.weighing.candidate import LADDER, NATURAL, Candidate, Shape, grid
+from schwung.explain.weighing.curves import Curve, column
 from schwung.explain.weighing.known import Known
 from schwung.innovations.effect import Effect
 from schwung.motion import Array

@@ -19,16 +19,8 @@ from scipy.interpolate import CubicSpline, PchipInterpolator, PPoly
 from schwung.drivetrain.inertia import InertiaTable
 from schwung.drivetrain.machine import Machine
 from schwung.explain.weighing.along import DIFFERENCE_RAD, Along, Ranges, inertia_of
-from schwung.explain.weighing.candidate import (
-    LADDER,
-    RIGHT_TO,
-    BentCurve,
-    Candidate,
-    Curve,
-    Shape,
-    column,
-    grid,
-)
+from schwung.explain.weighing.candidate import LADDER, RIGHT_TO, Candidate, Shape, grid
+from schwung.explain.weighing.curves import BentCurve, Curve, column
 from schwung.explain.weighing.vocabulary.friction import SHARP, bump
 from schwung.explain.weighing.vocabulary.line import finest_order
 from schwung.innovations.effect import Effect

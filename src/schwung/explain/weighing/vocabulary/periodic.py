@@ -16,7 +16,8 @@ from dataclasses import replace
 import numpy as np
 
 from schwung.explain.weighing.along import Along, Ranges
-from schwung.explain.weighing.candidate import Candidate, Missed, Shape, column
+from schwung.explain.weighing.candidate import Candidate, Missed, Shape
+from schwung.explain.weighing.curves import column
 from schwung.explain.weighing.joined import run_by_run
 from schwung.explain.weighing.vocabulary.line import FINER, LEAST_PERIODS, beyond_nearby, line_of
 from schwung.innovations.effect import Effect

@@ -14,7 +14,8 @@ from dataclasses import replace
 import numpy as np
 
 from schwung.explain.weighing.along import Along, Ranges
-from schwung.explain.weighing.candidate import RIGHT_TO, Candidate, Shape, column, grid
+from schwung.explain.weighing.candidate import RIGHT_TO, Candidate, Shape, grid
+from schwung.explain.weighing.curves import column
 from schwung.explain.weighing.joined import run_by_run
 from schwung.explain.weighing.late import acceleration_bent, beyond_bent, lagging
 from schwung.explain.weighing.vocabulary.load import of_any_order, polar

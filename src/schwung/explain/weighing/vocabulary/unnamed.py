@@ -12,7 +12,8 @@ from collections.abc import Callable
 import numpy as np
 
 from schwung.explain.weighing.along import Along, Ranges
-from schwung.explain.weighing.candidate import LADDER, SMALL, Candidate, Curve, Plane, Shape, column
+from schwung.explain.weighing.candidate import LADDER, SMALL, Candidate, Shape
+from schwung.explain.weighing.curves import Curve, Plane, column
 from schwung.explain.weighing.joined import run_by_run
 from schwung.explain.weighing.repeated import curve_over_time
 from schwung.innovations.effect import Effect

@@ -1,0 +1,140 @@
+"""Sets that stand in the place of one at rest, each brought to rest itself: one cause for another, or one less."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from schwung.compiled import IS_FAST
+from schwung.explain.weighing.resting import Rests
+from schwung.explain.weighing.search import TOLD, Scored, Search
+from schwung.explain.weighing.sets import begun_from, members_of, timed, without_damping
+from schwung.explain.weighing.settling import Settled, settled, settled_beyond, smoothed
+
+#: Sets that are brought to rest before another round.
+_TRIED = 3
+
+
+def exchanged(rests: Rests, search: Search, start: Scored, at: Settled) -> tuple[Scored, Settled] | None:
+    """What is more probable at rest than the set at hand, as it is with another late cause, as any set that was
+    visited, or without one of its names; None where nothing is."""
+    return (
+        _timed(rests, search, start, at)
+        or _instead(rests, search, start, at)
+        or _fewer(rests, search, start, at)
+    )
+
+
+def numbers_exchanged(rests: Rests, search: Search, start: Scored, at: Settled) -> tuple[Scored, Settled]:
+    """The set, or with another number of the belief in place of one that is further off than is natural, where that
+    is likelier at rest: so far off, no line says which of them it is.
+    """
+    best, top = (start, at), 0.0
+    for pick, member in zip(start.picks, at.members[len(at.members) - len(start.picks) :], strict=True):
+        if not member.candidate.is_number or np.all(np.abs(member.coefficients) <= member.deviations):
+            continue
+        others = tuple(other for other in start.picks if other != pick)
+        for instead in search.numbers_beside(start.picks):
+            one = search.score((*others, instead))
+            if search.kind(one.picks) in rests.rested or search.data.work.spent:
+                continue
+            begun = [
+                without_damping(m) for m in begun_from(at.members, members_of(search, one, rests.candidates))
+            ]
+            least = rests.least(search, one, start, at) + top
+            tried = settled(at.about.view, begun, rests.weighing, least)
+            tried, gain = rests.noted(search, one, start, at, tried)
+            if gain > top:
+                best, top = (one, tried), gain
+    return best
+
+
+def _timed(rests: Rests, search: Search, start: Scored, at: Settled) -> tuple[Scored, Settled] | None:
+    """The set with another late cause, or with one where what is usual is further off than a name costs; where that
+    is more probable at rest.
+
+    To first order all of them say the same, and where little is noise no line about the one leads to another.
+    """
+    others = tuple(pick for pick in start.picks if not any(search.candidate(pick).late))
+    apart = [m for m in at.members if any(m.candidate.late) and not all(m.candidate.late)]
+    off = sum(0.5 * float((m.coefficients[0] / m.deviations[0]) ** 2) for m in apart)
+    if len(start.picks) - len(others) > 1 or (len(others) == len(start.picks) and off < -search.odds):
+        return None
+    for index, candidate in enumerate(rests.candidates):
+        kind = search.kind(others) | {index}
+        begun = timed(at.members, candidate) if candidate.named and any(candidate.late) else None
+        if begun is None or kind in rests.timed or kind == search.kind(start.picks) or search.data.work.spent:
+            continue
+        rests.timed.add(kind)
+        tried = settled(at.about.view, begun, rests.weighing)
+        one = search.score((*others, search.nearest(index, tried.members[-1].shape)))
+        tried, gain = rests.noted(search, one, start, at, tried)
+        if gain > 0:
+            return one, tried
+        search.kept[kind] = max(search.kept.get(kind, -np.inf), start.log + gain - one.log)
+    return None
+
+
+def play_instead(rests: Rests, search: Search, start: Scored, at: Settled) -> tuple[Scored, Settled] | None:
+    """Play in place of all else by which motor and load give way to each other, where that is likelier at rest:
+    together those may do what play does, and beside them there is no room for it."""
+    others = tuple(pick for pick in start.picks if not search.candidate(pick).yields)
+    play = search.opening() if IS_FAST else None
+    if (
+        play is None
+        or len(others) == len(start.picks)
+        or any(search.candidate(pick).opens for pick in start.picks)
+    ):
+        return None
+    one = search.score((*others, play))
+    if search.kind(one.picks) in rests.rested or search.data.work.spent:
+        return None
+    members = begun_from(at.members, members_of(search, one, rests.candidates))
+    about = smoothed(at.about.view, members, rests.weighing)
+    still = [m.coefficients for m in members]
+    least = rests.least(search, one, start, at)
+    tried = settled_beyond(about, members, still, rests.weighing, least)
+    tried, gain = rests.noted(search, one, start, at, tried)
+    if gain > 0:
+        return one, tried
+    search.kept[search.kind(one.picks)] = start.log + gain - one.log
+    return None
+
+
+def _fewer(rests: Rests, search: Search, start: Scored, at: Settled) -> tuple[Scored, Settled] | None:
+    """The set without one of its names, where that is more probable at rest.
+
+    A name is as sure as its set is likelier at rest than without it, whatever a line says of that.
+    """
+    for pick in start.picks:
+        others = search.score(tuple(other for other in start.picks if other != pick))
+        known = search.kind(others.picks) in rests.rested or not search.candidate(pick).named
+        if known or search.data.work.spent:
+            continue
+        tried, gain = rests.rest(search, others, start, at)
+        if gain > 0:
+            return others, tried
+    return None
+
+
+def _instead(rests: Rests, search: Search, start: Scored, at: Settled) -> tuple[Scored, Settled] | None:
+    """A visited set that is more probable than the one at hand at rest, too; what was only promised is noted, of
+    all that promise to be worth telling.
+    """
+    search.resting = search.kind(start.picks)
+    for _ in range(_TRIED):
+        if search.data.work.spent:
+            break
+        rivals = [(one.log + search.unkept(kind), one) for kind, one in search.table.items()]
+        untried = [
+            pair for pair in rivals if search.kind(pair[1].picks) not in {search.resting, *search.kept}
+        ]
+        promised, one = max(untried, key=lambda pair: pair[0], default=(-np.inf, start))
+        if promised <= start.log + np.log(TOLD):
+            break
+        gain = search.asked.get(frozenset(one.picks), np.inf)
+        if gain > 0:
+            tried, gain = rests.rest(search, one, start, at)
+        if gain > 0:
+            return one, tried
+        search.kept[search.kind(one.picks)] = start.log + gain - one.log
+    return None

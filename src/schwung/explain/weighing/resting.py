@@ -1,0 +1,120 @@
+"""Sets of causes brought to rest about one noise, and what each kind of them was worth there."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from schwung.explain.weighing.balance import balanced
+from schwung.explain.weighing.candidate import Candidate
+from schwung.explain.weighing.present import Member, moves
+from schwung.explain.weighing.round import View, few_of
+from schwung.explain.weighing.search import HOPELESS, Scored, Search
+from schwung.explain.weighing.sets import Shaped, begun_from, carried, kept, key_of, members_of
+from schwung.explain.weighing.settling import Settled, Weighing, settled, settled_beyond, settled_elsewhere
+from schwung.explain.weighing.wide import Wide
+
+#: A set that misses so many times its noise is far from the truth.
+_FAR = 2.0
+
+
+@dataclass(eq=False)
+class Rests:
+    """Of one session's, or of a few of its runs."""
+
+    candidates: Sequence[Candidate]
+    train: Sequence[int]
+    wide: Wide
+    #: Kinds of sets that came to rest: their best shapes and sizes, and log probability.
+    rested: dict[frozenset[int], tuple[Shaped, float]] = field(default_factory=dict)
+    #: Kinds of sets whose late cause was begun where what is usual says.
+    timed: set[frozenset[int]] = field(default_factory=set)
+
+    def afresh(self) -> Rests:
+        """Before anything came to rest."""
+        return replace(self, rested={}, timed=set())
+
+    def of_few(self) -> Rests:
+        """In a few of its runs."""
+        return replace(self.afresh(), train=few_of(self.train))
+
+    def about(self, wide: Wide) -> Rests:
+        """About another noise: sets are compared about one and the same, so that none has been at rest about it."""
+        return replace(self.afresh(), wide=wide)
+
+    @property
+    def weighing(self) -> Weighing:
+        """What sets are weighed by."""
+        return Weighing(self.wide.noise, self.train, self.wide.excess)
+
+    def settled(self, view: View, members: Sequence[Member]) -> Settled:
+        """Any members at rest."""
+        return settled(self.wide.seen(view), members, self.weighing)
+
+    def rest(
+        self,
+        search: Search,
+        one: Scored,
+        start: Scored,
+        at: Settled,
+        least: float = 0.0,
+        *,
+        everywhere: bool = True,
+    ) -> tuple[Settled, float]:
+        """A set at rest, and how much more probable it is there (log) than the one at hand; where that is not more than
+        `least`, or it is not looked for `everywhere`, perhaps not where it is most probable."""
+        members = members_of(search, one, self.candidates)
+        to_exceed = self.least(search, one, start, at) + least
+        if {key_of(m) for m in at.members} <= {key_of(m) for m in members}:
+            promised, begun = [m.coefficients for m in members], begun_from(at.members, members)
+            tried = settled_beyond(at.about, begun, promised, self.weighing, to_exceed)
+            if members[-1].candidate.is_inertia_curve and self.misses(at):
+                tried = self._balanced(at, begun, tried)
+            far = everywhere and members[-1].candidate.elsewhere
+            if far and key_of(members[-1]) not in {key_of(m) for m in at.members}:
+                other = settled_elsewhere(at, begun, self.weighing, least)
+                tried = tried if other is None or other.log < tried.log else other
+        else:
+            tried = settled(at.about.view, members, self.weighing, to_exceed)
+        return self.noted(search, one, start, at, tried)
+
+    def _balanced(self, at: Settled, begun: Sequence[Member], tried: Settled) -> Settled:
+        """A curve of inertia that came to rest, or the same begun where a balance of torque leads, if that is likelier:
+        so far off, no line leads there."""
+        told = balanced(at.about, at.members, begun[-1], self.train)
+        start = [*begun[:-1], replace(begun[-1], coefficients=told)]
+        if not moves(at.about.view.known.machine, start, at.about.view.ranges):
+            return tried
+        found = settled(at.about.view, start, self.weighing)
+        return found if found.log > tried.log else tried
+
+    def misses(self, at: Settled) -> bool:
+        """Whether a set misses more than its noise is: then what is missed is no line about it."""
+        return bool(at.about.square(self.train) > _FAR**2 * at.about.samples(self.train))
+
+    def least(self, search: Search, one: Scored, start: Scored, at: Settled) -> float:
+        """What a set has to be at rest to be as probable as the one at hand (log)."""
+        return at.log + search.prior(start.picks) - search.prior(one.picks)
+
+    def noted(
+        self, search: Search, one: Scored, start: Scored, at: Settled, tried: Settled
+    ) -> tuple[Settled, float]:
+        """Of a set that was brought to rest the same; it is kept in mind where it is the best of its kind."""
+        if any(m.candidate.at_end(m.shape, m.coefficients) for m in tried.members):
+            tried = replace(tried, log=-np.inf)  # it stands for what is none of its shapes
+        kind, log = search.kind(one.picks), tried.log + search.prior(one.picks)
+        if kind not in self.rested or self.rested[kind][1] < log:
+            self.rested[kind] = kept(search, one, tried), log
+        return tried, tried.log + search.prior(one.picks) - at.log - search.prior(start.picks)
+
+    def recall(self, search: Search, best: Scored, here: float) -> None:
+        """Weigh sets that were at rest by what they were worth there: about another set, a linear model may show little
+        of it, and of two that explain the same the last would have all."""
+        for kind, (picks, log) in self.rested.items():
+            promised = search.table.get(kind)
+            if promised is None and log - here > -HOPELESS:
+                promised = search.score(carried(search.data, picks))
+            if promised is not None and kind != search.kind(best.picks):
+                search.kept[kind] = log - here - (promised.log - best.log)
