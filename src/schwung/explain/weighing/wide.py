@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -88,10 +88,13 @@ def wide_fit(
         if moved < _SETTLED or number == passes - 1 or view.work.spent or view.work.overdue(_TIME):
             break
         view = replace(view, torques=torques)
-    excess = excess_of(rows, target - found.coefficients @ rows, about, train)
+    rest = target - found.coefficients @ rows
+    beyond = max(1.0, unshared_by_neighbours(rest, about.stretches(train)))
+    noise, excess = noise.times(float(np.sqrt(beyond))), excess_of(rows, rest, about, train) / beyond
     alongs = view.alongs(members)
     dry = max(acting(view, where, members).dry_nm for where in alongs)
-    return Wide(noise, excess, torques, dry, tuple(where.slowest for where in alongs), loud_about(about))
+    slowest, loud = tuple(where.slowest for where in alongs), loud_about(replace(about, noise=noise))
+    return Wide(noise, max(1.0, excess), torques, dry, slowest, loud)
 
 
 def _nearer(
@@ -115,7 +118,7 @@ def _nearer(
 
 
 def excess_of(rows: Array, rest: Array, about: Linearised, train: Sequence[int]) -> float:
-    """How much more than white noise's the scores of these columns (P, Σ2n) vary, at least 1: the median column's.
+    """How much more than white noise's the scores of these columns (P, Σ2n) vary: the median column's.
 
     Of what repeats do not share, where there are repeats: what they share is no noise.
     """
@@ -131,7 +134,17 @@ def excess_of(rows: Array, rest: Array, about: Linearised, train: Sequence[int])
         for i, head, own in zip(group, heads, rests, strict=True):
             stretch = 2 * max(round(STRETCH_S / about.view.runs[i].step_s), 1)
             every.append(colour(rows[:, head].T, own, stretch))
-    return max(1.0, float(np.median(np.mean(every, axis=0))))
+    return float(np.median(np.mean(every, axis=0)))
+
+
+def unshared_by_neighbours(rest: Array, wheres: Iterable[slice]) -> float:
+    """Variance of what angle and speed (in turn, (Σ2n,)) have in one sample and not in the next, of some runs.
+
+    That is noise even where repeats share it, as they do an encoder's errors, or the rounding where there is little
+    else: no cause explains it.
+    """
+    apart = [np.diff(rest[where].reshape(-1, 2), axis=0) for where in wheres]
+    return 0.5 * float(np.mean(np.concatenate(apart) ** 2))
 
 
 def _sized(data: Statistics, members: Sequence[Member]) -> Weighed:

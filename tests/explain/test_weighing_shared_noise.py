@@ -1,0 +1,57 @@
+"""Repeats that share most of their noise, as they do an encoder's errors, or the rounding where there is little else."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from sealed_sessions import drawn
+
+from schwung.explain.weighing.weigh import weigh
+from schwung.explain.weighing.wide import unshared_by_neighbours
+from schwung.session import Session
+from schwung.session.model import Run
+
+#: What a repeat has of its own.
+OWN = 0.3
+
+
+def _sharing(session: Session) -> Session:
+    """With each second run of a motion and injection a repeat that shares the first one's noise."""
+    firsts: dict[tuple[object, ...], Run] = {}
+    runs = []
+    for run in session.runs:
+        assert run.motion is not None
+        first = firsts.setdefault((run.role, run.motion.duration_s, run.excitation), run)
+        mixed = {
+            name: getattr(first, name) + OWN * (getattr(run, name) - getattr(first, name))
+            for name in ("position_rad", "speed_rad_s", "torque_nm")
+        }
+        runs.append(run if run is first else replace(run, **mixed))
+    return replace(session, runs=tuple(runs))
+
+
+@pytest.mark.parametrize("seed", [309501, 309506])
+def test_shared_noise_has_no_name_and_no_curve(seed: int, tmp_path: Path) -> None:
+    """What they do not share is a third of the noise: the rest was searched for causes for a minute."""
+    session, belief, _ = drawn(tmp_path, seed, 2, kind="none")
+    found = weigh(_sharing(session), belief)
+    assert not found.names
+    assert not found.unnamed
+    assert found.excess < 10
+    assert found.proof is not None
+    assert found.proof.before == pytest.approx(1.0, abs=0.2)
+
+
+def test_what_is_beside_it_keeps_its_name(tmp_path: Path) -> None:
+    session, belief, _ = drawn(tmp_path, 307205, 2)
+    found = weigh(_sharing(session), belief)
+    assert [one.name for one in found.names if one.probability > 0.5] == ["quadratic_drag"]
+
+
+def test_what_neighbours_share_is_no_noise() -> None:
+    chance = np.random.default_rng(5)
+    white = 3 * chance.standard_normal((2, 4000))
+    slow = np.repeat(10 * chance.standard_normal((2, 40)), 100, axis=1)
+    both = (white + slow).T.reshape(-1)
+    assert unshared_by_neighbours(both, [slice(0, 4000), slice(4000, 8000)]) == pytest.approx(9.0, rel=0.15)
