@@ -1,4 +1,4 @@
-"""Repeats that share most of their noise, as they do an encoder's errors, or the rounding where there is little else."""
+"""Repeats that share most of their noise, as they do an encoder's errors, or the rounding where nothing else is."""
 
 from dataclasses import replace
 from pathlib import Path
