@@ -13,7 +13,7 @@ from schwung.explain.weighing.along import Ranges
 from schwung.explain.weighing.candidate import Candidate
 from schwung.explain.weighing.data import Atom
 from schwung.explain.weighing.search import Pick
-from schwung.explain.weighing.standing import finding, standing
+from schwung.explain.weighing.standing import larger_than_usual, standing
 from schwung.explain.weighing.values import Proof
 from schwung.explain.weighing.vocabulary.shaft import shaft
 from schwung.innovations.effect import Effect
@@ -200,7 +200,7 @@ def late(lag_us: float, usual_us: float) -> float:
         candidate=lambda _pick: lag, always=(0,), data=SimpleNamespace(candidates=[usual, lag], atoms=atoms)
     )
     scored = SimpleNamespace(which=np.arange(3), found=found)
-    return finding(search, scored, Pick(1, 1.0))  # type: ignore[arg-type]
+    return larger_than_usual(search, scored, Pick(1, 1.0))  # type: ignore[arg-type]
 
 
 def test_a_lag_that_the_usual_timing_takes_back_is_none():

@@ -12,7 +12,8 @@ while all that is usual keeps what it has. Whether a late speed is a defect or u
 same of it, and what each is worth is the prior's.
 
 A change of what is believed is a finding if it is larger than that is usually off by, however surely it is recorded:
-no machine is built, and no drive timed, as exactly as a recording tells.
+no machine is built, and no drive timed, as exactly as a recording tells. So is one without which as much again is
+missed as the noise is: that is plain to see.
 """
 
 from __future__ import annotations
@@ -63,7 +64,12 @@ Of = Callable[[Search, Scored, Pick], float]
 
 
 def finding(search: Search, scored: Scored, pick: Pick) -> float:
-    """Probability that a cause of a set is larger than the belief is usually off by."""
+    """Probability that a cause of a set is no part of what is usual: larger than that, or plain."""
+    is_plain = 2 * _worth(search, scored.picks, pick) > search.data.statistics.count
+    return 1.0 if is_plain else larger_than_usual(search, scored, pick)
+
+
+def larger_than_usual(search: Search, scored: Scored, pick: Pick) -> float:
     candidate, atom, found = search.candidate(pick), search.data.atoms[pick.atom], scored.found
     mine = _columns(scored, atom.where)
     if not candidate.with_usual:
@@ -110,8 +116,8 @@ def standing(
     besides: float = 0.0,
 ) -> Standing:
     """Of the best set's names; `repeated`: curves of what only repeats share; `law`: log odds of being one law;
-    `larger`: probability of being more than is usual; `takes`: log evidence of the recording alone; `besides`: what is
-    left by laws that do not hold elsewhere.
+    `larger`: probability of being no part of what is usual; `takes`: log evidence of the recording alone; `besides`:
+    what is left by laws that do not hold elsewhere.
     """
     left = besides + sum(max(_gain(search, best, curve), 0.0) for curve in repeated)
     picks = best.picks
