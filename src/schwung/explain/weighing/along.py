@@ -43,6 +43,10 @@ class Ranges:
         return self.high_rad - self.low_rad
 
 
+#: Of a `TrueTorque`, what is not worked out again about another set.
+_CHANGES = ("rate", "sharp_rate", "bend", "beyond_band")
+
+
 @dataclass(frozen=True, eq=False)
 class TrueTorque:
     """Of one run, as far as it is known (N·m, (n,)): the reported one but for its noise, which would else explain
@@ -59,9 +63,7 @@ class TrueTorque:
     def with_driving(self, nm: Array) -> TrueTorque:
         """The same about something else; how the torque changes is not worked out again."""
         other = replace(self, driving_nm=nm)
-        other.__dict__.update(
-            {name: self.__dict__[name] for name in ("rate", "sharp_rate", "bend") if name in self.__dict__}
-        )
+        other.__dict__.update({name: self.__dict__[name] for name in _CHANGES if name in self.__dict__})
         return other
 
     @cached_property
@@ -82,6 +84,19 @@ class TrueTorque:
     def bend(self) -> Array:
         """Second derivative."""
         return slopes(self.run.quiet(self.rate), self.run.step_s)
+
+    @cached_property
+    def beyond_band(self) -> Array:
+        """How torque and the motor's speed change beyond the band (N·m/s, rad/s²), (n, 2), for all sets alike.
+
+        As each set's own states say it, a late speed is corrected by how it changes, and changes by how it was
+        corrected: at a rate of 2 kHz and 0.3 ms that went on for ever. At either end it is nothing, for a slope there
+        is mostly the last sample's own error.
+        """
+        rough = np.column_stack([self.nm, self.run.states[:, 1]])
+        found = slopes(rough - self.run.quiet(rough), self.run.step_s)
+        found[[0, -1]] = 0.0
+        return found
 
 
 def _kept(coordinate: Callable[[Along], Array]) -> Callable[[Along], Array]:
@@ -263,11 +278,9 @@ class Along:
         return self.reported_rate + self._injected[1][1]
 
     @property
-    @_kept
     def beyond_band(self) -> Array:
-        """How the true torque and the motor's speed change beyond the band (N·m/s, rad/s²), (n, 2)."""
-        rough = np.column_stack([self.true_torque.nm, self.speed])
-        return slopes(rough - self.run.quiet(rough), self.run.step_s)
+        """`TrueTorque.beyond_band`."""
+        return self.true_torque.beyond_band
 
     @property
     def torque_bend(self) -> Array:
