@@ -29,7 +29,7 @@ def _seen(growth: Growth, view: View) -> None:
 def test_a_late_speed_is_not_corrected_by_its_own_correction(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """At 2 kHz, filtered by 0.28 ms: beside three causes each smoothing made the last sample worse, by 30 squares a run,
+    """At 2 kHz, filtered by 0.28 ms: beside three causes, each smoothing made the last sample worse, by 30 a run,
     and without that all samples went round in four, by 400 of 28 000."""
     session, belief, _ = drawn(tmp_path, 309000, 2, kind="three")
     monkeypatch.setattr(import_module("schwung.explain.weighing.weigh"), "grown", _seen)
