@@ -83,14 +83,14 @@ class Chosen:
         return [self.acts(pick, where) for pick, where in own if self.search.candidate(pick).of_motion]
 
     def _first(self) -> Scored:
-        """The most probable set without a parameter at its bound, without what does not hold elsewhere, and without
-        changes that are no larger than is usual: so far what is believed stays.
+        """The most probable set without a parameter at its bound, without what does not hold elsewhere, without
+        changes that are no larger than is usual, and without what is negligible: so far what is believed stays.
         """
         shares = self.search.shares()  # tempered by what has no name, they would leave out what has none
         sound = (one for _, one in shares if all(self._publishable(one, pick) for pick in one.picks))
         best = next(sound, self.search.score(()))
         usual = {name for name, p in self.outcome.stands.usual.items() if p > NAMED}
-        left_out = usual | self.outcome.refuted
+        left_out = usual | self.outcome.refuted | self.outcome.negligible
         kept = tuple(pick for pick in best.picks if self.search.name(pick) not in left_out)
         return self.search.score(kept)
 

@@ -65,11 +65,16 @@ Of = Callable[[Search, Scored, Pick], float]
 
 def finding(search: Search, scored: Scored, pick: Pick) -> float:
     """Probability that a cause of a set is no part of what is usual: larger than that, or plain."""
-    is_plain = 2 * _worth(search, scored.picks, pick) > search.data.statistics.count
-    return 1.0 if is_plain else larger_than_usual(search, scored, pick)
+    return 1.0 if is_plain(search, scored, pick) else larger_than_usual(search, scored, pick)
+
+
+def is_plain(search: Search, scored: Scored, pick: Pick) -> bool:
+    """Whether a set without one of its causes misses as much again as the noise is."""
+    return 2 * _worth(search, scored.picks, pick) > search.data.statistics.count
 
 
 def larger_than_usual(search: Search, scored: Scored, pick: Pick) -> float:
+    """Probability that a cause of a set is larger than the belief is usually off by."""
     candidate, atom, found = search.candidate(pick), search.data.atoms[pick.atom], scored.found
     mine = _columns(scored, atom.where)
     if not candidate.with_usual:

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from schwung.drivetrain.machine import Machine
 from schwung.explain.kept_aside import kept_aside
 from schwung.explain.weighing.along import TrueTorque, ranges_of
-from schwung.explain.weighing.candidate import NATURAL, Candidate, Shape
+from schwung.explain.weighing.candidate import NATURAL, RIGHT_TO, Candidate, Shape
 from schwung.explain.weighing.elsewhere import holding
 from schwung.explain.weighing.grown import Grown, grown
 from schwung.explain.weighing.growth import NOISE_SHARE, Growth, Progress
@@ -28,7 +28,7 @@ from schwung.explain.weighing.round import Linearised, View, target_of
 from schwung.explain.weighing.search import TOLD, Pick, Scored, Search, slices
 from schwung.explain.weighing.sets import as_told, everything
 from schwung.explain.weighing.sharpness import covariance_of
-from schwung.explain.weighing.standing import Standing, standing
+from schwung.explain.weighing.standing import Standing, is_plain, standing
 from schwung.explain.weighing.taken import Held, TakenLater, taken_later
 from schwung.explain.weighing.values import Named, Parameter, Proof, Unnamed, Weighed
 from schwung.explain.weighing.vocabulary import vocabulary
@@ -87,6 +87,20 @@ class Posterior:
         named = {name for name in map(search.name, best.picks) if self.names.get(name, 0.0) > NAMED}
         unnamed = {c.name for c in search.data.candidates if not c.named}
         return holding(search, best, named - unnamed)
+
+    @cached_property
+    def negligible(self) -> frozenset[str]:
+        """Causes of the best set without a sure name, whose torque is less than what is believed is right to, and that
+        are not plain: of no use to anybody. What only errs in what is reported makes no torque."""
+        search, best = self.grown.search, self.grown.best
+        torque = np.concatenate([run.drive.whole_nm for run in self.view.runs])
+        least = RIGHT_TO * float(np.sqrt(np.mean(torque**2)))
+        return frozenset(
+            search.name(pick)
+            for pick in best.picks
+            if self.names.get(search.name(pick), 0.0) <= NAMED or not search.candidate(pick).named
+            if 0 < _rms(search, search.name(pick)) < least and not is_plain(search, best, pick)
+        )
 
     @cached_property
     def refuted(self) -> frozenset[str]:
@@ -218,7 +232,7 @@ def _told(posterior: Posterior) -> Weighed:
     told.sort(key=lambda one: (-round(one.probability, 2), -_worth(search, outcome.best, one.name)))
     return Weighed(
         names=tuple(told),
-        unnamed=_unnamed(search, likely, posterior.refuted, posterior.stands.usual),
+        unnamed=_unnamed(search, likely, posterior.refuted | posterior.negligible, posterior.stands.usual),
         noise=data.about.noise,
         excess=data.excess * posterior.stands.tempering,
         proof=_proof(outcome, posterior.holding, heldout) if heldout else None,
@@ -248,7 +262,7 @@ def _probabilities(search: Search) -> dict[str, float]:
 
 
 def _unnamed(
-    search: Search, names: Mapping[str, float], refuted: frozenset[str], usual: Mapping[str, float]
+    search: Search, names: Mapping[str, float], left_out: frozenset[str], usual: Mapping[str, float]
 ) -> tuple[Unnamed, ...]:
     """What describes the motion without being a name, the most probable first: curves, and names that are only like it.
 
@@ -257,7 +271,7 @@ def _unnamed(
     """
     found = []
     for name, p in _probabilities(search).items():
-        if name in refuted:
+        if name in left_out:
             continue
         candidate = next(c for c in search.data.candidates if c.name == name)
         if names.get(candidate.part_of, 0.0) > NAMED:
