@@ -92,6 +92,14 @@ def test_a_small_name_beside_a_large_one_is_what_the_large_law_is_off_by():
     assert found.names["cogging"] < 0.5
 
 
+def test_numbers_are_less_sure_by_what_has_no_name_and_not_by_what_their_law_may_be_off_by():
+    """That is a part of the law, sized by the recording: counted twice, intervals of gross effects were four times too
+    wide."""
+    assert stands(Cause("spot", 2e6)).blurring == 1.0
+    assert stands(Cause("spot", 2e6)).tempering > 10
+    assert stands(Cause("spot", 2e6), Cause("curve", 100.0, named=False)).blurring == pytest.approx(201.0)
+
+
 def test_laws_that_other_motions_refute_are_left_to_no_name():
     """They took something that is there, and may be along the names' columns as well."""
     assert stands(Cause("ripple", 16.0)).names["ripple"] > 0.99

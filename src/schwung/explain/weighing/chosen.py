@@ -17,7 +17,7 @@ from schwung.explain.weighing.learned import Found, table
 from schwung.explain.weighing.places import Acts
 from schwung.explain.weighing.publication import NAMED, over_words
 from schwung.explain.weighing.search import Pick, Scored, Search, slices
-from schwung.explain.weighing.sets import as_told
+from schwung.explain.weighing.told import as_told
 from schwung.explain.weighing.weigh import Posterior, at_bound
 from schwung.explain.weighing.written import sayable
 

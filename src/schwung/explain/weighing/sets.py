@@ -121,33 +121,3 @@ def carried(data: Data, picks: Sequence[tuple[Atom, float]]) -> tuple[Pick, ...]
             number = len(data.atoms) - 1
         found.append(Pick(number, scale))
     return tuple(found)
-
-
-def as_told(search: Search, scored: Scored) -> Scored:
-    """A set as it is told: what torque and speed are apart by is the late cause's, and the rest the filter's that both
-    share.
-
-    How late each of them is, is known to microseconds; how much of that is usual, only how each bends says. What is
-    told bends as a file says it, and what is usual of that signal makes up for it. More late causes than one stay as
-    they are.
-    """
-    always = [search.data.candidates[i] for i in search.always]
-    starts = np.cumsum([0, *(candidate.size for candidate in always)])
-    usual = [(one.late, int(at)) for one, at in zip(always, starts, strict=False) if any(one.late)]
-    own = zip(scored.picks, slices(search, scored), strict=True)
-    named = [(pick, where.start) for pick, where in own if any(search.candidate(pick).late)]
-    shared = [at for late, at in usual if all(late)]
-    if len(named) != 1 or len(shared) != 1:
-        return scored
-    ((pick, mine),) = named
-    cause, shape = search.candidate(pick), search.data.atoms[pick.atom].shape
-    lateness = (scored.exact[at] * np.array(late) for late, at in (*usual, (cause.late, mine)))
-    filtered, apart = np.linalg.solve(np.column_stack([(1.0, 1.0), cause.late]), sum(lateness, np.zeros(2)))
-    if min(filtered, apart) < 0:
-        return scored
-    exact = scored.exact.copy()
-    bend = next(at + 1 for late, at in usual if np.abs(late).tolist() == np.abs(cause.late).tolist())
-    exact[bend] += exact[mine] * shape[0] - apart * cause.bends_told * apart
-    exact[[at for _, at in usual]] = 0.0
-    exact[shared[0]], exact[mine] = filtered, apart
-    return replace(scored, exact=exact)

@@ -11,6 +11,7 @@ from schwung.explain.weighing.candidate import Candidate, Shape
 from schwung.explain.weighing.present import Member
 from schwung.explain.weighing.round import Cause
 from schwung.explain.weighing.search import Pick, Scored, Search, slices
+from schwung.explain.weighing.told import told_by
 from schwung.innovations.effect import Effect
 from schwung.innovations.evidence import weigh
 from schwung.innovations.statistics import Statistics
@@ -36,7 +37,7 @@ def shape_slopes(member: Member) -> list[Cause]:
 
 
 def covariance_of(search: Search, scored: Scored, pick: Pick) -> Array:
-    """Of a cause's coefficients and the numbers of its shape, in the shape's unit (p + d, p + d).
+    """Of a cause's coefficients, as they are told, and the numbers of its shape, in the shape's unit (p + d, p + d).
 
     By the columns of the whole set and the slopes of all its shapes: what is not known of one leaves the others open. A
     shape is at first anywhere within its bounds.
@@ -50,7 +51,7 @@ def covariance_of(search: Search, scored: Scored, pick: Pick) -> Array:
     ]
     size, each = scored.which.size, [shape_slopes(member) for member in members]
     place = picks.index(pick)
-    own = np.arange(size)[slices(search, scored)[place]]
+    own = slices(search, scored)[place]
     causes = [slope for slopes in each for slope in slopes]
     statistics, deviations = data.at(scored.which), scored.deviations
     if causes:
@@ -62,10 +63,11 @@ def covariance_of(search: Search, scored: Scored, pick: Pick) -> Array:
         open_to = [reach for member in members for reach in _reach(member.candidate)]
         deviations = np.append(deviations, open_to)
     first = size + sum(len(slopes) for slopes in each[:place])
-    numbers = np.append(own, first + np.arange(len(each[place]))).astype(int)
-    units = np.append(np.ones(own.size), _units(members[place]))
-    found = weigh(statistics, deviations).covariance[np.ix_(numbers, numbers)]
-    return np.asarray(found * np.outer(units, units))
+    told, count = told_by(search, scored)[own], own.stop - own.start
+    numbers = np.zeros((count + len(each[place]), deviations.size))
+    numbers[:count, : told.shape[1]] = told
+    numbers[count:, first : first + len(each[place])] = np.diag(_units(members[place]))
+    return np.asarray(numbers @ weigh(statistics, deviations).covariance @ numbers.T)
 
 
 def _reach(candidate: Candidate) -> list[float]:

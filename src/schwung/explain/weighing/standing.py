@@ -37,6 +37,7 @@ class Standing:
     """What is left, as a log evidence, and how probable it is that names of the best set are no part of it."""
 
     left: float
+    unnamed: float  # of that, what is no error of the laws themselves, which is a part of them already
     names: Mapping[str, float]  # of the best set
     usual: Mapping[str, float] = field(
         default_factory=dict
@@ -57,6 +58,11 @@ class Standing:
     def tempering(self) -> float:
         """How many times less evidence tells sets apart that differ along what is left."""
         return 1 + 2 * self.left
+
+    @property
+    def blurring(self) -> float:
+        """How many times less is told of a law's numbers, beside what has no name."""
+        return 1 + 2 * self.unnamed
 
 
 #: Of a cause in a set.
@@ -129,7 +135,8 @@ def standing(
     for pick in picks:
         if not search.candidate(pick).named:
             left, picks = left + max(_worth(search, picks, pick), 0.0), _without(picks, pick)
-    left += RIGHT_TO**2 * max(_log(search, picks) - _log(search, ()), 0.0)
+    of_laws = RIGHT_TO**2 * max(_log(search, picks) - _log(search, ()), 0.0)
+    left += of_laws
     names: dict[str, float] = {}
     # beside all others: what is left out as no finding is still there, and would be taken over by what is like it
     large = {pick: larger(search, search.sized(search.score(picks)), pick) for pick in picks}
@@ -151,12 +158,13 @@ def standing(
             continue
         weakest = min(picks, key=lambda pick: data[pick])
         if sure[weakest] > 0.5:
-            return Standing(left, {**names, **{search.candidate(p).name: sure[p] for p in picks}}, usual)
+            names |= {search.candidate(p).name: sure[p] for p in picks}
+            break
         names[search.candidate(weakest).name] = sure[weakest]
         picks = _without(picks, weakest)
         if search.candidate(weakest).part_of not in map(search.name, picks):
             left += max(worth[weakest], 0.0)
-    return Standing(left, names, usual)
+    return Standing(left, left - of_laws, names, usual)
 
 
 def _others(search: Search, worth: Mapping[Pick, float], pick: Pick) -> float:

@@ -26,10 +26,11 @@ from schwung.explain.weighing.repeated import motions_of, repeated
 from schwung.explain.weighing.resting import Rests
 from schwung.explain.weighing.round import Linearised, View, target_of
 from schwung.explain.weighing.search import TOLD, Pick, Scored, Search, slices
-from schwung.explain.weighing.sets import as_told, everything
+from schwung.explain.weighing.sets import everything
 from schwung.explain.weighing.sharpness import covariance_of
 from schwung.explain.weighing.standing import Standing, is_plain, standing
 from schwung.explain.weighing.taken import Held, TakenLater, taken_later
+from schwung.explain.weighing.told import as_told
 from schwung.explain.weighing.values import Named, Parameter, Proof, Unnamed, Weighed
 from schwung.explain.weighing.vocabulary import vocabulary
 from schwung.explain.weighing.wide import wide_fit
@@ -87,6 +88,18 @@ class Posterior:
         named = {name for name in map(search.name, best.picks) if self.names.get(name, 0.0) > NAMED}
         unnamed = {c.name for c in search.data.candidates if not c.named}
         return holding(search, best, named - unnamed)
+
+    def parameters(self, name: str) -> dict[str, Parameter]:
+        """Of a name in the most probable set that holds it; intervals from the coefficients' deviations beside what has
+        no name."""
+        of, best = self.grown.search, _holding(self.sure, name)
+        if best is None:
+            return {}
+        search = Search(of.data.tempered(self.stands.blurring), of.always)
+        scored = search.score(best.picks)
+        places = zip(scored.picks, slices(search, scored), strict=True)
+        pick, where = next((pick, where) for pick, where in places if search.name(pick) == name)
+        return parameters_of(search, as_told(search, scored), pick, where)
 
     @cached_property
     def negligible(self) -> frozenset[str]:
@@ -227,7 +240,9 @@ def _told(posterior: Posterior) -> Weighed:
     outcome, sure, likely, heldout = posterior.grown, posterior.sure, posterior.names, posterior.heldout
     search, data = outcome.search, outcome.data
     names = {c.name: likely[c.name] for c in data.candidates if c.named and likely.get(c.name, 0.0) >= TOLD}
-    told = [Named(name, p, _parameters(sure, name)) for name, p in names.items() if not _at_bound(sure, name)]
+    told = [
+        Named(name, p, posterior.parameters(name)) for name, p in names.items() if not _at_bound(sure, name)
+    ]
     ends = [name for name in names if _at_bound(sure, name)]
     told.sort(key=lambda one: (-round(one.probability, 2), -_worth(search, outcome.best, one.name)))
     return Weighed(
@@ -289,13 +304,10 @@ def _worth(search: Search, best: Scored, name: str) -> float:
     return best.log - search.score(others).log if len(others) < len(best.picks) else 0.0
 
 
-def _parameters(search: Search, name: str) -> dict[str, Parameter]:
-    """Of a name in the most probable set that holds it; intervals from the coefficients' deviations."""
-    for _, scored in search.shares():
-        for pick, where in zip(scored.picks, slices(search, scored), strict=True):
-            if search.candidate(pick).name == name:
-                return parameters_of(search, as_told(search, scored), pick, where)
-    return {}
+def _holding(search: Search, name: str) -> Scored | None:
+    """The most probable set that holds a name."""
+    sets = (scored for _, scored in search.shares())
+    return next((scored for scored in sets if name in map(search.name, scored.picks)), None)
 
 
 def parameters_of(search: Search, scored: Scored, pick: Pick, where: slice) -> dict[str, Parameter]:
@@ -327,11 +339,10 @@ def _spread(candidate: Candidate, centre: Array, covariance: Array, shape: Shape
 
 def _at_bound(search: Search, name: str) -> bool:
     """Whether the most probable set that holds a name has it at its bound."""
-    for _, scored in search.shares():
-        for pick in scored.picks:
-            if search.candidate(pick).name == name:
-                return at_bound(search, scored, pick)
-    return False
+    scored = _holding(search, name)
+    return scored is not None and any(
+        at_bound(search, scored, pick) for pick in scored.picks if search.name(pick) == name
+    )
 
 
 def at_bound(search: Search, scored: Scored, pick: Pick) -> bool:
@@ -343,19 +354,19 @@ def at_bound(search: Search, scored: Scored, pick: Pick) -> bool:
 
 def _rms(search: Search, name: str) -> float:
     """Torque of a curve along all runs (N·m), in the most probable set that holds it."""
-    for _, scored in search.shares():
-        for pick, where in zip(scored.picks, slices(search, scored), strict=True):
-            candidate = search.candidate(pick)
-            if candidate.name == name:
-                shape, total = search.data.atoms[pick.atom].shape, []
-                for along in search.data.about.alongs:
-                    done = candidate.done(along, shape, scored.exact[where])
-                    motor, load, _, _ = done.of(np.ones(1))
-                    # what acts between the shafts is the same on both, and takes nothing of the whole
-                    each = (np.mean((side + 0.0 * along.speed) ** 2) for side in (motor, load, motor + load))
-                    total.append(max(each))
-                return float(np.sqrt(np.mean(total)))
-    return 0.0
+    scored = _holding(search, name)
+    if scored is None:
+        return 0.0
+    places = zip(scored.picks, slices(search, scored), strict=True)
+    pick, where = next((pick, where) for pick, where in places if search.name(pick) == name)
+    candidate, shape, total = search.candidate(pick), search.data.atoms[pick.atom].shape, []
+    for along in search.data.about.alongs:
+        done = candidate.done(along, shape, scored.exact[where])
+        motor, load, _, _ = done.of(np.ones(1))
+        # what acts between the shafts is the same on both, and takes nothing of the whole
+        each = (np.mean((side + 0.0 * along.speed) ** 2) for side in (motor, load, motor + load))
+        total.append(max(each))
+    return float(np.sqrt(np.mean(total)))
 
 
 def _proof(outcome: Grown, best: Scored, heldout: Sequence[int]) -> Proof:

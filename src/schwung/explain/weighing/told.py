@@ -1,0 +1,70 @@
+"""A set as it is told: of what torque and speed are late by, what is usual and what has a name are one."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from schwung.explain.weighing.search import Pick, Scored, Search, slices
+from schwung.motion import Array
+
+
+@dataclass(frozen=True, eq=False)
+class _Late:
+    """Of a set with one late cause: where that and what is usual of it are among its coefficients."""
+
+    pick: Pick
+    mine: int
+    bend: int  # of what is usual of the same signal
+    shared: int  # the filter that torque and speed share
+    ways: list[tuple[int, tuple[float, float]]]  # by how much a unit of each is torque and speed late
+    apart: Array  # how late both are together, and how much the cause's later, by each of them (2, len(ways))
+
+
+def as_told(search: Search, scored: Scored) -> Scored:
+    """A set as it is told: what torque and speed are apart by is the late cause's, and the rest the filter's that both
+    share.
+
+    How late each of them is, is known to microseconds; how much of that is usual, only how each bends says. What is
+    told bends as a file says it, and what is usual of that signal makes up for it. More late causes than one stay as
+    they are.
+    """
+    late = _late(search, scored)
+    if late is None:
+        return scored
+    cause, shape = search.candidate(late.pick), search.data.atoms[late.pick.atom].shape
+    exact = told_by(search, scored) @ scored.exact
+    apart = exact[late.mine]
+    exact[late.bend] += scored.exact[late.mine] * shape[0] - apart * cause.bends_told * apart
+    return replace(scored, exact=exact)
+
+
+def told_by(search: Search, scored: Scored) -> Array:
+    """What each coefficient of a set is as it is told, by all as they were found, (p, p)."""
+    told, late = np.eye(scored.exact.size), _late(search, scored)
+    if late is not None:
+        columns = [at for at, _ in late.ways]
+        told[columns] = 0.0
+        told[np.ix_([late.shared, late.mine], columns)] = late.apart
+    return told
+
+
+def _late(search: Search, scored: Scored) -> _Late | None:
+    """None: there is none or more than one, or what is told would be early."""
+    always = [search.data.candidates[i] for i in search.always]
+    starts = np.cumsum([0, *(candidate.size for candidate in always)])
+    usual = [(int(at), one.late) for one, at in zip(always, starts, strict=False) if any(one.late)]
+    own = zip(scored.picks, slices(search, scored), strict=True)
+    named = [(pick, where.start) for pick, where in own if any(search.candidate(pick).late)]
+    shared = [at for at, late in usual if all(late)]
+    if len(named) != 1 or len(shared) != 1:
+        return None
+    ((pick, mine),) = named
+    cause = search.candidate(pick)
+    ways = [*usual, (mine, cause.late)]
+    apart = np.linalg.solve(np.column_stack([(1.0, 1.0), cause.late]), np.array([way for _, way in ways]).T)
+    if np.min(apart @ scored.exact[[at for at, _ in ways]]) < 0:
+        return None
+    bend = next(at + 1 for at, late in usual if np.abs(late).tolist() == np.abs(cause.late).tolist())
+    return _Late(pick, mine, bend, shared[0], ways, apart)
