@@ -13,6 +13,7 @@ from schwung.drivetrain import paper_machine
 from schwung.drivetrain.residual_plane import Plane
 from schwung.explain.values import Quantity
 from schwung.explain.weighing.publication import Curve, Name, merged
+from schwung.explain.weighing.values import Lasting
 from schwung.explain.words import told_apart_by
 from schwung.report.content import units_of
 from schwung.report.explanation import (
@@ -138,6 +139,24 @@ def test_what_tells_two_apart_does_so_either_way():
     assert told_apart_by("stribeck_friction", "coulomb_friction") == told_apart_by(
         "coulomb_friction", "stribeck_friction"
     )
+
+
+def test_repeats_that_differ_for_longer_than_noise_are_unexplained_where_nothing_was_found():
+    found = replace(answer(), lasting=Lasting(0.05, 9.1))
+    assert found.verdict == answer().verdict
+    assert (
+        "repeats of a motion differ, from run to run, by",
+        "0.05 N·m, 9.1 times what is noise",
+    ) in fact_rows(found, units_of("rotary", "torque"))
+    assert found.proof is not None
+    for proof in (replace(found.proof, before=1.0, after=1.0), None):
+        bare = replace(found, names=(), curves=(), proof=proof)
+        assert bare.verdict == "unexplained"
+        assert bare.headline == (
+            "unexplained: repeats of a motion differ by 0.05 N·m, 9.1 times what is noise, from one run to the next, "
+            "and nothing was found that takes it"
+        )
+        assert bare.to_json()["lasting"] == {"torque_nm": 0.05, "over_noise": 9.1}
 
 
 def test_of_nothing_beyond_noise_no_share_is_told():

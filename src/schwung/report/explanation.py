@@ -211,6 +211,9 @@ def fact_rows(of: Published, units: Units) -> list[tuple[str, str]]:
     rows.append((f"noise of the {units.torque_word}", f"{of.noise.torque_nm:.2g} {units.torque}{share}"))
     rows.append(("noise of the speed", f"{of.noise.speed_rad_s:.2g} {units.speed}"))
     rows.append((f"noise of the {units.position_word}", f"{of.noise.position_rad:.2g} {units.position}"))
+    if of.lasting is not None:
+        size = f"{of.lasting.torque_nm:.2g} {units.torque}, {of.lasting.over_noise:.2g} times what is noise"
+        rows.append(("repeats of a motion differ, from run to run, by", size))
     if of.excess > _COLOURED:
         rows.append(("noise is coloured: samples count as", f"1/{of.excess:.2g} of their number"))
     return rows

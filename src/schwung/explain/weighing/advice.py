@@ -29,6 +29,11 @@ def advice(of: Published, belief: Machine, ranges: Ranges) -> Iterator[str]:
             "this session cannot tell torque_constant from load_inertia: if it is the inertia that is off, every "
             f"torque named here has to be divided by {gain:.3g}"
         )
+    if of.lasting is not None and of.verdict == "unexplained":
+        yield (
+            "what differs from run to run was taken for noise: record again once the motor is as warm as it gets, and "
+            "with a dwell after which nothing swings or creeps"
+        )
     if of.axis == "rotary" and belief.load.inertia_table is None and of.verdict == "unexplained":
         yield (
             "the load inertia is believed to be alike at all angles; where it is not, measure it first "

@@ -11,8 +11,8 @@ from schwung.drivetrain.machine import Machine
 from schwung.drivetrain.residual_plane import Plane
 from schwung.explain.values import Located, Overlay, Quantity, Verdict
 from schwung.explain.weighing.drawn import Drawn
-from schwung.explain.weighing.values import Proof
-from schwung.explain.words import words_of
+from schwung.explain.weighing.values import Lasting, Proof
+from schwung.explain.words import unit_on, words_of
 from schwung.innovations.likelihood import Noise
 from schwung.quantities import Effort
 from schwung.session.model import Axis
@@ -154,6 +154,7 @@ class Published:
     mismatch: tuple[Located, ...] = ()
     remainder: tuple[Located, ...] = ()
     plain: Plain | None = None
+    lasting: Lasting | None = None
 
     @property
     def in_file(self) -> tuple[str, ...]:
@@ -175,12 +176,13 @@ class Published:
 
     @property
     def verdict(self) -> Verdict:
-        """By what the file takes of what runs kept aside show beyond noise."""
+        """By what the file takes of what runs kept aside show beyond noise; and by whether repeats differ by more."""
         found, left = bool(self.in_file), self.left
-        if self.proof is None or left is None:
-            return "partly_explained" if found else "consistent"
         if not found:
-            return "unexplained" if self.proof.after > _FLOOR else "consistent"
+            missed = self.proof is not None and self.proof.after > _FLOOR
+            return "unexplained" if missed or self.lasting else "consistent"
+        if self.proof is None or left is None:
+            return "partly_explained"
         if left <= _LITTLE:
             return "explained"
         return "unexplained" if self.proof.after > _PLAIN and left > _MUCH else "partly_explained"
@@ -203,7 +205,10 @@ class Published:
         formulated = all(one.formula for one in self.curves if one.in_file)
         what = ", ".join([*likely, *curves]) + ("" if formulated or not curves else self._plainly)
         if not what and self.verdict == "unexplained":
-            return f"unexplained: the belief misses {self._missed()}, and nothing was found that takes it"
+            missed = (
+                [f"the belief misses {self._missed()}"] if self.proof and self.proof.after > _FLOOR else []
+            )
+            return f"unexplained: {', '.join([*missed, *self._lasting])}, and nothing was found that takes it"
         if not what:
             return "the belief leaves out nothing that this session tells from noise"
         if self.proof is None:
@@ -220,6 +225,14 @@ class Published:
         linear = self.axis == "linear"
         laws = " and ".join(words_of(name, linear=linear).name for name in self.plain.laws)
         return f", together {percent(self.plain.share)} like {laws}"
+
+    @property
+    def _lasting(self) -> list[str]:
+        if self.lasting is None:
+            return []
+        unit, times = unit_on("N·m", self.axis), self.lasting.over_noise
+        size = f"{self.lasting.torque_nm:.2g} {unit}, {times:.2g} times what is noise"
+        return [f"repeats of a motion differ by {size}, from one run to the next"]
 
     def _missed(self) -> str:
         assert self.proof is not None
@@ -297,6 +310,8 @@ class Published:
             },
             "mismatch": [one.to_json() for one in self.mismatch],
             "remainder": [one.to_json() for one in self.remainder],
+            "lasting": self.lasting
+            and {"torque_nm": self.lasting.torque_nm, "over_noise": self.lasting.over_noise},
             "left": self.left,
             "notes": list(self.notes),
         }

@@ -35,6 +35,7 @@ from schwung.explain.weighing.publication import (
     Where,
     merged,
 )
+from schwung.explain.weighing.repeated import lasting
 from schwung.explain.weighing.search import Pick, Search
 from schwung.explain.weighing.twin import as_missed_by
 from schwung.explain.weighing.values import Parameter, Proof, Weighed
@@ -157,6 +158,7 @@ class _Publishing:
             overlays=overlays(*shown, named, aside),
             plain=self._plain([*(one for one in acts if one not in named), *self.chosen.of_motion()], after),
             machine=machine,
+            lasting=lasting(self.session),
             notes=tuple(dict.fromkeys((*notes, *self._notes(causes), *unsaid, *self.weighed.notes, *driven))),
         )
         view = self.outcome.view

@@ -1,4 +1,5 @@
-"""What all runs of a motion have in common and nothing in the vocabulary carries: torque over time, one curve a motion.
+"""Runs that repeat one motion: what they do not share is noise, and what they have in common and nothing in the
+vocabulary carries is torque over time, one curve a motion.
 
 No curve says anything about another motion. It is what names are held against: what a name carries has to stand out
 from what is left to these curves.
@@ -8,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Hashable, Sequence
 from functools import partial
+from itertools import combinations
 
 import numpy as np
 
@@ -15,8 +17,11 @@ from schwung.explain.weighing.along import Along
 from schwung.explain.weighing.candidate import LADDER, Candidate, Shape
 from schwung.explain.weighing.curves import Curve
 from schwung.explain.weighing.joined import run_by_run
+from schwung.explain.weighing.values import Lasting
+from schwung.explain.weighing.wide import STRETCH_S
 from schwung.innovations.effect import Effect
-from schwung.session.model import Run
+from schwung.session.imports import repeats
+from schwung.session.model import Run, Session
 
 #: Within so much time (s) torque is alike; and within such a share of the longest motion, for what a curve costs.
 _ALIKE_S, _ALIKE = 0.01, 0.01
@@ -32,6 +37,55 @@ def motions_of(runs: Sequence[Run]) -> list[list[int]]:
         told = run.extra.get("same_motion") if run.motion is None else run.motion.model_dump_json()
         motions.setdefault((told, number if told is None else None), []).append(number)
     return list(motions.values())
+
+
+def telling_noise(session: Session) -> list[tuple[int, ...]]:
+    """Runs of each motion and injection whose noise shows in what they do not share.
+
+    Repeats most of whose samples are the same to the last count share the rounding, too: where noise is smaller than a
+    count, it is rounding that is noise, and copies of one run, as a simulation makes them, show none at all.
+    """
+    runs = session.runs
+    return [
+        group for group in repeats(session) if not any(_copied(runs[group[0]], runs[i]) for i in group[1:])
+    ]
+
+
+def lasting(session: Session) -> Lasting | None:
+    """What the repeats that are least alike differ by for longer than noise lasts; None: by less than noise.
+
+    Noise is as large in all, and in a moment another. A motor that warms, a load that still swings from the run before
+    or a seal that it left bent make a torque that goes on.
+    """
+    found = [
+        _lasting(session.runs[one], session.runs[other])
+        for group in repeats(session)
+        for one, other in combinations(group, 2)
+    ]
+    most = max(found, key=lambda one: one.over_noise, default=Lasting(0.0, 0.0))
+    return most if most.over_noise > 1 else None
+
+
+def _lasting(one: Run, other: Run) -> Lasting:
+    length = min(len(one), len(other))
+    apart = one.torque_nm[:length] - other.torque_nm[:length]
+    later = max(round(STRETCH_S * one.sample_rate_hz), 1)
+    if length < 2 * later:
+        return Lasting(0.0, 0.0)
+    noise = float(np.mean(np.diff(apart) ** 2)) / 2
+    stays = float(np.mean(apart[later:] * apart[:-later]))
+    if noise == 0 or stays <= 0:
+        return Lasting(0.0, 0.0)
+    return Lasting(float(np.sqrt(stays / 2)), float(np.sqrt(stays / noise)))
+
+
+def _copied(one: Run, other: Run) -> bool:
+    """Whether most samples of two runs are the same in every signal."""
+    length = min(len(one), len(other))
+    same = np.ones(length, dtype=bool)
+    for name in ("position_rad", "speed_rad_s", "torque_nm"):
+        same &= getattr(one, name)[:length] == getattr(other, name)[:length]
+    return bool(2 * np.count_nonzero(same) > length)
 
 
 def curve_over_time(longest_s: float) -> Curve:

@@ -61,6 +61,14 @@ class Proof:
 
 
 @dataclass(frozen=True)
+class Lasting:
+    """What repeats of a motion differ by for longer than noise does: something goes on from one run to the next."""
+
+    torque_nm: float  # root mean square, of one run
+    over_noise: float  # over what neighbouring samples do not share
+
+
+@dataclass(frozen=True)
 class Weighed:
     """The answer. `names`, most probable first, are all with a probability worth telling."""
 

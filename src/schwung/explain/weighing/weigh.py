@@ -22,7 +22,7 @@ from schwung.explain.weighing.one_law import one_law
 from schwung.explain.weighing.phases import phased
 from schwung.explain.weighing.present import Member
 from schwung.explain.weighing.publication import NAMED
-from schwung.explain.weighing.repeated import motions_of, repeated
+from schwung.explain.weighing.repeated import motions_of, repeated, telling_noise
 from schwung.explain.weighing.resting import Rests
 from schwung.explain.weighing.round import Linearised, View, target_of
 from schwung.explain.weighing.search import TOLD, Pick, Scored, Search, slices
@@ -40,8 +40,7 @@ from schwung.innovations.likelihood import first_noise
 from schwung.innovations.signals import Signals, picked_signals_of
 from schwung.innovations.statistics import Statistics
 from schwung.motion import Array
-from schwung.session.imports import repeats
-from schwung.session.model import Run, Session
+from schwung.session.model import Session
 
 #: What causes show within (Hz); injections above widen it.
 BAND_HZ, BEYOND_INJECTION = 160.0, 1.8
@@ -149,7 +148,7 @@ def posterior_of(
     work = work or Work()
     heldout = kept_aside(session) if heldout is None else tuple(heldout)
     train = tuple(run for run in range(len(session.runs)) if run not in heldout)
-    groups = _repeats(session)
+    groups = telling_noise(session)
     unrepeated = not any(len(group) > 1 for group in groups)
     view = _view(session, machine, groups, work)
     candidates = [c for c in vocabulary(view.ranges, view.known) if not (steady and c.shown_by_accelerating)]
@@ -212,28 +211,6 @@ def signals_as_measured(session: Session, machine: Machine) -> list[Signals]:
         )
         for run in session.runs
     ]
-
-
-def _repeats(session: Session) -> list[tuple[int, ...]]:
-    """Runs of each motion and injection whose noise shows in what they do not share.
-
-    Repeats most of whose samples are the same to the last count share the rounding, too: where noise is smaller than a
-    count, it is rounding that is noise, and copies of one run, as a simulation makes them, show none at all.
-    """
-    return [
-        group
-        for group in repeats(session)
-        if not any(_copied(session.runs[group[0]], session.runs[i]) for i in group[1:])
-    ]
-
-
-def _copied(one: Run, other: Run) -> bool:
-    """Whether most samples of two runs are the same in every signal."""
-    length = min(len(one), len(other))
-    same = np.ones(length, dtype=bool)
-    for name in ("position_rad", "speed_rad_s", "torque_nm"):
-        same &= getattr(one, name)[:length] == getattr(other, name)[:length]
-    return bool(2 * np.count_nonzero(same) > length)
 
 
 def _told(posterior: Posterior) -> Weighed:
