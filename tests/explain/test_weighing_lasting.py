@@ -4,6 +4,7 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
+import pytest
 from sealed_sessions import drawn
 
 from schwung.explain.weighing.published import publish
@@ -48,3 +49,20 @@ def test_where_nothing_takes_it_the_session_is_not_consistent(tmp_path: Path) ->
     assert found.verdict == "unexplained"
     assert "from one run to the next" in found.headline
     assert any("as warm as it gets" in note for note in found.notes)
+
+
+@pytest.mark.parametrize("frequency_hz", [4.0, 12.5, 30.0])
+def test_what_still_swings_lasts_as_well(frequency_hz: float, tmp_path: Path) -> None:
+    """However long a period is: a quarter of it later, nothing would be shared."""
+    sound = drawn(tmp_path, 309501, 2, kind="none")[0]
+    size = 0.2
+    swinging = {group[0] for group in telling_noise(sound) if len(group) > 1}
+    runs = [
+        replace(run, torque_nm=run.torque_nm + size * np.sin(2 * np.pi * frequency_hz * run.time_s))
+        if i in swinging
+        else run
+        for i, run in enumerate(sound.runs)
+    ]
+    found = lasting(replace(sound, runs=tuple(runs)))
+    assert found is not None
+    assert found.torque_nm == pytest.approx(size / 2, rel=0.15)

@@ -12,6 +12,7 @@ from functools import partial
 from itertools import combinations
 
 import numpy as np
+from scipy.signal import correlate
 
 from schwung.explain.weighing.along import Along
 from schwung.explain.weighing.candidate import LADDER, Candidate, Shape
@@ -67,13 +68,15 @@ def lasting(session: Session) -> Lasting | None:
 
 
 def _lasting(one: Run, other: Run) -> Lasting:
+    """By the most that their difference has in common with itself later, as what swings has after a period."""
     length = min(len(one), len(other))
     apart = one.torque_nm[:length] - other.torque_nm[:length]
     later = max(round(STRETCH_S * one.sample_rate_hz), 1)
-    if length < 2 * later:
+    if length < 4 * later:
         return Lasting(0.0, 0.0)
     noise = float(np.mean(np.diff(apart) ** 2)) / 2
-    stays = float(np.mean(apart[later:] * apart[:-later]))
+    shared = correlate(apart, apart, method="fft")[length - 1 :] / np.arange(length, 0, -1)
+    stays = float(np.max(shared[later : length // 2]))
     if noise == 0 or stays <= 0:
         return Lasting(0.0, 0.0)
     return Lasting(float(np.sqrt(stays / 2)), float(np.sqrt(stays / noise)))
