@@ -93,11 +93,13 @@ class Growth:
 
     @property
     def laws(self) -> frozenset[int]:
-        """What is looked for where laws alone are: of repeats a curve with a name is as good as one."""
-        every = enumerate(self.rests.candidates)
-        return frozenset(
-            i for i, c in every if (c.is_law if self.unrepeated else c.named) or i in self.always
-        )
+        """What is looked for where laws alone are: of repeats a curve with a name is as good as one, and without them an
+        inertia over the angle, which has another part in each acceleration."""
+        found = set(self.always)
+        for number, candidate in enumerate(self.rests.candidates):
+            if candidate.named if not self.unrepeated else candidate.is_law or candidate.is_inertia_curve:
+                found.add(number)
+        return frozenset(found)
 
     def afresh(self, among: frozenset[int] | None = None) -> Growth:
         """The same before anything was found, of these causes alone; None: of all."""
