@@ -93,8 +93,8 @@ class Growth:
 
     @property
     def laws(self) -> frozenset[int]:
-        """What is looked for where laws alone are: of repeats a curve with a name is as good as one, and without them an
-        inertia over the angle, which has another part in each acceleration."""
+        """What is looked for where laws alone are: of repeats a curve with a name is as good as one. Without them an
+        inertia over the angle is, which has another part in each acceleration."""
         found = set(self.always)
         for number, candidate in enumerate(self.rests.candidates):
             if candidate.named if not self.unrepeated else candidate.is_law or candidate.is_inertia_curve:
