@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from itertools import count
-from math import sin
+from math import pi, sin
 from types import SimpleNamespace
 
 import pytest
@@ -44,3 +44,20 @@ class Axis(Dialogue):
 )
 def test_an_axis_that_trembles_in_its_place_stands(rule: Callable[[int], int], stands: bool) -> None:
     assert Axis(rule).await_standstill(COUNT_RAD, slowing=Slowing()) == stands
+
+
+@pytest.mark.parametrize(
+    ("rule", "stands"),
+    [
+        (lambda step: 7, True),
+        (lambda step: step % 2, True),  # between two counts
+        (lambda step: round(0.24 * step), False),  # turning at 0.3 rad/s: four steps without a count
+        (lambda step: round(2 * sin(0.2 * step)), False),  # swinging by two counts
+    ],
+)
+@pytest.mark.parametrize("counts", [1000, 360, 60])
+def test_of_coarse_counts_it_has_to_stand_for_longer(
+    rule: Callable[[int], int], stands: bool, counts: int
+) -> None:
+    """Of 1000 a turn, one in 15 ms is 0.42 rad/s: an axis that swings in its place was let go of between two."""
+    assert Axis(rule).await_standstill(2 * pi / counts, slowing=Slowing()) == stands

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections import deque
 from collections.abc import Callable
 
@@ -19,7 +20,7 @@ from schwung.fieldbus.walker import Access, Walker
 CONTROLWORD = Parameter(0x6040, 0, "UNSIGNED16", "Controlword")
 _STEP_S = 0.005
 STANDSTILL_S = 2.0
-_STILL_RAD = 2e-4  # in a step: slower than 0.04 rad/s for three steps is standstill
+_STILL_RAD, _STILL_STEPS = 2e-4, 3  # in a step: slower than 0.04 rad/s for three steps is standstill
 _TREMBLES = 40  # steps within which a drive that holds its axis goes no further than so slow a one would
 
 
@@ -96,12 +97,15 @@ class Dialogue:
         does not show it.
         """
         tolerance, clock = 1.0 if count_rad is None else _STILL_RAD / abs(count_rad), self._monitor.clock
+        # steps in which the slowest that counts as turning goes on by a count: of a coarse one, fewer show nothing
+        shows = min(math.ceil(1 / tolerance), round(patience_s / 2 / _STEP_S))
         self._pause(0.0)
         elapsed, still, last = 0.0, 0, self.position()
-        recent: deque[float] = deque(maxlen=_TREMBLES)
-        while still < 3:
+        recent: deque[float] = deque(maxlen=max(_TREMBLES, shows))
+        trembles = max(max(_TREMBLES, shows) * tolerance, 1.0)
+        while still < max(_STILL_STEPS, shows):
             recent.append(last)
-            if len(recent) == _TREMBLES and max(recent) - min(recent) <= _TREMBLES * tolerance:
+            if len(recent) == recent.maxlen and max(recent) - min(recent) <= trembles:
                 return True
             slows = slowing is not None and slowing.look(elapsed, last)
             if elapsed >= patience_s and not (slows and self._braking()):

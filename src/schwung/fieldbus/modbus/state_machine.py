@@ -26,7 +26,7 @@ _MODE_S = 0.5
 _FAULT_S = 2.0  # for a fault's reaction, and for its reset
 _STANDSTILL_S = 3.0
 _STILL_FOR_S = 0.05
-_STILL_RAD = 1e-3  # within _STILL_FOR_S: slower than 0.02 rad/s
+_STILL_RAD = 1e-3  # within _STILL_FOR_S: slower than 0.02 rad/s; of coarse counts as slow, so longer
 _FAULTY = (State.FAULT, State.FAULT_REACTION)
 
 
@@ -251,9 +251,13 @@ class StateMachine:
         clock = self._clock
         end_s, since_s, at = clock.now() + _STANDSTILL_S, clock.now(), math.nan
         count_rad = abs(self._count_rad())
-        still = max(_STILL_RAD, 1.5 * count_rad) / count_rad if count_rad > 0 else 1.0  # counts
+        still, still_for_s = 1.0, _STILL_FOR_S  # counts, and within which time no more
+        if count_rad > 0:
+            still_rad = max(_STILL_RAD, 1.5 * count_rad)
+            still = still_rad / count_rad
+            still_for_s = min(still_rad / _STILL_RAD * _STILL_FOR_S, _STANDSTILL_S / 2)
         seen = False
-        while clock.now() - since_s < _STILL_FOR_S:
+        while clock.now() - since_s < still_for_s:
             now = math.nan
             try:
                 now = self._position()
