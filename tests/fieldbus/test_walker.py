@@ -172,3 +172,22 @@ def test_quick_stop_active_is_left_by_disable_voltage_alone() -> None:
     drive = TableDrive(State.QUICK_STOP_ACTIVE)
     drive.walker.off()
     assert set(drive.sent) == {cia402.DISABLE_VOLTAGE}
+
+
+def test_a_state_that_it_was_not_told_to_enter_is_waited_for() -> None:
+    """An old frame: after Shutdown alone, Operation enabled was believed, and a setpoint sent."""
+    drive = TableDrive()
+    drive.clock.later(0.004, lambda: setattr(drive, "shown", WORDS[State.OPERATION_ENABLED]))
+    drive.clock.later(0.3, lambda: setattr(drive, "shown", -1))
+    drive.walker.climb(State.OPERATION_ENABLED, lambda: None)
+    assert drive.sent == [cia402.SHUTDOWN, cia402.SWITCH_ON, cia402.ENABLE_OPERATION]
+    assert drive.state is State.OPERATION_ENABLED
+
+
+def test_a_state_that_another_brought_it_to_is_not_taken_for_ours() -> None:
+    drive = TableDrive()
+    drive.clock.later(0.004, lambda: setattr(drive, "shown", WORDS[State.OPERATION_ENABLED]))
+    with pytest.raises(EnergisedError, match="somebody else"):
+        drive.walker.climb(State.OPERATION_ENABLED, lambda: None)
+    assert drive.sent == [cia402.SHUTDOWN]
+    assert drive.clock.now() >= PATIENCE_S

@@ -20,6 +20,8 @@ PATIENCE_S = 2.0
 RESTLESS = 5
 #: A drive that has not answered so often, each time for as long as the bus allows, is not waited for any longer.
 SILENCES = 2
+#: By which controlword of ours alone a drive gets up there.
+_ENTERED_BY = {State.OPERATION_ENABLED: cia402.ENABLE_OPERATION, State.SWITCHED_ON: cia402.SWITCH_ON}
 #: Steps down that a drive may do on a ramp of its own, before the voltage goes (605B, 605C).
 _STEPS_DOWN = {State.OPERATION_ENABLED: cia402.SWITCH_ON, State.SWITCHED_ON: cia402.SHUTDOWN}
 
@@ -51,31 +53,41 @@ class Walker:
         """Before the first command of ours: raise EnergisedError where the drive is on already. Nothing is sent."""
         state = self.state()
         if state in cia402.ENERGISED:
-            raise EnergisedError(
-                self._access.place,
-                f'is in "{state.value}": somebody else has switched it on, and it is left alone',
-                "Switch it off there.",
-            )
+            raise self._on_by_another(state)
 
-    def climb(self, wanted: State, check: Callable[[], None]) -> None:
+    def _on_by_another(self, state: State) -> EnergisedError:
+        return EnergisedError(
+            self._access.place,
+            f'is in "{state.value}": somebody else has switched it on, and it is left alone',
+            "Switch it off there.",
+        )
+
+    def climb(self, wanted: State, check: Callable[[], None], sent: int = -1) -> None:
         """Step by step up to a state, by words that only rise: a drive that falls back is not sent up again, also not
-        where it was on its way up before this climb.
+        where it was on its way up before this climb. Where it shows the state before it was told to, that is an old
+        frame or another's doing: it is waited for. `sent`: the last controlword of the climb that this one goes on.
 
-        `check` raises what has come between. Raises StateError or DriveFaultError naming what is missing.
+        `check` raises what has come between. Raises StateError or DriveFaultError naming what is missing, and
+        EnergisedError where another has switched it on.
         """
-        access, previous, since, sent = self._access, None, self._clock.now(), -1
+        access, previous, since = self._access, None, self._clock.now()
         while True:
             word = access.statusword()
             state = cia402.decode(word)
             check()
-            if state is wanted:
+            if state is wanted and sent in (-1, _ENTERED_BY.get(wanted, sent)):
                 return
+            untold = state is wanted
+            if untold:
+                state = State.UNKNOWN
             if state is not previous:
                 previous, since = state, self._clock.now()
             step = cia402.next_controlword(state, wanted)
             # an unknown state may be one on its way to the next
             hopeless = state is not State.UNKNOWN if step is None else step < sent
             if hopeless or self._clock.now() - since > self._patience_s:
+                if untold:
+                    raise self._on_by_another(wanted)
                 raise access.stuck(word, max(sent, 0), wanted)
             if step is None or step == sent:
                 access.pause()

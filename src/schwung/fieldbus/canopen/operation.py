@@ -171,7 +171,7 @@ class Operation:
         walker = self._dialogue.walker
         walker.climb(State.SWITCHED_ON, self._require_untroubled)
         try:
-            walker.climb(State.OPERATION_ENABLED, ready)
+            walker.climb(State.OPERATION_ENABLED, ready, sent=cia402.SWITCH_ON)
         except StateError as error:
             if error is not wrong_mode:
                 self._require_untroubled()  # a stop came after the last look: what it was for
