@@ -156,6 +156,9 @@ def test_repeats_that_differ_for_longer_than_noise_are_unexplained_where_nothing
             "unexplained: repeats of a motion differ by 0.05 N·m, 9.1 times what is noise, from one run to the next, "
             "and nothing was found that takes it"
         )
+        assert not any(
+            "left unexplained" in what for what, _ in fact_rows(bare, units_of("rotary", "torque"))
+        )
         assert bare.to_json()["lasting"] == {"torque_nm": 0.05, "over_noise": 9.1}
 
 

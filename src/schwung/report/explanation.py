@@ -200,7 +200,7 @@ def fact_rows(of: Published, units: Units) -> list[tuple[str, str]]:
             )
         )
         rows.append(("missed there by machine.toml, read back", f"{of.proof.after:.3g} σ{after}"))
-        if of.verdict != "consistent":  # of nothing there is no share
+        if of.verdict != "consistent" and of.proof.before > 1:  # of nothing there is no share
             left = f"{100 * (1 - of.proof.taken):.0f} %"
             rows.append(("left unexplained there, of what is beyond noise", left))
     share = (
