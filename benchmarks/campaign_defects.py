@@ -151,8 +151,8 @@ def _stops_when_somebody_looks() -> None:
 def _brought_up_again() -> None:
     """A drive that falls back on its way up is brought up again."""
 
-    def climb(self: Any, wanted: State, check: Callable[[], None]) -> None:
-        access, previous, since, sent = self._access, None, self._clock.now(), -1
+    def climb(self: Any, wanted: State, check: Callable[[], None], sent: int = -1) -> None:
+        access, previous, since = self._access, None, self._clock.now()
         while True:
             word = access.statusword()
             state = cia402.decode(word)
