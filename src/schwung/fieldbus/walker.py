@@ -53,12 +53,12 @@ class Walker:
         """Before the first command of ours: raise EnergisedError where the drive is on already. Nothing is sent."""
         state = self.state()
         if state in cia402.ENERGISED:
-            raise self._on_by_another(state)
+            raise self._on_by_another(state, "and it is left alone")
 
-    def _on_by_another(self, state: State) -> EnergisedError:
+    def _on_by_another(self, state: State, then: str) -> EnergisedError:
         return EnergisedError(
             self._access.place,
-            f'is in "{state.value}": somebody else has switched it on, and it is left alone',
+            f'is in "{state.value}": somebody else has switched it on, {then}',
             "Switch it off there.",
         )
 
@@ -87,7 +87,7 @@ class Walker:
             hopeless = state is not State.UNKNOWN if step is None else step < sent
             if hopeless or self._clock.now() - since > self._patience_s:
                 if untold:
-                    raise self._on_by_another(wanted)
+                    raise self._on_by_another(wanted, "for we have not yet")
                 raise access.stuck(word, max(sent, 0), wanted)
             if step is None or step == sent:
                 access.pause()
