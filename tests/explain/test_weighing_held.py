@@ -11,6 +11,7 @@ sys.path.append(str(Path(__file__).parents[2] / "benchmarks"))
 from stranger_plant import draw_stranger, stranger_belief, stranger_session
 
 from schwung.explain.weighing.round import Linearised, linearised
+from schwung.explain.weighing.settling import within
 from schwung.explain.weighing.weigh import Posterior, posterior_of
 
 
@@ -58,9 +59,26 @@ def test_what_is_taken_more_than_a_step_late_is_no_stiffness() -> None:
     assert taken(found) == pytest.approx(12 - 8, abs=0.7)
 
 
-@pytest.mark.parametrize("share", [0.0, 0.3, 0.8])
-def test_where_in_the_step_it_is_taken_has_the_right_slope(late_by_half: Posterior, share: float) -> None:
-    """A speed that is late, as any is, shows the corners a little later: without that the line led the other way."""
+def test_no_step_leads_past_a_sample(late_by_half: Posterior) -> None:
+    """The slope on its other side is another: of a bench that takes what is sent with the very SYNC, one half of all
+    steps led past it, and a set that no further step should change still promised 5 (log)."""
+    (hold,) = (m for m in late_by_half.grown.climbed.at.members if m.candidate.holds)
+    places = [0.3]
+    for asked in (0.2, -0.2, -0.2, -0.2, 0.1, 0.1, 0.1):
+        (place,) = within(replace(hold, coefficients=np.array(places[-1:])), np.array([asked]))
+        places.append(float(place))
+    assert places == pytest.approx([0.3, 0.2, 1e-6, -1e-6, -0.2, -1e-6, 1e-6, 0.1])
+
+
+@pytest.mark.parametrize(
+    ("share", "low", "high"),
+    [(-1e-6, -2e-3, -1e-6), (0.0, 0.0, 2e-3), (0.3, 0.299, 0.301), (0.8, 0.799, 0.801)],
+)
+def test_where_in_the_step_it_is_taken_has_the_right_slope(
+    late_by_half: Posterior, share: float, low: float, high: float
+) -> None:
+    """A speed that is late, as any is, shows the corners a little later: without that the line led the other way. At a
+    sample there are two slopes: taken before it, it has moved what is measured there."""
     at, noise, run = late_by_half.grown.climbed.at, late_by_half.growth.rests.wide.noise, 1
     (hold,) = (m for m in at.members if m.candidate.holds)
     (both,) = (m for m in at.members if all(m.candidate.late))
@@ -74,5 +92,5 @@ def test_where_in_the_step_it_is_taken_has_the_right_slope(late_by_half: Posteri
         return linearised(at.about.view, members, noise, None, [run])
 
     line = about(share).whitened([(hold.candidate, hold.shape)], [run])[0].copy()
-    change = (about(share + 1e-3).innovations([run]) - about(share - 1e-3).innovations([run])) / 2e-3
+    change = (about(high).innovations([run]) - about(low).innovations([run])) / (high - low)
     assert -line == pytest.approx(change, abs=0.02 * np.max(np.abs(change)))

@@ -10,15 +10,18 @@ from scipy.interpolate import CubicSpline
 
 from schwung.motion import Array
 
-#: Share of a step between what is taken at two times, for the slope.
-_LITTLE = 1e-4
-
 
 def early_moments(share: float) -> Array:
     """A torque of one over the first `share` of a step as it is at the step's start, at its end, and the height of the
     parabola between, (3,): its projection on Legendre's polynomials of the step."""
     mean, tilt, bend = share, 3 * (share**2 - share), 5 * (2 * share**3 - 3 * share**2 + share)
     return np.array([mean - tilt + bend, mean + tilt + bend, -1.5 * bend])
+
+
+def early_moments_slope(share: float) -> Array:
+    """What that changes by for each share that there is more, (3,)."""
+    tilt, bend = 3 * (2 * share - 1), 5 * (6 * share**2 - 6 * share + 1)
+    return np.array([1 - tilt + bend, 1 + tilt + bend, -1.5 * bend])
 
 
 def corners(u: float) -> tuple[float, float]:
@@ -65,9 +68,9 @@ class Held:
         return np.stack([now, now, np.zeros_like(now)], axis=1) - np.outer(now - before, early_moments(share))
 
     def slope(self, late_s: float) -> Array:
-        """What changes of that in a step's time, (n − 1, 3)."""
-        late, early = (self.over_steps(late_s + way * _LITTLE * self._step_s) for way in (1, -1))
-        return (late - early) / (2 * _LITTLE)
+        """What changes of that in a step's time, (n − 1, 3); where it is taken at a sample, if it is taken later."""
+        share, now, before = self._around(late_s)
+        return -np.outer(now - before, early_moments_slope(share))
 
     @property
     def _step_s(self) -> float:

@@ -87,6 +87,7 @@ class Growth:
     unrepeated: bool = False  # whether no run repeats another: then noise is what a set leaves
     coarse: bool = False  # whether these are a few runs, by which no noise can be told
     rival: float | None = None  # log probability, about the noise at hand, of what these causes stand in for
+    unasked: float = 0.0  # what was gained (log) since it was asked where a bus's torque is taken
     tell: Progress = lambda _text, _share: None
     #: What each candidate that no line leads to gained (log) when it was last asked.
     gained: dict[int, float] = field(default_factory=dict)
@@ -125,11 +126,12 @@ class Growth:
             if search.data.work.spent:
                 return Climbed(search, start, at)
             if growing:
+                before = at.log + search.prior(start.picks)
                 taken = self._further(search, start, at)
                 if taken is not None:
                     start, at = numbers_exchanged(self.rests, search, *taken)
                     start, at = play_instead(self.rests, search, start, at) or (start, at)
-                    at = self._nearest(at)
+                    at = self._nearest(at, at.log + search.prior(start.picks) - before)
                     if named and is_unnamed(search, start):
                         return Climbed(search, start, at, halfway=True)
                     fresh = self.unrepeated and self._is_loud(at)
@@ -188,10 +190,13 @@ class Growth:
         self._renew(at)
         return self.rests.settled(at.about.view, at.members)
 
-    def _nearest(self, at: Settled) -> Settled:
-        """With what a bus holds taken where that is likelier."""
-        if self.rests.misses(at) or at.about.view.work.spent:
+    def _nearest(self, at: Settled, gained: float = np.inf) -> Settled:
+        """With what a bus holds taken where that is likelier; `gained`: by what was found last (log). What is hardly
+        likelier than a set about which it was asked answers the same."""
+        self.unasked += gained
+        if self.unasked < HOPELESS or self.rests.misses(at) or at.about.view.work.spent:
             return at
+        self.unasked = 0.0
         return self.held.nearest(at, self.rests.weighing)
 
     def _is_loud(self, at: Settled) -> bool:

@@ -30,9 +30,12 @@ from schwung.innovations.likelihood import Noise
 from schwung.innovations.statistics import Numbers, Statistics
 from schwung.motion import Array
 
-#: Halvings at most, of what leaves no machine; shares of a step that are tried; at rest, where no coefficient moves by
-#: more than this (deviations).
-HALVINGS, _SHARES, _AT_REST = 4, (1.0, 0.5, 0.25, 0.125), 0.1
+#: Halvings at most, of what leaves no machine; at rest, where no coefficient moves by more than this (deviations).
+HALVINGS, _AT_REST = 4, 0.1
+#: A step that leads nowhere is tried again at most so much of it, at least so much; of less than the last nothing is.
+_MOST_OF, _LEAST_OF, _LEAST_SHARE = 0.5, 0.1, 0.1
+#: What is held and taken within so much of a step of a sample is taken at it.
+_AT_SAMPLE = 1e-6
 #: Passes of a set's own noise at most; known, where no size of it moves by more than this (log).
 _PASSES, _KNOWN = 4, 0.1
 #: How well a gap is found (log) before all else comes to rest with it.
@@ -212,7 +215,7 @@ def _at_rest(at: _Step, weighing: Weighing, least: float) -> Settled:
         near = at.moved < missed
         if near and _is_hopeless(at, weighing, least):
             break
-        better = _better(at, _SHARES[:1] if near else _SHARES, worse, weighing)
+        better, share = _better(at, worse, weighing, once=near)
         if better is None and _is_hopeless(at, weighing, least):
             break
         if better is None:
@@ -223,7 +226,7 @@ def _at_rest(at: _Step, weighing: Weighing, least: float) -> Settled:
                 if alike:
                     break
                 continue
-            better = _better(at, _SHARES[1:], worse, weighing) if near else None
+            better, _ = _better(at, worse, weighing, share) if near else (None, share)
             if better is None:
                 break
         at = better
@@ -238,19 +241,36 @@ def _is_hopeless(at: _Step, weighing: Weighing, least: float) -> bool:
     )
 
 
-def _better(at: _Step, shares: Sequence[float], worse: float, weighing: Weighing) -> _Step | None:
-    """The first of these shares of the step that leads to less than such a cost; None: none does."""
-    for share in shares:
+def _better(
+    at: _Step, worse: float, weighing: Weighing, share: float = 1.0, *, once: bool = False
+) -> tuple[_Step | None, float]:
+    """So much of the step, or less, as leads to less than such a cost; None: none does; and the share to try next.
+    `once`: whether no more is tried than this share."""
+    while share >= _LEAST_SHARE:
         tried = [
             _moved(m, share * step, share * shift)
             for m, step, shift in zip(at.members, at.steps, at.shifts, strict=True)
         ]
-        about = smoothed(at.about.view, tried, weighing)
+        about, cost = smoothed(at.about.view, tried, weighing), np.inf
         if finite(about.view):
             better = _stepped(about, tried, weighing)
             if better.cost < worse:
-                return better
-    return None
+                return better, share
+            cost = better.cost
+        share *= _shorter(at, share, cost)
+        if once:
+            break
+    return None, share
+
+
+def _shorter(at: _Step, share: float, cost: float) -> float:
+    """How much of a share of the step is least unlikely, if cost is a parabola over it: it begins as the line promises,
+    and was so much there."""
+    begins = 4 * at.promised * share
+    bends = cost - at.cost + begins
+    if not np.isfinite(bends) or bends <= 0:
+        return _MOST_OF
+    return min(max(begins / (2 * bends), _LEAST_OF), _MOST_OF)
 
 
 @dataclass(frozen=True, eq=False)
@@ -281,6 +301,13 @@ def _moved(member: Member, step: Array, shift: Array) -> Member:
             *np.ones(shift.size - 1),
         ]
     return replace(member, coefficients=coefficients, shape=member.candidate.moved(member.shape, shift))
+
+
+def _leads_across(member: Member, step: Array) -> NDArray[np.bool_]:
+    """Which of its coefficients are at a corner of the likelihood, and are led across it, (p,): what is held and taken
+    just before a sample moves what is measured there, and just behind it does not."""
+    at_corner = member.candidate.holds & (np.abs(member.coefficients) <= _AT_SAMPLE)
+    return np.asarray(at_corner & (np.where(member.coefficients < 0, -1, 1) * step < 0))
 
 
 def _leads_beyond(member: Member, shift: Array) -> NDArray[np.bool_]:
@@ -346,13 +373,17 @@ def _stepped(about: Linearised, members: Sequence[Member], weighing: Weighing) -
 
     free = np.arange(start.size)
     found, step = solved(free)
-    shifts = zip(members, np.split(step[size:], ends), strict=True)
-    beyond = np.concatenate([np.zeros(size, dtype=bool), *(_leads_beyond(*each) for each in shifts)])
+    each, shifts = np.split(step[:size], at), np.split(step[size:], ends)
+    across = [_leads_across(*pair) for pair in zip(members, each, strict=True)]
+    beyond = np.concatenate([*across, *(_leads_beyond(*pair) for pair in zip(members, shifts, strict=True))])
     if np.any(beyond):
         free = np.flatnonzero(~beyond)
         found, step = solved(free)
+        # what lies on the other side of a sample has another slope, which the next step asks
+        step[:size] -= np.where(beyond[:size], present + np.where(present < 0, -1, 1) * _AT_SAMPLE, 0.0)
     cost = _cost(about, members, weighing)
-    plain = weigh(statistics.at(np.arange(size)), deviations) if slopes else found
+    alone = slopes or np.any(beyond)
+    plain = weigh(statistics.at(np.arange(size)), deviations) if alone else found
     return _Step(
         about=about,
         members=tuple(members),
@@ -399,9 +430,11 @@ def _inexact(about: Linearised, members: Sequence[Member], weighing: Weighing) -
 
 def within(member: Member, coefficients: Array) -> Array:
     """Coefficients that leave a total above what no machine goes below; no step takes more than most of it. What is
-    held is taken within its step, or a little before what is sampled with it."""
+    held is taken within its step, or a little before what is sampled with it; no step leads past the sample."""
     if member.candidate.holds:
-        return np.clip(coefficients, -0.5, 1.0)
+        now, asked = member.coefficients, np.clip(coefficients, -0.5, 1.0)
+        at_sample = np.sign(asked if abs(now[0]) <= _AT_SAMPLE else now) * _AT_SAMPLE
+        return np.where(now * asked < 0, at_sample, asked)
     held = coefficients.copy()
     for which, least in member.candidate.bounds_below:
         total = member.coefficients[which] - least
