@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from campaign_plan import (
+    COARSE_COUNTS,
     COUNT_RAD,
     DISTANCE_RAD,
     DURATION_S,
@@ -33,7 +34,7 @@ from schwung_sim.modbus_bench import ModbusBench
 from schwung_sim.plants.two_mass import TwoMassPlant
 
 FAMILY, UNIT = "schwung-bench-modbus", 1
-SILENCE_S, COARSE_COUNTS = 1.5, 1000
+SILENCE_S = 1.5
 BRAKES_RAD_S2 = 1000.0
 #: Registers that a motion needs: how it is made, generator and trace.
 _WRITABLE = frozenset({100, 210, 212, 214, 216, 400, 402, 404, 406, 500, 502, 504, 508})

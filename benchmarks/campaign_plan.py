@@ -21,6 +21,7 @@ ROOM_RAD = 0.15  # between the stroke and the ends of the window
 SPEED_RAD_S, TORQUE_NM, FOLLOWING_RAD = 12.05, 60.0, 0.1
 # The bench's drive, as its data sheet would have it: counts a turn, rated torque, per cent of it that is injected.
 COUNT_RAD = 2 * math.pi / 2**20
+COARSE_COUNTS = 1000
 RATED_TORQUE_NM = 70.0
 SILENCE_S, DECELERATION_RAD_S2 = 0.3, 10_000 * 2 * math.pi / 60
 
@@ -74,7 +75,7 @@ def machine() -> Machine:
     )
 
 
-def expected(way: Way, start_rad: float) -> Expected:
+def expected(way: Way, start_rad: float, count_rad: float = COUNT_RAD) -> Expected:
     """The plan, computed from the wishes: peak speed of the trapezoid with equal thirds is 1.5 times the mean."""
     period_s = 1.0 / way.wishes["sample_rate_hz"]
     step = 1.5 * DISTANCE_RAD / DURATION_S * period_s
@@ -87,10 +88,10 @@ def expected(way: Way, start_rad: float) -> Expected:
         torque_nm=TORQUE_NM,
         silence_s=SILENCE_S,
         deceleration_rad_s2=DECELERATION_RAD_S2,
-        step_counts=math.ceil((DISTANCE_RAD + MOVED_RAD if way.mode == 1 else step) / COUNT_RAD),
-        bend_counts=None if way.mode == 1 else math.ceil(bend / COUNT_RAD),
+        step_counts=math.ceil((DISTANCE_RAD + MOVED_RAD if way.mode == 1 else step) / count_rad),
+        bend_counts=None if way.mode == 1 else math.ceil(bend / count_rad),
         added_counts=math.ceil(0.2 * TORQUE_NM / RATED_TORQUE_NM * 1000),
-        count_rad=COUNT_RAD,
+        count_rad=count_rad,
         mode=way.mode,
         writable=way.writable,
     )

@@ -16,6 +16,7 @@ from campaign_line import WAYS as LINE_WAYS
 from campaign_line import LineRoom
 from campaign_plan import (
     AFTERMATH_S,
+    COARSE_COUNTS,
     DISTANCE_RAD,
     DURATION_S,
     FOLLOWING_RAD,
@@ -86,7 +87,8 @@ def kind_of(scenario: Scenario) -> str:
     trait, value = scenario.trait
     drive = f", drive with {trait} {value:g}" if trait else ""
     stays = ", stays in quick stop" if scenario.stays and scenario.bus == "canopen" else ""
-    return way.name + drive + stays + (", exported" if scenario.exports else "")
+    coarse = f", {COARSE_COUNTS} counts a turn" if scenario.coarse else ""
+    return way.name + drive + stays + coarse + (", exported" if scenario.exports else "")
 
 
 def run(scenario: Scenario, show: bool = False) -> Outcome:

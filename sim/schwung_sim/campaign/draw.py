@@ -77,6 +77,8 @@ FALLS_BACK, FALLING_BACK = 0.03, "enable-input"
 #: How often, on CANopen, somebody turns the axis between plan and power, by less than a motion is refused for: who
 #: takes the first setpoint for where the axis stands makes it a step. Sizes as of "moved" are about 0.5. Drawn last.
 TURNS, TURNING, TURNED = 0.04, "moved", 0.16
+#: How often, on CANopen, its encoder has so few counts that a slow axis shows none for a while. Drawn last.
+COARSE = 0.05
 
 
 @dataclass(frozen=True)
@@ -116,6 +118,7 @@ class Scenario:
     )
     trait: tuple[str, float] = ("", 0.0)  # of TRAITS
     bus: str = "canopen"
+    coarse: bool = False  # counts of its encoder are few
 
 
 def draw(seed: int, weights: tuple[float, ...], bus: str = "canopen") -> Scenario:
@@ -134,7 +137,8 @@ def draw(seed: int, weights: tuple[float, ...], bus: str = "canopen") -> Scenari
         incidents += (_falling_back(chance),)
     if bus == "canopen" and chance.random() < TURNS:
         incidents += (_turning(chance),)
-    return Scenario(seed, way, start, incidents, exports, creeps, stays, trait, bus)
+    coarse = bus == "canopen" and chance.random() < COARSE
+    return Scenario(seed, way, start, incidents, exports, creeps, stays, trait, bus, coarse)
 
 
 def _falling_back(chance: random.Random) -> Incident:
