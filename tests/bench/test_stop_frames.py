@@ -15,6 +15,7 @@ from schwung.errors import DriveError, NodeLostError, StateError
 from schwung.fieldbus.canopen import CanopenDrive
 from schwung.fieldbus.drive import ParameterValue
 from schwung.fieldbus.profile import load_profile
+from schwung_sim.drives.dictionary import key
 from schwung_sim.drives.power import Power
 
 FIRST_TPDO = 0x180 + NODE
@@ -82,6 +83,24 @@ def test_a_drive_that_restarts_while_it_is_started_is_not_energised(after_s: flo
             drive.start(CSP)
         assert isinstance(raised.value, NodeLostError) or "not set up" in str(raised.value)
         assert not bench.servo.power.energised
+        drive.close()
+
+
+def test_a_drive_that_has_restarted_since_its_units_were_read_is_not_started() -> None:
+    """It comes back with what it has stored: here with another encoder's counts, by which the first target was 730 rad
+    off. Begun anew, its units are those that it has."""
+    with bench_and_bus() as (bench, bus):
+        drive = CanopenDrive(bus, NODE, load_profile("schwung-bench"), bit_rate=1_000_000)
+        bench.servo.dictionary.writer(key(0x608F, 1))(1000)
+        assert drive.resolution().position_rad == pytest.approx(2 * np.pi / 1000)
+        drive.write(drive.setup(CSP))
+        bench.servo.reset_node()
+        drive.clock.sleep(0.1)
+        drive.write(drive.setup(CSP))
+        with pytest.raises(NodeLostError, match="restarted since its units were read"):
+            drive.start(CSP)
+        assert drive.resolution().position_rad == pytest.approx(2 * np.pi / 2**20)
+        drive.start(CSP)
         drive.close()
 
 

@@ -67,6 +67,7 @@ class CanopenDrive:
         self.profile, self.node_id = profile, node_id
         self._bit_rate, self._bus_options = bit_rate, bus_options
         self._scales: Scales | None = None
+        self._boot_ups = 0  # that were heard before its units were read
         self._eds = eds.read_eds(profile.eds_path, node_id)
         self._lookup = self._eds.find
         self._layouts = pdo.layouts(profile, self._lookup, node_id)
@@ -146,6 +147,7 @@ class CanopenDrive:
     def scales(self) -> Scales:
         """SI per count, read from the drive once. Raises InputError where neither drive nor profile tells a unit."""
         if self._scales is None:
+            self._boot_ups = self._monitor.boot_ups
             self._scales = read_scales(self.profile, self._integer)
         return self._scales
 
@@ -221,10 +223,12 @@ class CanopenDrive:
         """Heartbeats on, node operational, PDO exchange running with the power stage off.
 
         Raises StateError when the drive is not set up for the acquisition, or does not answer SYNC, NodeLostError where
-        it restarts meanwhile: it may not watch us any more. EnergisedError where somebody else has switched it on: it
-        no longer watches us then, so that our leaving does not stop it.
+        it has restarted since its units were read, which are read anew then, or restarts meanwhile: it may not watch us
+        any more. EnergisedError where somebody else has switched it on: it no longer watches us then, so that our
+        leaving does not stop it.
         """
-        boot_ups = self._monitor.boot_ups
+        scales = self.scales
+        self._require_no_restart("since its units were read")
         missing = self.setup(acquisition)
         if missing:
             names = ", ".join(v.parameter.label for v in missing[:3])
@@ -235,16 +239,24 @@ class CanopenDrive:
             )
         self._parameters.beat(acquisition.heartbeat_s)
         try:
-            self._operation.start(acquisition, self.scales, self.limits())
+            self._operation.start(acquisition, scales, self.limits())
         except EnergisedError:
             with contextlib.suppress(DriveError):
                 self._parameters.watch_us_no_more()
             raise
-        if self._monitor.boot_ups != boot_ups:
+        try:
+            self._require_no_restart("while it was started")
+        except NodeLostError:
             self._operation.stop()
+            raise
+
+    def _require_no_restart(self, when: str) -> None:
+        """Raises NodeLostError where a boot-up was heard since its units were read."""
+        if self._monitor.boot_ups != self._boot_ups:
+            self._scales = None
             raise NodeLostError(
                 f"node {self.node_id}",
-                "restarted while it was started: what it was set up for may be lost",
+                f"restarted {when}: what it was set up for may be lost",
                 "Check its supply, and begin anew.",
             )
 
