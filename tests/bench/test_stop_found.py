@@ -72,12 +72,18 @@ class Room:
 
 
 @contextmanager
-def started(faults: str = "") -> Iterator[Room]:
-    channel = f"found-{next(_channels)}"
+def started(faults: str = "", *, stays: bool = False) -> Iterator[Room]:
+    """`stays`: in quick stop, as the drive is set, and by a profile that leaves it so."""
+    channel, profile = f"found-{next(_channels)}", load_profile("schwung-bench")
     with Bench("two-mass", channel=channel, node_id=NODE, faults=faults) as bench:
+        if stays:
+            bench.servo.dictionary.writer(key(0x605A))(STAYS)
+            profile = profile.model_copy(
+                update={"stop": profile.stop.model_copy(update={"quick_stop_option": None})}
+            )
         side = Side(bench.bus.clock)
         with SideBus(can.Bus(interface="stepped", channel=channel), side) as bus:
-            drive = CanopenDrive(bus, NODE, load_profile("schwung-bench"), bit_rate=1_000_000)
+            drive = CanopenDrive(bus, NODE, profile, bit_rate=1_000_000)
             drive.write(drive.setup(CSP))
             drive.start(CSP)
             room = Room(bench, side, bus, drive)
@@ -105,6 +111,29 @@ def test_a_frame_that_waits_for_its_sync_does_not_undo_the_quick_stop(share: flo
         room.after(0.1 + share / RATE_HZ, lambda: room.side.at(0.0, room.drive.halt))
         with pytest.raises(DriveError, match="halt"):
             room.drive.play(stroke(500, RATE_HZ))
+        room.drive.disable()
+    assert room.states == [Power.OPERATION_ENABLED, Power.QUICK_STOP_ACTIVE, Power.SWITCH_ON_DISABLED]
+
+
+def test_a_frame_that_waits_for_a_lost_sync_does_not_undo_the_quick_stop() -> None:
+    """SYNC alone is lost for 80 ms, and heard again after the quick stop was taken by SDO: of a drive that takes the
+    first frame since its last SYNC that is one from before, which enabled it for 2 ms
+    (campaign.py --seeds 80302:80303)."""
+    with started("first-rpdo", stays=True) as room:
+        room.drive.enable()
+        room.states.clear()
+        send, lost = room.bus.stepped.send, [False]
+
+        def losing(message: can.Message, timeout: float | None = None) -> None:
+            if not (lost[0] and message.arbitration_id == 0x080):
+                send(message, timeout)
+
+        room.bus.stepped.send = losing
+        room.after(0.2, lambda: lost.__setitem__(0, True))
+        room.after(0.28, lambda: lost.__setitem__(0, False))
+        with pytest.raises(NodeLostError, match="did not answer"):
+            room.drive.play(stroke(500, RATE_HZ))
+        room.side.sleep(0.05)
         room.drive.disable()
     assert room.states == [Power.OPERATION_ENABLED, Power.QUICK_STOP_ACTIVE, Power.SWITCH_ON_DISABLED]
 

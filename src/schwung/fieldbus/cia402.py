@@ -73,6 +73,9 @@ ENERGISED = (State.OPERATION_ENABLED, State.QUICK_STOP_ACTIVE, State.FAULT_REACT
 #: The power stage is off, and stays so whatever a single controlword that enables operation says.
 OFF = (State.SWITCH_ON_DISABLED, State.NOT_READY, State.FAULT)
 
+#: Values of 605A with which it stays in Quick stop active, from where one word leads into operation.
+STAY_STOPPED = (5, 6, 7, 8)
+
 #: The power stage is off, and could be switched on.
 WAITING = (State.SWITCH_ON_DISABLED, State.READY)
 

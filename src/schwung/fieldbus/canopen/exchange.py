@@ -68,7 +68,7 @@ class Producer(Protocol):
         ...
 
     def stop(self) -> None:
-        """End the exchange."""
+        """End the exchange: no SYNC any more, and `pump` lets time pass without an answer. May be called twice."""
         ...
 
 

@@ -114,7 +114,7 @@ class Operation:
                 self._place, "shows no state that CiA 402 knows", "Is this the profile of this drive?"
             )
         self._scales = scales
-        self._stopping.begin(scales.position_rad, limits.stop_deceleration_rad_s2)
+        self._stopping.begin(scales.position_rad, limits)
         off_rad = limits.following_error_rad or None
         self._window_rad = min(START_WINDOW_RAD, (off_rad or math.inf) / 2)
         off_counts = off_rad / abs(scales.position_rad) if off_rad else None

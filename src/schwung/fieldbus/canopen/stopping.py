@@ -19,6 +19,7 @@ from schwung.fieldbus.canopen.link import Link
 from schwung.fieldbus.canopen.own_means import OwnMeans
 from schwung.fieldbus.canopen.sdo import Outcome, SdoChannel
 from schwung.fieldbus.cia402 import State
+from schwung.fieldbus.drive import DriveLimits
 from schwung.fieldbus.walker import PATIENCE_S
 
 _HALT_S = 1.0  # another thread that is at it already is waited for so long
@@ -50,16 +51,18 @@ class Stopping:
         self._stopped_s: float | None = None  # when the first quick stop since `begin` was sent
         self._count_rad: float | None = None
         self._deceleration_rad_s2: float | None = None
+        self._stays = False  # in Quick stop active
 
     @property
     def stopped(self) -> bool:
         """A quick stop has been sent since `begin`."""
         return self._stopped_s is not None
 
-    def begin(self, count_rad: float, deceleration_rad_s2: float | None) -> None:
+    def begin(self, count_rad: float, limits: DriveLimits) -> None:
         """The exchange starts: nothing has moved, nothing has been stopped. `count_rad`: worth of a position count;
-        `deceleration_rad_s2`: how hard the drive brakes, where it tells."""
-        self._count_rad, self._deceleration_rad_s2 = count_rad, deceleration_rad_s2
+        `limits`: how hard the drive brakes, where it tells, and where that leaves it."""
+        self._count_rad, self._deceleration_rad_s2 = count_rad, limits.stop_deceleration_rad_s2
+        self._stays = limits.quick_stop_option in cia402.STAY_STOPPED
         self._stopped_s, self.moved, self.fastest_rad_s = None, False, 0.0
 
     def require_not_halted(self) -> None:
@@ -106,6 +109,7 @@ class Stopping:
             outcome = Outcome.NOT_ANSWERED
             if cyclic is None or cyclic.producer.send_awaited_sync():
                 outcome = self._sdo.write_once(CONTROLWORD, cia402.QUICK_STOP, 0.2)
+                self._end_unanswered(outcome)
             answered = outcome is not Outcome.NOT_ANSWERED
             heard = heard or answered
             if cyclic is not None and self._is_to_be_started(outcome):
@@ -129,6 +133,13 @@ class Stopping:
             else:
                 with contextlib.suppress(Exception):
                     self._comes_to_rest(Slowing())
+
+    def _end_unanswered(self, outcome: Outcome) -> None:
+        """No SYNC any more, where it was not answered and the quick stop was taken by SDO: a drive that stays in it
+        would go back into operation by a frame that it holds for the next SYNC that it hears."""
+        cyclic = self._dialogue.cyclic
+        if self._stays and outcome is Outcome.CONFIRMED and cyclic is not None and not cyclic.answering:
+            cyclic.producer.stop()
 
     def _is_to_be_started(self, outcome: Outcome) -> bool:
         """A node that takes no RPDO, where the quick stop was not taken by SDO: it has to hear the RPDO. But not where

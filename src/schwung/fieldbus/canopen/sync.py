@@ -107,13 +107,18 @@ class LockstepProducer(_PythonProducer):
         self._all = (1 << len(exchange.layouts.tpdos)) - 1
         self._pending = 0
         self._answered = self._clock.event()
+        self._stopped = False
 
     def start(self, frame: bytes) -> None:
+        self._stopped = False
         self._output.hold(frame)
         self._exchange.after_tpdo = self._on_tpdo
         self.pump(self.period_s)
 
     def pump(self, duration_s: float) -> bool:
+        if self._stopped:
+            self._clock.sleep(duration_s)
+            return False
         missed = 0
         for _ in range(max(1, round(duration_s / self.period_s))):
             missed = 0 if self._cycle() else missed + 1
@@ -146,6 +151,7 @@ class LockstepProducer(_PythonProducer):
             progress(recorder.played, len(frames))
 
     def stop(self) -> None:
+        self._stopped = True
         self._exchange.after_tpdo = None
 
     def _cycle(self) -> bool:
