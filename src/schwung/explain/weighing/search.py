@@ -204,12 +204,17 @@ class Search:
         ]
         if not asked:
             return []
-        beyond = self.data.beyond(which, deviations)
+        # of one block that is asked for, nothing has to be worked out of all others
+        lone = asked[0][1][0][1].where if len(asked) == 1 and len(asked[0][1]) == 1 else None
+        beyond = None if lone else self.data.beyond(which, deviations)
         found = []
         for index, numbered in asked:
             candidate = self.data.candidates[index]
             scales, own = candidate.scales, np.array(candidate.deviations)
-            gains = beyond.gains([atom.where for _, atom in numbered], own, scales)
+            if beyond is None:
+                gains = self.data.gain(which, deviations, numbered[0][1].where, own, scales)[None]
+            else:
+                gains = beyond.gains([atom.where for _, atom in numbered], own, scales)
             shares = np.array([self._shape_log(atom, candidate) for _, atom in numbered])
             gains = gains + self.odds + shares[:, None] - np.log(len(scales))
             row, size = np.unravel_index(int(np.argmax(gains)), gains.shape)
