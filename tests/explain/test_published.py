@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -15,6 +16,7 @@ from schwung.drivetrain.machine import Machine, paper_machine
 from schwung.drivetrain.physics_term import PhysicsTerm
 from schwung.drivetrain.residual import residuals_of
 from schwung.errors import InputError
+from schwung.explain.kept_aside import kept_aside
 from schwung.explain.weighing.along import Ranges
 from schwung.explain.weighing.formula import formulas
 from schwung.explain.weighing.known import known
@@ -53,6 +55,19 @@ def test_what_has_no_name_is_a_curve_in_the_file_with_a_formula(root: Published)
     assert root.proof.before > 3
     assert root.proof.after < 1.1
     assert root.left == pytest.approx(0.0, abs=0.05)
+
+
+def test_what_makes_the_runs_kept_aside_less_likely_is_not_told() -> None:
+    """Dry friction in all runs but that one: what is fitted there says nothing of the machine."""
+    dry = Stranger("dry friction", ("coulomb_friction",), (0.3, 0.0, 0.0, 0.0))
+    rubbing, free = small(dry), small(Stranger("nothing", ()))
+    aside = kept_aside(rubbing)
+    runs = tuple(free.runs[n] if n in aside else run for n, run in enumerate(rubbing.runs))
+    found = publish(replace(rubbing, runs=runs), belief_of(dry))
+    assert found.verdict == "unexplained"
+    assert not [one for one in found.names if one.probability > 0.5]
+    assert not found.machine.physics
+    assert "coulomb friction makes the runs kept aside less likely" in "".join(found.notes)
 
 
 def test_a_fresh_session_of_the_machine_finds_nothing_beyond_the_file(root: Published) -> None:

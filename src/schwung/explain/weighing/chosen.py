@@ -90,7 +90,7 @@ class Chosen:
         sound = (one for _, one in shares if all(self._publishable(one, pick) for pick in one.picks))
         best = next(sound, self.search.score(()))
         usual = {name for name, p in self.outcome.stands.usual.items() if p > NAMED}
-        left_out = usual | self.outcome.refuted | self.outcome.negligible
+        left_out = usual | self.outcome.left_out
         kept = tuple(pick for pick in best.picks if self.search.name(pick) not in left_out)
         return self.search.score(kept)
 

@@ -119,6 +119,11 @@ def _run(view: View, passed: Passed, along: Along, run: int) -> Shown:
 
 def as_good(one: Judged, other: Judged) -> bool:
     """Whether the first predicts as well as the second, as far as these runs tell."""
-    difference = one.logs - other.logs
-    deviation = float(np.std(difference)) * np.sqrt(difference.size)
-    return bool(np.sum(difference) >= -_SURE * deviation)
+    return surely_lost(one, other) == 0
+
+
+def surely_lost(one: Judged, other: Judged) -> float:
+    """How much less likely these runs are by the first than by the second (log); 0 where that may be chance."""
+    difference = other.logs - one.logs
+    lost, deviation = float(np.sum(difference)), float(np.std(difference)) * np.sqrt(difference.size)
+    return lost if lost > _SURE * deviation else 0.0

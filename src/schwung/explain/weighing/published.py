@@ -23,7 +23,7 @@ from schwung.explain.weighing.chosen import Cause, Chosen, residual_of
 from schwung.explain.weighing.drawn_formula import formulas_of
 from schwung.explain.weighing.formula import Formula
 from schwung.explain.weighing.growth import Progress
-from schwung.explain.weighing.judged import Judged, as_good, judged
+from schwung.explain.weighing.judged import Judged, as_good, judged, surely_lost
 from schwung.explain.weighing.learned import Found, learned
 from schwung.explain.weighing.places import Acts, overlays, where_of, with_places
 from schwung.explain.weighing.plainly import nearest
@@ -118,6 +118,10 @@ class _Publishing:
         causes, unsaid = self.chosen.sayable()
         machine, before, after = self._judged(causes)
         aside = self.outcome.heldout
+        disproved = self._disproved(causes, surely_lost(after, before) if aside else 0.0)
+        if disproved:
+            outcome = replace(self.outcome, disproved=self.outcome.disproved | disproved)
+            return _Publishing(self.session, self.machine, outcome, self.tell).published(notes)
         unnamed = [cause for cause in causes if not cause.found.named]
         needless = bool(unnamed and aside) and as_good(before, after)
         if needless:  # a name stands by its probability: runs kept aside may show nothing of it
@@ -165,6 +169,13 @@ class _Publishing:
         answer = with_places(answer, before.fitted, after.fitted, view.ranges.band_hz)
         self.tell("Done", 1.0)
         return replace(answer, notes=(*answer.notes, *advice(answer, self.machine, view.ranges)))
+
+    def _disproved(self, causes: Sequence[Cause], lost: float) -> frozenset[str]:
+        """Names of a set by which the runs kept aside are surely less likely, by so much (log) that they take back all
+        that speaks for them."""
+        odds = lost / self.outcome.grown.data.excess
+        named = (cause.found.law for cause in causes if cause.found.named)
+        return frozenset(name for name in named if self.weighed.probability(name) < 1 / (1 + np.exp(-odds)))
 
     def _judged(self, causes: Sequence[Cause]) -> tuple[Machine, Judged, Judged]:
         """The machine of these causes as a file has it; what the belief misses, and what that file does."""

@@ -54,6 +54,7 @@ _HURRIED = (
 _REFUTED = (
     "{} takes something of the motions at hand, and makes others worse that it is not fitted to: left out"
 )
+_DISPROVED = "{} makes the runs kept aside less likely than they are without it: left out"
 
 
 @dataclass(frozen=True, eq=False)
@@ -66,6 +67,7 @@ class Posterior:
     heldout: tuple[int, ...]
     view: View
     growth: Growth
+    disproved: frozenset[str] = frozenset()  # by runs kept aside
 
     @cached_property
     def told(self) -> Weighed:
@@ -78,6 +80,7 @@ class Posterior:
         named = {c.name for c in self.grown.data.candidates if c.named}
         likely = {name: p for name, p in _probabilities(self.sure).items() if p >= TOLD}
         search = self.grown.search
+        likely = {name: p for name, p in likely.items() if name not in self.disproved}
         return {name: p * self.stands.of(search, name) if name in named else p for name, p in likely.items()}
 
     @cached_property
@@ -120,6 +123,11 @@ class Posterior:
         search = self.grown.search
         kept = set(map(search.name, self.holding.picks))
         return frozenset(set(map(search.name, self.grown.best.picks)) - kept)
+
+    @property
+    def left_out(self) -> frozenset[str]:
+        """Causes of the best set of which nothing is told: refuted by other motions or runs, or negligible."""
+        return self.refuted | self.negligible | self.disproved
 
 
 def weigh(session: Session, machine: Machine) -> Weighed:
@@ -224,12 +232,16 @@ def _told(posterior: Posterior) -> Weighed:
     told.sort(key=lambda one: (-round(one.probability, 2), -_worth(search, outcome.best, one.name)))
     return Weighed(
         names=tuple(told),
-        unnamed=_unnamed(search, likely, posterior.refuted | posterior.negligible, posterior.stands.usual),
+        unnamed=_unnamed(search, likely, posterior.left_out, posterior.stands.usual),
         noise=data.about.noise,
         excess=data.excess * posterior.stands.tempering,
         proof=_proof(outcome, posterior.holding, heldout) if heldout else None,
         notes=(
-            *(_REFUTED.format(name.replace("_", " ")) for name in sorted(posterior.refuted)),
+            *(
+                _REFUTED.format(name.replace("_", " "))
+                for name in sorted(posterior.refuted - posterior.disproved)
+            ),
+            *(_DISPROVED.format(name.replace("_", " ")) for name in sorted(posterior.disproved)),
             *(f"{name} only fits at the end of its range, and is not named" for name in sorted(ends)),
             *_ended(data.work),
         ),
