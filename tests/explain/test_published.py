@@ -67,6 +67,7 @@ def test_what_makes_the_runs_kept_aside_less_likely_is_not_told() -> None:
     assert found.verdict == "unexplained"
     assert not [one for one in found.names if one.probability > 0.5]
     assert not found.machine.physics
+    assert not any("coulomb_friction" in names for names, _ in found.runners_up)
     assert "coulomb friction makes the runs kept aside less likely" in "".join(found.notes)
 
 

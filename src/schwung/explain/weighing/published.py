@@ -293,8 +293,8 @@ class _Publishing:
         # a curve counts to what has no name, beside which no set that holds it stands out
         bare = all(self.search.candidate(pick).named for pick in self.chosen.set.picks)
         by = self.outcome.sure if bare else self.search
-        every = by.shares()
-        return merged((tuple(by.candidate(pick).name for pick in one.picks), share) for share, one in every)
+        sets = ((tuple(by.candidate(pick).name for pick in one.picks), share) for share, one in by.shares())
+        return merged((names, share) for names, share in sets if self.outcome.disproved.isdisjoint(names))
 
     def _proof(self, before: Judged, after: Judged) -> Proof | None:
         if not self.outcome.heldout:
