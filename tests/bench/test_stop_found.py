@@ -72,7 +72,7 @@ class Room:
 
 
 @contextmanager
-def started(faults: str = "", *, stays: bool = False) -> Iterator[Room]:
+def started(faults: str = "", *, stays: bool = False, acquisition: Acquisition = CSP) -> Iterator[Room]:
     """`stays`: in quick stop, as the drive is set, and by a profile that leaves it so."""
     channel, profile = f"found-{next(_channels)}", load_profile("schwung-bench")
     with Bench("two-mass", channel=channel, node_id=NODE, faults=faults) as bench:
@@ -84,8 +84,8 @@ def started(faults: str = "", *, stays: bool = False) -> Iterator[Room]:
         side = Side(bench.bus.clock)
         with SideBus(can.Bus(interface="stepped", channel=channel), side) as bus:
             drive = CanopenDrive(bus, NODE, profile, bit_rate=1_000_000)
-            drive.write(drive.setup(CSP))
-            drive.start(CSP)
+            drive.write(drive.setup(acquisition))
+            drive.start(acquisition)
             room = Room(bench, side, bus, drive)
             room.watch()
             yield room
@@ -351,6 +351,28 @@ def test_a_drive_that_only_seems_to_be_off_gets_no_other_target() -> None:
         targets = {target for word, target in room.sent[stopped:] if word in (0x00, 0x02)}
         assert targets == {room.sent[stopped][1]}
     assert room.states[-1] is not Power.OPERATION_ENABLED
+
+
+@pytest.mark.parametrize("rate_hz", [200.0, RATE_HZ, 1000.0])
+def test_an_axis_that_is_turned_just_before_it_is_enabled_is_held_where_it_is(rate_hz: float) -> None:
+    """The place was from before the question for the mode, and a SYNC went by before it went out: 0.083 rad, by two
+    turns of the axis (campaign seed 86810)."""
+    turned_rad = 0.05
+    turned: list[float] = []
+    with started(acquisition=Acquisition("csp", rate_hz)) as room:
+        pass_on, plant = room.bus.stepped.send, room.bench.plant
+
+        def sending(message: can.Message, timeout: float | None = None) -> None:
+            if message.data[1:3] == b"\x61\x60" and message.arbitration_id == 0x600 + NODE and not turned:
+                for place in ("motor_rad", "load_rad"):
+                    plant.state[place] += turned_rad
+                turned.append(plant.state["motor_rad"])
+            pass_on(message, timeout)
+
+        room.bus.stepped.send = sending
+        room.drive.enable()
+        held = next(target for word, target in room.sent if word == 0x0F)
+        assert held * room.drive.scales.position_rad == pytest.approx(turned[0], abs=turned_rad / 10)
 
 
 def test_a_small_motion_does_not_say_how_late_a_drive_is() -> None:

@@ -72,9 +72,9 @@ class Walker:
         """
         access, previous, since = self._access, None, self._clock.now()
         while True:
+            check()  # first, since it takes its time: the state is the one of now
             word = access.statusword()
             state = cia402.decode(word)
-            check()
             if state is wanted and sent in (-1, _ENTERED_BY.get(wanted, sent)):
                 return
             untold = state is wanted

@@ -88,6 +88,12 @@ class Cyclic:
         self.answering = self.producer.pump(duration_s)
         return self.answering
 
+    def await_answers(self) -> bool:
+        """Until the drive has shown anew where it is: what is decided right then is decided by no older sight, and goes
+        out with the next SYNC, not with the one after. False where it does not answer."""
+        self.answering = self.producer.await_answers()
+        return self.answering
+
     def frame(self, controlword: int, target: int) -> bytes:
         """An RPDO frame that holds a target (counts), without injected torque."""
         columns: dict[str, int] = {

@@ -63,6 +63,11 @@ class Producer(Protocol):
         """Let so much of the drive's time pass; False when it does not answer."""
         ...
 
+    def await_answers(self) -> bool:
+        """Until the drive answers anew: a frame that is held right then goes out with the very next SYNC. False where
+        it does not answer."""
+        ...
+
     def play(self, frames: list[bytes], after: bytes, recorder: Recorder, progress: Progress | None) -> None:
         """Play one frame per SYNC, then hold `after`; returns when all is answered, given up, or in trouble."""
         ...

@@ -30,7 +30,7 @@ from schwung.fieldbus.canopen.exchange import SYNC_ID, Exchange
 from schwung.fieldbus.canopen.output import StopFrame
 from schwung.fieldbus.canopen.recorder import Recorder
 from schwung.fieldbus.canopen.ring import CYCLES, REFILL, Ring, Write
-from schwung.fieldbus.canopen.sync import await_answers, wait_while_playing
+from schwung.fieldbus.canopen.sync import answered_within, await_answers, wait_while_playing
 from schwung.fieldbus.drive import Progress
 
 GUARD_S = 0.008  # quick stop goes out for so long before silence: one lost frame does not matter
@@ -139,7 +139,11 @@ class KernelProducer:
 
     def pump(self, duration_s: float) -> bool:
         """Let so much time pass; False when the drive does not answer."""
-        return await_answers(self._exchange, max(duration_s, 3 * self.period_s))
+        return answered_within(self._exchange, max(duration_s, 3 * self.period_s))
+
+    def await_answers(self) -> bool:
+        """See Producer."""
+        return await_answers(self._exchange, self.period_s)
 
     def play(self, frames: list[bytes], after: bytes, recorder: Recorder, progress: Progress | None) -> None:
         """Play one frame per SYNC, then hold `after`; returns when all is answered, given up, or in trouble.

@@ -167,6 +167,7 @@ class Operation:
             except StateError as error:
                 wrong_mode = error
                 raise
+            cyclic.await_answers()  # the axis may have been turned while the mode was asked for
 
         walker = self._dialogue.walker
         walker.climb(State.SWITCHED_ON, self._require_untroubled)

@@ -24,6 +24,7 @@ LOST_AFTER_S = 0.1  # lockstep: an answer that takes longer is lost, unless it t
 STRAGGLERS_S = 0.25  # lockstep: so long the last answers are waited for where some were missed
 _SILENT_AT_MOST_S = 0.5  # where SYNC does not go out either
 _LOOK_S = 0.01
+_FEW = 4  # periods: an answer may be lost, and one begun when it was asked for
 _PROBE_ID = 0x6FF  # restricted (CiA 301, table of CAN-IDs): no communication object uses it
 _PROBE_S = 0.5
 
@@ -126,6 +127,9 @@ class LockstepProducer(_PythonProducer):
                 return False
         return missed == 0
 
+    def await_answers(self) -> bool:
+        return self.pump(self.period_s)
+
     def play(self, frames: list[bytes], after: bytes, recorder: Recorder, progress: Progress | None) -> None:
         exchange, clock = self._exchange, self._clock
         self._output.play(frames, after)
@@ -190,7 +194,10 @@ class PeriodicProducer(_PythonProducer):
         self._task = self._clock.every(self.period_s / 2, self._half_cycle, "schwung SYNC")
 
     def pump(self, duration_s: float) -> bool:
-        return await_answers(self._exchange, max(duration_s, 2 * self.period_s))
+        return answered_within(self._exchange, max(duration_s, 2 * self.period_s))
+
+    def await_answers(self) -> bool:
+        return await_answers(self._exchange, self.period_s)
 
     def play(self, frames: list[bytes], after: bytes, recorder: Recorder, progress: Progress | None) -> None:
         self._output.play(frames, after)
@@ -235,11 +242,21 @@ def measure_evenness(link: Link, period_s: float) -> SyncTiming:
     return measure_timing(PeriodicProducer.name, period_s, np.array(stamps))
 
 
-def await_answers(exchange: Exchange, duration_s: float) -> bool:
+def answered_within(exchange: Exchange, duration_s: float) -> bool:
     """Let so much time pass; False where one of the TPDOs did not come meanwhile: another one does not stand for it."""
-    before = list(exchange.answer_counts)
+    heard = _hearing(exchange)
     exchange.link.clock.sleep(duration_s)
-    return all(now > count for count, now in zip(before, exchange.answer_counts, strict=True))
+    return heard()
+
+
+def await_answers(exchange: Exchange, period_s: float) -> bool:
+    """Until every TPDO has come anew; False where one does not in a few periods."""
+    return exchange.link.clock.wait(_hearing(exchange), _FEW * period_s)
+
+
+def _hearing(exchange: Exchange) -> Callable[[], bool]:
+    before = list(exchange.answer_counts)
+    return lambda: all(now > count for count, now in zip(before, exchange.answer_counts, strict=True))
 
 
 def wait_while_playing(
