@@ -332,6 +332,27 @@ def test_a_drive_that_restarts_while_it_stores_has_not_stored(kept: int) -> None
         assert bench.servo.dictionary.number(0x6065) != 12_345
 
 
+def test_a_drive_whose_restart_is_not_heard_is_not_asked_to_store_again() -> None:
+    """The boot-up was lost as well, and the repeat was confirmed: by a drive with the parameters of before (campaign
+    seed 102990)."""
+    channel = f"found-{next(_channels)}"
+    with (
+        Bench("two-mass", channel=channel, node_id=NODE, faults="store-power-cut=0") as bench,
+        can.Bus(interface="stepped", channel=channel) as bus,
+        CanopenDrive(bus, NODE, load_profile("schwung-bench"), bit_rate=1_000_000) as drive,
+    ):
+        drive.write([ParameterValue(drive.parameter(0x6065), 12_345)])
+        clock, from_s = bench.bus.clock, bench.bus.clock.now()
+
+        def lost(_sender: object, _end: object, message: can.Message) -> tuple[float, ...]:
+            boots = message.arbitration_id == 0x700 + NODE and message.data == b"\0"
+            return () if boots and clock.now() > from_s else (0.0,)
+
+        bench.bus.stepped.wire.weather = lost
+        with pytest.raises(NodeLostError, match="did not answer while it stored"):
+            drive.store()
+
+
 def test_a_drive_that_only_seems_to_be_off_gets_no_other_target() -> None:
     """While it stopped, its statusword came as Ready to switch on: Disable voltage went out with the place where it
     was, far from the last target (campaign seed 432697)."""

@@ -16,7 +16,7 @@ from schwung.fieldbus.canopen.link import Link
 from schwung.fieldbus.canopen.nmt import BEATS_PER_LIMIT, HeartbeatProducer, NodeMonitor, OtherMasters
 from schwung.fieldbus.canopen.operation import Operation
 from schwung.fieldbus.canopen.pdo import Layouts
-from schwung.fieldbus.canopen.sdo import SdoChannel
+from schwung.fieldbus.canopen.sdo import SdoChannel, went_unheard
 from schwung.fieldbus.drive import Acquisition, Parameter, ParameterValue
 from schwung.fieldbus.profile import CanopenProfile
 from schwung.fieldbus.units import Scales
@@ -103,15 +103,22 @@ class Parameters:
 
     def store(self) -> None:
         """Save all parameters in the drive (1010:01). Raises SdoError where it refuses, NodeLostError where it restarts
-        meanwhile: what is confirmed then, after the transfer was repeated, are not the parameters that were meant."""
-        boot_ups = self._monitor.boot_ups
-        self._sdo.write(
-            ParameterValue(Parameter(0x1010, 1, "UNSIGNED32", "Save all"), _SAVE), _STORE_TIMEOUT_S
-        )
-        if self._monitor.boot_ups != boot_ups:
+        meanwhile or does not answer. It is asked once: one that has restarted would confirm other parameters, and that
+        it has may go unheard."""
+        boot_ups, save = self._monitor.boot_ups, Parameter(0x1010, 1, "UNSIGNED32", "Save all")
+        answered = True
+        try:
+            self._sdo.write(ParameterValue(save, _SAVE), _STORE_TIMEOUT_S, unheard="never")
+        except SdoError as error:
+            answered = not went_unheard(error)
+            if answered:
+                raise
+        restarted = self._monitor.boot_ups != boot_ups
+        if restarted or not answered:
             raise NodeLostError(
                 self._place,
-                "restarted while it stored its parameters (1010): nobody knows which it holds",
+                f"{'restarted' if restarted else 'did not answer'} while it stored its parameters (1010): "
+                "nobody knows which it holds",
                 "Check its supply, compare them with what they shall be, and store again.",
             )
 

@@ -8,6 +8,7 @@ transfer.py  expedited and segmented transfer       block.py  block transfer    
 from __future__ import annotations
 
 from collections.abc import Callable
+from typing import Literal
 
 from schwung.errors import InputError, SdoError
 from schwung.fieldbus import eds
@@ -25,9 +26,10 @@ from schwung.fieldbus.canopen.link import Link
 from schwung.fieldbus.canopen.turns import Outcome, Talk, Turns
 from schwung.fieldbus.drive import Parameter, ParameterValue, RawValue
 
-__all__ = ["ABORT_CODES", "Outcome", "SdoChannel", "is_absent"]
+__all__ = ["ABORT_CODES", "Outcome", "SdoChannel", "is_absent", "went_unheard"]
 
 _Action = Callable[[Talk], bytes]
+Repeats = Literal["again", "never"]
 _SILENT_TIMEOUT_S = 0.2  # for a node that did not answer last time: the way out shall be short
 _PAUSE_S = 0.02  # before a repeat, and for the answers to what was repeated: what is late comes now
 _BLOCK_ATTEMPTS = 2
@@ -57,9 +59,15 @@ class SdoChannel:
         data = self.upload(parameter, block=parameter.type == "DOMAIN")
         return ParameterValue(parameter, eds.decode(parameter, data))
 
-    def write(self, value: ParameterValue, timeout_s: float | None = None) -> None:
-        """Write a parameter. Raises SdoError, and InputError when the value does not fit the type."""
-        self.download(value.parameter, eds.encode(value.parameter, value.raw), timeout_s=timeout_s)
+    def write(
+        self, value: ParameterValue, timeout_s: float | None = None, *, unheard: Repeats = "again"
+    ) -> None:
+        """Write a parameter. Raises SdoError, and InputError when the value does not fit the type.
+
+        `unheard`: what is not answered is begun "again", or "never", where it would not be the same any more.
+        """
+        data = eds.encode(value.parameter, value.raw)
+        self.download(value.parameter, data, timeout_s=timeout_s, unheard=unheard)
 
     def read_integer(self, index: int, subindex: int, type_name: str) -> int | None:
         """Read an integer. None: the drive has answered, and does not have the object, will not show it, or shows
@@ -85,7 +93,12 @@ class SdoChannel:
         return self._transfer("read", parameter, lambda talk: transfer.upload(talk, short=short), by_block)
 
     def download(
-        self, parameter: Parameter, data: bytes, block: bool = False, timeout_s: float | None = None
+        self,
+        parameter: Parameter,
+        data: bytes,
+        block: bool = False,
+        timeout_s: float | None = None,
+        unheard: Repeats = "again",
     ) -> None:
         """Write bytes to an object; by block transfer where asked for and the server can. Domains go by segments.
 
@@ -100,6 +113,7 @@ class SdoChannel:
             lambda talk: transfer.download(talk, data, segmented=segmented),
             by_block,
             timeout_s,
+            unheard,
         )
 
     def write_once(self, parameter: Parameter, raw: int, timeout_s: float) -> Outcome:
@@ -128,13 +142,14 @@ class SdoChannel:
         plain: _Action,
         by_block: _Action | None,
         timeout_s: float | None = None,
+        unheard: Repeats = "again",
     ) -> bytes:
         talk = Talk(self._turns, _multiplexer(parameter), writes=verb == "write")
         place = f"node {self.node_id}, {parameter.label}"
         with self._turns.underway(talk):
             try:
                 data = None if by_block is None else self._try_block(talk, by_block)
-                return self._repeat(talk, plain, timeout_s) if data is None else data
+                return self._repeat(talk, plain, timeout_s, unheard) if data is None else data
             except AbortedError as error:
                 remedy = abort.REMEDIES.get(error.code, "")
                 raise SdoError(place, f"the drive refused to {verb} it: {error}", remedy) from error
@@ -171,7 +186,7 @@ class SdoChannel:
                 continue
         return None
 
-    def _repeat(self, talk: Talk, action: _Action, timeout_s: float | None) -> bytes:
+    def _repeat(self, talk: Talk, action: _Action, timeout_s: float | None, unheard: Repeats) -> bytes:
         """Raises what the last attempt raises."""
         attempts = 1 if self._silent else self.attempts
         patience = timeout_s or (min(self.timeout_s, _SILENT_TIMEOUT_S) if self._silent else self.timeout_s)
@@ -186,7 +201,7 @@ class SdoChannel:
                     raise
             except (SilenceError, BrokenError) as error:
                 self._silent = not left and isinstance(error, SilenceError)
-                if not left:
+                if not left or unheard == "never":
                     raise
             else:
                 self._silent = False
@@ -211,6 +226,11 @@ class SdoChannel:
 
 def _multiplexer(parameter: Parameter) -> bytes:
     return parameter.index.to_bytes(2, "little") + bytes([parameter.subindex])
+
+
+def went_unheard(error: SdoError) -> bool:
+    """True where the drive has said neither yes nor no."""
+    return isinstance(error.__cause__, SilenceError | BrokenError)
 
 
 def is_absent(error: SdoError) -> bool:
