@@ -68,7 +68,11 @@ COORDINATES: Mapping[str, tuple[str, ...]] = {
     "inertia_profile_shift": ("position", "acceleration", "speed"),
 }
 #: What the vocabulary calls effects that the room calls foreign.
-WORDS = {"dahl_presliding": "presliding_friction", "mesh_stiffness": "stiffness_over_angle"}
+WORDS = {
+    "dahl_presliding": "presliding_friction",
+    "hysteretic_coupling": "coupling_hysteresis",
+    "mesh_stiffness": "stiffness_over_angle",
+}
 #: Parameters of the virtual machine room alone.
 _INTERNAL = ("motions",)
 

@@ -25,6 +25,7 @@ from schwung.session.model import Run, Session
 Array = NDArray[np.float64]
 
 TICK_S, SUBSTEPS = 125e-6, 4
+PARTS = 6  # of a coupling that slips
 ROTOR, LOAD, STIFFNESS, DAMPING = 4.0e-3, 2.2e-2, 9000.0, 1.9
 ROTOR_VISCOUS, LOAD_VISCOUS, PEAK_NM = 0.004, 0.003, 60.0
 STROKE_RAD, START_S, DWELL_S, INJECTION_HZ, INJECTION_NM = 4.3, 0.15, 0.11, 47.0, 4.0
@@ -58,6 +59,7 @@ class Stranger:
     mesh: tuple[float, float] = (0.0, 1.0)  # a transmission that is off likewise
     slots: tuple[float, float] = (0.0, 1.0)  # cogging that leans over: amplitude, order
     tracks: tuple[float, float] = (0.0, 1.0)  # error of an encoder whose tracks differ: amplitude, per radian
+    slips: tuple[float, float] = (0.0, 1.0)  # what slips in the coupling: torque, wind-up when all of it does
     loop_s: float = (
         0.0  # of each of two filters between the torque that is asked for, and reported, and the true one
     )
@@ -99,6 +101,7 @@ STRANGERS = (
     Stranger("compliance that waves along the way", ("stiffness_over_angle",), gives=(0.15, 3.0)),
     Stranger("an encoder whose tracks differ in size", ("encoder_harmonic",), tracks=(2e-4, 16.0)),
     Stranger("a transmission that is off likewise", ("kinematic_error",), mesh=(1e-4, 12.0)),
+    Stranger("a coupling in which one part after another slips", ("coupling_hysteresis",), slips=(2.0, 1e-3)),
     Stranger("torque through two filters of 0.4 ms", ("torque_lag",), loop_s=4e-4),
     Stranger("cogging that leans over", ("cogging",), slots=(0.5, 11.0), curves=("position",)),
 )  # fmt: skip
@@ -121,8 +124,9 @@ def _told(angle: float, speed: float, amplitude: float, order: float) -> tuple[f
 
 
 @njit(cache=True)
-def _slopes(state: Array, torque: float, friction: Array, last: float) -> tuple[Array, float]:
-    """Rates of motor angle and speed, load angle and speed, and of what is bent; and the shaft's torque."""
+def _slopes(state: Array, torque: float, friction: Array, last: float, rubbed: float) -> tuple[Array, float]:
+    """Rates of motor angle and speed, load angle and speed, and of what is bent; and the shaft's torque, of which
+    `rubbed` is what slips in the coupling."""
     turned, ratio = state[0], 1.0
     if friction[18] > 0:
         turned, ratio = _told(state[0], 1.0, friction[18], friction[19])
@@ -131,7 +135,7 @@ def _slopes(state: Array, torque: float, friction: Array, last: float) -> tuple[
         free = np.tanh(2 * twist / friction[9])
         twist, touch = twist - friction[9] / 2 * free, free**2
     gives = 1 - friction[16] * np.cos(friction[17] * state[0])
-    shaft = STIFFNESS / gives * twist + DAMPING * touch * (ratio * state[1] - state[3])
+    shaft = STIFFNESS / gives * twist + DAMPING * touch * (ratio * state[1] - state[3]) + rubbed
     way = state[1] / np.sqrt(state[1] ** 2 + 1e-4)
     level = friction[0] * (1 + friction[1] * np.cos(1.3 * state[0] + 0.4))
     level += friction[2] * np.sqrt(abs(state[1])) + friction[3] * abs(last)
@@ -154,11 +158,19 @@ def _slopes(state: Array, torque: float, friction: Array, last: float) -> tuple[
 
 @njit(cache=True)
 def _played(
-    demand: Array, added: Array, hum: Array, friction: Array, tracks: tuple[float, float], loop_s: float
+    demand: Array,
+    added: Array,
+    hum: Array,
+    friction: Array,
+    tracks: tuple[float, float],
+    loop_s: float,
+    slips: tuple[float, float],
 ) -> Array:
     """Angle, speed and torque at every tick, (n, 3), as the drive is told them; `hum`: torque that it knows nothing of,
-    `tracks`: its encoder's error, `loop_s`: how late its torque is, twice."""
+    `tracks`: its encoder's error, `loop_s`: how late its torque is, twice; `slips`: as Stranger has it."""
     n, h = demand.size, TICK_S / SUBSTEPS
+    # W. D. Iwan 1966: springs in parallel, each of which slips at its own limit
+    limits, held = slips[1] * np.arange(1, PARTS + 1) / PARTS, np.zeros(PARTS)
     rows, state, integral, shaft = np.empty((n, 3)), np.zeros(5), 0.0, 0.0
     gain, position_gain, reset = 100.0 * (ROTOR + LOAD), 45.0, 0.03
     follows, halfway, true = 1.0 if loop_s <= 0 else 1 - np.exp(-h / loop_s), 0.0, 0.0
@@ -173,11 +185,14 @@ def _played(
             halfway += follows * (torque - halfway)
             true += follows * (halfway - true)
             acts = true + hum[i]
-            a, shaft = _slopes(state, acts, friction, shaft)
-            b, _ = _slopes(state + 0.5 * h * a, acts, friction, shaft)
-            c, _ = _slopes(state + 0.5 * h * b, acts, friction, shaft)
-            d, _ = _slopes(state + h * c, acts, friction, shaft)
-            state = state + h * (a + 2 * b + 2 * c + d) / 6
+            rubbed = slips[0] * np.sum(held) / np.sum(limits)
+            a, shaft = _slopes(state, acts, friction, shaft, rubbed)
+            b, _ = _slopes(state + 0.5 * h * a, acts, friction, shaft, rubbed)
+            c, _ = _slopes(state + 0.5 * h * b, acts, friction, shaft, rubbed)
+            d, _ = _slopes(state + h * c, acts, friction, shaft, rubbed)
+            way = h * (a + 2 * b + 2 * c + d) / 6
+            held = np.minimum(np.maximum(held + way[0] - way[2], -limits), limits)
+            state = state + way
     return rows
 
 
@@ -224,7 +239,9 @@ def session_of(
             added = np.zeros_like(time) if sine is None else sine.torque(time)
             begins = chance.uniform() if stranger.hum[0] else 0.0
             hum = stranger.hum[0] * np.sign(np.sin(2 * np.pi * (stranger.hum[1] * time + begins)))
-            rows = _played(demand, added, hum, stranger.laws, stranger.tracks, stranger.loop_s)
+            rows = _played(
+                demand, added, hum, stranger.laws, stranger.tracks, stranger.loop_s, stranger.slips
+            )
             # the torque of a tick is held until the next: on average it belongs half a tick later
             torque = _filtered(
                 (rows[:, 2] + np.concatenate([[0.0], rows[:-1, 2]])) / 2, stranger.torque_filter_s

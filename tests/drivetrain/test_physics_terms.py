@@ -59,8 +59,8 @@ FINER = {"local_friction": 30, "backlash": 30}
 #: What the bench does not conceal: test_residual_terms.py holds these against the balance of momentum.
 BALANCED = (
     "friction_over_angle", "viscous_drift", "load_dependent_friction", "load_side_friction", "presliding_friction",
-    "direction_dependent_load", "end_spring", "encoder_harmonic", "kinematic_error",
-    "offset_drift", "torque_constant_drop", "torque_ripple", "torque_filter", "stiffness_over_angle",
+    "direction_dependent_load", "end_spring", "encoder_harmonic", "kinematic_error", "offset_drift",
+    "coupling_hysteresis", "torque_constant_drop", "torque_ripple", "torque_filter", "stiffness_over_angle",
     "inertia_profile", "residual",
 )  # fmt: skip
 

@@ -11,8 +11,10 @@ from typing import Any
 
 import numpy as np
 import pytest
+from scipy.integrate import solve_ivp
 
 from schwung.drivetrain import load_machine, write_machine
+from schwung.drivetrain.hysteresis import yielded
 from schwung.drivetrain.machine import Load, Machine, paper_machine
 from schwung.drivetrain.physics_term import PhysicsTerm
 from schwung.drivetrain.residual import Residual, residuals_of
@@ -217,6 +219,43 @@ def test_stiffness_over_the_angle_drives_the_load() -> None:
 
     assert missing(0.3) < 3e-3
     assert missing(0.0) > 3e-2
+
+
+@pytest.mark.parametrize("exponent", [1.0, 2.0, 6.0])
+def test_a_coupling_with_hysteresis_holds_what_it_was_wound_up_by(exponent: float) -> None:
+    """What the load gains is what spring, damper and that pass on, the law integrated here between samples by scipy."""
+    yields_at, stiffness = 12.0, 1.5e4
+    term = {
+        "name": "coupling_hysteresis",
+        "torque_nm": yields_at,
+        "stiffness_nm_rad": stiffness,
+        "exponent": exponent,
+    }
+    made, time = moved(machine_with(term))
+    coupling = paper_machine().coupling
+    assert coupling is not None
+    twist, turning = made.position_rad - made.load_position_rad, made.speed_rad_s - made.load_speed_rad_s
+
+    def rate(now: float, held: Array) -> Array:
+        speed = np.interp(now, time, turning)
+        loaded = held * speed > 0
+        return np.asarray(stiffness * speed * (1 - loaded * np.abs(held / yields_at) ** exponent))
+
+    held = solve_ivp(rate, (0.0, time[-1]), [0.0], t_eval=time, max_step=1 / RATE, rtol=1e-8).y[0]
+    assert np.max(np.abs(held)) > 0.8 * yields_at
+
+    def missing(acts: Array) -> float:
+        passed = coupling.stiffness_nm_rad * twist + coupling.damping_nms * turning + acts
+        passed -= 0.1 * made.load_speed_rad_s
+        passed = np.concatenate([[0.0], np.cumsum((passed[1:] + passed[:-1]) / 2)]) / RATE
+        gained = INERTIA * (made.load_speed_rad_s - made.load_speed_rad_s[0])
+        return float(np.max(np.abs(gained - passed)) / np.max(np.abs(gained)))
+
+    assert missing(held) < 3e-3
+    assert missing(0 * held) > 3e-2
+    assert yields_at * yielded(twist, yields_at / stiffness, exponent) == pytest.approx(
+        held, abs=0.01 * yields_at
+    )
 
 
 def test_a_transmission_that_is_off_drives_the_load_and_makes_no_power() -> None:

@@ -111,6 +111,9 @@ def test_no_line_is_sought_where_noise_is_white_or_where_the_injection_is_answer
     ((found,),) = strongest([Missed(each, 0.0 * each, 1e-3, ()) for each in answered], RANGES)
     assert found == pytest.approx(47.0, abs=0.5)
     assert strongest([Missed(each, 0.0 * each, 1e-3, (47.0,)) for each in answered], RANGES) == ()
+    # nor is an odd harmonic of the injection one, which is what yields in a coupling
+    assert strongest([Missed(each, 0.0 * each, 1e-3, (47.0 / 3,)) for each in answered], RANGES) == ()
+    assert strongest([Missed(each, 0.0 * each, 1e-3, (47.0 / 2.5,)) for each in answered], RANGES) != ()
 
 
 def test_a_late_speed_is_late_by_its_delay_at_the_injection_too() -> None:

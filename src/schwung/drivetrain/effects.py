@@ -90,6 +90,9 @@ class Effects(NamedTuple):
     kinematic_rad: float = 0.0  # the coupling is driven by θ + amplitude·sin(order·θ + phase)
     kinematic_order: float = 1.0
     kinematic_phase_rad: float = 0.0
+    hysteresis_nm: float = 0.0  # beside the coupling's spring, what yields: `hysteresis.py`
+    hysteresis_stiffness_nm_rad: float = 1.0
+    hysteresis_exponent: float = 2.0
     third_inertia_kgm2: float = 0.0  # behind the load
     third_stiffness_nm_rad: float = 0.0
     third_damping_nms: float = 0.0
@@ -224,6 +227,11 @@ PHYSICS: Mapping[str, Mapping[str, Key]] = {
     "coupling_stiffness": {"stiffness_nm_rad": Key("stiffness_nm_rad", "N·m/rad", _POSITIVE)},
     "coupling_damping": {"damping_nms": Key("damping_nms", "N·m·s/rad", _NOT_NEGATIVE)},
     "nonlinear_stiffness": {"cubic_nm_rad3": Key("cubic_nm_rad3", "N·m/rad³")},
+    "coupling_hysteresis": {
+        "torque_nm": Key("hysteresis_nm", "N·m", _NOT_NEGATIVE),
+        "stiffness_nm_rad": Key("hysteresis_stiffness_nm_rad", "N·m/rad", _POSITIVE),
+        "exponent": Key("hysteresis_exponent", "", _POSITIVE, optional=2.0, highest=20.0),
+    },
     "stiffness_over_angle": {
         "order": Key("stiffness_order", "1/rev", _POSITIVE),
         "share": Key("stiffness_share", "", -0.9, highest=0.9),
@@ -254,6 +262,7 @@ _OF_COUPLING = (
     "coupling_stiffness",
     "coupling_damping",
     "nonlinear_stiffness",
+    "coupling_hysteresis",
     "stiffness_over_angle",
     "kinematic_error",
     "load_side_friction",

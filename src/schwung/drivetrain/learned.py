@@ -12,6 +12,7 @@ import numpy as np
 
 from schwung.compiled import compiled, inlined
 from schwung.drivetrain.effects import Effects
+from schwung.drivetrain.hysteresis import yielding_rate
 from schwung.drivetrain.kernel import Cascade, Curve, Inputs, Plant, command, value_and_slope
 from schwung.drivetrain.physics import (
     coupling_torque,
@@ -63,7 +64,8 @@ class Learned(NamedTuple):
 
 
 class Masses(NamedTuple):
-    """Motor, load, and a third mass behind it: angle (rad) and speed (rad/s); what bent bristles hold (N·m)."""
+    """Motor, load, and a third mass behind it: angle (rad) and speed (rad/s); what bent bristles hold, and what yields
+    in the coupling (N·m)."""
 
     motor_angle: float
     motor_speed: float
@@ -72,6 +74,7 @@ class Masses(NamedTuple):
     third_angle: float
     third_speed: float
     bristles: float
+    yielding: float
 
 
 @inlined
@@ -144,14 +147,19 @@ def _rates(machine: Learned, state: Masses, torque: float, time: float) -> Masse
         both = (motor + load) / whole
         if machine.curves.any:
             both = accelerated(machine.curves.acceleration, motor + load, whole)
-        return Masses(state.motor_speed, both, state.load_speed, both, state.third_speed, third, bending)
+        return Masses(state.motor_speed, both, state.load_speed, both, state.third_speed, third, bending, 0.0)
     angle, ratio = driven(e, state.motor_angle)
+    twist_speed = ratio * state.motor_speed - state.load_speed
     shaft = coupling_torque(
         e,
         stiffness_at(e, plant.stiffness, state.motor_angle),
         plant.damping,
         angle - state.load_angle,
-        ratio * state.motor_speed - state.load_speed,
+        twist_speed,
+    )
+    shaft += state.yielding
+    winding = yielding_rate(
+        e.hysteresis_nm, e.hysteresis_stiffness_nm_rad, e.hysteresis_exponent, state.yielding, twist_speed
     )
     load += shaft
     return Masses(
@@ -162,6 +170,7 @@ def _rates(machine: Learned, state: Masses, torque: float, time: float) -> Masse
         state.third_speed,
         third,
         bending,
+        winding,
     )
 
 
@@ -175,6 +184,7 @@ def _moved(state: Masses, rates: Masses, by: float) -> Masses:
         state.third_angle + by * rates.third_angle,
         state.third_speed + by * rates.third_speed,
         state.bristles + by * rates.bristles,
+        state.yielding + by * rates.yielding,
     )
 
 

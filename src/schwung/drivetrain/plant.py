@@ -205,7 +205,7 @@ def learned_rest(machine: learned.Learned, read_angle: float) -> tuple[learned.M
     held = -ratio * load_torque(load_angle) - e.offset_nm - machine.share * e.offset_drift_nm
     for amplitude, order, phase in e.cogging_waves:
         held -= amplitude * np.sin(order * motor_angle + phase)
-    state = learned.Masses(motor_angle, 0.0, load_angle, 0.0, load_angle, 0.0, 0.0)
+    state = learned.Masses(motor_angle, 0.0, load_angle, 0.0, load_angle, 0.0, 0.0, 0.0)
     share = 1.0 + e.ripple_share * np.sin(e.ripple_order * motor_angle + e.ripple_phase_rad)
     on_shaft = held / share
     if machine.curves.any_plane:  # what depends on the torque does so by less than all of it: this contracts
@@ -231,6 +231,7 @@ def substeps(machine: Machine, plant: kernel.Plant, period: float, top_speed: fl
         moved, mobility = plant.rotor_inertia, 1 / plant.rotor_inertia + 1 / lightest
         stiffness = plant.stiffness + 3.0 * max(e.cubic_nm_rad3, 0.0) * _wound(machine, plant, e) ** 2
         stiffness += abs(e.stiffness_share) * plant.stiffness
+        stiffness += e.hysteresis_stiffness_nm_rad if e.hysteresis_nm > 0 else 0.0
         fastest = max(np.sqrt(stiffness * mobility), plant.damping * mobility)
     if e.third_inertia_kgm2 > 0:
         mobility = 1 / e.third_inertia_kgm2 + 1 / (moved if plant.rigid else lightest)
@@ -267,6 +268,7 @@ def substeps(machine: Machine, plant: kernel.Plant, period: float, top_speed: fl
             rubbing += plane.steepest(pair.index("speed")) / lightest
     if e.presliding_nm > 0:
         rubbing = max(rubbing, top_speed * e.presliding_stiffness_nm_rad / e.presliding_nm)
+    rubbing = max(rubbing, _yielding(machine, plant, e, fastest))
     needed = int(np.ceil(max(period * fastest / step, period * rubbing / _FRICTION_STEP, 1.0)))
     if needed > _MAX_SUBSTEPS:
         raise InputError(
@@ -283,6 +285,14 @@ def _at_ends(e: Effects, fastest: float, mass: float, step: float) -> float:
     """
     met = float(np.sqrt(max(e.end_high_nm_rad, e.end_low_nm_rad) / mass))
     return float(max(np.hypot(fastest, met), met * step / _CONTACT_STEP))
+
+
+def _yielding(machine: Machine, plant: kernel.Plant, e: Effects, fastest: float) -> float:
+    """How fast a coupling with hysteresis yields that swings with the motor's peak torque (1/s)."""
+    if e.hysteresis_nm <= 0:
+        return 0.0
+    twist_speed = fastest * machine.motor.peak_torque_nm / plant.stiffness
+    return float(twist_speed * e.hysteresis_exponent * e.hysteresis_stiffness_nm_rad / e.hysteresis_nm)
 
 
 def _dry_level(e: Effects, share: float) -> float:

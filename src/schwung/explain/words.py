@@ -86,6 +86,9 @@ PHYSICS: dict[str, Words] = {
     "nonlinear_stiffness": Words(
         "a coupling that stiffens with wind-up", "wind_up", "injected sines of small and of large amplitude"
     ),
+    "coupling_hysteresis": Words(
+        "a coupling with hysteresis", "wind_up", "injected sines of small and of large amplitude"
+    ),
     "stiffness_over_angle": Words(
         "a stiffness that differs along the way", "position", "a long stroke, with an injected sine"
     ),
@@ -171,6 +174,9 @@ _PAIRS: dict[tuple[str, str], str] = {
     "further mass has a resonance of its own.",
     ("coupling_damping", "extra_compliance"): "Measure the frequency response over a wide band (schwung bode): a "
     "further mass has a resonance of its own.",
+    ("coupling_damping", "coupling_hysteresis"): _INJECT + "what damps grows with frequency, hysteresis does not.",
+    ("coupling_hysteresis", "coupling_stiffness"): "Inject a small and a large sine: what yields is the softer the "
+    "further it is wound up.",
     ("coulomb_friction", "friction_drift"): "Repeat the first motion at the end of the session.",
     ("friction_drift", "viscous_friction"): "Mix the motion times over the session instead of sorting them.",
 }  # fmt: skip

@@ -35,6 +35,7 @@ NOT_PLANNED = (
     "torque_constant_drop",
     "torque_ripple",
     "stiffness_over_angle",
+    "coupling_hysteresis",
     "kinematic_error",
     "torque_filter",
 )

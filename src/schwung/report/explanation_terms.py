@@ -15,6 +15,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 
+from schwung.drivetrain.hysteresis import yielded
 from schwung.drivetrain.machine import Machine
 from schwung.explain.values import Overlay, Quantity
 from schwung.explain.words import View, words_of
@@ -30,6 +31,7 @@ _FINE_BINS = 140  # over position, where teeth have to show
 _FOLDED = 2  # periods shown of a term that repeats more often than _REPEATS times
 _REPEATS = 5
 _CARRIED = 0.97  # of what the term explains lies below the highest frequency drawn, but for a margin
+_HYSTERESIS = "coupling_hysteresis"
 _WIND_UP_POINTS = 401
 
 
@@ -300,8 +302,8 @@ def coupling_figure(
     axes.axhspan(low, high, color=GRID.light, linewidth=0, zorder=0.5, label="reached in the session")
     label = "belief" if np.isfinite(stiffness) else "belief: rigid"
     axes.plot(1e3 * torque / stiffness, torque, color=EXCITED.light, linewidth=1.4, label=label)
-    wind_up = 1e3 * _wind_up(terms, torque, stiffness)
-    axes.plot(wind_up, torque, color=GOOD.light, linewidth=2.0, label="belief + physics")
+    wind_up, torque = _with_hysteresis(terms, _wind_up(terms, torque, stiffness), torque)
+    axes.plot(1e3 * wind_up, torque, color=GOOD.light, linewidth=2.0, label="belief + physics")
     axes.set_title(f"{units.torque_word.capitalize()} in the coupling, {units.torque}")
     axes.set_xlabel(f"wind-up, m{units.position}")
     axes.legend(loc="upper left", fontsize=8.5, handlelength=1.4)
@@ -313,8 +315,7 @@ def _wind_up(terms: Sequence[Term], torque: Array, stiffness: float) -> Array:
 
     |T| = k δ + c δ³ beyond half of the play, k as named or as believed (infinite: rigid).
     """
-    named = {key: quantity.value for term in terms for key, quantity in term.parameters.items()}
-    numbers = {key: float(value) for key, value in named.items() if isinstance(value, int | float)}
+    numbers = _numbers([term for term in terms if term.physics != _HYSTERESIS])
     stiffness = numbers.get("stiffness_nm_rad", stiffness)
     cubic, gap = numbers.get("cubic_nm_rad3", 0.0), numbers.get("gap_rad", 0.0)
     size = np.abs(torque)
@@ -324,3 +325,21 @@ def _wind_up(terms: Sequence[Term], torque: Array, stiffness: float) -> Array:
         held = np.maximum.accumulate(stiffness * reach + cubic * reach**3)  # to where it softens to nothing
         wound = np.interp(size, held, reach)
     return np.asarray(np.sign(torque) * (wound + gap / 2))
+
+
+def _with_hysteresis(terms: Sequence[Term], wound: Array, torque: Array) -> tuple[Array, Array]:
+    """Wind-up (rad) and torque (N·m) from rest to the largest, to the smallest and back, where there is hysteresis."""
+    numbers = _numbers([term for term in terms if term.physics == _HYSTERESIS])
+    if not numbers:
+        return wound, torque
+    yields_at, over = numbers["torque_nm"], numbers["torque_nm"] / numbers["stiffness_nm_rad"]
+    largest = float(np.max(wound))
+    way = largest * np.sin(np.linspace(0.0, 2.5 * np.pi, 5 * _WIND_UP_POINTS))
+    held = yields_at * yielded(way, over, numbers.get("exponent", 2.0))
+    return way, np.interp(way, wound, torque) + held
+
+
+def _numbers(terms: Sequence[Term]) -> dict[str, float]:
+    """Of several terms, those of their parameters that are numbers."""
+    named = {key: quantity.value for term in terms for key, quantity in term.parameters.items()}
+    return {key: float(value) for key, value in named.items() if isinstance(value, int | float)}

@@ -37,6 +37,7 @@ _GROUPS = (
     ("eccentricity_rad", "eccentricity_phase_rad"),
     ("harmonic_rad", "harmonic_order", "harmonic_phase_rad"),
     ("presliding_nm", "presliding_stiffness_nm_rad"),
+    ("hysteresis_nm", "hysteresis_stiffness_nm_rad", "hysteresis_exponent"),
     ("third_inertia_kgm2", "third_stiffness_nm_rad", "third_damping_nms"),
 )
 
@@ -72,6 +73,7 @@ def equations(told: Exported) -> Equations:
     states += [] if told.rigid else ["load_angle", "load_speed"]
     states += ["third_angle", "third_speed"] if "third_inertia_kgm2" in here else []
     states += ["bristles"] if "presliding_nm" in here else []
+    states += ["yielding"] if "hysteresis_nm" in here else []
     states += ["acting"] if "torque_lag_s" in here else []
     dry = _dry(here)
     lines = [
@@ -331,6 +333,12 @@ def _moving(told: Exported, here: frozenset[str], e: Effects) -> list[Equation]:
     shaft = f"{k}*twist + {d}*twist_speed" + ("" if cubic == "0" else f" + {cubic}*twist^3")
     if "gap_rad" in here:
         shaft = f"push(twist, twist_speed, {k}, {d}, {cubic}, gap_rad)"
+    yielding = []
+    if "hysteresis_nm" in here:
+        shaft += " + yielding"
+        share = "(abs(yielding)/hysteresis_nm)^hysteresis_exponent"
+        rate = f"hysteresis_stiffness_nm_rad*twist_speed*(1 - sided(yielding*twist_speed, 1, 0)*{share})"
+        yielding = [Equation("yielding", rate, "in the coupling, which has hysteresis, N.m", derivative=True)]
     lost = " - carried_share*abs(shaft)*way" if "carried_share" in here else ""
     at, turning, felt, ratio = "motor_angle", "motor_speed", "shaft", []
     if "kinematic_rad" in here:
@@ -344,6 +352,7 @@ def _moving(told: Exported, here: frozenset[str], e: Effects) -> list[Equation]:
         Equation("twist", f"{at} - load_angle", "of the coupling, rad"),
         Equation("twist_speed", f"{turning} - load_speed", "rad/s"),
         Equation("shaft", shaft, "torque of the coupling, N.m"),
+        *yielding,
         angle,
         Equation("motor_speed", f"({motor} - {felt}{lost})/motor_inertia_kgm2", derivative=True),
         Equation("load_angle", "load_speed", derivative=True),

@@ -47,6 +47,7 @@ UNITS = {
 #: Numbers that a machine without a coupling has not.
 OF_COUPLING = (
     "gap_rad", "stiffness_nm_rad", "damping_nms", "cubic_nm_rad3",
+    "hysteresis_nm", "hysteresis_stiffness_nm_rad", "hysteresis_exponent",
     "stiffness_share", "stiffness_order", "stiffness_phase_rad",
     "kinematic_rad", "kinematic_order", "kinematic_phase_rad",
 )  # fmt: skip
@@ -207,6 +208,8 @@ _WORDS = {
     "damping_nms": "coupling_damping: in place of the believed one; negative: that",
     "presliding_nm": "presliding_friction: what it is when it slides",
     "presliding_stiffness_nm_rad": "presliding_friction: of the spring that it is before",
+    "hysteresis_nm": "coupling_hysteresis: the torque at which it yields",
+    "hysteresis_stiffness_nm_rad": "coupling_hysteresis: of the spring that it is before",
     "carried_share": "load_dependent_friction: share of the torque that the shaft carries",
     "torque_filter_s": "torque_filter: of what the drive reports; has no part in this model",
     "inertia_shift_rad": "inertia_profile_shift: the inertia is the table's at angle + shift",

@@ -76,6 +76,7 @@ class Candidate:
     family: str = ""  # of which a set holds one at most: each is a case of another
     cases: frozenset[str] = frozenset()  # names that are cases of this one: a set holds it or them
     own: tuple[Callable[[Along, Shape], Array], ...] = ()  # that its law may be off over, −1…1; none: by name
+    others: Candidate | None = None  # what other laws of it do, in place of that
     tangent: Callable[[Along, Shape, Array], Array] | None = (
         None  # to stiffness and damping along a run, (n, 2)
     )

@@ -2,7 +2,8 @@
 
 The error is a smooth curve over the law's coordinate times what the law does, one for each of its coefficients, with a
 prior size of a share of all that the law does: a wave is right to a per cent or so in its phase as well, where that has
-no coefficient of its own. It is there whenever the law is and has no name.
+no coefficient of its own. Of what there are several textbooks' laws of, it is what the others do. It is there whenever
+the law is and has no name.
 """
 
 from __future__ import annotations
@@ -32,6 +33,9 @@ def error_of(law: Candidate) -> Candidate | None:
         return None
     if law.coordinate == "frequency":
         return None
+
+    if law.others is not None:
+        return law.others
 
     def effect(along: Along, shape: Shape) -> Effect:
         places = [own(along, shape) for own in law.own] or [_coordinate(law.coordinate, along)]

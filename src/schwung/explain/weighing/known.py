@@ -9,6 +9,7 @@ import numpy as np
 
 from schwung.compiled import compiled
 from schwung.drivetrain.effects import Effects, effects_of
+from schwung.drivetrain.hysteresis import left_of, yielded
 from schwung.drivetrain.inertia import LoadTorqueTable
 from schwung.drivetrain.machine import Coupling, Load, Machine
 from schwung.drivetrain.physics import driven, encoder_off, load_torque, motor_torque
@@ -83,6 +84,9 @@ class Known:
         unnamed = self._unnamed(along)
         on_motor, on_load = on_motor + unnamed[0], on_load + unnamed[1]
         coupled = e.cubic_nm_rad3 * along.wound**3
+        if e.hysteresis_nm > 0:
+            held = yielded(along.wound, self._yields_over, e.hysteresis_exponent)
+            coupled = coupled + e.hysteresis_nm * held
         if e.stiffness_share != 0.0 and self.machine.coupling is not None:
             share = e.stiffness_share * np.sin(e.stiffness_order * along.angle + e.stiffness_phase_rad)
             coupled = coupled + share * self.machine.coupling.stiffness_nm_rad * along.wound
@@ -99,6 +103,33 @@ class Known:
                 speed - e.speed_delay_s * acceleration_bent(along, half) + beyond_bent(along, 2 * half, half)
             )
         return Effect(*(part[:, None] for part in (on_motor - coupled, on_load + coupled, position, speed)))
+
+    @property
+    def bends(self) -> bool:
+        """Whether the coupling is stiffer here than there."""
+        e = self.effects
+        bent = (e.cubic_nm_rad3, e.stiffness_share, e.hysteresis_nm)
+        return self.machine.coupling is not None and any(one != 0.0 for one in bent)
+
+    def tangent(self, along: Along) -> Array:
+        """How much stiffer a coupling that bends is along a run, and how much more it damps, (n, 2)."""
+        return run_by_run(self._stiffer)(along)
+
+    def _stiffer(self, along: Along) -> Array:
+        e, found = self.effects, 3 * self.effects.cubic_nm_rad3 * along.wound**2
+        if e.hysteresis_nm > 0:
+            share = yielded(along.wound, self._yields_over, e.hysteresis_exponent)
+            found = found + e.hysteresis_stiffness_nm_rad * left_of(
+                share, along.winding, e.hysteresis_exponent
+            )
+        if self.machine.coupling is not None:
+            waves = e.stiffness_share * np.sin(e.stiffness_order * along.angle + e.stiffness_phase_rad)
+            found = found + waves * self.machine.coupling.stiffness_nm_rad
+        return np.stack([found, 0 * found], 1)
+
+    @property
+    def _yields_over(self) -> float:
+        return self.effects.hysteresis_nm / self.effects.hysteresis_stiffness_nm_rad
 
     def _unnamed(self, along: Along) -> tuple[Array, Array]:
         """What the known curves and planes do, on motor and load (N·m), (n,) each."""

@@ -143,6 +143,7 @@ _SHAPED = {
     "end_spring": (("position_rad",), ("stiffness_nm_rad",)),
     "load_event": (("time_s", "duration_s", "sharpness"), ("peak_nm",)),
     "torque_constant_drop": (("order",), ()),
+    "coupling_hysteresis": (("exponent",), ("torque_nm", "stiffness_nm_rad")),
 }
 #: Shapes that differ by less are one (relative).
 _SAME = 1e-6

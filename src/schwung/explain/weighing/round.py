@@ -110,6 +110,8 @@ def acting_on_each(view: View, along: Joined, members: Sequence[Member]) -> tupl
     known = view.known
     what = known.effect(along)
     total, opposed = Acting(*what.of(np.ones(1))), known.dry(along)
+    if known.bends:
+        total += _eased(along, known.tangent(along))
     for member in members:
         needless = member.candidate.of_machine and view.dry_nm is not None
         if needless or not np.any(member.coefficients):
@@ -135,12 +137,16 @@ def _further(along: Along, member: Member, done: Acting) -> Acting:
     """
     tangent, heavier = member.candidate.tangent, member.candidate.heavier
     if tangent is not None:
-        bent = tangent(along, member.shape, member.coefficients)
-        wound = bent[:, 0] * along.wound + bent[:, 1] * along.winding
-        done += Acting(on_motor=wound, on_load=-wound, coupling=bent)
+        done += _eased(along, tangent(along, member.shape, member.coefficients))
     if heavier is not None:
         done += Acting(inertia=heavier(along, member.shape, member.coefficients))
     return done
+
+
+def _eased(along: Along, stiffer: Array) -> Acting:
+    """A coupling that is so much stiffer, and damps so much more, (n, 2), in place of the torque of that."""
+    wound = stiffer[:, 0] * along.wound + stiffer[:, 1] * along.winding
+    return Acting(on_motor=wound, on_load=-wound, coupling=stiffer)
 
 
 def _dry(along: Along, opposed: Array) -> float:

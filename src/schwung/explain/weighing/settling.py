@@ -102,7 +102,7 @@ def smoothed(view: View, members: Sequence[Member], weighing: Weighing) -> Linea
     """
     noise, train = weighing.noise, weighing.train
     about = linearised(resmoothed(view, members, noise, train), members, noise, None, train)
-    bends = any(m.candidate.tangent is not None for m in members)
+    bends = view.known.bends or any(m.candidate.tangent is not None for m in members)
     for _ in range(STEPS if bends or about.swings else 0):
         if not finite(about.view):
             break

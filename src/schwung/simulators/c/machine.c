@@ -202,7 +202,7 @@ static Masses rates(const double *p, Masses s, double torque, double time) {
     const Point inertia = load_inertia(p, s.load_angle);
     double load = load_torque(p, s.load_angle, time - p[MOTION_START_S]);
     load -= p[LOAD_VISCOUS_FRICTION_NMS] * s.load_speed + 0.5 * inertia.slope * s.load_speed * s.load_speed;
-    Masses r = {s.motor_speed, 0.0, s.load_speed, 0.0, s.third_speed, 0.0, 0.0};
+    Masses r = {s.motor_speed, 0.0, s.load_speed, 0.0, s.third_speed, 0.0, 0.0, 0.0};
     if (p[PRESLIDING_NM] > 0.0)
         r.bristles = p[PRESLIDING_STIFFNESS_NM_RAD]
                      * (s.motor_speed - fabs(s.motor_speed) * s.bristles / p[PRESLIDING_NM]);
@@ -229,7 +229,13 @@ static Masses rates(const double *p, Masses s, double torque, double time) {
     } else {
         const Point by = driven(p, s.motor_angle);
         const double twist = by.value - s.load_angle;
-        const double shaft = coupling_torque(p, s.motor_angle, twist, by.slope * s.motor_speed - s.load_speed);
+        const double twist_speed = by.slope * s.motor_speed - s.load_speed;
+        const double shaft = coupling_torque(p, s.motor_angle, twist, twist_speed) + s.yielding;
+        if (p[HYSTERESIS_NM] > 0.0) {
+            r.yielding = p[HYSTERESIS_STIFFNESS_NM_RAD] * twist_speed;
+            if (s.yielding * twist_speed > 0.0)
+                r.yielding *= 1.0 - pow(fabs(s.yielding) / p[HYSTERESIS_NM], p[HYSTERESIS_EXPONENT]);
+        }
         r.motor_speed = (motor - by.slope * shaft - p[CARRIED_SHARE] * fabs(shaft) * ahead) / p[MOTOR_INERTIA_KGM2];
         r.load_speed = accelerated(load + shaft, inertia.value);
     }
@@ -244,6 +250,7 @@ static Masses moved(Masses s, Masses r, double by) {
     s.third_angle += by * r.third_angle;
     s.third_speed += by * r.third_speed;
     s.bristles += by * r.bristles;
+    s.yielding += by * r.yielding;
     return s;
 }
 

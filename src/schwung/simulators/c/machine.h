@@ -10,6 +10,7 @@ enum { PAST = 2048 };
 typedef struct {
     double motor_angle, motor_speed, load_angle, load_speed, third_angle, third_speed;
     double bristles; /* what bent bristles hold, N.m */
+    double yielding; /* what yields in the coupling, N.m */
 } Masses;
 
 typedef struct {

@@ -8,6 +8,7 @@ from schwung.explain.weighing.along import Ranges
 from schwung.explain.weighing.candidate import NATURAL, Candidate
 from schwung.explain.weighing.known import Known
 from schwung.explain.weighing.vocabulary.friction import friction
+from schwung.explain.weighing.vocabulary.hysteresis import hysteresis
 from schwung.explain.weighing.vocabulary.load import load, table_error
 from schwung.explain.weighing.vocabulary.periodic import periodic
 from schwung.explain.weighing.vocabulary.presliding import presliding
@@ -34,4 +35,5 @@ def vocabulary(of: Ranges, believed: Known) -> list[Candidate]:
     ]
     if machine.coupling is not None:
         found += shaft(of, machine.coupling, natural, mean)
+        found.append(hysteresis(of, machine.coupling, natural, believed))
     return found + unnamed(of, natural)

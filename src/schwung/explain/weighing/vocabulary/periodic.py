@@ -130,7 +130,10 @@ def strongest(missed: Sequence[Missed], of: Ranges) -> tuple[Shape, ...]:
     for one in missed:
         smooth = one.torque_nm * np.hanning(one.torque_nm.size)
         share = beyond_nearby(smooth, round(span / one.step_s), frequency.size)
-        for line in one.injected_hz:  # there, it may be the answer to the injection
-            share[np.abs(frequency - line) < 2 / of.longest_s] = 1.0
+        for (
+            line
+        ) in one.injected_hz:  # there, it may be the answer to the injection, of what bends, yields or sticks
+            away = np.abs(frequency - line * np.maximum(np.round(frequency / line), 1.0))
+            share[away < 2 / of.longest_s] = 1.0
         over.append(share)
     return line_of(over, frequency, frequency * of.longest_s >= LEAST_PERIODS)

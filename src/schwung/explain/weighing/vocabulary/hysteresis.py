@@ -1,0 +1,67 @@
+"""Hysteresis of the coupling: −Z·z on the motor and Z·z on the load, z of how far the coupling is wound up, and was."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+
+from schwung.drivetrain.hysteresis import left_of, yielded
+from schwung.drivetrain.machine import Coupling
+from schwung.explain.weighing.along import Along, Ranges
+from schwung.explain.weighing.candidate import Candidate, Shape, grid
+from schwung.explain.weighing.curves import column
+from schwung.explain.weighing.joined import run_by_run
+from schwung.explain.weighing.known import Known
+from schwung.innovations.effect import Effect
+from schwung.motion import Array
+
+#: Over which it yields, over the largest wind-up: what yields sooner is friction, what never does a stiffness.
+_SHORTEST, _LONGEST = 0.01, 2.0
+_EXPONENTS = (1.0, 2.0, 5.0)
+
+
+@run_by_run
+def _held(along: Along, shape: Shape) -> Array:
+    """What it holds over what it yields at."""
+    return np.asarray(yielded(along.wound, *shape))
+
+
+#: Of laws of hysteresis there are many, which agree on little more than how much there is: springs that slip at so much
+#: of its wind-up may hold so many times the share that laws are else off by.
+_SLIPPING, _AT, _AS_MUCH = 20.0, (0.1, 0.3, 1.0, 3.0, 10.0), 10.0
+
+
+@run_by_run
+def _slips(along: Along, shape: Shape) -> Effect:
+    held = _AS_MUCH * np.stack([yielded(along.wound, at * shape[0], _SLIPPING) for at in _AT], 1)
+    return Effect(-held, held)
+
+
+_OTHERS = Candidate("coupling_hysteresis, inexact", _slips, (1.0,) * len(_AT), named=False)
+
+
+def hysteresis(of: Ranges, coupling: Coupling, torque_nm: float, known: Known) -> Candidate:
+    """The family's only one; `torque_nm`: a natural torque; `known`: whose hysteresis no change makes negative."""
+    wound = of.peak_torque_nm / coupling.stiffness_nm_rad
+    return Candidate(
+        "coupling_hysteresis", _effect, (torque_nm,), _keys,
+        shapes=grid(wound * np.geomspace(_SHORTEST, _LONGEST, 9), _EXPONENTS), spacing=(0.3, 0.5),
+        logarithmic=(True, True), bounds=((0.5 * _SHORTEST * wound, 2 * _LONGEST * wound), (0.5, 20.0)),
+        endless=(1,), positive=(0,), least=(-known.effects.hysteresis_nm,), coordinate="torque", own=(_held,),
+        tangent=_tangent, others=_OTHERS,
+    )  # fmt: skip
+
+
+def _effect(along: Along, shape: Shape) -> Effect:
+    held = column(_held(along, shape))
+    return Effect(-held, held)
+
+
+def _tangent(along: Along, shape: Shape, torque: Array) -> Array:
+    stiffer = torque[0] / shape[0] * left_of(_held(along, shape), along.winding, shape[1])
+    return np.stack([stiffer, 0 * stiffer], 1)
+
+
+def _keys(torque: Array, shape: Shape) -> Mapping[str, float]:
+    return {"torque_nm": torque[0], "stiffness_nm_rad": torque[0] / shape[0], "exponent": shape[1]}
