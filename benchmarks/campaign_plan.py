@@ -75,7 +75,7 @@ def machine() -> Machine:
     )
 
 
-def expected(way: Way, start_rad: float, count_rad: float = COUNT_RAD) -> Expected:
+def expected(way: Way, start_rad: float) -> Expected:
     """The plan, computed from the wishes: peak speed of the trapezoid with equal thirds is 1.5 times the mean."""
     period_s = 1.0 / way.wishes["sample_rate_hz"]
     step = 1.5 * DISTANCE_RAD / DURATION_S * period_s
@@ -88,10 +88,9 @@ def expected(way: Way, start_rad: float, count_rad: float = COUNT_RAD) -> Expect
         torque_nm=TORQUE_NM,
         silence_s=SILENCE_S,
         deceleration_rad_s2=DECELERATION_RAD_S2,
-        step_counts=math.ceil((DISTANCE_RAD + MOVED_RAD if way.mode == 1 else step) / count_rad),
-        bend_counts=None if way.mode == 1 else math.ceil(bend / count_rad),
+        step_rad=DISTANCE_RAD + MOVED_RAD if way.mode == 1 else step,
+        bend_rad=None if way.mode == 1 else bend,
         added_counts=math.ceil(0.2 * TORQUE_NM / RATED_TORQUE_NM * 1000),
-        count_rad=count_rad,
         mode=way.mode,
         writable=way.writable,
     )

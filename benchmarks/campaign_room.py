@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 import contextlib
-import math
 import shutil
 from itertools import count
 from pathlib import Path
 from typing import Any
 
 import can
-from campaign_plan import COARSE_COUNTS, COUNT_RAD, NODE, OVERDUE_S, WAYS, expected, profile
+from campaign_plan import COARSE_COUNTS, NODE, OVERDUE_S, WAYS, expected, profile
 
 from schwung.fieldbus.canopen import CanopenDrive
 from schwung_sim.bench import Bench
@@ -75,17 +74,13 @@ class Room:
             dictionary.writer(k)(value)
         if scenario.stays:
             dictionary.writer(key(0x605A))(6)
-        count_rad = COUNT_RAD
         if scenario.coarse:
             dictionary.writer(key(0x608F, 1))(COARSE_COUNTS)
-            count_rad = 2 * math.pi / COARSE_COUNTS
         dictionary.writer(key(0x1010, 1))(0x65766173)
         self.before = self.parameters()
         self.weather = Weather(NODE, self.clock.now)
         self.machine = BenchMachine(self.bench)
-        self.monitor = Monitor(
-            expected(self.way, scenario.start_rad, count_rad), self.machine, self.clock.now
-        )
+        self.monitor = Monitor(expected(self.way, scenario.start_rad), self.machine, self.clock.now)
         self.clock.every(LOOK_S, self.monitor.look)
         other = self._end()
         other.stepped.wire.ends.remove(other.stepped)  # it only talks

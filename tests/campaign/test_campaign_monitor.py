@@ -14,7 +14,7 @@ from schwung_sim.campaign.monitor import Expected, Monitor
 
 PLAN = Expected(
     node_id=3, low_rad=-0.2, high_rad=0.8, speed_rad_s=10.0, torque_nm=50.0, silence_s=0.3, deceleration_rad_s2=1000.0,
-    step_counts=100, bend_counts=60, added_counts=50, count_rad=1e-5, mode=8,
+    step_rad=1e-3, bend_rad=6e-4, added_counts=50, mode=8,
 )  # fmt: skip
 
 
@@ -29,6 +29,7 @@ class Still:
     operating: bool = False
     stepped_down: bool = False
     mode: int = 8
+    count_rad: float = 1e-5
     deaf_until_s: float = 0.0
     stands: bool = False
     excused: bool = False

@@ -40,6 +40,7 @@ class LineMachine(Motor):
     """Drive, axis and plant as the monitor sees them."""
 
     mode, deaf_until_s, stands = 1, float("-inf"), False
+    count_rad = float("nan")  # no setpoints come by the line
 
     def __init__(self, bench: Any, now: Callable[[], float]) -> None:
         super().__init__(bench)

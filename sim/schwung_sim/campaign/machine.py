@@ -41,6 +41,11 @@ class Machine(Protocol):
     def mode(self) -> int: ...
 
     @property
+    def count_rad(self) -> float:
+        """What one of its position is worth now: of a setting that was never stored, a restart leaves another."""
+        ...
+
+    @property
     def deaf_until_s(self) -> float:
         """When its processor, if it stood, heard what had come meanwhile."""
         ...
@@ -99,6 +104,10 @@ class BenchMachine(Motor):
     @property
     def mode(self) -> int:
         return int(self._servo.operation.mode)
+
+    @property
+    def count_rad(self) -> float:
+        return float(self._servo.operation.units.demand_rad)
 
     @property
     def stands(self) -> bool:

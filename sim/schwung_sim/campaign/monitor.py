@@ -26,6 +26,7 @@ with the clause or the reason that it comes from.
 
 from __future__ import annotations
 
+import math
 import struct
 import zlib
 from collections.abc import Callable, Sequence
@@ -73,10 +74,9 @@ class Expected:
     torque_nm: float
     silence_s: float  # 1016
     deceleration_rad_s2: float  # 6085
-    step_counts: int  # of 607A between two RPDOs
-    bend_counts: int | None  # by how much that changes from one to the next; None: the drive makes the path
+    step_rad: float  # of 607A between two RPDOs
+    bend_rad: float | None  # by how much that changes from one to the next; None: the drive makes the path
     added_counts: int  # of 60B2
-    count_rad: float  # of 607A
     mode: int
     writable: frozenset[int] = frozenset({0x6040})  # objects, while energised
 
@@ -289,24 +289,29 @@ class Monitor:
             self._last_target = None
             return
         last, self._last_target = self._last_target, target
+        count_rad = self.machine.count_rad
         self._judge_bend(None if last is None or not enables else target - last)
         if last is None and plan.mode != 1:
-            off = target * plan.count_rad - self.machine.position_rad
+            off = target * count_rad - self.machine.position_rad
             if abs(off) > STANDS_AT_RAD:
                 self._report("step", f"the first target is {off:+.4f} rad from where the axis stands")
         # a drive that makes the way by itself may be told of it from wherever it was turned to meanwhile
-        turned = STANDS_AT_RAD / plan.count_rad if plan.mode == 1 else 1
-        if last is not None and abs(target - last) > plan.step_counts + turned:
+        turned = STANDS_AT_RAD / count_rad if plan.mode == 1 else 1
+        most = math.ceil(plan.step_rad / count_rad)
+        if last is not None and abs(target - last) > most + turned:
             self._report(
                 "step",
-                f"{target - last:+d} counts in one RPDO with 0x{word:04X}, {plan.step_counts} is the plan's largest",
+                f"{target - last:+d} counts in one RPDO with 0x{word:04X}, {most} is the plan's largest",
             )
 
     def _judge_bend(self, step: int | None) -> None:
         """The step to this target; None where there is none, or it stops."""
         last, self._last_step = self._last_step, step
-        most = self.expected.bend_counts
-        if step is not None and last is not None and most is not None and abs(step - last) > most + 2:
+        bend_rad = self.expected.bend_rad
+        if step is None or last is None or bend_rad is None:
+            return
+        most = math.ceil(bend_rad / self.machine.count_rad)
+        if abs(step - last) > most + 2:
             self._report(
                 "bend", f"a step of {step:+d} counts after one of {last:+d}, {most} is the plan's most"
             )
