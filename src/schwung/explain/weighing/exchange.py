@@ -48,6 +48,19 @@ def numbers_exchanged(rests: Rests, search: Search, start: Scored, at: Settled) 
     return best
 
 
+def bent_otherwise(rests: Rests, search: Search, start: Scored, at: Settled) -> tuple[Scored, Settled]:
+    """The set, or with another law by which its coupling bends in place of the one that was found last, where that is
+    likelier at rest: a law that yields takes some of what one takes that stiffens, and beside it there is no room."""
+    best, top = (start, at), 0.0
+    for one in search.bending_instead(start.picks):
+        if search.kind(one.picks) in rests.rested or search.data.work.spent:
+            continue
+        tried, gain = rests.rest(search, one, start, at, top)
+        if gain > top:
+            best, top = (one, tried), gain
+    return best
+
+
 def _timed(rests: Rests, search: Search, start: Scored, at: Settled) -> tuple[Scored, Settled] | None:
     """The set with another late cause, or with one where what is usual is further off than a name costs; where that
     is more probable at rest.

@@ -15,7 +15,7 @@ import numpy as np
 from schwung.compiled import IS_FAST
 from schwung.explain.weighing.candidate import RIGHT_TO
 from schwung.explain.weighing.data import Data
-from schwung.explain.weighing.exchange import exchanged, numbers_exchanged, play_instead
+from schwung.explain.weighing.exchange import bent_otherwise, exchanged, numbers_exchanged, play_instead
 from schwung.explain.weighing.resting import Rests
 from schwung.explain.weighing.round import View, few_of
 from schwung.explain.weighing.search import HOPELESS, MOST, Scored, Search
@@ -130,6 +130,7 @@ class Growth:
                 taken = self._further(search, start, at)
                 if taken is not None:
                     start, at = numbers_exchanged(self.rests, search, *taken)
+                    start, at = bent_otherwise(self.rests, search, start, at)
                     start, at = play_instead(self.rests, search, start, at) or (start, at)
                     at = self._nearest(at, at.log + search.prior(start.picks) - before)
                     if named and is_unnamed(search, start):

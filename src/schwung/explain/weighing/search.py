@@ -297,6 +297,16 @@ class Search:
         every = enumerate(self.data.candidates)
         return [Pick(self._first(i), 1.0) for i, c in every if c.is_number and i not in inside]
 
+    def bending_instead(self, picks: Set) -> list[Scored]:
+        """In place of the last, if it bends the coupling, each other law that does."""
+        if not picks or self.candidate(picks[-1]).tangent is None:
+            return []
+        others, inside, found = picks[:-1], self.kind(picks), []
+        for index, candidate in enumerate(self.data.candidates):
+            if candidate.tangent is not None and index not in inside:
+                found += [self._with(others, pick) for _, pick in self.additions(others, {index})[:1]]
+        return found
+
     def opening(self) -> Pick | None:
         """The first of what opens a gap; None: nothing does."""
         each = enumerate(self.data.atoms)
