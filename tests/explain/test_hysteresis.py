@@ -8,10 +8,16 @@ from sealed_sessions import fewer
 from strangers import Stranger, belief_of, session_of
 
 from schwung.drivetrain.hysteresis import yielded
+from schwung.drivetrain.machine import Machine
 from schwung.drivetrain.physics_term import PhysicsTerm
 from schwung.drivetrain.presliding import bent
+from schwung.explain.weighing.along import TrueTorque, ranges_of
+from schwung.explain.weighing.known import known
 from schwung.explain.weighing.learned import Found, learned
+from schwung.explain.weighing.round import View, at_rest
 from schwung.explain.weighing.weigh import weigh
+from schwung.innovations.likelihood import first_noise
+from schwung.innovations.signals import picked_signals_of
 from schwung.motion import Array
 
 OVER = 1e-3
@@ -84,3 +90,22 @@ def test_what_is_found_beside_what_is_believed_is_one_term() -> None:
     more = {"torque_nm": 0.2, "stiffness_nm_rad": 500.0, "exponent": 2.0}
     (one,) = learned(believed, [Found("coupling_hysteresis", True, more, {})]).physics
     assert one.parameters["torque_nm"] == pytest.approx(1.2)
+
+
+def test_a_file_with_hysteresis_is_judged_about_a_coupling_that_has_it() -> None:
+    """About states of one that bends nowhere it missed more than the belief, or its states ran away."""
+    hidden = Stranger("slips", ("coupling_hysteresis",), slips=(6.0, 6e-4))
+    session = fewer(session_of(hidden, 5, every=8, times=(0.25,)), 1)
+    law = {"torque_nm": 6.3, "stiffness_nm_rad": 1.4e4, "exponent": 5.0}
+    term = PhysicsTerm.model_validate({"name": "coupling_hysteresis", **law})
+    believed = belief_of(hidden)
+
+    def missed(machine: Machine) -> float:
+        runs = tuple(picked_signals_of(run, machine, 160.0) for run in session.runs)
+        of = ranges_of(list(runs), 0.002, 160.0)
+        torques = tuple(TrueTorque(run, run.drive.whole_nm) for run in runs)
+        view = View(session.runs, runs, known(machine, of.low_rad, of.high_rad), of, torques)
+        about = at_rest(view, (), first_noise(runs))
+        return about.square(range(len(runs))) / about.samples(range(len(runs)))
+
+    assert missed(believed.model_copy(update={"physics": (term,)})) < 0.15 * missed(believed)

@@ -290,3 +290,20 @@ def test_states_that_run_away_stay_where_the_runs_were_likeliest(view, monkeypat
     found = rounds.at_rest(view, (), first_noise(view.runs))
     assert len(seen) >= 2
     assert found.square(range(len(view.runs))) == pytest.approx(min(seen))
+
+
+def test_each_law_that_bends_the_coupling_is_offered_in_anothers_place(view, data):
+    """Beside hysteresis, which promised more, a cubic stiffness had no room."""
+    about = rounds.at_rest(view, data.members, first_noise(view.runs))
+    search = Search(Data.of(about, data.members, data.candidates, (0, 1, 3), 2.0), (0, 1, 2))
+
+    def pick(name):
+        return next(
+            Pick(i, 1.0) for i, a in enumerate(search.data.atoms) if search.name(Pick(i, 1.0)) == name
+        )
+
+    spot, last = pick("local_friction"), pick("coupling_hysteresis")
+    offered = [one.picks for one in search.bending_instead((spot, last))]
+    assert {search.name(picks[-1]) for picks in offered} == {"nonlinear_stiffness", "stiffness_over_angle"}
+    assert all(picks[0] == spot for picks in offered)
+    assert search.bending_instead((last, spot)) == []
