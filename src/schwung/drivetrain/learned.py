@@ -157,9 +157,14 @@ def _rates(machine: Learned, state: Masses, torque: float, time: float) -> Masse
         angle - state.load_angle,
         twist_speed,
     )
-    shaft += state.yielding
+    touches = 1.0 if abs(angle - state.load_angle) >= 0.5 * e.gap_rad else 0.0
+    shaft += touches * state.yielding
     winding = yielding_rate(
-        e.hysteresis_nm, e.hysteresis_stiffness_nm_rad, e.hysteresis_exponent, state.yielding, twist_speed
+        e.hysteresis_nm,
+        e.hysteresis_stiffness_nm_rad,
+        e.hysteresis_exponent,
+        state.yielding,
+        touches * twist_speed,
     )
     load += shaft
     return Masses(

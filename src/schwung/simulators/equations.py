@@ -335,9 +335,11 @@ def _moving(told: Exported, here: frozenset[str], e: Effects) -> list[Equation]:
         shaft = f"push(twist, twist_speed, {k}, {d}, {cubic}, gap_rad)"
     yielding = []
     if "hysteresis_nm" in here:
-        shaft += " + yielding"
+        touches = "sided(abs(twist) - 0.5*gap_rad, 1, 0)*" if "gap_rad" in here else ""
+        shaft += f" + {touches}yielding"
         share = "(abs(yielding)/hysteresis_nm)^hysteresis_exponent"
-        rate = f"hysteresis_stiffness_nm_rad*twist_speed*(1 - sided(yielding*twist_speed, 1, 0)*{share})"
+        left = f"(1 - sided(yielding*twist_speed, 1, 0)*{share})"
+        rate = f"hysteresis_stiffness_nm_rad*{touches}twist_speed*{left}"
         yielding = [Equation("yielding", rate, "in the coupling, which has hysteresis, N.m", derivative=True)]
     lost = " - carried_share*abs(shaft)*way" if "carried_share" in here else ""
     at, turning, felt, ratio = "motor_angle", "motor_speed", "shaft", []

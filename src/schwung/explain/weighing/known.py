@@ -86,7 +86,7 @@ class Known:
         coupled = e.cubic_nm_rad3 * along.wound**3
         if e.hysteresis_nm > 0:
             held = yielded(along.wound, self._yields_over, e.hysteresis_exponent)
-            coupled = coupled + e.hysteresis_nm * held
+            coupled = coupled + e.hysteresis_nm * along.contact[:, 0] * held
         if e.stiffness_share != 0.0 and self.machine.coupling is not None:
             share = e.stiffness_share * np.sin(e.stiffness_order * along.angle + e.stiffness_phase_rad)
             coupled = coupled + share * self.machine.coupling.stiffness_nm_rad * along.wound
@@ -119,13 +119,12 @@ class Known:
         e, found = self.effects, 3 * self.effects.cubic_nm_rad3 * along.wound**2
         if e.hysteresis_nm > 0:
             share = yielded(along.wound, self._yields_over, e.hysteresis_exponent)
-            found = found + e.hysteresis_stiffness_nm_rad * left_of(
-                share, along.winding, e.hysteresis_exponent
-            )
+            left = left_of(share, along.winding, e.hysteresis_exponent)
+            found = found + e.hysteresis_stiffness_nm_rad * left
         if self.machine.coupling is not None:
             waves = e.stiffness_share * np.sin(e.stiffness_order * along.angle + e.stiffness_phase_rad)
             found = found + waves * self.machine.coupling.stiffness_nm_rad
-        return np.stack([found, 0 * found], 1)
+        return np.stack([along.contact[:, 0] * found, 0 * found], 1)
 
     @property
     def _yields_over(self) -> float:

@@ -230,8 +230,9 @@ static Masses rates(const double *p, Masses s, double torque, double time) {
         const Point by = driven(p, s.motor_angle);
         const double twist = by.value - s.load_angle;
         const double twist_speed = by.slope * s.motor_speed - s.load_speed;
-        const double shaft = coupling_torque(p, s.motor_angle, twist, twist_speed) + s.yielding;
-        if (p[HYSTERESIS_NM] > 0.0) {
+        double shaft = coupling_torque(p, s.motor_angle, twist, twist_speed);
+        if (p[HYSTERESIS_NM] > 0.0 && fabs(twist) >= 0.5 * p[GAP_RAD]) {
+            shaft += s.yielding;
             r.yielding = p[HYSTERESIS_STIFFNESS_NM_RAD] * twist_speed;
             if (s.yielding * twist_speed > 0.0)
                 r.yielding *= 1.0 - pow(fabs(s.yielding) / p[HYSTERESIS_NM], p[HYSTERESIS_EXPONENT]);

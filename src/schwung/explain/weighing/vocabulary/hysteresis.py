@@ -34,7 +34,8 @@ _SLIPPING, _AT, _AS_MUCH = 20.0, (0.1, 0.3, 1.0, 3.0, 10.0), 10.0
 
 @run_by_run
 def _slips(along: Along, shape: Shape) -> Effect:
-    held = _AS_MUCH * np.stack([yielded(along.wound, at * shape[0], _SLIPPING) for at in _AT], 1)
+    each = [along.contact[:, 0] * yielded(along.wound, at * shape[0], _SLIPPING) for at in _AT]
+    held = _AS_MUCH * np.stack(each, 1)
     return Effect(-held, held)
 
 
@@ -54,12 +55,13 @@ def hysteresis(of: Ranges, coupling: Coupling, torque_nm: float, known: Known) -
 
 
 def _effect(along: Along, shape: Shape) -> Effect:
-    held = column(_held(along, shape))
+    held = column(along.contact[:, 0] * _held(along, shape))
     return Effect(-held, held)
 
 
 def _tangent(along: Along, shape: Shape, torque: Array) -> Array:
-    stiffer = torque[0] / shape[0] * left_of(_held(along, shape), along.winding, shape[1])
+    left = along.contact[:, 0] * left_of(_held(along, shape), along.winding, shape[1])
+    stiffer = torque[0] / shape[0] * left
     return np.stack([stiffer, 0 * stiffer], 1)
 
 
