@@ -130,7 +130,8 @@ class Growth:
                 taken = self._further(search, start, at)
                 if taken is not None:
                     start, at = numbers_exchanged(self.rests, search, *taken)
-                    start, at = bent_otherwise(self.rests, search, start, at)
+                    if at.log + search.prior(start.picks) - before > HOPELESS:
+                        start, at = bent_otherwise(self.rests, search, start, at)
                     start, at = play_instead(self.rests, search, start, at) or (start, at)
                     at = self._nearest(at, at.log + search.prior(start.picks) - before)
                     if named and is_unnamed(search, start):

@@ -22,7 +22,7 @@ P = ParamSpec("P")
 R = TypeVar("R")
 
 #: Whitened numbers (one column at one sample of angle or speed) after which nothing more is tried.
-MOST = 3e9
+MOST = 3.6e9
 #: Time of the processor (s) after which nothing more is tried either; 88 with what laws may take apart, and what was
 #: begun.
 SECONDS = 50.0

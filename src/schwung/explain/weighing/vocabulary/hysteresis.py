@@ -18,7 +18,7 @@ from schwung.motion import Array
 
 #: Over which it yields, over the largest wind-up: what yields sooner is friction, what never does a stiffness.
 _SHORTEST, _LONGEST = 0.01, 2.0
-_EXPONENTS = (1.0, 2.0, 5.0)
+_EXPONENTS = (1.0, 4.0)
 
 
 @run_by_run
@@ -47,7 +47,7 @@ def hysteresis(of: Ranges, coupling: Coupling, torque_nm: float, known: Known) -
     wound = of.peak_torque_nm / coupling.stiffness_nm_rad
     return Candidate(
         "coupling_hysteresis", _effect, (torque_nm,), _keys,
-        shapes=grid(wound * np.geomspace(_SHORTEST, _LONGEST, 9), _EXPONENTS), spacing=(0.3, 0.5),
+        shapes=grid(wound * np.geomspace(_SHORTEST, _LONGEST, 7), _EXPONENTS), spacing=(0.3, 0.5),
         logarithmic=(True, True), bounds=((0.5 * _SHORTEST * wound, 2 * _LONGEST * wound), (0.5, 20.0)),
         endless=(1,), positive=(0,), least=(-known.effects.hysteresis_nm,), coordinate="torque", own=(_held,),
         tangent=_tangent, others=_OTHERS,
