@@ -19,6 +19,7 @@ from schwung.fieldbus.canopen.dialogue import Dialogue
 from schwung.fieldbus.canopen.exchange import Exchange
 from schwung.fieldbus.canopen.operation import Operation
 from schwung.fieldbus.canopen.output import Output
+from schwung.fieldbus.canopen.stopping import Stopping
 from schwung.fieldbus.cia402 import State
 from schwung.fieldbus.modbus import link, state_machine
 from schwung.fieldbus.modbus.state_machine import StateMachine
@@ -128,7 +129,8 @@ def _not_put_back() -> None:
 
 def _quick_stop_by_sdo_first() -> None:
     """The SDO's quick stop comes before an RPDO that the drive still holds: the one that stops waits for its turn, the
-    SDO does not wait for the SYNC after it, and that SYNC goes out whatever came since the RPDO before it."""
+    SDO does not wait for the SYNC after it, and that SYNC goes out whatever came since the RPDO before it, and where it
+    is not answered as well."""
 
     def latch(self: Any, word: int) -> None:
         self._output.latch(word)
@@ -136,6 +138,8 @@ def _quick_stop_by_sdo_first() -> None:
 
     sync._PythonProducer.latch = latch  # type: ignore[method-assign]
     sync._PythonProducer._is_last_wanted = lambda _self: True  # type: ignore[method-assign]
+    sync._PythonProducer.send_awaited_sync = lambda _self: True  # type: ignore[method-assign]
+    Stopping._end_unanswered = lambda _self, _outcome: None  # type: ignore[method-assign]
 
 
 def _stops_when_somebody_looks() -> None:
