@@ -20,6 +20,7 @@ from schwung.explain.weighing.refine import refined
 from schwung.explain.weighing.search import Pick, Search, slices
 from schwung.explain.weighing.sets import members_of
 from schwung.explain.weighing.sharpness import covariance_of
+from schwung.explain.weighing.standing import taken_as_told
 from schwung.explain.weighing.vocabulary import vocabulary
 from schwung.explain.weighing.weigh import _rms, weigh
 from schwung.explain.weighing.work import Work
@@ -307,3 +308,21 @@ def test_each_law_that_bends_the_coupling_is_offered_in_anothers_place(view, dat
     assert {search.name(picks[-1]) for picks in offered} == {"nonlinear_stiffness", "stiffness_over_angle"}
     assert all(picks[0] == spot for picks in offered)
     assert search.bending_instead((last, spot)) == []
+
+
+@pytest.mark.parametrize("share", [1.0, 0.5, -1.0])
+def test_what_a_name_takes_with_its_own_numbers_is_the_change_of_what_is_missed(data, share):
+    search = Search(data, (0, 1, 2))
+    friction = next(pick for _, pick in search.additions(()) if search.name(pick) == "viscous_friction")
+    best = search.score((friction,))
+    where = data.atoms[friction.atom].where
+    told = best.found.coefficients.copy()
+    own = np.flatnonzero((best.which >= where.start) & (best.which < where.stop))
+    usual = np.arange(sum(data.candidates[i].size for i in (0, 1, 2)))
+    assert set(best.which) == {*best.which[usual], *best.which[own]}  # it has no errors of its law
+    told[own] *= share
+    scored = replace(best, found=replace(best.found, coefficients=told))
+    before = data.target - told[usual] @ data.rows[best.which[usual]]
+    after = before - told[own] @ data.rows[best.which[own]]
+    expected = (before @ before - after @ after) / 2 / 2.0
+    assert taken_as_told(search, scored, (friction,), friction) == pytest.approx(expected, rel=1e-6)

@@ -26,6 +26,7 @@ class Cause:
     named: bool = True
     scales: tuple[float, ...] = (1.0,)
     taken: float = 0.0  # of the recording, where that is more
+    told: float = inf  # of that, by the numbers that it is told with
     larger: float = 1.0  # probability of being more than is usual
     inertia: Callable[[], None] | None = None  # of an inertia, anything
     part_of: str = ""
@@ -68,6 +69,7 @@ def stands(*causes: Cause, besides: float = 0.0):
         lambda *_: inf,
         lambda _search, scored, pick: causes[pick.atom].larger if scored.picks == every else 1.0,
         lambda _search, _picks, pick: causes[pick.atom].taken or causes[pick.atom].worth,
+        lambda _search, _best, _picks, pick: causes[pick.atom].told,
         besides,
     )
 
@@ -130,6 +132,14 @@ def test_what_is_left_is_held_against_what_a_name_takes_of_the_recording(taken: 
     """A usual timing would take as much as a late speed does, so that the speed's evidence is the prior's."""
     found = stands(Cause("late speed", 6.0, taken=taken), Cause("curve", 150.0, named=False))
     assert (found.names["late speed"] > 0.5) is stands_out
+
+
+@pytest.mark.parametrize(("told", "stands_out"), [(-300.0, False), (200.0, False), (50_000.0, True)])
+def test_beside_a_curve_a_name_takes_what_its_own_numbers_do(told: float, stands_out: bool):
+    """A load by direction was there for the jump that a plane could not do, three times as large as all friction and
+    taken back by the plane: without the plane it took all of the friction, and stood out by that."""
+    load = Cause("load by direction", 300.0, taken=120_000.0, told=told)
+    assert (stands(load, Cause("plane", 1000.0, named=False)).names["load by direction"] > 0.5) is stands_out
 
 
 @pytest.mark.parametrize(

@@ -120,6 +120,17 @@ def told(believed: Machine, learned_machine: Machine, session: Session) -> tuple
     )
 
 
+def astray(machine: Machine, session: Session) -> float:
+    """How far a machine goes astray over all recordings that are long enough (rms, rad or m); not a number: there are
+    none, or it cannot be simulated."""
+    try:
+        driven = free_runs(machine, session)
+    except InputError:
+        return np.nan
+    squares = sum(one.duration_s * one.position_rms_rad**2 for one in driven)
+    return float(np.sqrt(squares / sum(one.duration_s for one in driven))) if driven else np.nan
+
+
 def _lasting(session: Session) -> bool:
     return any(
         sum(len(session.runs[n]) / session.runs[n].sample_rate_hz for n in numbers) >= SHORTEST_S

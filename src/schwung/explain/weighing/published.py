@@ -60,6 +60,10 @@ _OF_MOTION = (
     "all runs repeat one motion: what it has of its own over its time is told, and not in machine.toml, for another "
     "motion has another: record motions of several times or distances"
 )
+_ASTRAY = (
+    "driven by the recorded torque alone, with what was fitted over {} the machine goes as much further astray as it "
+    "does without: it is not published"
+)
 _NEEDLESS = (
     "the belief predicts the runs kept aside as well without what was fitted over {}: it is not published"
 )
@@ -130,6 +134,10 @@ class _Publishing:
             causes, more = self.chosen.sayable()
             machine, before, after = self._judged(causes)
             unsaid = (*unsaid, *more, _NEEDLESS.format(what))
+        elif unnamed:
+            causes, machine, more = self._driven_freely(causes, machine)
+            if more:
+                after, unsaid = self._judged_as(machine), (*unsaid, *more)
         formulated = {}
         if aside:
             for number, cause in enumerate(causes):
@@ -176,6 +184,32 @@ class _Publishing:
         odds = lost / self.outcome.grown.data.excess
         named = (cause.found.law for cause in causes if cause.found.named)
         return frozenset(name for name in named if self.weighed.probability(name) < 1 / (1 + np.exp(-odds)))
+
+    def _driven_freely(
+        self, causes: list[Cause], machine: Machine
+    ) -> tuple[list[Cause], Machine, tuple[str, ...]]:
+        """Without curves by which the machine, driven by the recorded torque alone, goes as much further astray as it
+        does without them; and what is to be told of that.
+
+        Each makes the next sample likelier. Several that nearly cancel do so as well, and where they do not, at rest,
+        drive the machine away; no run was kept aside that would show it.
+        """
+        off, notes = free_run.astray(machine, self.session), tuple[str, ...]()
+        while True:
+            whole, without = self.chosen.set, []
+            for cause in (one for one in causes if not one.found.named):
+                self.chosen.leave_out([cause])
+                fewer, unsaid = self.chosen.sayable()
+                other = read_back(learned(self.machine, [one.found for one in fewer]))
+                less = free_run.astray(other, self.session)
+                if 2 * less**2 < off**2:
+                    note = _ASTRAY.format(self.chosen.over(cause))
+                    without.append((self.chosen.set, fewer, other, less, (*unsaid, note)))
+                self.chosen.set = whole
+            if not without:
+                return causes, machine, notes
+            self.chosen.set, causes, machine, off, more = max(without, key=lambda one: one[0].log)
+            notes += more
 
     def _judged(self, causes: Sequence[Cause]) -> tuple[Machine, Judged, Judged]:
         """The machine of these causes as a file has it; what the belief misses, and what that file does."""

@@ -7,6 +7,9 @@ noise. Of a normal error of unknown size, of which one other is seen, a gain of 
 likelier by 1 + G/L (Cauchy's distribution), not by exp G. A name that falls by this counts to what is left, unless it
 is a part of one that stands: the inertia that changes over the angle may be another one everywhere.
 
+Beside curves, a name gains what it takes with the numbers that it has beside them: what is there for the little that a
+curve could not quite do would else be taken for all that the curve does.
+
 What is left is an error of the torque that the model foresees, and is held against what a name takes of the recording
 while all that is usual keeps what it has. Whether a late speed is a defect or usual no recording tells: both take the
 same of it, and what each is worth is the prior's.
@@ -30,6 +33,7 @@ from schwung.explain.weighing.one_law import one_law
 from schwung.explain.weighing.search import Pick, Scored, Search, Set
 from schwung.innovations.evidence import block_gains, weigh
 from schwung.innovations.statistics import Numbers, Statistics
+from schwung.motion import Array
 
 
 @dataclass(frozen=True)
@@ -105,16 +109,30 @@ def _columns(scored: Scored, where: slice) -> Numbers:
 def taken(search: Search, picks: Set, pick: Pick) -> float:
     """Log evidence that goes with a cause from a set while what is usual keeps the coefficients that it has there."""
     whole, less = (search.sized(search.score(one)) for one in (picks, _without(picks, pick)))
-    count = sum(search.data.candidates[index].size for index in search.always)
-    usual, kept = whole.which[:count], whole.found.coefficients[:count]
+    usual = np.arange(sum(search.data.candidates[index].size for index in search.always))
+    kept = whole.found.coefficients[usual]
+    return _held(search, whole, usual, kept) - _held(search, less, usual, kept)
 
-    def beside(scored: Scored) -> float:
-        data = search.data.at(np.concatenate([usual, scored.which[count:]]))
-        slope = data.slope[count:] - data.gram[count:, :count] @ kept
-        own = Statistics(data.gram[count:, count:], slope, data.square, data.count)
-        return weigh(own, scored.deviations[count:]).log_evidence
 
-    return beside(whole) - beside(less)
+def taken_as_told(search: Search, best: Scored, picks: Set, pick: Pick) -> float:
+    """The same of a set of names alone, where the cause keeps its own as well, as they are beside the best set's
+    curves."""
+    whole, less = (search.sized(search.score(one)) for one in (picks, _without(picks, pick)))
+    where = search.data.atoms[pick.atom].where
+    usual = np.arange(sum(search.data.candidates[index].size for index in search.always))
+    own, told = _columns(whole, where), best.found.coefficients[_columns(best, where)]
+    kept = best.found.coefficients[usual]
+    with_it = _held(search, whole, np.concatenate([usual, own]), np.concatenate([kept, told]))
+    return with_it - _held(search, less, usual, kept)
+
+
+def _held(search: Search, scored: Scored, fixed: Numbers, to: Array) -> float:
+    """Log evidence of a set some of whose coefficients are given."""
+    data = search.data.at(scored.which)
+    free = np.setdiff1d(np.arange(scored.which.size), fixed)
+    slope = data.slope[free] - data.gram[np.ix_(free, fixed)] @ to
+    own = Statistics(data.gram[np.ix_(free, free)], slope, data.at(fixed).missed(to), data.count)
+    return weigh(own, scored.deviations[free]).log_evidence
 
 
 def standing(
@@ -124,17 +142,20 @@ def standing(
     law: Of,
     larger: Of = finding,
     takes: Callable[[Search, Set, Pick], float] = taken,
+    told: Callable[[Search, Scored, Set, Pick], float] = taken_as_told,
     besides: float = 0.0,
 ) -> Standing:
     """Of the best set's names; `repeated`: curves of what only repeats share; `law`: log odds of being one law;
-    `larger`: probability of being no part of what is usual; `takes`: log evidence of the recording alone; `besides`:
-    what is left by laws that do not hold elsewhere.
+    `larger`: probability of being no part of what is usual; `takes`: log evidence of the recording alone; `told`:
+    of that, what the numbers take that it has beside what has no name; `besides`: what is left by laws that do not hold
+    elsewhere.
     """
     left = besides + sum(max(_gain(search, best, curve), 0.0) for curve in repeated)
     picks = best.picks
     for pick in picks:
         if not search.candidate(pick).named:
             left, picks = left + max(_worth(search, picks, pick), 0.0), _without(picks, pick)
+    curves = len(picks) < len(best.picks)
     of_laws = RIGHT_TO**2 * max(_log(search, picks) - _log(search, ()), 0.0)
     left += of_laws
     names: dict[str, float] = {}
@@ -144,6 +165,8 @@ def standing(
     while picks:
         worth = {pick: _worth(search, picks, pick) for pick in picks}
         data = {pick: max(gain, takes(search, picks, pick)) for pick, gain in worth.items()}
+        if curves:
+            data = {pick: min(gain, max(told(search, best, picks, pick), 0.0)) for pick, gain in data.items()}
         here = search.sized(search.score(picks))
         laws = {pick: law(search, here, pick) for pick in picks}
         sure = {
