@@ -14,6 +14,7 @@ from schwung.explain.weighing.curves import Curve, Plane
 from schwung.explain.weighing.data import Data
 from schwung.explain.weighing.equations import Acting, equations_of
 from schwung.explain.weighing.known import known
+from schwung.explain.weighing.offers import bending_instead, offered
 from schwung.explain.weighing.places import Acts
 from schwung.explain.weighing.present import Member
 from schwung.explain.weighing.refine import refined
@@ -250,7 +251,7 @@ def test_friction_leaves_rest_open_whichever_curve_carries_it(view, side):
 def test_a_set_is_settled_from_what_its_laws_would_be_without_errors(data):
     """Beside the errors' columns coefficients are others: as a step for the laws alone they led nowhere."""
     search = Search(data, (0, 1, 2))
-    scored = max(search.offered(()), key=lambda one: one.log)
+    scored = max(offered(search, ()), key=lambda one: one.log)
     exact = scored.which[: scored.exact.size]
     assert scored.which.size > exact.size
     alone = weigh_columns(data.at(exact), scored.deviations[: exact.size]).coefficients
@@ -304,10 +305,10 @@ def test_each_law_that_bends_the_coupling_is_offered_in_anothers_place(view, dat
         )
 
     spot, last = pick("local_friction"), pick("coupling_hysteresis")
-    offered = [one.picks for one in search.bending_instead((spot, last))]
-    assert {search.name(picks[-1]) for picks in offered} == {"nonlinear_stiffness", "stiffness_over_angle"}
-    assert all(picks[0] == spot for picks in offered)
-    assert search.bending_instead((last, spot)) == []
+    instead = [one.picks for one in bending_instead(search, (spot, last))]
+    assert {search.name(picks[-1]) for picks in instead} == {"nonlinear_stiffness", "stiffness_over_angle"}
+    assert all(picks[0] == spot for picks in instead)
+    assert bending_instead(search, (last, spot)) == []
 
 
 @pytest.mark.parametrize("share", [1.0, 0.5, -1.0])

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from schwung.compiled import IS_FAST
+from schwung.explain.weighing.offers import bending_instead, numbers_beside
 from schwung.explain.weighing.resting import Rests
 from schwung.explain.weighing.search import TOLD, Scored, Search
 from schwung.explain.weighing.sets import begun_from, members_of, timed, without_damping
@@ -33,7 +34,7 @@ def numbers_exchanged(rests: Rests, search: Search, start: Scored, at: Settled) 
         if not member.candidate.is_number or np.all(np.abs(member.coefficients) <= member.deviations):
             continue
         others = tuple(other for other in start.picks if other != pick)
-        for instead in search.numbers_beside(start.picks):
+        for instead in numbers_beside(search, start.picks):
             one = search.score((*others, instead))
             if search.kind(one.picks) in rests.rested or search.data.work.spent:
                 continue
@@ -52,7 +53,7 @@ def bent_otherwise(rests: Rests, search: Search, start: Scored, at: Settled) -> 
     """The set, or with another law by which its coupling bends in place of the one that was found last, where that is
     likelier at rest: a law that yields takes some of what one takes that stiffens, and beside it there is no room."""
     best, top = (start, at), 0.0
-    for one in search.bending_instead(start.picks):
+    for one in bending_instead(search, start.picks):
         if search.kind(one.picks) in rests.rested or search.data.work.spent:
             continue
         tried, gain = rests.rest(search, one, start, at, top)

@@ -16,6 +16,7 @@ from schwung.compiled import IS_FAST
 from schwung.explain.weighing.candidate import RIGHT_TO
 from schwung.explain.weighing.data import Data
 from schwung.explain.weighing.exchange import bent_otherwise, exchanged, numbers_exchanged, play_instead
+from schwung.explain.weighing.offers import inertia_beside, laws_instead, offered, searched
 from schwung.explain.weighing.resting import Rests
 from schwung.explain.weighing.round import View, few_of
 from schwung.explain.weighing.search import HOPELESS, MOST, Scored, Search
@@ -150,7 +151,7 @@ class Growth:
                     picks = kept(search, start, at)
                     continue
                 growing = False
-            search.best(start.picks)
+            searched(search, start.picks)
             taken = exchanged(self.rests, search, start, at)
             if taken is None:
                 if search.data.work.spent:
@@ -225,8 +226,8 @@ class Growth:
         """
         if len(start.picks) >= MOST:
             return None
-        offered = sorted(search.offered(start.picks), key=lambda one: -one.log)
-        likelier = [one for one in offered if one.log > start.log]
+        offers = sorted(offered(search, start.picks), key=lambda one: -one.log)
+        likelier = [one for one in offers if one.log > start.log]
         # what one motion has of its own could be anything: first all that another motion would show as well
         shared = [one for one in likelier if not search.candidate(one.picks[-1]).of_motion]
         likelier = shared or likelier
@@ -234,12 +235,12 @@ class Growth:
         laws = [one for one in likelier if search.candidate(one.picks[-1]).is_law][:_LAWS_TRIED]
         promising = [*likelier[:_TRIED], *laws]
         # without numba a gap costs a hundred times as much: there a line has to promise something
-        opening = [one for one in offered if IS_FAST and search.candidate(one.picks[-1]).opens][:1]
+        opening = [one for one in offers if IS_FAST and search.candidate(one.picks[-1]).opens][:1]
         # what is far off is missed by something else as well: where no line promises anything, nothing is
-        elsewhere = [one for one in offered if search.candidate(one.picks[-1]).elsewhere and promising]
-        named = [one for one in search.laws_instead(start.picks) if one.log > start.log]
+        elsewhere = [one for one in offers if search.candidate(one.picks[-1]).elsewhere and promising]
+        named = [one for one in laws_instead(search, start.picks) if one.log > start.log]
         if self.rests.misses(at):  # of a load that is unknown, anything that is missed is a line
-            named += [one for one in search.inertia_beside(start.picks) if one.log > start.log]
+            named += [one for one in inertia_beside(search, start.picks) if one.log > start.log]
         lines = dict.fromkeys((*promising, *named))
         beyond = [*(one for one in opening if one not in lines), *elsewhere]
         best, top = None, 0.0

@@ -1,4 +1,4 @@
-"""Sets of causes by their evidence: added, dropped and exchanged while that makes them more probable.
+"""Sets of causes by their evidence: how probable each is, and the table of those that were visited.
 
 A set's log probability is its evidence, shapes and sizes integrated over their grids, plus the prior of so many causes.
 All sets that were visited are kept, and share the probability.
@@ -23,11 +23,6 @@ from schwung.motion import Array
 
 #: So many causes are expected among all that there are.
 EXPECTED = 1.0
-#: The best so many candidates are looked at closely wherever one is added.
-_LOOKED_AT = 3
-#: So many laws are among those.
-_LAWS = 2
-_ROUNDS = 4
 #: No set holds more causes: what needs more is not understood, and each costs a search of its own.
 MOST = 6
 #: What is so much less probable (log) is not looked at closely.
@@ -75,7 +70,7 @@ class Search:
     always: tuple[int, ...]  # candidates that are in every set
     table: dict[frozenset[int], Scored] = field(default_factory=dict)
     known: dict[Set, Scored] = field(default_factory=dict)
-    closely: dict[tuple[Set, Pick], Scored] = field(default_factory=dict)  # what `_with` found
+    closely: dict[tuple[Set, Pick], Scored] = field(default_factory=dict)  # what `with_pick` found
     kept: dict[frozenset[int], float] = field(default_factory=dict)  # at rest, less what was promised (log)
     asked: dict[frozenset[Pick], float] = field(default_factory=dict)  # at rest, less the set at hand (log)
     resting: frozenset[int] = frozenset()  # the kind of set that all is linearised about
@@ -110,7 +105,7 @@ class Search:
         """Those without the errors, what is always there first."""
         which, deviations = [], []
         for index in self.always:
-            atom = self.data.atoms[self._first(index)]
+            atom = self.data.atoms[self.first_atom(index)]
             which.append(np.arange(atom.where.start, atom.where.stop))
             deviations.append(np.array(self.data.candidates[index].deviations))
         for pick in picks:
@@ -119,7 +114,8 @@ class Search:
             deviations.append(pick.scale * np.array(self.candidate(pick).deviations))
         return np.concatenate(which), np.concatenate(deviations)
 
-    def _first(self, index: int) -> int:
+    def first_atom(self, index: int) -> int:
+        """The number of a candidate's first atom."""
         return next(i for i, atom in enumerate(self.data.atoms) if atom.candidate == index)
 
     def score(self, picks: Set) -> Scored:
@@ -226,35 +222,6 @@ class Search:
                 merged[index] = (log, pick)
         return sorted(merged.values(), key=lambda pair: -pair[0])
 
-    def added(self, start: Scored, without: frozenset[int] = frozenset()) -> Scored:
-        """Grow a set for as long as that makes it more probable."""
-        best = start
-        for _ in range(MOST - len(start.picks)):
-            if self.data.work.spent:
-                break
-            top = max(self.offered(best.picks, without), key=lambda scored: scored.log, default=best)
-            if top.log <= best.log:
-                break
-            best = top
-        return best
-
-    def offered(self, picks: Set, without: frozenset[int] = frozenset()) -> list[Scored]:
-        """Sets of one cause more, those that promise most or that no line tells, and curves in place of their cases.
-
-        The two laws that promise most are among them: between the shapes of its grid, and where it is no line about the
-        set at hand, a law may be worth more than any curve.
-        """
-        offers = [o for o in self.additions(picks) if self.index(o[1]) not in without]
-        rest = offers[_LOOKED_AT:]
-        beyond = [o for o in rest if self.candidate(o[1]).opens][:1]
-        beyond += [o for o in rest if self.candidate(o[1]).elsewhere]
-        laws = [o for o in offers if self.candidate(o[1]).is_law][:_LAWS]
-        beyond += [o for o in laws if o in rest and o not in beyond]
-        return [
-            *(self._with(picks, pick) for _, pick in [*offers[:_LOOKED_AT], *beyond]),
-            *self._curves_instead(picks, without),
-        ]
-
     def prior(self, picks: Set) -> float:
         """Log prior of so many causes, in these shapes and sizes."""
         return sum(
@@ -263,49 +230,6 @@ class Search:
             - float(np.log(len(self.candidate(pick).scales)))
             for pick in picks
         )
-
-    def _curves_instead(self, picks: Set, without: frozenset[int]) -> list[Scored]:
-        """Every curve of which a set holds cases, in their place."""
-        found = []
-        for index, curve in enumerate(self.data.candidates):
-            others = tuple(pick for pick in picks if self.candidate(pick).name not in curve.cases)
-            if len(others) < len(picks) and index not in without:
-                offers = [pick for _, pick in self.additions(others, (index,))]
-                found += [self._with(others, pick) for pick in offers]
-        return found
-
-    def inertia_beside(self, picks: Set) -> list[Scored]:
-        """The set with a curve of inertia, where it has none."""
-        curves = {i for i, c in enumerate(self.data.candidates) if c.is_inertia_curve}
-        return [self._with(picks, pick) for _, pick in self.additions(picks, curves)]
-
-    def laws_instead(self, picks: Set) -> list[Scored]:
-        """In place of each curve the law that promises most: what a curve took first may be one, once others are there
-        that it took the part of.
-        """
-        found = []
-        laws = {index for index, candidate in enumerate(self.data.candidates) if candidate.is_law}
-        for curve in picks:
-            if not self.candidate(curve).is_law:
-                others = tuple(pick for pick in picks if pick != curve)
-                found += [self._with(others, pick) for _, pick in self.additions(others, laws)[:1]]
-        return found
-
-    def numbers_beside(self, picks: Set) -> list[Pick]:
-        """Changes of the belief's numbers that a set does not hold."""
-        inside = self.kind(picks)
-        every = enumerate(self.data.candidates)
-        return [Pick(self._first(i), 1.0) for i, c in every if c.is_number and i not in inside]
-
-    def bending_instead(self, picks: Set) -> list[Scored]:
-        """In place of the last, if it bends the coupling, each other law that does."""
-        if not picks or self.candidate(picks[-1]).tangent is None:
-            return []
-        others, inside, found = picks[:-1], self.kind(picks), []
-        for index, candidate in enumerate(self.data.candidates):
-            if candidate.tangent is not None and index not in inside:
-                found += [self._with(others, pick) for _, pick in self.additions(others, {index})[:1]]
-        return found
 
     def opening(self) -> Pick | None:
         """The first of what opens a gap; None: nothing does."""
@@ -318,7 +242,7 @@ class Search:
         off = [abs(self.data.atoms[i].shape[0] - shape[0]) for i in own]
         return Pick(own[int(np.argmin(off))], 1.0)
 
-    def _with(self, picks: Set, pick: Pick) -> Scored:
+    def with_pick(self, picks: Set, pick: Pick) -> Scored:
         """One more, in its best shape and sizes all about."""
         if (picks, pick) not in self.closely:
             scored = self.score((*picks, pick))
@@ -354,44 +278,6 @@ class Search:
                 moved = self.score((*scored.picks[:place], new, *scored.picks[place + 1 :]))
                 scored = max(scored, moved, key=lambda one: one.log)
         return scored
-
-    def best(self, start: Set = ()) -> Scored:
-        """Search from a set; then drop and exchange until nothing is better."""
-        best = self.added(self.score(start))
-        for _ in range(_ROUNDS):
-            before = best.log
-            for pick in best.picks:
-                if self.data.work.spent:
-                    break
-                others = tuple(other for other in best.picks if other != pick)
-                less = self.sized(self.score(others))
-                best = max(best, less, self.added(less, frozenset({self.index(pick)})), key=lambda s: s.log)
-            for place, pick in enumerate(best.picks):
-                if self.candidate(pick).spacing and not self.data.work.spent:
-                    best = self.shaped(best, place)
-            if self.data.work.spent:
-                break
-            if best.log > before:
-                continue
-            self._neighbours(best)
-            best = max(self.table.values(), key=lambda scored: scored.log)
-            if best.log <= before:
-                break
-        return best
-
-    def _neighbours(self, best: Scored) -> None:
-        """Whatever is one step away is in the table, too."""
-        for gain, pick in self.additions(best.picks)[: 2 * _LOOKED_AT]:
-            if gain > -HOPELESS and not self.data.work.spent:
-                self._with(best.picks, pick)
-        for pick in best.picks:
-            others = tuple(other for other in best.picks if other != pick)
-            less = self.score(others)
-            if self.data.work.spent:
-                break
-            for gain, instead in self.additions(others)[: 2 * _LOOKED_AT]:
-                if less.log + gain > best.log - HOPELESS and not self.data.work.spent:
-                    self._with(others, instead)
 
     def tempered(self, ratio: float) -> Search:
         """The same sets as so many times fewer samples would tell them apart, but for those that are together no more

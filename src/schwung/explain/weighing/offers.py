@@ -1,0 +1,133 @@
+"""Sets that are offered for one at hand, with a cause more or one in another's place, and the search by such steps.
+
+By the linear model alone: what is offered has yet to be brought to rest.
+"""
+
+from __future__ import annotations
+
+from schwung.explain.weighing.search import HOPELESS, MOST, Pick, Scored, Search, Set
+
+#: The best so many candidates are looked at closely wherever one is added.
+_LOOKED_AT = 3
+#: So many laws are among those.
+_LAWS = 2
+_ROUNDS = 4
+
+
+def offered(search: Search, picks: Set, without: frozenset[int] = frozenset()) -> list[Scored]:
+    """Sets of one cause more, those that promise most or that no line tells, and curves in place of their cases.
+
+    The two laws that promise most are among them: between the shapes of its grid, and where it is no line about the
+    set at hand, a law may be worth more than any curve.
+    """
+    offers = [o for o in search.additions(picks) if search.index(o[1]) not in without]
+    rest = offers[_LOOKED_AT:]
+    beyond = [o for o in rest if search.candidate(o[1]).opens][:1]
+    beyond += [o for o in rest if search.candidate(o[1]).elsewhere]
+    laws = [o for o in offers if search.candidate(o[1]).is_law][:_LAWS]
+    beyond += [o for o in laws if o in rest and o not in beyond]
+    return [
+        *(search.with_pick(picks, pick) for _, pick in [*offers[:_LOOKED_AT], *beyond]),
+        *_curves_instead(search, picks, without),
+    ]
+
+
+def _curves_instead(search: Search, picks: Set, without: frozenset[int]) -> list[Scored]:
+    """Every curve of which a set holds cases, in their place."""
+    found = []
+    for index, curve in enumerate(search.data.candidates):
+        others = tuple(pick for pick in picks if search.candidate(pick).name not in curve.cases)
+        if len(others) < len(picks) and index not in without:
+            offers = [pick for _, pick in search.additions(others, (index,))]
+            found += [search.with_pick(others, pick) for pick in offers]
+    return found
+
+
+def laws_instead(search: Search, picks: Set) -> list[Scored]:
+    """In place of each curve the law that promises most: what a curve took first may be one, once others are there
+    that it took the part of.
+    """
+    found = []
+    laws = {index for index, candidate in enumerate(search.data.candidates) if candidate.is_law}
+    for curve in picks:
+        if not search.candidate(curve).is_law:
+            others = tuple(pick for pick in picks if pick != curve)
+            found += [search.with_pick(others, pick) for _, pick in search.additions(others, laws)[:1]]
+    return found
+
+
+def inertia_beside(search: Search, picks: Set) -> list[Scored]:
+    """The set with a curve of inertia, where it has none."""
+    curves = {i for i, c in enumerate(search.data.candidates) if c.is_inertia_curve}
+    return [search.with_pick(picks, pick) for _, pick in search.additions(picks, curves)]
+
+
+def numbers_beside(search: Search, picks: Set) -> list[Pick]:
+    """Changes of the belief's numbers that a set does not hold."""
+    inside = search.kind(picks)
+    every = enumerate(search.data.candidates)
+    return [Pick(search.first_atom(i), 1.0) for i, c in every if c.is_number and i not in inside]
+
+
+def bending_instead(search: Search, picks: Set) -> list[Scored]:
+    """In place of the last, if it bends the coupling, each other law that does."""
+    if not picks or search.candidate(picks[-1]).tangent is None:
+        return []
+    others, inside, found = picks[:-1], search.kind(picks), []
+    for index, candidate in enumerate(search.data.candidates):
+        if candidate.tangent is not None and index not in inside:
+            found += [search.with_pick(others, pick) for _, pick in search.additions(others, {index})[:1]]
+    return found
+
+
+def searched(search: Search, start: Set) -> Scored:
+    """Search from a set; then drop and exchange until nothing is better."""
+    best = _added(search, search.score(start))
+    for _ in range(_ROUNDS):
+        before = best.log
+        for pick in best.picks:
+            if search.data.work.spent:
+                break
+            others = tuple(other for other in best.picks if other != pick)
+            less = search.sized(search.score(others))
+            best = max(best, less, _added(search, less, frozenset({search.index(pick)})), key=lambda s: s.log)
+        for place, pick in enumerate(best.picks):
+            if search.candidate(pick).spacing and not search.data.work.spent:
+                best = search.shaped(best, place)
+        if search.data.work.spent:
+            break
+        if best.log > before:
+            continue
+        _neighbours(search, best)
+        best = max(search.table.values(), key=lambda scored: scored.log)
+        if best.log <= before:
+            break
+    return best
+
+
+def _added(search: Search, start: Scored, without: frozenset[int] = frozenset()) -> Scored:
+    """Grow a set for as long as that makes it more probable."""
+    best = start
+    for _ in range(MOST - len(start.picks)):
+        if search.data.work.spent:
+            break
+        top = max(offered(search, best.picks, without), key=lambda scored: scored.log, default=best)
+        if top.log <= best.log:
+            break
+        best = top
+    return best
+
+
+def _neighbours(search: Search, best: Scored) -> None:
+    """Whatever is one step away is in the table, too."""
+    for gain, pick in search.additions(best.picks)[: 2 * _LOOKED_AT]:
+        if gain > -HOPELESS and not search.data.work.spent:
+            search.with_pick(best.picks, pick)
+    for pick in best.picks:
+        others = tuple(other for other in best.picks if other != pick)
+        less = search.score(others)
+        if search.data.work.spent:
+            break
+        for gain, instead in search.additions(others)[: 2 * _LOOKED_AT]:
+            if less.log + gain > best.log - HOPELESS and not search.data.work.spent:
+                search.with_pick(others, instead)
