@@ -26,6 +26,7 @@ Array = NDArray[np.float64]
 
 TICK_S, SUBSTEPS = 125e-6, 4
 PARTS = 6  # of a coupling that slips
+PAUSE_S = 0.3  # between runs
 ROTOR, LOAD, STIFFNESS, DAMPING = 4.0e-3, 2.2e-2, 9000.0, 1.9
 ROTOR_VISCOUS, LOAD_VISCOUS, PEAK_NM = 0.004, 0.003, 60.0
 STROKE_RAD, START_S, DWELL_S, INJECTION_HZ, INJECTION_NM = 4.3, 0.15, 0.11, 47.0, 4.0
@@ -60,6 +61,10 @@ class Stranger:
     slots: tuple[float, float] = (0.0, 1.0)  # cogging that leans over: amplitude, order
     tracks: tuple[float, float] = (0.0, 1.0)  # error of an encoder whose tracks differ: amplitude, per radian
     slips: tuple[float, float] = (0.0, 1.0)  # what slips in the coupling: torque, wind-up when all of it does
+    warms: tuple[float, float] = (
+        0.0,
+        1.0,
+    )  # a motor that weakens as it warms: by how much at peak torque, its time (s)
     loop_s: float = (
         0.0  # of each of two filters between the torque that is asked for, and reported, and the true one
     )
@@ -103,6 +108,7 @@ STRANGERS = (
     Stranger("a transmission that is off likewise", ("kinematic_error",), mesh=(1e-4, 12.0)),
     Stranger("a coupling in which one part after another slips", ("coupling_hysteresis",), slips=(2.0, 1e-3)),
     Stranger("torque through two filters of 0.4 ms", ("torque_lag",), loop_s=4e-4),
+    Stranger("a motor that weakens as 1/(1 + heat)", ("torque_constant_fade",), warms=(1.5, 0.25)),
     Stranger("cogging that leans over", ("cogging",), slots=(0.5, 11.0), curves=("position",)),
 )  # fmt: skip
 
@@ -165,9 +171,12 @@ def _played(
     tracks: tuple[float, float],
     loop_s: float,
     slips: tuple[float, float],
-) -> Array:
+    warms: tuple[float, float],
+    heat: float,
+) -> tuple[Array, float]:
     """Angle, speed and torque at every tick, (n, 3), as the drive is told them; `hum`: torque that it knows nothing of,
-    `tracks`: its encoder's error, `loop_s`: how late its torque is, twice; `slips`: as Stranger has it."""
+    `tracks`: its encoder's error, `loop_s`: how late its torque is, twice; `slips` and `warms`: as Stranger
+    has them; `heat`: at first, and returned."""
     n, h = demand.size, TICK_S / SUBSTEPS
     # W. D. Iwan 1966: springs in parallel, each of which slips at its own limit
     limits, held = slips[1] * np.arange(1, PARTS + 1) / PARTS, np.zeros(PARTS)
@@ -184,7 +193,8 @@ def _played(
         for _ in range(SUBSTEPS):
             halfway += follows * (torque - halfway)
             true += follows * (halfway - true)
-            acts = true + hum[i]
+            heat += h / warms[1] * ((true / PEAK_NM) ** 2 - heat)
+            acts = true / (1 + warms[0] * heat) + hum[i]
             rubbed = slips[0] * np.sum(held) / np.sum(limits)
             a, shaft = _slopes(state, acts, friction, shaft, rubbed)
             b, _ = _slopes(state + 0.5 * h * a, acts, friction, shaft, rubbed)
@@ -193,7 +203,7 @@ def _played(
             way = h * (a + 2 * b + 2 * c + d) / 6
             held = np.minimum(np.maximum(held + way[0] - way[2], -limits), limits)
             state = state + way
-    return rows
+    return rows, heat
 
 
 def _filtered(values: Array, time_s: float) -> Array:
@@ -216,7 +226,7 @@ def session_of(
     stranger: Stranger, seed: int, every: int = 2, times: tuple[float, ...] = (0.2, 0.3, 0.45)
 ) -> Session:
     """A session: of each motion time two references and two phases of the injection; every second tick logged."""
-    chance, runs = np.random.default_rng(seed), []
+    chance, runs, heat = np.random.default_rng(seed), [], 0.0
     for duration in times:
         total = START_S + 2 * (duration + DWELL_S)
         time = np.arange(round(total / TICK_S)) * TICK_S
@@ -239,9 +249,11 @@ def session_of(
             added = np.zeros_like(time) if sine is None else sine.torque(time)
             begins = chance.uniform() if stranger.hum[0] else 0.0
             hum = stranger.hum[0] * np.sign(np.sin(2 * np.pi * (stranger.hum[1] * time + begins)))
-            rows = _played(
-                demand, added, hum, stranger.laws, stranger.tracks, stranger.loop_s, stranger.slips
-            )
+            heat *= np.exp(-PAUSE_S / stranger.warms[1])
+            rows, heat = _played(
+                demand, added, hum, stranger.laws, stranger.tracks, stranger.loop_s, stranger.slips,
+                stranger.warms, heat,
+            )  # fmt: skip
             # the torque of a tick is held until the next: on average it belongs half a tick later
             torque = _filtered(
                 (rows[:, 2] + np.concatenate([[0.0], rows[:-1, 2]])) / 2, stranger.torque_filter_s

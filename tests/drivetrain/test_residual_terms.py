@@ -60,6 +60,16 @@ def slid(angle: Array, distance: float) -> Array:
     return found
 
 
+def hot(load: Array, time_s: float, first: float) -> Array:
+    """What its square, held from tick to tick, heats, in ten small steps of a tick."""
+    heat, found = first, np.zeros_like(load)
+    for i, one in enumerate(load):
+        found[i] = heat
+        for _ in range(10):
+            heat += (one**2 - heat) / (10 * RATE * time_s)
+    return found
+
+
 def on_angle(angle: Array, way: Array) -> Array:
     """What ROWS say."""
     return either(2 + np.sin(angle), -3 - np.cos(angle), way)
@@ -105,6 +115,11 @@ CASES: dict[str, tuple[dict[str, Any], Acts]] = {
     "torque constant that fades late": (
         {"name": "torque_constant_drop", "share_at_peak": 0.1, "peak_nm": 100.0, "order": 2.0},
         lambda s, t: -0.1 * s.torque_nm**3 / 1e4,
+    ),
+    "torque constant that fades as the motor heats": (
+        {"name": "torque_constant_fade", "share_at_peak": 0.8, "peak_nm": 100.0, "time_constant_s": 0.2,
+         "start_heat": 0.1},
+        lambda s, t: -0.8 * hot(s.torque_nm / 100, 0.2, 0.1) * s.torque_nm,
     ),
     "ripple": (
         {"name": "torque_ripple", "order": 6.0, "share": 0.05, "phase_rad": 0.3},

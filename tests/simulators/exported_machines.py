@@ -73,6 +73,7 @@ CURVES = (
     PhysicsTerm(name="end_spring", stiffness_nm_rad=20.0, position_rad=1.1, side=-1.0),
     PhysicsTerm(name="offset_drift", change_nm=2.0),
     PhysicsTerm(name="torque_constant_drop", share_at_peak=0.05, peak_nm=80.0, order=1.7),
+    PhysicsTerm(name="torque_constant_fade", share_at_peak=0.3, peak_nm=80.0, time_constant_s=0.3, start_heat=0.2),
     PhysicsTerm(name="torque_ripple", order=4.0, share=0.04, phase_rad=0.5),
     PhysicsTerm(name="inertia_profile", table=[[0.0, 0.02], [1.0, -0.01], [2.0, 0.01], [3.0, 0.0]]),
     PhysicsTerm(name="residual", coordinate="speed", table=[[0.0, -0.2, 0.3], [10.0, -3.0, 3.0], [30.0, 2.0, 1.0]]),

@@ -68,6 +68,10 @@ class Effects(NamedTuple):
     )
     torque_drop_at_nm: float = 1.0
     torque_drop_order: float = 1.0
+    torque_fade: float = 0.0  # of the torque constant, as a share where `torque_fade_at_nm` lasts: `fade.py`
+    torque_fade_at_nm: float = 1.0
+    torque_fade_s: float = 1.0
+    torque_fade_start: float = 0.0  # heat at first
     ripple_share: float = 0.0  # torque × share·sin(order·θ + phase)
     ripple_order: float = 1.0
     ripple_phase_rad: float = 0.0
@@ -204,6 +208,12 @@ PHYSICS: Mapping[str, Mapping[str, Key]] = {
         "share_at_peak": Key("torque_drop", "", _NOT_NEGATIVE, highest=0.5),
         "peak_nm": Key("torque_drop_at_nm", "N·m", _POSITIVE),
         "order": Key("torque_drop_order", "", _POSITIVE, optional=1.0, highest=10.0),
+    },
+    "torque_constant_fade": {
+        "share_at_peak": Key("torque_fade", "", _NOT_NEGATIVE),
+        "peak_nm": Key("torque_fade_at_nm", "N·m", _POSITIVE),
+        "time_constant_s": Key("torque_fade_s", "s", 1e-3),
+        "start_heat": Key("torque_fade_start", "", _NOT_NEGATIVE, optional=0.0),
     },
     "torque_ripple": {
         "order": Key("ripple_order", "1/rev", _POSITIVE),

@@ -12,6 +12,7 @@ import numpy as np
 
 from schwung.compiled import compiled, inlined
 from schwung.drivetrain.effects import Effects
+from schwung.drivetrain.fade import faded, heating
 from schwung.drivetrain.hysteresis import yielding_rate
 from schwung.drivetrain.kernel import Cascade, Curve, Inputs, Plant, command, value_and_slope
 from schwung.drivetrain.physics import (
@@ -65,7 +66,7 @@ class Learned(NamedTuple):
 
 class Masses(NamedTuple):
     """Motor, load, and a third mass behind it: angle (rad) and speed (rad/s); what bent bristles hold, and what yields
-    in the coupling (N·m)."""
+    in the coupling (N·m); the motor's heat, 1 where the peak torque lasts."""
 
     motor_angle: float
     motor_speed: float
@@ -75,6 +76,7 @@ class Masses(NamedTuple):
     third_speed: float
     bristles: float
     yielding: float
+    heat: float
 
 
 @inlined
@@ -109,11 +111,13 @@ def _rates(machine: Learned, state: Masses, torque: float, time: float) -> Masse
         passed = third_torque(e, state.load_angle - state.third_angle, state.load_speed - state.third_speed)
         load -= passed
         third = passed / e.third_inertia_kgm2
-    motor = torque - plant.motor_friction * state.motor_speed - state.bristles
+    driving = faded(torque, e.torque_fade, state.heat)
+    warming = heating(torque, e.torque_fade_at_nm, e.torque_fade_s, state.heat)
+    motor = driving - plant.motor_friction * state.motor_speed - state.bristles
     bending = 0.0
     if e.presliding_nm > 0.0:
-        bending = state.motor_speed - abs(state.motor_speed) * state.bristles / e.presliding_nm
-        bending *= e.presliding_stiffness_nm_rad
+        sliding = abs(state.motor_speed) * state.bristles / e.presliding_nm
+        bending = e.presliding_stiffness_nm_rad * (state.motor_speed - sliding)
     ahead = float(np.tanh(state.motor_speed / machine.smoothing))
     load_ahead = float(np.tanh(state.load_speed / machine.smoothing))
     load -= e.load_coulomb_nm * load_ahead
@@ -131,7 +135,7 @@ def _rates(machine: Learned, state: Masses, torque: float, time: float) -> Masse
         motor += sheet_at(curves.position_torque, state.motor_angle, torque)
         motor += sheet_at(curves.torque_time, torque, time - machine.leaves_rest)
     if e.ripple_share != 0.0:
-        motor += torque * e.ripple_share * np.sin(e.ripple_order * state.motor_angle + e.ripple_phase_rad)
+        motor += driving * e.ripple_share * np.sin(e.ripple_order * state.motor_angle + e.ripple_phase_rad)
     motor += motor_torque(
         e,
         state.motor_angle,
@@ -147,7 +151,9 @@ def _rates(machine: Learned, state: Masses, torque: float, time: float) -> Masse
         both = (motor + load) / whole
         if machine.curves.any:
             both = accelerated(machine.curves.acceleration, motor + load, whole)
-        return Masses(state.motor_speed, both, state.load_speed, both, state.third_speed, third, bending, 0.0)
+        return Masses(
+            state.motor_speed, both, state.load_speed, both, state.third_speed, third, bending, 0.0, warming
+        )
     angle, ratio = driven(e, state.motor_angle)
     twist_speed = ratio * state.motor_speed - state.load_speed
     shaft = coupling_torque(
@@ -159,13 +165,6 @@ def _rates(machine: Learned, state: Masses, torque: float, time: float) -> Masse
     )
     touches = 1.0 if abs(angle - state.load_angle) >= 0.5 * e.gap_rad else 0.0
     shaft += touches * state.yielding
-    winding = yielding_rate(
-        e.hysteresis_nm,
-        e.hysteresis_stiffness_nm_rad,
-        e.hysteresis_exponent,
-        state.yielding,
-        touches * twist_speed,
-    )
     load += shaft
     return Masses(
         state.motor_speed,
@@ -175,7 +174,14 @@ def _rates(machine: Learned, state: Masses, torque: float, time: float) -> Masse
         state.third_speed,
         third,
         bending,
-        winding,
+        yielding_rate(
+            e.hysteresis_nm,
+            e.hysteresis_stiffness_nm_rad,
+            e.hysteresis_exponent,
+            state.yielding,
+            touches * twist_speed,
+        ),
+        warming,
     )
 
 
@@ -190,6 +196,7 @@ def _moved(state: Masses, rates: Masses, by: float) -> Masses:
         state.third_speed + by * rates.third_speed,
         state.bristles + by * rates.bristles,
         state.yielding + by * rates.yielding,
+        state.heat + by * rates.heat,
     )
 
 

@@ -10,6 +10,7 @@ from scipy.optimize import brentq
 
 from schwung.drivetrain import kernel, learned, physics, residual
 from schwung.drivetrain.effects import Effects, effects_of
+from schwung.drivetrain.fade import faded
 from schwung.drivetrain.inertia import InertiaTable
 from schwung.drivetrain.machine import Machine
 from schwung.drivetrain.residual_plane import NOTHING, PAIRS, Pair, Plane, planes_of, sheet_at
@@ -205,8 +206,9 @@ def learned_rest(machine: learned.Learned, read_angle: float) -> tuple[learned.M
     held = -ratio * load_torque(load_angle) - e.offset_nm - machine.share * e.offset_drift_nm
     for amplitude, order, phase in e.cogging_waves:
         held -= amplitude * np.sin(order * motor_angle + phase)
-    state = learned.Masses(motor_angle, 0.0, load_angle, 0.0, load_angle, 0.0, 0.0, 0.0)
+    state = learned.Masses(motor_angle, 0.0, load_angle, 0.0, load_angle, 0.0, 0.0, 0.0, e.torque_fade_start)
     share = 1.0 + e.ripple_share * np.sin(e.ripple_order * motor_angle + e.ripple_phase_rad)
+    share *= faded(1.0, e.torque_fade, e.torque_fade_start)
     on_shaft = held / share
     if machine.curves.any_plane:  # what depends on the torque does so by less than all of it: this contracts
         for _ in range(200):
@@ -268,7 +270,8 @@ def substeps(machine: Machine, plant: kernel.Plant, period: float, top_speed: fl
             rubbing += plane.steepest(pair.index("speed")) / lightest
     if e.presliding_nm > 0:
         rubbing = max(rubbing, top_speed * e.presliding_stiffness_nm_rad / e.presliding_nm)
-    rubbing = max(rubbing, _yielding(machine, plant, e, fastest))
+    heating = 1 / e.torque_fade_s if e.torque_fade > 0 else 0.0
+    rubbing = max(rubbing, _yielding(machine, plant, e, fastest), heating)
     needed = int(np.ceil(max(period * fastest / step, period * rubbing / _FRICTION_STEP, 1.0)))
     if needed > _MAX_SUBSTEPS:
         raise InputError(

@@ -82,7 +82,7 @@ def _free(machine: Machine, session: Session, numbers: list[int], runs: list[Run
     )
     start, moving = float(position[0]), float(speed[0])
     state = learned.Masses(
-        start, moving, start, moving, start, moving, 0.0, 0.0
+        start, moving, start, moving, start, moving, 0.0, 0.0, moved.effects.torque_fade_start
     )  # a coupling finds its twist at once
     simulated = learned.run_driven(moved, torque, state, 0.0, 1 / rate, steps)[:, 0]
     error = float(np.sqrt(np.mean((simulated - position) ** 2)))

@@ -48,6 +48,7 @@ PHYSICS: dict[str, Words] = {
     "offset_drift": Words(
         "an offset that changes during the session", "run", "the same motion first and last"
     ),
+    "torque_constant_fade": Words("a torque constant that falls as the motor heats", "torque", _TWO_TIMES),
     "torque_constant_drop": Words("a torque constant that falls with torque", "torque", _TWO_TIMES),
     "torque_ripple": Words("ripple in proportion to the torque", "position", _TWO_TIMES),
     "torque_filter": Words("a torque that is reported late", "torque_rate", _SINE),
@@ -177,6 +178,8 @@ _PAIRS: dict[tuple[str, str], str] = {
     ("coupling_damping", "coupling_hysteresis"): _INJECT + "what damps grows with frequency, hysteresis does not.",
     ("coupling_hysteresis", "coupling_stiffness"): "Inject a small and a large sine: what yields is the softer the "
     "further it is wound up.",
+    ("torque_constant", "torque_constant_fade"): "Play a motion many times at once, and again after a pause: what heats "
+    "has cooled meanwhile.",
     ("coulomb_friction", "friction_drift"): "Repeat the first motion at the end of the session.",
     ("friction_drift", "viscous_friction"): "Mix the motion times over the session instead of sorting them.",
 }  # fmt: skip

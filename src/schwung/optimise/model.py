@@ -33,6 +33,7 @@ NOT_PLANNED = (
     "extra_compliance",
     "load_dependent_friction",
     "torque_constant_drop",
+    "torque_constant_fade",
     "torque_ripple",
     "stiffness_over_angle",
     "coupling_hysteresis",

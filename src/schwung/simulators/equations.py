@@ -23,6 +23,7 @@ _GROUPS = (
     ("viscous_drift_nms", "session_share"),
     ("offset_drift_nm", "session_share"),
     ("torque_drop", "torque_drop_at_nm", "torque_drop_order"),
+    ("torque_fade", "torque_fade_at_nm", "torque_fade_s", "torque_fade_start"),
     ("ripple_share", "ripple_order", "ripple_phase_rad"),
     ("torque_filter_s",),
     ("stiffness_share", "stiffness_order", "stiffness_phase_rad"),
@@ -74,10 +75,12 @@ def equations(told: Exported) -> Equations:
     states += ["third_angle", "third_speed"] if "third_inertia_kgm2" in here else []
     states += ["bristles"] if "presliding_nm" in here else []
     states += ["yielding"] if "hysteresis_nm" in here else []
+    states += ["heat"] if "torque_fade" in here else []
     states += ["acting"] if "torque_lag_s" in here else []
     dry = _dry(here)
     lines = [
         *_shaft_torque(here),
+        *_fading(here),
         *(
             [Equation("load_angle", "motor_angle"), Equation("load_speed", "motor_speed")]
             if told.rigid
@@ -134,7 +137,7 @@ def _present(told: Exported) -> frozenset[str]:
     for group in _GROUPS:
         if getattr(e, group[0]) != 0:
             here |= set(group)
-    here -= {"torque_filter_s"}  # of the report alone
+    here -= {"torque_filter_s", "torque_fade_start"}  # of the report alone, and of a state at first
     here |= (
         {"session_share"} if told.has("residual_run_forward") or told.has("residual_run_backward") else set()
     )
@@ -179,6 +182,25 @@ def _shaft_torque(here: frozenset[str]) -> list[Equation]:
     return [Equation("wanted", wanted, "N.m"), lag]
 
 
+def _fading(here: frozenset[str]) -> list[Equation]:
+    if "torque_fade" not in here:
+        return []
+    return [
+        Equation(
+            "heat",
+            "((acting/torque_fade_at_nm)^2 - heat)/torque_fade_s",
+            "of the motor, 1 where the peak torque lasts",
+            derivative=True,
+        ),
+        Equation("driving", "acting*(1 - min(torque_fade*heat, 1))", "what that leaves, N.m"),
+    ]
+
+
+def _driving(here: frozenset[str]) -> str:
+    """What turns the motor."""
+    return "driving" if "torque_fade" in here else "acting"
+
+
 def _dry(here: frozenset[str]) -> str:
     parts = []
     sides = [name if name in here else "0" for name in ("coulomb_positive_nm", "coulomb_negative_nm")]
@@ -219,7 +241,7 @@ def _ripple(told: Exported, here: frozenset[str]) -> list[Equation]:
     parts = ["offset_nm"] if "offset_nm" in here else []
     parts += ["session_share*offset_drift_nm"] if "offset_drift_nm" in here else []
     if "ripple_share" in here:
-        parts.append("acting*ripple_share*sin(ripple_order*motor_angle + ripple_phase_rad)")
+        parts.append(f"{_driving(here)}*ripple_share*sin(ripple_order*motor_angle + ripple_phase_rad)")
     where = {
         "position": "motor_angle",
         "speed": "abs(motor_speed)",
@@ -297,7 +319,7 @@ def _third(here: frozenset[str]) -> list[Equation]:
 
 def _moving(told: Exported, here: frozenset[str], e: Effects) -> list[Equation]:
     motor = (
-        "acting - friction"
+        f"{_driving(here)} - friction"
         + (" - bristles" if "presliding_nm" in here else "")
         + (" + ripple" if _ripple(told, here) else "")
     )

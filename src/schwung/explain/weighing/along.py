@@ -44,7 +44,7 @@ class Ranges:
 
 
 #: Of a `TrueTorque`, what is not worked out again about another set.
-_CHANGES = ("rate", "sharp_rate", "bend", "beyond_band")
+_CHANGES = ("asked_nm", "rate", "sharp_rate", "bend", "beyond_band")
 
 
 @dataclass(frozen=True, eq=False)
@@ -72,8 +72,13 @@ class TrueTorque:
         return np.asarray(self.run.quiet(self.nm if self.driving_nm is None else self.driving_nm))
 
     @cached_property
+    def asked_nm(self) -> Array:
+        """Within the band, whatever of it drives the machine."""
+        return np.asarray(self.run.quiet(self.nm))
+
+    @cached_property
     def rate(self) -> Array:
-        return slopes(self.run.quiet(self.nm), self.run.step_s)
+        return slopes(self.asked_nm, self.run.step_s)
 
     @cached_property
     def sharp_rate(self) -> Array:

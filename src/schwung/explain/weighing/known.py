@@ -9,6 +9,7 @@ import numpy as np
 
 from schwung.compiled import compiled
 from schwung.drivetrain.effects import Effects, effects_of
+from schwung.drivetrain.fade import heated
 from schwung.drivetrain.hysteresis import left_of, yielded
 from schwung.drivetrain.inertia import LoadTorqueTable
 from schwung.drivetrain.machine import Coupling, Load, Machine
@@ -71,6 +72,7 @@ class Known:
         true = _driving(e, torque)
         if np.isfinite(e.torque_limit_nm):
             true = true + along.run.drive.asked(partial(_cut, e), along.filter_s)
+        true = _faded(e, true, along.run.step_s)
         true = true * (1 + e.ripple_share * np.sin(e.ripple_order * along.angle + e.ripple_phase_rad))
         on_motor = on_motor + true - torque + e.torque_filter_s * along.reported_rate
         if e.torque_lag_s > 0:
@@ -159,6 +161,14 @@ def _driving(e: Effects, asked: Array) -> Array:
     """What a motor gives of the torque that it is asked for, but for its limit."""
     drop = e.torque_drop * (np.abs(asked) / e.torque_drop_at_nm) ** e.torque_drop_order
     return np.asarray((e.torque_gain - drop) * asked)
+
+
+def _faded(e: Effects, given: Array, step_s: float) -> Array:
+    """What the motor's heat leaves of that."""
+    if e.torque_fade == 0.0:
+        return given
+    heat = heated(given, e.torque_fade_at_nm, e.torque_fade_s, step_s, e.torque_fade_start)
+    return np.asarray(given * (1 - np.minimum(e.torque_fade * heat, 1.0)))
 
 
 def _cut(e: Effects, asked: Array) -> Array:

@@ -143,6 +143,7 @@ _SHAPED = {
     "end_spring": (("position_rad",), ("stiffness_nm_rad",)),
     "load_event": (("time_s", "duration_s", "sharpness"), ("peak_nm",)),
     "torque_constant_drop": (("order",), ()),
+    "torque_constant_fade": (("time_constant_s",), ()),
     "coupling_hysteresis": (("exponent",), ("torque_nm", "stiffness_nm_rad")),
 }
 #: Shapes that differ by less are one (relative).
@@ -173,7 +174,8 @@ def _changed(law: str, had: Mapping[str, Any], new: Mapping[str, Any]) -> _Param
     """Of laws whose numbers do not add up."""
     scale, delta = had.get("scale", 1.0), had.get("delta_kgm2", 0.0)
     order = new.get("order", 1.0)
-    drop = new.get("share_at_peak", 0.0) / new.get("peak_nm", 1.0) ** order
+    share = new.get("share_at_peak", 0.0)
+    drop, fade = (share / new.get("peak_nm", 1.0) ** power for power in (order, 2.0))
     changes: dict[str, Callable[[], _Parameters]] = {
         "coupling_stiffness": lambda: dict(new),
         "coupling_damping": lambda: dict(new),
@@ -181,6 +183,7 @@ def _changed(law: str, had: Mapping[str, Any], new: Mapping[str, Any]) -> _Param
         "torque_constant_drop": lambda: {
             "share_at_peak": had["share_at_peak"] + drop * had["peak_nm"] ** order
         },
+        "torque_constant_fade": lambda: {"share_at_peak": had["share_at_peak"] + fade * had["peak_nm"] ** 2},
         "torque_saturation": lambda: {"limit_nm": min(had["limit_nm"], new["limit_nm"])},
         "load_inertia": lambda: {
             "scale": scale * new.get("scale", 1.0),

@@ -202,7 +202,13 @@ static Masses rates(const double *p, Masses s, double torque, double time) {
     const Point inertia = load_inertia(p, s.load_angle);
     double load = load_torque(p, s.load_angle, time - p[MOTION_START_S]);
     load -= p[LOAD_VISCOUS_FRICTION_NMS] * s.load_speed + 0.5 * inertia.slope * s.load_speed * s.load_speed;
-    Masses r = {s.motor_speed, 0.0, s.load_speed, 0.0, s.third_speed, 0.0, 0.0, 0.0};
+    Masses r = {s.motor_speed, 0.0, s.load_speed, 0.0, s.third_speed, 0.0, 0.0, 0.0, 0.0};
+    double driving = torque;
+    if (p[TORQUE_FADE] != 0.0) {
+        const double share = torque / p[TORQUE_FADE_AT_NM];
+        r.heat = (share * share - s.heat) / p[TORQUE_FADE_S];
+        driving *= 1.0 - smaller(p[TORQUE_FADE] * s.heat, 1.0);
+    }
     if (p[PRESLIDING_NM] > 0.0)
         r.bristles = p[PRESLIDING_STIFFNESS_NM_RAD]
                      * (s.motor_speed - fabs(s.motor_speed) * s.bristles / p[PRESLIDING_NM]);
@@ -212,7 +218,7 @@ static Masses rates(const double *p, Masses s, double torque, double time) {
         load -= passed;
         r.third_speed = passed / p[THIRD_INERTIA_KGM2];
     }
-    double motor = torque - p[MOTOR_VISCOUS_FRICTION_NMS] * s.motor_speed - s.bristles
+    double motor = driving - p[MOTOR_VISCOUS_FRICTION_NMS] * s.motor_speed - s.bristles
                    + motor_torque(p, s.motor_angle, s.motor_speed, time);
     const double ahead = tanh(s.motor_speed / p[SMOOTHING_RAD_S]), load_ahead = tanh(s.load_speed / p[SMOOTHING_RAD_S]);
     motor += SIDED(RESIDUAL_POSITION, s.motor_angle, ahead) + SIDED(RESIDUAL_SPEED, fabs(s.motor_speed), ahead);
@@ -220,7 +226,7 @@ static Masses rates(const double *p, Masses s, double torque, double time) {
     load += PLANE(RESIDUAL_POSITION_SPEED_PLANE, s.load_angle, s.load_speed);
     motor += PLANE(RESIDUAL_POSITION_TORQUE_PLANE, s.motor_angle, torque);
     motor += PLANE(RESIDUAL_TORQUE_TIME_IN_MOTION_PLANE, torque, time - p[MOTION_START_S]);
-    motor += torque * p[RIPPLE_SHARE] * sin(p[RIPPLE_ORDER] * s.motor_angle + p[RIPPLE_PHASE_RAD]);
+    motor += driving * p[RIPPLE_SHARE] * sin(p[RIPPLE_ORDER] * s.motor_angle + p[RIPPLE_PHASE_RAD]);
     load += SIDED(RESIDUAL_LOAD_POSITION, s.load_angle, load_ahead) - p[LOAD_COULOMB_NM] * load_ahead;
     if (RIGID) {
         const double lost = p[CARRIED_SHARE] * ahead * inertia.value;
@@ -252,6 +258,7 @@ static Masses moved(Masses s, Masses r, double by) {
     s.third_speed += by * r.third_speed;
     s.bristles += by * r.bristles;
     s.yielding += by * r.yielding;
+    s.heat += by * r.heat;
     return s;
 }
 
@@ -322,6 +329,7 @@ static double steps_needed(const Machine *m, double duration) {
     rubbing = larger((rubbing + dry / p[SMOOTHING_RAD_S]) / mass, behind / p[SMOOTHING_RAD_S] / lightest);
     rubbing += steepest(&RESIDUAL_POSITION_SPEED_PLANE[0][0], HIGH(RESIDUAL_POSITION_SPEED_PLANE),
                         WIDE(RESIDUAL_POSITION_SPEED_PLANE)) / lightest;
+    if (p[TORQUE_FADE] > 0.0) rubbing = larger(rubbing, 1.0 / p[TORQUE_FADE_S]);
     if (p[PRESLIDING_NM] > 0.0)
         rubbing = larger(rubbing, speed * p[PRESLIDING_STIFFNESS_NM_RAD] / p[PRESLIDING_NM]);
     const double needed = larger(duration * fastest / step, duration * rubbing / FRICTION_STEP);
@@ -338,6 +346,8 @@ static const char *impossible(const double *p) {
     if (!(p[TORQUE_GAIN] > 0.0)) return "torque_gain is not positive";
     if (!(p[TORQUE_DROP_AT_NM] > 0.0)) return "torque_drop_at_nm is not positive";
     if (!(p[TORQUE_DROP_ORDER] > 0.0)) return "torque_drop_order is not positive";
+    if (!(p[TORQUE_FADE_AT_NM] > 0.0)) return "torque_fade_at_nm is not positive";
+    if (!(p[TORQUE_FADE_S] > 0.0)) return "torque_fade_s is not positive";
     if (!(p[TORQUE_LAG_S] >= 0.0 && p[SPEED_DELAY_S] >= 0.0)) return "torque_lag_s or speed_delay_s is negative";
     if (!(fabs(p[ECCENTRICITY_RAD]) <= 0.5)) return "eccentricity_rad is beyond 0.5";
     if (!(fabs(p[HARMONIC_RAD] * p[HARMONIC_ORDER]) <= 0.5)) return "harmonic_rad times harmonic_order is beyond 0.5";
@@ -443,10 +453,11 @@ const char *machine_rest(Machine *m, double time) {
     wrong = wind_up(p, angle, &load);
     if (wrong) return wrong;
     m->time = time;
-    m->state = (Masses){angle, 0.0, load, 0.0, load, 0.0, 0.0};
+    m->state = (Masses){angle, 0.0, load, 0.0, load, 0.0, 0.0, 0.0, p[TORQUE_FADE_START]};
     double held = -(RIGID ? 1.0 : driven(p, angle).slope) * resting_load(p, load) - p[OFFSET_NM] - p[SESSION_SHARE] * p[OFFSET_DRIFT_NM];
     held -= cogging(p, angle);
-    const double share = 1.0 + p[RIPPLE_SHARE] * sin(p[RIPPLE_ORDER] * angle + p[RIPPLE_PHASE_RAD]);
+    double share = 1.0 + p[RIPPLE_SHARE] * sin(p[RIPPLE_ORDER] * angle + p[RIPPLE_PHASE_RAD]);
+    share *= 1.0 - smaller(p[TORQUE_FADE] * p[TORQUE_FADE_START], 1.0);
     double on_shaft = held / share;
     for (int i = 0; i < 200; i++) /* what depends on the torque does so by less than all of it */
         on_shaft = (held - PLANE(RESIDUAL_POSITION_TORQUE_PLANE, angle, on_shaft)

@@ -11,6 +11,7 @@ typedef struct {
     double motor_angle, motor_speed, load_angle, load_speed, third_angle, third_speed;
     double bristles; /* what bent bristles hold, N.m */
     double yielding; /* what yields in the coupling, N.m */
+    double heat;     /* of the motor, 1 where the torque that its fading is told at lasts */
 } Masses;
 
 typedef struct {

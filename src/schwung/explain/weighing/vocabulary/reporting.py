@@ -2,6 +2,7 @@
 
 gain (g − 1)·T        lag −τ F T' (the true torque comes later)        filter +τ T' (the reported one does)
 drop −s (|T|/T_peak)^p T        ripple s T sin nθ        saturation clip(T, ±L) − T        speed late −δ F α
+fade −s h T, τ dh/dt = (T/T_peak)² − h, each run's h at first its own
 F = 1/(1 + φ d/dt): with φ = τ a filter's lag, with φ = τ/2 a delay, but for the third order in ωτ (Padé), which a late
 speed has besides; the shape's second number is how much of what two filters of half the time do otherwise is there
 eccentricity a sin(θ + φ) in the angle, its rate in the speed        harmonic a sin(nθ + φ) likewise
@@ -13,6 +14,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from schwung.drivetrain.fade import heated
 from schwung.explain.weighing.along import Along, Ranges
 from schwung.explain.weighing.candidate import RIGHT_TO, Candidate, Shape, grid
 from schwung.explain.weighing.curves import column
@@ -33,6 +35,10 @@ BENDS_S = np.concatenate([np.linspace(-2e-4, 6e-4, 9), np.geomspace(9e-4, 5e-3, 
 #: Of what is late by m₁ on average the next order is ½ m₂ ≥ ½ m₁²: it bends by half of the time as a delay, by all of
 #: it as a filter of first order; what undoes it, m₁² − ½ m₂, by half of it or nothing. Each with how far off that.
 LAG_BENDS, DELAY_BENDS, UNDONE_BENDS = (0.75, 0.5), (0.5, 0.5), (0.25, 0.5)
+#: Time constants of the heat that are looked for, over the longest run; what is slower than that grows evenly.
+_HEATS = (0.05, 0.25, 1.2, 6.0)
+#: By what a motor is hot, T² on average, over its peak's: a natural share of the torque is that much more at the peak.
+_HOT, _NO_SHARE = 10.0, 1e-12
 _DIFFERENCE_S = 1e-5
 BEND_STEP_S, LEAST_BEND_S, MOST_BEND_S = 1e-4, -1e-3, 2e-2
 #: How much more than the one filter's is taken off the third order in ωτ: nothing; 1 for two filters alike; 4/3 for a
@@ -128,6 +134,16 @@ def reporting(of: Ranges, share: float) -> list[Candidate]:
     def drop(along: Along, shape: Shape) -> Effect:
         return Effect(column(-((np.abs(along.torque) / peak) ** shape[0]) * along.torque))
 
+    @run_by_run
+    def fade(along: Along, shape: Shape) -> Effect:
+        """What it heats, what heat it starts with on average, and how much more each run does."""
+        asked, found = along.true_torque.asked_nm, np.zeros((along.speed.size, 2 + of.runs))
+        found[:, 0] = heated(asked, peak, shape[0], along.run.step_s)
+        found[:, 1] = np.exp((along.time_s[0] - along.time_s) / shape[0])
+        if along.number < of.runs:  # of a run that is yet to come it is the average
+            found[:, 2 + along.number] = found[:, 1]
+        return Effect(-found * asked[:, None])
+
     return [
         Candidate("torque_constant", _gain, (share,), lambda c, _: {"gain": 1 + c[0]}, coordinate="torque",
                   known_to=RIGHT_TO),
@@ -149,6 +165,11 @@ def reporting(of: Ranges, share: float) -> list[Candidate]:
                   lambda c, s: {"share_at_peak": c[0], "peak_nm": peak, "order": s[0]}, positive=(0,),
                   shapes=grid([0.5, 1.0, 2.0, 4.0]), spacing=(0.7,), logarithmic=(True,), bounds=((0.3, 10.0),),
                   coordinate="torque"),
+        Candidate("torque_constant_fade", fade, (share * _HOT, *(share,) * (1 + of.runs)),
+                  lambda c, s: {"share_at_peak": c[0], "peak_nm": peak, "time_constant_s": s[0],
+                                "start_heat": max(c[1] / max(c[0], _NO_SHARE), 0.0)},
+                  positive=(0,), shapes=grid(of.longest_s * np.array(_HEATS)), spacing=(1.6,), logarithmic=(True,),
+                  bounds=((of.longest_s * _HEATS[0], of.longest_s * _HEATS[-1]),), endless=(0,), coordinate="torque"),
         Candidate("torque_ripple", _ripple, (share, share),
                   lambda c, s: {"order": s[0], "share": polar(c)[0], "phase_rad": polar(c)[1]},
                   shapes=grid(range(1, 15)), spacing=(0.25,), logarithmic=(False,), bounds=((0.5, 60.0),),

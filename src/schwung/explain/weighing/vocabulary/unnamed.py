@@ -27,7 +27,13 @@ _SLOW = 0.02
 #: c T = c (J α + friction): it takes nothing, and carries of friction what its prior makes cheap.
 _BALANCE = "balance"
 #: What scales the torque, in one way or another.
-_SCALES = ("torque_constant", "torque_constant_drop", "torque_ripple", "torque_saturation")
+_SCALES = (
+    "torque_constant",
+    "torque_constant_drop",
+    "torque_constant_fade",
+    "torque_ripple",
+    "torque_saturation",
+)
 #: What makes it late.
 _LATE = ("torque_lag", "torque_filter")
 #: Names that are cases of a curve, or cancel it: where the curve stands, they say nothing more.
