@@ -72,6 +72,7 @@ WORDS = {
     "dahl_presliding": "presliding_friction",
     "hysteretic_coupling": "coupling_hysteresis",
     "mesh_stiffness": "stiffness_over_angle",
+    "payload_slosh": "extra_compliance",
     "thermal_fade": "torque_constant_fade",
 }
 #: Parameters of the virtual machine room alone.

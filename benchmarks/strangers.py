@@ -61,6 +61,11 @@ class Stranger:
     slots: tuple[float, float] = (0.0, 1.0)  # cogging that leans over: amplitude, order
     tracks: tuple[float, float] = (0.0, 1.0)  # error of an encoder whose tracks differ: amplitude, per radian
     slips: tuple[float, float] = (0.0, 1.0)  # what slips in the coupling: torque, wind-up when all of it does
+    hangs: tuple[float, float, float] = (
+        0.0,
+        1.0,
+        0.0,
+    )  # a pendulum on the load: inertia, frequency at rest (Hz), how much the load's speed is its gravity
     warms: tuple[float, float] = (
         0.0,
         1.0,
@@ -83,6 +88,7 @@ class Stranger:
             *self.gives,
             *self.mesh,
             *self.slots,
+            *self.hangs,
         )
         return np.array(each)
 
@@ -108,6 +114,7 @@ STRANGERS = (
     Stranger("a transmission that is off likewise", ("kinematic_error",), mesh=(1e-4, 12.0)),
     Stranger("a coupling in which one part after another slips", ("coupling_hysteresis",), slips=(2.0, 1e-3)),
     Stranger("torque through two filters of 0.4 ms", ("torque_lag",), loop_s=4e-4),
+    Stranger("a pendulum that the speed stiffens", ("extra_compliance",), hangs=(1.2e-3, 9.0, 12.0)),
     Stranger("a motor that weakens as 1/(1 + heat)", ("torque_constant_fade",), warms=(1.5, 0.25)),
     Stranger("cogging that leans over", ("cogging",), slots=(0.5, 11.0), curves=("position",)),
 )  # fmt: skip
@@ -131,8 +138,8 @@ def _told(angle: float, speed: float, amplitude: float, order: float) -> tuple[f
 
 @njit(cache=True)
 def _slopes(state: Array, torque: float, friction: Array, last: float, rubbed: float) -> tuple[Array, float]:
-    """Rates of motor angle and speed, load angle and speed, and of what is bent; and the shaft's torque, of which
-    `rubbed` is what slips in the coupling."""
+    """Rates of motor angle and speed, load angle and speed, of what is bent, and of what hangs; and the shaft's torque,
+    of which `rubbed` is what slips in the coupling."""
     turned, ratio = state[0], 1.0
     if friction[18] > 0:
         turned, ratio = _told(state[0], 1.0, friction[18], friction[19])
@@ -150,7 +157,11 @@ def _slopes(state: Array, torque: float, friction: Array, last: float, rubbed: f
     cogs = friction[12] * np.sin(friction[13] * state[0] + friction[14] * np.sin(0.6 * state[0]))
     slot = friction[21] * state[0]
     cogs += friction[20] * np.sin(slot) / (1 + 0.3 * np.cos(slot))
-    rates = np.empty(5)
+    # it swings by an angle, of which a spring would have the sine's slope
+    pulls = (2 * np.pi * friction[23]) ** 2 + friction[24] * state[3] ** 2
+    swung = friction[22] * (pulls * np.sin(state[2] - state[5]) + 4.0 * (state[3] - state[6]))
+    rates = np.empty(7)
+    rates[5], rates[6] = state[6], swung / max(friction[22], 1e-12)
     rates[0], rates[2] = state[1], state[3]
     # R. Bouc 1967, Y. K. Wen 1976: the share of the friction that is there, with the exponent 1.4
     bent = abs(state[4]) ** 1.4 * (0.6 * np.sign(state[1] * state[4]) + 0.4)
@@ -158,7 +169,7 @@ def _slopes(state: Array, torque: float, friction: Array, last: float, rubbed: f
     rates[1] = (
         torque - ratio * shaft - ROTOR_VISCOUS * state[1] - level * way - friction[7] * state[4] + cogs
     ) / ROTOR
-    rates[3] = (shaft - LOAD_VISCOUS * state[3]) / LOAD
+    rates[3] = (shaft - swung - LOAD_VISCOUS * state[3]) / LOAD
     return rates, shaft
 
 
@@ -180,7 +191,7 @@ def _played(
     n, h = demand.size, TICK_S / SUBSTEPS
     # W. D. Iwan 1966: springs in parallel, each of which slips at its own limit
     limits, held = slips[1] * np.arange(1, PARTS + 1) / PARTS, np.zeros(PARTS)
-    rows, state, integral, shaft = np.empty((n, 3)), np.zeros(5), 0.0, 0.0
+    rows, state, integral, shaft = np.empty((n, 3)), np.zeros(7), 0.0, 0.0
     gain, position_gain, reset = 100.0 * (ROTOR + LOAD), 45.0, 0.03
     follows, halfway, true = 1.0 if loop_s <= 0 else 1 - np.exp(-h / loop_s), 0.0, 0.0
     for i in range(n):

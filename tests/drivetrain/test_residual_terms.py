@@ -70,6 +70,22 @@ def hot(load: Array, time_s: float, first: float) -> Array:
     return found
 
 
+def hung(angle: Array, speed: Array, time: Array) -> Array:
+    """What a mass of 0.01 kg·m² takes of a load, by scipy."""
+
+    def takes(now: float, state: Array) -> Array:
+        turned, fast = np.interp(now, time, angle), np.interp(now, time, speed)
+        return np.asarray((200.0 + 0.01 * 20 * fast**2) * (turned - state[0]) + 0.05 * (fast - state[1]))
+
+    def rates(now: float, state: Array) -> Array:
+        return np.array([state[1], takes(now, state) / 0.01])
+
+    swung = solve_ivp(
+        rates, (0.0, time[-1]), [angle[0], 0.0], t_eval=time, max_step=1e-3, rtol=1e-9, atol=1e-10
+    ).y
+    return np.array([takes(now, state) for now, state in zip(time, swung.T, strict=True)])
+
+
 def on_angle(angle: Array, way: Array) -> Array:
     """What ROWS say."""
     return either(2 + np.sin(angle), -3 - np.cos(angle), way)
@@ -120,6 +136,11 @@ CASES: dict[str, tuple[dict[str, Any], Acts]] = {
         {"name": "torque_constant_fade", "share_at_peak": 0.8, "peak_nm": 100.0, "time_constant_s": 0.2,
          "start_heat": 0.1},
         lambda s, t: -0.8 * hot(s.torque_nm / 100, 0.2, 0.1) * s.torque_nm,
+    ),
+    "a mass that the speed stiffens": (
+        {"name": "extra_compliance", "inertia_kgm2": 0.01, "stiffness_nm_rad": 200.0, "damping_nms": 0.05,
+         "speed_share": 20.0},
+        lambda s, t: -hung(s.load_position_rad, s.load_speed_rad_s, t),
     ),
     "ripple": (
         {"name": "torque_ripple", "order": 6.0, "share": 0.05, "phase_rad": 0.3},

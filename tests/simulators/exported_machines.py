@@ -60,7 +60,9 @@ SHAFT = (
     PhysicsTerm(name="stiffness_over_angle", order=3.0, share=0.2, phase_rad=0.4),
     PhysicsTerm(name="coupling_hysteresis", torque_nm=6.0, stiffness_nm_rad=8e3, exponent=1.4),
     PhysicsTerm(name="kinematic_error", order=5.0, amplitude_rad=2e-3, phase_rad=0.7),
-    PhysicsTerm(name="extra_compliance", inertia_kgm2=0.01, stiffness_nm_rad=9000.0, damping_nms=1.0),
+    PhysicsTerm(
+        name="extra_compliance", inertia_kgm2=0.01, stiffness_nm_rad=9000.0, damping_nms=1.0, speed_share=40.0
+    ),
     PhysicsTerm(name="inertia_profile_shift", shift_rad=0.05),
 )
 #: What is learned as a curve, and names of the same vocabulary.

@@ -100,6 +100,7 @@ class Effects(NamedTuple):
     third_inertia_kgm2: float = 0.0  # behind the load
     third_stiffness_nm_rad: float = 0.0
     third_damping_nms: float = 0.0
+    third_speed_share: float = 0.0  # its stiffness grows by inertia · share · ω_l²
     inertia_delta_kgm2: float = 0.0
     inertia_scale: float = 1.0
     inertia_shift_rad: float = 0.0  # true J_l(θ) = believed J_l(θ + shift)
@@ -256,6 +257,7 @@ PHYSICS: Mapping[str, Mapping[str, Key]] = {
         "inertia_kgm2": Key("third_inertia_kgm2", "kg·m²", _POSITIVE),
         "stiffness_nm_rad": Key("third_stiffness_nm_rad", "N·m/rad", _POSITIVE),
         "damping_nms": Key("third_damping_nms", "N·m·s/rad", _NOT_NEGATIVE),
+        "speed_share": Key("third_speed_share", "", _NOT_NEGATIVE, optional=0.0),
     },
     "load_inertia": {
         "delta_kgm2": Key("inertia_delta_kgm2", "kg·m²", optional=0.0),

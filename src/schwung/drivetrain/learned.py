@@ -108,7 +108,9 @@ def _rates(machine: Learned, state: Masses, torque: float, time: float) -> Masse
     load -= plant.load_friction * state.load_speed + 0.5 * slope * state.load_speed**2
     third = 0.0
     if e.third_inertia_kgm2 > 0.0:
-        passed = third_torque(e, state.load_angle - state.third_angle, state.load_speed - state.third_speed)
+        passed = third_torque(
+            e, state.load_angle - state.third_angle, state.load_speed - state.third_speed, state.load_speed
+        )
         load -= passed
         third = passed / e.third_inertia_kgm2
     driving = faded(torque, e.torque_fade, state.heat)

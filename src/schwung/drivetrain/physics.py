@@ -135,6 +135,7 @@ def coupling_torque(e: Effects, stiffness: float, damping: float, twist: float, 
 
 
 @inlined
-def third_torque(e: Effects, twist: float, twist_speed: float) -> float:
+def third_torque(e: Effects, twist: float, twist_speed: float, load_speed: float) -> float:
     """What the load passes on to the third mass behind it (N·m)."""
-    return e.third_stiffness_nm_rad * twist + e.third_damping_nms * twist_speed
+    stiffer = e.third_inertia_kgm2 * e.third_speed_share * load_speed**2
+    return (e.third_stiffness_nm_rad + stiffer) * twist + e.third_damping_nms * twist_speed

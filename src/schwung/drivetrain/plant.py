@@ -237,7 +237,8 @@ def substeps(machine: Machine, plant: kernel.Plant, period: float, top_speed: fl
         fastest = max(np.sqrt(stiffness * mobility), plant.damping * mobility)
     if e.third_inertia_kgm2 > 0:
         mobility = 1 / e.third_inertia_kgm2 + 1 / (moved if plant.rigid else lightest)
-        third = max(np.sqrt(e.third_stiffness_nm_rad * mobility), e.third_damping_nms * mobility)
+        stiffer = e.third_inertia_kgm2 * e.third_speed_share * top_speed**2
+        third = max(np.sqrt((e.third_stiffness_nm_rad + stiffer) * mobility), e.third_damping_nms * mobility)
         fastest = np.hypot(fastest, third)
     fastest = _at_ends(e, fastest, moved if plant.rigid else lightest, step)
     for amount, order, _ in e.cogging_waves:

@@ -178,8 +178,8 @@ _PAIRS: dict[tuple[str, str], str] = {
     ("coupling_damping", "coupling_hysteresis"): _INJECT + "what damps grows with frequency, hysteresis does not.",
     ("coupling_hysteresis", "coupling_stiffness"): "Inject a small and a large sine: what yields is the softer the "
     "further it is wound up.",
-    ("torque_constant", "torque_constant_fade"): "Play a motion many times at once, and again after a pause: what heats "
-    "has cooled meanwhile.",
+    ("torque_constant", "torque_constant_fade"): "Play a motion many times at once, and again after a pause: what "
+    "heats has cooled meanwhile.",
     ("coulomb_friction", "friction_drift"): "Repeat the first motion at the end of the session.",
     ("friction_drift", "viscous_friction"): "Mix the motion times over the session instead of sorting them.",
 }  # fmt: skip

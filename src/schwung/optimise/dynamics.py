@@ -130,7 +130,7 @@ def _follow(
             on_load -= body.load_friction * y[1] + 0.5 * slope * y[1] ** 2
             k[stage, 2], k[stage, 3] = y[3], 0.0
             if e.third_inertia_kgm2 > 0.0:
-                passed = physics.third_torque(e, y[0] - y[2], y[1] - y[3])
+                passed = physics.third_torque(e, y[0] - y[2], y[1] - y[3], y[1])
                 on_load -= passed
                 k[stage, 3] = passed / e.third_inertia_kgm2
             k[stage, 0], k[stage, 1] = y[1], on_load / inertia

@@ -40,6 +40,7 @@ _GROUPS = (
     ("presliding_nm", "presliding_stiffness_nm_rad"),
     ("hysteresis_nm", "hysteresis_stiffness_nm_rad", "hysteresis_exponent"),
     ("third_inertia_kgm2", "third_stiffness_nm_rad", "third_damping_nms"),
+    ("third_speed_share",),
 )
 
 
@@ -307,9 +308,10 @@ def _bristles(here: frozenset[str]) -> list[Equation]:
 def _third(here: frozenset[str]) -> list[Equation]:
     if "third_inertia_kgm2" not in here:
         return []
-    passed = (
-        "third_stiffness_nm_rad*(load_angle - third_angle) + third_damping_nms*(load_speed - third_speed)"
-    )
+    stiffness = "third_stiffness_nm_rad"
+    if "third_speed_share" in here:
+        stiffness = "(third_stiffness_nm_rad + third_inertia_kgm2*third_speed_share*load_speed^2)"
+    passed = f"{stiffness}*(load_angle - third_angle) + third_damping_nms*(load_speed - third_speed)"
     return [
         Equation("passed", passed, "to a third mass behind the load, N.m"),
         Equation("third_angle", "third_speed", derivative=True),

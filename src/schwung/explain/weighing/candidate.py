@@ -39,6 +39,7 @@ class Missed:
     angle_rad: Array
     step_s: float
     injected_hz: tuple[float, ...]
+    along: Along | None = None  # the run's other coordinates
 
 
 @dataclass(frozen=True, eq=False)

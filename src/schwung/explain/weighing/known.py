@@ -28,7 +28,7 @@ from schwung.explain.weighing.along import Along
 from schwung.explain.weighing.joined import run_by_run
 from schwung.explain.weighing.late import acceleration_bent, beyond_bent, lagging
 from schwung.explain.weighing.present import changed
-from schwung.explain.weighing.third_mass import third_mass
+from schwung.explain.weighing.third_mass import stiffened, third_mass
 from schwung.innovations.effect import Effect
 from schwung.motion import Array
 
@@ -181,6 +181,10 @@ def _further_mass(e: Effects, along: Along) -> Array:
     """What the known mass behind the load takes (N·m), (n,)."""
     rate = float(np.sqrt(e.third_stiffness_nm_rad / e.third_inertia_kgm2))
     ratio = e.third_damping_nms / (2 * rate * e.third_inertia_kgm2)
+    if e.third_speed_share != 0.0:
+        square = rate**2 + e.third_speed_share * along.load_speed**2
+        found = stiffened(along.load_acceleration, square, ratio * rate, along.run.step_s)
+        return e.third_inertia_kgm2 * found
     return e.third_inertia_kgm2 * third_mass(along.load_acceleration, rate, ratio, along.run.step_s)
 
 

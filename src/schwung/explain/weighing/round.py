@@ -183,8 +183,8 @@ class Linearised:
         """What is missed in one of the runs."""
         excitation = self.view.recorded[run].excitation
         injected = () if excitation is None else tuple(excitation.lines_hz.tolist())
-        missed, angle = -self.passed[run].states[:, -1], self.alongs[run].angle
-        return Missed(missed, angle, self.view.runs[run].step_s, injected)
+        missed, along = -self.passed[run].states[:, -1], self.alongs[run]
+        return Missed(missed, along.angle, self.view.runs[run].step_s, injected, along)
 
     def samples(self, runs: Sequence[int]) -> int:
         """Σ2n of some runs."""

@@ -92,6 +92,11 @@ static double damping(const double *p) {
     return p[DAMPING_NMS] >= 0.0 ? p[DAMPING_NMS] : p[COUPLING_DAMPING_NMS];
 }
 
+/* Of the third mass, which the load's speed may stiffen. */
+static double third_stiffness(const double *p, double speed) {
+    return p[THIRD_STIFFNESS_NM_RAD] + p[THIRD_INERTIA_KGM2] * p[THIRD_SPEED_SHARE] * speed * speed;
+}
+
 /* 1 in the middle of 0..1, 0 at the ends and beyond: a raised cosine to a power. */
 static double bump(double share, double sharpness) {
     if (!(share > 0.0 && share < 1.0)) return 0.0;
@@ -213,7 +218,7 @@ static Masses rates(const double *p, Masses s, double torque, double time) {
         r.bristles = p[PRESLIDING_STIFFNESS_NM_RAD]
                      * (s.motor_speed - fabs(s.motor_speed) * s.bristles / p[PRESLIDING_NM]);
     if (p[THIRD_INERTIA_KGM2] > 0.0) {
-        const double passed = p[THIRD_STIFFNESS_NM_RAD] * (s.load_angle - s.third_angle)
+        const double passed = third_stiffness(p, s.load_speed) * (s.load_angle - s.third_angle)
                               + p[THIRD_DAMPING_NMS] * (s.load_speed - s.third_speed);
         load -= passed;
         r.third_speed = passed / p[THIRD_INERTIA_KGM2];
@@ -298,7 +303,7 @@ static double steps_needed(const Machine *m, double duration) {
     }
     if (p[THIRD_INERTIA_KGM2] > 0.0) {
         const double mobility = 1.0 / p[THIRD_INERTIA_KGM2] + 1.0 / (RIGID ? mass : lightest);
-        const double swing = sqrt(p[THIRD_STIFFNESS_NM_RAD] * mobility);
+        const double swing = sqrt(third_stiffness(p, m->state.load_speed) * mobility);
         fastest = hypot(fastest, larger(swing, p[THIRD_DAMPING_NMS] * mobility));
     }
     const double step = p[GAP_RAD] > 0.0 ? CONTACT_STEP : COUPLING_STEP;

@@ -18,6 +18,7 @@ from schwung.explain.weighing.candidate import RIGHT_TO, Candidate, Shape, grid
 from schwung.explain.weighing.curves import column
 from schwung.explain.weighing.joined import run_by_run
 from schwung.explain.weighing.third_mass import third_mass
+from schwung.explain.weighing.vocabulary.hanging import hanging
 from schwung.explain.weighing.vocabulary.load import of_any_order, polar
 from schwung.innovations.effect import Effect
 from schwung.motion import Array
@@ -152,4 +153,5 @@ def shaft(of: Ranges, coupling: Coupling, torque_nm: float, inertia_kgm2: float)
                   logarithmic=(True, True), bounds=((2 * np.pi * 10, 2 * np.pi * of.band_hz), (0.005, 0.5)),
                   positive=(0,), coordinate="frequency", known_to=RIGHT_TO * inertia_kgm2, swings=True,
                   felt=lambda s: 1 / (2 * s[1])),  # at its resonance, where it is as if the load were so much heavier
+        hanging(of, 3 * share * inertia_kgm2, RIGHT_TO * inertia_kgm2),
     ]  # fmt: skip
