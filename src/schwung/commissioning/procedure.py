@@ -283,6 +283,8 @@ class _Player:
                 break
             self._keep_partial(recording, planned, _losses(recording))
             if attempt == MAX_RETRIES:
+                if not self.plan.by_itself:  # a computer that stalls loses samples, whatever its cable
+                    _judge_timing(recording.timing, self.max_jitter_share)
                 raise SampleLossError(
                     "recording",
                     f"{_losses(recording)}, in {attempt + 1} motions in a row",
