@@ -114,9 +114,9 @@ STRANGERS = (
     Stranger("a transmission that is off likewise", ("kinematic_error",), mesh=(1e-4, 12.0)),
     Stranger("a coupling in which one part after another slips", ("coupling_hysteresis",), slips=(2.0, 1e-3)),
     Stranger("torque through two filters of 0.4 ms", ("torque_lag",), loop_s=4e-4),
+    Stranger("cogging that leans over", ("cogging",), slots=(0.5, 11.0), curves=("position",)),
     Stranger("a pendulum that the speed stiffens", ("extra_compliance",), hangs=(1.2e-3, 9.0, 12.0)),
     Stranger("a motor that weakens as 1/(1 + heat)", ("torque_constant_fade",), warms=(1.5, 0.25)),
-    Stranger("cogging that leans over", ("cogging",), slots=(0.5, 11.0), curves=("position",)),
 )  # fmt: skip
 
 

@@ -121,6 +121,16 @@ def test_every_key_has_to_be_a_finite_number(tmp_path: Path, name: str, key: str
         ({**_full("coupling_damping"), "damping_nms": -1}, "zero or more"),
         ({**_full("stribeck_friction"), "stribeck_speed_rad_s": 0}, "positive"),
         ({**_full("load_inertia"), "scale": -1}, "scale is -1"),
+        (
+            {
+                "name": "torque_constant_fade",
+                "share_at_peak": 4.0,
+                "peak_nm": 9.0,
+                "time_constant_s": 0.2,
+                "start_heat": 0.3,
+            },
+            "leaves nothing of the torque at first: .* is 1.2",
+        ),
         ({"name": "load_torque", "table": [[0.0, 1.0]]}, "pairs of numbers"),
         ({"name": "load_torque", "table": [[0.0, 1.0], [1.0]]}, "pairs of numbers"),
         ({"name": "load_torque", "table": [[0.0, 1.0], [1.0, "2"]]}, "pairs of numbers"),

@@ -303,8 +303,8 @@ def check_physics(terms: Sequence[PhysicsTerm], rigid: bool) -> None:
 def effects_of(terms: Sequence[PhysicsTerm]) -> Effects:
     """All terms together. Tables are not among them (`residuals_of`, `load_torque_table`, `inertia_added`).
 
-    Raises InputError that names term and key for an unknown name, a missing or impossible number, or a term given
-    twice that cannot be added to itself.
+    Raises InputError that names term and key for an unknown name, a missing or impossible number, a term given twice
+    that cannot be added to itself, or a motor that is too hot to hold anything.
     """
     values: dict[str, float] = {}
     for term in terms:
@@ -314,7 +314,15 @@ def effects_of(terms: Sequence[PhysicsTerm]) -> Effects:
                     f"physics.{term.name}", "is given twice", "Put it once; only its torques would add."
                 )
             values[field] = values.get(field, 0.0) + value
-    return Effects(**values)
+    effects = Effects(**values)
+    lost = effects.torque_fade * effects.torque_fade_start
+    if lost >= 1:
+        raise InputError(
+            "physics.torque_constant_fade",
+            f"leaves nothing of the torque at first: share_at_peak times start_heat is {lost:g}",
+            "Give a start_heat that is smaller; 1 is the heat at which the peak torque lasts.",
+        )
+    return effects
 
 
 def _fields(term: PhysicsTerm) -> dict[str, float]:

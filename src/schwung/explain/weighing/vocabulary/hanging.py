@@ -52,21 +52,21 @@ def hanging(of: Ranges, deviation_kgm2: float, known_to_kgm2: float) -> Candidat
 
 def _strongest(missed: Sequence[Missed], fastest_rad_s: float, band_hz: float) -> tuple[Shape, ...]:
     """The shapes that explain most of what is missed, none a neighbour of another."""
+    rates = 2 * np.pi * _HZ[band_hz > _HZ]
     picked = [one for one in missed[:: -(-len(missed) // _RUNS)] if one.along is not None]
-    if not picked:
+    if not picked or not rates.size:
         return ()
     step_s = picked[0].step_s
     every = max(round(1 / (_RATE_HZ * step_s)), 1)
     parts = [[_slow(values, every) for values in signals] for signals in map(_signals, picked)]
     torque, acceleration, speed = (np.concatenate(signals) for signals in zip(*parts, strict=True))
     starts = np.cumsum([0, *(part[0].size for part in parts)])
-    rates = 2 * np.pi * _HZ[band_hz > _HZ]
     scores = explained(
         -torque,
         acceleration,
         (speed / fastest_rad_s) ** 2,
         starts,
-        every * picked[0].step_s,
+        every * step_s,
         rates,
         _STIFFER,
         _RATIO,
