@@ -49,6 +49,11 @@ def view():
     return rounds.at_rest(found, (), first_noise(runs)).view
 
 
+def _shape(one: Candidate, at: int) -> Shape:
+    """One of those that are tried; of what is only sought, one of as many numbers."""
+    return one.shapes[at] if one.sought is None else (30.0, 0.1, 2.0)[: len(one.bounds)]
+
+
 def asked_of(one: Candidate, shape: Shape, coefficients: np.ndarray) -> list[Callable[[Along], Any]]:
     """All that a cause is asked along a run."""
     laws = [law for law in (one.tangent, one.heavier) if law is not None]
@@ -67,7 +72,7 @@ def test_every_cause_does_to_joined_runs_what_it_does_to_each(view, gap_rad):
     joined, chance = Joined.of(parts), np.random.default_rng(3)
     candidates = [*vocabulary(view.ranges, view.known), *repeated(view.recorded, 1.0)]
     for one in candidates:
-        shape = (30.0,) if one.sought is not None else one.shapes[-1]
+        shape = _shape(one, -1)
         coefficients = chance.uniform(0.1, 1.0, one.size) * one.deviations
         for ask in asked_of(one, shape, coefficients):
             whole, each = ask(joined), behind([ask(part) for part in parts])
@@ -122,7 +127,7 @@ def test_what_each_run_has_of_its_own_is_nothing_in_a_run_that_is_yet_to_come(vi
     own = [one for one in vocabulary(view.ranges, view.known) if one.each_run or one.coordinate == "run"]
     assert {one.name for one in own} >= {"run", "periodic_disturbance", "friction_drift"}
     for one in own:
-        shape = (30.0,) if one.sought is not None else one.shapes[0]
+        shape = _shape(one, 0)
         coefficients = chance.uniform(0.1, 1.0, one.size) * one.deviations
         effect, done = one.effect(coming, shape), one.done(coming, shape, coefficients)
         drifts = one.named and not one.each_run  # and goes on drifting

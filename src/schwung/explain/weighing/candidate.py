@@ -94,6 +94,7 @@ class Candidate:
     inertia_whole: Callable[[Array, Array], Array] | None = (
         None  # what all of it adds to J_l at angles, (n,), where that is not in proportion to its coefficients
     )
+    none_of: Callable[[Array], bool] | None = None  # whether coefficients are none that it can have
     of_motion: bool = False  # what one motion has of its own: no file says it, for another motion has another
     unsaid: Callable[[Array, Array, Shape, str], str] | None = (
         None  # what no file can say of it, in words: by coefficients, their deviations, shape and the torque's unit
@@ -171,7 +172,9 @@ class Candidate:
 
     def is_another(self, coefficients: Array) -> bool:
         """Whether a part of a law is next to nothing, less than a law is right to: friction that hardly falls is dry
-        friction."""
+        friction; or whether its numbers are those of something else."""
+        if self.none_of is not None and self.none_of(coefficients):
+            return True
         totals = [(coefficients[i] - least) / self.deviations[i] for i, least in self.bounds_below]
         return len(totals) > 1 and not self.opens and bool(0 <= min(totals) <= RIGHT_TO * max(totals))
 

@@ -72,7 +72,7 @@ class Known:
         true = _driving(e, torque)
         if np.isfinite(e.torque_limit_nm):
             true = true + along.run.drive.asked(partial(_cut, e), along.filter_s)
-        true = _faded(e, true, along.run.step_s)
+        true = _faded(e, true, along)
         true = true * (1 + e.ripple_share * np.sin(e.ripple_order * along.angle + e.ripple_phase_rad))
         on_motor = on_motor + true - torque + e.torque_filter_s * along.reported_rate
         if e.torque_lag_s > 0:
@@ -163,11 +163,11 @@ def _driving(e: Effects, asked: Array) -> Array:
     return np.asarray((e.torque_gain - drop) * asked)
 
 
-def _faded(e: Effects, given: Array, step_s: float) -> Array:
+def _faded(e: Effects, given: Array, along: Along) -> Array:
     """What the motor's heat leaves of that."""
     if e.torque_fade == 0.0:
         return given
-    heat = heated(given, e.torque_fade_at_nm, e.torque_fade_s, step_s, e.torque_fade_start)
+    heat = heated(given, e.torque_fade_at_nm, e.torque_fade_s, along.run.step_s, e.torque_fade_start)
     return np.asarray(given * (1 - np.minimum(e.torque_fade * heat, 1.0)))
 
 

@@ -144,6 +144,10 @@ def reporting(of: Ranges, share: float) -> list[Candidate]:
             found[:, 2 + along.number] = found[:, 1]
         return Effect(-found * asked[:, None])
 
+    def too_hot(coefficients: Array) -> bool:
+        """Whether runs begin with more heat than the peak torque makes where it lasts: what differs then is no heat."""
+        return bool(np.max(np.abs(coefficients[1] + coefficients[2:]), initial=0.0) > coefficients[0])
+
     return [
         Candidate("torque_constant", _gain, (share,), lambda c, _: {"gain": 1 + c[0]}, coordinate="torque",
                   known_to=RIGHT_TO),
@@ -169,7 +173,8 @@ def reporting(of: Ranges, share: float) -> list[Candidate]:
                   lambda c, s: {"share_at_peak": c[0], "peak_nm": peak, "time_constant_s": s[0],
                                 "start_heat": max(c[1] / max(c[0], _NO_SHARE), 0.0)},
                   positive=(0,), shapes=grid(of.longest_s * np.array(_HEATS)), spacing=(1.6,), logarithmic=(True,),
-                  bounds=((of.longest_s * _HEATS[0], of.longest_s * _HEATS[-1]),), endless=(0,), coordinate="torque"),
+                  bounds=((of.longest_s * _HEATS[0], of.longest_s * _HEATS[-1]),), endless=(0,), coordinate="torque",
+                  none_of=too_hot),
         Candidate("torque_ripple", _ripple, (share, share),
                   lambda c, s: {"order": s[0], "share": polar(c)[0], "phase_rad": polar(c)[1]},
                   shapes=grid(range(1, 15)), spacing=(0.25,), logarithmic=(False,), bounds=((0.5, 60.0),),
