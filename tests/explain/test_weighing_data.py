@@ -8,7 +8,7 @@ from scipy.interpolate import CubicSpline
 from strangers import STRANGERS, Stranger, belief_of, session_of
 
 from schwung.explain.weighing import round as rounds
-from schwung.explain.weighing.along import TrueTorque, ranges_of
+from schwung.explain.weighing.along import ranges_of
 from schwung.explain.weighing.candidate import Candidate
 from schwung.explain.weighing.curves import Curve, Plane
 from schwung.explain.weighing.data import Data
@@ -22,6 +22,7 @@ from schwung.explain.weighing.search import Pick, Search, slices
 from schwung.explain.weighing.sets import members_of
 from schwung.explain.weighing.sharpness import covariance_of
 from schwung.explain.weighing.standing import taken_as_told
+from schwung.explain.weighing.true_torque import TrueTorque
 from schwung.explain.weighing.vocabulary import vocabulary
 from schwung.explain.weighing.weigh import _rms, weigh
 from schwung.explain.weighing.work import Work

@@ -7,10 +7,11 @@ import pytest
 from strangers import Stranger, belief_of, session_of
 
 from schwung.drivetrain.physics_term import PhysicsTerm
-from schwung.explain.weighing.along import TrueTorque, ranges_of
+from schwung.explain.weighing.along import ranges_of
 from schwung.explain.weighing.candidate import Candidate
 from schwung.explain.weighing.known import known
 from schwung.explain.weighing.round import View
+from schwung.explain.weighing.true_torque import TrueTorque
 from schwung.explain.weighing.vocabulary import vocabulary
 from schwung.innovations.signals import picked_signals_of
 

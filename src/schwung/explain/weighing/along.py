@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from functools import cached_property, wraps
 
 import numpy as np
 from numpy.typing import NDArray
 
 from schwung.drivetrain.machine import Machine
+from schwung.explain.weighing.true_torque import TrueTorque
 from schwung.innovations.held import corners
 from schwung.innovations.low_pass import heard
 from schwung.innovations.signals import Signals
@@ -41,67 +42,6 @@ class Ranges:
     def span_rad(self) -> float:
         """The visited angles."""
         return self.high_rad - self.low_rad
-
-
-#: Of a `TrueTorque`, what is not worked out again about another set.
-_CHANGES = ("asked_nm", "rate", "sharp_rate", "bend", "beyond_band")
-
-
-@dataclass(frozen=True, eq=False)
-class TrueTorque:
-    """Of one run, as far as it is known (N·m, (n,)): the reported one but for its noise, which would else explain
-    itself; a held injection as if it was taken at once.
-
-    `driving_nm`: what drives the machine with what is present. What is missed is no part of it: if it were, a scale of
-    the torque would make all of the equation smaller, and with it what is missed.
-    """
-
-    run: Signals
-    nm: Array
-    driving_nm: Array | None = None
-
-    def with_driving(self, nm: Array) -> TrueTorque:
-        """The same about something else; how the torque changes is not worked out again."""
-        other = replace(self, driving_nm=nm)
-        other.__dict__.update({name: self.__dict__[name] for name in _CHANGES if name in self.__dict__})
-        return other
-
-    @cached_property
-    def quiet_nm(self) -> Array:
-        """Within the band."""
-        return np.asarray(self.run.quiet(self.nm if self.driving_nm is None else self.driving_nm))
-
-    @cached_property
-    def asked_nm(self) -> Array:
-        """Within the band, whatever of it drives the machine."""
-        return np.asarray(self.run.quiet(self.nm))
-
-    @cached_property
-    def rate(self) -> Array:
-        return slopes(self.asked_nm, self.run.step_s)
-
-    @cached_property
-    def sharp_rate(self) -> Array:
-        """Beyond the band as well, where contacts are answered."""
-        return slopes(self.nm, self.run.step_s)
-
-    @cached_property
-    def bend(self) -> Array:
-        """Second derivative."""
-        return slopes(self.run.quiet(self.rate), self.run.step_s)
-
-    @cached_property
-    def beyond_band(self) -> Array:
-        """How torque and the motor's speed change beyond the band (N·m/s, rad/s²), (n, 2), for all sets alike.
-
-        As each set's own states say it, a late speed is corrected by how it changes, and changes by how it was
-        corrected: at a rate of 2 kHz and 0.3 ms that went on for ever. At either end it is nothing, for a slope there
-        is mostly the last sample's own error.
-        """
-        rough = np.column_stack([self.nm, self.run.states[:, 1]])
-        found = slopes(rough - self.run.quiet(rough), self.run.step_s)
-        found[[0, -1]] = 0.0
-        return found
 
 
 def _kept(coordinate: Callable[[Along], Array]) -> Callable[[Along], Array]:

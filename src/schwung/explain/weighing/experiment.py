@@ -17,7 +17,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from schwung.explain.weighing.along import Along, TrueTorque, along
+from schwung.explain.weighing.along import Along, along
 from schwung.explain.weighing.candidate import Candidate, Shape
 from schwung.explain.weighing.data import Atom
 from schwung.explain.weighing.equations import equations_of
@@ -25,6 +25,7 @@ from schwung.explain.weighing.present import filter_of, gap_of, with_members
 from schwung.explain.weighing.round import Cause, Linearised, View, acting, resmoothed
 from schwung.explain.weighing.search import Scored, slices
 from schwung.explain.weighing.sharpness import covariance_of
+from schwung.explain.weighing.true_torque import TrueTorque
 from schwung.explain.weighing.weigh import Posterior
 from schwung.explain.weighing.work import Work
 from schwung.innovations.effect import Effect, Passed

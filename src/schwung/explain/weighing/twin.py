@@ -12,10 +12,11 @@ import numpy as np
 
 from schwung.drivetrain.machine import Machine
 from schwung.errors import InputError
-from schwung.explain.weighing.along import TrueTorque, ranges_of
+from schwung.explain.weighing.along import ranges_of
 from schwung.explain.weighing.candidate import NATURAL
 from schwung.explain.weighing.known import known
 from schwung.explain.weighing.round import View, at_rest
+from schwung.explain.weighing.true_torque import TrueTorque
 from schwung.explain.weighing.weigh import STICKING, band_of
 from schwung.innovations.likelihood import Noise
 from schwung.innovations.signals import picked_signals_of

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from schwung.drivetrain.machine import Machine
 from schwung.explain.kept_aside import kept_aside
-from schwung.explain.weighing.along import TrueTorque, ranges_of
+from schwung.explain.weighing.along import ranges_of
 from schwung.explain.weighing.candidate import NATURAL, RIGHT_TO, Candidate, Shape
 from schwung.explain.weighing.elsewhere import holding
 from schwung.explain.weighing.grown import Grown, grown
@@ -31,6 +31,7 @@ from schwung.explain.weighing.sharpness import covariance_of
 from schwung.explain.weighing.standing import Standing, is_plain, standing
 from schwung.explain.weighing.taken import Held, TakenLater, taken_later
 from schwung.explain.weighing.told import as_told
+from schwung.explain.weighing.true_torque import TrueTorque
 from schwung.explain.weighing.values import Named, Parameter, Proof, Unnamed, Weighed
 from schwung.explain.weighing.vocabulary import vocabulary
 from schwung.explain.weighing.wide import wide_fit

@@ -7,7 +7,6 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from schwung.explain.weighing.along import TrueTorque
 from schwung.explain.weighing.present import Member
 from schwung.explain.weighing.round import (
     Linearised,
@@ -21,6 +20,7 @@ from schwung.explain.weighing.round import (
     torques_about,
 )
 from schwung.explain.weighing.settling import HALVINGS, within
+from schwung.explain.weighing.true_torque import TrueTorque
 from schwung.explain.weighing.work import PRODUCT
 from schwung.innovations.evidence import Weighed, weigh
 from schwung.innovations.likelihood import Noise
