@@ -213,7 +213,7 @@ PHYSICS: Mapping[str, Mapping[str, Key]] = {
     "torque_constant_fade": {
         "share_at_peak": Key("torque_fade", "", _NOT_NEGATIVE),
         "peak_nm": Key("torque_fade_at_nm", "N·m", _POSITIVE),
-        "time_constant_s": Key("torque_fade_s", "s", 1e-3),
+        "time_constant_s": Key("torque_fade_s", "s", _POSITIVE),
         "start_heat": Key("torque_fade_start", "", _NOT_NEGATIVE, optional=0.0),
     },
     "torque_ripple": {
