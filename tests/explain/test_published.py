@@ -22,7 +22,8 @@ from schwung.explain.weighing.formula import formulas
 from schwung.explain.weighing.known import known
 from schwung.explain.weighing.learned import Found, learned, table
 from schwung.explain.weighing.publication import Published
-from schwung.explain.weighing.published import publish
+from schwung.explain.weighing.published import _possible, publish
+from schwung.explain.weighing.values import Parameter
 from schwung.explain.weighing.vocabulary import vocabulary
 
 ROOT = Stranger("friction over the root of speed", (), (0.0, 0.0, 0.22, 0.0))
@@ -189,3 +190,22 @@ def test_a_session_in_amperes_needs_a_machine_in_amperes() -> None:
     object.__setattr__(session, "effort", "current")
     with pytest.raises(InputError, match="is in N·m, the session in A"):
         publish(session, belief_of(ROOT))
+
+
+@pytest.mark.parametrize(
+    ("law", "key", "known", "told"),
+    [
+        (
+            "torque_constant_fade",
+            "start_heat",
+            (0.01, -0.02, 0.04),
+            (0.0, 0.04),
+        ),  # no motor is colder than cold
+        ("stiffness_over_angle", "share", (0.8, 0.7, 0.95), (0.7, 0.9)),
+        ("torque_offset", "torque_nm", (0.01, -0.02, 0.04), (-0.02, 0.04)),
+    ],
+)
+def test_no_interval_holds_what_no_machine_has(
+    law: str, key: str, known: tuple[float, float, float], told: tuple[float, float]
+) -> None:
+    assert _possible(Parameter(*known), PHYSICS[law][key]) == told

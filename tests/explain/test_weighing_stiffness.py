@@ -7,7 +7,10 @@ import pytest
 from sealed_sessions import drawn
 from strangers import STIFFNESS, Stranger, belief_of, session_of
 
+from schwung.explain.weighing.growth import Growth
 from schwung.explain.weighing.published import publish
+from schwung.explain.weighing.search import Scored, Search
+from schwung.explain.weighing.settling import Settled
 from schwung.explain.weighing.weigh import weigh
 
 
@@ -43,3 +46,30 @@ def test_a_cubic_stiffness_has_its_size(tmp_path: Path) -> None:
     found = next(one for one in publish(session, machine).names if one.physics == "nonlinear_stiffness")
     (true,) = (e["parameters"]["cubic_nm_rad3"] for e in label["effects"] if e["physics"] == found.physics)
     assert found.parameters["cubic_nm_rad3"].value == pytest.approx(true, rel=0.015)
+
+
+class _Found(Exception):
+    """The first cause that was found."""
+
+
+def test_a_coupling_that_is_four_times_as_stiff_here_as_there_has_its_order(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """To first order about an even stiffness twice the true order takes ten times as much: five causes stood for it,
+    none of them with a name."""
+    session, machine, label = drawn(tmp_path, 315507, 2, kind="foreign")
+    further = Growth._further
+
+    def first(growth: Growth, search: Search, start: Scored, at: Settled) -> None:
+        found = further(growth, search, start, at)
+        assert found is not None
+        raise _Found(found[1].members[-1])
+
+    monkeypatch.setattr(Growth, "_further", first)
+    with pytest.raises(_Found) as found:
+        weigh(session, machine)
+    (member,), (hidden,) = found.value.args, label["effects"]
+    assert member.candidate.name == "stiffness_over_angle"
+    assert member.shape[0] == pytest.approx(hidden["parameters"]["order"], abs=0.01)
+    share = float(np.hypot(*member.coefficients))
+    assert share == pytest.approx(hidden["parameters"]["share"], rel=0.01)

@@ -133,6 +133,11 @@ class Candidate:
         return any(self.coupling) or self.tangent is not None or self.swings
 
     @property
+    def bends_by_shape(self) -> bool:
+        """Whether it bends the coupling in more ways than one."""
+        return self.tangent is not None and len(self.shapes) > 1
+
+    @property
     def shape_log(self) -> float:
         """Log of the share that one shape has of all that there are, before anything is seen."""
         return -float(np.log(self.choices or len(self.shapes)))

@@ -258,6 +258,13 @@ class Growth:
                 search.asked[frozenset(one.picks)] = gain
             if gain > top:
                 best, top = (one, tried), gain
+        if best is None or not self.rests.misses(at) or not self.rests.leaves(best[1]):
+            return best
+        for one in lines:
+            if search.candidate(one.picks[-1]).bends_by_shape and not search.data.work.spent:
+                found = self.rests.in_each_shape(search, one, start, at, top)
+                if found is not None:
+                    best, top = (found[0], found[1]), found[2]
         return best
 
     def _renew(self, at: Settled) -> None:

@@ -11,7 +11,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from schwung.drivetrain.effects import PHYSICS
+from schwung.drivetrain.effects import PHYSICS, Key
 from schwung.drivetrain.machine import Machine
 from schwung.drivetrain.residual import UNITS
 from schwung.explain import free_run
@@ -249,7 +249,8 @@ class _Publishing:
                 told_values = parameters_of(self.search, self.chosen.set, cause.pick, cause.where)
                 given = {key: _wider(value, given.get(key)) for key, value in told_values.items()}
             quantities = {
-                key: Quantity(q.value, self._unit(one.name, key), (q.low, q.high)) for key, q in given.items()
+                key: Quantity(q.value, self._unit(one.name, key), _possible(q, PHYSICS[one.name].get(key)))
+                for key, q in given.items()
             }
             if cause is not None and "table" in cause.found.parameters:
                 rows = tuple(tuple(row) for row in cause.found.parameters["table"])
@@ -371,6 +372,14 @@ class _Publishing:
                 words = candidate.unsaid(found, spread, atom.shape, unit)
                 notes += [f"{candidate.name}: machine.toml cannot say {words}"] if words else []
         return notes
+
+
+def _possible(one: Parameter, key: Key | None) -> tuple[float, float]:
+    """An interval without what no machine has: below nothing, where a term cannot be, nothing is."""
+    if key is None:
+        return one.low, one.high
+    least = 0.0 if key.lowest >= 0 else key.lowest
+    return min(max(one.low, least), one.value), max(min(one.high, key.highest), one.value)
 
 
 def _wider(one: Parameter, other: Parameter | None) -> Parameter:

@@ -74,11 +74,36 @@ class Rests:
                 tried = self._balanced(at, begun, tried)
             far = everywhere and members[-1].candidate.elsewhere
             if far and key_of(members[-1]) not in {key_of(m) for m in at.members}:
-                other = settled_elsewhere(at, begun, self.weighing, least)
+                starts = [
+                    replace(begun[-1], coefficients=np.array([value]))
+                    for value in members[-1].candidate.elsewhere
+                ]
+                other = settled_elsewhere(at, begun[:-1], starts, self.weighing, few_of(self.train), least)
                 tried = tried if other is None or other.log < tried.log else other
         else:
             tried = settled(at.about.view, members, self.weighing, to_exceed)
         return self.noted(search, one, start, at, tried)
+
+    def in_each_shape(
+        self, search: Search, one: Scored, start: Scored, at: Settled, least: float
+    ) -> tuple[Scored, Settled, float] | None:
+        """A set whose last cause bends the coupling, begun in every shape of it, at rest as above where it gains more
+        than `least`: where much more than noise is missed, a line takes a multiple of the order for it. It is looked
+        for in the run that misses most."""
+        *others, last = begun_from(at.members, members_of(search, one, self.candidates))
+        starts = [
+            replace(last, shape=shape, coefficients=0 * last.coefficients) for shape in last.candidate.shapes
+        ]
+        least_log = self.least(search, one, start, at) + least - at.log
+        most = max(few_of(self.train), key=lambda run: at.about.square([run]) / at.about.samples([run]))
+        tried = settled_elsewhere(at, others, starts, self.weighing, [most], least_log)
+        if tried is None:
+            return None
+        one = search.score(
+            (*one.picks[:-1], search.nearest(search.index(one.picks[-1]), tried.members[-1].shape))
+        )
+        tried, gain = self.noted(search, one, start, at, tried)
+        return (one, tried, gain) if gain > least else None
 
     def _balanced(self, at: Settled, begun: Sequence[Member], tried: Settled) -> Settled:
         """A curve of inertia that came to rest, or the same begun where a balance of torque leads, if that is likelier:
@@ -93,6 +118,10 @@ class Rests:
     def misses(self, at: Settled) -> bool:
         """Whether a set misses more than its noise is: then what is missed is no line about it."""
         return bool(at.about.square(self.train) > _FAR**2 * at.about.samples(self.train))
+
+    def leaves(self, at: Settled) -> bool:
+        """Whether a set misses more than noise."""
+        return at.about.square(self.train) > at.about.samples(self.train)
 
     def least(self, search: Search, one: Scored, start: Scored, at: Settled) -> float:
         """What a set has to be at rest to be as probable as the one at hand (log)."""

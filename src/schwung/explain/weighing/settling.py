@@ -138,29 +138,32 @@ def settled_beyond(
 
 
 def settled_elsewhere(
-    at: Settled, members: Sequence[Member], weighing: Weighing, least: float
+    at: Settled,
+    members: Sequence[Member],
+    starts: Sequence[Member],
+    weighing: Weighing,
+    few: Sequence[int],
+    least: float,
 ) -> Settled | None:
-    """Members, the last of which is begun where no line leads, at rest; None where by a few runs none of that is
+    """Members and one of `starts`, begun where no line leads, at rest; None where by a `few` runs none of that is
     likelier than the set at rest without it, by more than `least` (log) in all.
 
-    A resonance that is far off has a maximum of the likelihood of its own.
+    A resonance that is far off, and a stiffness of another order, have maxima of the likelihood of their own.
     """
-    first = replace(weighing, train=few_of(weighing.train))
+    first = replace(weighing, train=few)
     here = settled(at.about.view, at.members, first)
     in_all = at.about.samples(weighing.train) / at.about.samples(first.train)
-    begun = [
-        settled(
-            at.about.view,
-            [*members[:-1], replace(members[-1], coefficients=np.array([start]))],
-            first,
-            here.log + least / in_all,
-        )
-        for start in members[-1].candidate.elsewhere
-    ]
-    best = max(begun, key=lambda one: one.log)
-    if in_all * (best.log - here.log) <= least:
-        return None
-    return best if in_all == 1 else settled(at.about.view, best.members, weighing)
+    least /= in_all
+    best: Settled | None = None
+    for start in starts:
+        if best is not None and at.about.view.work.spent:
+            break
+        found = settled(at.about.view, [*members, start], first, here.log + least)
+        if found.log - here.log > least:
+            best, least = found, found.log - here.log
+    if best is None or in_all == 1:
+        return best
+    return settled(at.about.view, best.members, weighing)
 
 
 def _shut(member: Member) -> bool:
