@@ -12,8 +12,9 @@ import numpy as np
 from schwung.compiled import compiled, inlined
 from schwung.motion import Array
 
-#: In which it is followed, as shares of the wind-up over which it yields, and after how many it has.
-_STEP, _YIELDED = 0.1, 30.0
+#: Steps in which it is followed, as shares of the wind-up over which it yields, shorter for larger exponents; what is
+#: short of that; after how many it has yielded, and what it holds then.
+_STEP, _STEP_OF_EXPONENT, _SHORT, _YIELDED, _HELD = 0.4, 2.0, 0.25, 30.0, 1.0 - 1e-9
 
 
 @inlined
@@ -21,7 +22,10 @@ def yields(share: float, speed: float, exponent: float) -> float:
     """Of its stiffness, what is left where it holds so much of what it yields at, −1…1."""
     if share * speed <= 0.0:
         return 1.0
-    return float(1.0 - abs(share) ** exponent)
+    there = abs(share)
+    if exponent == 1.0:
+        return 1.0 - there
+    return float(1.0 - there**exponent)
 
 
 @inlined
@@ -34,17 +38,42 @@ def yielding_rate(torque: float, stiffness: float, exponent: float, held: float,
 def yielded(wound: Array, over: float, exponent: float) -> Array:
     """What it holds over what it yields at, −1…1, along wind-ups (rad), (n,), from nothing on; `over`: Z/κ (rad)."""
     found = np.zeros_like(wound)
-    share = 0.0
+    longest = min(_STEP, _STEP_OF_EXPONENT / exponent)
+    held, side = 0.0, 1.0
     for i in range(1, wound.size):
-        way = (wound[i] - wound[i - 1]) / over
-        way = min(max(way, -_YIELDED), _YIELDED)
-        steps = max(int(np.ceil(abs(way) / _STEP)), 1)
-        step = way / steps
-        for _ in range(steps):  # the midpoint rule
-            half = share + 0.5 * step * yields(share, step, exponent)
-            share = min(max(share + step * yields(half, step, exponent), -1.0), 1.0)
-        found[i] = share
+        way = side * (wound[i] - wound[i - 1]) / over
+        if way < 0.0:  # it is unloaded, in proportion, and loaded the other way
+            held += way
+            way = 0.0
+            if held < 0.0:
+                side, way, held = -side, min(-held, _YIELDED), 0.0
+        if way < _SHORT * longest:
+            held = _loaded_shortly(held, way, exponent)
+        else:
+            steps = int(np.ceil(way / longest))
+            for _ in range(steps):
+                if held > _HELD:
+                    break
+                held = _loaded(held, way / steps, exponent)
+        found[i] = side * held
     return found
+
+
+@inlined
+def _loaded_shortly(held: float, way: float, exponent: float) -> float:
+    """Held so little further on, by the midpoint rule."""
+    half = held + 0.5 * way * yields(held, 1.0, exponent)
+    return min(max(held + way * yields(half, 1.0, exponent), 0.0), 1.0)
+
+
+@inlined
+def _loaded(held: float, way: float, exponent: float) -> float:
+    """Held so much further on, by Runge and Kutta's rule of fourth order."""
+    first = yields(held, 1.0, exponent)
+    second = yields(held + 0.5 * way * first, 1.0, exponent)
+    third = yields(held + 0.5 * way * second, 1.0, exponent)
+    fourth = yields(held + way * third, 1.0, exponent)
+    return min(max(held + way / 6.0 * (first + 2.0 * second + 2.0 * third + fourth), 0.0), 1.0)
 
 
 @compiled

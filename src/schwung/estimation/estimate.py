@@ -9,6 +9,7 @@ from schwung.errors import InputError
 from schwung.estimation.choice import AUTO, Choice, is_joint, is_robust, leaves_much, ranked
 from schwung.estimation.delay import delay_removed
 from schwung.estimation.evidence import at_least, gather, relative_band, widened
+from schwung.estimation.left_out import LEFT_OUT
 from schwung.estimation.methods import Method, Task, excited_at, frequencies_of, method_named
 from schwung.estimation.sampling import prepared
 from schwung.estimation.sdft import samples_per_window
@@ -104,7 +105,9 @@ def _narrower_of(found: Estimate, how: Method, task: Task) -> tuple[Estimate, tu
     except InputError:
         return found, ()
     mine, others = (relative_band(one.table) for one in (found, other))
-    if mine is None or others is None or other.trust.verdict != "good" or others >= mine:
+    # of what the record shows and the favourite leaves out, its band knows nothing
+    better = other.shown or (mine is not None and others is not None and others < mine)
+    if mine is None or others is None or other.trust.verdict != "good" or not better:
         return found, ()
     seen = found.trust
     trust = replace(
@@ -114,10 +117,13 @@ def _narrower_of(found: Estimate, how: Method, task: Task) -> tuple[Estimate, tu
         position_amplitude_rad=seen.position_amplitude_rad,
         position_dc_rad=seen.position_dc_rad,
     )
-    said = (
-        f"Method {how.name} was taken: it uses motion and injection together, and expects ±{100 * others:.2g} % of the "
-        f"inertia where {found.method} expects ±{100 * mine:.2g} % (1σ)."
+    why = (
+        f"the record shows {' and '.join(other.shown)}, of which {found.method} knows nothing"
+        if other.shown
+        else f"it uses motion and injection together, and expects ±{100 * others:.2g} % of the inertia where "
+        f"{found.method} expects ±{100 * mine:.2g} % (1σ)"
     )
+    said = f"Method {how.name} was taken: {why}."
     return replace(other, trust=trust, traces=found.traces, denoised=found.denoised), (said,)
 
 
@@ -140,6 +146,7 @@ def _one(how: Method, task: Task) -> Estimate:
         denoised=outcome.denoised,
         trust=judge(outcome, task, combined.table, evidence, needs_slow_motion=slow),
         notes=outcome.notes + combined.notes,
+        shown=tuple(LEFT_OUT[one].words for one in outcome.shown),
     )
 
 

@@ -43,6 +43,7 @@ from schwung.drivetrain.machine import Machine
 from schwung.errors import InputError
 from schwung.estimation.denoise import denoise
 from schwung.estimation.fit import NOTHING, CurveFit, Nuisance, fit_curve
+from schwung.estimation.left_out import along_way, taken
 from schwung.estimation.methods import Outcome, Task
 from schwung.estimation.ripple import phase_groups, ripple_of_pair, ripple_of_phases
 from schwung.innovations.low_pass import low_passed
@@ -175,7 +176,12 @@ def gather(outcome: Outcome, task: Task, table: InertiaTable) -> Evidence:
         difference=difference,
         unexplained=unexplained,
         scale=motion_scale(
-            _motion_runs(task), machine, carried, task.frequency_hz, task.session.axis != "linear"
+            _motion_runs(task),
+            machine,
+            carried,
+            task.frequency_hz,
+            task.session.axis != "linear",
+            shown=outcome.shown,
         ),
         missed=outcome.missed,
         stiffer=outcome.stiffer,
@@ -226,12 +232,17 @@ def _motion_runs(task: Task) -> Sequence[Run]:
 
 
 def motion_scale(
-    runs: Sequence[Run], machine: Machine, table: InertiaTable, frequency_hz: float, rotary: bool
+    runs: Sequence[Run],
+    machine: Machine,
+    table: InertiaTable,
+    frequency_hz: float,
+    rotary: bool,
+    shown: Sequence[int] = (),
 ) -> Nuisance | None:
     """s of the motion's balance (see above) and its standard deviation; None where the record is too short.
 
     `runs` are of one motion and averaged. Friction, a constant torque and on a rotary axis a weight (first harmonic
-    of the load angle) are fitted beside it and may be anything.
+    of the load angle) are fitted beside it and may be anything, and what else was `shown` (of `LEFT_OUT`).
     """
     n = min(len(run) for run in runs)
     rate = runs[0].sample_rate_hz
@@ -267,6 +278,11 @@ def motion_scale(
     columns = [moved, np.tanh(speed / (STICKING * top)), speed / top, np.ones(n)]
     if rotary:
         columns += [np.cos(load), np.sin(load)]
+    if shown:
+        along = along_way(load, float(table.position_rad[0]), float(table.position_rad[-1]))
+        carried, direction = torque - rotor, np.tanh(speed / (STICKING * top))
+        hidden = taken(torque, carried, speed, direction, along, motor.peak_torque_nm, top)
+        columns += list(hidden[:, list(shown)].T)
     columns += _rests(speed, STICKING * top, margin)
     inner = slice(margin, -margin)
     design = np.column_stack([below(column)[inner] for column in columns])

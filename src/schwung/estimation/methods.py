@@ -75,6 +75,7 @@ class Outcome:
     machine: Machine | None = None  # as found beside the inertia; None: as believed
     missed: float | None = None  # rms torque that the model misses beyond noise, over the rms torque
     stiffer: Nuisance = NOTHING  # how far the stiffness found is from the file's, relative
+    shown: tuple[int, ...] = ()  # what of `LEFT_OUT` was found beside the inertia
 
 
 class Method(Protocol):

@@ -8,6 +8,8 @@ and between samples of a held injection what the controller answers there.
 
 from __future__ import annotations
 
+from functools import partial
+
 import numpy as np
 
 from schwung.drivetrain.inertia import InertiaTable
@@ -17,6 +19,7 @@ from schwung.estimation.choice import clipped_share
 from schwung.estimation.delay import amplitudes_restored
 from schwung.estimation.evidence import ripple_fit
 from schwung.estimation.fit import NOTHING, Nuisance
+from schwung.estimation.left_out import LEFT_OUT
 from schwung.estimation.methods import Outcome, Suitability, Task, register
 from schwung.estimation.report import unknown_answer
 from schwung.estimation.table import DEFAULT_POINTS
@@ -52,9 +55,12 @@ class TrajectoryMethod:
     def traces(self, task: Task) -> Outcome:
         """Fit, and tabulate with the posterior's standard deviation."""
         session = amplitudes_restored(task.recorded or task.session, task.session)
-        found = fit(
-            session.runs, task.machine, rotary=session.axis == "rotary", start=task.start or _near(task)
+        how = partial(
+            fit, session.runs, task.machine, rotary=session.axis == "rotary", start=task.start or _near(task)
         )
+        found = how()
+        if found.shown and _misses(found):  # what takes a part of something else says nothing
+            found = how(plain=True)
         _check_explained(found)
         hidden = max((unknown_answer(run, task.machine) for run in session.runs if run.is_held), default=0.0)
         table, notes = _table(found, task.points or DEFAULT_POINTS, hidden)
@@ -65,6 +71,7 @@ class TrajectoryMethod:
             machine=_as_found(found),
             missed=_missed(found),
             stiffer=_stiffer(found),
+            shown=found.shown,
         )
 
 
@@ -153,8 +160,12 @@ def _notes(found: Fit) -> tuple[str, ...]:
     values, deviations = found.parameters, np.sqrt(np.diag(found.covariance))
 
     def told(name: str, index: int, unit: str, scale: float = 1.0) -> str:
-        return f"{name} {scale * values[index]:.3g} ± {scale * deviations[index]:.2g} {unit}"
+        return f"{name} {scale * values[index]:.3g} ± {scale * deviations[index]:.2g} {unit}".strip()
 
+    hidden = [
+        told(LEFT_OUT[one].words, at.left_out.start + one, "N·m" if LEFT_OUT[one].of_peak else "")
+        for one in found.shown
+    ]
     missed, sensor = noise.torque_nm, _sensor_noise(found)
     lines = [
         f"Noise found: torque {noise.torque_nm:.2g} N·m, speed {noise.speed_rad_s:.2g} rad/s, "
@@ -166,11 +177,12 @@ def _notes(found: Fit) -> tuple[str, ...]:
                 told("viscous friction beyond the machine file's", at.viscous, "N·m·s/rad"),
                 told("torque delay", at.torque_delay, "ms", 1e3),
                 told("speed delay", at.speed_delay, "ms", 1e3),
+                *hidden,
             ]
         )
         + ".",
     ]
-    if missed > MISFIT * sensor:
+    if _misses(found):
         lines.append(
             f"The model misses {missed:.2g} N·m (rms), {missed / sensor:.0f} times the noise of the torque itself: "
             "the machine does something that the model does not hold, and the inertia may be off by more than its band."
@@ -178,6 +190,11 @@ def _notes(found: Fit) -> tuple[str, ...]:
     if not found.converged:
         lines.append(f"The fit had not settled after {found.iterations} iterations.")
     return tuple(lines)
+
+
+def _misses(found: Fit) -> bool:
+    """Whether the model leaves physics out."""
+    return found.noise.torque_nm > MISFIT * _sensor_noise(found)
 
 
 def _sensor_noise(found: Fit) -> float:

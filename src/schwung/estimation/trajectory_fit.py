@@ -7,8 +7,9 @@ make the innovations most likely.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import TypeVar
 
 import numpy as np
@@ -17,9 +18,10 @@ from scipy.optimize import minimize_scalar
 from schwung.drivetrain.inertia import InertiaTable
 from schwung.drivetrain.machine import Machine
 from schwung.errors import InputError
+from schwung.estimation.left_out import ALIKE, shown
 from schwung.estimation.sampling import is_held
 from schwung.estimation.trajectory_model import Layout, Model
-from schwung.estimation.trajectory_prior import Posterior, posterior, prior_for
+from schwung.estimation.trajectory_prior import Posterior, Prior, posterior, prior_for
 from schwung.innovations import kalman, kernel
 from schwung.innovations.likelihood import (
     STICKING,
@@ -81,6 +83,7 @@ class Fit:
     runs: tuple[Signals, ...]
     iterations: int
     converged: bool
+    shown: tuple[int, ...]  # what of `LEFT_OUT` the recordings show
 
     def inertia_at(self, angle_rad: Array) -> tuple[Array, Array]:
         """J_l (kg·m²) and its standard deviation at load angles (rad), (n,) each.
@@ -116,29 +119,34 @@ class Passed:
 
 
 def fit(
-    recorded: Sequence[Run], machine: Machine, *, rotary: bool = True, start: InertiaTable | None = None
+    recorded: Sequence[Run],
+    machine: Machine,
+    *,
+    rotary: bool = True,
+    start: InertiaTable | None = None,
+    plain: bool = False,
 ) -> Fit:
     """Fit the model to all runs at once.
 
     `start`: a curve that is near already; sizes of noise are looked for when the rest has come near, too, lest they
     take what is still to be explained. Else it begins at the constant inertia that explains the runs best, and the
     coupling is held as believed until the rest has settled: stiffness and inertia, both far off, can make up for each
-    other. Then pieces are halved until the curve's bends are resolved.
+    other. Then pieces are halved until the curve's bends are resolved; and what else the recordings show is fitted as
+    well (`left_out.py`), unless it shall be `plain`.
 
     Raises InputError where there is no torque or no motion at all, or nothing that these equations could fit.
     """
     _check_alive(recorded)
     model, runs = _model_of(recorded, machine, rotary)
     noise = first_noise(runs)
-    if start is None:
-        logs = np.full(model.layout.basis.size, np.log(_constant_inertia(model, _few(runs), noise)))
-    else:
-        logs = model.layout.basis.coefficients_of(lambda angle: np.log(start.at(angle)))
+    logs = _begun(model, runs, noise, start)
     inertia = float(np.exp(np.mean(logs)))
     held = any(is_held(run) for run in recorded)
     released = machine.coupling is None or start is not None
     lags = recorded[0].extra.get(LAGS)
-    prior = prior_for(model.layout, machine, inertia, held=held, coupling=released, lags=lags)
+    clear: set[int] = set()  # what of `LEFT_OUT` the recordings show
+    made = partial(prior_for, machine=machine, inertia_kgm2=inertia, held=held, lags=lags, shown=clear)
+    prior = made(model.layout, coupling=released)
     parameters, smoothness = prior.mean.copy(), (np.log(0.01), np.log(0.01))
     parameters[model.layout.inertia] = logs
     restless, settled, iteration, reach = True, False, 0, 1.0
@@ -163,19 +171,24 @@ def fit(
         moved = float(np.max(np.abs(step) / np.sqrt(np.diag(found.covariance))))
         step *= min(1.0, LARGEST_STEP / max(largest, 1e-12))
         if moved > FAR:
-            step = _likelier(model, _few(about), _few(runs), parameters, step, noise)
+            step = _likelier(
+                model, _few(about), _few(runs), parameters, step, noise, 1 / np.sqrt(prior.precision)
+            )
         parameters = parameters + step
         runs = resmoothed(model, passed.runs, parameters, noise)
         if moved < NEARLY and not released:
             released, restless = True, True
-            prior = prior_for(model.layout, machine, inertia, held=held, coupling=True, lags=lags)
+            prior = made(model.layout, coupling=released)
         elif moved < NEARLY and _too_coarse(model, found):
             model, parameters = _refined(model, parameters)
-            prior = prior_for(model.layout, machine, inertia, held=held, coupling=True, lags=lags)
-            restless = True
+            prior, restless = made(model.layout, coupling=released), True
         else:
             settled = moved < SETTLED and not restless
             restless = restless or moved > NEARLY
+            one = _shown(model, prior, passed, smoothness, clear) if settled and not plain else None
+            if one is not None:
+                clear |= ALIKE[one]
+                prior, settled, restless = made(model.layout, coupling=released), False, True
     every = recorded[0].sample_rate_hz * runs[0].step_s
     return Fit(
         model=model,
@@ -188,7 +201,20 @@ def fit(
         runs=runs,
         iterations=iteration,
         converged=settled,
+        shown=tuple(sorted(clear)),
     )
+
+
+def _shown(
+    model: Model, prior: Prior, passed: Passed, smoothness: tuple[float, float], clear: Collection[int]
+) -> int | None:
+    """What else the recordings show most clearly, counted from the first that is left out; None: nothing."""
+    first, size = model.layout.left_out.start, model.layout.size
+    asked = [place for place in range(first, size) if place - first not in clear]
+    fitted = np.array([place for place in range(size) if place not in asked])
+    precision, _ = prior.matrix(smoothness)
+    found = shown(passed.information, passed.slope, passed.scores, precision, fitted, asked)
+    return None if found is None else found - first
 
 
 def _model_of(recorded: Sequence[Run], machine: Machine, rotary: bool) -> tuple[Model, tuple[Signals, ...]]:
@@ -233,14 +259,21 @@ def _likelier(
     parameters: Array,
     step: Array,
     noise: Noise,
+    deviations: Array,
 ) -> Array:
-    """The step, halved until the runs are likelier after it: far from the truth, a linear model promises too much."""
+    """The step, halved until the runs are likelier after it: far from the truth, a linear model promises too much.
+
+    Where no part of it makes them likelier, it is taken as far as parameters are naturally apart (`deviations`):
+    likelihood has another maximum than the estimating equations, whose columns are about quiet signals (see
+    `Model.columns`), and between the two says nothing of it.
+    """
     before = deviance_of(about, runs, noise, scaled=True)
-    for _ in range(HALVINGS):
-        if deviance_of(systems_of(model, runs, parameters + step), runs, noise, scaled=True) < before:
-            break
-        step = step / 2
-    return step
+    for halvings in range(HALVINGS):
+        tried = parameters + step * 0.5**halvings
+        if deviance_of(systems_of(model, runs, tried), runs, noise, scaled=True) < before:
+            return step * 0.5**halvings
+    share = min(1.0, float(np.min(deviations / np.maximum(np.abs(step), 1e-300))))
+    return np.asarray(share * step)
 
 
 def _too_coarse(model: Model, found: Posterior) -> bool:
@@ -281,6 +314,14 @@ def passed_over(
     if not (np.all(np.isfinite(information)) and np.all(np.isfinite(every))):
         raise no_such_machine()
     return Passed(information, every.sum(0), every, tuple(smoothed))
+
+
+def _begun(model: Model, runs: Sequence[Signals], noise: Noise, start: InertiaTable | None) -> Array:
+    """Coefficients of the inertia at first."""
+    basis = model.layout.basis
+    if start is None:
+        return np.full(basis.size, np.log(_constant_inertia(model, _few(runs), noise)))
+    return np.asarray(basis.coefficients_of(lambda angle: np.log(start.at(angle))))
 
 
 def _constant_inertia(model: Model, runs: Sequence[Signals], noise: Noise) -> float:

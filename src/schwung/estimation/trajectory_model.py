@@ -3,6 +3,8 @@
     J_r dω_r/dt = T(t − d_T) − b_r ω_r − F tanh(ω_r/ω_s) − v ω_r − C        C = b (ω_r − ω_l) + k (θ_r − θ_l)
     J_l(θ_l) dω_l/dt = C − b_l ω_l + T_l(θ_l) − ½ J_l'(θ_l) ω_l²            speed reported: ω_r(t − d_ω)
 
+less what `left_out.py` takes of T where the record shows it.
+
 T is the *measured* motor torque, whose error is white; angle and speed are measured with white errors. log J_l and
 T_l are cubic B-splines over the load angle. What depends on the trajectory (J_l, J_l', T_l, friction) is taken along
 the latest smoothed one, so that each step of the filter is linear; it changes by parts in 10⁴ between iterations.
@@ -15,7 +17,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from schwung.drivetrain.machine import Machine
-from schwung.innovations.likelihood import Equations
+from schwung.estimation.left_out import LEFT_OUT, along_way, taken
+from schwung.innovations.likelihood import STICKING, Equations
 from schwung.innovations.signals import Between, Signals
 from schwung.innovations.splines import Basis
 from schwung.innovations.steps import Steps, bulge, no_such_machine, off_middle
@@ -74,8 +77,12 @@ class Layout:
         return self.coulomb + 7
 
     @property
+    def left_out(self) -> slice:  # see `left_out.py`
+        return slice(self.coulomb + 8, self.size)
+
+    @property
     def size(self) -> int:
-        return self.coulomb + 8
+        return self.coulomb + 8 + len(LEFT_OUT)
 
 
 @dataclass(frozen=True, eq=False)
@@ -89,6 +96,7 @@ class _Along:
     bend: Array  # dJ_l/dθ
     speed: Array
     direction: Array
+    left_out: Array  # what a unit of each takes from the motor, (n, 6)
     centrifugal: Array  # ½ ω_l²
 
     @property
@@ -134,6 +142,7 @@ class Model:
             raise no_such_machine()
         inertia = np.exp(logs)
         speed = run.states[:, 1]
+        direction = np.tanh(speed / self.sticking_rad_s)
         return _Along(
             rows=rows,
             slopes=slopes,
@@ -141,9 +150,19 @@ class Model:
             inertia=inertia,
             bend=inertia * (slopes @ parameters[at.inertia]),
             speed=speed,
-            direction=np.tanh(speed / self.sticking_rad_s),
+            direction=direction,
+            left_out=self._left_out(run, direction),
             centrifugal=run.load_speed_rad_s**2 / 2,
         )
+
+    def _left_out(self, run: Signals, direction: Array) -> Array:
+        """Along the run's states; what the coupling carries as believed, which is near."""
+        coupling, basis = self.machine.coupling, self.layout.basis
+        torque = run.quiet(run.drive.whole_nm)
+        carried = torque if coupling is None else run.quiet(coupling.stiffness_nm_rad * run.states[:, 2])
+        along = along_way(run.load_angle_rad, basis.low_rad, basis.high_rad)
+        peak, top = self.machine.motor.peak_torque_nm, self.sticking_rad_s / STICKING
+        return taken(torque, carried, run.states[:, 1], direction, along, peak, top)
 
     def equations(self, run: Signals, parameters: Array) -> Equations:
         """The run's filter equations about its states."""
@@ -151,6 +170,7 @@ class Model:
         load = along.gentle @ parameters[at.load_torque] - along.bend * along.centrifugal
         load += self.machine.load_torque_at(run.load_angle_rad)
         friction = parameters[at.coulomb] * along.direction + parameters[at.viscous] * along.speed
+        friction += along.left_out @ parameters[at.left_out]
         motor = run.drive.between(parameters[at.torque_delay], parameters[at.controller_delay])
         start, end = motor.start_nm - friction[:-1], motor.end_nm - friction[1:]
         early, late, between = off_middle(along.inertia, run)
@@ -195,8 +215,9 @@ class Model:
             return parameter - at.coulomb
 
         bent = run.quiet(run.drive.smooth(run.time_s, 2))
-        friction = np.stack([along.direction, along.speed, bent], 1)
-        others[:, :, [of(at.coulomb), of(at.viscous), of(at.loss)]] = steps.added(-friction, 0)
+        friction = np.column_stack([along.direction, along.speed, bent, along.left_out])
+        of_friction = [at.coulomb, at.viscous, at.loss, *range(at.size)[at.left_out]]
+        others[:, :, [of(each) for each in of_friction]] = steps.added(-friction, 0)
         both = steps.inputs[:, :, 0] + steps.inputs[:, :, 2]
         others[:, :, of(at.torque_delay)] = both * motor.by_delay[:, None]
         others[:, :, of(at.controller_delay)] = both * motor.by_controller_delay[:, None]

@@ -10,7 +10,7 @@ costs them nothing.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 from functools import cache
 
@@ -19,6 +19,7 @@ from scipy.linalg import solve_triangular
 from scipy.optimize import minimize
 
 from schwung.drivetrain.machine import Machine
+from schwung.estimation.left_out import LEFT_OUT
 from schwung.estimation.trajectory_model import Layout
 from schwung.innovations import kernel
 from schwung.innovations.steps import no_such_machine
@@ -79,11 +80,13 @@ def prior_for(
     *,
     held: bool,
     coupling: bool,
+    shown: Collection[int] = (),
     lags: tuple[tuple[float, float], tuple[float, float]] | None = None,
 ) -> Prior:
     """The prior of a machine about a constant inertia; what it cannot have is pinned, and its coupling unless asked.
 
-    `lags`: what the ripple by itself said of the delays of torque and speed, and its standard deviations (s). Without,
+    `shown`: what of `LEFT_OUT` is there. `lags`: what the ripple by itself said of the delays of torque and speed, and
+    its standard deviations (s). Without,
     a coupling twice as limp and a torque half a millisecond off make up for each other.
     """
     peak = machine.motor.peak_torque_nm
@@ -100,6 +103,9 @@ def prior_for(
         deviation[delays] = np.minimum(SEEN * np.array(known), DELAY_S)
     deviation[layout.controller_delay] = DELAY_S if held else _PINNED
     deviation[layout.loss] = _PINNED_S2
+    for number, one in enumerate(LEFT_OUT):
+        natural = one.natural * (peak if one.of_peak else 1.0)
+        deviation[layout.left_out.start + number] = natural if number in shown else _PINNED * natural
     shaft = machine.coupling if coupling else None
     deviation[layout.stiffness] = STIFFNESS if shaft else _PINNED
     deviation[layout.damping] = DAMPING if shaft and shaft.damping_nms > 0 else _PINNED

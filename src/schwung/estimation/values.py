@@ -79,6 +79,7 @@ class Estimate:
     denoised: tuple[Denoised, ...]
     trust: Trust
     notes: tuple[str, ...] = ()
+    shown: tuple[str, ...] = ()  # physics beside inertia, friction and load that was found with it, in words
 
     def to_json(self) -> dict[str, Any]:
         """Everything but the samples, JSON-ready."""
