@@ -52,7 +52,7 @@ def test_what_the_record_shows_no_longer_passes_for_inertia(
     cause: str, kind: str, key: int, value: float
 ) -> None:
     stranger, session, machine = recorded(cause)
-    plain = fit(session.runs, machine, plain=True)
+    plain = fit(session.runs, machine, without=True)
     grid = np.linspace(plain.model.layout.basis.low_rad, plain.model.layout.basis.high_rad, 64)
     truth = stranger.truth(grid)
     without = np.sqrt(np.mean((plain.inertia_at(grid)[0] - truth) ** 2)) / stranger.mean_kgm2

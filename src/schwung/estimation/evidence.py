@@ -27,7 +27,7 @@ What the balances show beyond chance and beyond the band is left out of the band
 added to it by squares, once (`widened`), so that the table's own standard deviation is the error to be expected,
 everywhere. The weights say how much of the inertia's error each part shows, and were set on simulated machines
 (`benchmarks/calibration.py --hard`) that the published rates do not use. What stays unexplained is mostly noise, which
-the band knows already: it makes doubts, no band.
+the band knows already: it makes doubts, no band, unless a fit of the whole record misses several times its noise.
 """
 
 from __future__ import annotations
@@ -81,6 +81,7 @@ class Evidence:
     unexplained: float | None
     scale: Nuisance | None  # s: what the motion asks for over what the table says
     missed: float | None  # of a whole-record method
+    misses: bool = False  # whether that is physics which it leaves out, not noise
     stiffer: Nuisance = NOTHING  # how far the stiffness found is from the file's
     spread: float = 0.0  # the band's root mean square: one wide cell counts in the rms difference, too
     whole: bool = False  # the fit took the motion and all runs itself
@@ -102,6 +103,8 @@ class Evidence:
             found["difference"] = max(beyond - coarse, 0.0)
         if self.stiffer.value:
             found["stiffness"] = _ambiguity(self.stiffer)
+        if self.misses and self.missed is not None:
+            found["missed"] = WEIGHT_MISSED * self.missed
         if self.band is not None:
             found["band"] = self.band
         return found
@@ -111,7 +114,7 @@ class Evidence:
         """What stays unexplained, weighed as an error would be that went with it."""
         if self.unexplained is not None:
             return {"unexplained": WEIGHT_UNEXPLAINED * self.unexplained}
-        return {} if self.missed is None else {"missed": WEIGHT_MISSED * self.missed}
+        return {} if self.missed is None or self.misses else {"missed": WEIGHT_MISSED * self.missed}
 
     @property
     def left_out(self) -> float:
@@ -184,6 +187,7 @@ def gather(outcome: Outcome, task: Task, table: InertiaTable) -> Evidence:
             shown=outcome.shown,
         ),
         missed=outcome.missed,
+        misses=outcome.misses,
         stiffer=outcome.stiffer,
         spread=0.0
         if table.std_kgm2 is None

@@ -33,11 +33,15 @@ LEFT_OUT = (
     LeftOut("a torque constant that drops with its square", "drop", 0.1, False),
     LeftOut("friction of the torque that is carried", "carried", 0.1, False),
     LeftOut("friction that falls with speed", "falling", 0.1, True),
-    LeftOut("friction that rises along the way", "along", 0.1, True),
-    LeftOut("friction that bends along the way", "along", 0.1, True),
+    LeftOut("friction that goes with the way", "along", 0.1, True),
+    LeftOut("with its square", "along", 0.1, True),
+    LeftOut("with its cube", "along", 0.1, True),
+    LeftOut("with its fourth power", "along", 0.1, True),
 )
 #: Which of them are of the same kind as each.
 ALIKE = tuple(frozenset(i for i, other in enumerate(LEFT_OUT) if other.kind == one.kind) for one in LEFT_OUT)
+#: Who writes a law otherwise means another tenth of what it does to the inertia.
+ROUGH = 0.1
 #: Friction falls within this share of the top speed.
 FALLS = 0.1
 #: Standard deviations from which one is shown, as of any number that is found beside the inertia.
@@ -53,7 +57,7 @@ def taken(
     peak_nm: float,
     top_rad_s: float,
 ) -> Array:
-    """What a unit of each takes from the motor's torque (N·m, or of those that are a torque 1), (n, 6).
+    """What a unit of each takes from the motor's torque (N·m, or of those that are a torque 1), (n, 8).
 
     `carried_nm`: by the coupling, or all that the motor gives; `direction`, and place `along` the way: −1…1; all (n,).
     """
@@ -63,8 +67,7 @@ def taken(
         torque_nm**3 / peak_nm**2,
         np.abs(carried_nm) * direction,
         falling * direction,
-        along * direction,
-        along**2 * direction,
+        *(along**power * direction for power in range(1, 5)),
     ]
     return np.stack(each, axis=1)
 

@@ -74,6 +74,7 @@ class Outcome:
     fit: CurveFit | None = None  # of the ripple's balance, where the table is that fit's
     machine: Machine | None = None  # as found beside the inertia; None: as believed
     missed: float | None = None  # rms torque that the model misses beyond noise, over the rms torque
+    misses: bool = False  # whether that is so much that it leaves physics out
     stiffer: Nuisance = NOTHING  # how far the stiffness found is from the file's, relative
     shown: tuple[int, ...] = ()  # what of `LEFT_OUT` was found beside the inertia
 

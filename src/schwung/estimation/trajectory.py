@@ -60,7 +60,7 @@ class TrajectoryMethod:
         )
         found = how()
         if found.shown and _misses(found):  # what takes a part of something else says nothing
-            found = how(plain=True)
+            found = how(without=True)
         _check_explained(found)
         hidden = max((unknown_answer(run, task.machine) for run in session.runs if run.is_held), default=0.0)
         table, notes = _table(found, task.points or DEFAULT_POINTS, hidden)
@@ -70,6 +70,7 @@ class TrajectoryMethod:
             windowed=False,
             machine=_as_found(found),
             missed=_missed(found),
+            misses=_misses(found),
             stiffer=_stiffer(found),
             shown=found.shown,
         )
@@ -185,7 +186,7 @@ def _notes(found: Fit) -> tuple[str, ...]:
     if _misses(found):
         lines.append(
             f"The model misses {missed:.2g} N·m (rms), {missed / sensor:.0f} times the noise of the torque itself: "
-            "the machine does something that the model does not hold, and the inertia may be off by more than its band."
+            "the machine does something that the model does not hold, and the inertia's band is wider for it."
         )
     if not found.converged:
         lines.append(f"The fit had not settled after {found.iterations} iterations.")

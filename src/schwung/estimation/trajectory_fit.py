@@ -8,7 +8,7 @@ make the innovations most likely.
 from __future__ import annotations
 
 from collections.abc import Collection, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import partial
 from typing import TypeVar
 
@@ -18,7 +18,7 @@ from scipy.optimize import minimize_scalar
 from schwung.drivetrain.inertia import InertiaTable
 from schwung.drivetrain.machine import Machine
 from schwung.errors import InputError
-from schwung.estimation.left_out import ALIKE, shown
+from schwung.estimation.left_out import ALIKE, ROUGH, shown
 from schwung.estimation.sampling import is_held
 from schwung.estimation.trajectory_model import Layout, Model
 from schwung.estimation.trajectory_prior import Posterior, Prior, posterior, prior_for
@@ -84,13 +84,15 @@ class Fit:
     iterations: int
     converged: bool
     shown: tuple[int, ...]  # what of `LEFT_OUT` the recordings show
+    rough: float  # how far their laws may put the inertia off, relative, one standard deviation
 
     def inertia_at(self, angle_rad: Array) -> tuple[Array, Array]:
         """J_l (kg·m²) and its standard deviation at load angles (rad), (n,) each.
 
         The deviation is the posterior's, or where the innovations turn out not to be white, as with physics that the
         model leaves out, the larger one that their sums over stretches of time call for (the "sandwich", White 1982).
-        What a drive's filter may have taken off is not fitted and comes on top (Schmidt's "considered").
+        What a drive's filter may have taken off is not fitted and comes on top (Schmidt's "considered"), and so does
+        how far the laws of what the recordings show are rough.
         """
         where = self.model.layout.inertia
         rows, _ = self.model.layout.basis.rows(angle_rad)
@@ -99,7 +101,7 @@ class Fit:
         posterior = np.einsum("ni,ni->n", reach[:, where], rows)
         observed = np.sum((reach @ self.scores.T) ** 2, axis=1)
         lost = rows @ self.considered[where]
-        return inertia, inertia * np.sqrt(np.maximum(posterior, observed) + lost**2)
+        return inertia, inertia * np.sqrt(np.maximum(posterior, observed) + lost**2 + self.rough**2)
 
     def std_of(self, parameter: int) -> float:
         """Standard deviation of one parameter, as of the curve."""
@@ -118,13 +120,35 @@ class Passed:
     runs: tuple[Signals, ...]  # with new states
 
 
+@dataclass
+class _Beside:
+    """What of `LEFT_OUT` the recordings show, and the curve before any of that was fitted."""
+
+    clear: set[int] = field(default_factory=set)
+    plain: tuple[Basis, Array] | None = None
+
+    def take(self, one: int, model: Model, parameters: Array) -> None:
+        """One more, and all that are alike."""
+        self.plain = self.plain or (model.layout.basis, parameters[model.layout.inertia])
+        self.clear |= ALIKE[one]
+
+    def rough(self, model: Model, parameters: Array) -> float:
+        """How far the laws that were fitted may put the inertia off: a share of how far they moved it, in the mean."""
+        if self.plain is None:
+            return 0.0
+        basis, before = self.plain
+        grid = np.linspace(basis.low_rad, basis.high_rad, basis.size)
+        now = model.layout.basis.rows(grid)[0] @ parameters[model.layout.inertia]
+        return ROUGH * float(np.sqrt(np.mean((now - basis.rows(grid)[0] @ before) ** 2)))
+
+
 def fit(
     recorded: Sequence[Run],
     machine: Machine,
     *,
     rotary: bool = True,
     start: InertiaTable | None = None,
-    plain: bool = False,
+    without: bool = False,
 ) -> Fit:
     """Fit the model to all runs at once.
 
@@ -132,7 +156,7 @@ def fit(
     take what is still to be explained. Else it begins at the constant inertia that explains the runs best, and the
     coupling is held as believed until the rest has settled: stiffness and inertia, both far off, can make up for each
     other. Then pieces are halved until the curve's bends are resolved; and what else the recordings show is fitted as
-    well (`left_out.py`), unless it shall be `plain`.
+    well (`left_out.py`), unless it shall be `without`.
 
     Raises InputError where there is no torque or no motion at all, or nothing that these equations could fit.
     """
@@ -144,8 +168,8 @@ def fit(
     held = any(is_held(run) for run in recorded)
     released = machine.coupling is None or start is not None
     lags = recorded[0].extra.get(LAGS)
-    clear: set[int] = set()  # what of `LEFT_OUT` the recordings show
-    made = partial(prior_for, machine=machine, inertia_kgm2=inertia, held=held, lags=lags, shown=clear)
+    beside = _Beside()
+    made = partial(prior_for, machine=machine, inertia_kgm2=inertia, held=held, lags=lags, shown=beside.clear)
     prior = made(model.layout, coupling=released)
     parameters, smoothness = prior.mean.copy(), (np.log(0.01), np.log(0.01))
     parameters[model.layout.inertia] = logs
@@ -185,9 +209,9 @@ def fit(
         else:
             settled = moved < SETTLED and not restless
             restless = restless or moved > NEARLY
-            one = _shown(model, prior, passed, smoothness, clear) if settled and not plain else None
+            one = _shown(model, prior, passed, smoothness, beside.clear) if settled and not without else None
             if one is not None:
-                clear |= ALIKE[one]
+                beside.take(one, model, parameters)
                 prior, settled, restless = made(model.layout, coupling=released), False, True
     every = recorded[0].sample_rate_hz * runs[0].step_s
     return Fit(
@@ -201,7 +225,8 @@ def fit(
         runs=runs,
         iterations=iteration,
         converged=settled,
-        shown=tuple(sorted(clear)),
+        shown=tuple(sorted(beside.clear)),
+        rough=beside.rough(model, parameters),
     )
 
 

@@ -96,7 +96,7 @@ class _Along:
     bend: Array  # dJ_l/dθ
     speed: Array
     direction: Array
-    left_out: Array  # what a unit of each takes from the motor, (n, 6)
+    left_out: Array  # what a unit of each takes from the motor, (n, 8)
     centrifugal: Array  # ½ ω_l²
 
     @property
@@ -159,7 +159,10 @@ class Model:
         """Along the run's states; what the coupling carries as believed, which is near."""
         coupling, basis = self.machine.coupling, self.layout.basis
         torque = run.quiet(run.drive.whole_nm)
-        carried = torque if coupling is None else run.quiet(coupling.stiffness_nm_rad * run.states[:, 2])
+        carried = torque
+        if coupling is not None:
+            wound, winding = run.states[:, 2], run.states[:, 1] - run.states[:, 3]
+            carried = run.quiet(coupling.stiffness_nm_rad * wound + coupling.damping_nms * winding)
         along = along_way(run.load_angle_rad, basis.low_rad, basis.high_rad)
         peak, top = self.machine.motor.peak_torque_nm, self.sticking_rad_s / STICKING
         return taken(torque, carried, run.states[:, 1], direction, along, peak, top)
