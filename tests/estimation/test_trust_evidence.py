@@ -165,3 +165,12 @@ def test_play_in_the_coupling_is_told_from_its_absence(machine, gap, verdicts):
     found = estimate(on_the_bench(f"backlash={gap}"), machine, "multiphase")
     assert found.trust.verdict in verdicts
     assert (relative_rmse(found) < 0.02) == (verdicts == {"good"})
+
+
+@pytest.mark.parametrize(("misses", "left_out", "doubts"), [(True, 0.02, {}), (False, 0.0, {"missed": 0.02})])
+def test_what_a_fit_misses_beyond_its_noise_is_in_its_band(misses, left_out, doubts):
+    """Play leaves a twelfth of the torque without an explanation, and its band held the truth at every second angle."""
+    found = Evidence(0.005, None, None, None, 0.08, whole=True, misses=misses)
+    assert found.left_out == pytest.approx(left_out)
+    assert found.predicted == pytest.approx(float(np.hypot(0.005, left_out)))
+    assert found.doubts == pytest.approx(doubts)

@@ -81,10 +81,10 @@ class Evidence:
     unexplained: float | None
     scale: Nuisance | None  # s: what the motion asks for over what the table says
     missed: float | None  # of a whole-record method
-    misses: bool = False  # whether that is physics which it leaves out, not noise
     stiffer: Nuisance = NOTHING  # how far the stiffness found is from the file's
     spread: float = 0.0  # the band's root mean square: one wide cell counts in the rms difference, too
     whole: bool = False  # the fit took the motion and all runs itself
+    misses: bool = False  # what it misses is physics that it leaves out, not noise
 
     @property
     def contradiction(self) -> float:
