@@ -146,7 +146,7 @@ def _one(how: Method, task: Task) -> Estimate:
         denoised=outcome.denoised,
         trust=judge(outcome, task, combined.table, evidence, needs_slow_motion=slow),
         notes=outcome.notes + combined.notes,
-        shown=tuple(LEFT_OUT[one].words for one in outcome.shown),
+        shown=tuple(dict.fromkeys(LEFT_OUT[one].kind for one in outcome.shown)),
     )
 
 

@@ -18,8 +18,8 @@ from schwung.motion import Array
 
 @dataclass(frozen=True)
 class LeftOut:
-    """One of them: in words, and what it naturally is, a share of the peak torque or none. Of a `kind` all are fitted
-    where one is shown: which law of it a machine has, a record says less surely than that it has one."""
+    """One of them: what its number is called, what it is a case of, and what it naturally is, a share of the peak
+    torque or none. Where one is shown all of its `kind` are fitted: which law a machine has is told less surely."""
 
     words: str
     kind: str
@@ -27,16 +27,17 @@ class LeftOut:
     of_peak: bool
 
 
+_DROP, _ALONG = "a torque constant that drops", "friction that changes along the way"
 #: In the order in which `taken` has them.
 LEFT_OUT = (
-    LeftOut("a torque constant that drops with current", "drop", 0.1, False),
-    LeftOut("a torque constant that drops with its square", "drop", 0.1, False),
-    LeftOut("friction of the torque that is carried", "carried", 0.1, False),
-    LeftOut("friction that falls with speed", "falling", 0.1, True),
-    LeftOut("friction that goes with the way", "along", 0.1, True),
-    LeftOut("with its square", "along", 0.1, True),
-    LeftOut("with its cube", "along", 0.1, True),
-    LeftOut("with its fourth power", "along", 0.1, True),
+    LeftOut("drop of the torque constant with current", _DROP, 0.1, False),
+    LeftOut("drop with its square", _DROP, 0.1, False),
+    LeftOut("friction over the torque carried", "friction of the torque that is carried", 0.1, False),
+    LeftOut("friction that falls with speed", "friction that falls with speed", 0.1, True),
+    LeftOut("friction over the way (−1…1)", _ALONG, 0.1, True),
+    LeftOut("over its square", _ALONG, 0.1, True),
+    LeftOut("over its cube", _ALONG, 0.1, True),
+    LeftOut("over its fourth power", _ALONG, 0.1, True),
 )
 #: Which of them are of the same kind as each.
 ALIKE = tuple(frozenset(i for i, other in enumerate(LEFT_OUT) if other.kind == one.kind) for one in LEFT_OUT)
