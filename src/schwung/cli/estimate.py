@@ -73,6 +73,10 @@ def estimate(
     terminal.say(words(describe_table(found.table, recorded.axis)))
     if reach is not None:
         terminal.say(words(reach.text))
+    if found.shown:
+        terminal.say(
+            f"The record shows {' and '.join(found.shown)}: found beside the inertia, see the report's notes"
+        )
     terminal.verdict(found.trust.verdict, words("; ".join(found.trust.reasons)))
     terminal.say(f"Table: [bold]{folder / 'inertia.csv'}[/]  Report: [bold]{folder / 'report.html'}[/]")
     terminal.result(document)
