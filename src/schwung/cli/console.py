@@ -97,6 +97,11 @@ class Terminal:
 _MANY_TURNS = 10
 
 
+def describe_shown(causes: Sequence[str]) -> str:
+    """What else a record shows, which was fitted beside the inertia."""
+    return f"The record shows {' and '.join(causes)}: found beside the inertia, see the report's notes"
+
+
 def describe_table(table: InertiaTable, axis: str = "rotary") -> str:
     """An inertia table in one sentence, for the terminal; says so where its angles look like degrees."""
     inertia, position = ("kg·m²", "rad") if axis == "rotary" else ("kg", "m")

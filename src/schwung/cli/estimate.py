@@ -43,7 +43,7 @@ def estimate(
     from schwung import load_machine, read_session, write_inertia
     from schwung.api.folders import make_folder, planned_folder
     from schwung.api.reports import content_of, standard_of, write_page
-    from schwung.cli.console import Terminal, describe_table
+    from schwung.cli.console import Terminal, describe_shown, describe_table
     from schwung.cli.sessions import in_file
     from schwung.errors import InputError
     from schwung.files import json_text, replace_file
@@ -74,9 +74,7 @@ def estimate(
     if reach is not None:
         terminal.say(words(reach.text))
     if found.shown:
-        terminal.say(
-            f"The record shows {' and '.join(found.shown)}: found beside the inertia, see the report's notes"
-        )
+        terminal.say(describe_shown(found.shown))
     terminal.verdict(found.trust.verdict, words("; ".join(found.trust.reasons)))
     terminal.say(f"Table: [bold]{folder / 'inertia.csv'}[/]  Report: [bold]{folder / 'report.html'}[/]")
     terminal.result(document)

@@ -12,7 +12,7 @@ from schwung import Commissioned, Connection, Exported, Machine, Plan, Wishes, c
 from schwung.api.choices import ExportChoice
 from schwung.api.moving import Confirm
 from schwung.api.reports import Standard, deviation, write_results
-from schwung.cli.console import Terminal, describe_table, observing
+from schwung.cli.console import Terminal, describe_shown, describe_table, observing
 from schwung.errors import RefusedError
 
 
@@ -129,4 +129,6 @@ def show_estimate(terminal: Terminal, done: Commissioned, ending: Ending) -> Non
         )
     if done.reach is not None:
         terminal.say(done.reach.text)
+    if done.estimate.shown:
+        terminal.say(describe_shown(done.estimate.shown))
     terminal.verdict(trust.verdict, "; ".join(trust.reasons))
