@@ -14,7 +14,7 @@ from schwung.explain.weighing.curves import Curve, Plane
 from schwung.explain.weighing.data import Data
 from schwung.explain.weighing.equations import Acting, equations_of
 from schwung.explain.weighing.known import known
-from schwung.explain.weighing.offers import bending_instead, offered
+from schwung.explain.weighing.offers import _neighbours, bending_instead, offered
 from schwung.explain.weighing.places import Acts
 from schwung.explain.weighing.present import Member
 from schwung.explain.weighing.refine import refined
@@ -274,6 +274,15 @@ def test_what_was_not_kept_is_not_promised_by_more_of_the_same(data):
     assert search.unkept(frozenset({14})) == -3.0
     search.kept = {frozenset({13}): -np.inf}
     assert search.unkept(frozenset({14})) == 0.0
+
+
+def test_one_cause_in_place_of_two_is_looked_at(data):
+    """A load inertia and a stiffness stood for a further mass: without either, no other one was likelier."""
+    search = Search(data, (0, 1, 2))
+    index = {c.name: i for i, c in enumerate(data.candidates)}
+    two = [Pick(search.first_atom(index[name]), 1.0) for name in ("coulomb_friction", "viscous_friction")]
+    _neighbours(search, search.score(tuple(two)))
+    assert frozenset({index["local_friction"]}) in search.table
 
 
 @pytest.mark.parametrize("runs_away", [np.nan, 1e4])

@@ -8,9 +8,11 @@ import pytest
 from strangers import STRANGERS, belief_of
 
 from schwung.drivetrain import Load, Machine, Motor
+from schwung.drivetrain.hysteresis import yielded
 from schwung.drivetrain.inertia import InertiaTable, slider_crank_inertia
 from schwung.drivetrain.physics_term import PhysicsTerm
 from schwung.explain.weighing.along import Ranges
+from schwung.explain.weighing.candidate import RIGHT_TO
 from schwung.explain.weighing.known import known
 from schwung.explain.weighing.vocabulary import vocabulary
 
@@ -168,11 +170,22 @@ def test_dry_friction_falls_as_steeply_as_its_exponent_says(candidates, exponent
 def test_a_law_of_which_a_part_is_nothing_is_another(candidates):
     """Friction that falls by less than a law is right to is dry friction, as sure as one likes to be of it."""
     stribeck, shape = candidates["stribeck_friction"], (5.0, 2.0)
-    assert stribeck.is_another(np.array([0.3, 1e-5]))
+    assert stribeck.is_another(np.array([0.3, 1e-5]), shape)
     assert stribeck.at_end(shape, np.array([0.3, 1e-5]))
-    assert not stribeck.is_another(np.array([0.3, 0.01]))
-    assert not stribeck.is_another(np.array([0.3, -0.01]))  # that is none at all, and known as such
-    assert not candidates["coulomb_friction"].is_another(np.array([1e-9]))
+    assert not stribeck.is_another(np.array([0.3, 0.01]), shape)
+    assert not stribeck.is_another(np.array([0.3, -0.01]), shape)  # that is none at all, and known as such
+    assert not candidates["coulomb_friction"].is_another(np.array([1e-9]), ())
+
+
+@pytest.mark.parametrize(
+    ("times", "exponent", "ends"), [(0.9, 20.0, False), (3.0, 2.0, False), (3.0, 6.0, True)]
+)
+def test_what_hardly_yields_within_what_it_is_wound_up_is_a_stiffness(candidates, times, exponent, ends):
+    hysteresis = candidates["coupling_hysteresis"]
+    wound = hysteresis.shapes[-1][0] / 2
+    held = np.asarray(yielded(np.linspace(0.0, wound, 4001), times * wound, exponent))
+    off = 1 - held[-1] * times
+    assert hysteresis.at_end((times * wound, exponent), np.array([1.0])) == ends == (off < RIGHT_TO)
 
 
 def test_a_shift_that_changes_the_inertia_by_less_than_is_known_of_it_is_no_finding():

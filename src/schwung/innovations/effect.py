@@ -51,6 +51,12 @@ class Effect:
             self.position is not None, self.speed is not None,
         )  # fmt: skip
 
+    @property
+    def alone(self) -> tuple[Array | float, Array | float, Array | float, Array | float]:
+        """The four of its only coefficient, (n,) each; 0.0: nothing."""
+        motor, load, position, speed = (0.0 if part is None else part[:, 0] for part in self.parts)
+        return motor, load, position, speed
+
     def of(self, coefficients: Array) -> tuple[Array | float, Array | float, Array | float, Array | float]:
         """The four with these coefficients (p,), summed, (n,) each; 0.0: nothing."""
         motor, load, position, speed = (

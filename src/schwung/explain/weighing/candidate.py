@@ -94,7 +94,9 @@ class Candidate:
     inertia_whole: Callable[[Array, Array], Array] | None = (
         None  # what all of it adds to J_l at angles, (n,), where that is not in proportion to its coefficients
     )
-    none_of: Callable[[Array], bool] | None = None  # whether coefficients are none that it can have
+    none_of: Callable[[Array, Shape], bool] | None = (
+        None  # whether these coefficients and this shape are none that it can have, or make it something else
+    )
     of_motion: bool = False  # what one motion has of its own: no file says it, for another motion has another
     unsaid: Callable[[Array, Array, Shape, str], str] | None = (
         None  # what no file can say of it, in words: by coefficients, their deviations, shape and the torque's unit
@@ -175,10 +177,10 @@ class Candidate:
         """Whether none of its coefficients is beyond its bound."""
         return all(coefficients[which] > least for which, least in self.bounds_below)
 
-    def is_another(self, coefficients: Array) -> bool:
+    def is_another(self, coefficients: Array, shape: Shape) -> bool:
         """Whether a part of a law is next to nothing, less than a law is right to: friction that hardly falls is dry
         friction; or whether its numbers are those of something else."""
-        if self.none_of is not None and self.none_of(coefficients):
+        if self.none_of is not None and self.none_of(coefficients, shape):
             return True
         totals = [(coefficients[i] - least) / self.deviations[i] for i, least in self.bounds_below]
         return len(totals) > 1 and not self.opens and bool(0 <= min(totals) <= RIGHT_TO * max(totals))
@@ -189,7 +191,7 @@ class Candidate:
         """
         if self.opens:
             return bool(coefficients[0] < self.shapes[0][0])
-        if self.is_another(coefficients):
+        if self.is_another(coefficients, shape):
             return True
         every = zip(shape, self.bounds, self.logarithmic, strict=True) if self.bounds else ()
         for number, (value, ends, factor) in enumerate(every):

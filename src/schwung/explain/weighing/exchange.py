@@ -13,6 +13,8 @@ from schwung.explain.weighing.settling import Settled, settled, settled_beyond, 
 
 #: Sets that are brought to rest before another round.
 _TRIED = 3
+#: Causes, and what lost in their place more than all else could gain: beside more it is not asked again.
+Worse = tuple[frozenset[int], int]
 
 
 def exchanged(rests: Rests, search: Search, start: Scored, at: Settled) -> tuple[Scored, Settled] | None:
@@ -25,9 +27,13 @@ def exchanged(rests: Rests, search: Search, start: Scored, at: Settled) -> tuple
     )
 
 
-def numbers_exchanged(rests: Rests, search: Search, start: Scored, at: Settled) -> tuple[Scored, Settled]:
+def numbers_exchanged(
+    rests: Rests, search: Search, start: Scored, at: Settled, worse: set[Worse]
+) -> tuple[Scored, Settled]:
     """The set, or with another number of the belief in place of one that is further off than is natural, where that
     is likelier at rest: so far off, no line says which of them it is.
+
+    `worse`: see `Worse`.
     """
     best, top = (start, at), 0.0
     for pick, member in zip(start.picks, at.members[len(at.members) - len(start.picks) :], strict=True):
@@ -36,7 +42,8 @@ def numbers_exchanged(rests: Rests, search: Search, start: Scored, at: Settled) 
         others = tuple(other for other in start.picks if other != pick)
         for instead in numbers_beside(search, start.picks):
             one = search.score((*others, instead))
-            if search.kind(one.picks) in rests.rested or search.data.work.spent:
+            exchange = frozenset({search.index(pick)}), search.index(instead)
+            if exchange in worse or search.kind(one.picks) in rests.rested or search.data.work.spent:
                 continue
             begun = [
                 without_damping(m) for m in begun_from(at.members, members_of(search, one, rests.candidates))
@@ -44,6 +51,8 @@ def numbers_exchanged(rests: Rests, search: Search, start: Scored, at: Settled) 
             least = rests.least(search, one, start, at) + top
             tried = settled(at.about.view, begun, rests.weighing, least)
             tried, gain = rests.noted(search, one, start, at, tried)
+            if _loses_all(rests, at, gain):
+                worse.add(exchange)
             if gain > top:
                 best, top = (one, tried), gain
     return best
@@ -88,9 +97,11 @@ def _timed(rests: Rests, search: Search, start: Scored, at: Settled) -> tuple[Sc
     return None
 
 
-def play_instead(rests: Rests, search: Search, start: Scored, at: Settled) -> tuple[Scored, Settled] | None:
+def play_instead(
+    rests: Rests, search: Search, start: Scored, at: Settled, worse: set[Worse]
+) -> tuple[Scored, Settled] | None:
     """Play in place of all else by which motor and load give way to each other, where that is likelier at rest:
-    together those may do what play does, and beside them there is no room for it."""
+    together those may do what play does, and beside them there is no room for it. `worse`: see `Worse`."""
     others = tuple(pick for pick in start.picks if not search.candidate(pick).yields)
     play = search.opening() if IS_FAST else None
     if (
@@ -100,7 +111,8 @@ def play_instead(rests: Rests, search: Search, start: Scored, at: Settled) -> tu
     ):
         return None
     one = search.score((*others, play))
-    if search.kind(one.picks) in rests.rested or search.data.work.spent:
+    exchange = search.kind(start.picks) - search.kind(others), search.index(play)
+    if exchange in worse or search.kind(one.picks) in rests.rested or search.data.work.spent:
         return None
     members = begun_from(at.members, members_of(search, one, rests.candidates))
     about = smoothed(at.about.view, members, rests.weighing)
@@ -110,8 +122,15 @@ def play_instead(rests: Rests, search: Search, start: Scored, at: Settled) -> tu
     tried, gain = rests.noted(search, one, start, at, tried)
     if gain > 0:
         return one, tried
+    if _loses_all(rests, at, gain):
+        worse.add(exchange)
     search.kept[search.kind(one.picks)] = start.log + gain - one.log
     return None
+
+
+def _loses_all(rests: Rests, at: Settled, gain: float) -> bool:
+    """Whether an exchange loses more (log) than all else could gain: what is left is not worth as much."""
+    return -gain > at.about.square(rests.train) / (2 * rests.wide.excess)
 
 
 def _fewer(rests: Rests, search: Search, start: Scored, at: Settled) -> tuple[Scored, Settled] | None:

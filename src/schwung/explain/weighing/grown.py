@@ -61,13 +61,11 @@ class _Found:
 
     def renewed(self, nothing: Settled) -> _Found:
         """About the noise that it leaves in all runs; `nothing`, where that is likelier there."""
-        if self.climbed.log <= nothing.log:
-            return replace(
-                self, climbed=replace(self.climbed, at=nothing, best=self.climbed.search.score(()))
-            )
-        return replace(
-            self, climbed=replace(self.climbed, at=self.growth.renewed(self.climbed.at)), fresh=True
-        )
+        climbed = self.climbed
+        if climbed.log <= nothing.log:
+            return replace(self, climbed=replace(climbed, at=nothing, best=climbed.search.score(())))
+        best, at = self.growth.renewed(climbed.search, climbed.best, climbed.at)
+        return replace(self, climbed=replace(climbed, at=at, best=best), fresh=True)
 
     def further(self, *, named: bool = False) -> _Found:
         """With all causes from there; `named`: until one has no name."""

@@ -15,7 +15,13 @@ import numpy as np
 from schwung.compiled import IS_FAST
 from schwung.explain.weighing.candidate import RIGHT_TO
 from schwung.explain.weighing.data import Data
-from schwung.explain.weighing.exchange import bent_otherwise, exchanged, numbers_exchanged, play_instead
+from schwung.explain.weighing.exchange import (
+    Worse,
+    bent_otherwise,
+    exchanged,
+    numbers_exchanged,
+    play_instead,
+)
 from schwung.explain.weighing.offers import inertia_beside, laws_instead, offered, searched
 from schwung.explain.weighing.resting import Rests
 from schwung.explain.weighing.round import View, few_of
@@ -43,8 +49,6 @@ Progress = Callable[[str, float], None]
 #: The share of the work that the noise takes, and what of the rest is left after each round.
 NOISE_SHARE, _FURTHER = 0.2, 0.7
 
-#: A set that misses so many times its noise is far from the truth.
-_FAR = 2.0
 #: Sets that are brought to rest each round; so many of one law more among them, or beside them.
 _TRIED, _LAWS_TRIED = 3, 2
 
@@ -92,6 +96,8 @@ class Growth:
     tell: Progress = lambda _text, _share: None
     #: What each candidate that no line leads to gained (log) when it was last asked.
     gained: dict[int, float] = field(default_factory=dict)
+    #: What is not exchanged again.
+    worse: set[Worse] = field(default_factory=set)
 
     @property
     def laws(self) -> frozenset[int]:
@@ -105,7 +111,7 @@ class Growth:
 
     def afresh(self, among: frozenset[int] | None = None) -> Growth:
         """The same before anything was found, of these causes alone; None: of all."""
-        return replace(self, among=among, rests=self.rests.afresh(), gained={}, rival=None)
+        return replace(self, among=among, rests=self.rests.afresh(), gained={}, worse=set(), rival=None)
 
     def nothing(self, view: View) -> Settled:
         """The belief with what is always there."""
@@ -127,28 +133,25 @@ class Growth:
             if search.data.work.spent:
                 return Climbed(search, start, at)
             if growing:
-                before = at.log + search.prior(start.picks)
-                taken = self._further(search, start, at)
+                taken = self._grown(search, start, at)
                 if taken is not None:
-                    start, at = numbers_exchanged(self.rests, search, *taken)
-                    if at.log + search.prior(start.picks) - before > HOPELESS:
-                        start, at = bent_otherwise(self.rests, search, start, at)
-                    start, at = play_instead(self.rests, search, start, at) or (start, at)
-                    at = self._nearest(at, at.log + search.prior(start.picks) - before)
+                    start, at = taken
                     if named and is_unnamed(search, start):
                         return Climbed(search, start, at, halfway=True)
-                    fresh = self.unrepeated and self._is_loud(at)
-                    at = self.renewed(at) if fresh else at
-                    picks = kept(search, start, at)
                     shared = not search.candidate(start.picks[-1]).each_run
+                    fresh = self.unrepeated and self._is_loud(at)
+                    start, at = self.renewed(search, start, at) if fresh else (start, at)
+                    picks = kept(search, start, at)
                     if fresh or shared or self.coarse or at.about.view.ranges.one_motion:
                         continue
                     # it was noise, for repeats do not share it; where all repeat one motion, nothing else tells noise
-                if self._is_hopeless(search, start, at):
+                # of what a few runs are made of, what stands in a name's place is told by all
+                few_tell = self.coarse and not is_unnamed(search, start)
+                if few_tell or self._is_hopeless(search, start, at):
                     return Climbed(search, start, at)
                 if not fresh and not self.coarse:
-                    at, fresh = self.renewed(at), True
-                    picks = kept(search, start, at)
+                    start, at = self.renewed(search, start, at)
+                    picks, fresh = kept(search, start, at), True
                     continue
                 growing = False
             searched(search, start.picks)
@@ -161,6 +164,22 @@ class Growth:
             if named and is_unnamed(search, start):
                 return Climbed(search, start, at, halfway=True)
             picks = kept(search, start, at)
+
+    def _grown(self, search: Search, start: Scored, at: Settled) -> tuple[Scored, Settled] | None:
+        """The best set of one cause more at rest, or what stands for it there; None where none is more probable, or
+        what a few runs gain by it is so little that all have to tell it."""
+        before = at.log + search.prior(start.picks)
+        taken = self._further(search, start, at)
+        if taken is None:
+            return None
+        coarsely = self.coarse and not is_unnamed(search, start)
+        if coarsely and taken[1].log + search.prior(taken[0].picks) - before < HOPELESS:
+            return None
+        start, at = numbers_exchanged(self.rests, search, *taken, self.worse)
+        if at.log + search.prior(start.picks) - before > HOPELESS:
+            start, at = bent_otherwise(self.rests, search, start, at)
+        start, at = play_instead(self.rests, search, start, at, self.worse) or (start, at)
+        return start, self._nearest(at, at.log + search.prior(start.picks) - before)
 
     def _is_hopeless(self, search: Search, best: Scored, at: Settled) -> bool:
         """Whether what grew in place of something is so much less probable that no exchange makes up for it.
@@ -185,13 +204,22 @@ class Growth:
         maxima of the likelihood on the way."""
         some = replace(self.afresh(self.among), rests=self.rests.of_few(), memory=None, coarse=True)
         found = some.climbed(some.nothing(view), ())
-        self.gained = some.gained
+        self.gained, self.worse = some.gained, some.worse
         return replace(found, at=self.rests.settled(view, found.at.members))
 
-    def renewed(self, at: Settled) -> Settled:
-        """At rest about the noise that it leaves: until then it was looked for about something less likely."""
+    def renewed(self, search: Search, start: Scored, at: Settled) -> tuple[Scored, Settled]:
+        """A set at rest about the noise that it leaves: until then it was looked for about something less likely.
+        Without what ends at a bound of its shapes there, for with that none is worth anything."""
         self._renew(at)
-        return self.rests.settled(at.about.view, at.members)
+        found = self.rests.settled(at.about.view, at.members)
+        own = found.members[len(found.members) - len(start.picks) :]
+        ends = [m.candidate.at_end(m.shape, m.coefficients) for m in own]
+        if not any(ends):
+            return start, found
+        standing = tuple(pick for pick, ended in zip(start.picks, ends, strict=True) if not ended)
+        always = found.members[: len(found.members) - len(own)]
+        members = [*always, *(m for m, ended in zip(own, ends, strict=True) if not ended)]
+        return search.score(standing), self.rests.settled(found.about.view, members)
 
     def _nearest(self, at: Settled, gained: float = np.inf) -> Settled:
         """With what a bus holds taken where that is likelier; `gained`: by what was found last (log). What is hardly

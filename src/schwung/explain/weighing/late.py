@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 from scipy.signal import lfilter
 
+from schwung.compiled import compiled_or
 from schwung.explain.weighing.along import Along
 from schwung.explain.weighing.joined import Joined, run_by_run
 from schwung.innovations.held import corners
@@ -16,15 +17,32 @@ def lagging(along: Along, values: Array, time_s: float) -> Array:
     """Through a first-order filter (bilinear), backwards where its time is negative; at rest before."""
     if time_s == 0:
         return values
-    if isinstance(along, Joined):
-        each = zip(along.parts, along.wheres, strict=True)
-        return np.concatenate([lagging(part, values[where], time_s) for part, where in each])
-    step, later = along.run.step_s, abs(time_s)
-    signal = values if time_s > 0 else values[::-1]
-    whole = step + 2 * later
-    rest = [2 * later / whole * signal[0]]  # what it holds of its first value, had that always been
-    found, _ = lfilter([step / whole] * 2, [1.0, (step - 2 * later) / whole], signal, zi=rest)
-    return np.asarray(found if time_s > 0 else found[::-1])
+    found, later = np.array(values, dtype=float), abs(time_s)
+    runs = (
+        zip(along.parts, along.wheres, strict=True) if isinstance(along, Joined) else [(along, slice(None))]
+    )
+    for part, where in runs:
+        whole = part.run.step_s + 2 * later
+        _filter(found[where], part.run.step_s / whole, (2 * later - part.run.step_s) / whole, time_s < 0)
+    return found
+
+
+def _filter_whole(values: Array, taken: float, kept: float, backwards: bool) -> None:
+    signal = values[::-1] if backwards else values
+    signal[:] = lfilter([taken] * 2, [1.0, -kept], signal, zi=[(1.0 - taken) * signal[0]])[0]
+
+
+@compiled_or(_filter_whole)
+def _filter(values: Array, taken: float, kept: float, backwards: bool) -> None:
+    """Filter a signal (n,) in place: of each value and the one before it so much is taken, of what was found so much
+    kept."""
+    place, way = (values.size - 1, -1) if backwards else (0, 1)
+    before = found = values[place]
+    for _ in range(values.size - 1):
+        place += way
+        value = values[place]
+        found = taken * (value + before) + kept * found
+        values[place], before = found, value
 
 
 @run_by_run

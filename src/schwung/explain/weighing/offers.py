@@ -5,6 +5,8 @@ By the linear model alone: what is offered has yet to be brought to rest.
 
 from __future__ import annotations
 
+from itertools import chain, combinations
+
 from schwung.explain.weighing.search import HOPELESS, MOST, Pick, Scored, Search, Set
 
 #: The best so many candidates are looked at closely wherever one is added.
@@ -119,12 +121,13 @@ def _added(search: Search, start: Scored, without: frozenset[int] = frozenset())
 
 
 def _neighbours(search: Search, best: Scored) -> None:
-    """Whatever is one step away is in the table, too."""
+    """Whatever is one step away is in the table, too: one cause more, or one in the place of another or of two, for
+    what two do together may be what one does."""
     for gain, pick in search.additions(best.picks)[: 2 * _LOOKED_AT]:
         if gain > -HOPELESS and not search.data.work.spent:
             search.with_pick(best.picks, pick)
-    for pick in best.picks:
-        others = tuple(other for other in best.picks if other != pick)
+    for left in chain(combinations(best.picks, 1), combinations(best.picks, 2)):
+        others = tuple(other for other in best.picks if other not in left)
         less = search.score(others)
         if search.data.work.spent:
             break

@@ -46,7 +46,7 @@ class Acts:
         return bool(2 * motor @ load < -0.5 * (motor @ motor + load @ load))
 
     def _on_shafts(self, along: Along) -> tuple[Array, Array]:
-        motor, load, _, _ = self.candidate.done(along, self.shape, self.coefficients).of(np.ones(1))
+        motor, load, _, _ = self.candidate.done(along, self.shape, self.coefficients).alone
         return motor + 0.0 * along.speed, load + 0.0 * along.speed
 
 

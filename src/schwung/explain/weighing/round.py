@@ -110,14 +110,14 @@ def acting_on_each(view: View, along: Joined, members: Sequence[Member]) -> tupl
     """The same of several runs: together, where dry friction is not told, and of each."""
     known = view.known
     what = known.effect(along)
-    total, opposed = Acting(*what.of(np.ones(1))), known.dry(along)
+    total, opposed = Acting(*what.alone), known.dry(along)
     if known.bends:
         total += _eased(along, known.tangent(along))
     for member in members:
         needless = member.candidate.of_machine and view.dry_nm is not None
         if needless or not np.any(member.coefficients):
             continue
-        done = Acting(*member.candidate.done(along, member.shape, member.coefficients).of(np.ones(1)))
+        done = Acting(*member.candidate.done(along, member.shape, member.coefficients).alone)
         opposed = opposed - together(done.on_motor, done.on_load)
         if not member.candidate.of_machine:
             total += _further(along, member, done)
@@ -207,32 +207,43 @@ class Linearised:
             joined = Joined.of([self.alongs[run] for run in some])
             effects = (candidate.effect(joined, shape) for candidate, shape in causes)
             whiten([self.passed[run] for run in some], effects, rows, across)
-            for run in some:
-                self._whiten_hold(causes, run, rows, across)
-                across += self.passed[run].samples
+            self._whiten_hold(causes, some, joined, rows, across)
+            across += self.samples(some)
         self.view.work.add(self.samples(runs) * sum(candidate.size for candidate, _ in causes))
 
-    def _whiten_hold(self, causes: Sequence[Cause], run: int, rows: Array, across: int) -> None:
+    def _whiten_hold(
+        self, causes: Sequence[Cause], runs: Sequence[int], joined: Joined, rows: Array, across: int
+    ) -> None:
         """The same of what is held and taken later: where in a step it is taken, no torque at samples says."""
-        drive, passed, down = self.view.runs[run].drive, self.passed[run], 0
-        for candidate, _ in causes:
-            if candidate.holds and drive.held.is_any:
-                later = drive.held.slope(self.alongs[run].held_late * self.view.runs[run].step_s)
-                place = slice(across, across + passed.samples)
-                rows[down, place] = passed.driven(later).innovations + passed.whitened([self._beside(run)])[0]
-            down += candidate.size
+        downs = np.cumsum([0, *(candidate.size for candidate, _ in causes)]).tolist()
+        holds = [down for (one, _), down in zip(causes, downs, strict=False) if one.holds]
+        held = [self.view.runs[run].drive.held.is_any for run in runs]
+        if not holds or not any(held):
+            return
+        beside = self._beside(joined).parts
+        for run, where, is_held in zip(runs, joined.wheres, held, strict=True):
+            passed, signals = self.passed[run], self.view.runs[run]
+            if is_held:
+                later = signals.drive.held.slope(self.alongs[run].held_late * signals.step_s)
+                own = Effect(*(None if part is None else part[where] for part in beside))
+                found = passed.driven(later).innovations + passed.whitened([own])[0]
+                rows[holds, across : across + passed.samples] = found
+            across += passed.samples
 
-    def _beside(self, run: int) -> Effect:
-        """What all that is present does otherwise where what is held is taken later, by a step: of a late speed, the
-        corners are elsewhere."""
-        along = self.alongs[run]
+    def _beside(self, joined: Joined) -> Effect:
+        """What all that is present does otherwise along some runs where what is held is taken later, by a step: of a
+        late speed, the corners are elsewhere."""
         later, earlier = (
-            acting(self.view, replace(along, held_late=along.held_late + way * _APART), self.members)
+            acting_on_each(
+                self.view,
+                Joined.of([replace(one, held_late=one.held_late + way * _APART) for one in joined.parts]),
+                self.members,
+            )[0]
             for way in (1, -1)
         )
         return Effect(
             *(
-                ((one - other) * np.ones_like(along.speed) / (2 * _APART))[:, None]
+                ((one - other) * np.ones_like(joined.speed) / (2 * _APART))[:, None]
                 for one, other in (
                     (later.on_motor, earlier.on_motor),
                     (later.on_load, earlier.on_load),

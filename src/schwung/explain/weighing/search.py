@@ -137,7 +137,10 @@ class Search:
             top = int(np.argmax(logs))
             found, deviations = weighed[top], each[top]
             evidence = logsumexp(logs) - float(np.log(len(SHARES)))
-        if any(self.candidate(pick).is_another(mine) for pick, mine in self._of_each(picks, exact[first:])):
+        each_own = self._of_each(picks, exact[first:])
+        if any(
+            self.candidate(one).is_another(mine, self.data.atoms[one.atom].shape) for one, mine in each_own
+        ):
             evidence = -np.inf
         times = 1 if errors is None else 1 + len(SHARES)
         self.data.work.add(SCORED + times * CUBED * which.size**3)

@@ -352,7 +352,7 @@ def _rms(search: Search, name: str) -> float:
     candidate, shape, total = search.candidate(pick), search.data.atoms[pick.atom].shape, []
     for along in search.data.about.alongs:
         done = candidate.done(along, shape, scored.exact[where])
-        motor, load, _, _ = done.of(np.ones(1))
+        motor, load, _, _ = done.alone
         # what acts between the shafts is the same on both, and takes nothing of the whole
         each = (np.mean((side + 0.0 * along.speed) ** 2) for side in (motor, load, motor + load))
         total.append(max(each))

@@ -22,7 +22,7 @@ P = ParamSpec("P")
 R = TypeVar("R")
 
 #: Whitened numbers (one column at one sample of angle or speed) after which nothing more is tried.
-MOST = 3.6e9
+MOST = 3e9
 #: Time of the processor (s) after which nothing more is tried either; 88 with what laws may take apart, and what was
 #: begun.
 SECONDS = 50.0
@@ -30,7 +30,7 @@ SECONDS = 50.0
 _LATE, _LATE_S = 1.5, 1.1
 #: What else takes time, in whitened numbers: to linearise about a sample of angle or speed; to find the sizes of noise
 #: from one; to score a set, for the set and for each of its columns cubed; and a product in a sum of products.
-LINEARISED, NOISE, SCORED, CUBED, PRODUCT = 100.0, 1000.0, 1e5, 0.1, 1 / 60
+LINEARISED, NOISE, SCORED, CUBED, PRODUCT = 100.0, 1000.0, 1e5, 0.01, 1 / 60
 
 
 def on_one_thread(function: Callable[P, R]) -> Callable[P, R]:

@@ -9,7 +9,7 @@ import numpy as np
 from schwung.drivetrain.hysteresis import left_of, yielded
 from schwung.drivetrain.machine import Coupling
 from schwung.explain.weighing.along import Along, Ranges
-from schwung.explain.weighing.candidate import Candidate, Shape, grid
+from schwung.explain.weighing.candidate import RIGHT_TO, Candidate, Shape, grid
 from schwung.explain.weighing.curves import column
 from schwung.explain.weighing.joined import run_by_run
 from schwung.explain.weighing.known import Known
@@ -45,12 +45,18 @@ _OTHERS = Candidate("coupling_hysteresis, inexact", _slips, (1.0,) * len(_AT), n
 def hysteresis(of: Ranges, coupling: Coupling, torque_nm: float, known: Known) -> Candidate:
     """The family's only one; `torque_nm`: a natural torque; `known`: whose hysteresis no change makes negative."""
     wound = of.peak_torque_nm / coupling.stiffness_nm_rad
+
+    def hardly_yields(_torque: Array, shape: Shape) -> bool:
+        """Whether that is less than a law is right to: then it is a stiffness. z = x − x^(n+1)/(n + 1) of x yields."""
+        over, exponent = shape
+        return bool((wound / over) ** exponent < RIGHT_TO * (exponent + 1))
+
     return Candidate(
         "coupling_hysteresis", _effect, (torque_nm,), _keys,
         shapes=grid(wound * np.geomspace(_SHORTEST, _LONGEST, 7), _EXPONENTS), spacing=(0.3, 0.5),
         logarithmic=(True, True), bounds=((0.5 * _SHORTEST * wound, 2 * _LONGEST * wound), (0.5, 20.0)),
         endless=(1,), positive=(0,), least=(-known.effects.hysteresis_nm,), coordinate="torque", own=(_held,),
-        tangent=_tangent, others=_OTHERS,
+        tangent=_tangent, others=_OTHERS, none_of=hardly_yields,
     )  # fmt: skip
 
 

@@ -144,7 +144,7 @@ def reporting(of: Ranges, share: float) -> list[Candidate]:
             found[:, 2 + along.number] = found[:, 1]
         return Effect(-found * asked[:, None])
 
-    def too_hot(coefficients: Array) -> bool:
+    def too_hot(coefficients: Array, _shape: Shape) -> bool:
         """Whether runs begin with more heat than the peak torque makes where it lasts: what differs then is no heat."""
         return bool(np.max(np.abs(coefficients[1] + coefficients[2:]), initial=0.0) > coefficients[0])
 
