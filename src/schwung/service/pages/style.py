@@ -22,6 +22,7 @@ def head_html(version: str) -> str:
     """What stands in the head of every page: theme first, so that nothing is painted in the wrong one."""
     return (
         f'<script src="{STATIC_URL}/theme.js?{version}"></script>'
+        f'<script src="{STATIC_URL}/in_order.js?{version}"></script>'
         f"<style>{palette_css()}</style>"
         f'<link rel="stylesheet" href="{STATIC_URL}/theme.css?{version}">'
         f'<script src="{STATIC_URL}/panels.js?{version}"></script>'
