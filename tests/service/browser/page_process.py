@@ -104,6 +104,14 @@ class Served:
             content = answer.read()
         return json.loads(content) if content else None
 
+    def with_its_drive(self) -> None:
+        """The bench's drive alone, as it was at first but for its history."""
+        for drive in self.call("GET", "/api/drives"):
+            self.call("DELETE", f"/api/drives/{drive['id']}")
+        machine = self.call("GET", "/api/machines")[0]
+        drive = {"name": "Test axis", "bus": "bus", "node_id": NODE, "machine_id": machine["id"]}
+        self.drive_id = self.call("POST", "/api/drives", drive)["id"]
+
     def ended(self, run_id: str, within_s: float = 60.0) -> Any:
         """A run, when it has ended."""
         end = time.monotonic() + within_s
@@ -204,9 +212,8 @@ def serving(folder: Path, plant: str = "slider-crank") -> Iterator[Served]:
             thread.start()
             try:
                 served = Served(started["url"], started["token"], "", watch)
-                machine = served.call("POST", "/api/machines", {"name": "Slider-crank", "toml": BELIEF})
-                drive = {"name": "Test axis", "bus": "bus", "node_id": NODE, "machine_id": machine["id"]}
-                served.drive_id = served.call("POST", "/api/drives", drive)["id"]
+                served.call("POST", "/api/machines", {"name": "Slider-crank", "toml": BELIEF})
+                served.with_its_drive()
                 yield served
             finally:
                 watch.end()

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 import pytest
-from page_process import NODE, Served
+from page_process import Served
 
 pytest.importorskip("playwright.sync_api")
 #: Whatever the page's sockets send leaves so much later, in its order.
@@ -30,8 +30,4 @@ def test_what_is_entered_before_it_is_connected_arrives_in_its_order(page: Any, 
         page.get_by_role("heading", name=NAME, exact=True).wait_for()
         assert [drive["name"] for drive in served.call("GET", "/api/drives")] == [NAME]
     finally:
-        for drive in served.call("GET", "/api/drives"):
-            served.call("DELETE", f"/api/drives/{drive['id']}")
-        machine = served.call("GET", "/api/machines")[0]
-        kept = {"name": "Test axis", "bus": "bus", "node_id": NODE, "machine_id": machine["id"]}
-        served.drive_id = served.call("POST", "/api/drives", kept)["id"]
+        served.with_its_drive()

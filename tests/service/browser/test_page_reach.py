@@ -63,11 +63,7 @@ def test_a_drive_is_found_added_changed_and_taken_away(page: Any, served: Served
         page.click("button:has-text('Take it from the list')")
         page.get_by_text("No drive yet").wait_for()
     finally:
-        for drive in served.call("GET", "/api/drives"):
-            served.call("DELETE", f"/api/drives/{drive['id']}")
-        machine = served.call("GET", "/api/machines")[0]
-        drive = {"name": "Test axis", "bus": "bus", "node_id": NODE, "machine_id": machine["id"]}
-        served.drive_id = served.call("POST", "/api/drives", drive)["id"]
+        served.with_its_drive()
 
 
 @pytest.mark.timeout(240)
