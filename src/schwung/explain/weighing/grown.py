@@ -1,7 +1,8 @@
 """From where sets are grown: from what all causes, or laws alone, make of a few runs, or from nothing in all.
 
-A pair of laws explains together what one curve does: beside the curve neither is missed, and none takes its place. And
-laws take what they can of what is none of them. So where something without a name is found, laws alone are looked for
+A pair of laws explains together what one curve does: beside the curve neither is missed, and none takes its place; so
+where a curve with a name is found in a few runs, laws without curves are looked for as well. And laws take what they
+can of what is none of them. So where something without a name is found, laws alone are looked for
 as well; and where something without a name is found beside those, all is looked for from nothing. The likelier counts.
 """
 
@@ -14,7 +15,7 @@ import numpy as np
 from schwung.explain.weighing.data import Data
 from schwung.explain.weighing.growth import Climbed, Growth
 from schwung.explain.weighing.round import View
-from schwung.explain.weighing.search import Scored, Search
+from schwung.explain.weighing.search import HOPELESS, Scored, Search
 from schwung.explain.weighing.sets import is_unnamed
 from schwung.explain.weighing.settling import Settled
 
@@ -58,6 +59,12 @@ class _Found:
     def named(self) -> bool:
         """Whether all of it has a name."""
         return not is_unnamed(self.climbed.search, self.climbed.best)
+
+    @property
+    def without_curves(self) -> bool:
+        """Whether all of it is laws of a few numbers."""
+        search = self.climbed.search
+        return all(search.candidate(pick).is_law for pick in self.climbed.best.picks)
 
     def renewed(self, nothing: Settled) -> _Found:
         """About the noise that it leaves in all runs; `nothing`, where that is likelier there."""
@@ -119,6 +126,14 @@ def _from_few(growth: Growth, view: View, nothing: Settled) -> _Found:
     every, laws = growth.afresh(), growth.afresh(growth.laws)
     with view.work.within(_FEW):
         few = _Found(every, every.by_few(view))
+    if few.named and not few.without_curves:
+        plain = growth.afresh(growth.without_curves)
+        with view.work.apart(_LAWS):
+            alone = _Found(plain, plain.by_few(view))
+        if alone.climbed.log > few.climbed.log - HOPELESS:
+            found = alone.renewed(nothing).further()
+            if found.beats(few):
+                return _or_laws(found, view)
     if few.named:
         return _or_laws(few.renewed(nothing).further(), view)
     with view.work.apart(_LAWS):

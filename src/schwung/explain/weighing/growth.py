@@ -109,6 +109,11 @@ class Growth:
                 found.add(number)
         return frozenset(found)
 
+    @property
+    def without_curves(self) -> frozenset[int]:
+        """Laws of a few numbers: a curve with a name does what two of them do together, too."""
+        return frozenset({*self.always, *(i for i, c in enumerate(self.rests.candidates) if c.is_law)})
+
     def afresh(self, among: frozenset[int] | None = None) -> Growth:
         """The same before anything was found, of these causes alone; None: of all."""
         return replace(self, among=among, rests=self.rests.afresh(), gained={}, worse=set(), rival=None)
