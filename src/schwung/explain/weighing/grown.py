@@ -2,8 +2,8 @@
 
 A pair of laws explains together what one curve does: beside the curve neither is missed, and none takes its place; so
 where a curve with a name is found in a few runs, laws without curves are looked for as well. And laws take what they
-can of what is none of them. So where something without a name is found, laws alone are looked for
-as well; and where something without a name is found beside those, all is looked for from nothing. The likelier counts.
+can of what is none of them. So where something without a name is found, laws alone are looked for as well; and where
+something without a name is found beside those, all is looked for from nothing. The likelier counts.
 """
 
 from __future__ import annotations
@@ -116,13 +116,17 @@ def grown(growth: Growth, view: View) -> Grown:
 
 
 def _from_nothing(growth: Growth, view: View, nothing: Settled) -> _Found:
-    """All causes in all runs, or laws alone."""
+    """All causes in all runs, or laws alone, or without curves."""
     every = growth.afresh()
-    return _or_laws(_Found(every, every.climbed(nothing, ())), view)
+    found = _Found(every, every.climbed(nothing, ()))
+    if found.named and not found.without_curves:
+        found = _or_else(found, growth.without_curves, view)
+    return _or_laws(found, view)
 
 
 def _from_few(growth: Growth, view: View, nothing: Settled) -> _Found:
-    """From what all causes make of a few runs, or laws alone, where those leave something without a name."""
+    """From what all causes make of a few runs; or laws alone, where those leave something without a name, or laws
+    without curves, where they name a curve."""
     every, laws = growth.afresh(), growth.afresh(growth.laws)
     with view.work.within(_FEW):
         few = _Found(every, every.by_few(view))
@@ -152,10 +156,13 @@ def _from_few(growth: Growth, view: View, nothing: Settled) -> _Found:
 
 def _or_laws(found: _Found, view: View) -> _Found:
     """What was found, where all of it has a name, or from laws alone in all runs, where those are likelier."""
-    if found.named:
-        return found
+    return found if found.named else _or_else(found, found.growth.laws, view)
+
+
+def _or_else(found: _Found, among: frozenset[int], view: View) -> _Found:
+    """What was found, or, where that is likelier, what all causes make of what these alone do, grown from nothing."""
     # what was found keeps its columns
-    laws = replace(found.growth.afresh(found.growth.laws), rival=found.climbed.log, memory=None)
+    laws = replace(found.growth.afresh(among), rival=found.climbed.log, memory=None)
     with view.work.apart(_LAWS):
         alone = _Found(laws, laws.climbed(laws.nothing(view), ()))
     return alone.further() if alone.beats(found) else found
