@@ -129,8 +129,12 @@ def play_instead(
 
 
 def _loses_all(rests: Rests, at: Settled, gain: float) -> bool:
-    """Whether an exchange loses more (log) than all else could gain: what is left is not worth as much."""
-    return -gain > at.about.square(rests.train) / (2 * rests.wide.excess)
+    """Whether an exchange loses more (log) than all else could gain: what is left is not worth as much.
+
+    One that came to an end of its range (gain of minus infinity) lost nothing that was measured: with more beside it,
+    it may not end there.
+    """
+    return np.isfinite(gain) and -gain > at.about.square(rests.train) / (2 * rests.wide.excess)
 
 
 def _fewer(rests: Rests, search: Search, start: Scored, at: Settled) -> tuple[Scored, Settled] | None:
