@@ -66,6 +66,7 @@ class Stranger:
         1.0,
         0.0,
     )  # a pendulum on the load: inertia, frequency at rest (Hz), how much the load's speed is its gravity
+    drags: tuple[float, float] = (0.0, 0.0)  # friction of the load: at the start, and more by each radian
     warms: tuple[float, float] = (
         0.0,
         1.0,
@@ -89,6 +90,7 @@ class Stranger:
             *self.mesh,
             *self.slots,
             *self.hangs,
+            *self.drags,
         )
         return np.array(each)
 
@@ -117,6 +119,8 @@ STRANGERS = (
     Stranger("cogging that leans over", ("cogging",), slots=(0.5, 11.0), curves=("position",)),
     Stranger("a pendulum that the speed stiffens", ("extra_compliance",), hangs=(1.2e-3, 9.0, 12.0)),
     Stranger("a motor that weakens as 1/(1 + heat)", ("torque_constant_fade",), warms=(1.5, 0.25)),
+    Stranger("a guide behind the shaft that drags ever more", ("friction_over_angle", "load_side_friction"),
+             drags=(0.4, 0.5), curves=("position",)),
 )  # fmt: skip
 
 
@@ -169,7 +173,8 @@ def _slopes(state: Array, torque: float, friction: Array, last: float, rubbed: f
     rates[1] = (
         torque - ratio * shaft - ROTOR_VISCOUS * state[1] - level * way - friction[7] * state[4] + cogs
     ) / ROTOR
-    rates[3] = (shaft - swung - LOAD_VISCOUS * state[3]) / LOAD
+    drag = (friction[25] + friction[26] * state[2]) * state[3] / np.sqrt(state[3] ** 2 + 1e-4)
+    rates[3] = (shaft - swung - LOAD_VISCOUS * state[3] - drag) / LOAD
     return rates, shaft
 
 

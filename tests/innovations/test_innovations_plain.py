@@ -44,14 +44,19 @@ def system(request: pytest.FixtureRequest) -> System:
     noises = np.column_stack([-stepped[:, :, size + 2], np.ones(299)])
     spread = np.array([*[1e-3, 0.1, 1e-3, 0.1][:size], 0.3])
     measured = np.cumsum(noise.normal(size=(300, 2)), axis=0) * [1e-3, 0.1]
-    apart = np.where(np.arange(299) % 50 == 7, 20.0, 0.0)
+    apart = np.where(np.arange(299)[:, None] % 50 == [7, 9], 20.0, 0.0)
+    on_load = np.zeros((299, 2, size + 1))
+    if shaft.rigid:
+        apart[:, 1], on_load = 0.0, on_load[:0]
+    else:
+        on_load[:, :, :size] = np.swapaxes(stepped[:, :, [size + 1, size + 3]], 1, 2)
     opened = noise.normal(size=(0 if shaft.rigid else 299, size + 1)) * [
         *[1e-6, 1e-3, 1e-6, 1e-3][:size],
         0.0,
     ]
     return System(
         transition, forcing, noises, np.full(299, 0.1), apart, measured, np.array([1e-10, 1e-4]),
-        np.zeros(size + 1), spread, opened,
+        np.zeros(size + 1), spread, opened, on_load,
     )  # fmt: skip
 
 
@@ -115,12 +120,13 @@ def test_a_coupling_with_play() -> None:
     for through in (play._through, plain.through):
         system = System(
             np.zeros((steps, 5, 5)), np.zeros((steps, 5)), np.ones((steps, 5)), np.full(steps, 0.01),
-            np.zeros(steps), np.cumsum(noise.normal(size=(steps + 1, 2)), axis=0) * [0.0, 1e-6],
+            np.zeros((steps, 2)), np.cumsum(noise.normal(size=(steps + 1, 2)), axis=0) * [0.0, 1e-6],
             np.array([1e-8, 1e-4]), np.zeros(5), np.array([1e-3, 0.1, 1e-3, 0.1, 0.1]),
-            np.zeros((steps, 5)),
+            np.zeros((steps, 5)), np.zeros((steps, 2, 5)),
         )  # fmt: skip
         noise, inputs, contact = np.random.default_rng(5), whole[:, :, 4:].copy(), np.zeros((steps, 3))
         through(system, pressed, free, torques, coupling, 5e-4, 0.5e-3 / PARTS, inputs, contact)
-        found.append((system.transition, system.forcing, system.noise, system.open_contact, inputs, contact))
+        made = system.transition, system.forcing, system.noise, system.open_contact, system.on_load
+        found.append((*made, inputs, contact))
     _agree(found[1], found[0])
-    assert 0.1 < np.mean(found[0][5][:, 0]) < 0.9
+    assert 0.1 < np.mean(found[0][-1][:, 0]) < 0.9

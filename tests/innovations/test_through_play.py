@@ -107,7 +107,7 @@ def _squares(run: Any, torques: Array, measured: Array, noise: Noise) -> Array:
     equations = Equations(
         np.zeros((steps_count, 5, 5)), np.zeros((steps_count, 5)),
         np.column_stack([np.zeros((steps_count, 4)), np.ones(steps_count)]),
-        np.zeros(steps_count + 1), np.zeros(steps_count), measured, np.append(run.states[0], 0.0), torques,
+        np.zeros(steps_count + 1), np.zeros((steps_count, 2)), measured, np.append(run.states[0], 0.0), torques,
     )  # fmt: skip
     coupling = np.array([SHAFT.stiffness, SHAFT.damping])
     passed, _ = through_play(equations, steps, SHAFT, coupling, inertia, GAP_RAD, noise, run)

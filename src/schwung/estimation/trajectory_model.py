@@ -193,7 +193,7 @@ class Model:
         sticking = np.exp(-((along.speed / (3 * self.sticking_rad_s)) ** 2))
         slack = 100 * parameters[at.coulomb] ** 2 * sticking
         first = np.append(run.states[0], 0.0)
-        apart = np.zeros(load.size - 1)
+        apart = np.zeros((load.size - 1, 2))
         return _Linear(transition, forcing, noise, slack, apart, measured, first, torques, along, motor)
 
     def columns(self, run: Signals, parameters: Array, equations: Equations) -> Added:

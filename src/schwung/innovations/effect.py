@@ -122,6 +122,12 @@ class Passed:
         """Angle's and speed's in turn, white with deviation 1 where the model holds, (2n,)."""
         return np.asarray(self.result.error / np.sqrt(self.result.variance)).reshape(-1)
 
+    @property
+    def deviances(self) -> Array:
+        """−2 log likelihood of each sample, but for a constant, (n,)."""
+        each = np.log(self.result.variance) + self.result.error**2 / self.result.variance
+        return np.asarray(np.sum(each, axis=1))
+
     @cached_property
     def unsure(self) -> float:
         """How much less surely the samples are foreseen for the coupling's gap (−2 log likelihood)."""

@@ -59,9 +59,12 @@ def carried(system: System, k: int, x: Array, p: Array, ahead: Array, half: Arra
             p[j, i] = p[i, j]
     if system.open_contact.shape[0] > 0:
         _outer(p, system.open_contact[k], 1.0, size)
-    if apart > 0.0:
-        _outer(p, phi[k, :, size - 1], apart, size - 1)
-        _outer(p, noise[k], apart, size - 1)
+    if apart[0] > 0.0:
+        _outer(p, phi[k, :, size - 1], apart[0], size - 1)
+        _outer(p, noise[k], apart[0], size - 1)
+    if apart[1] > 0.0:
+        _outer(p, system.on_load[k, 0], apart[1], size - 1)
+        _outer(p, system.on_load[k, 1], apart[1], size - 1)
 
 
 @inlined

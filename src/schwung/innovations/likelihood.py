@@ -82,11 +82,12 @@ class Equations:
     forcing: Array  # (n − 1, s)
     noise: Array  # (n − 1, s): what the torque's error of the sample at the end of each step does
     slack: Array  # (n,) variance of the torque (N·m)² beyond the sensor's
-    apart: Array  # (n − 1,) and of what acts within each step alone
+    apart: Array  # (n − 1, 2) and of what acts within each step alone, on the motor and on the load
     measured: Array  # (n, 2)
     first: Array  # (s,)
     torques: Array  # (n − 1, 6) over each step, see `Steps`
     play: Play | None = field(default=None, kw_only=True)  # of the coupling; None: it has none
+    on_load: Array | None = field(default=None, kw_only=True)  # of `System`; None: nothing is open there
 
 
 class Model(Protocol):
@@ -122,6 +123,7 @@ def problem_of(equations: Equations, noise: Noise, run: Signals) -> System:
     if noise.torque_share > 0:
         power = power + (noise.torque_share * run.load_nm) ** 2
     shaft = [position, speed] if run.rigid else [position, speed, position, speed]
+    size = equations.first.size
     return System(
         equations.transition,
         equations.forcing,
@@ -132,7 +134,8 @@ def problem_of(equations: Equations, noise: Noise, run: Signals) -> System:
         np.array([noise.position_rad**2, noise.speed_rad_s**2 if run.speed_measured else _untold(run) ** 2]),
         equations.first,
         np.array([*shaft, np.sqrt(power[0])]),
-        np.zeros((0, equations.first.size)) if equations.play is None else equations.play.open_contact,
+        np.zeros((0, size)) if equations.play is None else equations.play.open_contact,
+        np.zeros((0, 2, size)) if equations.on_load is None else equations.on_load,
     )
 
 

@@ -81,8 +81,11 @@ def filtered(system: System) -> Filtered:
     across[:, size, size] = 1.0
     added = np.empty((count - 1, size, size + 1))
     added[:, :, :size] = system.noise[:, :, None] * (system.noise * system.power[:, None])[:, None, :]
-    for ends in (system.transition[:, :-1, size - 1], system.noise[:, :-1]):
-        added[:, :-1, : size - 1] += ends[:, :, None] * (ends * system.apart[:, None])[:, None, :]
+    on_motor = [system.transition[:, :-1, size - 1], system.noise[:, :-1]]
+    on_load = [system.on_load[:, end, :-1] for end in range(2) if system.on_load.size]
+    for apart, each in zip(system.apart.T, (on_motor, on_load), strict=True):
+        for ends in each:
+            added[:, :-1, : size - 1] += ends[:, :, None] * (ends * apart[:, None])[:, None, :]
     for one in (system.open_contact,) if system.open_contact.size else ():
         added[:, :, :size] += one[:, :, None] * one[:, None, :]
     added[:, :, size] = system.forcing
@@ -158,6 +161,8 @@ def through(
         system.forcing[k, :4], system.transition[k, :4, :4], inputs[k, :, :4] = push, phi, onto
         system.transition[k, :4, 4], system.noise[k, :4] = -onto[:, 0], -onto[:, 2]
         system.open_contact[k, :4] = opened
+        if system.on_load.size:
+            system.on_load[k, :, :4] = onto[:, 1::2].T
         x, p = _carried(system, k, x, p)
         _updated(system, k + 1, x, p)
 
@@ -168,7 +173,9 @@ def _carried(system: System, k: int, x: Array, p: Array) -> tuple[Array, Array]:
     last = np.append(phi[:-1, -1], 0.0)
     torque = np.append(noise[:-1], 0.0)
     added = system.power[k] * np.outer(noise, noise)
-    added += system.apart[k] * (np.outer(last, last) + np.outer(torque, torque))
+    added += system.apart[k, 0] * (np.outer(last, last) + np.outer(torque, torque))
+    if system.on_load.size:
+        added += system.apart[k, 1] * (system.on_load[k].T @ system.on_load[k])
     if system.open_contact.size:
         added += np.outer(system.open_contact[k], system.open_contact[k])
     return phi @ x + system.forcing[k], phi @ p @ phi.T + added

@@ -59,6 +59,7 @@ def through_play(
         transition=system.transition.copy(),
         forcing=system.forcing.copy(),
         noise=system.noise.copy(),
+        on_load=system.on_load.copy(),
         open_contact=np.zeros_like(system.forcing),
     )
     inputs, coupling = steps.inputs.copy(), np.ascontiguousarray(np.broadcast_to(coupling, (count, 2)))
@@ -71,6 +72,7 @@ def through_play(
         forcing=system.forcing,
         noise=system.noise,
         play=Play(contact, logs, system.open_contact),
+        on_load=system.on_load,
     )
     return passed, replace(steps, transition=system.transition[:, :-1, :-1], inputs=inputs)
 
@@ -118,6 +120,14 @@ def _within(
             new_push[a] += start * first[side] + end * last[side] + bulge * height * torques[4 + side]
             new_onto[a, side] = start * (1 - early) + end * (1 - late)
             new_onto[a, 2 + side] = start * early + end * late
+
+
+@inlined
+def _held(system: System, k: int, onto: Array) -> None:
+    """What torques on the load do in step k, where what holds it is open."""
+    if system.on_load.shape[0] > 0:
+        for a in range(4):
+            system.on_load[k, 0, a], system.on_load[k, 1, a] = onto[a, 1], onto[a, 3]
 
 
 @compiled_or(plain.through)
@@ -188,5 +198,6 @@ def _through(
             system.transition[k, a, 4], system.noise[k, a] = -onto[a, 0], -onto[a, 2]
             for b in range(4):
                 system.transition[k, a, b], inputs[k, a, b] = phi[a, b], onto[a, b]
+        _held(system, k, onto)
         carried(system, k, x, p, ahead, lower, size)
         updated(system, k + 1, x, p, gain, row, errors, spreads, size)

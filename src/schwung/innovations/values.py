@@ -24,14 +24,15 @@ class Shaft(NamedTuple):
 class System(NamedTuple):
     """x⁺ = Φx + forcing + noise·w, of which the first two states are measured; the last is the torque's error.
 
-    Where `apart` is not 0, a step has torque at its start and at its end of which the steps beside it have nothing.
+    Where `apart` is not 0, a step has torque at its start and at its end of which the steps beside it have nothing: on
+    the motor, on the load.
     """
 
     transition: Array  # (n − 1, s, s)
     forcing: Array  # (n − 1, s)
     noise: Array  # (n − 1, s)
     power: Array  # (n − 1,) variance of w
-    apart: Array  # (n − 1,) that of a step's own torques, (N·m)²
+    apart: Array  # (n − 1, 2) that of a step's own torques, on the motor and on the load, (N·m)²
     measured: Array  # (n, 2)
     variances: Array  # (2,) of the measurements
     first: Array  # (s,) the state at first, and how well it is known
@@ -39,6 +40,7 @@ class System(NamedTuple):
     open_contact: (
         Array  # (n − 1, s) a deviation of what a coupling with a gap may carry besides; (0, s): it has none
     )
+    on_load: Array  # (n − 1, 2, s) what units of torque on the load at a step's start and end do; (0, 2, s): untold
 
 
 class Filtered(NamedTuple):

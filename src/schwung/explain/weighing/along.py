@@ -127,9 +127,11 @@ class Along:
     @property
     @_kept
     def slowest(self) -> Array:
-        """Of the motor, without its sign, where it is slowest within each step (rad/s), (n − 1,): 0 where it turns."""
-        ends = np.abs(np.stack([self.speed[:-1], self.speed[1:]]))
-        return np.asarray(np.where(self.speed[:-1] * self.speed[1:] > 0, np.min(ends, axis=0), 0.0))
+        """Of motor and load, without its sign, where each is slowest within each step (rad/s), (n − 1, 2): 0 where it
+        turns; ∞ of a load that is one with the motor."""
+        both = np.column_stack([self.speed, self.load_speed])
+        slowest = np.where(both[:-1] * both[1:] > 0, np.minimum(np.abs(both[:-1]), np.abs(both[1:])), 0.0)
+        return np.where([False, self.run.rigid], np.inf, slowest)
 
     @property
     @_kept

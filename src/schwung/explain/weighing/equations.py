@@ -183,8 +183,14 @@ def equations_of(
     measured = np.column_stack([run.position_rad - acting.position, run.speed_rad_s - acting.speed])
     sticking = np.exp(-((along.slowest / (3 * along.ranges.sticking_rad_s)) ** 2))
     apart = _OPEN * acting.dry_nm**2 * sticking
+    on_load = None
+    if acting.dry_nm > 0 and not shaft.rigid:
+        on_load = np.zeros((push.size - 1, 2, size + 1))
+        on_load[:, :, :size] = np.swapaxes(steps.inputs[:, :, 1:4:2], 1, 2)
     begin = np.append(run.states[0], 0.0)
-    equations = Equations(transition, forcing, driven, run.drive.sharp_nm2, apart, measured, begin, torques)
+    equations = Equations(
+        transition, forcing, driven, run.drive.sharp_nm2, apart, measured, begin, torques, on_load=on_load
+    )
     if along.gap_rad > 0 and not shaft.rigid:
         return through_play(equations, steps, shaft, coupling, middle, along.gap_rad, noise, run)
     return equations, steps

@@ -13,12 +13,15 @@ from schwung.explain.weighing.round import (
     View,
     acting,
     at_rest,
+    few_of,
     finite,
     linearised,
     loud_about,
+    resmoothed,
     resmoothed_about,
     torques_about,
 )
+from schwung.explain.weighing.search import HOPELESS
 from schwung.explain.weighing.settling import HALVINGS, within
 from schwung.explain.weighing.true_torque import TrueTorque
 from schwung.explain.weighing.work import PRODUCT
@@ -93,8 +96,29 @@ def wide_fit(
     noise, excess = noise.times(float(np.sqrt(beyond))), excess_of(rows, rest, about, train) / beyond
     alongs = view.alongs(members)
     dry = max(acting(view, where, members).dry_nm for where in alongs)
-    slowest, loud = tuple(where.slowest for where in alongs), loud_about(replace(about, noise=noise))
-    return Wide(noise, max(1.0, excess), torques, dry, slowest, loud)
+    loud = loud_about(replace(about, noise=noise))
+    wide = Wide(noise, max(1.0, excess), torques, dry, tuple(where.slowest for where in alongs), loud)
+    return replace(wide, slowest=_sticking(wide, view, members, train))
+
+
+def _sticking(wide: Wide, view: View, members: Sequence[Member], train: Sequence[int]) -> tuple[Array, ...]:
+    """`Along.slowest` of each run; ∞ for the load, unless motion is surely likelier where what holds the load is open,
+    too: a load that is held winds up the shaft, and swings when it is let go.
+    """
+    if wide.dry_nm == 0 or view.runs[0].rigid:
+        return wide.slowest
+    few, found = few_of(train), []
+    for never in (np.inf, 0.0):
+        slowest = tuple(np.maximum(one, [0.0, never]) for one in wide.slowest)
+        seen = replace(wide, slowest=slowest).seen(view)
+        about = linearised(resmoothed(seen, members, wide.noise, few), members, wide.noise, None, few)
+        deviance = 0.0
+        for run in few:
+            slides = np.all(wide.slowest[run] > 10 * view.ranges.sticking_rad_s, axis=1)
+            deviance += float(np.sum(about.passed[run].deviances[1:][slides]))
+        found.append((slowest, deviance))
+    (alone, without), (both, within_both) = found
+    return both if within_both + 2 * HOPELESS < without else alone
 
 
 def _nearer(
