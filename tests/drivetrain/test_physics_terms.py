@@ -61,7 +61,7 @@ BALANCED = (
     "friction_over_angle", "viscous_drift", "load_dependent_friction", "load_side_friction", "presliding_friction",
     "direction_dependent_load", "end_spring", "encoder_harmonic", "kinematic_error", "offset_drift",
     "coupling_hysteresis", "torque_constant_drop", "torque_constant_fade", "torque_ripple", "torque_filter",
-    "stiffness_over_angle",
+    "stiffness_over_angle", "motor_inertia",
     "inertia_profile", "residual",
 )  # fmt: skip
 

@@ -195,12 +195,14 @@ def moved(machine: Machine) -> tuple[Simulated, Array]:
     return simulate(machine, motion.demand(time), time, start_rad=0.2, session_share=SHARE), time
 
 
-def balance(made: Simulated, time: Array, acts: Array, inertia: Array | float = INERTIA) -> float:
+def balance(
+    made: Simulated, time: Array, acts: Array, inertia: Array | float = INERTIA, rotor: float = 0.012
+) -> float:
     """The largest momentum (N·m·s) that is not accounted for, over the largest that there is."""
     outer = -0.2 * made.speed_rad_s - 0.1 * made.load_speed_rad_s + acts
     grown = np.concatenate([[0.0], np.cumsum((outer[1:] + outer[:-1]) / 2)]) / RATE
     driven = np.concatenate([[0.0], np.cumsum(made.torque_nm[:-1])]) / RATE
-    momentum = 0.012 * made.speed_rad_s + inertia * made.load_speed_rad_s
+    momentum = rotor * made.speed_rad_s + inertia * made.load_speed_rad_s
     return float(np.max(np.abs(momentum - momentum[0] - grown - driven)) / np.max(np.abs(momentum)))
 
 
@@ -213,6 +215,13 @@ def test_momentum_grows_by_what_the_term_says(name: str, rigid: bool) -> None:
     made, time = moved(machine_with(term, rigid=rigid))
     acting = acts(made, time)
     assert balance(made, time, acting) < 3e-4
+    assert balance(made, time, np.zeros(time.size)) > 1e-2
+
+
+@pytest.mark.parametrize("rigid", [False, True])
+def test_a_motor_inertia_is_in_place_of_the_believed_one(rigid: bool) -> None:
+    made, time = moved(machine_with({"name": "motor_inertia", "inertia_kgm2": 0.02}, rigid=rigid))
+    assert balance(made, time, np.zeros(time.size), rotor=0.02) < 3e-4
     assert balance(made, time, np.zeros(time.size)) > 1e-2
 
 

@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import pytest
 from sealed_sessions import fewer
-from strangers import STIFFNESS, STRANGERS, Stranger, belief_of, session_of
+from strangers import ROTOR, STIFFNESS, STRANGERS, Stranger, belief_of, session_of
 
 from schwung.drivetrain.physics_term import PhysicsTerm
 from schwung.explain.weighing.values import Weighed
@@ -93,6 +93,19 @@ def test_a_stiffness_that_is_far_off_is_the_only_name(scale):
     assert likely(found) == {"coupling_stiffness"}
     stiffness = found.names[0].parameters["stiffness_nm_rad"]
     assert stiffness.value == pytest.approx(STIFFNESS, rel=0.005)
+
+
+@pytest.mark.parametrize("scale", [0.93, 1.3])
+def test_a_motor_inertia_that_is_off_is_the_only_name(scale):
+    """Without that name it was a torque constant, a lag and less viscous friction."""
+    machine = belief_of(STRANGERS[0])
+    believed = machine.motor.model_copy(update={"inertia_kgm2": scale * ROTOR})
+    session = session_of(STRANGERS[0], 5, every=8, times=(0.25, 0.4))
+    found = weigh(session, machine.model_copy(update={"motor": believed}))
+    assert likely(found) == {"motor_inertia"}
+    inertia = found.names[0].parameters["inertia_kgm2"]
+    assert inertia.value == pytest.approx(ROTOR, rel=0.003)
+    assert inertia.low < ROTOR < inertia.high
 
 
 def test_a_speed_curve_without_a_name_stands_alone_not_beside_its_cases():

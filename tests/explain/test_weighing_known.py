@@ -20,7 +20,7 @@ SIDES = ("on_motor", "on_load", "position", "speed")
 #: Laws that change what the filter moves; what each run has of its own: bristles at rest, the phase of a hum.
 ELSEWHERE = {
     "backlash", "coupling_damping", "coupling_stiffness", "inertia_profile", "inertia_profile_shift", "load_inertia",
-    "presliding_friction", "periodic_disturbance",
+    "motor_inertia", "presliding_friction", "periodic_disturbance",
 }  # fmt: skip
 
 

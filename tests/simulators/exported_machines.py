@@ -54,6 +54,7 @@ SHAFT = (
     ),
     PhysicsTerm(name="torque_constant", gain=1.05),
     PhysicsTerm(name="torque_lag", time_constant_s=3e-4),
+    PhysicsTerm(name="motor_inertia", inertia_kgm2=0.015),
     PhysicsTerm(name="coupling_stiffness", stiffness_nm_rad=2e4),
     PhysicsTerm(name="coupling_damping", damping_nms=6.0),
     PhysicsTerm(name="nonlinear_stiffness", cubic_nm_rad3=1e8),

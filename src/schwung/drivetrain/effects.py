@@ -85,6 +85,7 @@ class Effects(NamedTuple):
     harmonic_order: float = 1.0
     harmonic_phase_rad: float = 0.0
     gap_rad: float = 0.0
+    rotor_inertia_kgm2: float = 0.0  # in place of the motor's; 0: the motor's
     stiffness_nm_rad: float = 0.0  # in place of the coupling's; 0: the coupling's
     damping_nms: float = -1.0  # in place of the coupling's; negative: the coupling's
     cubic_nm_rad3: float = 0.0
@@ -235,6 +236,7 @@ PHYSICS: Mapping[str, Mapping[str, Key]] = {
         "phase_rad": Key("harmonic_phase_rad", "rad"),
     },
     "backlash": {"gap_rad": Key("gap_rad", "rad", _NOT_NEGATIVE, highest=2 * np.pi)},
+    "motor_inertia": {"inertia_kgm2": Key("rotor_inertia_kgm2", "kg·m²", _POSITIVE)},
     "coupling_stiffness": {"stiffness_nm_rad": Key("stiffness_nm_rad", "N·m/rad", _POSITIVE)},
     "coupling_damping": {"damping_nms": Key("damping_nms", "N·m·s/rad", _NOT_NEGATIVE)},
     "nonlinear_stiffness": {"cubic_nm_rad3": Key("cubic_nm_rad3", "N·m/rad³")},

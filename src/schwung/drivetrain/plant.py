@@ -38,7 +38,7 @@ def plant_of(machine: Machine, inertia: InertiaTable | float | None) -> kernel.P
     stiffness, damping = (coupling.stiffness_nm_rad, coupling.damping_nms) if coupling else (0.0, 0.0)
     torque = load.torque_table
     return kernel.Plant(
-        rotor_inertia=machine.motor.inertia_kgm2,
+        rotor_inertia=effects.rotor_inertia_kgm2 or machine.motor.inertia_kgm2,
         motor_friction=machine.motor.viscous_friction_nms,
         load_friction=load.viscous_friction_nms,
         stiffness=effects.stiffness_nm_rad or stiffness,

@@ -96,6 +96,7 @@ PHYSICS: dict[str, Words] = {
     "kinematic_error": Words("a transmission that is off many times a turn", "position", _SINE),
     "extra_compliance": Words("a further flexible mass", "frequency", _BODE),
     "load_inertia": Words("a load inertia that is off", "acceleration", _TWO_TIMES),
+    "motor_inertia": Words("a motor inertia that is off", "acceleration", _SINE),
     "inertia_profile_shift": Words("an inertia table out of place", "position", _TWO_TIMES),
 }
 
@@ -104,6 +105,9 @@ _LINEAR = (
     ("torque", "force"),
     ("inertia table", "mass table"),
     ("load inertia", "load mass"),
+    ("motor inertia", "motor mass"),
+    ("motor's own inertia", "motor's own mass"),
+    ("motor's inertia", "motor's mass"),
     ("turns", "periods of the scale"),
     ("an encoder that runs eccentrically", "a scale with a periodic error"),
     ("an encoder that is off many times a turn", "a scale with an error of a short period"),
@@ -153,6 +157,10 @@ _PAIRS: dict[tuple[str, str], str] = {
     "where the table turns.",
     ("load_inertia", "torque_constant"): "Inject a sine above the resonance: there the motor's own inertia answers "
     "alone, and only the torque constant can be off.",
+    ("load_inertia", "motor_inertia"): "Inject a sine above the resonance: there the motor's own inertia answers "
+    "alone.",
+    ("motor_inertia", "torque_constant"): "Measure the frequency response at standstill (schwung bode): a torque "
+    "constant scales all of it, the motor's inertia moves the resonance.",
     ("torque_constant", "torque_saturation"): _SLOWER + "nothing is clipped there, a factor remains.",
     ("load_inertia", "torque_saturation"): _SLOWER + "nothing is clipped there.",
     ("measurement_delay", "torque_lag"): _INJECT + "the phase of a delay grows with frequency, that of a lag levels "

@@ -335,6 +335,7 @@ def _moving(told: Exported, here: frozenset[str], e: Effects) -> list[Equation]:
             return f"accelerated(residual_acceleration_rows, {torque}, {inertia})"
         return f"({torque})/{inertia if inertia.isidentifier() else f'({inertia})'}"
 
+    rotor = "rotor_inertia_kgm2" if e.rotor_inertia_kgm2 > 0 else "motor_inertia_kgm2"
     if told.rigid and "carried_share" in here:
         return [
             Equation("both", f"{motor} + {load}", "on motor and load, N.m"),
@@ -344,10 +345,10 @@ def _moving(told: Exported, here: frozenset[str], e: Effects) -> list[Equation]:
                 "of gears, as an inertia",
             ),
             angle,
-            Equation("motor_speed", divided("both", "motor_inertia_kgm2 + inertia + lost"), derivative=True),
+            Equation("motor_speed", divided("both", f"{rotor} + inertia + lost"), derivative=True),
         ]
     if told.rigid:
-        both = divided(f"{motor} + {load}", "motor_inertia_kgm2 + inertia")
+        both = divided(f"{motor} + {load}", f"{rotor} + inertia")
         return [angle, Equation("motor_speed", both, derivative=True)]
     k = "stiffness_nm_rad" if e.stiffness_nm_rad > 0 else "coupling_stiffness_nm_rad"
     if "stiffness_share" in here:
@@ -380,7 +381,7 @@ def _moving(told: Exported, here: frozenset[str], e: Effects) -> list[Equation]:
         Equation("shaft", shaft, "torque of the coupling, N.m"),
         *yielding,
         angle,
-        Equation("motor_speed", f"({motor} - {felt}{lost})/motor_inertia_kgm2", derivative=True),
+        Equation("motor_speed", f"({motor} - {felt}{lost})/{rotor}", derivative=True),
         Equation("load_angle", "load_speed", derivative=True),
         Equation("load_speed", divided(f"{load} + shaft", "inertia"), derivative=True),
     ]

@@ -204,6 +204,7 @@ _WORDS = {
     "stribeck_rise_nm": "stribeck_friction: breakaway torque minus Coulomb torque",
     "drift_nm": "friction_drift: of dry friction from the first run to the last (see session_share)",
     "torque_gain": "torque_constant: torque on the shaft over torque reported",
+    "rotor_inertia_kgm2": "motor_inertia: in place of the believed one; 0: that",
     "stiffness_nm_rad": "coupling_stiffness: in place of the believed one; 0: that",
     "damping_nms": "coupling_damping: in place of the believed one; negative: that",
     "presliding_nm": "presliding_friction: what it is when it slides",

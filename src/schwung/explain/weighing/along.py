@@ -161,7 +161,7 @@ class Along:
     @cached_property
     def acceleration(self) -> Array:
         """Of the motor; beyond the band it is that of a coupling which closes and opens."""
-        return np.asarray(self._smooth_acceleration - self._sharp_nm / self.machine.motor.inertia_kgm2)
+        return np.asarray(self._smooth_acceleration - self._sharp_nm / self.present.motor.inertia_kgm2)
 
     @cached_property
     def _sharp_nm(self) -> Array | float:
@@ -187,7 +187,7 @@ class Along:
     @property
     def rotor(self) -> Array:
         """What torque accelerates within a step (kg·m²), (n,): the motor alone, where a coupling is behind it."""
-        motor = np.full_like(self.angle, self.machine.motor.inertia_kgm2)
+        motor = np.full_like(self.angle, self.present.motor.inertia_kgm2)
         return motor if self.machine.coupling else motor + self.machine.load_inertia_at(self.angle)
 
     @cached_property

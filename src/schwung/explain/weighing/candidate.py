@@ -119,6 +119,7 @@ class Candidate:
     products: Array | None = (
         None  # of a curve's modes, by which its size is measured (p, p); None: of the coefficients
     )
+    rotor: float = 0.0  # what a unit of it adds to the motor's inertia
     coupling: tuple[float, float, float] = (0.0,) * 3  # what a unit of it adds to stiffness, damping and gap
     unfilters: bool = False  # its first coefficient is by how much a filter delays the reported torque (s)
     holds: bool = False  # its coefficient is by what share of a step a held injection is taken later
@@ -238,8 +239,8 @@ class Candidate:
 
     @property
     def of_machine(self) -> bool:
-        """Whether it is a change of the machine's inertia or coupling."""
-        return self.inertia is not None or any(self.coupling)
+        """Whether it is a change of the machine's inertias or coupling."""
+        return self.inertia is not None or self.rotor != 0 or any(self.coupling)
 
     def moved(self, shape: Shape, spacings: Array) -> Shape:
         """A shape so many spacings of the grid on (d,), within its bounds."""

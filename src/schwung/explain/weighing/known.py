@@ -261,7 +261,9 @@ def known(machine: Machine, low_rad: float, high_rad: float) -> Known:
     if machine.load_inertia is None and machine.coupling is None:
         none = machine.load.model_copy(update={"inertia_kgm2": _NONE * machine.motor.inertia_kgm2})
         machine = machine.model_copy(update={"load": none})
-    coupling, load = machine.coupling, machine.load
+    coupling, load, motor = machine.coupling, machine.load, machine.motor
+    if e.rotor_inertia_kgm2 > 0:
+        motor = motor.model_copy(update={"inertia_kgm2": e.rotor_inertia_kgm2})
     if coupling is not None:
         coupling = Coupling(
             stiffness_nm_rad=e.stiffness_nm_rad or coupling.stiffness_nm_rad,
@@ -281,7 +283,7 @@ def known(machine: Machine, low_rad: float, high_rad: float) -> Known:
             torque_nm=load.torque_nm,
             torque_table=load.torque_table,
         )
-    plain = machine.model_copy(update={"coupling": coupling, "load": load, "physics": ()})
+    plain = machine.model_copy(update={"motor": motor, "coupling": coupling, "load": load, "physics": ()})
     curves = tuple(residuals_of(machine.physics).values())
     planes = tuple(planes_of(machine.physics).values())
     return Known(plain, e, load_torque_table(machine.physics), not machine.physics, curves, planes)

@@ -177,6 +177,7 @@ def _changed(law: str, had: Mapping[str, Any], new: Mapping[str, Any]) -> _Param
     share = new.get("share_at_peak", 0.0)
     drop, fade = (share / new.get("peak_nm", 1.0) ** power for power in (order, 2.0))
     changes: dict[str, Callable[[], _Parameters]] = {
+        "motor_inertia": lambda: dict(new),
         "coupling_stiffness": lambda: dict(new),
         "coupling_damping": lambda: dict(new),
         "torque_constant": lambda: {"gain": had["gain"] + new["gain"] - 1},

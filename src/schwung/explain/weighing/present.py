@@ -79,8 +79,12 @@ def _added(angle: Array, heavier: Sequence[Member]) -> Array:
 
 
 def with_members(machine: Machine, members: Sequence[Member], of: Ranges) -> Machine:
-    """The believed machine with the members' inertia, stiffness and damping."""
-    coupling, load = machine.coupling, machine.load
+    """The believed machine with the members' inertias, stiffness and damping."""
+    coupling, load, motor = machine.coupling, machine.load, machine.motor
+    rotor = sum(m.candidate.rotor * float(m.coefficients[0]) for m in members)
+    if rotor:
+        least = LEAST_SHARE * motor.inertia_kgm2
+        motor = motor.model_copy(update={"inertia_kgm2": max(motor.inertia_kgm2 + rotor, least)})
     stiffness = sum(m.candidate.coupling[0] * float(m.coefficients[0]) for m in members)
     damping = sum(m.candidate.coupling[1] * float(m.coefficients[0]) for m in members)
     damping += sum(float(m.coefficients[1]) for m in members if m.candidate.opens)
@@ -106,7 +110,7 @@ def with_members(machine: Machine, members: Sequence[Member], of: Ranges) -> Mac
             torque_nm=load.torque_nm,
             torque_table=load.torque_table,
         )
-    return machine.model_copy(update={"coupling": coupling, "load": load})
+    return machine.model_copy(update={"motor": motor, "coupling": coupling, "load": load})
 
 
 def gap_of(known_rad: float, members: Sequence[Member]) -> float:

@@ -14,7 +14,14 @@ from schwung.explain.weighing.search import Pick, Scored, Search, slices
 from schwung.explain.weighing.settling import Settled
 
 #: Causes of one shape that are smooth along any motion, and so are present where the noise is found.
-SMOOTH = ("torque_constant", "torque_lag", "measurement_delay", "coupling_stiffness", "coupling_damping")
+SMOOTH = (
+    "motor_inertia",
+    "torque_constant",
+    "torque_lag",
+    "measurement_delay",
+    "coupling_stiffness",
+    "coupling_damping",
+)
 
 #: Causes in their shapes, with their sizes.
 Shaped = tuple[tuple[Atom, float], ...]

@@ -84,6 +84,10 @@ static double lightest_load(const double *p) {
     return p[INERTIA_SCALE] * lightest + p[INERTIA_DELTA_KGM2] + added;
 }
 
+static double rotor_inertia(const double *p) {
+    return p[ROTOR_INERTIA_KGM2] > 0.0 ? p[ROTOR_INERTIA_KGM2] : p[MOTOR_INERTIA_KGM2];
+}
+
 static double stiffness(const double *p) {
     return p[STIFFNESS_NM_RAD] > 0.0 ? p[STIFFNESS_NM_RAD] : p[COUPLING_STIFFNESS_NM_RAD];
 }
@@ -235,7 +239,7 @@ static Masses rates(const double *p, Masses s, double torque, double time) {
     load += SIDED(RESIDUAL_LOAD_POSITION, s.load_angle, load_ahead) - p[LOAD_COULOMB_NM] * load_ahead;
     if (RIGID) {
         const double lost = p[CARRIED_SHARE] * ahead * inertia.value;
-        const double whole = p[MOTOR_INERTIA_KGM2] + inertia.value + (motor + load > 0.0 ? lost : -lost);
+        const double whole = rotor_inertia(p) + inertia.value + (motor + load > 0.0 ? lost : -lost);
         r.motor_speed = r.load_speed = accelerated(motor + load, whole);
     } else {
         const Point by = driven(p, s.motor_angle);
@@ -248,7 +252,7 @@ static Masses rates(const double *p, Masses s, double torque, double time) {
             if (s.yielding * twist_speed > 0.0)
                 r.yielding *= 1.0 - pow(fabs(s.yielding) / p[HYSTERESIS_NM], p[HYSTERESIS_EXPONENT]);
         }
-        r.motor_speed = (motor - by.slope * shaft - p[CARRIED_SHARE] * fabs(shaft) * ahead) / p[MOTOR_INERTIA_KGM2];
+        r.motor_speed = (motor - by.slope * shaft - p[CARRIED_SHARE] * fabs(shaft) * ahead) / rotor_inertia(p);
         r.load_speed = accelerated(load + shaft, inertia.value);
     }
     return r;
@@ -293,7 +297,7 @@ static double reported_torque(const double *p, double held) {
 static double steps_needed(const Machine *m, double duration) {
     const double *p = m->value;
     const double speed = fabs(m->state.motor_speed), lightest = lightest_load(p);
-    double mass = p[MOTOR_INERTIA_KGM2], fastest = 0.0;
+    double mass = rotor_inertia(p), fastest = 0.0;
     if (RIGID) {
         mass += lightest;
     } else {

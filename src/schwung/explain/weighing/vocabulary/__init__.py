@@ -34,6 +34,6 @@ def vocabulary(of: Ranges, believed: Known) -> list[Candidate]:
         *reporting(of, NATURAL),
     ]
     if machine.coupling is not None:
-        found += shaft(of, machine.coupling, natural, mean)
+        found += shaft(of, machine.coupling, natural, machine.motor.inertia_kgm2, mean)
         found.append(hysteresis(of, machine.coupling, natural, believed))
     return found + unnamed(of, natural)

@@ -1,5 +1,7 @@
-"""The coupling and what swings behind it: a change ΔC of its torque is −ΔC on the motor and ΔC on the load.
+"""The motor's inertia, the coupling and what swings behind it: a change ΔC of its torque is −ΔC on the motor and ΔC
+on the load.
 
+rotor −δJ_m α, α the motor's
 stiffness δk·φ        damping δb·φ'        cubic κ φ³        along the way k a sin nθ·φ        φ the wind-up
 play −½ gap · k · sign φ where it touches, else all that the coupling would carry (`innovations/play.py`)
 transmission e = a sin nθ in the angle that drives it: k e + b e' ω, and −e' C on the motor besides
@@ -36,6 +38,10 @@ def between(change: Array) -> Effect:
     return Effect(-change, change)
 
 
+def _rotor(along: Along, _shape: Shape) -> Effect:
+    return Effect(column(-along.acceleration))
+
+
 def _stiffness(along: Along, _shape: Shape) -> Effect:
     return between(column(along.wound))
 
@@ -64,8 +70,10 @@ def _third_mass(along: Along, shape: Shape) -> Effect:
     return Effect(on_load=column(-third_mass(along.load_acceleration, rate, ratio, along.run.step_s)))
 
 
-def shaft(of: Ranges, coupling: Coupling, torque_nm: float, inertia_kgm2: float) -> list[Candidate]:
-    """The family of a machine with a coupling."""
+def shaft(
+    of: Ranges, coupling: Coupling, torque_nm: float, rotor_kgm2: float, inertia_kgm2: float
+) -> list[Candidate]:
+    """The family of a machine with a coupling: without one, the motor's inertia is the load's."""
     k, b = coupling.stiffness_nm_rad, coupling.damping_nms
     damping = max(b, 1e-3 * k / of.band_hz)
     sprung = k / (2 * np.pi * of.band_hz)  # a damping that carries as much as the spring at the band's end
@@ -125,6 +133,9 @@ def shaft(of: Ranges, coupling: Coupling, torque_nm: float, inertia_kgm2: float)
         return np.stack([stiffer, 0 * stiffer], 1)
 
     return [
+        Candidate("motor_inertia", _rotor, (3 * share * rotor_kgm2,),
+                  lambda c, _: {"inertia_kgm2": rotor_kgm2 + c[0]}, positive=(0,), least=(-rotor_kgm2,),
+                  coordinate="acceleration", rotor=1.0, known_to=RIGHT_TO * rotor_kgm2),
         Candidate("coupling_stiffness", _stiffness, (3 * share * k,),
                   lambda c, _: {"stiffness_nm_rad": k + c[0]}, positive=(0,), least=(-k,),
                   coordinate="torque", coupling=(1.0, 0.0, 0.0), known_to=RIGHT_TO * k, elsewhere=(-k / 2, k)),
