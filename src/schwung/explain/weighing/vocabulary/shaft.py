@@ -144,7 +144,7 @@ def shaft(
                   coordinate="frequency", coupling=(0.0, 1.0, 0.0), known_to=RIGHT_TO * (damping + sprung)),
         Candidate("nonlinear_stiffness", _cubic, (3 * share * k / wound**2,),
                   lambda c, _: {"cubic_nm_rad3": c[0]}, positive=(0,), coordinate="torque",
-                  tangent=cubic_tangent),
+                  tangent=cubic_tangent, elsewhere=(k / wound**2,)),
         Candidate("stiffness_over_angle", over_angle, (3 * share, 3 * share),
                   lambda c, s: {"order": s[0], "share": polar(c)[0], "phase_rad": polar(c)[1]},
                   shapes=grid(range(1, 15)), spacing=(0.25,), logarithmic=(False,), bounds=((0.5, 60.0),),
