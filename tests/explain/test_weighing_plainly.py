@@ -60,6 +60,14 @@ def test_friction_of_no_textbook_is_near_to_dry_and_viscous_friction() -> None:
     assert 0.99 < found.share < 1
 
 
+def test_where_one_law_is_all_of_it_no_other_is_told() -> None:
+    """Of what is left, which is rounding, any takes something: a headline said viscous friction of 1e-18 N·m·s."""
+    torque = 2 * np.tanh(SPEED / 0.01)
+    found = nearest([acts(torque)], LAWS, [run(torque)])
+    assert found is not None
+    assert set(found.laws) == {"coulomb_friction"}
+
+
 def test_what_no_law_comes_near_to_is_not_described() -> None:
     wave = np.sin(40 * np.cos(2 * np.pi * TIME))
     assert nearest([acts(wave)], LAWS, [run(wave)]) is None

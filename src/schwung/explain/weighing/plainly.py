@@ -12,7 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from schwung.explain.weighing.candidate import Candidate
+from schwung.explain.weighing.candidate import RIGHT_TO, Candidate
 from schwung.explain.weighing.judged import Shown
 from schwung.explain.weighing.places import Acts
 from schwung.motion import Array
@@ -51,6 +51,8 @@ def nearest(curves: Sequence[Acts], candidates: Sequence[Candidate], runs: Seque
     numbers: tuple[Array, ...] = ()
     share = 0.0
     for _ in range(_MOST):
+        if 1 - share <= RIGHT_TO**2:  # what is left is rounding, which any law takes
+            break
         left = [law for law in laws if all(_together(law, other) for other in chosen)]
         tried = [fit for law in left if (fit := _fitted((*chosen, law), whole)) is not None]
         best = max(tried, key=lambda fit: fit.share, default=None)
