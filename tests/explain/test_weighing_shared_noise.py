@@ -33,14 +33,18 @@ def _sharing(session: Session) -> Session:
 
 @pytest.mark.parametrize("seed", [309501, 309506])
 def test_shared_noise_has_no_name_and_no_curve(seed: int, tmp_path: Path) -> None:
-    """What they do not share is a third of the noise: the rest was searched for causes for a minute."""
+    """What they do not share is a third of the noise: the rest was searched for causes for a minute.
+
+    Where the noise was looked at again, runs kept aside were as recorded, and what is late was corrected by their noise:
+    they missed 1.18 times the noise, and those that were fitted 0.9.
+    """
     session, belief, _ = drawn(tmp_path, seed, 2, kind="none")
     found = weigh(_sharing(session), belief)
     assert not found.names
     assert not found.unnamed
     assert found.excess < 10
     assert found.proof is not None
-    assert found.proof.before == pytest.approx(1.0, abs=0.2)
+    assert found.proof.before == pytest.approx(1.0, abs=0.12)
 
 
 def test_what_is_beside_it_keeps_its_name(tmp_path: Path) -> None:

@@ -72,7 +72,8 @@ def wide_fit(
     may make them differ by more than their noise.
     """
     members, least = list(candidates), np.inf
-    view = at_rest(replace(view, dry_nm=None, slowest=()), members, noise).view
+    view = _begun(replace(view, dry_nm=None, slowest=()), members, noise, train)
+    view = at_rest(view, members, noise).view
     passes = _PASSES_OF_REPEATS if any(len(group) > 1 for group in view.repeats) else _PASSES
     for number in range(passes):
         latest = linearised(view, members, noise, reach)
@@ -99,6 +100,14 @@ def wide_fit(
     loud = loud_about(replace(about, noise=noise))
     wide = Wide(noise, max(1.0, excess), torques, dry, tuple(where.slowest for where in alongs), loud)
     return replace(wide, slowest=_sticking(wide, view, members, train))
+
+
+def _begun(view: View, members: Sequence[Member], noise: Noise, train: Sequence[int]) -> View:
+    """With states of the runs that are not fitted as smooth as the others': they may still be as recorded, which
+    nothing is likelier than, and by their noise late speeds are corrected."""
+    aside = [run for run in range(len(view.runs)) if run not in train]
+    begun = resmoothed(view, members, noise, aside)
+    return begun if finite(begun) else view
 
 
 def _sticking(wide: Wide, view: View, members: Sequence[Member], train: Sequence[int]) -> tuple[Array, ...]:
