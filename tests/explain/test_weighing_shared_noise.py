@@ -35,7 +35,7 @@ def _sharing(session: Session) -> Session:
 def test_shared_noise_has_no_name_and_no_curve(seed: int, tmp_path: Path) -> None:
     """What they do not share is a third of the noise: the rest was searched for causes for a minute.
 
-    Where the noise was looked at again, runs kept aside were as recorded, and late speeds were corrected by their noise:
+    Where the noise was looked at again, runs kept aside were as recorded; late speeds were corrected by their noise:
     they missed 1.18 times the noise, and those that were fitted 0.9.
     """
     session, belief, _ = drawn(tmp_path, seed, 2, kind="none")
