@@ -162,6 +162,22 @@ def test_repeats_that_differ_for_longer_than_noise_are_unexplained_where_nothing
         assert bare.to_json()["lasting"] == {"torque_nm": 0.05, "over_noise": 9.1}
 
 
+def test_what_runs_that_were_fitted_show_alone_is_no_all_clear():
+    """Of a motor that clips in the fastest motion nothing shows on slower ones, which were kept aside."""
+    found = replace(answer(), missed_runs=((1, 2.69), (6, 2.8)))
+    assert answer().verdict == "explained"
+    assert found.verdict == "partly_explained"
+    told = ("plainly missed by machine.toml on runs that were fitted", "1 (2.69 σ), 6 (2.8 σ)")
+    assert told in fact_rows(found, units_of("rotary", "torque"))
+    assert found.proof is not None
+    bare = replace(found, names=(), curves=(), proof=replace(found.proof, before=1.0, after=1.0))
+    assert bare.verdict == "unexplained"
+    assert bare.headline == (
+        "unexplained: the belief misses up to 2.8 σ of the noise on runs 1, 6, and nothing was found that takes it"
+    )
+    assert bare.to_json()["missed_runs"] == [{"run": 1, "sigma": 2.69}, {"run": 6, "sigma": 2.8}]
+
+
 def test_of_nothing_beyond_noise_no_share_is_told():
     found, units = answer(), units_of("rotary", "torque")
     assert found.proof is not None

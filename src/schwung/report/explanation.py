@@ -203,6 +203,9 @@ def fact_rows(of: Published, units: Units) -> list[tuple[str, str]]:
         if of.verdict != "consistent" and of.proof.before > 1:  # of nothing there is no share
             left = f"{100 * (1 - of.proof.taken):.0f} %"
             rows.append(("left unexplained there, of what is beyond noise", left))
+    if of.missed_runs:
+        missed = ", ".join(f"{run} ({sigma:.3g} σ)" for run, sigma in of.missed_runs)
+        rows.append(("plainly missed by machine.toml on runs that were fitted", missed))
     share = (
         f", and {100 * of.noise.torque_share:.2g} % of the {units.torque_word}"
         if of.noise.torque_share > 0

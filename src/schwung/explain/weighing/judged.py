@@ -41,6 +41,11 @@ class Shown:
     innovations: Array  # (2n,) over their deviations; (n,) where no speed was measured
     logs: Array  # (stretches,)
 
+    @property
+    def missed(self) -> float:
+        """Root mean square of the innovations over the noise's; 1: nothing but noise."""
+        return float(np.sqrt(np.mean(self.innovations**2)))
+
 
 @dataclass(frozen=True, eq=False)
 class Judged:

@@ -22,7 +22,7 @@ NAMED = 0.5
 #: Innovations below so many times the noise's show nothing.
 _FLOOR = 1.02
 #: Innovations so many times the noise's miss as much again as the noise: that is plain, whatever was found.
-_PLAIN = 2**0.5
+PLAIN = 2**0.5
 #: Of what runs kept aside show beyond noise: so much may be left where it is explained, and where it is in part.
 _LITTLE, _MUCH = 0.05, 0.5
 #: Beyond it a probability is told as more than 99 %.
@@ -155,6 +155,7 @@ class Published:
     remainder: tuple[Located, ...] = ()
     plain: Plain | None = None
     lasting: Lasting | None = None
+    missed_runs: tuple[tuple[int, float], ...] = ()  # fitted runs that the file plainly misses, and how (σ)
 
     @property
     def in_file(self) -> tuple[str, ...]:
@@ -176,16 +177,17 @@ class Published:
 
     @property
     def verdict(self) -> Verdict:
-        """By what the file takes of what runs kept aside show beyond noise; and by whether repeats differ by more."""
+        """By what the file takes of what runs kept aside show beyond noise; and by whether repeats differ by more, and
+        whether a run that was fitted shows what those kept aside do not."""
         found, left = bool(self.in_file), self.left
         if not found:
             missed = self.proof is not None and self.proof.after > _FLOOR
-            return "unexplained" if missed or self.lasting else "consistent"
+            return "unexplained" if missed or self.lasting or self.missed_runs else "consistent"
         if self.proof is None or left is None:
             return "partly_explained"
         if left <= _LITTLE:
-            return "explained"
-        return "unexplained" if self.proof.after > _PLAIN and left > _MUCH else "partly_explained"
+            return "partly_explained" if self.missed_runs else "explained"
+        return "unexplained" if self.proof.after > PLAIN and left > _MUCH else "partly_explained"
 
     @property
     def headline(self) -> str:
@@ -208,7 +210,8 @@ class Published:
             missed = (
                 [f"the belief misses {self._missed()}"] if self.proof and self.proof.after > _FLOOR else []
             )
-            return f"unexplained: {', '.join([*missed, *self._lasting])}, and nothing was found that takes it"
+            parts = [*missed, *self._lasting, *(self._in_fitted if not missed else [])]
+            return f"unexplained: {', '.join(parts)}, and nothing was found that takes it"
         if not what:
             return "the belief leaves out nothing that this session tells from noise"
         if self.proof is None:
@@ -233,6 +236,17 @@ class Published:
         unit, times = unit_on("N·m", self.axis), self.lasting.over_noise
         size = f"{self.lasting.torque_nm:.2g} {unit}, {times:.2g} times what is noise"
         return [f"repeats of a motion differ by {size}, from one run to the next"]
+
+    @property
+    def _in_fitted(self) -> list[str]:
+        """Of what runs that were fitted show alone."""
+        if not self.missed_runs:
+            return []
+        runs = ", ".join(str(run) for run, _ in self.missed_runs)
+        most = max(missed for _, missed in self.missed_runs)
+        return [
+            f"the belief misses up to {most:.3g} σ of the noise on run{'s' * (len(self.missed_runs) > 1)} {runs}"
+        ]
 
     def _missed(self) -> str:
         assert self.proof is not None
@@ -313,6 +327,7 @@ class Published:
             "lasting": self.lasting
             and {"torque_nm": self.lasting.torque_nm, "over_noise": self.lasting.over_noise},
             "left": self.left,
+            "missed_runs": [{"run": run, "sigma": missed} for run, missed in self.missed_runs],
             "notes": list(self.notes),
         }
 

@@ -28,6 +28,7 @@ from schwung.explain.weighing.learned import Found, learned
 from schwung.explain.weighing.places import Acts, overlays, where_of, with_places
 from schwung.explain.weighing.plainly import nearest
 from schwung.explain.weighing.publication import (
+    PLAIN,
     Curve,
     Name,
     Plain,
@@ -171,6 +172,7 @@ class _Publishing:
             plain=self._plain([*(one for one in acts if one not in named), *self.chosen.of_motion()], after),
             machine=machine,
             lasting=lasting(self.session),
+            missed_runs=tuple((one.run, one.missed) for one in after.fitted if one.missed > PLAIN),
             notes=tuple(dict.fromkeys((*notes, *self._notes(causes), *unsaid, *self.weighed.notes, *driven))),
         )
         view = self.outcome.view
