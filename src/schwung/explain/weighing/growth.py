@@ -271,6 +271,8 @@ class Growth:
         opening = [one for one in offers if IS_FAST and search.candidate(one.picks[-1]).opens][:1]
         # what is far off is missed by something else as well: where no line promises anything, nothing is
         elsewhere = [one for one in offers if search.candidate(one.picks[-1]).elsewhere and promising]
+        if not self.rests.misses(at):  # what little of the coupling bends about such a set, a line leads to
+            elsewhere = [one for one in elsewhere if search.candidate(one.picks[-1]).tangent is None]
         named = [one for one in laws_instead(search, start.picks) if one.log > start.log]
         if self.rests.misses(at):  # of a load that is unknown, anything that is missed is a line
             named += [one for one in inertia_beside(search, start.picks) if one.log > start.log]
