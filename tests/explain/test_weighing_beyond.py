@@ -33,5 +33,5 @@ def test_it_is_asked_first_and_last_and_never_for_less_than_there_is(monkeypatch
     for who, what, least, gain in asked:
         assert before.get((id(who), what), float("inf")) > least or least == 0.0
         before[id(who), what] = gain
-    assert {what for _, what, _, _ in asked} == {"backlash", "coupling_stiffness"}
+    assert {what for _, what, _, _ in asked} == {"backlash", "coupling_stiffness", "nonlinear_stiffness"}
     assert asked[-1][2] == 0.0  # beside all that was found it was asked as well

@@ -234,7 +234,7 @@ def test_a_further_mass_is_felt_at_its_resonance():
         Coupling(stiffness_nm_rad=4e4, damping_nms=5.0),
         Ranges(0.0, 4.0, 50.0, 2000.0, 40.0, 1.0, 0.1, 8, 160.0),
     )
-    mass, _ = [c for c in shaft(of, coupling, 1.0, 0.1) if c.name == "extra_compliance"]
+    mass, _ = [c for c in shaft(of, coupling, 1.0, 0.01, 0.1) if c.name == "extra_compliance"]
     covariance = np.array([[1e-14]])
     assert mass.beyond(np.array([3.3e-5]), covariance, (300.0, 0.015)) > 0.99
     assert mass.beyond(np.array([3.3e-5]), covariance, (300.0, 0.1)) < 0.01

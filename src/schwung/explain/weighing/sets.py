@@ -15,7 +15,6 @@ from schwung.explain.weighing.settling import Settled
 
 #: Causes of one shape that are smooth along any motion, and so are present where the noise is found.
 SMOOTH = (
-    "motor_inertia",
     "torque_constant",
     "torque_lag",
     "measurement_delay",
