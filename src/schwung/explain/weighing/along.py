@@ -20,6 +20,8 @@ from schwung.session.model import Run
 
 #: Over which slopes by the angle are taken.
 DIFFERENCE_RAD = 1e-3
+#: Beyond so many times the speed at which it may stick, a shaft surely slides.
+SLIDES = 10.0
 
 
 @dataclass(frozen=True)
@@ -142,7 +144,7 @@ class Along:
     @cached_property
     def moves(self) -> NDArray[np.bool_]:
         """Where the motor surely slides; everywhere, where it never does."""
-        sliding = np.abs(self.speed) > 10 * self.ranges.sticking_rad_s
+        sliding = np.abs(self.speed) > SLIDES * self.ranges.sticking_rad_s
         return sliding if sliding.any() else np.ones_like(sliding)
 
     @property

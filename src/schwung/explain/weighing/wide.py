@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from schwung.explain.weighing.along import SLIDES
 from schwung.explain.weighing.present import Member
 from schwung.explain.weighing.round import (
     Linearised,
@@ -116,18 +117,17 @@ def _sticking(wide: Wide, view: View, members: Sequence[Member], train: Sequence
     """
     if wide.dry_nm == 0 or view.runs[0].rigid:
         return wide.slowest
-    few, found = few_of(train), []
-    for never in (np.inf, 0.0):
-        slowest = tuple(np.maximum(one, [0.0, never]) for one in wide.slowest)
+    few, sure = few_of(train), SLIDES * view.ranges.sticking_rad_s
+    slides = {run: np.all(wide.slowest[run] > sure, axis=1) for run in few}
+
+    def unlikely(slowest: tuple[Array, ...]) -> float:
+        """The motion of motor and load while both slide (−2 log likelihood)."""
         seen = replace(wide, slowest=slowest).seen(view)
         about = linearised(resmoothed(seen, members, wide.noise, few), members, wide.noise, None, few)
-        deviance = 0.0
-        for run in few:
-            slides = np.all(wide.slowest[run] > 10 * view.ranges.sticking_rad_s, axis=1)
-            deviance += float(np.sum(about.passed[run].deviances[1:][slides]))
-        found.append((slowest, deviance))
-    (alone, without), (both, within_both) = found
-    return both if within_both + 2 * HOPELESS < without else alone
+        return sum(float(np.sum(about.passed[run].deviances[1:][slides[run]])) for run in few)
+
+    motor = tuple(np.maximum(one, [0.0, np.inf]) for one in wide.slowest)
+    return wide.slowest if unlikely(wide.slowest) + 2 * HOPELESS < unlikely(motor) else motor
 
 
 def _nearer(
