@@ -23,8 +23,8 @@ NAMED = 0.5
 _FLOOR = 1.02
 #: Innovations so many times the noise's miss as much again as the noise: that is plain, whatever was found.
 PLAIN = 2**0.5
-#: Of what runs kept aside show beyond noise: so much may be left where it is explained, and where it is in part.
-_LITTLE, _MUCH = 0.05, 0.5
+#: Of what runs show beyond noise: so much may be left where it is explained, and where it is in part.
+LITTLE, _MUCH = 0.05, 0.5
 #: Beyond it a probability is told as more than 99 %.
 _ALL = 0.99
 
@@ -185,7 +185,7 @@ class Published:
             return "unexplained" if missed or self.lasting or self.missed_runs else "consistent"
         if self.proof is None or left is None:
             return "partly_explained"
-        if left <= _LITTLE:
+        if left <= LITTLE:
             return "partly_explained" if self.missed_runs else "explained"
         return "unexplained" if self.proof.after > PLAIN and left > _MUCH else "partly_explained"
 

@@ -28,6 +28,7 @@ from schwung.explain.weighing.learned import Found, learned
 from schwung.explain.weighing.places import Acts, overlays, where_of, with_places
 from schwung.explain.weighing.plainly import nearest
 from schwung.explain.weighing.publication import (
+    LITTLE,
     PLAIN,
     Curve,
     Name,
@@ -172,7 +173,7 @@ class _Publishing:
             plain=self._plain([*(one for one in acts if one not in named), *self.chosen.of_motion()], after),
             machine=machine,
             lasting=lasting(self.session),
-            missed_runs=tuple((one.run, one.missed) for one in after.fitted if one.missed > PLAIN),
+            missed_runs=_plainly_missed(before, after),
             notes=tuple(dict.fromkeys((*notes, *self._notes(causes), *unsaid, *self.weighed.notes, *driven))),
         )
         view = self.outcome.view
@@ -374,6 +375,13 @@ class _Publishing:
                 words = candidate.unsaid(found, spread, atom.shape, unit)
                 notes += [f"{candidate.name}: machine.toml cannot say {words}"] if words else []
         return notes
+
+
+def _plainly_missed(before: Judged, after: Judged) -> tuple[tuple[int, float], ...]:
+    """Runs that were fitted in which a file plainly misses more than a little of what the belief does, and how (σ)."""
+    pairs = zip(before.fitted, after.fitted, strict=True)
+    left = [(now, LITTLE * (then.missed**2 - 1)) for then, now in pairs if now.missed > PLAIN]
+    return tuple((now.run, now.missed) for now, little in left if now.missed**2 - 1 > little)
 
 
 def _possible(one: Parameter, key: Key | None) -> tuple[float, float]:

@@ -107,7 +107,7 @@ def _begun(view: View, members: Sequence[Member], noise: Noise, train: Sequence[
     """With states of the runs that are not fitted as smooth as the others': they may still be as recorded, which
     nothing is likelier than, and by their noise late speeds are corrected."""
     aside = [run for run in range(len(view.runs)) if run not in train]
-    begun = resmoothed(view, members, noise, aside)
+    begun = resmoothed(view, members, noise, aside) if aside else view
     return begun if finite(begun) else view
 
 
