@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.stats import multivariate_normal
 
-from schwung.innovations.evidence import Beyond, weigh
+from schwung.innovations.evidence import Beyond, block_gains, weigh
 from schwung.innovations.statistics import Statistics, colour
 
 
@@ -69,3 +69,11 @@ def test_scores_of_coloured_noise_vary_more_than_white_ones():
     slow = np.convolve(white, np.ones(10) / np.sqrt(10), "same")
     assert colour(rows, white, 50)[0] == pytest.approx(1.0, abs=0.2)
     assert colour(rows, slow, 50)[0] == pytest.approx(10.0, rel=0.25)
+
+
+def test_columns_that_run_away_are_worth_nothing() -> None:
+    """Of such no eigenvalues are found: a session ended with a traceback."""
+    gram, slope = np.stack([np.eye(2), np.full((2, 2), np.inf)]), np.ones((2, 2))
+    gains = block_gains(gram, slope, np.ones(2), (1.0, 0.3))
+    assert np.all(np.isfinite(gains[0]))
+    assert np.all(gains[1] == -np.inf)

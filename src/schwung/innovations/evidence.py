@@ -92,7 +92,14 @@ class Beyond:
 
 
 def block_gains(gram: Array, slope: Array, deviations: Array, scales: Sequence[float]) -> Array:
-    """Log evidence that blocks of columns (b, p, p), (b, p) add to nothing, (b, scales); see `Beyond.gains`."""
+    """Log evidence that blocks of columns (b, p, p), (b, p) add to nothing, (b, scales); see `Beyond.gains`.
+
+    Columns that run away are worth nothing (−∞).
+    """
+    runs_away = np.logical_not(np.isfinite(gram).all(axis=(1, 2)) & np.isfinite(slope).all(axis=1))
+    if np.any(runs_away):
+        gram, slope = gram.copy(), slope.copy()
+        gram[runs_away], slope[runs_away] = 0.0, 0.0
     gram = gram * deviations[:, None] * deviations
     slope = deviations * slope
     if deviations.size == 1:
@@ -102,4 +109,4 @@ def block_gains(gram: Array, slope: Array, deviations: Array, scales: Sequence[f
         turned = (slope[:, None, :] @ vectors)[:, 0] ** 2
     values, squares = np.maximum(values, 0.0)[:, None], np.square(scales)[:, None]
     each = squares * turned[:, None] / (1 + squares * values) - np.log1p(squares * values)
-    return np.asarray(0.5 * np.sum(each, axis=2))
+    return np.asarray(np.where(np.reshape(runs_away, (-1, 1)), -np.inf, 0.5 * np.sum(each, axis=2)))
