@@ -271,6 +271,11 @@ def test_what_was_not_kept_is_not_promised_by_more_of_the_same(data):
     assert search.unkept(frozenset({10})) == 0.0
     search.kept[frozenset({13})] = -np.inf  # it came to nothing, and says so of no other
     assert search.unkept(frozenset({13, 15})) == -np.inf
+    # what promised nothing and came to nothing: of no share was anything known, so that nothing was told of a file
+    search.note(frozenset({16}), -np.inf, -np.inf)
+    assert search.unkept(frozenset({16})) == 0.0
+    search.note(frozenset({16}), -np.inf, 5.0)
+    assert search.unkept(frozenset({16})) == -np.inf
     assert search.unkept(frozenset({14})) == -3.0
     search.kept = {frozenset({13}): -np.inf}
     assert search.unkept(frozenset({14})) == 0.0

@@ -93,7 +93,9 @@ def _timed(rests: Rests, search: Search, start: Scored, at: Settled) -> tuple[Sc
         tried, gain = rests.noted(search, one, start, at, tried)
         if gain > 0:
             return one, tried
-        search.kept[kind] = max(search.kept.get(kind, -np.inf), start.log + gain - one.log)
+        former = search.kept.get(kind, -np.inf)
+        search.note(kind, start.log + gain, one.log)
+        search.kept[kind] = max(former, search.kept[kind])
     return None
 
 
@@ -124,7 +126,7 @@ def play_instead(
         return one, tried
     if _loses_all(rests, at, gain):
         worse.add(exchange)
-    search.kept[search.kind(one.picks)] = start.log + gain - one.log
+    search.note(search.kind(one.picks), start.log + gain, one.log)
     return None
 
 
@@ -173,5 +175,5 @@ def _instead(rests: Rests, search: Search, start: Scored, at: Settled) -> tuple[
             tried, gain = rests.rest(search, one, start, at)
         if gain > 0:
             return one, tried
-        search.kept[search.kind(one.picks)] = start.log + gain - one.log
+        search.note(search.kind(one.picks), start.log + gain, one.log)
     return None

@@ -146,4 +146,4 @@ class Rests:
             if promised is None and log - here > -HOPELESS:
                 promised = search.score(carried(search.data, picks))
             if promised is not None and kind != search.kind(best.picks):
-                search.kept[kind] = log - here - (promised.log - best.log)
+                search.note(kind, log - here, promised.log - best.log)

@@ -304,6 +304,11 @@ class Search:
             best = max(best, log + other.unkept(self.kind(one.picks)))
         return other
 
+    def note(self, kind: frozenset[int], at_rest: float, promised: float) -> None:
+        """How probable a set is at rest (log), and how probable it was by the linear model: of what is worth nothing
+        there, rest says no more."""
+        self.kept[kind] = at_rest - promised if np.isfinite(promised) else 0.0
+
     def unkept(self, kind: frozenset[int]) -> float:
         """By how much a set's log probability differs at rest; of one that was not brought there, what was promised but
         not kept of the same causes with fewer beside them, or else by whichever set with other causes kept the most.
