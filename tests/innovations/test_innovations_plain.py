@@ -55,7 +55,7 @@ def system(request: pytest.FixtureRequest) -> System:
         0.0,
     ]
     return System(
-        transition, forcing, noises, np.full(299, 0.1), apart, measured, np.array([1e-10, 1e-4]),
+        transition, forcing, noises, np.full(299, 0.1), apart, measured, noise.uniform(0.5, 2, (300, 2)) * [1e-10, 1e-4],
         np.zeros(size + 1), spread, opened, on_load,
     )  # fmt: skip
 
@@ -121,7 +121,7 @@ def test_a_coupling_with_play() -> None:
         system = System(
             np.zeros((steps, 5, 5)), np.zeros((steps, 5)), np.ones((steps, 5)), np.full(steps, 0.01),
             np.zeros((steps, 2)), np.cumsum(noise.normal(size=(steps + 1, 2)), axis=0) * [0.0, 1e-6],
-            np.array([1e-8, 1e-4]), np.zeros(5), np.array([1e-3, 0.1, 1e-3, 0.1, 0.1]),
+            np.tile([1e-8, 1e-4], (steps + 1, 1)), np.zeros(5), np.array([1e-3, 0.1, 1e-3, 0.1, 0.1]),
             np.zeros((steps, 5)), np.zeros((steps, 2, 5)),
         )  # fmt: skip
         noise, inputs, contact = np.random.default_rng(5), whole[:, :, 4:].copy(), np.zeros((steps, 3))

@@ -14,7 +14,7 @@ from functools import cached_property
 import numpy as np
 
 from schwung.innovations import kalman, kernel
-from schwung.innovations.likelihood import Equations, Noise, problem_of
+from schwung.innovations.likelihood import Equations, Noise, power_of, problem_of, variances_of
 from schwung.innovations.signals import Signals
 from schwung.innovations.steps import Steps
 from schwung.innovations.values import Filtered
@@ -91,8 +91,8 @@ class Passed:
     def of_noise(self, noise: Noise, run: Signals, chance: np.random.Generator) -> Passed:
         """The same run, had there been nothing but noise: of a linear filter, what its states hold of that."""
         count = run.time_s.size
-        sizes = np.array([noise.position_rad, noise.speed_rad_s])
-        torque = np.hypot(noise.torque_nm, noise.torque_share * run.load_nm) * chance.standard_normal(count)
+        sizes = np.sqrt(variances_of(noise, run))
+        torque = np.sqrt(power_of(noise, run)) * chance.standard_normal(count)
         first, last = self.equations.transition[:, :-1, -1], self.equations.noise[:, :-1]
         forcing = np.zeros_like(self.equations.forcing)
         forcing[:, :-1] = -(first * torque[:-1, None] + last * torque[1:, None])

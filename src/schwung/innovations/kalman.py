@@ -83,7 +83,7 @@ def updated(
     measured, variances = system.measured, system.variances
     for m in range(2):
         # below zero by rounding, where nearly nothing is noise
-        spreads[m] = max(p[m, m], 0.0) + variances[m]
+        spreads[m] = max(p[m, m], 0.0) + variances[k, m]
         errors[m] = measured[k, m] - x[m]
         for i in range(size):
             gain[m, i], row[i] = p[i, m] / spreads[m], p[m, i]
@@ -94,7 +94,7 @@ def updated(
         for i in range(size):  # Joseph's form, cheaply: symmetric and with its smallest entry exact
             for j in range(i):
                 p[i, j] = p[j, i] = (p[i, j] + p[j, i]) / 2
-        p[m, m] = max(gain[m, m] * variances[m], 1e-300)
+        p[m, m] = max(gain[m, m] * variances[k, m], 1e-300)
 
 
 def _filter_of(size: int) -> Callable[[System], Filtered]:
@@ -133,7 +133,7 @@ def _deviance_of(size: int) -> Callable[[System], tuple[float, float]]:
             if k > 0:
                 carried(system, k - 1, x, p, ahead, half, size)
             for m in range(2):
-                spread = max(p[m, m], 0.0) + variances[m]
+                spread = max(p[m, m], 0.0) + variances[k, m]
                 error = measured[k, m] - x[m]
                 for i in range(size):
                     row[i] = p[m, i]
@@ -143,7 +143,7 @@ def _deviance_of(size: int) -> Callable[[System], tuple[float, float]]:
                     for j in range(i + 1):
                         p[i, j] -= gain * row[j]
                         p[j, i] = p[i, j]
-                p[m, m] = max(row[m] / spread * variances[m], 1e-300)
+                p[m, m] = max(row[m] / spread * variances[k, m], 1e-300)
                 logs += np.log(spread)
                 squares += error * error / spread
         return logs, squares

@@ -29,6 +29,10 @@ LEAST_SHARE = 1e-3
 _UNTOLD = 1e6
 #: Some of the torque's noise does not go with the torque: at least so much of it, at the usual torque.
 _LEAST_EVEN = 0.05
+#: A sampling that is so much uneven is as good as even (s).
+LEAST_JITTER_S = 1e-7
+#: Of the angle's noise, what is left where jitter is tried for the rest.
+_EVEN_ANGLE = 0.2
 
 
 @dataclass(frozen=True)
@@ -39,6 +43,7 @@ class Noise:
     speed_rad_s: float
     position_rad: float
     torque_share: float = 0.0  # of the torque, beside what does not depend on it
+    jitter_s: float = 0.0  # of the instants at which samples are taken
 
     def times(self, factor: float) -> Noise:
         """All of them so many times as large."""
@@ -47,6 +52,7 @@ class Noise:
             factor * self.speed_rad_s,
             factor * self.position_rad,
             factor * self.torque_share,
+            factor * self.jitter_s,
         )
 
     def moved_from(self, other: Noise) -> float:
@@ -55,8 +61,8 @@ class Noise:
 
     @property
     def _sizes(self) -> Array:
-        share = self.torque_share + LEAST_SHARE
-        return np.array([self.torque_nm, self.speed_rad_s, self.position_rad, share])
+        share, jitter = self.torque_share + LEAST_SHARE, self.jitter_s + LEAST_JITTER_S
+        return np.array([self.torque_nm, self.speed_rad_s, self.position_rad, share, jitter])
 
 
 @dataclass(frozen=True, eq=False)
@@ -119,9 +125,7 @@ def problem_of(equations: Equations, noise: Noise, run: Signals) -> System:
     """The filter's problem: equations, sizes of noise, and a first state that is known a little."""
     speed = 0.1 * float(np.ptp(run.states[:, 1])) + noise.speed_rad_s
     position = 1e-3 * float(np.ptp(run.position_rad)) + noise.position_rad
-    power = noise.torque_nm**2 + equations.slack
-    if noise.torque_share > 0:
-        power = power + (noise.torque_share * run.load_nm) ** 2
+    power = power_of(noise, run) + equations.slack
     shaft = [position, speed] if run.rigid else [position, speed, position, speed]
     size = equations.first.size
     return System(
@@ -131,12 +135,31 @@ def problem_of(equations: Equations, noise: Noise, run: Signals) -> System:
         power[1:],
         equations.apart,
         equations.measured,
-        np.array([noise.position_rad**2, noise.speed_rad_s**2 if run.speed_measured else _untold(run) ** 2]),
+        variances_of(noise, run),
         equations.first,
         np.array([*shaft, np.sqrt(power[0])]),
         np.zeros((0, size)) if equations.play is None else equations.play.open_contact,
         np.zeros((0, 2, size)) if equations.on_load is None else equations.on_load,
     )
+
+
+def variances_of(noise: Noise, run: Signals) -> Array:
+    """Of the errors of angle and speed at each sample, (n, 2): what it was taken late or early by, too."""
+    even = [noise.position_rad, noise.speed_rad_s if run.speed_measured else _untold(run)]
+    variances = np.tile(np.square(even), (run.time_s.size, 1))
+    if noise.jitter_s > 0:
+        variances += (noise.jitter_s * run.rates[:, :2]) ** 2
+    return variances
+
+
+def power_of(noise: Noise, run: Signals) -> Array:
+    """Variance (N·m)² of the torque's error at each sample, (n,)."""
+    power = np.full(run.time_s.size, noise.torque_nm**2)
+    if noise.torque_share > 0:
+        power += (noise.torque_share * run.load_nm) ** 2
+    if noise.jitter_s > 0:
+        power += (noise.jitter_s * run.rates[:, 2]) ** 2
+    return power
 
 
 def _untold(run: Signals) -> float:
@@ -213,7 +236,8 @@ def likely_noise(
     """The sizes of noise that make the innovations most likely.
 
     `reach`: how far off they may be (log); `span_rad`: the range of angles; `whole`: a part of the torque's noise may
-    go with the torque; then the first size is that of its whole, and an angle divides it. `coarsest`: no angle is
+    go with the torque, and samples may be taken unevenly; then the first size is that of the torque's whole, an angle
+    divides it, and the last is the jitter, where it is surely likelier than none (by BIC). `coarsest`: no angle is
     noisier than that (rad). `repeats`: groups of runs that repeat a motion; noise is then what they do not share.
     """
     finest = max(FINEST * span_rad, 0.5 * max(run.count_rad for run in runs) / np.sqrt(12))
@@ -231,7 +255,8 @@ def likely_noise(
         if not whole:
             return Noise(torque, speed, position)
         even, share = torque * abs(float(np.cos(place[3]))), torque * abs(float(np.sin(place[3]))) / usual
-        return Noise(max(even, _LEAST_EVEN * torque), speed, position, share)
+        jitter = float(np.exp(place[4])) if place.size > 4 else 0.0
+        return Noise(max(even, _LEAST_EVEN * torque), speed, position, share, jitter)
 
     def cost(place: Array) -> float:
         if repeats:
@@ -247,14 +272,27 @@ def likely_noise(
         np.concatenate([np.log([torque, start.speed_rad_s, position]), further])
         for position in (max(start.position_rad, finest), max(_ANGLE_ERROR * span_rad, 2 * finest))
     ]
-    first = min(starts, key=cost)
-    moves = reach * np.diag([-0.7, 0.3, 0.7])
-    if whole:
-        moves = np.pad(moves, (0, 1))
-        moves[3, 3] = 0.6
-    best = minimize(
-        cost, first, method="Nelder-Mead",
-        options={"xatol": 0.02, "fatol": 0.5, "maxfev": 20 * first.size,
-                 "initial_simplex": first + np.vstack([np.zeros(first.size), moves])},
-    )  # fmt: skip
-    return noise_of(best.x)
+
+    def likeliest(first: Array) -> tuple[Array, float]:
+        moves = np.diag([*(reach * np.array([-0.7, 0.3, 0.7])), 0.6, 0.7 * reach][: first.size])
+        best = minimize(
+            cost, first, method="Nelder-Mead",
+            options={"xatol": 0.02, "fatol": 0.5, "maxfev": 20 * first.size,
+                     "initial_simplex": first + np.vstack([np.zeros(first.size), moves])},
+        )  # fmt: skip
+        return best.x, float(best.fun)
+
+    if whole and start.jitter_s > 0:
+        return noise_of(likeliest(np.append(min(starts, key=cost), np.log(start.jitter_s)))[0])
+    found, least = likeliest(min(starts, key=cost))
+    if not whole:
+        return noise_of(found)
+    # of an angle that is as noisy as this at its usual speed, jitter may be the most
+    speed = float(np.sqrt(np.mean(np.concatenate([run.states[:, 1] for run in runs]) ** 2)))
+    uneven = np.append(found, np.log(max(noise_of(found).position_rad / max(speed, 1e-12), LEAST_JITTER_S)))
+    uneven[2] += np.log(_EVEN_ANGLE)
+    surely = least - np.log(sum(2 * run.time_s.size for run in runs))
+    if cost(uneven) > surely:
+        return noise_of(found)
+    jittered, cost_of_it = likeliest(uneven)
+    return noise_of(jittered if cost_of_it < surely else found)

@@ -100,10 +100,10 @@ def filtered(system: System) -> Filtered:
         for m in range(2):
             row = here[m].copy()
             row[size] -= measured[k][m]
-            spread = max(row[m], 0.0) + variances[m]
+            spread = max(row[m], 0.0) + variances[k][m]
             gain = gains[k, m] = row[:size] / spread
             here -= gain[:, None] * row
-            here[m, m] = max(gain[m] * variances[m], 1e-300)  # Joseph's form, cheaply, as there
+            here[m, m] = max(gain[m] * variances[k][m], 1e-300)  # Joseph's form, cheaply, as there
             errors[k, m], spreads[k, m] = -row[size], spread
         both[k] = here
     return Filtered(errors, spreads, gains, both[:, :, size].copy(), both[:, :, :size].copy())
@@ -184,11 +184,11 @@ def _carried(system: System, k: int, x: Array, p: Array) -> tuple[Array, Array]:
 def _updated(system: System, k: int, x: Array, p: Array) -> None:
     """As `kalman.updated`, in place."""
     for m in range(2):
-        gain = p[:, m] / (max(p[m, m], 0.0) + system.variances[m])
+        gain = p[:, m] / (max(p[m, m], 0.0) + system.variances[k, m])
         x += gain * (system.measured[k, m] - x[m])
         p -= np.outer(gain, p[m])
         p[:] = (p + p.T) / 2
-        p[m, m] = max(gain[m] * system.variances[m], 1e-300)
+        p[m, m] = max(gain[m] * system.variances[k, m], 1e-300)
 
 
 def smoothed(transition: Array, result: Filtered) -> Array:

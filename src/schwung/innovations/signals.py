@@ -230,6 +230,13 @@ class Signals:
         return interpolated(self.states[:, 1], self.time_s[0], self.step_s, then, derivative)
 
     @cached_property
+    def rates(self) -> Array:
+        """By how much the believed angle and speed and the reported torque change within a second, in the band,
+        (n, 3)."""
+        changing = np.column_stack([self.states[:, 1], self.drive.smooth_nm])
+        return np.column_stack([self.states[:, 1], slopes(self.quiet(changing), self.step_s)])
+
+    @cached_property
     def load_acceleration(self) -> Array:
         """Of the believed load within the band, (n,), rad/s²."""
         return slopes(self.quiet(self.load_speed_rad_s), self.step_s)

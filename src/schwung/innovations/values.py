@@ -34,7 +34,7 @@ class System(NamedTuple):
     power: Array  # (n − 1,) variance of w
     apart: Array  # (n − 1, 2) that of a step's own torques, on the motor and on the load, (N·m)²
     measured: Array  # (n, 2)
-    variances: Array  # (2,) of the measurements
+    variances: Array  # (n, 2) of the measurements
     first: Array  # (s,) the state at first, and how well it is known
     spread: Array  # (s,)
     open_contact: (

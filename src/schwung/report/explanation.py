@@ -214,6 +214,8 @@ def fact_rows(of: Published, units: Units) -> list[tuple[str, str]]:
     rows.append((f"noise of the {units.torque_word}", f"{of.noise.torque_nm:.2g} {units.torque}{share}"))
     rows.append(("noise of the speed", f"{of.noise.speed_rad_s:.2g} {units.speed}"))
     rows.append((f"noise of the {units.position_word}", f"{of.noise.position_rad:.2g} {units.position}"))
+    if of.noise.jitter_s > 0:
+        rows.append(("samples are early or late by", f"{1e6 * of.noise.jitter_s:.2g} µs"))
     if of.lasting is not None:
         size = f"{of.lasting.torque_nm:.2g} {units.torque}, {of.lasting.over_noise:.2g} times what is noise"
         rows.append(("repeats of a motion differ, from run to run, by", size))

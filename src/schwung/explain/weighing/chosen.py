@@ -83,14 +83,20 @@ class Chosen:
         return [self.acts(pick, where) for pick, where in own if self.search.candidate(pick).of_motion]
 
     def _first(self) -> Scored:
-        """The most probable set without a parameter at its bound, without what does not hold elsewhere, without
-        changes that are no larger than is usual, and without what is negligible: so far what is believed stays.
+        """The most probable set without a parameter at its bound that holds all names, or as many as any does, without
+        what does not hold elsewhere, without changes that are no larger than is usual, and without what is negligible:
+        so far what is believed stays.
+
+        Names are told by evidence that is tempered by what has no name, which would leave that out here; so a set that
+        is likelier by it may hold others.
         """
-        shares = self.search.shares()  # tempered by what has no name, they would leave out what has none
-        sound = (one for _, one in shares if all(self._publishable(one, pick) for pick in one.picks))
-        best = next(sound, self.search.score(()))
-        usual = {name for name, p in self.outcome.stands.usual.items() if p > NAMED}
-        left_out = usual | self.outcome.left_out
+        outcome, shares = self.outcome, self.search.shares()
+        sound = [one for _, one in shares if all(self._publishable(one, pick) for pick in one.picks)]
+        told = {one.name for one in outcome.told.names if one.probability > NAMED}
+        held = [len(told.intersection(map(self.search.name, one.picks))) for one in sound]
+        best = sound[held.index(max(held))] if sound else self.search.score(())
+        usual = {name for name, p in outcome.stands.usual.items() if p > NAMED}
+        left_out = usual | outcome.left_out
         kept = tuple(pick for pick in best.picks if self.search.name(pick) not in left_out)
         return self.search.score(kept)
 

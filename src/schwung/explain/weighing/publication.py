@@ -308,6 +308,7 @@ class Published:
                 "torque_nm": self.noise.torque_nm,
                 "torque_share": self.noise.torque_share,
                 "position_rad": self.noise.position_rad,
+                "jitter_s": self.noise.jitter_s,
                 "speed_rad_s": self.noise.speed_rad_s,
                 "excess": self.excess,
             },
