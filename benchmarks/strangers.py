@@ -66,6 +66,10 @@ class Stranger:
         1.0,
         0.0,
     )  # a pendulum on the load: inertia, frequency at rest (Hz), how much the load's speed is its gravity
+    yields: tuple[float, float] = (
+        0.0,
+        1.0,
+    )  # by what share the coupling is softer until it is wound up by this (rad)
     drags: tuple[float, float] = (0.0, 0.0)  # friction of the load: at the start, and more by each radian
     warms: tuple[float, float] = (
         0.0,
@@ -91,6 +95,7 @@ class Stranger:
             *self.slots,
             *self.hangs,
             *self.drags,
+            *self.yields,
         )
         return np.array(each)
 
@@ -121,6 +126,8 @@ STRANGERS = (
     Stranger("a motor that weakens as 1/(1 + heat)", ("torque_constant_fade",), warms=(1.5, 0.25)),
     Stranger("a guide behind the shaft that drags ever more", ("friction_over_angle", "load_side_friction"),
              drags=(0.4, 0.5), curves=("position",)),
+    Stranger("a coupling that is soft until it is wound up", ("nonlinear_stiffness",), yields=(0.6, 6e-4),
+             curves=("wind_up",)),
 )  # fmt: skip
 
 
@@ -152,6 +159,7 @@ def _slopes(state: Array, torque: float, friction: Array, last: float, rubbed: f
         free = np.tanh(2 * twist / friction[9])
         twist, touch = twist - friction[9] / 2 * free, free**2
     gives = 1 - friction[16] * np.cos(friction[17] * state[0])
+    twist -= friction[27] * friction[28] * np.tanh(twist / friction[28])
     shaft = STIFFNESS / gives * twist + DAMPING * touch * (ratio * state[1] - state[3]) + rubbed
     way = state[1] / np.sqrt(state[1] ** 2 + 1e-4)
     level = friction[0] * (1 + friction[1] * np.cos(1.3 * state[0] + 0.4))

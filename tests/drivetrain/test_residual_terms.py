@@ -266,6 +266,36 @@ def test_stiffness_over_the_angle_drives_the_load() -> None:
     assert missing(0.0) > 3e-2
 
 
+@pytest.mark.parametrize("gap", [0.0, 2e-3])
+def test_a_residual_over_the_wind_up_is_what_the_coupling_passes_on_besides(gap: float) -> None:
+    """What the load gains is what spring, damper and curve pass on; beyond the curve it stays as at its end."""
+    wound = np.linspace(-2e-3, 2e-3, 41)
+    bent = {
+        "name": "residual",
+        "coordinate": "wind_up",
+        "table": np.stack([wound, 9 * np.sin(900 * wound)], 1).tolist(),
+    }
+    made, _ = moved(machine_with(bent, *([{"name": "backlash", "gap_rad": gap}] if gap else [])))
+    coupling = paper_machine().coupling
+    assert coupling is not None
+    twist, turning = made.position_rad - made.load_position_rad, made.speed_rad_s - made.load_speed_rad_s
+    touches = np.abs(twist) >= gap / 2
+    beyond = twist - np.clip(twist, -gap / 2, gap / 2)
+    gained = INERTIA * (made.load_speed_rad_s - made.load_speed_rad_s[0])
+    pushed = touches * (coupling.stiffness_nm_rad * beyond + coupling.damping_nms * turning)
+    pushed = np.where(pushed * twist > 0, pushed, 0.0) if gap else pushed
+
+    def missing(share: float) -> float:
+        besides = share * touches * 9 * np.sin(900 * np.clip(beyond, -2e-3, 2e-3))
+        acts = pushed + besides - 0.1 * made.load_speed_rad_s
+        passed = np.concatenate([[0.0], np.cumsum((acts[1:] + acts[:-1]) / 2)]) / RATE
+        return float(np.max(np.abs(gained - passed)) / np.max(np.abs(gained)))
+
+    assert np.max(np.abs(beyond)) > 1e-3
+    assert missing(1.0) < (2e-2 if gap else 3e-3)
+    assert missing(0.0) > 5e-2
+
+
 @pytest.mark.parametrize("exponent", [1.0, 2.0, 6.0])
 def test_a_coupling_with_hysteresis_holds_what_it_was_wound_up_by(exponent: float) -> None:
     """What the load gains is what spring, damper and that pass on, the law integrated here between samples by scipy."""

@@ -14,9 +14,12 @@ def taken_unevenly(session, deviation_s, seed=3):
     """The same with every sample taken a little early or late, and reported as if it was not."""
     chance, runs = np.random.default_rng(seed), []
     for run in session.runs:
-        at = np.clip(run.time_s + deviation_s * chance.standard_normal(len(run)), run.time_s[0], run.time_s[-1])
+        at = np.clip(
+            run.time_s + deviation_s * chance.standard_normal(len(run)), run.time_s[0], run.time_s[-1]
+        )
         position, speed, torque = (
-            CubicSpline(run.time_s, values)(at) for values in (run.position_rad, run.speed_rad_s, run.torque_nm)
+            CubicSpline(run.time_s, values)(at)
+            for values in (run.position_rad, run.speed_rad_s, run.torque_nm)
         )
         runs.append(replace(run, position_rad=position, speed_rad_s=speed, torque_nm=torque))
     return replace(session, runs=tuple(runs))

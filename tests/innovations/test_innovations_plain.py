@@ -55,7 +55,8 @@ def system(request: pytest.FixtureRequest) -> System:
         0.0,
     ]
     return System(
-        transition, forcing, noises, np.full(299, 0.1), apart, measured, noise.uniform(0.5, 2, (300, 2)) * [1e-10, 1e-4],
+        transition, forcing, noises, np.full(299, 0.1), apart, measured,
+        noise.uniform(0.5, 2, (300, 2)) * [1e-10, 1e-4],
         np.zeros(size + 1), spread, opened, on_load,
     )  # fmt: skip
 

@@ -98,7 +98,12 @@ CURVES = (
     ),
     PhysicsTerm(name="residual", like="cogging", order=9.0, amplitude_nm=0.5, phase_rad=0.1),
 )  # fmt: skip
-BEHIND = (PhysicsTerm(name="load_side_friction", torque_nm=2.0),)
+BEHIND = (
+    PhysicsTerm(name="load_side_friction", torque_nm=2.0),
+    PhysicsTerm(
+        name="residual", coordinate="wind_up", table=[[-2e-3, -9.0], [0.0, 0.0], [1e-3, 2.0], [2e-3, 8.0]]
+    ),
+)
 LATE = (PhysicsTerm(name="measurement_delay", delay_s=3.3e-4),)
 
 

@@ -294,7 +294,8 @@ def check_physics(terms: Sequence[PhysicsTerm], rigid: bool) -> None:
     planes_of(terms)
     inertia_points(terms)
     for term in terms:
-        if rigid and law_of(term) in _OF_COUPLING:
+        over = term.parameters.get("coordinate") if term.name == "residual" else None
+        if rigid and (law_of(term) in _OF_COUPLING or over == "wind_up"):
             raise InputError(
                 f"physics.{term.name}",
                 "needs a coupling, and the machine has none",

@@ -23,6 +23,7 @@ from schwung.drivetrain.physics import (
     motor_torque,
     stiffness_at,
     third_torque,
+    wound_up,
 )
 from schwung.drivetrain.residual_plane import Sheet, sheet_at
 from schwung.motion import Array
@@ -46,6 +47,7 @@ class Curves(NamedTuple):
     load_position: Sided
     acceleration: Curve
     time_in_motion: Curve
+    wind_up: Curve
     any_plane: bool
     position_speed: Sheet
     position_torque: Sheet
@@ -95,6 +97,14 @@ def accelerated(curve: Curve, torque: float, inertia: float) -> float:
         value, slope = value_and_slope(curve, a)
         a += (torque + value - inertia * a) / max(inertia - slope, 0.1 * inertia)
     return a
+
+
+@inlined
+def _bent(machine: Learned, twist: float) -> float:
+    """What a coupling that touches passes on beyond its law, by how far it is wound up (N·m)."""
+    if not machine.curves.any:
+        return 0.0
+    return value_and_slope(machine.curves.wind_up, wound_up(machine.effects, twist))[0]
 
 
 @inlined
@@ -166,7 +176,7 @@ def _rates(machine: Learned, state: Masses, torque: float, time: float) -> Masse
         twist_speed,
     )
     touches = 1.0 if abs(angle - state.load_angle) >= 0.5 * e.gap_rad else 0.0
-    shaft += touches * state.yielding
+    shaft += touches * (state.yielding + _bent(machine, angle - state.load_angle))
     load += shaft
     return Masses(
         state.motor_speed,

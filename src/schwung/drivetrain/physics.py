@@ -135,6 +135,12 @@ def coupling_torque(e: Effects, stiffness: float, damping: float, twist: float, 
 
 
 @inlined
+def wound_up(e: Effects, twist: float) -> float:
+    """How far the coupling is wound up beyond its play (rad)."""
+    return twist - min(max(twist, -0.5 * e.gap_rad), 0.5 * e.gap_rad)
+
+
+@inlined
 def third_torque(e: Effects, twist: float, twist_speed: float, load_speed: float) -> float:
     """What the load passes on to the third mass behind it (N·m)."""
     stiffer = e.third_inertia_kgm2 * e.third_speed_share * load_speed**2

@@ -83,7 +83,7 @@ def _curves(
 
     return learned.Curves(
         bool(tables), sided("position"), sided("speed"), sided("torque"), sided("run"), sided("load_position"),
-        sided("acceleration").forward, sided("time_in_motion").forward,
+        sided("acceleration").forward, sided("time_in_motion").forward, sided("wind_up").forward,
         bool(planes), *(planes[pair].sheet if pair in planes else NOTHING for pair in PAIRS),
     )  # fmt: skip
 
@@ -187,7 +187,10 @@ def learned_rest(machine: learned.Learned, read_angle: float) -> tuple[learned.M
         """What would turn the load from this angle on (N·m)."""
         twist = driven - angle
         stiffness = physics.stiffness_at(e, plant.stiffness, motor_angle)
-        return load_torque(angle) + physics.coupling_torque(e, stiffness, plant.damping, twist, 0.0)
+        carried = physics.coupling_torque(e, stiffness, plant.damping, twist, 0.0)
+        if machine.curves.any and abs(twist) >= 0.5 * e.gap_rad:
+            carried += kernel.value_and_slope(machine.curves.wind_up, physics.wound_up(e, twist))[0]
+        return load_torque(angle) + carried
 
     driven, ratio = physics.driven(e, motor_angle)
     load_angle = driven
@@ -223,7 +226,7 @@ def substeps(machine: Machine, plant: kernel.Plant, period: float, top_speed: fl
 
     Raises InputError where that is too fast.
     """
-    e = effects_of(machine.physics)
+    e, curves = effects_of(machine.physics), residual.residuals_of(machine.physics)
     last, _ = kernel.value_and_slope(plant.inertia, plant.inertia.knots[-1])
     lightest = min(float(np.min(plant.inertia.coefficients[3])), last)
     step = _CONTACT_STEP if e.gap_rad > 0 else _COUPLING_STEP
@@ -233,6 +236,7 @@ def substeps(machine: Machine, plant: kernel.Plant, period: float, top_speed: fl
         moved, mobility = plant.rotor_inertia, 1 / plant.rotor_inertia + 1 / lightest
         stiffness = plant.stiffness + 3.0 * max(e.cubic_nm_rad3, 0.0) * _wound(machine, plant, e) ** 2
         stiffness += abs(e.stiffness_share) * plant.stiffness
+        stiffness += max((one.steepest for one in curves.values() if one.over == "wind_up"), default=0.0)
         stiffness += e.hysteresis_stiffness_nm_rad if e.hysteresis_nm > 0 else 0.0
         fastest = max(np.sqrt(stiffness * mobility), plant.damping * mobility)
     if e.third_inertia_kgm2 > 0:
@@ -259,7 +263,6 @@ def substeps(machine: Machine, plant: kernel.Plant, period: float, top_speed: fl
         + max(e.viscous_nms + 0.5 * abs(e.viscous_difference_nms), 0.0)
         + 2.0 * abs(e.drag_nms2) * top_speed
     )
-    curves = residual.residuals_of(machine.physics)
     dry = _dry_level(e, share) + e.carried_share * machine.motor.peak_torque_nm
     behind = e.load_coulomb_nm + (curves["load_position"].highest_nm if "load_position" in curves else 0.0)
     directed = (one for over, one in curves.items() if over not in (*residual.UNDIRECTED, "load_position"))

@@ -22,11 +22,14 @@ from schwung.errors import InputError
 from schwung.motion import Array
 
 #: What a table is over. Motor's angle, speed |ω|, torque |T| and run (0…1 of the session) act on the motor by its
-#: direction; the load's angle on the load by that of the load; its acceleration and the time in the motion on the load.
-Over = Literal["position", "speed", "torque", "run", "load_position", "acceleration", "time_in_motion"]
+#: direction; the load's angle on the load by that of the load; its acceleration and the time in the motion on the load;
+#: the coupling's wind-up beyond its play on the load, and back on the motor, beside what its stiffness says.
+Over = Literal[
+    "position", "speed", "torque", "run", "load_position", "acceleration", "time_in_motion", "wind_up"
+]
 OVER: tuple[Over, ...] = get_args(Over)
 #: Those that do not ask for the direction of motion.
-UNDIRECTED: tuple[Over, ...] = ("acceleration", "time_in_motion")
+UNDIRECTED: tuple[Over, ...] = ("acceleration", "time_in_motion", "wind_up")
 UNITS: Mapping[Over, str] = {
     "position": "rad",
     "speed": "rad/s",
@@ -35,7 +38,10 @@ UNITS: Mapping[Over, str] = {
     "load_position": "rad",
     "acceleration": "rad/s²",
     "time_in_motion": "s",
+    "wind_up": "rad",
 }
+#: By how many times its secants the cubic between points is steeper, at most (Fritsch and Carlson).
+_PCHIP = 3.0
 #: Names whose numbers are a table, and how many numbers a row of it has.
 TABLES: Mapping[str, tuple[int, ...]] = {
     "load_torque": (2,),
@@ -64,10 +70,21 @@ class Residual:
         backward = np.asarray(PchipInterpolator(self.x, self.backward_nm)(inside))
         return np.asarray(forward * np.maximum(direction, 0.0) + backward * np.maximum(-direction, 0.0))
 
+    def slope(self, x: Array) -> Array:
+        """Of one that does not ask for the direction, by its coordinate (m,); none beyond the points."""
+        inside = (x >= self.x[0]) & (x <= self.x[-1])
+        slope = PchipInterpolator(self.x, self.forward_nm).derivative()
+        return np.where(inside, slope(np.clip(x, self.x[0], self.x[-1])), 0.0)
+
     @property
     def highest_nm(self) -> float:
         """Of either direction."""
         return float(max(np.max(np.abs(self.forward_nm)), np.max(np.abs(self.backward_nm))))
+
+    @property
+    def steepest(self) -> float:
+        """By how much it rises most, by its coordinate."""
+        return float(max(np.max(np.diff(self.forward_nm) / np.diff(self.x)), 0.0)) * _PCHIP
 
     def plus(self, other: Residual) -> Residual:
         """The sum of two over one coordinate, at the points of both."""

@@ -17,6 +17,7 @@ _COORDINATES = {
     "time_in_motion": "time in the motion",
     "frequency": "frequency",
     "run": "number of the run",
+    "wind_up": "wind-up of the coupling",
 }
 _UNIT_WORDS = {"1/rev": "per turn"}
 _SMALL = 0.1  # s, rad, m: below it they are written in thousandths

@@ -366,6 +366,10 @@ def _moving(told: Exported, here: frozenset[str], e: Effects) -> list[Equation]:
         left = f"(1 - sided(yielding*twist_speed, 1, 0)*{share})"
         rate = f"hysteresis_stiffness_nm_rad*{touches}twist_speed*{left}"
         yielding = [Equation("yielding", rate, "in the coupling, which has hysteresis, N.m", derivative=True)]
+    if told.has("residual_wind_up"):
+        touches = "sided(abs(twist) - 0.5*gap_rad, 1, 0)*" if "gap_rad" in here else ""
+        wound = "(twist - min(max(twist, -0.5*gap_rad), 0.5*gap_rad))" if "gap_rad" in here else "twist"
+        shaft += f" + {touches}curve_value(residual_wind_up_rows, {wound})"
     lost = " - carried_share*abs(shaft)*way" if "carried_share" in here else ""
     at, turning, felt, ratio = "motor_angle", "motor_speed", "shaft", []
     if "kinematic_rad" in here:

@@ -39,6 +39,7 @@ class Ranges:
     band_hz: float
     one_motion: bool = False  # whether all runs repeat one
     unrepeated: bool = False  # whether no run repeats another
+    wound_rad: float = 0.0  # how far a coupling was wound up, where a curve over that is drawn
 
     @property
     def span_rad(self) -> float:

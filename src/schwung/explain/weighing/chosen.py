@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Collection
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -20,6 +20,10 @@ from schwung.explain.weighing.search import Pick, Scored, Search, slices
 from schwung.explain.weighing.told import as_told
 from schwung.explain.weighing.weigh import Posterior, at_bound
 from schwung.explain.weighing.written import sayable
+
+#: So many times as far as a coupling was wound up its curve is written: a faster motion winds it up further, and where
+#: the curve ends it would be as stiff again as it is believed.
+_BEYOND = 1.5
 
 
 @dataclass(frozen=True, eq=False)
@@ -107,7 +111,11 @@ class Chosen:
         return told and not at_bound(self.search, of, pick)
 
     def _causes(self) -> list[Cause]:
-        of, places = self.outcome.view.ranges, slices(self.search, self.set)
+        wound = max(float(np.max(np.abs(along.wound))) for along in self.search.data.about.alongs)
+        of, places = (
+            replace(self.outcome.view.ranges, wound_rad=_BEYOND * wound),
+            slices(self.search, self.set),
+        )
         result = []
         for pick, where in zip(self.set.picks, places, strict=True):
             if self.search.candidate(pick).of_motion:

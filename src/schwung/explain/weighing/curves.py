@@ -54,9 +54,21 @@ class BentCurve:
 
     def at(self, where: Array) -> Array:
         """Every mode at coordinates (n,), (n, m); beyond the ends as at them."""
+        return self._of(self.modes, where, 0)
+
+    def folded(self, where: Array, coefficients: Array) -> Array:
+        """The one curve with these coefficients of its modes (m,) there, (n,)."""
+        return self._of(self.modes @ coefficients, where, 0)
+
+    def slope(self, where: Array, coefficients: Array) -> Array:
+        """And its slope, (n,); beyond the ends none."""
+        inside = (where >= self.points[0]) & (where <= self.points[-1])
+        return np.where(inside, self._of(self.modes @ coefficients, where, 1), 0.0)
+
+    def _of(self, values: Array, where: Array, derivative: int) -> Array:
         low, high = self.points[0], self.points[-1]
         step = (high - low) / (self.points.size - 1)
-        return interpolated(self.modes, low, step, np.clip(where, low, high))
+        return interpolated(values, low, step, np.clip(where, low, high), derivative)
 
 
 @dataclass(frozen=True, eq=False)

@@ -45,6 +45,7 @@ _OVER: dict[str, Over] = {
     "run": "run",
     "acceleration": "acceleration",
     "time_in_motion": "time_in_motion",
+    "wind_up": "wind_up",
 }
 
 
@@ -84,8 +85,9 @@ def _grid(over: Over, of: Ranges, order: float) -> Array:
         return np.linspace(0.0, of.peak_torque_nm, _POINTS)
     if over == "run":
         return np.linspace(0.0, 1.0, max(of.runs, 2))
-    if over == "acceleration":
-        return np.linspace(-of.peak_acceleration_rad_s2, of.peak_acceleration_rad_s2, _POINTS)
+    if over in ("acceleration", "wind_up"):
+        end = of.peak_acceleration_rad_s2 if over == "acceleration" else of.wound_rad
+        return np.linspace(-end, end, _POINTS)
     return np.linspace(0.0, of.longest_s, 97)
 
 
@@ -99,7 +101,7 @@ def _probe(over: Over, x: Array, way: float, of: Ranges) -> Along:
         angle=angle, load_angle=angle, speed=speed, load_speed=speed, direction=ahead, load_direction=ahead,
         torque=torque, acceleration=nothing, load_acceleration=x if over == "acceleration" else nothing,
         motion_time_s=x if over == "time_in_motion" else nothing, ranges=of, number=0,
-        share=x if over == "run" else 1.0,
+        share=x if over == "run" else 1.0, wound=x if over == "wind_up" else nothing,
     )  # fmt: skip
     return cast(Along, made)
 
@@ -119,6 +121,8 @@ def _columns(
         motor, load, position, speed = candidate.effect(_probe(over, x, way, of), shape).parts
     except AttributeError:  # it asks for what no such run has: the shaft, rates of the torque
         return None
+    if over == "wind_up":  # as it is told of the load
+        return load
     if position is not None or speed is not None or (motor is not None and load is not None):
         return None
     return motor if motor is not None else load

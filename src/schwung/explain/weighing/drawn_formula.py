@@ -12,7 +12,7 @@ from schwung.explain.weighing.formula import Formula, formulas
 from schwung.motion import Array
 
 _LETTERS = {"position": "θ", "load_position": "θ", "speed": "|ω|", "torque": "|T|", "acceleration": "α",
-            "time_in_motion": "t", "run": "r"}  # fmt: skip
+            "time_in_motion": "t", "run": "r", "wind_up": "φ"}  # fmt: skip
 #: Formulas that are held against the runs kept aside, at most.
 _TRIED = 6
 

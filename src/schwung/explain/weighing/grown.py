@@ -143,7 +143,10 @@ def _from_few(growth: Growth, view: View, nothing: Settled) -> _Found:
     with view.work.apart(_LAWS):
         alone = _Found(laws, laws.by_few(view))
     if alone.climbed.log <= few.climbed.log:
-        return _or_laws(few.renewed(nothing).further(), view)
+        found = few.renewed(nothing).further()
+        # what is hopeless in a few is so in all, of which they are a part
+        hopeless = alone.climbed.log < few.climbed.log - HOPELESS
+        return found if hopeless else _or_laws(found, view)
     alone = alone.renewed(nothing)
     beside = alone.further(named=True)
     if beside.named:

@@ -279,7 +279,9 @@ class Growth:
         lines = dict.fromkeys((*promising, *named))
         beyond = [*(one for one in opening if one not in lines), *elsewhere]
         best, top = None, 0.0
-        for one in [*(one for one in lines if one not in beyond), *beyond]:
+        # a number of the belief costs least, and what is hopeless beside it costs little
+        numbers = [one for one in lines if search.candidate(one.picks[-1]).is_number]
+        for one in dict.fromkeys((*numbers, *(one for one in lines if one not in beyond), *beyond)):
             last = self.gained.get(search.index(one.picks[-1]), np.inf) if one in beyond else np.inf
             # what a cause takes beside more is seldom more: it is not asked again for less than there is already
             fruitless = best is not None and last <= top

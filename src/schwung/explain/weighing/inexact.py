@@ -31,11 +31,10 @@ def error_of(law: Candidate) -> Candidate | None:
     sample is anywhere along its coordinate."""
     if not law.named or len(law.scales) > 1 or law.each_run:
         return None
-    if law.coordinate == "frequency":
-        return None
-
     if law.others is not None:
         return law.others
+    if law.coordinate == "frequency":
+        return None
 
     def effect(along: Along, shape: Shape) -> Effect:
         places = [own(along, shape) for own in law.own] or [_coordinate(law.coordinate, along)]

@@ -92,6 +92,9 @@ class Known:
         if e.stiffness_share != 0.0 and self.machine.coupling is not None:
             share = e.stiffness_share * np.sin(e.stiffness_order * along.angle + e.stiffness_phase_rad)
             coupled = coupled + share * self.machine.coupling.stiffness_nm_rad * along.wound
+        coupled = coupled + sum(
+            (along.contact[:, 0] * one.at(along.wound, along.direction) for one in self.bent), 0.0
+        )
         if e.kinematic_rad != 0.0 and self.machine.coupling is not None:
             there, touches = along.present.coupling or self.machine.coupling, along.contact[:, 0]
             further, faster = _driven(e, along.angle)
@@ -111,7 +114,12 @@ class Known:
         """Whether the coupling is stiffer here than there."""
         e = self.effects
         bent = (e.cubic_nm_rad3, e.stiffness_share, e.hysteresis_nm)
-        return self.machine.coupling is not None and any(one != 0.0 for one in bent)
+        return self.machine.coupling is not None and (bool(self.bent) or any(one != 0.0 for one in bent))
+
+    @property
+    def bent(self) -> list[Residual]:
+        """Known curves over the coupling's wind-up."""
+        return [curve for curve in self.curves if curve.over == "wind_up"]
 
     def tangent(self, along: Along) -> Array:
         """How much stiffer a coupling that bends is along a run, and how much more it damps, (n, 2)."""
@@ -126,6 +134,7 @@ class Known:
         if self.machine.coupling is not None:
             waves = e.stiffness_share * np.sin(e.stiffness_order * along.angle + e.stiffness_phase_rad)
             found = found + waves * self.machine.coupling.stiffness_nm_rad
+        found = found + sum((one.slope(along.wound) for one in self.bent), 0.0)
         return np.stack([along.contact[:, 0] * found, 0 * found], 1)
 
     @property
@@ -135,7 +144,7 @@ class Known:
     def _unnamed(self, along: Along) -> tuple[Array, Array]:
         """What the known curves and planes do, on motor and load (N·m), (n,) each."""
         on_motor, on_load = np.zeros_like(along.speed), np.zeros_like(along.speed)
-        for curve in self.curves:
+        for curve in (one for one in self.curves if one.over != "wind_up"):
             on = on_load if curve.over in ON_LOAD else on_motor
             on += curve.at(*_where(curve, along))
         for plane in self.planes:
@@ -153,7 +162,7 @@ class Known:
         """The known dry friction, by its average size (N·m), (n,)."""
         e = self.effects
         level = (e.coulomb_positive_nm + e.coulomb_negative_nm) / 2 * along.direction
-        directed = [curve for curve in self.curves if curve.over not in ("run", *ON_LOAD)]
+        directed = [curve for curve in self.curves if curve.over not in ("run", "wind_up", *ON_LOAD)]
         return np.asarray(level - sum((c.at(*_where(c, along)) for c in directed), 0.0 * level))
 
 

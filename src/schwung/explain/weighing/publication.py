@@ -130,7 +130,9 @@ class Plain:
 
 def over_words(coordinate: str) -> str:
     """What a curve is over."""
-    told = coordinate.replace("travel", "the way since a reversal")
+    told = coordinate.replace("travel", "the way since a reversal").replace(
+        "wind_up", "the coupling's wind-up"
+    )
     return told.replace("_", " ").replace(", ", " and ")
 
 
@@ -206,6 +208,7 @@ class Published:
         ]
         formulated = all(one.formula for one in self.curves if one.in_file)
         what = ", ".join([*likely, *curves]) + ("" if formulated or not curves else self._plainly)
+        what = what or self._one_of
         if not what and self.verdict == "unexplained":
             missed = (
                 [f"the belief misses {self._missed()}"] if self.proof and self.proof.after > _FLOOR else []
@@ -219,6 +222,22 @@ class Published:
         if self.proof.before > _FLOOR and self.proof.taken <= 0:
             return f"unexplained: the belief misses {self._missed()}, and what was found takes nothing of it: {what}"
         return f"left out: {what}; {self._share()}"
+
+    @property
+    def _one_of(self) -> str:
+        """Where something is in the file, and several names stand for it of which none is likelier than not."""
+        if not self.in_file:
+            return ""
+        linear = self.axis == "linear"
+        likely = sorted(
+            (one for one in self.names if one.probability >= _RIVAL), key=lambda one: -one.probability
+        )
+        each = [f"{words_of(one.physics, linear=linear).name} ({percent(one.probability)})" for one in likely]
+        return (
+            f"one of {', '.join(each)}"
+            if each
+            else "something that no name and no coordinate is likely to be"
+        )
 
     @property
     def _plainly(self) -> str:

@@ -16,7 +16,7 @@ from schwung.drivetrain.machine import Machine
 from schwung.drivetrain.residual import UNITS
 from schwung.explain import free_run
 from schwung.explain.measured import smooth
-from schwung.explain.plausibility import examine
+from schwung.explain.plausibility import examine, without_glitches
 from schwung.explain.values import Quantity
 from schwung.explain.weighing.advice import advice
 from schwung.explain.weighing.chosen import Cause, Chosen, residual_of
@@ -85,6 +85,7 @@ def publish(
     require_alike(session, machine)
     doubts = examine(session, machine)
     doubts.require(session.source or "session")
+    session, mended = without_glitches(session)
     if twin is not None:
         session = as_missed_by(session, smooth(machine), twin)
     outcome = posterior_of(
@@ -93,7 +94,7 @@ def publish(
         tell=lambda text, share: tell(text, 0.02 + (_SEARCH - 0.02) * share),
         steady=doubts.steady,
     )
-    notes = (*doubts.notes, _STEADY) if doubts.steady else doubts.notes
+    notes = (*doubts.notes, *mended, *((_STEADY,) if doubts.steady else ()))
     return published_of(session, machine, outcome, notes, tell)
 
 
@@ -158,6 +159,7 @@ class _Publishing:
             for cause, one in zip(causes, acts, strict=True)
         }
         named = [one for cause, one in zip(causes, acts, strict=True) if cause.found.named]
+        on_shafts = [one for one in acts if one not in named and one.candidate.coordinate != "wind_up"]
         shown = (before.runs, after.runs) if aside else (before.fitted, after.fitted)
         driven = free_run.told(self.machine, machine, self.session) if causes else ()
         answer = Published(
@@ -170,7 +172,7 @@ class _Publishing:
             excess=self.outcome.grown.data.excess,
             proof=self._proof(before, after),
             overlays=overlays(*shown, named, aside),
-            plain=self._plain([*(one for one in acts if one not in named), *self.chosen.of_motion()], after),
+            plain=self._plain([*on_shafts, *self.chosen.of_motion()], after),
             machine=machine,
             lasting=lasting(self.session),
             missed_runs=_plainly_missed(before, after),

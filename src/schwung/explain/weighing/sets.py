@@ -87,7 +87,7 @@ def everything(candidates: Sequence[Candidate], members: Sequence[Member]) -> li
 def _smooth(candidate: Candidate) -> bool:
     if candidate.name.startswith("usual"):
         return True
-    return len(candidate.scales) > 1 or candidate.name in SMOOTH
+    return (len(candidate.scales) > 1 and candidate.tangent is None) or candidate.name in SMOOTH
 
 
 def members_of(search: Search, best: Scored, candidates: Sequence[Candidate]) -> list[Member]:

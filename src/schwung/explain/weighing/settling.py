@@ -32,6 +32,9 @@ from schwung.motion import Array
 
 #: Halvings at most, of what leaves no machine; at rest, where no coefficient moves by more than this (deviations).
 HALVINGS, _AT_REST = 4, 0.1
+#: After so many steps a line promises no less than half of what is still to be gained: far from the truth it may
+#: promise next to nothing of what a step leads to.
+_TRUSTED = 3
 #: A step that leads nowhere is tried again at most so much of it, at least so much; of less than the last nothing is.
 _MOST_OF, _LEAST_OF, _LEAST_SHARE = 0.5, 0.1, 0.1
 #: What is held and taken within so much of a step of a sample is taken at it.
@@ -209,7 +212,7 @@ def _at_rest(at: _Step, weighing: Weighing, least: float) -> Settled:
     """
     samples = at.about.samples(weighing.train) / weighing.excess
     before = np.inf
-    for _ in range(STEPS):
+    for number in range(STEPS):
         missed = max(1.0, float(np.sqrt(at.cost / samples)))  # coefficients are known so many times less well
         if at.moved < _AT_REST * missed or at.about.view.work.late:
             break
@@ -217,6 +220,8 @@ def _at_rest(at: _Step, weighing: Weighing, least: float) -> Settled:
         # within what is known of the coefficients a line is right: it is the states that are not
         near = at.moved < missed
         if near and _is_hopeless(at, weighing, least):
+            break
+        if number >= _TRUSTED and _is_hopeless(at, weighing, least, 2 * at.promised):
             break
         better, share = _better(at, worse, weighing, once=near)
         if better is None and _is_hopeless(at, weighing, least):
@@ -236,9 +241,10 @@ def _at_rest(at: _Step, weighing: Weighing, least: float) -> Settled:
     return Settled(at.about, at.members, at.log + _inexact(at.about, at.members, weighing))
 
 
-def _is_hopeless(at: _Step, weighing: Weighing, least: float) -> bool:
-    """Whether what a line promises, and errors of its laws, are far from what is to be exceeded (log)."""
-    promised = at.log + at.promised
+def _is_hopeless(at: _Step, weighing: Weighing, least: float, further: float | None = None) -> bool:
+    """Whether what a line promises, or so much `further` (log), and errors of its laws, are far from what is to be
+    exceeded (log)."""
+    promised = at.log + (at.promised if further is None else further)
     return promised < least - HOPELESS and (
         promised + _inexact(at.about, at.members, weighing) < least - HOPELESS
     )

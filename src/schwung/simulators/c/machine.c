@@ -192,10 +192,12 @@ static double load_torque(const double *p, double angle, double motion_time) {
 static double coupling_torque(const double *p, double motor_angle, double twist, double twist_speed) {
     const double along = p[STIFFNESS_SHARE] * sin(p[STIFFNESS_ORDER] * motor_angle + p[STIFFNESS_PHASE_RAD]);
     const double k = stiffness(p) * (1.0 + along), d = damping(p), cubic = p[CUBIC_NM_RAD3];
-    if (p[GAP_RAD] <= 0.0) return (k + cubic * twist * twist) * twist + d * twist_speed;
+    if (p[GAP_RAD] <= 0.0)
+        return (k + cubic * twist * twist) * twist + d * twist_speed + CURVE(RESIDUAL_WIND_UP, twist).value;
     const double wound = fabs(twist) - 0.5 * p[GAP_RAD], side = twist > 0.0 ? 1.0 : -1.0;
     if (wound <= 0.0) return 0.0;
-    return side * larger((k + cubic * wound * wound) * wound + d * side * twist_speed, 0.0);
+    return side * larger((k + cubic * wound * wound) * wound + d * side * twist_speed, 0.0)
+           + CURVE(RESIDUAL_WIND_UP, side * wound).value;
 }
 
 /* To which angle an angle of the motor drives the coupling, and by how much further with each radian more. */
@@ -302,7 +304,8 @@ static double steps_needed(const Machine *m, double duration) {
         mass += lightest;
     } else {
         const double mobility = 1.0 / mass + 1.0 / lightest, twist = m->state.motor_angle - m->state.load_angle;
-        const double stiff = stiffness(p) * (1.0 + fabs(p[STIFFNESS_SHARE])) + 3.0 * larger(p[CUBIC_NM_RAD3], 0.0) * twist * twist;
+        const double stiff = stiffness(p) * (1.0 + fabs(p[STIFFNESS_SHARE])) + 3.0 * larger(p[CUBIC_NM_RAD3], 0.0) * twist * twist
+                             + larger(CURVE(RESIDUAL_WIND_UP, twist).slope, 0.0);
         fastest = larger(sqrt(stiff * mobility), damping(p) * mobility);
     }
     if (p[THIRD_INERTIA_KGM2] > 0.0) {

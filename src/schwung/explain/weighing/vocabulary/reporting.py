@@ -10,6 +10,7 @@ eccentricity a sin(θ + φ) in the angle, its rate in the speed        harmonic 
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
@@ -40,6 +41,8 @@ _HEATS = (0.05, 0.25, 1.2, 6.0)
 #: By what a motor is hot, T² on average, over its peak's: a natural share of the torque is that much more at the peak.
 _HOT, _NO_SHARE = 10.0, 1e-12
 _DIFFERENCE_S = 1e-5
+#: What other filters do at the band's end, over what a law is usually off by.
+_AS_MUCH = 10.0
 BEND_STEP_S, LEAST_BEND_S, MOST_BEND_S = 1e-4, -1e-3, 2e-2
 #: How much more than the one filter's is taken off the third order in ωτ: nothing; 1 for two filters alike; 4/3 for a
 #: delay, which is any number of them.
@@ -87,6 +90,41 @@ def _later_yet(along: Along, shape: Shape, coefficients: Array) -> tuple[Effect,
 
     more = (late(delay + _DIFFERENCE_S) - late(delay - _DIFFERENCE_S)) / (2 * _DIFFERENCE_S)
     return Effect(speed=column(more)), Effect(speed=column(late(delay)))
+
+
+def _further(law: Callable[[Along, Shape], Array]) -> Callable[[Along, Shape], Array]:
+    """What filters of another order do beside a law's, (n, 2): from the third order in ωτ on, and from the fourth; ten
+    times as much as the law at the end of the band."""
+
+    @run_by_run
+    def beyond(along: Along, shape: Shape) -> Array:
+        run, found, bend = along.run, [], law(along, shape)
+        for _ in range(3):
+            bend = run.quiet(slopes(bend, run.step_s)) / (2 * np.pi * run.band_hz)
+            found.append(bend)
+        return _AS_MUCH * np.stack(found[1:], 1)
+
+    return beyond
+
+
+def _filters(name: str, torque: Callable[[Along, Shape], Array]) -> Candidate:
+    """What other filters do to the torque that a law makes late."""
+    further = _further(torque)
+    return Candidate(f"{name}, inexact", lambda a, s: Effect(further(a, s)), (1.0,) * 2, named=False)
+
+
+def _late_torque(along: Along, shape: Shape) -> Array:
+    return -lagging(along, along.torque_rate, shape[0])
+
+
+def _early_torque(along: Along, _shape: Shape) -> Array:
+    return along.reported_rate
+
+
+_further_speed = _further(lambda along, shape: -acceleration_bent(along, shape[0]))
+_OTHER_DELAYS = Candidate(
+    "measurement_delay, inexact", lambda a, s: Effect(speed=_further_speed(a, s)), (1.0,) * 2, named=False
+)
 
 
 @run_by_run
@@ -155,16 +193,17 @@ def reporting(of: Ranges, share: float) -> list[Candidate]:
                   shapes=grid(BENDS_S, (0.0,)), spacing=(BEND_STEP_S, 1.0),
                   logarithmic=(False, False), bounds=((LEAST_BEND_S, MOST_BEND_S), ORDERS), endless=(1,),
                   coordinate="frequency", known_to=apart, family="lag", with_usual=torque_later, bends=LAG_BENDS,
-                  bends_told=1.0, late=(-1.0, 0.0)),
+                  bends_told=1.0, late=(-1.0, 0.0), others=_filters("torque_lag", _late_torque)),
         Candidate("torque_filter", _earlier, (DEFECT_S,), lambda c, _: {"time_constant_s": c[0]},
                   positive=(0,), shapes=grid(BENDS_S), spacing=(BEND_STEP_S,), logarithmic=(False,),
                   bounds=((LEAST_BEND_S, MOST_BEND_S),), coordinate="frequency", known_to=apart, family="lag",
-                  with_usual=torque_earlier, unfilters=True, bends=UNDONE_BENDS, late=(1.0, 0.0)),
+                  with_usual=torque_earlier, unfilters=True, bends=UNDONE_BENDS, late=(1.0, 0.0),
+                  others=_filters("torque_filter", _early_torque)),
         Candidate("measurement_delay", _speed_later, (DEFECT_S,), lambda c, _: {"delay_s": c[0]},
                   positive=(0,), bent=_later_yet, shapes=grid(BENDS_S, (0.0,)), spacing=(BEND_STEP_S, 1.0),
                   logarithmic=(False, False), bounds=((LEAST_BEND_S, MOST_BEND_S), ORDERS), endless=(1,),
                   coordinate="acceleration", known_to=apart, with_usual=torque_later, bends=DELAY_BENDS,
-                  bends_told=0.5, late=(0.0, 1.0)),
+                  bends_told=0.5, late=(0.0, 1.0), others=_OTHER_DELAYS),
         Candidate("torque_constant_drop", drop, (share,),
                   lambda c, s: {"share_at_peak": c[0], "peak_nm": peak, "order": s[0]}, positive=(0,),
                   shapes=grid([0.5, 1.0, 2.0, 4.0]), spacing=(0.7,), logarithmic=(True,), bounds=((0.3, 10.0),),

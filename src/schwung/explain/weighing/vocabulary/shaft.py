@@ -16,8 +16,8 @@ import numpy as np
 
 from schwung.drivetrain.machine import Coupling
 from schwung.explain.weighing.along import Along, Ranges
-from schwung.explain.weighing.candidate import RIGHT_TO, Candidate, Shape, grid
-from schwung.explain.weighing.curves import column
+from schwung.explain.weighing.candidate import LADDER, RIGHT_TO, Candidate, Shape, grid
+from schwung.explain.weighing.curves import BentCurve, column
 from schwung.explain.weighing.joined import run_by_run
 from schwung.explain.weighing.third_mass import third_mass
 from schwung.explain.weighing.vocabulary.hanging import hanging
@@ -29,8 +29,13 @@ from schwung.motion import Array
 _OF_CONTACTS = 0.3
 #: Gaps from which the search for one begins, as shares of the largest wind-up.
 _GAPS = np.geomspace(1e-4, 1.0, 9)
+#: How far a coupling without a name is a curve over its wind-up, over the largest that is believed; within what share
+#: of that it is alike.
+_WOUND, _ALIKE = 2.0, 0.1
 #: Where a further mass is looked for: frequencies as far apart as the least damped of them is wide.
-_RESONANCES_HZ, _DAMPING_RATIOS = np.geomspace(18, 120, 33), (0.03, 0.1)
+#: Slower ones, of which no motion is long enough to tell how wide they are, each half as fast again as the last.
+_SLOW_HZ = 18.0 / 1.5 ** np.arange(1, 6)[::-1]
+_RESONANCES_HZ, _DAMPING_RATIOS = np.concatenate([_SLOW_HZ, np.geomspace(18, 120, 33)]), (0.03, 0.1)
 
 
 def between(change: Array) -> Effect:
@@ -106,6 +111,19 @@ def shaft(
     def cubic_tangent(along: Along, _shape: Shape, cubic: Array) -> Array:
         return np.stack([3 * cubic[0] * along.wound**2, 0 * along.wound], 1)
 
+    curve = BentCurve.over(-_WOUND * wound, _WOUND * wound, _ALIKE)
+    # as a whole it is stiffer or softer, too, by as much as a stiffness is naturally off
+    curve = replace(curve, modes=np.column_stack([3 * curve.points / wound, curve.modes]))
+
+    def over_wind_up(along: Along, _shape: Shape) -> Effect:
+        return between(curve.at(along.wound))
+
+    def over_wind_up_whole(along: Along, _shape: Shape, coefficients: Array) -> Effect:
+        return between(column(curve.folded(along.wound, coefficients)))
+
+    def over_wind_up_tangent(along: Along, _shape: Shape, coefficients: Array) -> Array:
+        return np.stack([curve.slope(along.wound, coefficients), 0 * along.wound], 1)
+
     def over_angle(along: Along, shape: Shape) -> Effect:
         there = along.present.coupling or coupling
         return between(there.stiffness_nm_rad * along.wound[:, None] * _waves(along, shape[0]))
@@ -161,8 +179,11 @@ def shaft(
                   lambda c, s: {"inertia_kgm2": c[0], "stiffness_nm_rad": c[0] * s[0] ** 2,
                                 "damping_nms": 2 * c[0] * s[0] * s[1]},
                   shapes=grid(2 * np.pi * _RESONANCES_HZ, _DAMPING_RATIOS), spacing=(0.06, 0.7),
-                  logarithmic=(True, True), bounds=((2 * np.pi * 10, 2 * np.pi * of.band_hz), (0.005, 0.5)),
+                  logarithmic=(True, True), bounds=((2 * np.pi * 1, 2 * np.pi * of.band_hz), (0.005, 0.5)),
                   positive=(0,), coordinate="frequency", known_to=RIGHT_TO * inertia_kgm2, swings=True,
                   felt=lambda s: 1 / (2 * s[1])),  # at its resonance, where it is as if the load were so much heavier
         hanging(of, 3 * share * inertia_kgm2, RIGHT_TO * inertia_kgm2),
+        Candidate("wind_up", over_wind_up, (torque_nm,) * curve.size, scales=LADDER, named=False,
+                  coordinate="wind_up", tangent=over_wind_up_tangent, whole=over_wind_up_whole,
+                  cases=frozenset({"coupling_stiffness", "nonlinear_stiffness"})),
     ]  # fmt: skip
