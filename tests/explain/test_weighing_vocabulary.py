@@ -72,9 +72,10 @@ def test_all_that_a_curve_does_is_what_its_coefficients_do_together(candidates):
         angle=angle, load_angle=angle + 0.01, speed=speed, load_speed=speed + 1, direction=np.tanh(speed),
         load_direction=np.tanh(speed + 1), torque=30 * np.cos(2 * np.pi * time), motion_time_s=time,
         load_acceleration=1500 * np.cos(2 * np.pi * time), number=3, time_s=time, load_torque_slope=speed,
+        wound=2e-3 * np.cos(2 * np.pi * time),
     )  # fmt: skip
     folded = [one for one in candidates.values() if one.whole is not None]
-    assert len(folded) >= 11
+    assert len(folded) >= 12
     for one in folded:
         coefficients, shape = chance.standard_normal(one.size), () if one.sought is None else (30.0,)
         together = one.done(along, shape, coefficients).parts

@@ -21,7 +21,7 @@ def session():
 @pytest.fixture(scope="module")
 def found(session):
     machine = belief_of(SOFT)
-    return published_of(session, machine, posterior_of(session, machine, work=Work(most=6e8)))
+    return published_of(session, machine, posterior_of(session, machine, work=Work(most=1e9)))
 
 
 def test_it_is_a_curve_over_the_wind_up_and_nothing_else(found):

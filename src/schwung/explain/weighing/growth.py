@@ -89,6 +89,7 @@ class Growth:
     #: Counts rounds of linearising, with those of the others that were made of it: progress never goes back.
     rounds: Iterator[int] = field(default_factory=lambda: count(1))
     among: frozenset[int] | None = None  # candidates that are looked at; None: all
+    bent: bool = False  # whether the coupling may be a curve over its wind-up, which does what any of its laws does
     unrepeated: bool = False  # whether no run repeats another: then noise is what a set leaves
     coarse: bool = False  # whether these are a few runs, by which no noise can be told
     rival: float | None = None  # log probability, about the noise at hand, of what these causes stand in for
@@ -247,8 +248,11 @@ class Growth:
         linear = [
             c.about(present[c.name]) if c.bent and c.name in present else c for c in self.rests.candidates
         ]
+        among = frozenset(range(len(linear))) if self.among is None else self.among
+        if not self.bent:
+            among -= {i for i, c in enumerate(linear) if c.coordinate == "wind_up"}
         data = Data.of(
-            at.about, at.members, linear, self.rests.train, self.rests.wide.excess, self.memory, self.among
+            at.about, at.members, linear, self.rests.train, self.rests.wide.excess, self.memory, among
         )
         self.memory = data.rows
         return Search(data, self.always)

@@ -77,7 +77,7 @@ def bending_instead(search: Search, picks: Set) -> list[Scored]:
         return []
     others, inside, found = picks[:-1], search.kind(picks), []
     for index, candidate in enumerate(search.data.candidates):
-        if candidate.tangent is not None and index not in inside:
+        if candidate.named and candidate.tangent is not None and index not in inside:
             found += [search.with_pick(others, pick) for _, pick in search.additions(others, {index})[:1]]
     return found
 
