@@ -89,7 +89,9 @@ class Growth:
     #: Counts rounds of linearising, with those of the others that were made of it: progress never goes back.
     rounds: Iterator[int] = field(default_factory=lambda: count(1))
     among: frozenset[int] | None = None  # candidates that are looked at; None: all
-    bent: bool = False  # whether the coupling may be a curve over its wind-up, which does what any of its laws does
+    bent: bool = (
+        False  # whether the coupling may be a curve over its wind-up, which does what any of its laws does
+    )
     unrepeated: bool = False  # whether no run repeats another: then noise is what a set leaves
     coarse: bool = False  # whether these are a few runs, by which no noise can be told
     rival: float | None = None  # log probability, about the noise at hand, of what these causes stand in for
