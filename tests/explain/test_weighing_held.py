@@ -10,8 +10,8 @@ import pytest
 sys.path.append(str(Path(__file__).parents[2] / "benchmarks"))
 from stranger_plant import draw_stranger, stranger_belief, stranger_session
 
+from schwung.explain.weighing.further import within
 from schwung.explain.weighing.round import Linearised, linearised
-from schwung.explain.weighing.settling import within
 from schwung.explain.weighing.weigh import Posterior, posterior_of
 
 

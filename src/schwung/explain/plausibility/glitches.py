@@ -52,9 +52,7 @@ def _mended(run: Run) -> tuple[Run, list[int]]:
         if alone.size > _MOST * len(run):
             continue
         for place in alone.tolist():
-            repeated = (
-                torque[place] == run.torque_nm[place - 1] and speed[place] == run.speed_rad_s[place - 1]
-            )
+            repeated = all(values[place] == values[place - 1] for values in (run.torque_nm, run.speed_rad_s))
             for each in (position, speed, torque) if repeated else (signal,):
                 each[place] = _GUESS @ each[[place - 2, place - 1, place + 1, place + 2]]
             found.add(place)
@@ -65,15 +63,16 @@ def _mended(run: Run) -> tuple[Run, list[int]]:
 
 def _alone(values: Array) -> NDArray[np.intp]:
     """Places of samples that are unlike their neighbours, none within five of another."""
+    nowhere = np.zeros(0, dtype=np.intp)
     if values.size < 4 * _ALONE.size:
-        return np.zeros(0, dtype=np.intp)
+        return nowhere
     fourth = np.convolve(values, _ALONE, "valid")  # about the samples from the third on
     off = np.convolve(fourth, _ALONE, "valid") / float(_ALONE @ _ALONE)  # from the fifth on
     all_of_it = np.convolve(fourth**2, np.ones(_ALONE.size), "valid")
     usual = float(np.quantile(np.abs(off), 0.9))
-    surely = (np.abs(off) > _UNLIKE * usual) & (off**2 * float(_ALONE @ _ALONE) > _ONE * all_of_it)
     if usual == 0:
-        return np.zeros(0, dtype=np.intp)
+        return nowhere
+    surely = (np.abs(off) > _UNLIKE * usual) & (off**2 * float(_ALONE @ _ALONE) > _ONE * all_of_it)
     places = np.flatnonzero(surely)
     near = np.flatnonzero(np.diff(places) < _ALONE.size)
     return np.delete(places, np.union1d(near, near + 1)) + _ALONE.size - 1

@@ -16,7 +16,7 @@ from schwung.drivetrain.machine import Machine
 from schwung.drivetrain.residual import UNITS
 from schwung.explain import free_run
 from schwung.explain.measured import smooth
-from schwung.explain.plausibility import examine, without_glitches
+from schwung.explain.plausibility import examine
 from schwung.explain.values import Quantity
 from schwung.explain.weighing.advice import advice
 from schwung.explain.weighing.chosen import Cause, Chosen, residual_of
@@ -85,7 +85,6 @@ def publish(
     require_alike(session, machine)
     doubts = examine(session, machine)
     doubts.require(session.source or "session")
-    session, mended = without_glitches(session)
     if twin is not None:
         session = as_missed_by(session, smooth(machine), twin)
     outcome = posterior_of(
@@ -94,7 +93,7 @@ def publish(
         tell=lambda text, share: tell(text, 0.02 + (_SEARCH - 0.02) * share),
         steady=doubts.steady,
     )
-    notes = (*doubts.notes, *mended, *((_STEADY,) if doubts.steady else ()))
+    notes = (*doubts.notes, _STEADY) if doubts.steady else doubts.notes
     return published_of(session, machine, outcome, notes, tell)
 
 

@@ -6,9 +6,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.optimize import minimize_scalar
 
+from schwung.explain.weighing.further import AT_SAMPLE, leads_across, leads_beyond, taken_further
 from schwung.explain.weighing.inexact import SHARES, deviations_of, error_of
 from schwung.explain.weighing.present import Member, moves
 from schwung.explain.weighing.round import (
@@ -37,8 +37,6 @@ HALVINGS, _AT_REST = 4, 0.1
 _TRUSTED = 3
 #: A step that leads nowhere is tried again at most so much of it, at least so much; of less than the last nothing is.
 _MOST_OF, _LEAST_OF, _LEAST_SHARE = 0.5, 0.1, 0.1
-#: What is held and taken within so much of a step of a sample is taken at it.
-_AT_SAMPLE = 1e-6
 #: Passes of a set's own noise at most; known, where no size of it moves by more than this (log).
 _PASSES, _KNOWN = 4, 0.1
 #: How well a gap is found (log) before all else comes to rest with it.
@@ -257,7 +255,7 @@ def _better(
     `once`: whether no more is tried than this share."""
     while share >= _LEAST_SHARE:
         tried = [
-            _moved(m, share * step, share * shift)
+            taken_further(m, share * step, share * shift)
             for m, step, shift in zip(at.members, at.steps, at.shifts, strict=True)
         ]
         about, cost = smoothed(at.about.view, tried, weighing), np.inf
@@ -296,34 +294,6 @@ class _Step:
     promised: float  # what a line says that the step gains (log)
     cost: float
     log: float
-
-
-def _moved(member: Member, step: Array, shift: Array) -> Member:
-    """A member so much further, its shape by so many spacings of the grid.
-
-    A line says how the product of a late cause's time and bend changes.
-    """
-    coefficients = within(member, member.coefficients + step)
-    if member.candidate.bends is not None and coefficients[0] > 0:
-        shift = shift * [
-            min(max(member.coefficients[0] / coefficients[0], 0.0), 2.0),
-            *np.ones(shift.size - 1),
-        ]
-    return replace(member, coefficients=coefficients, shape=member.candidate.moved(member.shape, shift))
-
-
-def _leads_across(member: Member, step: Array) -> NDArray[np.bool_]:
-    """Which of its coefficients are at a corner of the likelihood, and are led across it, (p,): what is held and taken
-    just before a sample moves what is measured there, and just behind it does not."""
-    at_corner = member.candidate.holds & (np.abs(member.coefficients) <= _AT_SAMPLE)
-    return np.asarray(at_corner & (np.where(member.coefficients < 0, -1, 1) * step < 0))
-
-
-def _leads_beyond(member: Member, shift: Array) -> NDArray[np.bool_]:
-    """Which numbers of its shape are at an end, and are led beyond, (d,)."""
-    shape = member.candidate.moved(member.shape, shift)
-    each = zip(shift, member.shape, shape, strict=False)
-    return np.array([by != 0 and ahead == now for by, now, ahead in each], dtype=bool)
 
 
 def _of_shapes(members: Sequence[Member]) -> Statistics:
@@ -383,13 +353,13 @@ def _stepped(about: Linearised, members: Sequence[Member], weighing: Weighing) -
     free = np.arange(start.size)
     found, step = solved(free)
     each, shifts = np.split(step[:size], at), np.split(step[size:], ends)
-    across = [_leads_across(*pair) for pair in zip(members, each, strict=True)]
-    beyond = np.concatenate([*across, *(_leads_beyond(*pair) for pair in zip(members, shifts, strict=True))])
+    across = [leads_across(*pair) for pair in zip(members, each, strict=True)]
+    beyond = np.concatenate([*across, *(leads_beyond(*pair) for pair in zip(members, shifts, strict=True))])
     if np.any(beyond):
         free = np.flatnonzero(~beyond)
         found, step = solved(free)
         # what lies on the other side of a sample has another slope, which the next step asks
-        step[:size] -= np.where(beyond[:size], present + np.where(present < 0, -1, 1) * _AT_SAMPLE, 0.0)
+        step[:size] -= np.where(beyond[:size], present + np.where(present < 0, -1, 1) * AT_SAMPLE, 0.0)
     cost = _cost(about, members, weighing)
     alone = slopes or np.any(beyond)
     plain = weigh(statistics.at(np.arange(size)), deviations) if alone else found
@@ -435,18 +405,3 @@ def _inexact(about: Linearised, members: Sequence[Member], weighing: Weighing) -
     sizes = np.concatenate([deviations_of(m.coefficients, gram[at, at], e.size) for e, m, at in errors])
     logs = [weigh(statistics, np.concatenate([deviations, share * sizes])).log_evidence for share in SHARES]
     return logsumexp(np.array(logs)) - float(np.log(len(SHARES))) - exact
-
-
-def within(member: Member, coefficients: Array) -> Array:
-    """Coefficients that leave a total above what no machine goes below; no step takes more than most of it. What is
-    held is taken within its step, or a little before what is sampled with it; no step leads past the sample."""
-    if member.candidate.holds:
-        now, asked = member.coefficients, np.clip(coefficients, -0.5, 1.0)
-        at_sample = np.sign(asked if abs(now[0]) <= _AT_SAMPLE else now) * _AT_SAMPLE
-        return np.where(now * asked < 0, at_sample, asked)
-    held = coefficients.copy()
-    for which, least in member.candidate.bounds_below:
-        total = member.coefficients[which] - least
-        if total > 0 and member.candidate.of_machine:
-            held[which] = max(held[which], least + total / 4)
-    return held

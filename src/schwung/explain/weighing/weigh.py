@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from schwung.drivetrain.machine import Machine
 from schwung.explain.kept_aside import kept_aside
+from schwung.explain.plausibility import without_glitches
 from schwung.explain.weighing.along import ranges_of
 from schwung.explain.weighing.candidate import NATURAL, RIGHT_TO, Candidate, Shape
 from schwung.explain.weighing.elsewhere import holding
@@ -69,6 +70,7 @@ class Posterior:
     view: View
     growth: Growth
     disproved: frozenset[str] = frozenset()  # by runs kept aside
+    notes: tuple[str, ...] = ()  # of samples that were not taken as recorded
 
     @cached_property
     def told(self) -> Weighed:
@@ -155,6 +157,7 @@ def posterior_of(
     Raises InputError where the inertia is unknown.
     """
     work = work or Work()
+    session, mended = without_glitches(session)
     heldout = kept_aside(session) if heldout is None else tuple(heldout)
     train = tuple(run for run in range(len(session.runs)) if run not in heldout)
     groups = telling_noise(session)
@@ -179,7 +182,7 @@ def posterior_of(
         lost = max(found.best.log - best.log, 0.0)  # with laws that do not hold elsewhere
         stands = standing(found.search, best, beside, one_law, besides=lost)
         sure = found.search.tempered(stands.tempering)
-        return Posterior(found, stands, sure, tuple(heldout), view, found.growth)
+        return Posterior(found, stands, sure, tuple(heldout), view, found.growth, notes=mended)
 
     outcome = about(found.best)
     laws = {c.name for c in candidates if c.named} & outcome.refuted
@@ -238,6 +241,7 @@ def _told(posterior: Posterior) -> Weighed:
         excess=data.excess * posterior.stands.tempering,
         proof=_proof(outcome, posterior.holding, heldout) if heldout else None,
         notes=(
+            *posterior.notes,
             *(
                 _REFUTED.format(name.replace("_", " "))
                 for name in sorted(posterior.refuted - posterior.disproved)

@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from schwung.explain.weighing.along import SLIDES
+from schwung.explain.weighing.further import within
 from schwung.explain.weighing.present import Member
 from schwung.explain.weighing.round import (
     Linearised,
@@ -23,7 +24,7 @@ from schwung.explain.weighing.round import (
     torques_about,
 )
 from schwung.explain.weighing.search import HOPELESS
-from schwung.explain.weighing.settling import HALVINGS, within
+from schwung.explain.weighing.settling import HALVINGS
 from schwung.explain.weighing.true_torque import TrueTorque
 from schwung.explain.weighing.work import PRODUCT
 from schwung.innovations.evidence import Weighed, weigh
