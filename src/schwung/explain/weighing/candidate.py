@@ -136,6 +136,11 @@ class Candidate:
         return any(self.coupling) or self.tangent is not None or self.swings
 
     @property
+    def instead_of_laws(self) -> bool:
+        """Whether it is a curve that does whatever laws of the coupling do: asked for where they are not enough."""
+        return self.tangent is not None and not self.named
+
+    @property
     def bends_by_shape(self) -> bool:
         """Whether it bends the coupling in more ways than one."""
         return self.tangent is not None and len(self.shapes) > 1

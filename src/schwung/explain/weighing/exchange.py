@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from schwung.compiled import IS_FAST
-from schwung.explain.weighing.offers import bending_instead, numbers_beside
+from schwung.explain.weighing.offers import bending_instead, coupling_instead, numbers_beside
 from schwung.explain.weighing.resting import Rests
 from schwung.explain.weighing.search import TOLD, Scored, Search
 from schwung.explain.weighing.sets import begun_from, members_of, timed, without_damping
@@ -80,7 +80,7 @@ def _timed(rests: Rests, search: Search, start: Scored, at: Settled) -> tuple[Sc
     others = tuple(pick for pick in start.picks if not any(search.candidate(pick).late))
     apart = [m for m in at.members if any(m.candidate.late) and not all(m.candidate.late)]
     off = sum(0.5 * float((m.coefficients[0] / m.deviations[0]) ** 2) for m in apart)
-    if len(start.picks) - len(others) > 1 or (len(others) == len(start.picks) and off < -search.odds):
+    if len(start.picks) - len(others) > 1 or (len(others) == len(start.picks) and off < -search.handicap):
         return None
     for index, candidate in enumerate(rests.candidates):
         kind = search.kind(others) | {index}
@@ -121,6 +121,28 @@ def play_instead(
     still = [m.coefficients for m in members]
     least = rests.least(search, one, start, at)
     tried = settled_beyond(about, members, still, rests.weighing, least)
+    tried, gain = rests.noted(search, one, start, at, tried)
+    if gain > 0:
+        return one, tried
+    if _loses_all(rests, at, gain):
+        worse.add(exchange)
+    search.note(search.kind(one.picks), start.log + gain, one.log)
+    return None
+
+
+def curve_instead(
+    rests: Rests, search: Search, start: Scored, at: Settled, worse: set[Worse]
+) -> tuple[Scored, Settled] | None:
+    """A coupling that is a curve in place of several causes that together do what it does (`coupling_instead`), where
+    that is likelier at rest. `worse`: see `Worse`."""
+    one = None if search.data.work.spent else coupling_instead(search, start.picks)
+    if one is None:
+        return None
+    exchange = search.kind(start.picks) - search.kind(one.picks), search.index(one.picks[-1])
+    if exchange in worse or search.kind(one.picks) in rests.rested:
+        return None
+    members = begun_from(at.members, members_of(search, one, rests.candidates))
+    tried = settled(at.about.view, members, rests.weighing, rests.least(search, one, start, at))
     tried, gain = rests.noted(search, one, start, at, tried)
     if gain > 0:
         return one, tried

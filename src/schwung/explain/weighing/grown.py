@@ -21,8 +21,6 @@ from schwung.explain.weighing.settling import Settled
 
 #: Of the work, what all causes may take in a few runs; and what laws alone may take beside it, each time.
 _FEW, _LAWS = 0.3, 0.3
-#: And what a coupling that is a curve may, where no law of it is enough.
-_BENT = 0.6
 
 
 @dataclass(frozen=True, eq=False)
@@ -68,14 +66,6 @@ class _Found:
         search = self.climbed.search
         return all(search.candidate(pick).is_law for pick in self.climbed.best.picks)
 
-    @property
-    def gives_otherwise(self) -> bool:
-        """Whether a law by which motor and load give way to each other stands beside what has no name, or much more
-        than noise is missed: then the coupling may be none of the laws."""
-        search, picks = self.climbed.search, self.climbed.best.picks
-        beside = not self.named and any(search.candidate(pick).yields for pick in picks)
-        return beside or self.growth.rests.misses(self.climbed.at)
-
     def renewed(self, nothing: Settled) -> _Found:
         """About the noise that it leaves in all runs; `nothing`, where that is likelier there."""
         climbed = self.climbed
@@ -117,15 +107,7 @@ class _Found:
 def grown(growth: Growth, view: View) -> Grown:
     """The sets of a session."""
     nothing = growth.nothing(view)
-
-    def of(one: Growth) -> _Found:
-        return _from_few(one, view, nothing) if one.has_few else _from_nothing(one, view, nothing)
-
-    found = of(growth)
-    if found.gives_otherwise:
-        with view.work.apart(_BENT):
-            bent = of(replace(growth, bent=True, memory=None))
-        found = bent if bent.about(found).log > found.climbed.log else found
+    found = _from_few(growth, view, nothing) if growth.has_few else _from_nothing(growth, view, nothing)
     climbed = found.climbed
     found.growth.rests.recall(climbed.search, climbed.best, climbed.log)
     if found.growth.rests.wide is not growth.rests.wide:

@@ -18,6 +18,7 @@ from schwung.explain.weighing.data import Data
 from schwung.explain.weighing.exchange import (
     Worse,
     bent_otherwise,
+    curve_instead,
     exchanged,
     numbers_exchanged,
     play_instead,
@@ -89,9 +90,7 @@ class Growth:
     #: Counts rounds of linearising, with those of the others that were made of it: progress never goes back.
     rounds: Iterator[int] = field(default_factory=lambda: count(1))
     among: frozenset[int] | None = None  # candidates that are looked at; None: all
-    bent: bool = (
-        False  # whether the coupling may be a curve over its wind-up, which does what any of its laws does
-    )
+    bent: bool = False  # whether the coupling is known to be none of its laws, but a curve over its wind-up
     unrepeated: bool = False  # whether no run repeats another: then noise is what a set leaves
     coarse: bool = False  # whether these are a few runs, by which no noise can be told
     rival: float | None = None  # log probability, about the noise at hand, of what these causes stand in for
@@ -122,9 +121,13 @@ class Growth:
         return replace(self, among=among, rests=self.rests.afresh(), gained={}, worse=set(), rival=None)
 
     def nothing(self, view: View) -> Settled:
-        """The belief with what is always there."""
-        always = [absent(self.rests.candidates[i]) for i in self.always]
-        return self._nearest(self.rests.settled(view, always))
+        """The belief with what is always there; from then on it is known what that misses."""
+        at = self._nearest(self._believed(view))
+        self.rests = self.rests.beside(at)
+        return at
+
+    def _believed(self, view: View) -> Settled:
+        return self.rests.settled(view, [absent(self.rests.candidates[i]) for i in self.always])
 
     def climbed(self, at: Settled, picks: Shaped, *, named: bool = False, fresh: bool = False) -> Climbed:
         """From a set at rest, by one cause more at a time; then by what may stand in its place. `named`: whether it is
@@ -187,6 +190,9 @@ class Growth:
         if at.log + search.prior(start.picks) - before > HOPELESS:
             start, at = bent_otherwise(self.rests, search, start, at)
         start, at = play_instead(self.rests, search, start, at, self.worse) or (start, at)
+        bent = None if self.bent else curve_instead(self.rests, search, start, at, self.worse)
+        if bent is not None:
+            self.bent, (start, at) = True, bent
         return start, self._nearest(at, at.log + search.prior(start.picks) - before)
 
     def _is_hopeless(self, search: Search, best: Scored, at: Settled) -> bool:
@@ -212,7 +218,7 @@ class Growth:
         maxima of the likelihood on the way."""
         some = replace(self.afresh(self.among), rests=self.rests.of_few(), memory=None, coarse=True)
         found = some.climbed(some.nothing(view), ())
-        self.gained, self.worse = some.gained, some.worse
+        self.gained, self.worse, self.bent = some.gained, some.worse, some.bent
         return replace(found, at=self.rests.settled(view, found.at.members))
 
     def renewed(self, search: Search, start: Scored, at: Settled) -> tuple[Scored, Settled]:
@@ -251,13 +257,13 @@ class Growth:
             c.about(present[c.name]) if c.bent and c.name in present else c for c in self.rests.candidates
         ]
         among = frozenset(range(len(linear))) if self.among is None else self.among
-        if not self.bent:
-            among -= {i for i, c in enumerate(linear) if c.coordinate == "wind_up"}
         data = Data.of(
             at.about, at.members, linear, self.rests.train, self.rests.wide.excess, self.memory, among
         )
         self.memory = data.rows
-        return Search(data, self.always)
+        # it does what any of its laws does, which are asked first
+        hidden = frozenset() if self.bent else frozenset(i for i, c in enumerate(linear) if c.instead_of_laws)
+        return Search(data, self.always, inexact=self.rests.inexact, hidden=hidden)
 
     def _further(self, search: Search, start: Scored, at: Settled) -> tuple[Scored, Settled] | None:
         """The best set of one cause more, or of a law in place of a curve, at rest; None where none is more probable
@@ -319,7 +325,8 @@ class Growth:
             noise = own_noise(at, self.rests.weighing)
             noise = replace(noise, torque_share=max(noise.torque_share, RIGHT_TO))
             self.rests = self.rests.about(replace(self.rests.wide, noise=noise))
-            return
-        members = everything(self.rests.candidates, at.members)
-        noise = self.rests.wide.noise
-        self.rests = self.rests.about(wide_fit(at.about.view, members, noise, self.rests.train, KNOWN))
+        else:
+            members = everything(self.rests.candidates, at.members)
+            noise = self.rests.wide.noise
+            self.rests = self.rests.about(wide_fit(at.about.view, members, noise, self.rests.train, KNOWN))
+        self.rests = self.rests.beside(self._believed(at.about.view))

@@ -8,7 +8,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from schwung.explain.weighing.balance import balanced
-from schwung.explain.weighing.candidate import Candidate
+from schwung.explain.weighing.candidate import RIGHT_TO, Candidate
 from schwung.explain.weighing.present import Member, moves
 from schwung.explain.weighing.round import View, few_of
 from schwung.explain.weighing.search import HOPELESS, Scored, Search
@@ -27,6 +27,8 @@ class Rests:
     candidates: Sequence[Candidate]
     train: Sequence[int]
     wide: Wide
+    #: What makes up for laws that are a little off may be worth so much (log): no cause is told that is worth less.
+    inexact: float = 0.0
     #: Kinds of sets that came to rest: their best shapes and sizes, and log probability.
     rested: dict[frozenset[int], tuple[Shaped, float]] = field(default_factory=dict)
     #: Kinds of sets whose late cause was begun where what is usual says.
@@ -43,6 +45,12 @@ class Rests:
     def about(self, wide: Wide) -> Rests:
         """About another noise: sets are compared about one and the same, so that none has been at rest about it."""
         return replace(self.afresh(), wide=wide)
+
+    def beside(self, nothing: Settled) -> Rests:
+        """The same, knowing what the belief misses: a law is right to `RIGHT_TO` of what it does, and so is all that a
+        set does."""
+        missed = nothing.about.square(self.train) - nothing.about.samples(self.train)
+        return replace(self, inexact=RIGHT_TO**2 * max(missed, 0.0) / (2 * self.wide.excess))
 
     @property
     def weighing(self) -> Weighing:

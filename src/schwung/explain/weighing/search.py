@@ -74,11 +74,15 @@ class Search:
     kept: dict[frozenset[int], float] = field(default_factory=dict)  # at rest, less what was promised (log)
     asked: dict[frozenset[Pick], float] = field(default_factory=dict)  # at rest, less the set at hand (log)
     resting: frozenset[int] = frozenset()  # the kind of set that all is linearised about
+    hidden: frozenset[int] = frozenset()  # candidates that are no further cause unless they are asked for
+    inexact: float = 0.0  # what all that is missed may be worth to laws that are a little off (log)
 
     def __post_init__(self) -> None:
         free = len({c.name for i, c in enumerate(self.data.candidates) if i not in self.always})
         share = EXPECTED / free
+        #: Of a cause before anything was seen (log), and what each cause of a set has to make up for.
         self.odds = float(np.log(share / (1 - share)))
+        self.handicap = self.odds - self.inexact
 
     def candidate(self, pick: Pick) -> Candidate:
         """Whose atom it is."""
@@ -193,7 +197,7 @@ class Search:
         these alone."""
         which, deviations = self.columns(picks)
         taken = [self.candidate(pick) for pick in picks]
-        inside = set(self.always)
+        inside = {*self.always, *(self.hidden if among is None else ())}
         inside |= {i for i, c in enumerate(self.data.candidates) if any(c.excludes(t) for t in taken)}
         grouped = groupby(enumerate(self.data.atoms), lambda pair: pair[1].candidate)
         asked = [
@@ -215,7 +219,7 @@ class Search:
             else:
                 gains = beyond.gains([atom.where for _, atom in numbered], own, scales)
             shares = np.array([self._shape_log(atom, candidate) for _, atom in numbered])
-            gains = gains + self.odds + shares[:, None] - np.log(len(scales))
+            gains = gains + self.handicap + shares[:, None] - np.log(len(scales))
             row, size = np.unravel_index(int(np.argmax(gains)), gains.shape)
             found.append((logsumexp(gains), Pick(numbered[row][0], scales[size])))
         merged: dict[int, tuple[float, Pick]] = {}
@@ -228,7 +232,7 @@ class Search:
     def prior(self, picks: Set) -> float:
         """Log prior of so many causes, in these shapes and sizes."""
         return sum(
-            self.odds
+            self.handicap
             + self._shape_log(self.data.atoms[pick.atom], self.candidate(pick))
             - float(np.log(len(self.candidate(pick).scales)))
             for pick in picks
@@ -289,7 +293,7 @@ class Search:
         ∫ p^(1/r) π ≤ (∫ p π)^(1/r), for the root is concave: so a set's log evidence, over r, is the most that it has
         then, whatever size of its curves is best there.
         """
-        other = Search(self.data.tempered(ratio), self.always)
+        other = Search(self.data.tempered(ratio), self.always, inexact=self.inexact / ratio)
         other.kept, other.resting = {kind: log / ratio for kind, log in self.kept.items()}, self.resting
         upper = [
             ((one.log - self.prior(one.picks)) / ratio + other.prior(one.picks) + other.unkept(kind), one)
