@@ -41,7 +41,7 @@ class Picked:
 class Additive:
     """A search where every cause is worth the same in all sets."""
 
-    odds = -3.7
+    odds = handicap = -3.7
 
     def __init__(self, *causes: Cause):
         self.causes = causes

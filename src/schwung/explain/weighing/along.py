@@ -215,8 +215,15 @@ class Along:
     @cached_property
     def load_acceleration(self) -> Array:
         """As far as it is heard: of noise it would foresee the noise that it was smoothed from."""
-        found = self.accelerated
-        return found if self.loud is None else heard(found, self.loud[2])
+        return self._smooth_load_acceleration if self.gap_rad <= 0 else self._heard_as_load(self.accelerated)
+
+    @property
+    @_kept
+    def _smooth_load_acceleration(self) -> Array:
+        return self._heard_as_load(np.asarray(self.run.load_acceleration))
+
+    def _heard_as_load(self, accelerated: Array) -> Array:
+        return accelerated if self.loud is None else heard(accelerated, self.loud[2])
 
     @property
     def torque(self) -> Array:

@@ -130,24 +130,17 @@ def play_instead(
     return None
 
 
-def curve_instead(
-    rests: Rests, search: Search, start: Scored, at: Settled, worse: set[Worse]
-) -> tuple[Scored, Settled] | None:
+def curve_instead(rests: Rests, search: Search, start: Scored, at: Settled) -> tuple[Scored, Settled] | None:
     """A coupling that is a curve in place of several causes that together do what it does (`coupling_instead`), where
-    that is likelier at rest. `worse`: see `Worse`."""
-    one = None if search.data.work.spent else coupling_instead(search, start.picks)
-    if one is None:
-        return None
-    exchange = search.kind(start.picks) - search.kind(one.picks), search.index(one.picks[-1])
-    if exchange in worse or search.kind(one.picks) in rests.rested:
+    that is likelier at rest."""
+    one = coupling_instead(search, start.picks)
+    if one is None or search.kind(one.picks) in rests.rested:
         return None
     members = begun_from(at.members, members_of(search, one, rests.candidates))
     tried = settled(at.about.view, members, rests.weighing, rests.least(search, one, start, at))
     tried, gain = rests.noted(search, one, start, at, tried)
     if gain > 0:
         return one, tried
-    if _loses_all(rests, at, gain):
-        worse.add(exchange)
     search.note(search.kind(one.picks), start.log + gain, one.log)
     return None
 

@@ -21,6 +21,8 @@ from schwung.explain.weighing.settling import Settled
 
 #: Of the work, what all causes may take in a few runs; and what laws alone may take beside it, each time.
 _FEW, _LAWS = 0.3, 0.3
+#: Sets that are asked at rest whether they are as likely as fewer samples say.
+_ASKED = 3
 
 
 @dataclass(frozen=True, eq=False)
@@ -45,6 +47,21 @@ class Grown:
     def best(self) -> Scored:
         """The most probable set."""
         return self.climbed.best
+
+    def tempered(self, ratio: float) -> Search:
+        """All sets as so many times fewer samples tell them apart, the likeliest of them at rest: far from the most
+        probable one, a line promises what may be nothing."""
+        search, at = self.search, self.climbed.at
+        sure = search.tempered(ratio)
+        for _ in range(_ASKED):
+            kind = sure.kind(sure.shares()[0][1].picks)
+            if kind in search.kept or kind == search.kind(self.best.picks) or search.data.work.late:
+                break
+            one = search.table[kind]
+            _, gain = self.growth.rests.rest(search, one, self.best, at)
+            search.note(kind, self.best.log + gain, one.log)
+            sure = search.tempered(ratio)
+        return sure
 
 
 @dataclass(frozen=True, eq=False)
@@ -128,20 +145,17 @@ def _from_few(growth: Growth, view: View, nothing: Settled) -> _Found:
     """From what all causes make of a few runs; or laws alone, where those leave something without a name, or laws
     without curves, where they name a curve."""
     every, laws = growth.afresh(), growth.afresh(growth.laws)
-    with view.work.within(_FEW):
-        few = _Found(every, every.by_few(view))
+    few = _Found(every, every.by_few(view, view.work.within(_FEW)))
     if few.named and not few.without_curves:
         plain = growth.afresh(growth.without_curves)
-        with view.work.apart(_LAWS):
-            alone = _Found(plain, plain.by_few(view))
+        alone = _Found(plain, plain.by_few(view, view.work.apart(_LAWS)))
         if alone.climbed.log > few.climbed.log - HOPELESS:
             found = alone.renewed(nothing).further()
             if found.beats(few):
                 return _or_laws(found, view)
     if few.named:
         return _or_laws(few.renewed(nothing).further(), view)
-    with view.work.apart(_LAWS):
-        alone = _Found(laws, laws.by_few(view))
+    alone = _Found(laws, laws.by_few(view, view.work.apart(_LAWS)))
     if alone.climbed.log <= few.climbed.log:
         return _or_laws(few.renewed(nothing).further(), view)
     alone = alone.renewed(nothing)

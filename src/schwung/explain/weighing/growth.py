@@ -7,6 +7,7 @@ floors of a wrong stiffness a late torque explains, to first order, more than th
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
+from contextlib import AbstractContextManager
 from dataclasses import dataclass, field, replace
 from itertools import count
 
@@ -49,6 +50,9 @@ KNOWN = 0.3
 Progress = Callable[[str, float], None]
 #: The share of the work that the noise takes, and what of the rest is left after each round.
 NOISE_SHARE, _FURTHER = 0.2, 0.7
+
+#: And what a coupling that is a curve may take beside it, where no law of it is enough.
+_BENT = 0.3
 
 #: Sets that are brought to rest each round; so many of one law more among them, or beside them.
 _TRIED, _LAWS_TRIED = 3, 2
@@ -135,6 +139,16 @@ class Growth:
 
         Raises TakenLater where a set shows that what a bus holds is taken a sample later.
         """
+        found = self._climbed(at, picks, named=named, fresh=fresh)
+        with found.search.data.work.apart(_BENT):
+            # last of all: what is still missed, a curve takes as well as the law that would be found for it next
+            bent = None if self.bent else curve_instead(self.rests, found.search, found.best, found.at)
+            if bent is None:
+                return found
+            self.bent = True
+            return self._climbed(bent[1], kept(found.search, *bent), named=named)
+
+    def _climbed(self, at: Settled, picks: Shaped, *, named: bool = False, fresh: bool = False) -> Climbed:
         growing = True
         while True:  # each round is likelier than the one before, or the last but for a look at the noise
             share = NOISE_SHARE + (1 - NOISE_SHARE) * (1 - _FURTHER ** (next(self.rounds) - 1))
@@ -190,9 +204,6 @@ class Growth:
         if at.log + search.prior(start.picks) - before > HOPELESS:
             start, at = bent_otherwise(self.rests, search, start, at)
         start, at = play_instead(self.rests, search, start, at, self.worse) or (start, at)
-        bent = None if self.bent else curve_instead(self.rests, search, start, at, self.worse)
-        if bent is not None:
-            self.bent, (start, at) = True, bent
         return start, self._nearest(at, at.log + search.prior(start.picks) - before)
 
     def _is_hopeless(self, search: Search, best: Scored, at: Settled) -> bool:
@@ -213,11 +224,12 @@ class Growth:
         """Whether a few runs are not all, and repeats tell what is noise in them."""
         return not self.unrepeated and len(few_of(self.rests.train)) < len(self.rests.train)
 
-    def by_few(self, view: View) -> Climbed:
+    def by_few(self, view: View, work: AbstractContextManager[None]) -> Climbed:
         """What a few runs are made of, at rest in all: a few cost less, so that more is tried there, and have fewer
-        maxima of the likelihood on the way."""
+        maxima of the likelihood on the way. `work`: within which they are asked."""
         some = replace(self.afresh(self.among), rests=self.rests.of_few(), memory=None, coarse=True)
-        found = some.climbed(some.nothing(view), ())
+        with work:
+            found = some.climbed(some.nothing(view), ())
         self.gained, self.worse, self.bent = some.gained, some.worse, some.bent
         return replace(found, at=self.rests.settled(view, found.at.members))
 

@@ -181,7 +181,7 @@ def posterior_of(
     def about(best: Scored) -> Posterior:
         lost = max(found.best.log - best.log, 0.0)  # with laws that do not hold elsewhere
         stands = standing(found.search, best, beside, one_law, besides=lost)
-        sure = found.search.tempered(stands.tempering)
+        sure = found.tempered(stands.tempering)
         return Posterior(found, stands, sure, tuple(heldout), view, found.growth, notes=mended)
 
     outcome = about(found.best)
