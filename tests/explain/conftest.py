@@ -19,8 +19,8 @@ def unhurried():
     own = Work.__post_init__
 
     def begun(work: Work) -> None:
-        own(work)
         work.seconds = float("inf") if work.now is computing_s else work.seconds
+        own(work)
 
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(Work, "__post_init__", begun)

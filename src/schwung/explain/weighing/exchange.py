@@ -136,9 +136,7 @@ def curve_instead(rests: Rests, search: Search, start: Scored, at: Settled) -> t
     one = coupling_instead(search, start.picks)
     if one is None or search.kind(one.picks) in rests.rested:
         return None
-    members = begun_from(at.members, members_of(search, one, rests.candidates))
-    tried = settled(at.about.view, members, rests.weighing, rests.least(search, one, start, at))
-    tried, gain = rests.noted(search, one, start, at, tried)
+    tried, gain = rests.rest(search, one, start, at)
     if gain > 0:
         return one, tried
     search.note(search.kind(one.picks), start.log + gain, one.log)

@@ -36,7 +36,7 @@ def offered(search: Search, picks: Set, without: frozenset[int] = frozenset()) -
 
 def _curves_instead(search: Search, picks: Set, without: frozenset[int]) -> list[Scored]:
     """Every curve of which a set holds cases, in their place."""
-    found = []
+    found, without = [], without | search.hidden
     for index, curve in enumerate(search.data.candidates):
         others = tuple(pick for pick in picks if search.candidate(pick).name not in curve.cases)
         if len(others) < len(picks) and index not in without:
@@ -81,7 +81,7 @@ def coupling_instead(search: Search, picks: Set) -> Scored | None:
     if not laws or len(instead) < 2 or any(cause.opens or cause.instead_of_laws for _, cause in every):
         return None
     others = tuple(pick for pick in picks if pick not in instead)
-    return next((search.score((*others, pick)) for _, pick in search.additions(others, curves)), None)
+    return next((search.with_pick(others, pick) for _, pick in search.additions(others, curves)), None)
 
 
 def bending_instead(search: Search, picks: Set) -> list[Scored]:

@@ -23,9 +23,10 @@ R = TypeVar("R")
 
 #: Whitened numbers (one column at one sample of angle or speed) after which nothing more is tried.
 MOST = 3e9
-#: Time of the processor (s) after which nothing more is tried either; 88 with what laws may take apart, and what was
-#: begun.
+#: Time of the processor (s) after which nothing more is tried either.
 SECONDS = 50.0
+#: All that is looked for apart may take so much more of both: 80 s, and no more than 90 with what was begun.
+APART = 0.6
 #: Beyond so many times that, sets are taken as far as they have come to rest, and no further formula is tried.
 _LATE, _LATE_S = 1.5, 1.1
 #: What else takes time, in whitened numbers: to linearise about a sample of angle or speed; to find the sizes of noise
@@ -58,6 +59,7 @@ class Work:
 
     def __post_init__(self) -> None:
         self.began = self.now()
+        self._usual, self._left = (self.most, self.seconds), APART
 
     def add(self, numbers: float) -> None:
         """Count."""
@@ -65,14 +67,18 @@ class Work:
 
     @contextmanager
     def apart(self, share: float) -> Iterator[None]:
-        """Within, so much more may be done; it counts to nothing else."""
+        """Within, so much more may be done, while all that is done so is not too much; it counts to nothing else."""
         most, seconds, hurried, done, began = self.most, self.seconds, self.hurried, self.done, self.now()
-        self.most, self.seconds = done + share * most, began - self.began + share * seconds
+        share = min(share, self._left)
+        numbers, time_s = self._usual
+        self.most = done + share * numbers
+        self.seconds = began - self.began + (share * time_s if share else 0.0)
         try:
             yield
         finally:
-            self.most, self.seconds = most + self.done - done, seconds + self.now() - began
-            self.hurried = hurried
+            further, later = self.done - done, self.now() - began
+            self.most, self.seconds, self.hurried = most + further, seconds + later, hurried
+            self._left = max(self._left - max(further / numbers, later / time_s), 0.0)
 
     @contextmanager
     def within(self, share: float) -> Iterator[None]:
