@@ -78,7 +78,7 @@ def coupling_instead(search: Search, picks: Set) -> Scored | None:
     laws = [pick for pick, cause in every if cause.yields]
     instead = {pick for pick, cause in every if cause.yields or not cause.named}
     curves = {i for i, c in enumerate(search.data.candidates) if c.instead_of_laws}
-    if not laws or len(instead) < 2 or any(cause.opens or cause.instead_of_laws for _, cause in every):
+    if not laws or len(instead) < 2 or any(cause.instead_of_laws for _, cause in every):
         return None
     others = tuple(pick for pick in picks if pick not in instead)
     return next((search.with_pick(others, pick) for _, pick in search.additions(others, curves)), None)
