@@ -25,6 +25,7 @@ from schwung.explain.weighing.exchange import (
     play_instead,
 )
 from schwung.explain.weighing.offers import inertia_beside, laws_instead, offered, searched
+from schwung.explain.weighing.present import Member
 from schwung.explain.weighing.resting import Rests
 from schwung.explain.weighing.round import View, few_of
 from schwung.explain.weighing.search import HOPELESS, MOST, Scored, Search
@@ -39,6 +40,7 @@ from schwung.explain.weighing.sets import (
 from schwung.explain.weighing.settling import (
     Settled,
     own_noise,
+    smoothed,
 )
 from schwung.explain.weighing.taken import Held
 from schwung.explain.weighing.wide import wide_fit
@@ -98,6 +100,7 @@ class Growth:
     unrepeated: bool = False  # whether no run repeats another: then noise is what a set leaves
     coarse: bool = False  # whether these are a few runs, by which no noise can be told
     rival: float | None = None  # log probability, about the noise at hand, of what these causes stand in for
+    believed: tuple[Member, ...] = ()  # what is always there, as it is where nothing else is
     unasked: float = 0.0  # what was gained (log) since it was asked where a bus's torque is taken
     tell: Progress = lambda _text, _share: None
     #: What each candidate that no line leads to gained (log) when it was last asked.
@@ -126,12 +129,9 @@ class Growth:
 
     def nothing(self, view: View) -> Settled:
         """The belief with what is always there; from then on it is known what that misses."""
-        at = self._nearest(self._believed(view))
-        self.rests = self.rests.beside(at)
+        at = self._nearest(self.rests.settled(view, [absent(self.rests.candidates[i]) for i in self.always]))
+        self.rests, self.believed = self.rests.beside(at.about), at.members
         return at
-
-    def _believed(self, view: View) -> Settled:
-        return self.rests.settled(view, [absent(self.rests.candidates[i]) for i in self.always])
 
     def climbed(self, at: Settled, picks: Shaped, *, named: bool = False, fresh: bool = False) -> Climbed:
         """From a set at rest, by one cause more at a time; then by what may stand in its place. `named`: whether it is
@@ -341,4 +341,4 @@ class Growth:
             members = everything(self.rests.candidates, at.members)
             noise = self.rests.wide.noise
             self.rests = self.rests.about(wide_fit(at.about.view, members, noise, self.rests.train, KNOWN))
-        self.rests = self.rests.beside(self._believed(at.about.view))
+        self.rests = self.rests.beside(smoothed(at.about.view, self.believed, self.rests.weighing))

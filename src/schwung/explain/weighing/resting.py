@@ -10,7 +10,7 @@ import numpy as np
 from schwung.explain.weighing.balance import balanced
 from schwung.explain.weighing.candidate import RIGHT_TO, Candidate
 from schwung.explain.weighing.present import Member, moves
-from schwung.explain.weighing.round import View, few_of
+from schwung.explain.weighing.round import Linearised, View, few_of
 from schwung.explain.weighing.search import HOPELESS, Scored, Search
 from schwung.explain.weighing.sets import Shaped, begun_from, carried, kept, key_of, members_of
 from schwung.explain.weighing.settling import Settled, Weighing, settled, settled_beyond, settled_elsewhere
@@ -46,10 +46,10 @@ class Rests:
         """About another noise: sets are compared about one and the same, so that none has been at rest about it."""
         return replace(self.afresh(), wide=wide)
 
-    def beside(self, nothing: Settled) -> Rests:
+    def beside(self, belief: Linearised) -> Rests:
         """The same, knowing what the belief misses: a law is right to `RIGHT_TO` of what it does, and so is all that a
         set does."""
-        missed = nothing.about.square(self.train) - nothing.about.samples(self.train)
+        missed = belief.square(self.train) - belief.samples(self.train)
         return replace(self, inexact=RIGHT_TO**2 * max(missed, 0.0) / (2 * self.wide.excess))
 
     @property
