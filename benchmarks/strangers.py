@@ -59,6 +59,7 @@ class Stranger:
     hum: tuple[float, float] = (0.0, 1.0)  # a rectangular torque: amplitude, frequency (Hz); begins anywhere
     mesh: tuple[float, float] = (0.0, 1.0)  # a transmission that is off likewise
     slots: tuple[float, float] = (0.0, 1.0)  # cogging that leans over: amplitude, order
+    oval: tuple[float, float] = (0.0, 1.0)  # a transmission that is off by a wave that leans over likewise
     tracks: tuple[float, float] = (0.0, 1.0)  # error of an encoder whose tracks differ: amplitude, per radian
     slips: tuple[float, float] = (0.0, 1.0)  # what slips in the coupling: torque, wind-up when all of it does
     hangs: tuple[float, float, float] = (
@@ -96,6 +97,7 @@ class Stranger:
             *self.hangs,
             *self.drags,
             *self.yields,
+            *self.oval,
         )
         return np.array(each)
 
@@ -128,6 +130,7 @@ STRANGERS = (
              drags=(0.4, 0.5), curves=("position",)),
     Stranger("a coupling that is soft until it is wound up", ("nonlinear_stiffness",), yields=(0.6, 6e-4),
              curves=("wind_up",)),
+    Stranger("a transmission whose error leans over", ("kinematic_error",), oval=(2e-5, 12.0), curves=("position",)),
 )  # fmt: skip
 
 
@@ -154,6 +157,10 @@ def _slopes(state: Array, torque: float, friction: Array, last: float, rubbed: f
     turned, ratio = state[0], 1.0
     if friction[18] > 0:
         turned, ratio = _told(state[0], 1.0, friction[18], friction[19])
+    if friction[29] > 0:
+        leans = 1 + 0.2 * np.cos(friction[30] * state[0])
+        turned += friction[29] * np.sin(friction[30] * state[0]) / leans
+        ratio += friction[29] * friction[30] * (leans - 0.96) / (0.2 * leans**2)
     twist, touch = turned - state[2], 1.0
     if friction[9] > 0:
         free = np.tanh(2 * twist / friction[9])

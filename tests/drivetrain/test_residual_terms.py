@@ -333,9 +333,13 @@ def test_a_coupling_with_hysteresis_holds_what_it_was_wound_up_by(exponent: floa
     )
 
 
-def test_a_transmission_that_is_off_drives_the_load_and_makes_no_power() -> None:
-    """What the coupling gives the load, and what its ratio makes of that on the motor."""
-    term = {"name": "kinematic_error", "order": 6.0, "amplitude_rad": 2e-3, "phase_rad": 0.4}
+@pytest.mark.parametrize("second", [0.0, 6e-4])
+def test_a_transmission_that_is_off_drives_the_load_and_makes_no_power(second: float) -> None:
+    """What the coupling gives the load, and what its ratio makes of that on the motor; `second`: of twice the order."""
+    term = {
+        "name": "kinematic_error", "order": 6.0, "amplitude_rad": 2e-3, "phase_rad": 0.4,
+        "second_amplitude_rad": second, "second_phase_rad": 1.3,
+    }  # fmt: skip
     made, _ = moved(machine_with(term))
     coupling = paper_machine().coupling
     assert coupling is not None
@@ -346,7 +350,8 @@ def test_a_transmission_that_is_off_drives_the_load_and_makes_no_power() -> None
 
     def missing(amplitude: float, felt: float) -> tuple[float, float]:
         twist = angle + amplitude * np.sin(6 * angle + 0.4) - made.load_position_rad
-        ratio = 1 + amplitude * 6 * np.cos(6 * angle + 0.4)
+        twist += second * np.sin(12 * angle + 1.3)
+        ratio = 1 + amplitude * 6 * np.cos(6 * angle + 0.4) + second * 12 * np.cos(12 * angle + 1.3)
         shaft = coupling.stiffness_nm_rad * twist + coupling.damping_nms * (ratio * speed - load_speed)
         load = INERTIA * (load_speed - load_speed[0]) - summed(shaft - 0.1 * load_speed)
         outer = np.concatenate([[0.0], np.cumsum(made.torque_nm[:-1])]) / RATE

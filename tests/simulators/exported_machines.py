@@ -60,7 +60,14 @@ SHAFT = (
     PhysicsTerm(name="nonlinear_stiffness", cubic_nm_rad3=1e8),
     PhysicsTerm(name="stiffness_over_angle", order=3.0, share=0.2, phase_rad=0.4),
     PhysicsTerm(name="coupling_hysteresis", torque_nm=6.0, stiffness_nm_rad=8e3, exponent=1.4),
-    PhysicsTerm(name="kinematic_error", order=5.0, amplitude_rad=2e-3, phase_rad=0.7),
+    PhysicsTerm(
+        name="kinematic_error",
+        order=5.0,
+        amplitude_rad=2e-3,
+        phase_rad=0.7,
+        second_amplitude_rad=6e-4,
+        second_phase_rad=1.9,
+    ),
     PhysicsTerm(
         name="extra_compliance", inertia_kgm2=0.01, stiffness_nm_rad=9000.0, damping_nms=1.0, speed_share=40.0
     ),

@@ -95,6 +95,8 @@ class Effects(NamedTuple):
     kinematic_rad: float = 0.0  # the coupling is driven by θ + amplitude·sin(order·θ + phase)
     kinematic_order: float = 1.0
     kinematic_phase_rad: float = 0.0
+    kinematic_second_rad: float = 0.0  # of twice the order
+    kinematic_second_phase_rad: float = 0.0
     hysteresis_nm: float = 0.0  # beside the coupling's spring, what yields: `hysteresis.py`
     hysteresis_stiffness_nm_rad: float = 1.0
     hysteresis_exponent: float = 2.0
@@ -254,6 +256,8 @@ PHYSICS: Mapping[str, Mapping[str, Key]] = {
         "order": Key("kinematic_order", "1/rev", _POSITIVE),
         "amplitude_rad": Key("kinematic_rad", "rad", -0.5, highest=0.5),
         "phase_rad": Key("kinematic_phase_rad", "rad"),
+        "second_amplitude_rad": Key("kinematic_second_rad", "rad", -0.5, highest=0.5, optional=0.0),
+        "second_phase_rad": Key("kinematic_second_phase_rad", "rad", optional=0.0),
     },
     "extra_compliance": {
         "inertia_kgm2": Key("third_inertia_kgm2", "kg·m²", _POSITIVE),
@@ -351,7 +355,9 @@ def _fields(term: PhysicsTerm) -> dict[str, float]:
     if law == "stribeck_friction":
         values["stribeck_rise_nm"] -= values["coulomb_positive_nm"]
     if law in ("encoder_harmonic", "kinematic_error"):
-        _check_speed(term.name, values[keys["amplitude_rad"].field] * values[keys["order"].field])
+        twice = abs(2 * values.get("kinematic_second_rad", 0.0))
+        off = abs(values[keys["amplitude_rad"].field]) + twice
+        _check_speed(term.name, off * values[keys["order"].field])
     return _at_its_end(values) if law == "end_spring" else values
 
 

@@ -114,11 +114,16 @@ def driven(e: Effects, angle: float) -> tuple[float, float]:
 
     By that factor the motor feels the coupling's torque: no gear makes power (virtual work).
     """
-    if e.kinematic_rad == 0.0:
-        return angle, 1.0
-    turned = e.kinematic_order * angle + e.kinematic_phase_rad
-    further = e.kinematic_rad * e.kinematic_order * np.cos(turned)
-    return float(angle + e.kinematic_rad * np.sin(turned)), float(1.0 + further)
+    driven, ratio = angle, 1.0
+    if e.kinematic_rad != 0.0:
+        turned = e.kinematic_order * angle + e.kinematic_phase_rad
+        driven += e.kinematic_rad * np.sin(turned)
+        ratio += e.kinematic_rad * e.kinematic_order * np.cos(turned)
+    if e.kinematic_second_rad != 0.0:
+        turned = 2.0 * e.kinematic_order * angle + e.kinematic_second_phase_rad
+        driven += e.kinematic_second_rad * np.sin(turned)
+        ratio += 2.0 * e.kinematic_second_rad * e.kinematic_order * np.cos(turned)
+    return float(driven), float(ratio)
 
 
 @inlined

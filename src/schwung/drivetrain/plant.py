@@ -251,6 +251,7 @@ def substeps(machine: Machine, plant: kernel.Plant, period: float, top_speed: fl
         (e.ripple_share, e.ripple_order),
         (e.stiffness_share, e.stiffness_order),
         (e.kinematic_rad, e.kinematic_order),
+        (e.kinematic_second_rad, 2 * e.kinematic_order),
     ):
         if amount != 0:
             fastest = max(fastest, order * top_speed)

@@ -28,6 +28,7 @@ _GROUPS = (
     ("torque_filter_s",),
     ("stiffness_share", "stiffness_order", "stiffness_phase_rad"),
     ("kinematic_rad", "kinematic_order", "kinematic_phase_rad"),
+    ("kinematic_second_rad", "kinematic_order", "kinematic_second_phase_rad"),
     ("load_amplitude_nm", "load_phase_rad"),
     ("end_high_nm_rad", "end_high_rad"),
     ("end_low_nm_rad", "end_low_rad"),
@@ -372,12 +373,21 @@ def _moving(told: Exported, here: frozenset[str], e: Effects) -> list[Equation]:
         shaft += f" + {touches}curve_value(residual_wind_up_rows, {wound})"
     lost = " - carried_share*abs(shaft)*way" if "carried_share" in here else ""
     at, turning, felt, ratio = "motor_angle", "motor_speed", "shaft", []
-    if "kinematic_rad" in here:
-        turned = "kinematic_order*motor_angle + kinematic_phase_rad"
-        at, turning, felt = f"motor_angle + kinematic_rad*sin({turned})", "ratio*motor_speed", "ratio*shaft"
-        ratio = [
-            Equation("ratio", f"1 + kinematic_rad*kinematic_order*cos({turned})", "of the gear, about 1")
-        ]
+    waves = [
+        (amplitude, f"{times}kinematic_order", phase)
+        for amplitude, times, phase in (
+            ("kinematic_rad", "", "kinematic_phase_rad"),
+            ("kinematic_second_rad", "2*", "kinematic_second_phase_rad"),
+        )
+        if amplitude in here
+    ]
+    if waves:
+        at += "".join(f" + {size}*sin({order}*motor_angle + {phase})" for size, order, phase in waves)
+        turning, felt = "ratio*motor_speed", "ratio*shaft"
+        slopes = "".join(
+            f" + {size}*{order}*cos({order}*motor_angle + {phase})" for size, order, phase in waves
+        )
+        ratio = [Equation("ratio", f"1{slopes}", "of the gear, about 1")]
     return [
         *ratio,
         Equation("twist", f"{at} - load_angle", "of the coupling, rad"),

@@ -50,6 +50,7 @@ OF_COUPLING = (
     "hysteresis_nm", "hysteresis_stiffness_nm_rad", "hysteresis_exponent",
     "stiffness_share", "stiffness_order", "stiffness_phase_rad",
     "kinematic_rad", "kinematic_order", "kinematic_phase_rad",
+    "kinematic_second_rad", "kinematic_second_phase_rad",
 )  # fmt: skip
 
 
@@ -221,6 +222,7 @@ _WORDS = {
     "event_time_s": "load_event: after motion_start_s",
     "eccentricity_rad": "encoder_eccentricity: reported angle = angle + amplitude sin(angle + phase)",
     "kinematic_rad": "kinematic_error: the coupling is driven by angle + amplitude sin(order angle + phase)",
+    "kinematic_second_rad": "kinematic_error: and + second amplitude sin(2 order angle + second phase)",
     "harmonic_rad": "encoder_harmonic: reported angle = angle + amplitude sin(order angle + phase)",
 }
 

@@ -264,9 +264,14 @@ class Growth:
         )
 
     def _search(self, at: Settled) -> Search:
-        present = {m.candidate.name: m.coefficients for m in at.members if m.candidate.bent is not None}
+        present = {
+            (m.candidate.name, m.candidate.size): m.coefficients
+            for m in at.members
+            if m.candidate.bent is not None
+        }
         linear = [
-            c.about(present[c.name]) if c.bent and c.name in present else c for c in self.rests.candidates
+            c.about(present[c.name, c.size]) if c.bent and (c.name, c.size) in present else c
+            for c in self.rests.candidates
         ]
         among = frozenset(range(len(linear))) if self.among is None else self.among
         data = Data.of(

@@ -95,7 +95,7 @@ class Known:
         coupled = coupled + sum(
             (along.contact[:, 0] * one.at(along.wound, along.direction) for one in self.bent), 0.0
         )
-        if e.kinematic_rad != 0.0 and self.machine.coupling is not None:
+        if (e.kinematic_rad or e.kinematic_second_rad) and self.machine.coupling is not None:
             there, touches = along.present.coupling or self.machine.coupling, along.contact[:, 0]
             further, faster = _driven(e, along.angle)
             pushed = there.stiffness_nm_rad * further + there.damping_nms * faster * along.speed

@@ -132,7 +132,10 @@ _SINES = {
 }
 _PHASE = "phase_rad"
 #: Of a law that has a second sine, that one's.
-_SECOND = {"cogging": ("second_amplitude_nm", "second_phase_rad")}
+_SECOND = {
+    "cogging": ("second_amplitude_nm", "second_phase_rad"),
+    "kinematic_error": ("second_amplitude_rad", "second_phase_rad"),
+}
 #: Laws that become one where these are alike, and what then adds up.
 _SHAPED = {
     "stribeck_friction": (

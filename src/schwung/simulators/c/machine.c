@@ -202,10 +202,12 @@ static double coupling_torque(const double *p, double motor_angle, double twist,
 
 /* To which angle an angle of the motor drives the coupling, and by how much further with each radian more. */
 static Point driven(const double *p, double angle) {
-    const double turned = p[KINEMATIC_ORDER] * angle + p[KINEMATIC_PHASE_RAD];
+    const double order = p[KINEMATIC_ORDER];
+    const double once = order * angle + p[KINEMATIC_PHASE_RAD];
+    const double twice = 2.0 * order * angle + p[KINEMATIC_SECOND_PHASE_RAD];
     Point point;
-    point.value = angle + p[KINEMATIC_RAD] * sin(turned);
-    point.slope = 1.0 + p[KINEMATIC_RAD] * p[KINEMATIC_ORDER] * cos(turned);
+    point.value = angle + p[KINEMATIC_RAD] * sin(once) + p[KINEMATIC_SECOND_RAD] * sin(twice);
+    point.slope = 1.0 + order * (p[KINEMATIC_RAD] * cos(once) + 2.0 * p[KINEMATIC_SECOND_RAD] * cos(twice));
     return point;
 }
 
@@ -328,6 +330,7 @@ static double steps_needed(const Machine *m, double duration) {
     if (p[RIPPLE_SHARE] != 0.0) fastest = larger(fastest, p[RIPPLE_ORDER] * speed);
     if (p[STIFFNESS_SHARE] != 0.0) fastest = larger(fastest, p[STIFFNESS_ORDER] * speed);
     if (p[KINEMATIC_RAD] != 0.0) fastest = larger(fastest, p[KINEMATIC_ORDER] * speed);
+    if (p[KINEMATIC_SECOND_RAD] != 0.0) fastest = larger(fastest, 2.0 * p[KINEMATIC_ORDER] * speed);
     if (p[PERIODIC_AMPLITUDE_NM] != 0.0) fastest = larger(fastest, TWO_PI * p[PERIODIC_FREQUENCY_HZ]);
     if (p[PRESLIDING_NM] > 0.0) fastest = larger(fastest, sqrt(p[PRESLIDING_STIFFNESS_NM_RAD] / mass));
     double dry = larger(p[COULOMB_POSITIVE_NM], p[COULOMB_NEGATIVE_NM]) + drift(p);

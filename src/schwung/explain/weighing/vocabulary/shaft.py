@@ -65,6 +65,15 @@ def _waves(along: Along, order: float) -> Array:
 _PHASES = tuple(lambda along, shape, which=which: _waves(along, shape[0])[:, which] for which in (0, 1))
 
 
+def _of_both(errors: Array, shape: Shape) -> dict[str, float]:
+    """Teeth that do not run true, a pulley that is no circle: a wave of twice the order besides."""
+    first, second = polar(errors[:2]), polar(errors[2:])
+    return {
+        "order": shape[0], "amplitude_rad": first[0] / shape[0], "phase_rad": first[1],
+        "second_amplitude_rad": second[0] / (2 * shape[0]), "second_phase_rad": second[1],
+    }  # fmt: skip
+
+
 def _cubic(along: Along, _shape: Shape) -> Effect:
     return between(column(along.wound**3))
 
@@ -129,9 +138,12 @@ def shaft(
         return between(there.stiffness_nm_rad * along.wound[:, None] * _waves(along, shape[0]))
 
     def driven_about(along: Along, shape: Shape, errors: Array) -> tuple[Effect, Effect]:
-        """Coefficients are a n, as of an encoder. The motor feels the coupling by the ratio that drives it."""
+        """Coefficients are a n, as of an encoder, of a wave or of two. The motor feels the coupling by the ratio that
+        drives it."""
         there = along.present.coupling or coupling
-        angle, faster = _waves(along, shape[0]) / shape[0], _waves(along, shape[0])[:, ::-1] * [1.0, -1.0]
+        orders = [(1 + wave) * shape[0] for wave in range(errors.size // 2)]
+        angle = np.hstack([_waves(along, order) / order for order in orders])
+        faster = np.hstack([_waves(along, order)[:, ::-1] * [1.0, -1.0] for order in orders])
         pushed = there.stiffness_nm_rad * angle + there.damping_nms * faster * along.speed[:, None]
         pushed = along.contact[:, :1] * pushed
         ratio, further = column(1 + faster @ errors), column(pushed @ errors)
@@ -170,6 +182,10 @@ def shaft(
         *(replace(error, bent=driven_about, known_to=RIGHT_TO * wound, felt=each_turn) for error in of_any_order(
             of, "kinematic_error", lambda a, s: driven_about(a, s, np.zeros(2))[0], (share * of.span_rad / 10,) * 2,
             lambda c, s: {"order": s[0], "amplitude_rad": polar(c)[0] / s[0], "phase_rad": polar(c)[1]}, lowest=1,
+        )),
+        *(replace(error, bent=driven_about, known_to=RIGHT_TO * wound, felt=each_turn) for error in of_any_order(
+            of, "kinematic_error", lambda a, s: driven_about(a, s, np.zeros(4))[0], (share * of.span_rad / 10,) * 4,
+            _of_both, lowest=1,
         )),
         Candidate("backlash", play, (2 * share * wound, _OF_CONTACTS * damping),
                   lambda c, _: {"gap_rad": c[0]}, positive=(0, 1), least=(0.0, -b),
