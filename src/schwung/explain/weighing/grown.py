@@ -20,7 +20,7 @@ from schwung.explain.weighing.sets import is_unnamed
 from schwung.explain.weighing.settling import Settled
 
 #: Of the work, what all causes may take in a few runs; and what laws alone may take beside it, each time.
-_FEW, _LAWS = 0.3, 0.3
+_FEW, _LAWS = 0.3, 0.4
 #: Sets that are asked at rest whether they are as likely as fewer samples say.
 _ASKED = 3
 

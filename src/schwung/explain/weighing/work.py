@@ -25,8 +25,8 @@ R = TypeVar("R")
 MOST = 3e9
 #: Time of the processor (s) after which nothing more is tried either.
 SECONDS = 50.0
-#: All that is looked for apart may take so much more of both: 80 s, and no more than 90 with what was begun.
-APART = 0.6
+#: All that is looked for apart may take so much more of both: 85 s, and hardly more than 90 with what was begun.
+APART = 0.7
 #: Beyond so many times that, sets are taken as far as they have come to rest, and no further formula is tried.
 _LATE, _LATE_S = 1.5, 1.1
 #: What else takes time, in whitened numbers: to linearise about a sample of angle or speed; to find the sizes of noise
