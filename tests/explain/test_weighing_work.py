@@ -62,7 +62,7 @@ def test_time_that_is_left_changes_nothing():
 def test_what_is_looked_for_apart_has_a_limit_together():
     """Each for itself, four searches made two minutes of the 50 s that a session may take."""
     work = Work(most=1000.0, now=lambda: 0.0)
-    for spent, enough in ((0.3, False), (0.3, False), (0.1, True)):
+    for spent, enough in ((0.3, False), (0.3, False), (0.2, True)):
         with work.apart(0.3):
             work.add(1000.0 * spent - 1)
             assert work.spent == enough
