@@ -115,6 +115,10 @@ def test_every_key_has_to_be_a_finite_number(tmp_path: Path, name: str, key: str
             {**_full("kinematic_error"), "order": 2.1},
             "order times amplitude_rad is 0.525: .* -0.5 or more and at most",
         ),
+        (
+            {**_full("kinematic_error"), "order": 1.0, "amplitude_rad": 0.1, "second_amplitude_rad": 0.3},
+            "twice order times second_amplitude_rad, is 0.7",
+        ),
         ({**_full("torque_constant"), "gain": 0.0}, "more than 0"),
         ({**_full("torque_saturation"), "limit_nm": -5.0}, "positive"),
         ({**_full("coupling_stiffness"), "stiffness_nm_rad": 0}, "positive"),

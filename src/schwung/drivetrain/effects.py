@@ -355,9 +355,12 @@ def _fields(term: PhysicsTerm) -> dict[str, float]:
     if law == "stribeck_friction":
         values["stribeck_rise_nm"] -= values["coulomb_positive_nm"]
     if law in ("encoder_harmonic", "kinematic_error"):
-        twice = abs(2 * values.get("kinematic_second_rad", 0.0))
-        off = abs(values[keys["amplitude_rad"].field]) + twice
-        _check_speed(term.name, off * values[keys["order"].field])
+        order = values[keys["order"].field]
+        second = 2 * order * abs(values.get("kinematic_second_rad", 0.0))
+        what = "order times amplitude_rad" + (
+            ", and twice order times second_amplitude_rad," if second else ""
+        )
+        _check_speed(term.name, what, order * abs(values[keys["amplitude_rad"].field]) + second)
     return _at_its_end(values) if law == "end_spring" else values
 
 
@@ -374,11 +377,11 @@ def _at_its_end(values: Mapping[str, float]) -> dict[str, float]:
     return {f"{end}_nm_rad": values["end_nm_rad"], f"{end}_rad": values["end_rad"]}
 
 
-def _check_speed(name: str, share: float) -> None:
+def _check_speed(name: str, what: str, share: float) -> None:
     """As far off as with an eccentric encoder: where an angle ran backwards, many others would be the same."""
     if abs(share) > _SPEED_SHARE:
         raise InputError(
             f"physics.{name}",
-            f"order times amplitude_rad is {share:g}: by that share a speed is off",
+            f"{what} is {share:g}: by that share a speed is off",
             f"It has to be -{_SPEED_SHARE:g} or more and at most {_SPEED_SHARE:g}.",
         )
