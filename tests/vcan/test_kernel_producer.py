@@ -9,6 +9,7 @@ import signal
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from multiprocessing.connection import Connection
 
 import can
 import numpy as np
@@ -137,12 +138,17 @@ FAST_HZ = 250.0  # the most for which one processor of user-mode-linux has time 
 STAY_IN_QUICK_STOP = 6  # of 605A: an enabling controlword would lead straight back to Operation enabled
 
 
-def _play_for_long(channel: str) -> None:
-    """The tool, in a process of its own, which will be stopped while it plays."""
+def _play_for_long(channel: str, told: Connection) -> None:
+    """The tool, in a process of its own, which will be stopped while it plays; tells what it ended with."""
     acquisition = Acquisition("csp", FAST_HZ, heartbeat_s=1.0)  # the drive waits for three
-    with contextlib.suppress(DriveError), enabled(channel, FAST_HZ, "auto", acquisition) as drive:
-        drive.write([ParameterValue(drive.parameter(0x605A), STAY_IN_QUICK_STOP)])  # setting up makes it 2
-        drive.play(stroke(1000, FAST_HZ))
+    try:
+        with enabled(channel, FAST_HZ, "auto", acquisition) as drive:
+            # setting up makes it 2
+            drive.write([ParameterValue(drive.parameter(0x605A), STAY_IN_QUICK_STOP)])
+            drive.play(stroke(1000, FAST_HZ))
+        told.send("its motion is over")
+    except DriveError as error:
+        told.send(str(error))
     os._exit(0)
 
 
@@ -156,41 +162,71 @@ def _set_option(channel: str, value: int) -> float:
     return resolution_rad
 
 
+class Heard:
+    """What goes over the bus, from one tool's start on."""
+
+    def __init__(self, bus: can.BusABC) -> None:
+        self._bus = bus
+        self.frames: list[can.Message] = []
+
+    def until(
+        self, wanted: Callable[[can.Message], bool], for_s: float, of: Connection | None = None
+    ) -> bool:
+        """Listens until such a frame comes; not beyond `for_s`, nor beyond what a tool says at its end."""
+        end = time.monotonic() + for_s
+        while time.monotonic() < end and not (of and of.poll()):
+            message = self._bus.recv(0.05)
+            if message is not None:
+                self.frames.append(message)
+                if wanted(message):
+                    return True
+        return False
+
+
+def _hangs_while_it_plays(channel: str, heard: Heard, high: int) -> tuple[float, float, bool] | str:
+    """When the tool hung and was back (s), and whether it switched the drive off then; else what it ended with before
+    anything moved."""
+    context = multiprocessing.get_context("fork")
+    told, telling = context.Pipe(duplex=False)
+    tool = context.Process(target=_play_for_long, args=(channel, telling))
+    tool.start()
+    assert tool.pid is not None
+    try:
+        if not heard.until(lambda m: m.arbitration_id == RPDO and _target(m) > high, 60, told):
+            return str(told.recv()) if told.poll() else "nothing moved within 60 s"
+        os.kill(tool.pid, signal.SIGSTOP)
+        hung_s = time.time()
+        heard.until(lambda _m: False, 1.0)
+        back_s = time.time()
+        os.kill(tool.pid, signal.SIGCONT)
+        switched_off = heard.until(lambda m: m.arbitration_id == RPDO and _word(m) == 0, 20)
+        tool.join(20)
+        return hung_s, back_s, switched_off
+    finally:
+        tool.kill()
+        tool.join()
+
+
 @ON_THE_WALL
 def test_a_program_that_hangs_for_a_second_leaves_a_drive_that_stays_stopped(
     bench_channel: str, measured: Measured
 ) -> None:
-    """Two operations that slid, and a ring that went round: that one enabled the drive anew, half a turn back."""
-    resolution_rad = _set_option(bench_channel, STAY_IN_QUICK_STOP)
-    high = round(0.01 / resolution_rad)
-    with can.Bus(interface="socketcan", channel=bench_channel) as listener:
-        tool = multiprocessing.get_context("fork").Process(target=_play_for_long, args=(bench_channel,))
-        tool.start()
-        assert tool.pid is not None
-        frames: list[can.Message] = []
+    """Two operations that slid, and a ring that went round: that one enabled the drive anew, half a turn back.
 
-        def listen(until: Callable[[can.Message], bool], for_s: float) -> bool:
-            end = time.monotonic() + for_s
-            while time.monotonic() < end:
-                message = listener.recv(0.05)
-                if message is not None:
-                    frames.append(message)
-                    if until(message):
-                        return True
-            return False
-
-        try:
-            assert listen(lambda m: m.arbitration_id == RPDO and _target(m) > high, 60), "nothing moves"
-            os.kill(tool.pid, signal.SIGSTOP)
-            hung_s = time.time()
-            listen(lambda _m: False, 1.0)
-            back_s = time.time()
-            os.kill(tool.pid, signal.SIGCONT)
-            switched_off = listen(lambda m: m.arbitration_id == RPDO and _word(m) == 0, 20)
-            tool.join(20)
-        finally:
-            tool.kill()
-            tool.join()
+    A computer that is busy may stop the program before it moves, as it should: that is told, and tried again."""
+    for _ in range(GOES):
+        resolution_rad = _set_option(bench_channel, STAY_IN_QUICK_STOP)
+        high = round(0.01 / resolution_rad)
+        with can.Bus(interface="socketcan", channel=bench_channel) as listener:
+            heard = Heard(listener)
+            went = _hangs_while_it_plays(bench_channel, heard, high)
+        if not isinstance(went, str):
+            break
+        measured("a program that ended before it moved", went)
+    else:
+        pytest.fail(f"{GOES} times nothing moved, the last time since: {went}")
+    hung_s, back_s, switched_off = went
+    frames = heard.frames
     _set_option(bench_channel, 2)
     sent = [m for m in frames if m.arbitration_id == RPDO]
     stop = next(i for i, m in enumerate(sent) if _word(m) == cia402.QUICK_STOP and m.timestamp > hung_s)
