@@ -59,6 +59,7 @@ def world(tmp_path_factory: pytest.TempPathFactory) -> Iterator[dict[str, Any]]:
         }
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     "name", ["plan", "done", "written", "session", "former", "explanation", "simulated", "best"]
 )

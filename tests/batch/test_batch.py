@@ -156,6 +156,7 @@ class _Deadly:
         )
 
 
+@pytest.mark.long
 def test_short_sessions_share_a_task_and_a_deadly_one_dies_alone(
     archive: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -200,6 +201,7 @@ def test_the_command(archive: Path, tmp_path: Path, capsys: pytest.CaptureFixtur
     assert len(list(out.glob("*.png"))) == 1
 
 
+@pytest.mark.long
 @pytest.mark.usefixtures("in_process")
 def test_explained(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """One motion of each kind, of which a weaker motor is told, although nothing is kept aside to prove it by."""

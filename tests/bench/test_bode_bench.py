@@ -38,6 +38,7 @@ def _measure(room: Desk, out: Path, **wishes: object) -> MeasuredBode:
     return measure_bode(room.drive, prepared, out, Silence())
 
 
+@pytest.mark.long
 def test_the_two_mass_machine_comes_out_within_its_intervals(tmp_path: Path) -> None:
     with desk("two-mass", seed=5) as room:
         before = [room.drive.read(room.drive.parameter(*key)).raw for key in CHANGED]
@@ -69,6 +70,7 @@ def test_the_two_mass_machine_comes_out_within_its_intervals(tmp_path: Path) -> 
     assert with_gains.required_control().position_gain_per_s == pytest.approx(60.0)
 
 
+@pytest.mark.long
 def test_the_multi_body_slider_crank_comes_out_within_its_intervals(tmp_path: Path) -> None:
     with desk("slider-crank", seed=6) as room:
         done = _measure(room, tmp_path / "out", angles_rad=(0.4,), lowest_hz=12.0)

@@ -54,6 +54,7 @@ def _named(found: Published) -> dict[str, Mapping[str, Quantity]]:
     return {one.physics: one.parameters for one in found.names if one.in_file}
 
 
+@pytest.mark.long
 def test_nothing_is_named_where_nothing_is_concealed(sound: Session) -> None:
     """Through counts and filters of the drive, and an injection that is held between SYNCs."""
     found = publish(sound, _by_geometry("two-mass"))
@@ -63,6 +64,7 @@ def test_nothing_is_named_where_nothing_is_concealed(sound: Session) -> None:
     assert found.proof.before < 1.2
 
 
+@pytest.mark.long
 def test_in_mujoco_two_masses_miss_no_more_than_how_it_integrates(tmp_path: Path) -> None:
     """Its semi-implicit steps make the coupling appear 0.1 % stiffer and 2 % more damped: nothing else, if that."""
     found = publish(_recorded(tmp_path, "slider-crank"), _by_geometry("slider-crank"))
@@ -75,6 +77,7 @@ def test_in_mujoco_two_masses_miss_no_more_than_how_it_integrates(tmp_path: Path
         assert parameters[key].value == pytest.approx(truth, rel=0.03)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     ("conceal", "physics", "key", "truth", "tolerance"),
     [
@@ -98,6 +101,7 @@ def test_what_the_bench_conceals_is_named_and_measured(
     assert found.proof.taken > 0.99
 
 
+@pytest.mark.long
 def test_a_machine_that_changed_since_its_inertia_was_measured(sound: Session, tmp_path: Path) -> None:
     """The belief scatters as an estimate does: ±0.0007 kg·m² at 64 angles, the slope of which would be 6 N·m."""
     angles, chance = np.linspace(0.0, np.pi, 64), np.random.default_rng(7)
@@ -113,6 +117,7 @@ def test_a_machine_that_changed_since_its_inertia_was_measured(sound: Session, t
     assert added == pytest.approx(0.15 * mean, rel=0.1)
 
 
+@pytest.mark.long
 def test_the_joint_friction_that_mujoco_computes_itself(tmp_path: Path) -> None:
     """Hard, as dry friction is: by default MuJoCo's rises with speed."""
     plant = SliderCrankPlant()
@@ -125,6 +130,7 @@ def test_the_joint_friction_that_mujoco_computes_itself(tmp_path: Path) -> None:
     assert _named(found)["coulomb_friction"]["torque_nm"].value == pytest.approx(3.0, rel=0.02)
 
 
+@pytest.mark.long
 def test_the_weight_of_a_rod_that_mujoco_knows_and_two_masses_do_not(tmp_path: Path) -> None:
     """Half the crank times the rod's weight, over the cosine of the angle: it lifts the rod's middle."""
     machine = SliderCrankMachine()
@@ -141,6 +147,7 @@ def test_the_weight_of_a_rod_that_mujoco_knows_and_two_masses_do_not(tmp_path: P
     assert weight["phase_rad"].value == pytest.approx(-np.pi / 2, abs=0.05)
 
 
+@pytest.mark.long
 def test_an_inertia_that_the_belief_only_guessed_is_found(sound: Session) -> None:
     """One name, and no curves that take its part: a table's corners were some N·m in its slope."""
     found = weigh(sound, guessed_machine())

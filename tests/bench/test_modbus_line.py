@@ -150,6 +150,7 @@ def test_where_the_greeting_fails_it_is_owed_still() -> None:
         assert len(tries) == 3
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("transport", ["tcp", "rtu"])
 def test_a_socket_and_a_serial_port_of_this_computer_carry_the_same(transport: str) -> None:
     """On the wall's clock, which pymodbus' own clients go by."""

@@ -113,6 +113,7 @@ def test_halt_from_another_thread_ends_a_motion_over_a_socket() -> None:
             assert not bench.axis.energised
 
 
+@pytest.mark.long
 @pytest.mark.posix
 def test_killed_in_mid_motion_the_drive_stops_by_itself_and_restore_puts_it_back(tmp_path: Path) -> None:
     with modbus_bench("--modbus-tcp", "127.0.0.1:0") as bus:

@@ -52,6 +52,7 @@ def _std_at(table: InertiaTable, angle: np.ndarray) -> np.ndarray:
     return np.interp(angle, table.position_rad, table.std_kgm2)
 
 
+@pytest.mark.long
 def test_every_way_gives_the_same_table_and_the_true_one_within_its_band(tmp_path: Path) -> None:
     """1 kHz by SYNC; 8 kHz by the trace, injected by setpoints; 4 kHz with the drive's own trapezoid and sine."""
     tables = []

@@ -42,6 +42,7 @@ def test_each_seed_gives_others() -> None:
     assert len({outcome_of(seed, "canopen").digest for seed in SEEDS}) == len(SEEDS)
 
 
+@pytest.mark.long
 def test_another_process_gives_them_too() -> None:
     paths = (_ROOT / "src", _ROOT / "sim", _ROOT / "benchmarks")
     environment = {**os.environ, "PYTHONPATH": os.pathsep.join(map(str, paths)), "PYTHONHASHSEED": "7"}
@@ -78,6 +79,7 @@ def test_an_axis_that_was_turned_is_approached(monkeypatch: pytest.MonkeyPatch) 
     assert any("bend" in found for found in run(scenario_of(91)).problems)
 
 
+@pytest.mark.long
 def test_no_stop_by_sdo_comes_before_the_sync_that_an_rpdo_still_waits_for() -> None:
     """The controller goes bus-off between an RPDO and its SYNC, and the drive acts upon the first of two RPDOs: once
     the bus was back, that SYNC undid a quick stop by SDO for one cycle. Where SYNC ends then, nothing undoes it.

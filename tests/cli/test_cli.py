@@ -136,6 +136,7 @@ def test_errors_come_as_json_too(capsys: pytest.CaptureFixture[str], machine: st
     assert json.loads(out)["exit_code"] == 2
 
 
+@pytest.mark.long
 def test_the_demo_commissions_and_says_where_the_report_lies(
     capsys: pytest.CaptureFixture[str], tmp_path: Path
 ) -> None:

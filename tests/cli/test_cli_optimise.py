@@ -109,6 +109,7 @@ def test_a_torque_speed_curve_has_to_fall_ever_more_steeply(
     assert "torque_over_speed" in err
 
 
+@pytest.mark.long
 def test_the_demo_measures_optimises_plays_and_keeps_its_promise(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -181,6 +181,7 @@ def test_torque_offset_is_held_at_rest() -> None:
     np.testing.assert_allclose(result.position_rad, 0, atol=1e-12)
 
 
+@pytest.mark.long
 def test_as_exact_as_scipy_and_a_hundred_times_faster() -> None:
     """The table, the coupling and the injection, by the benchmark's own rival."""
     benchmark = runpy.run_path(str(Path(__file__).parents[2] / "benchmarks" / "simulation.py"))

@@ -45,6 +45,7 @@ def off(found: Estimate, stranger: Stranger) -> float:
     return float(np.sqrt(np.mean(error**2))) / stranger.mean_kgm2
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(("cause", "key", "value"), [("drop", 1, 0.08), ("loss", 2, 0.04)])
 def test_what_the_record_shows_no_longer_passes_for_inertia(cause: str, key: int, value: float) -> None:
     stranger, session, machine = recorded(cause)
@@ -70,12 +71,14 @@ def test_where_nothing_is_left_out_nothing_is_fitted() -> None:
     assert off(found, stranger) < 5e-4
 
 
+@pytest.mark.long
 def test_what_takes_a_part_of_play_is_none_of_it() -> None:
     """With a gap the machine is not linear over the ripple, and any of them takes something of that."""
     _, session, machine = recorded("play")
     assert estimate(session, machine, "trajectory").shown == ()
 
 
+@pytest.mark.long
 def test_the_method_that_knows_of_it_is_taken() -> None:
     stranger, session, machine = recorded("drop")
     found = estimate(session, machine)

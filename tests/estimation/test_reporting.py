@@ -69,6 +69,7 @@ def test_without_a_controllers_period_the_usual_ones_are_open():
     assert unknown.torque_s2.std >= known.torque_s2.std
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("every", [1, 8])
 def test_bands_hold_on_machines_from_another_hand(every):
     """Logs of every tick and of every eighth: of 12 machines each, no more than chance leaves out.
@@ -102,6 +103,7 @@ def test_a_weight_is_a_spring_to_the_ripple():
     assert np.mean(np.abs(off) <= 1.96 * table.std_kgm2) > 0.8
 
 
+@pytest.mark.long
 def test_one_number_is_told_of_a_table():
     """The file's band, the verdict's expected error and the sentence about the recording's bound."""
     stranger = draw_stranger(41, 0.25, 2)

@@ -47,6 +47,7 @@ def test_all_are_registered_by_name(bus_rate, machine):
         estimate(bus_rate, machine, "nothing")
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("name", NAMES)
 def test_constant_inertia(constant, machine, name):
     """Nothing varies: within 2 % everywhere, and far better where the injection's ramp has died out."""

@@ -36,6 +36,7 @@ def folder(tmp_path: Path, fast: Session, machine: Machine) -> Path:
     return tmp_path
 
 
+@pytest.mark.long
 def test_estimates_are_the_same(folder: Path, fast: Session, machine: Machine) -> None:
     done = subprocess.run(
         [sys.executable, "-c", ASK, *METHODS], cwd=folder, capture_output=True, text=True, check=False

@@ -99,6 +99,7 @@ def test_what_cannot_be_simulated_judges_nothing(nowhere: float, monkeypatch: py
     assert left_by(dict.fromkeys(("angle", "plane", "speed", "ripple"), nowhere), monkeypatch)[0] == set()
 
 
+@pytest.mark.long
 def test_astray_is_the_mean_square_over_all_that_lasts() -> None:
     session, machine = session_of(PLAIN, 5, every=8, times=(0.25,)), belief_of(PLAIN)
     assert np.isnan(free_run.astray(machine, session))  # a quarter of a second says nothing of what adds up

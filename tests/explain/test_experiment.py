@@ -66,6 +66,7 @@ def test_the_predictive_likelihood_is_that_of_the_normal_recording():
     assert told == pytest.approx(direct - norm.logpdf(recording).sum(), rel=1e-9)
 
 
+@pytest.mark.long
 def test_of_a_weighed_session():
     hidden = Stranger("dry friction", ("coulomb_friction",), (0.8, 0.0, 0.0, 0.0))
     session = fewer(session_of(hidden, 5, every=8, times=(0.25,)), 1)

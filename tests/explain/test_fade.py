@@ -50,6 +50,7 @@ def test_what_heats_to_the_same_is_one_whatever_torque_it_is_told_at() -> None:
     assert term.parameters["share_at_peak"] == pytest.approx(0.4 + 0.9 / 9)
 
 
+@pytest.mark.long
 def test_a_motor_that_weakens_by_another_formula_is_one_that_fades() -> None:
     """1/(1 + h) in place of 1 − h, and every run begins as warm as the last one left it."""
     session = fewer(session_of(WARMS, 5, every=8, times=(0.25, 0.4)), 2)

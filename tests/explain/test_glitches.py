@@ -26,6 +26,7 @@ def with_repeated(session, place):
     return replace(session, runs=tuple(runs))
 
 
+@pytest.mark.long
 def test_a_sample_that_was_logged_twice_is_no_physics(session):
     """One of 1500 samples of a run made a sound machine 'unexplained', with 1.3 times its noise."""
     found = publish(with_repeated(session, 500), belief_of(STRANGERS[0]))

@@ -58,6 +58,7 @@ def test_what_is_missed_is_explained_most_by_what_it_was_made_by() -> None:
     assert abs(int(row) - 10) + abs(int(at) - 5) <= 1
 
 
+@pytest.mark.long
 def test_a_pendulum_is_a_further_mass_that_the_speed_stiffens() -> None:
     """By its sine, and by as much damping at any frequency."""
     told = weigh(fewer(session_of(HANGS, 5, every=8, times=(0.25, 0.4)), 2), belief_of(HANGS))

@@ -77,6 +77,7 @@ def test_other_laws_are_nearly_one_of_its_exponents(law: str) -> None:
     assert left(truth, np.sign(np.gradient(twist))) > 0.05
 
 
+@pytest.mark.long
 def test_a_stranger_that_slips_is_named() -> None:
     found = weigh(fewer(session_of(SLIPS, 5, every=8, times=(0.25,)), 1), belief_of(SLIPS))
     assert [one.name for one in found.names if one.probability > 0.5] == ["coupling_hysteresis"]

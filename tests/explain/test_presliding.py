@@ -56,6 +56,7 @@ def test_nothing_slides_at_rest():
     assert bent(resting, DISTANCE, 0.7) == pytest.approx(np.full(10, 0.7))
 
 
+@pytest.mark.long
 def test_a_stranger_that_bends_is_named():
     hidden = Stranger("bends", ("presliding_friction",), bends=(1.2, 0.5))
     found = weigh(fewer(session_of(hidden, 5, every=8, times=(0.25,)), 1), belief_of(hidden))

@@ -40,6 +40,7 @@ def root() -> Published:
     return publish(small(ROOT), belief_of(ROOT))
 
 
+@pytest.mark.long
 def test_what_has_no_name_is_a_curve_in_the_file_with_a_formula(root: Published) -> None:
     assert not [one for one in root.names if one.probability > 0.5]
     (curve,) = [one for one in root.curves if one.probability > 0.5]
@@ -58,6 +59,7 @@ def test_what_has_no_name_is_a_curve_in_the_file_with_a_formula(root: Published)
     assert root.left == pytest.approx(0.0, abs=0.05)
 
 
+@pytest.mark.long
 def test_what_makes_the_runs_kept_aside_less_likely_is_not_told() -> None:
     """Dry friction in all runs but that one: what is fitted there says nothing of the machine."""
     dry = Stranger("dry friction", ("coulomb_friction",), (0.3, 0.0, 0.0, 0.0))

@@ -96,6 +96,7 @@ def has(told: Mapping[str, Quantity], true: dict[str, float]) -> None:
         assert low - 0.01 * abs(value) <= value <= high + 0.01 * abs(value), key
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(("hidden", "names", "true"), [*SHAPES, FALLING])
 def test_an_unusual_shape_is_one_name_with_its_numbers(
     hidden: Hidden, names: set[str], true: dict[str, float]

@@ -40,6 +40,7 @@ def test_nothing_hidden_has_no_name():
     assert found.proof.after == pytest.approx(1.0, abs=0.1)
 
 
+@pytest.mark.long
 def test_dry_friction_beside_a_wrong_inertia_has_both_names_and_their_amounts(both):
     assert likely(both) == {"load_inertia", "coulomb_friction"}
     parameters = {one.name: one.parameters for one in both.names}
@@ -47,6 +48,7 @@ def test_dry_friction_beside_a_wrong_inertia_has_both_names_and_their_amounts(bo
     assert parameters["load_inertia"]["delta_kgm2"].value == pytest.approx(0.05 * 2.2e-2, rel=0.01)
 
 
+@pytest.mark.long
 def test_a_shape_has_an_interval_too():
     spot = Stranger("tight spot", ("local_friction",), spot=(1.2, 2.0, 0.5))
     found = asked(spot)
@@ -84,6 +86,7 @@ def test_noise_in_proportion_to_the_torque_is_noise(share):
     assert found.noise.torque_nm == pytest.approx(0.05 / 2**0.5, rel=0.2)  # of a step: two samples
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("scale", [0.6, 1.7])
 def test_a_stiffness_that_is_far_off_is_the_only_name(scale):
     machine = belief_of(STRANGERS[0])
@@ -95,6 +98,7 @@ def test_a_stiffness_that_is_far_off_is_the_only_name(scale):
     assert stiffness.value == pytest.approx(STIFFNESS, rel=0.005)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("scale", [0.93, 1.3])
 def test_a_motor_inertia_that_is_off_is_the_only_name(scale):
     """Without that name it was a torque constant, a lag and less viscous friction."""
@@ -108,12 +112,14 @@ def test_a_motor_inertia_that_is_off_is_the_only_name(scale):
     assert inertia.low < ROTOR < inertia.high
 
 
+@pytest.mark.long
 def test_a_speed_curve_without_a_name_stands_alone_not_beside_its_cases():
     found = asked(STRANGERS[3])
     assert not likely(found)
     assert {one.coordinate for one in found.unnamed if one.probability > 0.5} == {"speed"}
 
 
+@pytest.mark.long
 def test_what_a_law_is_off_by_takes_no_other_name():
     nearly = Stranger(
         "dry friction that rises by 2 % with speed", ("coulomb_friction",), (2.0, 0.0, 0.005, 0.0)

@@ -40,6 +40,7 @@ def swung() -> Session:
     return Session((run,), created="2026-01-01T00:00:00", source="test")
 
 
+@pytest.mark.long
 def test_gravity_and_dry_friction_of_one_swing_have_their_names(swung: Session) -> None:
     found = weigh(swung, SWINGING)
     likely = {one.name: one for one in found.names if one.probability > 0.5}

@@ -3,6 +3,8 @@
 import sys
 from pathlib import Path
 
+import pytest
+
 sys.path.append(str(Path(__file__).parents[2] / "benchmarks"))
 from strangers import STRANGERS, belief_of, session_of
 
@@ -11,6 +13,7 @@ from schwung.explain.weighing.published import publish
 DRAGS = next(one for one in STRANGERS if one.drags[0] > 0)
 
 
+@pytest.mark.long
 def test_a_guide_behind_the_shaft_that_drags_ever_more_has_its_name() -> None:
     """A load that swings freely at rest misses 18 times the noise, and no law about that takes any of it."""
     found = publish(session_of(DRAGS, 5, every=8, times=(0.25, 0.4)), belief_of(DRAGS))

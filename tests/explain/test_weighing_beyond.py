@@ -10,6 +10,7 @@ from schwung.explain.weighing.resting import Rests
 from schwung.explain.weighing.weigh import weigh
 
 
+@pytest.mark.long
 def test_it_is_asked_first_and_last_and_never_for_less_than_there_is(monkeypatch: pytest.MonkeyPatch) -> None:
     asked: list[tuple[Rests, str, float, float]] = []  # who, what, what it had to exceed, what it gained
     rest = Rests.rest

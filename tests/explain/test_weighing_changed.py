@@ -1,6 +1,7 @@
 """A machine that is heavier than when its inertia was measured: the belief's own errors do not take that."""
 
 import numpy as np
+import pytest
 from strangers import LOAD, LOAD_VISCOUS, Stranger, belief_of, session_of
 
 from schwung.drivetrain import Load
@@ -21,6 +22,7 @@ def weighed(heavier: float) -> Published:
     return publish(session, belief_of(stranger).model_copy(update={"load": load}))
 
 
+@pytest.mark.long
 def test_what_was_measured_before_it_changed_is_off_by_more_than_its_errors() -> None:
     found = weighed(heavier=0.15)
     (name,) = (one for one in found.names if one.probability > 0.5)
@@ -31,6 +33,7 @@ def test_what_was_measured_before_it_changed_is_off_by_more_than_its_errors() ->
     assert found.proof.after < 1.1
 
 
+@pytest.mark.long
 def test_what_has_not_changed_is_off_by_its_errors_alone() -> None:
     found = weighed(heavier=0.0)
     assert found.verdict == "consistent"

@@ -11,6 +11,7 @@ from schwung.explain.weighing.weigh import weigh
 AMPLITUDE, ORDER = 0.5, 11.0
 
 
+@pytest.mark.long
 def test_its_second_wave_is_no_error_of_an_encoder() -> None:
     """Alone, a sine was laid between the two waves, at an order that is not the motor's; what it left had the names of
     an encoder and of a transmission."""
@@ -29,6 +30,7 @@ def test_its_second_wave_is_no_error_of_an_encoder() -> None:
     assert found.proof.after < 1.1
 
 
+@pytest.mark.long
 def test_a_sine_has_one_wave() -> None:
     stranger = Stranger("teeth", ("cogging",), teeth=(AMPLITUDE, ORDER, 0.0))
     found = weigh(session_of(stranger, 5, every=8, times=(0.25, 0.4)), belief_of(stranger))

@@ -3,6 +3,7 @@
 from dataclasses import replace
 
 import numpy as np
+import pytest
 from stranger_plant import Stranger, draw_stranger, stranger_belief, stranger_session
 
 from schwung.drivetrain import InertiaTable
@@ -18,6 +19,7 @@ def known_inertia(stranger: Stranger) -> Machine:
     return stranger_belief(stranger).model_copy(update={"load": load})
 
 
+@pytest.mark.long
 def test_a_sound_coupling_near_whose_resonance_is_injected_has_no_name():
     """At 69 Hz, of 93 Hz, the corner's speed is half a per cent of the swing: as of a stiffness 0.34 % off."""
     stranger, runs = draw_stranger(111), []

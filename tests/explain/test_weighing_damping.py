@@ -8,6 +8,7 @@ from sealed_sessions import drawn
 from schwung.explain.weighing.weigh import weigh
 
 
+@pytest.mark.long
 def test_noise_of_the_wind_up_is_no_damping(tmp_path: Path) -> None:
     """A sound machine sampled at 1 kHz, whose coupling winds up by little more than what noise makes of it: noise of
     its rate stood on both sides, and 80 % more damping at three deviations had a name with 0.98. Contacts without a gap
@@ -28,6 +29,7 @@ def test_an_inertia_that_bends_within_a_step_is_no_damping(tmp_path: Path) -> No
     assert all(one.probability < 0.1 for one in (*found.names, *found.unnamed))
 
 
+@pytest.mark.long
 def test_a_damping_that_is_a_fiftieth_off_has_a_name(tmp_path: Path) -> None:
     """A coupling's damping is heard to a thousandth, however little anybody knows of it before: of 4.6 % more beside a
     weight and a viscous friction (304202) it was the better set by 19 000 nats, and neither told nor in the file."""

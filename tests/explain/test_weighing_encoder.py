@@ -14,6 +14,7 @@ from schwung.explain.weighing.along import Along
 from schwung.explain.weighing.weigh import weigh
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     ("amplitude", "order"), [STRANGERS[14].tracks, (1e-3, 3.0)], ids=["as the stranger", "as a profile"]
 )
@@ -47,6 +48,7 @@ def test_a_belief_that_has_it_misses_nothing():
     assert found.proof.before == pytest.approx(1.0, abs=0.1)
 
 
+@pytest.mark.long
 def test_half_a_degree_misread_where_the_inertia_is_steep_is_no_other_inertia(tmp_path):
     """Two degrees, a speed 0.8 ms late: a line without the load's other torque there is worth less than a profile."""
     session, machine, _ = drawn(tmp_path, 285308, kind="two", level="clear")

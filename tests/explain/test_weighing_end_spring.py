@@ -142,6 +142,7 @@ def stranger():
     return found
 
 
+@pytest.mark.long
 def test_a_strangers_spring_is_named_written_and_found_no_more(stranger):
     session, belief = recorded(stranger, 391)
     found = publish(session, belief)
@@ -163,6 +164,7 @@ def test_a_strangers_spring_is_named_written_and_found_no_more(stranger):
     assert again.probability("load_torque") < 0.5
 
 
+@pytest.mark.long
 def test_the_same_from_behind_is_a_spring_at_the_low_end(stranger):
     session, belief = recorded(stranger, 391)
     found = weigh(mirrored(session), belief)
@@ -176,6 +178,7 @@ def test_the_same_from_behind_is_a_spring_at_the_low_end(stranger):
     assert 0 < place.high - place.low < 0.05 * stranger.stroke_rad
 
 
+@pytest.mark.long
 def test_a_strangers_weight_is_no_spring():
     every = (draw_hidden(seed) for seed in range(3, 200, 8))
     weighty = next(one for one in every if one.family == "constant" and one.every >= 4)

@@ -10,6 +10,7 @@ from schwung.explain.weighing.published import publish
 from schwung.explain.weighing.weigh import weigh
 
 
+@pytest.mark.long
 def test_three_causes_at_once(tmp_path: Path) -> None:
     """From nothing, all runs led to curves over position, speed and time, and no name."""
     session, machine, label = drawn(tmp_path, 294501, 2, kind="three", level="clear")
@@ -20,6 +21,7 @@ def test_three_causes_at_once(tmp_path: Path) -> None:
     assert not [one for one in found.curves if one.probability > 0.5]
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("runs", [12, 4])
 def test_two_laws_that_one_curve_with_a_name_does_together(runs: int, tmp_path: Path) -> None:
     """Beside another inertia over the angle neither was missed, and what the curve could not do was a ripple and a

@@ -79,6 +79,7 @@ def _hum(time: Array, number: int) -> Array:
     return np.asarray(0.06 * np.cos(2 * np.pi * 38.4 * time + 1.7 * number**2))
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("ahead_rad", [-0.3, 0.06])
 def test_a_profile_that_is_shifted_is_not_another_profile(ahead_rad: float) -> None:
     found = weigh(_session(_nothing, ahead_rad), _machine())
@@ -87,6 +88,7 @@ def test_a_profile_that_is_shifted_is_not_another_profile(ahead_rad: float) -> N
     assert shift.value == pytest.approx(ahead_rad, abs=0.003)
 
 
+@pytest.mark.long
 def test_a_disturbance_of_fixed_frequency_has_a_phase_in_each_run() -> None:
     found = weigh(_session(_hum), _machine())
     assert _likely(found) == {"periodic_disturbance"}

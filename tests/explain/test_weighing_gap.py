@@ -80,6 +80,7 @@ def missed(at: Settled) -> float:
     return at.about.square(range(3)) / at.about.samples(range(3))
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("begin", [GAP / 30, GAP / 3, 3 * GAP])
 def test_from_wherever_it_begins_the_gap_comes_to_rest_where_it_is(view, play, begin):
     at = settled(

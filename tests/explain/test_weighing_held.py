@@ -37,6 +37,7 @@ def taken(found: Posterior) -> float:
     return 8 * found.grown.climbed.at.about.alongs[1].held_late
 
 
+@pytest.mark.long
 def test_what_is_taken_late_is_no_damping(late_by_half: Posterior) -> None:
     """Its corners lie within the steps, where samples do not show them: a coupling's damping or stiffness a few per
     cent off says the same of them."""
@@ -44,6 +45,7 @@ def test_what_is_taken_late_is_no_damping(late_by_half: Posterior) -> None:
     assert taken(late_by_half) == pytest.approx(4, abs=0.7)
 
 
+@pytest.mark.long
 def test_from_a_belief_that_is_far_off_another_share_of_the_step_is_likelier() -> None:
     """Begun from what the belief alone makes likely, it came to rest at 0.8 of a step."""
     found = weighed(607, 3)
@@ -51,6 +53,7 @@ def test_from_a_belief_that_is_far_off_another_share_of_the_step_is_likelier() -
     assert taken(found) == pytest.approx(3, abs=0.7)
 
 
+@pytest.mark.long
 def test_what_is_taken_more_than_a_step_late_is_no_stiffness() -> None:
     """A drive may answer a PDO after more than one SYNC: what is the injection's of the reported torque was sent a
     sample before. It was a stiffness and a torque constant (0.98, 0.90)."""

@@ -25,6 +25,7 @@ def taken_unevenly(session, deviation_s, seed=3):
     return replace(session, runs=tuple(runs))
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("deviation_s", [0.0, 12e-6])
 def test_uneven_sampling_is_noise_of_its_own(deviation_s):
     """As one noise of the angle for rest and motion alike, fast runs kept aside missed 1.2 times as much."""

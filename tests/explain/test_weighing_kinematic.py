@@ -9,6 +9,7 @@ from schwung.explain.weighing.published import publish
 from schwung.explain.weighing.weigh import weigh
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(("amplitude", "order"), [(1e-4, 12.0), (4e-4, 6.0)])
 def test_it_is_no_error_of_the_encoder(amplitude, order):
     """Both are many times a turn; what the motor's end does of it, only one of them shows in the torque."""
@@ -36,6 +37,7 @@ def test_its_second_wave_is_no_error_of_an_encoder():
     assert found.proof.after < 1.05 < found.proof.before
 
 
+@pytest.mark.long
 def test_a_belief_that_has_it_misses_nothing():
     amplitude, order = 1e-4, 12.0
     stranger = Stranger("mesh", ("kinematic_error",), mesh=(amplitude, order))

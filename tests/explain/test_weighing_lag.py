@@ -17,6 +17,7 @@ STEP_S, BAND_HZ = 2.5e-4, 160.0
 RANGES = Ranges(0.0, 3.0, 20.0, 2e3, 100.0, 0.5, 0.04, 4, BAND_HZ)
 
 
+@pytest.mark.long
 def test_two_filters_are_a_lag_and_no_damping():
     """At 47 Hz and 2 ms they differ in the third order by what a third of the coupling's damping does: the order of the
     filter is a number of the lag's own, and is the one at rest about the noise that is known last.

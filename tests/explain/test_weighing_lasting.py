@@ -40,6 +40,7 @@ def test_what_a_cold_motor_does_lasts(tmp_path: Path) -> None:
     assert found.over_noise > 2
 
 
+@pytest.mark.long
 def test_where_nothing_takes_it_the_session_is_not_consistent(tmp_path: Path) -> None:
     """It was taken for noise, about which the belief was told to leave out nothing."""
     session, belief, _ = drawn(tmp_path, 309501, 3, kind="none")

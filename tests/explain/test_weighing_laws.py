@@ -9,6 +9,7 @@ from schwung.explain.weighing.weigh import weigh
 from schwung.explain.weighing.work import Work
 
 
+@pytest.mark.long
 def test_two_laws_are_found_where_a_curve_promises_more_than_either(tmp_path: Path) -> None:
     """A drive that saturates, and friction that differs by direction: a curve over torque takes more of both than
     either law of its own, and beside it neither was missed."""
@@ -22,6 +23,7 @@ def test_two_laws_are_found_where_a_curve_promises_more_than_either(tmp_path: Pa
     assert told.value == pytest.approx(limit["limit_nm"], rel=2e-3)
 
 
+@pytest.mark.long
 def test_a_late_speed_beside_a_saturation_is_no_late_torque(tmp_path: Path) -> None:
     """Where the torque's lag may be off over the torque, it takes what is missed where that is clipped."""
     session, machine, label = drawn(tmp_path, 291500, kind="three")
@@ -31,6 +33,7 @@ def test_a_late_speed_beside_a_saturation_is_no_late_torque(tmp_path: Path) -> N
     }
 
 
+@pytest.mark.long
 @pytest.mark.timeout(300)
 def test_laws_are_tried_beside_curves_that_were_found_soon(tmp_path: Path) -> None:
     """A curve over speed and one over torque and time took all there was, with most of the work left: laws alone were

@@ -42,6 +42,7 @@ def test_imported_runs_that_repeat_a_motion_are_one_motion() -> None:
     assert motions_of([run("a"), run("b"), run("a"), run(None), run(None)]) == [[0, 2], [1], [3], [4]]
 
 
+@pytest.mark.long
 def test_what_one_motion_has_of_its_own_is_told_and_in_no_file() -> None:
     session, machine = recorded()
     found = publish(with_its_own(session), machine)
@@ -54,6 +55,7 @@ def test_what_one_motion_has_of_its_own_is_told_and_in_no_file() -> None:
     assert any("all runs repeat one motion" in note for note in found.notes)
 
 
+@pytest.mark.long
 def test_what_is_missed_is_no_part_of_the_torque_that_drives() -> None:
     """About a belief without it, friction is missed; a scale of the torque is not to take it from both sides."""
     session, machine = recorded()

@@ -46,6 +46,7 @@ def test_of_a_run_without_a_phase_no_harmonics_are_known() -> None:
     assert not np.any(columns[:, 6:])
 
 
+@pytest.mark.long
 def test_harmonics_of_a_rectangular_hum_are_its_own() -> None:
     """Beyond the band in which lines are looked for they were anything; what no file can say is told."""
     stranger = STRANGERS[12]
@@ -67,6 +68,7 @@ class _LookedAtError(Exception):
     """Ends a search whose set is known."""
 
 
+@pytest.mark.long
 def test_a_hum_found_in_few_runs_is_in_the_set_at_rest_and_in_what_is_scored(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:

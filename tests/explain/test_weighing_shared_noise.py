@@ -31,6 +31,7 @@ def _sharing(session: Session) -> Session:
     return replace(session, runs=tuple(runs))
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("seed", [309501, 309506])
 def test_shared_noise_has_no_name_and_no_curve(seed: int, tmp_path: Path) -> None:
     """What they do not share is a third of the noise: the rest was searched for causes for a minute.
@@ -47,6 +48,7 @@ def test_shared_noise_has_no_name_and_no_curve(seed: int, tmp_path: Path) -> Non
     assert found.proof.before == pytest.approx(1.0, abs=0.12)
 
 
+@pytest.mark.long
 def test_what_is_beside_it_keeps_its_name(tmp_path: Path) -> None:
     session, belief, _ = drawn(tmp_path, 307205, 2)
     found = weigh(_sharing(session), belief)

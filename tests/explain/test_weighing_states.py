@@ -26,6 +26,7 @@ def _seen(growth: Growth, view: View) -> None:
     raise _SeenError(growth, view)
 
 
+@pytest.mark.long
 def test_a_late_speed_is_not_corrected_by_its_own_correction(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -14,6 +14,7 @@ from schwung.explain.weighing.settling import Settled
 from schwung.explain.weighing.weigh import weigh
 
 
+@pytest.mark.long
 def test_a_coupling_that_gives_more_here_than_there_has_a_name():
     stranger = Stranger("gives", ("stiffness_over_angle",), gives=(0.15, 3.0))
     found = weigh(session_of(stranger, 5, every=8, times=(0.25,)), belief_of(stranger))
@@ -29,6 +30,7 @@ def test_a_coupling_that_gives_more_here_than_there_has_a_name():
     assert 0.002 < (turns.high - turns.low) / turns.value < 0.2  # it is known so well, and no better
 
 
+@pytest.mark.long
 def test_a_coupling_half_as_stiff_as_believed_is_found_first_of_three(tmp_path: Path) -> None:
     """Its resonance is far off: no line about the belief leads there, and curves of all kinds stood for it."""
     session, machine, label = drawn(tmp_path, 288502, kind="three")
@@ -40,6 +42,7 @@ def test_a_coupling_half_as_stiff_as_believed_is_found_first_of_three(tmp_path: 
     assert stiffness == pytest.approx(hidden["coupling_stiffness"]["stiffness_nm_rad"], rel=0.01)
 
 
+@pytest.mark.long
 def test_a_cubic_stiffness_has_its_size(tmp_path: Path) -> None:
     """By what a coupling carries at the samples, straight between them, it was 5 % too large, of 0.8 % uncertainty."""
     session, machine, label = drawn(tmp_path, 293207, 2, kind="two", level="clear")
@@ -52,6 +55,7 @@ class _Found(Exception):
     """The first cause that was found."""
 
 
+@pytest.mark.long
 def test_a_coupling_that_is_four_times_as_stiff_here_as_there_has_its_order(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -4,6 +4,8 @@ import sys
 from dataclasses import replace
 from pathlib import Path
 
+import pytest
+
 sys.path.append(str(Path(__file__).parents[2] / "benchmarks"))
 from stranger_plant import draw_hidden, draw_stranger, stranger_belief, stranger_session
 
@@ -15,17 +17,20 @@ def named(stranger, seed: int) -> dict[str, float]:
     return {one.name: one.probability for one in found.names if one.probability > 0.5}
 
 
+@pytest.mark.long
 def test_a_speed_that_is_late_by_itself_is_no_late_torque() -> None:
     """It is reported 0.33 ms after the torque. A torque that lags by as much, and a filter that both pass, say the same
     but for how they bend."""
     assert set(named(draw_stranger(502), 502)) == {"inertia_profile", "measurement_delay"}
 
 
+@pytest.mark.long
 def test_friction_over_the_angle_beside_another_inertia_over_it() -> None:
     """Both are curves, and neither had its name beside the other."""
     assert set(named(draw_hidden(506), 506)) == {"inertia_profile", "friction_over_angle"}
 
 
+@pytest.mark.long
 def test_play_beside_a_load_that_is_a_third_off_is_no_stronger_torque() -> None:
     """Alone, a torque 30 % too large takes twice of what the load does; beside play, nothing of it."""
     found = named(draw_hidden(500, every=8), 500)
@@ -33,12 +38,14 @@ def test_play_beside_a_load_that_is_a_third_off_is_no_stronger_torque() -> None:
     assert set(found) <= {"backlash", "load_inertia", "inertia_profile"}
 
 
+@pytest.mark.long
 def test_a_curve_of_inertia_that_is_far_off_where_a_motion_seldom_is() -> None:
     """A rocker in a tenth of a second, ends three times as heavy as believed: no line leads there, and what began
     along one was a transmission that is off (0.91) beside a saturation of 33 N·m."""
     assert set(named(draw_stranger(600, every=4), 600)) == {"inertia_profile"}
 
 
+@pytest.mark.long
 def test_a_curve_of_inertia_is_found_in_runs_of_sixty_samples() -> None:
     """Cut from the middle of the motion: a balance of torque has few samples, and no filter a run-up."""
     stranger = draw_stranger(600, every=8)

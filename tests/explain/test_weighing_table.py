@@ -3,11 +3,13 @@
 from pathlib import Path
 
 import numpy as np
+import pytest
 from sealed_sessions import drawn
 
 from schwung.explain.weighing.weigh import weigh
 
 
+@pytest.mark.long
 def test_a_motion_that_passes_the_ends_of_its_table_hides_nothing(tmp_path: Path) -> None:
     """It overshoots both ends of the table by a tenth of a radian, where the inertia was held: no less than an inertia
     of another profile and a further mass were unnamed beside it."""

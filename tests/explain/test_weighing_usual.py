@@ -2,11 +2,13 @@
 
 from pathlib import Path
 
+import pytest
 from sealed_sessions import drawn
 
 from schwung.explain.weighing.weigh import weigh
 
 
+@pytest.mark.long
 def test_a_crank_that_is_half_a_degree_off_is_one_where_a_quiet_recording_shows_little_else(
     tmp_path: Path,
 ) -> None:

@@ -24,6 +24,7 @@ def found(session):
     return published_of(session, machine, posterior_of(session, machine, work=Work(most=1e9)))
 
 
+@pytest.mark.long
 def test_it_is_a_curve_over_the_wind_up_and_nothing_else(found):
     """Two straight lines, or a law that hardens otherwise, were nothing, a motor inertia, or four other things."""
     (curve,) = (one for one in found.curves if one.probability > 0.5)
@@ -46,6 +47,7 @@ def test_its_file_says_how_the_coupling_gives_way(found):
     assert np.diff(told) == pytest.approx(np.diff(lost), abs=0.05 * np.ptp(lost))
 
 
+@pytest.mark.long
 def test_the_learned_file_leaves_nothing_out(session, found):
     again = publish(session, found.machine)
     assert again.verdict == "consistent"

@@ -21,6 +21,7 @@ def recorded():
     return session_of(DRY, 5, every=8, times=(0.25,)), belief_of(DRY)
 
 
+@pytest.mark.long
 def test_a_plain_session_takes_no_more_work_than_it_did(recorded):
     posterior = posterior_of(*recorded)
     assert posterior.told.probability("coulomb_friction") > 0.95
@@ -28,6 +29,7 @@ def test_a_plain_session_takes_no_more_work_than_it_did(recorded):
     assert TAKEN / 3 < posterior.view.work.done < (1 + BESIDE) * TAKEN
 
 
+@pytest.mark.long
 def test_where_work_is_spent_the_search_ends_and_says_so(recorded, monkeypatch):
     most = TAKEN / 2
     monkeypatch.setattr(Work, "spent", property(lambda self: self.done > most))
@@ -38,6 +40,7 @@ def test_where_work_is_spent_the_search_ends_and_says_so(recorded, monkeypatch):
     assert posterior.view.work.done < 0.8 * TAKEN
 
 
+@pytest.mark.long
 def test_where_the_processors_time_is_spent_the_search_ends_and_says_so(recorded):
     def hurried():
         seconds = count()  # one at each question

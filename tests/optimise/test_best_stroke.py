@@ -95,6 +95,7 @@ def test_every_limit_is_kept_by_motor_and_load(limits: dict[str, float]) -> None
     assert merits.residual_rad < 1e-5
 
 
+@pytest.mark.long
 def test_torque_over_speed_is_kept_where_the_motor_is_fast() -> None:
     curve = ((0.0, 233.0), (30.0, 233.0), (60.0, 33.0))
     motor = PAPER.motor.model_copy(update={"torque_over_speed": curve})
@@ -164,6 +165,7 @@ def test_drawn_energy_is_less_than_that_of_least_copper(regeneration: bool) -> N
     assert drawn(frugal) < drawn(of_least_copper()) * 0.999
 
 
+@pytest.mark.long
 def test_too_short_a_time_names_the_limit_and_a_time_that_does() -> None:
     with pytest.raises(NoMotionError, match=r"torque.*--max-torque.*takes (\d+\.?\d*) ms") as told:
         best_stroke(PAPER, task(0.05), COARSE)
@@ -197,6 +199,7 @@ def test_radau_integrates_exactly_to_its_order() -> None:
     np.testing.assert_allclose(nodes**3 @ derivative, 3 * points**2, atol=1e-12)
 
 
+@pytest.mark.long
 def test_a_front_trades_one_merit_for_another() -> None:
     over_time = front(PAPER, task(None), points=3)
     copper = [point.merits.copper_n2m2s for point in over_time]

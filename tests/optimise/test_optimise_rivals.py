@@ -75,6 +75,7 @@ def test_ours_is_never_worse_and_rivals_break_what_they_do_not_know() -> None:
     assert fastest[0].broken == ("torque",)
 
 
+@pytest.mark.long
 def test_there_and_back_take_one_time_where_the_fastest_is_asked_for() -> None:
     found = optimise(PAPER, task(None), rivals=False)
     assert found.stroke.duration_s == pytest.approx(found.back.duration_s, rel=1e-9)

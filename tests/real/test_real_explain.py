@@ -55,6 +55,7 @@ def asked(recordings: RealRecordings, name: str) -> tuple[Session, Machine]:
     return thinned(recordings.emps, 16, 6240), emps_machine()  # no measured speed
 
 
+@pytest.mark.long
 @pytest.mark.timeout(300)
 @pytest.mark.parametrize("name", ["pendulum", "motor alone"])
 def test_whatever_a_recording_lacks_there_is_an_answer(
@@ -98,6 +99,7 @@ def test_the_published_model_of_emps_runs_free_as_was_published(recordings: Real
     assert published.position_rms_rad == pytest.approx(5.3e-3, abs=0.4e-3)
 
 
+@pytest.mark.long
 @pytest.mark.timeout(600)
 def test_emps_says_which_laws_it_is_like_and_runs_free(recordings: RealRecordings) -> None:
     """Believed 5 kg lighter. Published (Janot, Gautier, Brunot 2019): 203.5 N·s/m, 20.4 N, 5.3 mm rms.

@@ -15,6 +15,7 @@ from service_soak import Count, grown, soak
 IN_A_MOTION = 3  # the seed whose first kill comes there
 
 
+@pytest.mark.long
 @pytest.mark.timeout(300)  # five processes start one after the other, on whatever computer
 def test_a_kill_in_a_motion_stops_the_drive_and_loses_nothing(tmp_path: Path) -> None:
     tally = kill_again_and_again(tmp_path, 1, IN_A_MOTION)
@@ -22,6 +23,7 @@ def test_a_kill_in_a_motion_stops_the_drive_and_loses_nothing(tmp_path: Path) ->
     assert tally.finished
 
 
+@pytest.mark.long
 @pytest.mark.timeout(300)
 def test_commissionings_in_a_row_leave_nothing_behind(tmp_path: Path) -> None:
     counts = soak(tmp_path, 1.0, repeats=1, response_repeats=0, sample_rate_hz=500.0, runs=4, tell=False)

@@ -32,6 +32,7 @@ def _recording() -> bytes:
     return "\n".join(["a,b,c", *(f"{t:.3f},{angle:.2f},{torque:.1f}" for t, angle, torque in rows)]).encode()
 
 
+@pytest.mark.long
 @pytest.mark.timeout(300)
 def test_a_session_is_weighed_and_the_next_motion_asked_for(tmp_path: Path) -> None:
     with Service(settings_for(tmp_path)) as service:

@@ -45,6 +45,7 @@ _BUDGET = settings(
 )  # fmt: skip
 
 
+@pytest.mark.long
 def test_no_request_ends_in_a_server_error(api: Any, service: Service) -> None:
     token = own_token(service.settings.folder)
     checks = [CHECKS.get_one(name) for name in _WANTED]

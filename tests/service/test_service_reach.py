@@ -125,6 +125,7 @@ def _strange_csv() -> bytes:
     return ("a;b;c\n".replace(";", ",") + text).encode()
 
 
+@pytest.mark.long
 def test_a_strange_recording_is_guessed_shown_confirmed_and_taken_in(client: TestClient) -> None:
     looked = _brought(client, "monday.csv", _strange_csv(), what="recording", guess="true")
     assert looked["state"] == "done", looked["error"]
@@ -178,6 +179,7 @@ def test_families_are_listed_checked_and_drafted(client: TestClient) -> None:
     assert "exactly one" in both["error"]["text"]
 
 
+@pytest.mark.long
 def test_many_sessions_are_estimated_anew_and_one_that_cannot_ends_nothing(client: TestClient) -> None:
     machine = client.post("/api/machines", json={"name": "m", "toml": BELIEF}).json()
     sessions = client.get("/api/results/session").json()

@@ -64,6 +64,7 @@ def story(desk: ServiceDesk) -> Story:
     return Story(plan, asked, seen, desk.ended(run_id))
 
 
+@pytest.mark.long
 def test_a_commissioning_is_planned_confirmed_carried_out_and_kept(desk: ServiceDesk, story: Story) -> None:
     assert story.plan["can_start"]
     assert story.plan["predicted"]["excited"]["peak_torque_nm"] <= story.plan["limits"]["torque_max_nm"]
@@ -153,6 +154,7 @@ def test_looking_changes_nothing_and_tells_much(desk: ServiceDesk) -> None:
     assert desk.service.status(desk.drive_id).connected
 
 
+@pytest.mark.long
 def test_the_log_of_a_commissioning_is_a_session_too(desk: ServiceDesk, story: Story) -> None:
     desk.ask("scan", bus="bench", first=5, last=5)  # the bus is closed for it, and the log with it
     named = desk.service.settings.buses[0].options.log

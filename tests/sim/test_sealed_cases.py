@@ -47,6 +47,7 @@ def case(drawn_round: dict[str, SealedCase]) -> SealedCase:
     return drawn_round["torque_offset"]
 
 
+@pytest.mark.long
 def test_the_same_seed_draws_the_same_session_and_another_seed_another(
     case: SealedCase, drawn_round: dict[str, SealedCase], tmp_path: Path
 ) -> None:
@@ -175,6 +176,7 @@ def test_unknown_effects_are_refused() -> None:
         draw_case(0, CaseWishes(among=("dahl_presliding",)))
 
 
+@pytest.mark.long
 def test_a_foreign_effect_is_as_strong_as_asked_beyond_its_best_likeness() -> None:
     made = draw_case(0, CaseWishes("foreign", "weak", ("thermal_fade",)))
     hidden = made.effects[0]

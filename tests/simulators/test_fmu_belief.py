@@ -165,6 +165,7 @@ def missed(session: Session, machine: Machine, twin: Session | None = None) -> A
     return np.concatenate(every)
 
 
+@pytest.mark.long
 @pytest.mark.timeout(300)  # it compiles most of what weighing needs, where nobody has yet
 def test_a_payload_is_named_against_an_fmu_as_with_a_machine_file(tmp_path: Path) -> None:
     """Friction is, with the commands of the page for users."""
@@ -185,6 +186,7 @@ def test_a_payload_is_named_against_an_fmu_as_with_a_machine_file(tmp_path: Path
     assert named.parameters["scale"].value == pytest.approx(hidden["parameters"]["scale"], rel=0.005)
 
 
+@pytest.mark.long
 def test_the_commands_of_the_page_for_users(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -234,6 +236,7 @@ def test_one_belief_is_wanted_and_a_map_with_an_fmu(
 RUBS = PhysicsTerm.model_validate({"name": "coulomb_friction", "torque_nm": 4.0})
 
 
+@pytest.mark.long
 def test_a_stranger_s_model_exchange_in_degrees_and_rpm_the_other_way_round(tmp_path: Path) -> None:
     plant = foreign.Plant()
     fmu, machine = foreign.two_masses(tmp_path, plant), machine_of(plant)
@@ -248,6 +251,7 @@ def test_a_stranger_s_model_exchange_in_degrees_and_rpm_the_other_way_round(tmp_
     assert np.std(told - ours) < 0.02
 
 
+@pytest.mark.long
 def test_an_inverse_fmu_is_asked_for_its_torque(tmp_path: Path) -> None:
     plant = foreign.Plant()
     fmu, machine = foreign.inverse(tmp_path, plant), machine_of(plant, rigid=True)

@@ -38,6 +38,7 @@ def _to_confirm(page: Any, served: Served) -> None:
     page.click(f"button:has-text('Go on to confirm'){ENABLED}", timeout=90_000)
 
 
+@pytest.mark.long
 @pytest.mark.timeout(300)  # half a minute on a computer that has nothing else to do
 def test_the_whole_wizard(page: Any, served: Served) -> None:
     _to_confirm(page, served)
@@ -77,6 +78,7 @@ def _export(page: Any) -> None:
     page.get_by_text("read back equal").wait_for()
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("way", ["pointer", "Escape", "s"])
 def test_stop_reaches_the_bus(page: Any, served: Served, way: str) -> None:
     run = served.begin_motion()
@@ -98,6 +100,7 @@ def test_stop_reaches_the_bus(page: Any, served: Served, way: str) -> None:
     _until(lambda: not served.call("GET", "/api/stop")["stopped"], 20, page)
 
 
+@pytest.mark.long
 def test_stop_works_while_the_page_hangs(page: Any, served: Served) -> None:
     """Neither the page's socket nor its framework has any part in it."""
     run = served.begin_motion()

@@ -16,6 +16,7 @@ SLOWLY = """(() => {
 NAME = "Pusher 0123456789"
 
 
+@pytest.mark.long
 @pytest.mark.timeout(240)
 def test_what_is_entered_before_it_is_connected_arrives_in_its_order(page: Any, served: Served) -> None:
     """Each key is a value of its own: with only a few of them, or after the press, half a name was kept, or the old."""

@@ -58,6 +58,7 @@ FOCUS_AT_ONCE = """() => {
 }"""
 
 
+@pytest.mark.long
 @pytest.mark.timeout(300)
 def test_the_whole_wizard_by_keyboard(page: Any, served: Served) -> None:
     """And the focus comes with the step, not after it: a name that is typed at once is typed into its field, an S
@@ -104,6 +105,7 @@ def test_the_whole_wizard_by_keyboard(page: Any, served: Served) -> None:
     assert page.troubles == []
 
 
+@pytest.mark.long
 @pytest.mark.timeout(240)
 def test_every_text_can_be_read_nothing_is_wider_than_a_phone_or_asked_of_another_host(
     browser: Any, served: Served

@@ -41,6 +41,7 @@ def _submit(page: Any, what: str, files: dict[str, Path], form: int = 0) -> None
     place.locator("button").click()
 
 
+@pytest.mark.long
 @pytest.mark.timeout(240)
 def test_a_drive_is_found_added_changed_and_taken_away(page: Any, served: Served) -> None:
     served.call("DELETE", f"/api/drives/{served.drive_id}")
@@ -66,6 +67,7 @@ def test_a_drive_is_found_added_changed_and_taken_away(page: Any, served: Served
         served.with_its_drive()
 
 
+@pytest.mark.long
 @pytest.mark.timeout(240)
 def test_a_file_is_brought_guessed_confirmed_and_a_wrong_one_is_a_sentence(
     page: Any, served: Served, tmp_path: Path
@@ -104,6 +106,7 @@ def test_a_file_is_brought_guessed_confirmed_and_a_wrong_one_is_a_sentence(
     page.troubles.clear()  # the browser has told of the 422
 
 
+@pytest.mark.long
 @pytest.mark.timeout(240)
 def test_configurations_and_profiles(page: Any, served: Served) -> None:
     page.goto(f"{served.url}/drive/{served.drive_id}")
@@ -128,6 +131,7 @@ def test_configurations_and_profiles(page: Any, served: Served) -> None:
     assert page.troubles == []
 
 
+@pytest.mark.long
 @pytest.mark.timeout(240)
 def test_a_frequency_response_and_the_best_motion_are_confirmed_and_made(page: Any, served: Served) -> None:
     here = {"drive_id": served.drive_id}

@@ -15,6 +15,7 @@ sync_api = pytest.importorskip("playwright.sync_api")
 ENABLED = ":not([aria-disabled])"
 
 
+@pytest.mark.long
 @pytest.mark.timeout(240)
 def test_who_confirms_while_another_moves_is_told_and_waits(browser: Any, page: Any, served: Served) -> None:
     asked = {"kind": "propose_bode", "drive_id": served.drive_id, "angles_rad": [0.0]}
