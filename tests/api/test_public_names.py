@@ -79,6 +79,7 @@ def test_values_show_themselves(world: dict[str, Any], name: str) -> None:
         assert len(value.to_dataframe().columns) > 2
 
 
+@pytest.mark.long
 def test_without_pandas_one_sentence_says_so(world: dict[str, Any], monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("schwung.api.shown.find_spec", lambda _name: None)
     with pytest.raises(schwung.InputError, match="needs pandas, not installed here"):

@@ -74,6 +74,7 @@ def test_what_makes_the_runs_kept_aside_less_likely_is_not_told() -> None:
     assert "coulomb friction makes the runs kept aside less likely" in "".join(found.notes)
 
 
+@pytest.mark.long
 def test_a_fresh_session_of_the_machine_finds_nothing_beyond_the_file(root: Published) -> None:
     again = publish(small(ROOT, 6), root.machine)
     assert not [one for one in (*again.names, *again.curves) if one.probability > 0.5]

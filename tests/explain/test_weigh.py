@@ -58,6 +58,7 @@ def test_a_shape_has_an_interval_too():
     assert parameters["centre_rad"].low < parameters["centre_rad"].value < parameters["centre_rad"].high
 
 
+@pytest.mark.long
 def test_what_is_published_is_proven_on_motions_that_were_not_fitted(both):
     assert both.proof is not None
     assert both.proof.gain > 1

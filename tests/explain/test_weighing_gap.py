@@ -96,6 +96,7 @@ def softer(view: View) -> Member:
     return Member(stiffness, (), np.array([-STIFFNESS / 2]), np.array(stiffness.deviations))
 
 
+@pytest.mark.long
 def test_what_is_hopeless_does_not_come_to_rest(view):
     def rest(least: float = -np.inf) -> tuple[Settled, float]:
         before = view.work.done

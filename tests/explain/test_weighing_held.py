@@ -62,6 +62,7 @@ def test_what_is_taken_more_than_a_step_late_is_no_stiffness() -> None:
     assert taken(found) == pytest.approx(12 - 8, abs=0.7)
 
 
+@pytest.mark.long
 def test_no_step_leads_past_a_sample(late_by_half: Posterior) -> None:
     """The slope on its other side is another: of a bench that takes what is sent with the very SYNC, one half of all
     steps led past it, and a set that no further step should change still promised 5 (log)."""

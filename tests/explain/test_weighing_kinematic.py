@@ -21,6 +21,7 @@ def test_it_is_no_error_of_the_encoder(amplitude, order):
     assert told["amplitude_rad"].value == pytest.approx(amplitude, rel=0.05)
 
 
+@pytest.mark.long
 def test_its_second_wave_is_no_error_of_an_encoder():
     """A pulley that is eccentric and no circle: one wave was a transmission's, the other an encoder's (0.99)."""
     amplitude, order = 2e-5, 12.0

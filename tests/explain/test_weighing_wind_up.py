@@ -36,6 +36,7 @@ def test_it_is_a_curve_over_the_wind_up_and_nothing_else(found):
     assert "over the coupling's wind-up" in found.headline
 
 
+@pytest.mark.long
 def test_its_file_says_how_the_coupling_gives_way(found):
     (curve,) = residuals_of(found.machine.physics).values()
     assert curve.over == "wind_up"

@@ -87,6 +87,7 @@ def test_a_speed_that_was_made_of_the_position_is_no_measurement(recordings: Rea
     assert all(run.speed_measured for run in signals_as_measured(measured, motor))
 
 
+@pytest.mark.long
 def test_the_published_model_of_emps_runs_free_as_was_published(recordings: RealRecordings) -> None:
     """Baselines: 5.2 to 5.5 mm RMS over the record (Janot, Gautier, Brunot 2019)."""
     terms = (

@@ -115,6 +115,7 @@ def test_stop_works_while_the_page_hangs(page: Any, served: Served) -> None:
     served.call("POST", "/api/release")
 
 
+@pytest.mark.long
 def test_stop_is_first_in_tab_order_and_says_when_nobody_answers(page: Any, served: Served) -> None:
     page.goto(f"{served.url}/")
     page.locator("h1").wait_for()
