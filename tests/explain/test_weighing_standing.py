@@ -30,6 +30,7 @@ class Cause:
     larger: float = 1.0  # probability of being more than is usual
     inertia: Callable[[], None] | None = None  # of an inertia, anything
     part_of: str = ""
+    causes: int = 1
 
 
 @dataclass

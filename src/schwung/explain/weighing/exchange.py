@@ -172,7 +172,6 @@ def _instead(rests: Rests, search: Search, start: Scored, at: Settled) -> tuple[
     """A visited set that is more probable than the one at hand at rest, too; what was only promised is noted, of
     all that promise to be worth telling.
     """
-    search.resting = search.kind(start.picks)
     for _ in range(_TRIED):
         if search.data.work.spent:
             break

@@ -24,7 +24,14 @@ from schwung.explain.weighing.exchange import (
     numbers_exchanged,
     play_instead,
 )
-from schwung.explain.weighing.offers import inertia_beside, laws_instead, offered, searched
+from schwung.explain.weighing.offers import (
+    in_their_limits,
+    inertia_beside,
+    laws_instead,
+    numbers_instead,
+    offered,
+    searched,
+)
 from schwung.explain.weighing.present import Member
 from schwung.explain.weighing.resting import Rests
 from schwung.explain.weighing.round import View, few_of
@@ -155,6 +162,7 @@ class Growth:
             self.tell(f"Weighing causes beside {len(picks)} found" if picks else "Weighing causes", share)
             search = self._search(at)
             start = search.score(carried(search.data, picks))
+            search.resting = search.kind(start.picks)
             if search.data.work.spent:
                 return Climbed(search, start, at)
             if growing:
@@ -288,6 +296,38 @@ class Growth:
         """
         if len(start.picks) >= MOST:
             return None
+        best, top = self._in_place(search, start, at)
+        if top > HOPELESS:
+            return best
+        lines, beyond = self._asked(search, start, at)
+        # a number of the belief costs least, and what is hopeless beside it costs little
+        numbers = [one for one in lines if search.candidate(one.picks[-1]).is_number]
+        for one in dict.fromkeys((*numbers, *(one for one in lines if one not in beyond), *beyond)):
+            last = self.gained.get(search.index(one.picks[-1]), np.inf) if one in beyond else np.inf
+            # what a cause takes beside more is seldom more: it is not asked again for less than there is already
+            fruitless = best is not None and last <= top
+            if best is not None and ((fruitless and one not in lines) or search.data.work.spent):
+                continue
+            everywhere = one in beyond and not fruitless
+            tried, gain = self.rests.rest(search, one, start, at, top, everywhere=everywhere)
+            if everywhere:
+                self.gained[search.index(one.picks[-1])] = gain
+            if everywhere or one not in beyond:
+                search.asked[frozenset(one.picks)] = gain
+            if gain > top:
+                best, top = (one, tried), gain
+        if best is None or not self.rests.misses(at) or not self.rests.leaves(best[1]):
+            return best
+        for one in lines:
+            if search.candidate(one.picks[-1]).bends_by_shape and not search.data.work.spent:
+                found = self.rests.in_each_shape(search, one, start, at, top)
+                if found is not None:
+                    best, top = (found[0], found[1]), found[2]
+        return best
+
+    def _asked(self, search: Search, start: Scored, at: Settled) -> tuple[dict[Scored, None], list[Scored]]:
+        """Sets of one cause more that are brought to rest: those that a line promises something of, and those that no
+        line leads to."""
         offers = sorted(offered(search, start.picks), key=lambda one: -one.log)
         likelier = [one for one in offers if one.log > start.log]
         # what one motion has of its own could be anything: first all that another motion would show as well
@@ -302,36 +342,27 @@ class Growth:
         elsewhere = [one for one in offers if search.candidate(one.picks[-1]).elsewhere and promising]
         if not self.rests.misses(at):  # what little of the coupling bends about such a set, a line leads to
             elsewhere = [one for one in elsewhere if search.candidate(one.picks[-1]).tangent is None]
-        named = [one for one in laws_instead(search, start.picks) if one.log > start.log]
+        beside = in_their_limits(search, start.picks, promising)
         if self.rests.misses(at):  # of a load that is unknown, anything that is missed is a line
-            named += [one for one in inertia_beside(search, start.picks) if one.log > start.log]
-        lines = dict.fromkeys((*promising, *named))
+            beside += inertia_beside(search, start.picks)
+        lines = dict.fromkeys((*promising, *(one for one in beside if one.log > start.log)))
         beyond = [*(one for one in opening if one not in lines), *elsewhere]
+        return lines, beyond
+
+    def _in_place(
+        self, search: Search, start: Scored, at: Settled
+    ) -> tuple[tuple[Scored, Settled] | None, float]:
+        """A law in place of a curve, or a number of the belief in that of another, at rest, and what it gains (log): it
+        needs no cause more, so that where that is much, it comes before all that do."""
         best, top = None, 0.0
-        # a number of the belief costs least, and what is hopeless beside it costs little
-        numbers = [one for one in lines if search.candidate(one.picks[-1]).is_number]
-        for one in dict.fromkeys((*numbers, *(one for one in lines if one not in beyond), *beyond)):
-            last = self.gained.get(search.index(one.picks[-1]), np.inf) if one in beyond else np.inf
-            # what a cause takes beside more is seldom more: it is not asked again for less than there is already
-            fruitless = best is not None and last <= top
-            if best is not None and ((fruitless and one not in lines) or search.data.work.spent):
+        for one in (*laws_instead(search, start.picks), *numbers_instead(search, start.picks)):
+            if one.log <= start.log or search.data.work.spent:
                 continue
-            everywhere = one in beyond and not fruitless
-            tried, gain = self.rests.rest(search, one, start, at, top, everywhere=everywhere)
-            if everywhere:
-                self.gained[search.index(one.picks[-1])] = gain
-            if everywhere or one not in elsewhere:
-                search.asked[frozenset(one.picks)] = gain
+            tried, gain = self.rests.rest(search, one, start, at, top)
+            search.asked[frozenset(one.picks)] = gain
             if gain > top:
                 best, top = (one, tried), gain
-        if best is None or not self.rests.misses(at) or not self.rests.leaves(best[1]):
-            return best
-        for one in lines:
-            if search.candidate(one.picks[-1]).bends_by_shape and not search.data.work.spent:
-                found = self.rests.in_each_shape(search, one, start, at, top)
-                if found is not None:
-                    best, top = (found[0], found[1]), found[2]
-        return best
+        return best, top
 
     def _renew(self, at: Settled) -> None:
         """Look for the noise again about what is present: far from the truth, noise had to be taken for what a linear

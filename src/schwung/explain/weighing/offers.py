@@ -5,6 +5,7 @@ By the linear model alone: what is offered has yet to be brought to rest.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from itertools import chain, combinations
 
 from schwung.explain.weighing.search import HOPELESS, MOST, Pick, Scored, Search, Set
@@ -58,6 +59,18 @@ def laws_instead(search: Search, picks: Set) -> list[Scored]:
     return found
 
 
+def numbers_instead(search: Search, picks: Set) -> list[Scored]:
+    """In place of each number of the belief the other one that promises most: beside what was found since, it may be
+    that."""
+    found = []
+    for pick in picks:
+        if search.candidate(pick).is_number:
+            others = tuple(other for other in picks if other != pick)
+            instead = [search.score((*others, number)) for number in numbers_beside(search, picks)]
+            found += sorted(instead, key=lambda one: -one.log)[:1]
+    return found
+
+
 def inertia_beside(search: Search, picks: Set) -> list[Scored]:
     """The set with a curve of inertia, where it has none."""
     curves = {i for i, c in enumerate(search.data.candidates) if c.is_inertia_curve}
@@ -84,13 +97,25 @@ def coupling_instead(search: Search, picks: Set) -> Scored | None:
     return next((search.with_pick(others, pick) for _, pick in search.additions(others, curves)), None)
 
 
+def in_their_limits(search: Search, picks: Set, sets: Sequence[Scored]) -> list[Scored]:
+    """Of sets of one cause more than `picks`, with what that is in its limit: where it comes to its end, it is that."""
+    found = []
+    for last in dict.fromkeys(one.picks[-1] for one in sets if search.candidate(one.picks[-1]).limit):
+        name, own = search.candidate(last).limit, search.index(last)
+        among = {i for i, c in enumerate(search.data.candidates) if c.name == name and i != own}
+        found += [search.with_pick(picks, pick) for _, pick in search.additions(picks, among)]
+    return found
+
+
 def bending_instead(search: Search, picks: Set) -> list[Scored]:
-    """In place of the last, if it bends the coupling, each other law that does."""
-    if not picks or search.candidate(picks[-1]).tangent is None:
+    """In place of the last, if it bends the coupling, each other law that does, and what it is in its limit."""
+    last = search.candidate(picks[-1]) if picks else None
+    if last is None or last.tangent is None:
         return []
     others, inside, found = picks[:-1], search.kind(picks), []
     for index, candidate in enumerate(search.data.candidates):
-        if candidate.named and candidate.tangent is not None and index not in inside:
+        bends = candidate.named and candidate.tangent is not None
+        if (bends or candidate.name == last.limit) and index not in inside:
             found += [search.with_pick(others, pick) for _, pick in search.additions(others, {index})[:1]]
     return found
 

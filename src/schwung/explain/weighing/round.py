@@ -118,7 +118,8 @@ def acting_on_each(view: View, along: Joined, members: Sequence[Member]) -> tupl
         if needless or not np.any(member.coefficients):
             continue
         done = Acting(*member.candidate.done(along, member.shape, member.coefficients).alone)
-        opposed = opposed - together(done.on_motor, done.on_load)
+        if not member.candidate.swings:
+            opposed = opposed - together(done.on_motor, done.on_load)
         if not member.candidate.of_machine:
             total += _further(along, member, done)
     each = zip(along.parts, along.wheres, strict=True)
@@ -154,7 +155,8 @@ def _dry(along: Along, opposed: Array) -> float:
     """Size of dry friction (N·m): what `opposed` (n,) takes from the motion on average where the shaft slides.
 
     `opposed` is the believed dry friction and all that acts beyond the belief, for where everything smooth is present,
-    any curve may carry friction, and others may cancel it.
+    any curve may carry friction, and others may cancel it. What swings is no part of it: in a stroke as short as its
+    period that is all on one side, and is as well known as the motion.
     """
     return max(float(np.mean((opposed * along.direction)[along.moves])), 0.0)
 

@@ -219,7 +219,7 @@ class Search:
             else:
                 gains = beyond.gains([atom.where for _, atom in numbered], own, scales)
             shares = np.array([self._shape_log(atom, candidate) for _, atom in numbered])
-            gains = gains + self.handicap + shares[:, None] - np.log(len(scales))
+            gains = gains + candidate.causes * self.handicap + shares[:, None] - np.log(len(scales))
             row, size = np.unravel_index(int(np.argmax(gains)), gains.shape)
             found.append((logsumexp(gains), Pick(numbered[row][0], scales[size])))
         merged: dict[int, tuple[float, Pick]] = {}
@@ -232,7 +232,7 @@ class Search:
     def prior(self, picks: Set) -> float:
         """Log prior of so many causes, in these shapes and sizes."""
         return sum(
-            self.handicap
+            self.candidate(pick).causes * self.handicap
             + self._shape_log(self.data.atoms[pick.atom], self.candidate(pick))
             - float(np.log(len(self.candidate(pick).scales)))
             for pick in picks

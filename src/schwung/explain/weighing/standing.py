@@ -216,7 +216,11 @@ def _without(picks: Set, pick: Pick) -> Set:
 
 def _worth(search: Search, picks: Set, pick: Pick) -> float:
     """Log evidence that goes with a cause from a set, its shapes and sizes weighed."""
-    return _log(search, picks) - _log(search, _without(picks, pick)) - search.handicap
+    return (
+        _log(search, picks)
+        - _log(search, _without(picks, pick))
+        - search.candidate(pick).causes * search.handicap
+    )
 
 
 def _log(search: Search, picks: Set) -> float:
