@@ -14,7 +14,7 @@ from functools import cached_property
 import numpy as np
 
 from schwung.innovations import kalman, kernel
-from schwung.innovations.likelihood import Equations, Noise, power_of, problem_of, variances_of
+from schwung.innovations.likelihood import Equations, Noise, problem_of, torque_errors, variances_of
 from schwung.innovations.signals import Signals
 from schwung.innovations.steps import Steps
 from schwung.innovations.values import Filtered
@@ -92,10 +92,10 @@ class Passed:
         """The same run, had there been nothing but noise: of a linear filter, what its states hold of that."""
         count = run.time_s.size
         sizes = np.sqrt(variances_of(noise, run))
-        torque = np.sqrt(power_of(noise, run)) * chance.standard_normal(count)
+        torque, alone = (np.sqrt(one) * chance.standard_normal(one.size) for one in torque_errors(noise, run))
         first, last = self.equations.transition[:, :-1, -1], self.equations.noise[:, :-1]
         forcing = np.zeros_like(self.equations.forcing)
-        forcing[:, :-1] = -(first * torque[:-1, None] + last * torque[1:, None])
+        forcing[:, :-1] = -(first * (torque[:-1] + alone)[:, None] + last * (torque[1:] + alone)[:, None])
         still = replace(
             self.equations,
             forcing=forcing,

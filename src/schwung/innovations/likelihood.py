@@ -125,7 +125,11 @@ def problem_of(equations: Equations, noise: Noise, run: Signals) -> System:
     """The filter's problem: equations, sizes of noise, and a first state that is known a little."""
     speed = 0.1 * float(np.ptp(run.states[:, 1])) + noise.speed_rad_s
     position = 1e-3 * float(np.ptp(run.position_rad)) + noise.position_rad
-    power = power_of(noise, run) + equations.slack
+    power, alone = torque_errors(noise, run)
+    power, apart = (
+        power + equations.slack,
+        equations.apart + np.column_stack([2 * alone, np.zeros_like(alone)]),
+    )
     shaft = [position, speed] if run.rigid else [position, speed, position, speed]
     size = equations.first.size
     return System(
@@ -133,7 +137,7 @@ def problem_of(equations: Equations, noise: Noise, run: Signals) -> System:
         equations.forcing,
         equations.noise,
         power[1:],
-        equations.apart,
+        apart,
         equations.measured,
         variances_of(noise, run),
         equations.first,
@@ -152,8 +156,20 @@ def variances_of(noise: Noise, run: Signals) -> Array:
     return variances
 
 
+def torque_errors(noise: Noise, run: Signals) -> tuple[Array, Array]:
+    """Variance (N·m)² of the torque's error at each sample (n,), and of what each step has besides, alone and all along
+    it, (n − 1,).
+
+    Over a step of m recorded samples, of errors σ each, the mean of the straight lines between them has a variance of
+    (m − ½) σ²/m², and ¼ σ²/m² in common with the next step's: as if errors of σ/m at the steps' ends were beside such
+    of √(m − 1) σ/m that are the step's own.
+    """
+    power, many = power_of(noise, run), run.drive.every
+    return power / many**2, (many - 1) / many**2 * (power[1:] + power[:-1]) / 2
+
+
 def power_of(noise: Noise, run: Signals) -> Array:
-    """Variance (N·m)² of the torque's error at each sample, (n,)."""
+    """Variance (N·m)² of the torque's error of each recorded sample, about those that are taken, (n,)."""
     power = np.full(run.time_s.size, noise.torque_nm**2)
     if noise.torque_share > 0:
         power += (noise.torque_share * run.load_nm) ** 2
@@ -171,7 +187,7 @@ def first_noise(runs: Sequence[Signals]) -> Noise:
     """A rough guess, to start from: what second differences of torque and speed show."""
     stroke = max(float(np.ptp(run.position_rad)) for run in runs)
     return Noise(
-        torque_nm=_roughness([run.drive.smooth_nm for run in runs]),
+        torque_nm=_roughness([run.drive.recorded_nm for run in runs]),
         speed_rad_s=_roughness([run.speed_rad_s for run in runs]),
         position_rad=max(_ANGLE_ERROR * stroke, 1e-15),
     )

@@ -69,17 +69,22 @@ class Drive:
         """The held injection as a curve through the middles of its steps, at the samples, (n,)."""
         return self.held.curve(0.0)
 
+    @property
+    def recorded_nm(self) -> Array:
+        """All of it but the held injection, at all samples that were recorded."""
+        return np.asarray(self.smooth(self.smooth.x))
+
     @cached_property
     def smooth_nm(self) -> Array:
-        """All of it but the held injection, at the samples, (n,)."""
-        return self._at_samples(self.smooth(self.smooth.x))
+        """The same at the samples, (n,)."""
+        return self._at_samples(self.recorded_nm)
 
     def asked(self, law: Callable[[Array], Array], filter_s: float) -> Array:
         """What a law makes of the torque that was asked for, before a filter delayed it by so much, at the samples.
 
         It is asked of each recorded one, so that a corner stays where it is.
         """
-        whole = self.smooth(self.smooth.x) if self.every > 1 else self.whole_nm
+        whole = self.recorded_nm if self.every > 1 else self.whole_nm
         return self._at_samples(law(whole + filter_s * self._rate))
 
     @cached_property
@@ -102,7 +107,7 @@ class Drive:
         what is smooth, are missed alike everywhere. Where the torque was sampled several times in a step, it is missed
         in one part of it.
         """
-        reported = self.smooth(self.smooth.x)
+        reported = self.recorded_nm
         if reported.size < 2 * _GUESS.size:
             return np.zeros_like(self.time_s)
         missed = np.zeros_like(reported)

@@ -369,7 +369,7 @@ def _without_noise(about: Linearised, number: int) -> Array:
     run, noise = about.view.runs[number], about.noise
     size = float(np.sqrt(noise.torque_nm**2 + np.mean((noise.torque_share * run.load_nm) ** 2)))
     reported = run.drive.smooth_nm - about.passed[number].states[:, -1]
-    return np.asarray(heard(reported, size) + run.drive.injected_nm)
+    return np.asarray(heard(reported, size / np.sqrt(run.drive.every)) + run.drive.injected_nm)
 
 
 def loud_about(about: Linearised) -> tuple[Sequence[Array], ...]:
