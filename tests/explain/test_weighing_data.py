@@ -310,7 +310,8 @@ def test_states_that_run_away_stay_where_the_runs_were_likeliest(view, monkeypat
 
 
 def test_each_law_that_bends_the_coupling_is_offered_in_anothers_place(view, data):
-    """Beside hysteresis, which promised more, a cubic stiffness had no room."""
+    """Beside hysteresis, which promised more, a cubic stiffness had no room; and a stiffness, which it is in its limit,
+    was not asked for."""
     about = rounds.at_rest(view, data.members, first_noise(view.runs))
     search = Search(Data.of(about, data.members, data.candidates, (0, 1, 3), 2.0), (0, 1, 2))
 
@@ -321,9 +322,14 @@ def test_each_law_that_bends_the_coupling_is_offered_in_anothers_place(view, dat
 
     spot, last = pick("local_friction"), pick("coupling_hysteresis")
     instead = [one.picks for one in bending_instead(search, (spot, last))]
-    assert {search.name(picks[-1]) for picks in instead} == {"nonlinear_stiffness", "stiffness_over_angle"}
+    assert {search.name(picks[-1]) for picks in instead} == {
+        *("nonlinear_stiffness", "stiffness_over_angle", "coupling_stiffness")
+    }
     assert all(picks[0] == spot for picks in instead)
     assert bending_instead(search, (last, spot)) == []
+    assert search.prior((spot, last)) - search.prior((spot,)) == pytest.approx(
+        2 * search.handicap + search.data.candidates[search.index(last)].shape_log
+    )  # it is one law and something more
 
 
 @pytest.mark.parametrize("share", [1.0, 0.5, -1.0])

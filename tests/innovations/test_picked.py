@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from schwung.drivetrain.machine import Machine
+from schwung.innovations.likelihood import Noise, torque_errors
 from schwung.innovations.signals import picked_signals_of, signals_of
 from schwung.session.model import Run
 
@@ -89,3 +90,17 @@ def test_a_recording_with_no_sample_to_spare_is_taken_as_it_is(machine: Machine)
     run = _recorded(np.zeros(8000))
     picked, whole = picked_signals_of(run, machine, 700.0), signals_of(run, machine, 700.0)
     assert picked.time_s.size == whole.time_s.size == len(run)
+
+
+@pytest.mark.parametrize("every", [2, 4, 6])
+def test_errors_of_recorded_samples_are_in_a_step_what_the_model_says(machine: Machine, every: int) -> None:
+    """Between the samples that are taken lie others: of a step's error, the next one has little."""
+    noise = np.random.default_rng(3).standard_normal(80_000)
+    run = picked_signals_of(_recorded(noise), machine, 160.0 * EVERY / every)
+    assert run.drive.every == every
+    between = run.drive.undelayed
+    means = (between.start_nm + between.end_nm) / 2 + 2 / 3 * between.bulge_nm
+    at_samples, alone = torque_errors(Noise(1.0, 1e-3, 1e-6), run)
+    assert np.var(means) == pytest.approx(float(at_samples[0] / 2 + alone[0]), rel=0.1)
+    shared = float(np.mean(means[1:] * means[:-1]))
+    assert shared == pytest.approx(float(at_samples[0] / 4), abs=0.05 * float(np.var(means)))

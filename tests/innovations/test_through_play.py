@@ -72,7 +72,7 @@ def test_bounces_are_foreseen_as_surely_as_they_come() -> None:
     torques = np.column_stack([reported[:-1], none, reported[1:], none, none, none])
     run: Any = SimpleNamespace(
         step_s=STEP_S, time_s=time, states=states, position_rad=measured[:, 0], rigid=False,
-        speed_measured=True, load_nm=reported,
+        speed_measured=True, load_nm=reported, drive=SimpleNamespace(every=1),
     )  # fmt: skip
     squares = _squares(run, torques, measured, NOISE)
     assert np.mean(squares) < 1.5
@@ -85,7 +85,7 @@ def test_bounces_between_samples_that_are_left_out_are_foreseen() -> None:
     step_s = STEP_S / 8
     time = step_s * np.arange(8 * 400)
     reported = 1.5 * np.sin(60 * time) + 2.0 * np.sin(270 * time)
-    states = _played(reported + every**0.5 * QUIET.torque_nm * chance.normal(size=time.size), step_s)
+    states = _played(reported + QUIET.torque_nm * chance.normal(size=time.size), step_s)
     measured = states[:, :2] + chance.normal(size=(time.size, 2)) * [QUIET.position_rad, QUIET.speed_rad_s]
     recorded = Run("reference", 0, 1 / step_s, time, measured[:, 0].copy(), measured[:, 1].copy(), reported)
     run = picked_signals_of(recorded, MACHINE, 160.0)

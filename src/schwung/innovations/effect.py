@@ -90,16 +90,19 @@ class Passed:
 
     def of_noise(self, noise: Noise, run: Signals, chance: np.random.Generator) -> Passed:
         """The same run, had there been nothing but noise: of a linear filter, what its states hold of that."""
-        count = run.time_s.size
-        sizes = np.sqrt(variances_of(noise, run))
-        torque, alone = (np.sqrt(one) * chance.standard_normal(one.size) for one in torque_errors(noise, run))
+
+        def drawn(variances: Array) -> Array:
+            return np.asarray(np.sqrt(variances) * chance.standard_normal(variances.shape))
+
+        at_samples, within = torque_errors(noise, run)
+        torque, measured, alone = map(drawn, (at_samples, variances_of(noise, run), within))
         first, last = self.equations.transition[:, :-1, -1], self.equations.noise[:, :-1]
         forcing = np.zeros_like(self.equations.forcing)
         forcing[:, :-1] = -(first * (torque[:-1] + alone)[:, None] + last * (torque[1:] + alone)[:, None])
         still = replace(
             self.equations,
             forcing=forcing,
-            measured=chance.standard_normal((count, 2)) * sizes,
+            measured=measured,
             first=np.zeros_like(self.equations.first),
         )
         return Passed.of(still, self.steps, noise, run)

@@ -160,12 +160,15 @@ def torque_errors(noise: Noise, run: Signals) -> tuple[Array, Array]:
     """Variance (N·m)² of the torque's error at each sample (n,), and of what each step has besides, alone and all along
     it, (n − 1,).
 
-    Over a step of m recorded samples, of errors σ each, the mean of the straight lines between them has a variance of
-    (m − ½) σ²/m², and ¼ σ²/m² in common with the next step's: as if errors of σ/m at the steps' ends were beside such
-    of √(m − 1) σ/m that are the step's own.
+    Over a step of m > 1 recorded samples, of errors σ each, the mean of a cubic spline through them has a variance of
+    about (1 − ¼/m) σ²/m, and ⅛ σ²/m² in common with the next step's: as if errors of σ/m √½ at the steps' ends were
+    beside such of √(m − ½) σ/m that are the step's own.
     """
     power, many = power_of(noise, run), run.drive.every
-    return power / many**2, (many - 1) / many**2 * (power[1:] + power[:-1]) / 2
+    within = (power[1:] + power[:-1]) / 2
+    if many < 2:
+        return power, 0.0 * within
+    return power / (2 * many**2), (many - 0.5) / many**2 * within
 
 
 def power_of(noise: Noise, run: Signals) -> Array:

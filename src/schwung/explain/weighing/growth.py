@@ -326,8 +326,8 @@ class Growth:
         return best
 
     def _asked(self, search: Search, start: Scored, at: Settled) -> tuple[dict[Scored, None], list[Scored]]:
-        """Sets of one cause more that are brought to rest: those that a line promises something of, and those that no
-        line leads to."""
+        """Sets of one cause more, or of a law in place of a curve, that are brought to rest: those that a line promises
+        something of, and those that no line leads to."""
         offers = sorted(offered(search, start.picks), key=lambda one: -one.log)
         likelier = [one for one in offers if one.log > start.log]
         # what one motion has of its own could be anything: first all that another motion would show as well
@@ -342,7 +342,7 @@ class Growth:
         elsewhere = [one for one in offers if search.candidate(one.picks[-1]).elsewhere and promising]
         if not self.rests.misses(at):  # what little of the coupling bends about such a set, a line leads to
             elsewhere = [one for one in elsewhere if search.candidate(one.picks[-1]).tangent is None]
-        beside = in_their_limits(search, start.picks, promising)
+        beside = [*laws_instead(search, start.picks), *in_their_limits(search, start.picks, promising)]
         if self.rests.misses(at):  # of a load that is unknown, anything that is missed is a line
             beside += inertia_beside(search, start.picks)
         lines = dict.fromkeys((*promising, *(one for one in beside if one.log > start.log)))
@@ -352,10 +352,10 @@ class Growth:
     def _in_place(
         self, search: Search, start: Scored, at: Settled
     ) -> tuple[tuple[Scored, Settled] | None, float]:
-        """A law in place of a curve, or a number of the belief in that of another, at rest, and what it gains (log): it
-        needs no cause more, so that where that is much, it comes before all that do."""
+        """A number of the belief in place of another, at rest, and what that gains (log): it needs no cause more, so
+        that where it is much, it comes before all that do."""
         best, top = None, 0.0
-        for one in (*laws_instead(search, start.picks), *numbers_instead(search, start.picks)):
+        for one in numbers_instead(search, start.picks):
             if one.log <= start.log or search.data.work.spent:
                 continue
             tried, gain = self.rests.rest(search, one, start, at, top)
