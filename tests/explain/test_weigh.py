@@ -83,8 +83,9 @@ def test_noise_in_proportion_to_the_torque_is_noise(share):
     stranger = replace(STRANGERS[0], torque_share=share)
     found = weigh(session_of(stranger, 5, times=(0.25,)), belief_of(stranger))
     assert not likely(found)
-    assert found.noise.torque_share == pytest.approx(share, abs=0.002)
-    assert found.noise.torque_nm == pytest.approx(0.05 / 2**0.5, rel=0.2)  # of a step: two samples
+    # of each recorded sample, of which every second is taken; the plant's two parts add up, and not their squares
+    assert found.noise.torque_share == pytest.approx(share, rel=0.35, abs=0.001)
+    assert found.noise.torque_nm == pytest.approx(0.05, rel=0.2)
 
 
 @pytest.mark.long

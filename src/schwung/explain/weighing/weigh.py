@@ -276,9 +276,10 @@ def _unnamed(
     """What describes the motion without being a name, the most probable first: curves, and names that are only like it.
 
     `names`: probabilities that a name is right; what is more probable by the description alone is not named. `usual`:
-    that it is as much as is usual, which is no finding.
+    that it is as much as is usual, which is no finding. What the recording has made no more probable than it was before
+    is none, either: of a drift over the runs one run says nothing.
     """
-    found = []
+    found, before = [], 1 / (1 + np.exp(-search.odds))
     for name, p in _probabilities(search).items():
         if name in left_out:
             continue
@@ -286,7 +287,7 @@ def _unnamed(
         if names.get(candidate.part_of, 0.0) > NAMED:
             continue
         more = p * (1 - usual.get(name, 0.0)) - names.get(name, 0.0) if candidate.named else p
-        if more >= TOLD:
+        if more >= max(TOLD, before):
             like = name if candidate.named else ""
             found.append(Unnamed(candidate.coordinate, more, _rms(search, name), like))
     return tuple(sorted(found, key=lambda one: (-round(one.probability, 2), -one.torque_nm)))
