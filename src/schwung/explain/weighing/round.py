@@ -155,12 +155,10 @@ def _dry(along: Along, opposed: Array) -> float:
     """Size of dry friction (N·m): what `opposed` (n,) takes from the motion on average where the shaft slides.
 
     `opposed` is the believed dry friction and all that acts beyond the belief, for where everything smooth is present,
-    any curve may carry friction, and others may cancel it. What grows with the speed holds nothing at rest. What swings
-    is no part of it: in a stroke as short as its period that is all on one side, and is as well known as the motion.
+    any curve may carry friction, and others may cancel it. What swings is no part of it: in a stroke as short as its
+    period that is all on one side, and is as well known as the motion.
     """
-    speed = along.speed / max(float(np.max(np.abs(along.speed))), 1e-300)
-    both = np.stack([along.direction, speed], 1)[along.moves]
-    return max(float(np.linalg.lstsq(both, opposed[along.moves])[0][0]), 0.0)
+    return max(float(np.mean((opposed * along.direction)[along.moves])), 0.0)
 
 
 @dataclass(frozen=True, eq=False)
