@@ -107,3 +107,9 @@ def test_numbers_that_are_each_run_s_own_are_no_law_of_motions() -> None:
 def test_sizes_of_a_curve_are_weighed_alike() -> None:
     assert odds([0.5] * 6, scales=(1.0, 0.1)) > 3
     assert odds([1.0, 0, 0] * 2, scales=(1.0, 0.1)) < -3
+
+
+def test_what_does_nothing_along_a_recording_is_off_by_nothing() -> None:
+    found = alike(np.array([68.0, 0.0]), np.array([[3e20, 0.0], [0.0, 0.0]]))
+    assert found[0] > 0
+    assert found[1] == 0

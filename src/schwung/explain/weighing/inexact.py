@@ -48,10 +48,11 @@ def error_of(law: Candidate) -> Candidate | None:
 
 
 def alike(coefficients: Array, gram: Array) -> Array:
-    """Of each coefficient of a law (p,) what does as much as any other, and all together what the law does; `gram`:
-    products of their columns (p, p)."""
+    """Of each coefficient of a law (p,) what does as much as any other, and all together what the law does; of one
+    that does nothing, nothing. `gram`: products of their columns (p, p)."""
     power = max(float(coefficients @ gram @ coefficients), 0.0) / coefficients.size
-    return np.asarray(np.sqrt(power / np.maximum(np.diag(gram), 1e-300)))
+    each = np.diag(gram)
+    return np.sqrt(np.divide(power, each, out=np.zeros(each.size), where=each > 0))
 
 
 def deviations_of(coefficients: Array, gram: Array, columns: int) -> Array:
