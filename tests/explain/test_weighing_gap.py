@@ -109,6 +109,18 @@ def test_what_is_hopeless_does_not_come_to_rest(view):
     assert hopeless.log < found.log + 1e3
 
 
+@pytest.mark.long
+def test_what_is_worse_on_all_of_the_way_is_begun_where_it_leads(view):
+    """A coupling with play seems softer, never twice as stiff; that it leads there and back was worth nothing."""
+    nothing, stiff = settled(view, [usual(view)], WEIGHING), softer(view).candidate
+    members, promised = (
+        [*nothing.members, absent(stiff)],
+        [nothing.members[0].coefficients, np.array([STIFFNESS])],
+    )
+    at = settled_beyond(nothing.about, members, promised, WEIGHING)
+    assert at.log > nothing.log - 10
+
+
 def test_a_gap_is_tried_whatever_a_line_promises(view, play):
     nothing = settled(view, [usual(view)], WEIGHING)
     members = [*nothing.members, absent(play)]

@@ -77,6 +77,7 @@ class Candidate:
     family: str = ""  # of which a set holds one at most: each is a case of another
     cases: frozenset[str] = frozenset()  # names that are cases of this one: a set holds it or them
     limit: str = ""  # a name that it comes to in its limit: it is that, and something more
+    causes: int = 1  # as which it counts beforehand: near its limit nothing tells it from that
     own: tuple[Callable[[Along, Shape], Array], ...] = ()  # that its law may be off over, −1…1; none: by name
     others: Candidate | None = None  # what other laws of it do, in place of that
     tangent: Callable[[Along, Shape, Array], Array] | None = (
@@ -145,12 +146,6 @@ class Candidate:
     def bends_by_shape(self) -> bool:
         """Whether it bends the coupling in more ways than one."""
         return self.tangent is not None and len(self.shapes) > 1
-
-    @property
-    def causes(self) -> int:
-        """As how many it counts, before anything is seen: of what tells it from its limit nothing shows near that, so
-        that the two would share what is as likely by either."""
-        return 2 if self.limit else 1
 
     @property
     def shape_log(self) -> float:

@@ -25,7 +25,6 @@ from schwung.explain.weighing.exchange import (
     play_instead,
 )
 from schwung.explain.weighing.offers import (
-    in_their_limits,
     inertia_beside,
     laws_instead,
     limits_instead,
@@ -303,7 +302,8 @@ class Growth:
         lines, beyond = self._asked(search, start, at)
         # a number of the belief costs least, and what is hopeless beside it costs little
         numbers = [one for one in lines if search.candidate(one.picks[-1]).is_number]
-        for one in dict.fromkeys((*numbers, *(one for one in lines if one not in beyond), *beyond)):
+        asked = list(dict.fromkeys((*numbers, *(one for one in lines if one not in beyond), *beyond)))
+        for one in asked:
             last = self.gained.get(search.index(one.picks[-1]), np.inf) if one in beyond else np.inf
             # what a cause takes beside more is seldom more: it is not asked again for less than there is already
             fruitless = best is not None and last <= top
@@ -315,6 +315,8 @@ class Growth:
                 self.gained[search.index(one.picks[-1])] = gain
             if everywhere or one not in beyond:
                 search.asked[frozenset(one.picks)] = gain
+            if np.isneginf(gain):  # what came to its end is what it is in its limit
+                asked += [limit for limit in limits_instead(search, one.picks) if limit not in asked]
             if gain > top:
                 best, top = (one, tried), gain
         if best is None or not self.rests.misses(at) or not self.rests.leaves(best[1]):
@@ -343,7 +345,7 @@ class Growth:
         elsewhere = [one for one in offers if search.candidate(one.picks[-1]).elsewhere and promising]
         if not self.rests.misses(at):  # what little of the coupling bends about such a set, a line leads to
             elsewhere = [one for one in elsewhere if search.candidate(one.picks[-1]).tangent is None]
-        beside = [*laws_instead(search, start.picks), *in_their_limits(search, start.picks, promising)]
+        beside = laws_instead(search, start.picks)
         if self.rests.misses(at):  # of a load that is unknown, anything that is missed is a line
             beside += inertia_beside(search, start.picks)
         lines = dict.fromkeys((*promising, *(one for one in beside if one.log > start.log)))

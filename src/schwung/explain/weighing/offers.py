@@ -5,7 +5,6 @@ By the linear model alone: what is offered has yet to be brought to rest.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from itertools import chain, combinations
 
 from schwung.explain.weighing.search import HOPELESS, MOST, Pick, Scored, Search, Set
@@ -97,22 +96,16 @@ def coupling_instead(search: Search, picks: Set) -> Scored | None:
     return next((search.with_pick(others, pick) for _, pick in search.additions(others, curves)), None)
 
 
-def in_their_limits(search: Search, picks: Set, sets: Sequence[Scored]) -> list[Scored]:
-    """Of sets of one cause more than `picks`, with what that is in its limit: where it comes to its end, it is that."""
-    lasts = dict.fromkeys(one.picks[-1] for one in sets)
-    return [one for last in lasts for one in _in_its_limit(search, picks, last)]
-
-
 def limits_instead(search: Search, picks: Set) -> list[Scored]:
-    """In place of each cause what it is in its limit: beside what was found since, it may be no more."""
-    every = ((tuple(other for other in picks if other != pick), pick) for pick in picks)
-    return [one for others, pick in every for one in _in_its_limit(search, others, pick)]
-
-
-def _in_its_limit(search: Search, others: Set, pick: Pick) -> list[Scored]:
-    name, own = search.candidate(pick).limit, search.index(pick)
-    among = {i for i, c in enumerate(search.data.candidates) if c.name == name and i != own}
-    return [search.with_pick(others, one) for _, one in search.additions(others, among)] if among else []
+    """In place of each cause what it is in its limit."""
+    found = []
+    for pick in picks:
+        name, own = search.candidate(pick).limit, search.index(pick)
+        among = {i for i, c in enumerate(search.data.candidates) if c.name == name and i != own}
+        others = tuple(other for other in picks if other != pick)
+        offers = search.additions(others, among) if among else []
+        found += [search.with_pick(others, one) for _, one in offers]
+    return found
 
 
 def bending_instead(search: Search, picks: Set) -> list[Scored]:

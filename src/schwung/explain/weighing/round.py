@@ -8,6 +8,7 @@ from functools import cached_property
 from typing import TypeVar
 
 import numpy as np
+from scipy.optimize import nnls
 
 from schwung.explain.weighing.along import Along, Ranges, along
 from schwung.explain.weighing.candidate import Candidate, Missed, Shape
@@ -152,13 +153,16 @@ def _eased(along: Along, stiffer: Array) -> Acting:
 
 
 def _dry(along: Along, opposed: Array) -> float:
-    """Size of dry friction (N·m): what `opposed` (n,) takes from the motion on average where the shaft slides.
+    """Size of dry friction (N·m): what `opposed` (n,) takes from the motion where the shaft slides, however slowly.
 
     `opposed` is the believed dry friction and all that acts beyond the belief, for where everything smooth is present,
-    any curve may carry friction, and others may cancel it. What swings is no part of it: in a stroke as short as its
-    period that is all on one side, and is as well known as the motion.
+    any curve may carry friction, and others may cancel it. What grows with the speed holds nothing at rest; of two that
+    friction is, neither drives. What swings is no part of it: in a stroke as short as its period that is all on one
+    side, and is as well known as the motion.
     """
-    return max(float(np.mean((opposed * along.direction)[along.moves])), 0.0)
+    fastest = max(float(np.max(np.abs(along.speed))), 1e-300)
+    dry_and_viscous = np.stack([along.direction, along.speed / fastest], 1)[along.moves]
+    return float(nnls(dry_and_viscous, opposed[along.moves])[0][0]) if np.any(along.moves) else 0.0
 
 
 @dataclass(frozen=True, eq=False)

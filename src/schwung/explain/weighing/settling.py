@@ -123,7 +123,8 @@ def settled_beyond(
 ) -> Settled:
     """The same from members with the coefficients they have where all is linearised; `promised`: the linear model's.
 
-    Where no part of that step makes the runs likelier, the set is worth nothing: what it promised is no machine.
+    Where no part of that step makes the runs likelier, they are begun where it leads: far from the truth a set may have
+    to be worse before it is better, as a late speed is, which bends in proportion to how late it is.
     """
     if any(_shut(m) for m in members):
         opened = _opened(about, members, weighing)
@@ -133,9 +134,12 @@ def settled_beyond(
     steps = [new - m.coefficients for new, m in zip(promised, members, strict=True)]
     cost = _cost(about, members, weighing)
     still = [np.zeros(len(m.candidate.spacing)) for m in members]
-    return _at_rest(
-        _Step(about, tuple(members), steps, still, np.inf, np.inf, cost, -np.inf), weighing, least
-    )
+    begun = _Step(about, tuple(members), steps, still, np.inf, np.inf, cost, -np.inf)
+    found = _at_rest(begun, weighing, least)
+    if np.isneginf(found.log):
+        there = [replace(m, coefficients=new) for new, m in zip(promised, members, strict=True)]
+        return settled(about.view, there, weighing, least)
+    return found
 
 
 def settled_elsewhere(

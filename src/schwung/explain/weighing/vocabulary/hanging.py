@@ -47,7 +47,7 @@ def hanging(of: Ranges, deviation_kgm2: float, known_to_kgm2: float) -> Candidat
         shapes=(), sought=sought, choices=_HZ.size * _STIFFER.size, spacing=(0.04, 0.7, 0.1),
         logarithmic=(True, True, True), bounds=((2 * np.pi, 2 * np.pi * of.band_hz), (0.005, 0.5), (0.1, 100.0)),
         positive=(0,), coordinate="frequency", known_to=known_to_kgm2, swings=True, felt=lambda s: 1 / (2 * s[1]),
-        limit="extra_compliance",
+        limit="extra_compliance", causes=3,
     )  # fmt: skip
 
 

@@ -56,7 +56,8 @@ def hysteresis(of: Ranges, coupling: Coupling, torque_nm: float, known: Known) -
         shapes=grid(wound * np.geomspace(_SHORTEST, _LONGEST, 7), _EXPONENTS), spacing=(0.3, 0.5),
         logarithmic=(True, True), bounds=((0.5 * _SHORTEST * wound, 2 * _LONGEST * wound), (0.5, 20.0)),
         endless=(1,), positive=(0,), least=(-known.effects.hysteresis_nm,), coordinate="torque", own=(_held,),
-        tangent=_tangent, others=_OTHERS, none_of=hardly_yields, limit="coupling_stiffness",
+        tangent=_tangent, others=_OTHERS, none_of=hardly_yields,
+        limit="coupling_stiffness", causes=2,
     )  # fmt: skip
 
 
