@@ -137,10 +137,23 @@ def curve_instead(rests: Rests, search: Search, start: Scored, at: Settled) -> t
     if one is None or search.kind(one.picks) in rests.rested:
         return None
     tried, gain = rests.rest(search, one, start, at)
+    if gain <= 0:  # where all that it stands for is gone, a line from there may lead to no machine
+        begun = begun_from(at.members, members_of(search, one, rests.candidates))
+        tried, gain = rests.noted(search, one, start, at, settled(at.about.view, begun, rests.weighing))
     if gain > 0:
         return one, tried
     search.note(search.kind(one.picks), start.log + gain, one.log)
     return None
+
+
+def resized(rests: Rests, search: Search, start: Scored, at: Settled) -> tuple[Scored, Settled]:
+    """The set at rest with its curves as large as the evidence has them there: else whatever is asked beside them would
+    have what that gains."""
+    one = search.sized(start)
+    if one.picks == start.picks:
+        return start, at
+    tried, gain = rests.rest(search, one, start, at)
+    return (one, tried) if gain > 0 else (start, at)
 
 
 def _loses_all(rests: Rests, at: Settled, gain: float) -> bool:

@@ -135,10 +135,8 @@ def grown(growth: Growth, view: View) -> Grown:
 def _from_nothing(growth: Growth, view: View, nothing: Settled) -> _Found:
     """All causes in all runs, or laws alone, or without curves."""
     every = growth.afresh()
-    found = _Found(every, every.climbed(nothing, ()))
-    if found.named and not found.without_curves:
-        found = _or_else(found, growth.without_curves, view)
-    return _or_laws(found, view)
+    found = _or_laws(_Found(every, every.climbed(nothing, ())), view)
+    return _or_else(found, growth.without_curves, view) if found.named and not found.without_curves else found
 
 
 def _from_few(growth: Growth, view: View, nothing: Settled) -> _Found:

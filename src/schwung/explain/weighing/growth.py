@@ -23,6 +23,7 @@ from schwung.explain.weighing.exchange import (
     exchanged,
     numbers_exchanged,
     play_instead,
+    resized,
 )
 from schwung.explain.weighing.offers import (
     inertia_beside,
@@ -163,6 +164,8 @@ class Growth:
             search = self._search(at)
             start = search.score(carried(search.data, picks))
             search.resting = search.kind(start.picks)
+            start, at = resized(self.rests, search, start, at)
+            picks = kept(search, start, at)
             if search.data.work.spent:
                 return Climbed(search, start, at)
             if growing:
