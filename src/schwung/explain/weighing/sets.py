@@ -81,15 +81,7 @@ def everything(candidates: Sequence[Candidate], members: Sequence[Member]) -> li
     """The members, and whatever is smooth along any motion."""
     inside = {(m.candidate.name, m.candidate.coordinate) for m in members}
     smooth = (c for c in candidates if _smooth(c) and (c.name, c.coordinate) not in inside)
-    return [*members, *(_naturally_bent(absent(c)) for c in smooth)]
-
-
-def _naturally_bent(member: Member) -> Member:
-    """In the shape that a late cause of a natural size has: of any other, no line says what milliseconds do."""
-    candidate = member.candidate
-    if candidate.bends is None:
-        return member
-    return replace(member, shape=(candidate.bends[0] * candidate.deviations[0], *member.shape[1:]))
+    return [*members, *(absent(c) for c in smooth)]
 
 
 def _smooth(candidate: Candidate) -> bool:
