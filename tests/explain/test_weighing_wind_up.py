@@ -1,12 +1,17 @@
 """A coupling whose torque follows its wind-up in a way that has no name: a curve, in the file, and known from there."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from sealed_sessions import fewer
 from strangers import STIFFNESS, STRANGERS, belief_of, session_of
 
 from schwung.drivetrain.residual import residuals_of
+from schwung.explain.weighing.candidate import LADDER
+from schwung.explain.weighing.exchange import resized
 from schwung.explain.weighing.published import publish, published_of
+from schwung.explain.weighing.sets import members_of
 from schwung.explain.weighing.weigh import posterior_of
 from schwung.explain.weighing.work import Work
 
@@ -19,9 +24,13 @@ def session():
 
 
 @pytest.fixture(scope="module")
-def found(session):
-    machine = belief_of(SOFT)
-    return published_of(session, machine, posterior_of(session, machine, work=Work(most=1e9)))
+def posterior(session):
+    return posterior_of(session, belief_of(SOFT), work=Work(most=1e9))
+
+
+@pytest.fixture(scope="module")
+def found(session, posterior):
+    return published_of(session, belief_of(SOFT), posterior)
 
 
 @pytest.mark.long
@@ -34,6 +43,20 @@ def test_it_is_a_curve_over_the_wind_up_and_nothing_else(found):
     assert found.proof.before > 4
     assert found.proof.after < 1.15
     assert "over the coupling's wind-up" in found.headline
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("scale", [LADDER[0], LADDER[-1]])
+def test_it_is_as_large_as_the_evidence_has_it(posterior, scale):
+    """Of another size, whatever was asked beside it had what that gains: 75 nats of a load event of 0 N·m."""
+    grown = posterior.grown
+    rests = grown.growth.rests
+    search, (pick,) = grown.search, grown.best.picks
+    wrong = search.score((replace(pick, scale=scale),))
+    at = rests.settled(grown.climbed.at.about.view, members_of(search, wrong, rests.candidates))
+    one, rested = resized(rests, search, wrong, at)
+    assert one.picks == (pick,)
+    assert rested.log > at.log + 1.0
 
 
 @pytest.mark.long
