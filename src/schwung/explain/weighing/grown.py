@@ -95,7 +95,8 @@ class _Found:
         """With all causes from there; `named`: until one has no name."""
         growth = replace(self.growth, among=None, rival=None)
         at, picks = self.climbed.at, self.climbed.picks
-        return _Found(growth, growth.climbed(at, picks, named=named, fresh=self.fresh))
+        climbed = growth.climbed(at, picks, named=named, fresh=self.fresh)
+        return _Found(growth, replace(climbed, beats_laws=climbed.beats_laws or self.climbed.beats_laws))
 
     def about(self, other: _Found) -> Climbed:
         """At rest about another's noise."""
@@ -143,6 +144,9 @@ def _from_few(growth: Growth, view: View, nothing: Settled) -> _Found:
     """From what all causes make of a few runs; or laws alone, where those leave something without a name, or laws
     without curves, where they name a curve."""
     every, laws = growth.afresh(), growth.afresh(growth.laws)
+    view = (
+        nothing.about.view
+    )  # as recorded, no shaft is wound up, and one that bends does not come to rest from there
     few = _Found(every, every.by_few(view, view.work.within(_FEW)))
     if few.named and not few.without_curves:
         plain = growth.afresh(growth.without_curves)
@@ -151,7 +155,7 @@ def _from_few(growth: Growth, view: View, nothing: Settled) -> _Found:
             found = alone.renewed(nothing).further()
             if found.beats(few):
                 return _or_laws(found, view)
-    if few.named:
+    if few.named or few.climbed.beats_laws:
         return _or_laws(few.renewed(nothing).further(), view)
     alone = _Found(laws, laws.by_few(view, view.work.apart(_LAWS)))
     if alone.climbed.log <= few.climbed.log:
@@ -167,8 +171,9 @@ def _from_few(growth: Growth, view: View, nothing: Settled) -> _Found:
 
 
 def _or_laws(found: _Found, view: View) -> _Found:
-    """What was found, where all of it has a name, or from laws alone in all runs, where those are likelier."""
-    return found if found.named else _or_else(found, found.growth.laws, view)
+    """What was found, where all of it has a name or is known to be likelier than laws alone; or from those in all
+    runs, where they are likelier."""
+    return found if found.named or found.climbed.beats_laws else _or_else(found, found.growth.laws, view)
 
 
 def _or_else(found: _Found, among: frozenset[int], view: View) -> _Found:

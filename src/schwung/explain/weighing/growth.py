@@ -76,6 +76,9 @@ class Climbed:
     best: Scored
     at: Settled
     halfway: bool = False  # whether it was left because something has no name
+    beats_laws: bool = (
+        False  # whether laws alone came to rest on the way, and a coupling that is a curve is likelier
+    )
 
     @property
     def log(self) -> float:
@@ -154,7 +157,8 @@ class Growth:
             if bent is None:
                 return found
             self.bent = True
-            return self._climbed(bent[1], kept(found.search, *bent), named=named)
+            bent_as_found = self._climbed(bent[1], kept(found.search, *bent), named=named)
+            return replace(bent_as_found, beats_laws=not is_unnamed(found.search, found.best))
 
     def _climbed(self, at: Settled, picks: Shaped, *, named: bool = False, fresh: bool = False) -> Climbed:
         growing = True
