@@ -144,9 +144,8 @@ def _from_few(growth: Growth, view: View, nothing: Settled) -> _Found:
     """From what all causes make of a few runs; or laws alone, where those leave something without a name, or laws
     without curves, where they name a curve."""
     every, laws = growth.afresh(), growth.afresh(growth.laws)
-    view = (
-        nothing.about.view
-    )  # as recorded, no shaft is wound up, and one that bends does not come to rest from there
+    # as recorded, no shaft is wound up: what bends it much in a few runs did not come to rest in all from there
+    view = nothing.about.view
     few = _Found(every, every.by_few(view, view.work.within(_FEW)))
     if few.named and not few.without_curves:
         plain = growth.afresh(growth.without_curves)

@@ -76,9 +76,7 @@ class Climbed:
     best: Scored
     at: Settled
     halfway: bool = False  # whether it was left because something has no name
-    beats_laws: bool = (
-        False  # whether laws alone came to rest on the way, and a coupling that is a curve is likelier
-    )
+    beats_laws: bool = False  # whether it holds a coupling that is a curve, in place of laws alone at rest
 
     @property
     def log(self) -> float:
