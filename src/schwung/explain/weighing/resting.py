@@ -10,14 +10,11 @@ import numpy as np
 from schwung.explain.weighing.balance import balanced
 from schwung.explain.weighing.candidate import RIGHT_TO, Candidate
 from schwung.explain.weighing.present import Member, moves
-from schwung.explain.weighing.round import Linearised, View, few_of
+from schwung.explain.weighing.round import FAR, Linearised, View, few_of
 from schwung.explain.weighing.search import HOPELESS, Scored, Search
 from schwung.explain.weighing.sets import Shaped, begun_from, carried, kept, key_of, members_of
 from schwung.explain.weighing.settling import Settled, Weighing, settled, settled_beyond, settled_elsewhere
 from schwung.explain.weighing.wide import Wide
-
-#: A set that misses so many times its noise is far from the truth.
-_FAR = 2.0
 
 
 @dataclass(eq=False)
@@ -125,7 +122,7 @@ class Rests:
 
     def misses(self, at: Settled) -> bool:
         """Whether a set misses more than its noise is: then what is missed is no line about it."""
-        return bool(at.about.square(self.train) > _FAR**2 * at.about.samples(self.train))
+        return bool(at.about.square(self.train) > FAR**2 * at.about.samples(self.train))
 
     def leaves(self, at: Settled) -> bool:
         """Whether a set misses more than noise."""
