@@ -51,7 +51,7 @@ def test_nothing_is_imported_before_a_kernel_is_called() -> None:
 
 @pytest.mark.skipif(not compiled.IS_FAST, reason="nothing is compiled")
 def test_compiling_is_no_part_of_the_time_that_a_computation_takes() -> None:
-    import numba  # noqa: PLC0415
+    import numba  # noqa: PLC0415  (not there where nothing is compiled)
 
     double(1.0)  # from now on it is heeded
     began, taken = time.thread_time(), compiled.computing_s()
