@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import struct
 from collections.abc import Iterator
 from functools import partial
@@ -150,10 +151,21 @@ def test_whoever_hangs_for_a_second_the_drive_stops_and_stays_stopped(
     setting.producer.pump(1.2)
     frames = setting.check()
     assert isinstance(setting.exchange.trouble, StateError)
-    assert "was held up for" in setting.exchange.trouble.problem
+    late = re.search(r"was held up for (\d\.\d\d) s", setting.exchange.trouble.problem)
+    assert late
+    assert 0.06 < float(late[1]) <= 1.02, "as long as the ring reaches, at least"
     assert at_s + 0.04 < over_s < at_s + 1.2
     assert frames[-1] == rpdo(target(frames[-1]), 0, cia402.QUICK_STOP)
     assert setting.broadcast.running, "once it is back, it holds the stop"
+
+
+@pytest.mark.parametrize("at_s", [0.005, 0.1, 0.3, 0.7, 1.5])
+def test_a_program_may_be_as_late_when_a_motion_begins_as_within_it(at_s: float) -> None:
+    setting = Setting(0.004).start()
+    setting.clock.later(at_s, partial(setting.clock.stall, 0.25))
+    setting.play(600)
+    assert setting.exchange.trouble is None
+    setting.check()
 
 
 def test_a_program_that_never_comes_back_leaves_quick_stop_and_silence(setting: Setting) -> None:

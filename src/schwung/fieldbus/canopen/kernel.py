@@ -34,7 +34,7 @@ from schwung.fieldbus.canopen.sync import answered_within, await_answers, wait_w
 from schwung.fieldbus.drive import Progress
 
 GUARD_S = 0.008  # quick stop goes out for so long before silence: one lost frame does not matter
-LEAD_S = 0.1  # what is held before a motion: Python may be late by so much when it begins
+LEAD_S = 0.4  # what is held before a motion: Python may be as late when it begins as within it, CYCLES long
 HOLD_S = 2.0  # at standstill: longer than a drive waits for our heartbeat, or somebody for his disk
 _ECHO_TIMEOUT_S = 1.0
 _RESTART_S = 0.02  # a stop that is not sent for so long is started anew
@@ -205,7 +205,7 @@ class KernelProducer:
 
     def _held_up(self) -> None:
         self._ring.held_up = False
-        late_s = (self._position() - self._ring.played + self._ring.unfed) * self.period_s
+        late_s = self._ring.unfed * self.period_s
         problem = f"was stopped: this program was held up for {late_s:.2f} s"
         self._exchange.report(StateError(self._place, problem, "Free the processor of other work."))
         self._over.set()

@@ -92,6 +92,7 @@ class Ring:
         self.setpoint = -1  # of the last echo
         self.latched = False
         self.held_up = False  # the guard was met, or might have been
+        self.unfed = 0  # of these: cycles since the ring was last filled
 
     # ── what the drive shall see ─────────────────────────────────────────────────────────────────────────────────
 
@@ -161,7 +162,7 @@ class Ring:
 
     def give_up(self, position: int) -> Write:
         """Quick stop, latched."""
-        self.held_up = True
+        self.held_up, self.unfed = True, position - self._written
         return self.latch(cia402.QUICK_STOP, position)
 
     def again(self) -> Write:
@@ -219,11 +220,6 @@ class Ring:
     def met_guard(self) -> bool:
         """True where the last echo was one that stops the drive."""
         return self._guard_from is not None and self.played >= self._guard_from
-
-    @property
-    def unfed(self) -> int:
-        """Cycles since the last refill, or since what is held was written."""
-        return self.played - self._written
 
     def sent(self, data: bytes) -> bool:
         """An RPDO was seen on the bus; False where it is none of ours. Cycles of which it was not seen are skipped."""
