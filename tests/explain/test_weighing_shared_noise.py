@@ -6,6 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from sealed_sessions import drawn
+from strangers import STRANGERS, belief_of, session_of
 
 from schwung.explain.weighing.weigh import weigh
 from schwung.explain.weighing.wide import unshared_by_neighbours
@@ -14,6 +15,8 @@ from schwung.session.model import Run
 
 #: What a repeat has of its own.
 OWN = 0.3
+#: Of an encoder, rad.
+COUNT = 2 * np.pi / 8000
 
 
 def _sharing(session: Session) -> Session:
@@ -53,6 +56,31 @@ def test_what_is_beside_it_keeps_its_name(tmp_path: Path) -> None:
     session, belief, _ = drawn(tmp_path, 307205, 2)
     found = weigh(_sharing(session), belief)
     assert [one.name for one in found.names if one.probability > 0.5] == ["quadratic_drag"]
+
+
+def _counted(session: Session) -> Session:
+    """By an encoder of 8000 counts, the speed by how many came within 8 samples; repeats turn alike."""
+    firsts: dict[tuple[object, ...], Run] = {}
+    runs = []
+    for run in session.runs:
+        assert run.motion is not None
+        first = firsts.setdefault((run.role, run.motion.duration_s, run.excitation), run)
+        angle = COUNT * np.round(first.position_rad / COUNT)
+        before = np.concatenate([np.full(8, angle[0]), angle[:-8]])
+        speed = (angle - before) * run.sample_rate_hz / 8
+        runs.append(replace(run, position_rad=angle, speed_rad_s=speed))
+    return replace(session, runs=tuple(runs))
+
+
+@pytest.mark.long
+def test_what_repeats_are_rounded_to_is_noise_as_well() -> None:
+    """A sound machine: at first hardly a speed bends, since most samples are the same count. 5 times the noise was missed."""
+    found = weigh(_counted(session_of(STRANGERS[0], 5, times=(0.25, 0.4))), belief_of(STRANGERS[0]))
+    assert {one.name for one in found.names if one.probability > 0.5} <= {"measurement_delay"}
+    assert all(one.probability < 0.5 or one.like == "measurement_delay" for one in found.unnamed)
+    assert found.proof is not None
+    assert found.proof.after < 1.25
+    assert found.noise.speed_rad_s > 0.2 * COUNT * 500
 
 
 def test_what_neighbours_share_is_no_noise() -> None:

@@ -13,7 +13,7 @@ import numpy as np
 from scipy.optimize import minimize
 
 from schwung.innovations import kalman, kernel
-from schwung.innovations.signals import FINEST, Signals
+from schwung.innovations.signals import FINEST, Signals, count_of
 from schwung.innovations.values import Added, System
 from schwung.motion import Array
 
@@ -31,6 +31,8 @@ _UNTOLD = 1e6
 _LEAST_EVEN = 0.05
 #: A sampling that is so much uneven is as good as even (s).
 LEAST_JITTER_S = 1e-7
+#: Noise of what was counted is no less than this share of the rounding.
+_COUNTED = 0.5
 #: Of the angle's noise, what is left where jitter is tried for the rest.
 _EVEN_ANGLE = 0.2
 
@@ -187,12 +189,12 @@ def _untold(run: Signals) -> float:
 
 
 def first_noise(runs: Sequence[Signals]) -> Noise:
-    """A rough guess, to start from: what second differences of torque and speed show."""
+    """A rough guess, to start from: what second differences of torque and speed show, and no less than rounding."""
     stroke = max(float(np.ptp(run.position_rad)) for run in runs)
     return Noise(
         torque_nm=_roughness([run.drive.recorded_nm for run in runs]),
         speed_rad_s=_roughness([run.speed_rad_s for run in runs]),
-        position_rad=max(_ANGLE_ERROR * stroke, 1e-15),
+        position_rad=max(_ANGLE_ERROR * stroke, *(_rounding(run.count_rad) for run in runs), 1e-15),
     )
 
 
@@ -203,10 +205,17 @@ def coarsest_angle(runs: Sequence[Signals]) -> float:
 
 
 def _roughness(signals: Sequence[Array]) -> float:
-    """Standard deviation of the white noise that would bend most of the samples as much as they are bent."""
+    """Standard deviation of the white noise that would bend most of the samples as much as they are bent; of coarse
+    counts most do not bend at all."""
     bends = np.concatenate([np.diff(values, 2) for values in signals])
     size = float(np.sqrt(np.mean(np.concatenate(signals) ** 2)))
-    return max(1.4826 * float(np.median(np.abs(bends))) / 6**0.5, _LEAST_ROUGH * size, 1e-12)
+    rounding = max(_rounding(count_of(values)) for values in signals)
+    return max(1.4826 * float(np.median(np.abs(bends))) / 6**0.5, rounding, _LEAST_ROUGH * size, 1e-12)
+
+
+def _rounding(count: float) -> float:
+    """Standard deviation of what rounding to whole counts leaves."""
+    return count / float(np.sqrt(12))
 
 
 def deviance_of(
@@ -259,10 +268,14 @@ def likely_noise(
     divides it, and the last is the jitter, where it is surely likelier than none (by BIC). `coarsest`: no angle is
     noisier than that (rad). `repeats`: groups of runs that repeat a motion; noise is then what they do not share.
     """
-    finest = max(FINEST * span_rad, 0.5 * max(run.count_rad for run in runs) / np.sqrt(12))
-    # a simulation's runs have no noise: below this the filter's own rounding would be told
+    # a simulation's runs have no noise: below this the filter's own rounding would be told; repeats may share that of
+    # what was recorded
+    finest = max(FINEST * span_rad, _COUNTED * max(_rounding(run.count_rad) for run in runs))
     least_nm = FINEST * max(float(np.ptp(run.load_nm)) for run in runs)
-    least_rad_s = FINEST * max(float(np.ptp(run.speed_rad_s)) for run in runs)
+    least_rad_s = max(
+        max(FINEST * float(np.ptp(run.speed_rad_s)), _COUNTED * _rounding(count_of(run.speed_rad_s)))
+        for run in runs
+    )
     usual = float(np.sqrt(np.mean(np.concatenate([run.load_nm for run in runs]) ** 2))) if whole else 0.0
     speed_shows = any(run.speed_measured for run in runs)
 

@@ -295,15 +295,15 @@ def signals_of(recorded: Run, machine: Machine, band_hz: float, pieces_hz: float
         states=np.column_stack(states),
         rigid=rigid,
         band_hz=band_hz,
-        count_rad=count_of(recorded),
+        count_rad=count_of(recorded.position_rad),
         loss_std_s2=float(run.extra.get(LOSS_STD, 0.0)),
     )
 
 
-def count_of(run: Run) -> float:
-    """The encoder's count (rad); 0 where the angle is not counted."""
-    moves = np.abs(np.diff(run.position_rad))
-    moves = moves[moves > FINEST * float(np.ptp(run.position_rad))]
+def count_of(values: Array) -> float:
+    """What one count of a signal is, in its unit; 0 where it is not counted."""
+    moves = np.abs(np.diff(values))
+    moves = moves[moves > FINEST * float(np.ptp(values))]
     if moves.size == 0:
         return 0.0
     counts = moves / moves.min()
