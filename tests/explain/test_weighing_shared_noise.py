@@ -74,7 +74,7 @@ def _counted(session: Session) -> Session:
 
 @pytest.mark.long
 def test_what_repeats_are_rounded_to_is_noise_as_well() -> None:
-    """A sound machine: at first hardly a speed bends, since most samples are the same count. 5 times the noise was missed."""
+    """A sound machine. Hardly a speed bends, since most samples are the same count: 5 times the noise was missed."""
     found = weigh(_counted(session_of(STRANGERS[0], 5, times=(0.25, 0.4))), belief_of(STRANGERS[0]))
     assert {one.name for one in found.names if one.probability > 0.5} <= {"measurement_delay"}
     assert all(one.probability < 0.5 or one.like == "measurement_delay" for one in found.unnamed)

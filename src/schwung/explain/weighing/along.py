@@ -18,6 +18,8 @@ from schwung.innovations.splines import slopes
 from schwung.motion import Array
 from schwung.session.model import Run
 
+#: Torques (N·m) along a run, (n,) each.
+Beside = tuple[Callable[["Along"], Array], ...]
 #: Over which slopes by the angle are taken.
 DIFFERENCE_RAD = 1e-3
 #: Beyond so many times the speed at which it may stick, a shaft surely slides.
@@ -78,6 +80,7 @@ class Along:
     held_late: float = (
         0.0  # by what share of a step the drive takes a held injection later than it was sampled
     )
+    besides: Beside = ()  # what the coupling carries beside spring and damper (N·m)
     met: Array | None = None  # `Play.contact` of each step, as the filter met it, (n − 1, 3); None: not known
 
     @property
@@ -331,7 +334,7 @@ class Along:
         if self.present.coupling is None:
             return np.asarray(self.inertia * self.load_acceleration)
         k, b = self.present.coupling.stiffness_nm_rad, self.present.coupling.damping_nms
-        return np.asarray(k * self.wound + b * self.winding)
+        return np.asarray(k * self.wound + b * self.winding + sum(one(self) for one in self.besides))
 
 
 def inertia_of(machine: Machine, angle: Array) -> tuple[Array, Array, Array]:
@@ -376,14 +379,15 @@ def along(
     gap_rad: float = 0.0,
     filter_s: float = 0.0,
     held_late: float = 0.0,
+    besides: Beside = (),
 ) -> Along:
     """The coordinates of a run of a session; `kept`: those that were worked out for the same states; `loud`: see
-    `View.loud`; `gap_rad`, `filter_s`, `held_late`: see `Along`.
+    `View.loud`; `gap_rad`, `filter_s`, `held_late`, `besides`: see `Along`.
     """
     starts = recorded.motion.start_time_s if recorded.motion is not None else 0.0
     begins, kept = float(starts or 0.0), {} if kept is None else kept
-    late = gap_rad, filter_s, held_late
-    return Along(run, machine, present, ranges, number, begins, true_torque, kept, loud, *late)
+    told = gap_rad, filter_s, held_late, besides
+    return Along(run, machine, present, ranges, number, begins, true_torque, kept, loud, *told)
 
 
 def ranges_of(runs: list[Signals], sticking: float, band_hz: float) -> Ranges:

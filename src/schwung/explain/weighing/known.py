@@ -85,6 +85,23 @@ class Known:
             on_load = on_load - _further_mass(e, along)
         unnamed = self._unnamed(along)
         on_motor, on_load = on_motor + unnamed[0], on_load + unnamed[1]
+        coupled = self.coupled(along)
+        if self._drives:
+            on_motor = on_motor - _driven(e, along.angle)[1] * along.carried
+        position, speed = _reported(e, along.angle, along.speed)
+        if e.speed_delay_s > 0:
+            half = e.speed_delay_s / 2
+            speed = (
+                speed - e.speed_delay_s * acceleration_bent(along, half) + beyond_bent(along, 2 * half, half)
+            )
+        return Effect(*(part[:, None] for part in (on_motor - coupled, on_load + coupled, position, speed)))
+
+    def coupled(self, along: Along) -> Array:
+        """What the coupling carries beside what a spring and a damper do (N·m), (n,)."""
+        return np.zeros_like(along.speed) if self.nothing else run_by_run(self._coupled)(along)
+
+    def _coupled(self, along: Along) -> Array:
+        e = self.effects
         coupled = e.cubic_nm_rad3 * along.wound**3
         if e.hysteresis_nm > 0:
             held = yielded(along.wound, self._yields_over, e.hysteresis_exponent)
@@ -95,19 +112,18 @@ class Known:
         coupled = coupled + sum(
             (along.contact[:, 0] * one.at(along.wound, along.direction) for one in self.bent), 0.0
         )
-        if (e.kinematic_rad or e.kinematic_second_rad) and self.machine.coupling is not None:
-            there, touches = along.present.coupling or self.machine.coupling, along.contact[:, 0]
+        there = along.present.coupling or self.machine.coupling
+        if self._drives and there is not None:
             further, faster = _driven(e, along.angle)
             pushed = there.stiffness_nm_rad * further + there.damping_nms * faster * along.speed
-            coupled = coupled + touches * pushed
-            on_motor = on_motor - faster * (along.carried + touches * pushed)
-        position, speed = _reported(e, along.angle, along.speed)
-        if e.speed_delay_s > 0:
-            half = e.speed_delay_s / 2
-            speed = (
-                speed - e.speed_delay_s * acceleration_bent(along, half) + beyond_bent(along, 2 * half, half)
-            )
-        return Effect(*(part[:, None] for part in (on_motor - coupled, on_load + coupled, position, speed)))
+            coupled = coupled + along.contact[:, 0] * pushed
+        return np.asarray(coupled)
+
+    @property
+    def _drives(self) -> bool:
+        """Whether the transmission is off."""
+        e = self.effects
+        return bool(e.kinematic_rad or e.kinematic_second_rad) and self.machine.coupling is not None
 
     @property
     def bends(self) -> bool:

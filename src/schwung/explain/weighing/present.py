@@ -4,12 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
+from functools import partial
 
 import numpy as np
 
 from schwung.drivetrain.inertia import InertiaTable
 from schwung.drivetrain.machine import Load, Machine
-from schwung.explain.weighing.along import Ranges
+from schwung.explain.weighing.along import Along, Beside, Ranges
 from schwung.explain.weighing.candidate import Candidate, Shape
 from schwung.motion import Array
 
@@ -117,6 +118,16 @@ def gap_of(known_rad: float, members: Sequence[Member]) -> float:
     """The coupling's gap (rad): what is known, and the members'."""
     added = sum(m.candidate.coupling[2] * float(m.coefficients[0]) for m in members)
     return max(known_rad + added, 0.0)
+
+
+def besides_of(known: Callable[[Along], Array], members: Sequence[Member]) -> Beside:
+    """What the coupling carries beside a spring and a damper (N·m): what is `known`, and the members'."""
+    carried = [m for m in members if m.candidate.is_carried and np.any(m.coefficients)]
+    return known, *(partial(_carried, member) for member in carried)
+
+
+def _carried(member: Member, along: Along) -> Array:
+    return member.candidate.carried(along, member.shape, member.coefficients)
 
 
 def held_late_of(members: Sequence[Member]) -> float:

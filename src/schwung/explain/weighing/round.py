@@ -15,7 +15,7 @@ from schwung.explain.weighing.candidate import Candidate, Missed, Shape
 from schwung.explain.weighing.equations import Acting, equations_of, load_taken, together
 from schwung.explain.weighing.joined import Joined
 from schwung.explain.weighing.known import Known
-from schwung.explain.weighing.present import Member, filter_of, gap_of, held_late_of, with_members
+from schwung.explain.weighing.present import Member, besides_of, filter_of, gap_of, held_late_of, with_members
 from schwung.explain.weighing.true_torque import TrueTorque
 from schwung.explain.weighing.work import LINEARISED, NOISE, Work
 from schwung.innovations.effect import Effect, Passed, whiten
@@ -58,9 +58,7 @@ class View:
     known: Known
     ranges: Ranges
     torques: tuple[TrueTorque, ...]  # of each run, as far as it is known
-    dry_nm: float | None = (
-        None  # dry friction that leaves open where the shaft sticks; None: that of what is present
-    )
+    dry_nm: float | None = None  # friction that leaves open where the shaft sticks; None: of what is present
     slowest: tuple[
         Array, ...
     ] = ()  # `Along.slowest` of each run for all sets alike; empty: as the states say
@@ -83,9 +81,12 @@ class View:
     def alongs(self, members: Sequence[Member]) -> list[Along]:
         """Every run's coordinates, with these members present."""
         present = with_members(self.known.machine, members, self.ranges)
-        gap = gap_of(self.known.effects.gap_rad, members)
-        filter_s = filter_of(self.known.effects.torque_filter_s, members)
-        late = held_late_of(members)
+        told = (
+            gap_of(self.known.effects.gap_rad, members),
+            filter_of(self.known.effects.torque_filter_s, members),
+            held_late_of(members),
+            besides_of(self.known.coupled, members),
+        )
         return [
             along(
                 run,
@@ -97,9 +98,7 @@ class View:
                 self.torques[number],
                 self._kept[number],
                 self.loud[number] if self.loud else None,
-                gap,
-                filter_s,
-                late,
+                *told,
             )
             for number, (run, recorded) in enumerate(zip(self.runs, self.recorded, strict=True))
         ]

@@ -10,6 +10,7 @@ a further mass: −J₃ · H · α on the load, H = (2ζω₃ s + ω₃²)/(s² 
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
@@ -63,6 +64,12 @@ def _waves(along: Along, order: float) -> Array:
 
 #: A wave is none but for its harmonics: what gives by a sine is as stiff as one over that.
 _PHASES = tuple(lambda along, shape, which=which: _waves(along, shape[0])[:, which] for which in (0, 1))
+
+
+def _of_one(errors: Array, shape: Shape) -> dict[str, float]:
+    """Of a wave."""
+    amplitude, phase = polar(errors)
+    return {"order": shape[0], "amplitude_rad": amplitude / shape[0], "phase_rad": phase}
 
 
 def _of_both(errors: Array, shape: Shape) -> dict[str, float]:
@@ -140,22 +147,34 @@ def shaft(
     def driven_about(along: Along, shape: Shape, errors: Array) -> tuple[Effect, Effect]:
         """Coefficients are a n, as of an encoder, of a wave or of two. The motor feels the coupling by the ratio that
         drives it."""
+        faster, pushed = further_by(along, shape, errors.size)
+        more, further, carried = column(faster @ errors), column(pushed @ errors), column(along.carried)
+        return (
+            Effect(-(1 + more) * pushed - faster * carried, pushed),
+            Effect(-further - more * carried, further),
+        )
+
+    def further_by(along: Along, shape: Shape, size: int) -> tuple[Array, Array]:
+        """By which ratio the coupling is driven faster, and which torque that winds up, for a unit of each."""
         there = along.present.coupling or coupling
-        orders = [(1 + wave) * shape[0] for wave in range(errors.size // 2)]
+        orders = [(1 + wave) * shape[0] for wave in range(size // 2)]
         angle = np.hstack([_waves(along, order) / order for order in orders])
         faster = np.hstack([_waves(along, order)[:, ::-1] * [1.0, -1.0] for order in orders])
         pushed = there.stiffness_nm_rad * angle + there.damping_nms * faster * along.speed[:, None]
-        pushed = along.contact[:, :1] * pushed
-        ratio, further = column(1 + faster @ errors), column(pushed @ errors)
-        felt = column(along.carried) + further
-        return (
-            Effect(-ratio * pushed - faster * felt, pushed),
-            Effect(-ratio * further - (ratio - 1) * column(along.carried), further),
-        )
+        return faster, along.contact[:, :1] * pushed
+
+    def pushed_by(along: Along, shape: Shape, errors: Array) -> Array:
+        return further_by(along, shape, errors.size)[1] @ errors
 
     def each_turn(shape: Shape) -> float:
         """Of a n what is a: a shaft is where it is told to be as closely as the peak torque winds it up."""
         return 1 / shape[0]
+
+    def transmission(size: int, keys: Callable[[Array, Shape], dict[str, float]]) -> list[Candidate]:
+        natural = (share * of.span_rad / 10,) * size
+        return of_any_order(
+            of, "kinematic_error", lambda a, s: driven_about(a, s, np.zeros(size))[0], natural, keys, lowest=1
+        )
 
     def over_angle_tangent(along: Along, shape: Shape, shares: Array) -> Array:
         there = along.present.coupling or coupling
@@ -179,14 +198,8 @@ def shaft(
                   lambda c, s: {"order": s[0], "share": polar(c)[0], "phase_rad": polar(c)[1]},
                   shapes=grid(range(1, 15)), spacing=(0.25,), logarithmic=(False,), bounds=((0.5, 60.0),),
                   coordinate="position", tangent=over_angle_tangent, own=_PHASES, known_to=RIGHT_TO),
-        *(replace(error, bent=driven_about, known_to=RIGHT_TO * wound, felt=each_turn) for error in of_any_order(
-            of, "kinematic_error", lambda a, s: driven_about(a, s, np.zeros(2))[0], (share * of.span_rad / 10,) * 2,
-            lambda c, s: {"order": s[0], "amplitude_rad": polar(c)[0] / s[0], "phase_rad": polar(c)[1]}, lowest=1,
-        )),
-        *(replace(error, bent=driven_about, known_to=RIGHT_TO * wound, felt=each_turn) for error in of_any_order(
-            of, "kinematic_error", lambda a, s: driven_about(a, s, np.zeros(4))[0], (share * of.span_rad / 10,) * 4,
-            _of_both, lowest=1,
-        )),
+        *(replace(error, bent=driven_about, drives=pushed_by, known_to=RIGHT_TO * wound, felt=each_turn)
+          for errors in (transmission(2, _of_one), transmission(4, _of_both)) for error in errors),
         Candidate("backlash", play, (2 * share * wound, _OF_CONTACTS * damping),
                   lambda c, _: {"gap_rad": c[0]}, positive=(0, 1), least=(0.0, -b),
                   shapes=grid(wound * _GAPS),
