@@ -13,7 +13,7 @@ from schwung.drivetrain.fade import heated
 from schwung.drivetrain.hysteresis import left_of, yielded
 from schwung.drivetrain.inertia import LoadTorqueTable
 from schwung.drivetrain.machine import Coupling, Load, Machine
-from schwung.drivetrain.physics import driven, encoder_off, load_torque, motor_torque
+from schwung.drivetrain.physics import driven, dry_friction, encoder_off, load_torque, motor_torque
 from schwung.drivetrain.presliding import bent
 from schwung.drivetrain.residual import (
     Residual,
@@ -175,9 +175,9 @@ class Known:
         return e.presliding_nm * bent(along.angle, e.presliding_nm / e.presliding_stiffness_nm_rad, first)
 
     def dry(self, along: Along) -> Array:
-        """The known dry friction, by its average size (N·m), (n,)."""
-        e = self.effects
-        level = (e.coulomb_positive_nm + e.coulomb_negative_nm) / 2 * along.direction
+        """The known dry friction, by its average over both ways (N·m), (n,)."""
+        level = _dry_level(self.effects, along.angle, along.speed, along.share + 0.0 * along.speed)
+        level = level * along.direction
         directed = [curve for curve in self.curves if curve.over not in ("run", "wind_up", *ON_LOAD)]
         return np.asarray(level - sum((c.at(*_where(c, along)) for c in directed), 0.0 * level))
 
@@ -255,6 +255,16 @@ def _torques(
         on_motor[i] = motor_torque(e, angle[i], speed[i], time[i], e.periodic_phase_rad, share, smoothing)
         on_load[i] = load_torque(e, load_angle[i], motion_time[i])
     return on_motor, on_load
+
+
+@compiled
+def _dry_level(e: Effects, angle: Array, speed: Array, share: Array) -> Array:
+    level = np.empty_like(angle)
+    for i in range(angle.size):
+        fast = max(abs(speed[i]), 1e-300)
+        one, other = dry_friction(e, angle[i], fast, share[i]), dry_friction(e, angle[i], -fast, share[i])
+        level[i] = (one + other) / 2
+    return level
 
 
 @compiled
