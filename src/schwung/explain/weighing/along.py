@@ -18,8 +18,9 @@ from schwung.innovations.splines import slopes
 from schwung.motion import Array
 from schwung.session.model import Run
 
-#: Torques (N·m) along a run, (n,) each.
+#: Torques (N·m) along a run, (n,) each; angles (rad) and their rates (rad/s).
 Beside = tuple[Callable[["Along"], Array], ...]
+Drives = tuple[Callable[["Along"], tuple[Array, Array]], ...]
 #: Over which slopes by the angle are taken.
 DIFFERENCE_RAD = 1e-3
 #: Beyond so many times the speed at which it may stick, a shaft surely slides.
@@ -80,6 +81,7 @@ class Along:
     held_late: float = (
         0.0  # by what share of a step the drive takes a held injection later than it was sampled
     )
+    drives: Drives = ()  # how much further the coupling is driven than the motor turns, and how much faster
     besides: Beside = ()  # what the coupling carries beside spring and damper (N·m)
     met: Array | None = None  # `Play.contact` of each step, as the filter met it, (n − 1, 3); None: not known
 
@@ -297,14 +299,26 @@ class Along:
         return np.column_stack([touches, side, side * self.gap_rad / 2])
 
     @cached_property
+    def turned(self) -> Array:
+        """How far motor and load are turned apart beyond the coupling's gap, and how fast (rad, rad/s), (n, 2)."""
+        touches, _, gap = self.contact.T
+        return np.column_stack([touches * self.twist - gap, touches * self.twist_speed])
+
+    @cached_property
+    def driven(self) -> Array:
+        """How much further the coupling is driven than the motor turns, and how much faster (rad, rad/s), (n, 2)."""
+        every = [np.column_stack(drives(self)) for drives in self.drives]
+        return np.asarray(sum(every, np.zeros((self.speed.size, 2))))
+
+    @cached_property
     def wound(self) -> Array:
         """How far the coupling is wound up beyond its gap (rad)."""
-        return np.asarray(self.contact[:, 0] * self.twist - self.contact[:, 2])
+        return np.asarray(self.turned[:, 0] + self.contact[:, 0] * self.driven[:, 0])
 
     @cached_property
     def winding(self) -> Array:
         """And how fast (rad/s)."""
-        return np.asarray(self.contact[:, 0] * self.twist_speed)
+        return np.asarray(self.turned[:, 1] + self.contact[:, 0] * self.driven[:, 1])
 
     def _heard(self, values: Array, which: int) -> Array:
         if self.gap_rad > 0:
@@ -379,14 +393,15 @@ def along(
     gap_rad: float = 0.0,
     filter_s: float = 0.0,
     held_late: float = 0.0,
+    drives: Drives = (),
     besides: Beside = (),
 ) -> Along:
     """The coordinates of a run of a session; `kept`: those that were worked out for the same states; `loud`: see
-    `View.loud`; `gap_rad`, `filter_s`, `held_late`, `besides`: see `Along`.
+    `View.loud`; `gap_rad`, `filter_s`, `held_late`, `drives`, `besides`: see `Along`.
     """
     starts = recorded.motion.start_time_s if recorded.motion is not None else 0.0
     begins, kept = float(starts or 0.0), {} if kept is None else kept
-    told = gap_rad, filter_s, held_late, besides
+    told = gap_rad, filter_s, held_late, drives, besides
     return Along(run, machine, present, ranges, number, begins, true_torque, kept, loud, *told)
 
 

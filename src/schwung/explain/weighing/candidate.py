@@ -83,8 +83,8 @@ class Candidate:
     tangent: Callable[[Along, Shape, Array], Array] | None = (
         None  # to stiffness and damping along a run, (n, 2)
     )
-    drives: Callable[[Along, Shape, Array], Array] | None = (
-        None  # torque that the coupling carries since its motor's end is driven further, (n,)
+    drives: Callable[[Along, Shape, Array], tuple[Array, Array]] | None = (
+        None  # how much further than the motor turns it drives the coupling (rad), and how much faster (rad/s), (n,)
     )
     heavier: Callable[[Along, Shape, Array], Array] | None = (
         None  # what it adds to the load's inertia along a run: its slope by the acceleration, (n,)
@@ -284,18 +284,6 @@ class Candidate:
             return self.whole(along, shape, coefficients)
         parts = self.effect(along, shape).parts
         return Effect(*(None if part is None else part @ coefficients[:, None] for part in parts))
-
-    @property
-    def is_carried(self) -> bool:
-        """Whether the coupling carries it, beside what a spring and a damper do."""
-        return self.tangent is not None or self.drives is not None
-
-    def carried(self, along: Along, shape: Shape, coefficients: Array) -> Array:
-        """What the coupling carries of it (N·m), (n,)."""
-        if self.drives is not None:
-            return self.drives(along, shape, coefficients)
-        _, on_load, _, _ = self.done(along, shape, coefficients).alone
-        return on_load + 0.0 * along.speed
 
     def about(self, coefficients: Array) -> Candidate:
         """The same, linear about these coefficients."""

@@ -128,10 +128,10 @@ def _off_mean(along: Along, bent: Array, mean: Array) -> tuple[Array, Array, Arr
 
     Left out, a cubic stiffness was found 1 to 10 % too large.
     """
-    wound, within = np.column_stack([along.wound, along.winding]), np.zeros((WITHIN.size, len(mean)))
-    start, end = (np.sum((mean - bent[at]) * wound[at], axis=1) for at in (slice(None, -1), slice(1, None)))
+    turned, within = along.turned, np.zeros((WITHIN.size, len(mean)))
+    start, end = (np.sum((mean - bent[at]) * turned[at], axis=1) for at in (slice(None, -1), slice(1, None)))
     for each in range(2):
-        within += (mean[:, each] - smoothly(bent[:, each])) * smoothly(wound[:, each])
+        within += (mean[:, each] - smoothly(bent[:, each])) * smoothly(turned[:, each])
     return start, end, height_of(within - straight(start, end))
 
 

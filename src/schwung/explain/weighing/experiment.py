@@ -21,7 +21,7 @@ from schwung.explain.weighing.along import Along, along
 from schwung.explain.weighing.candidate import Candidate, Shape
 from schwung.explain.weighing.data import Atom
 from schwung.explain.weighing.equations import equations_of
-from schwung.explain.weighing.present import besides_of, filter_of, gap_of, with_members
+from schwung.explain.weighing.present import with_members
 from schwung.explain.weighing.round import Cause, Linearised, View, acting, resmoothed
 from schwung.explain.weighing.search import Scored, slices
 from schwung.explain.weighing.sharpness import covariance_of
@@ -170,15 +170,11 @@ class Rivals:
         )
         view = resmoothed(view, (), about.noise)
         present = with_members(known.machine, members, ranges)
-        gap = gap_of(known.effects.gap_rad, members)
-        late = filter_of(known.effects.torque_filter_s, members)
+        told = known.told(members)
         alongs, passed = [], []
         for number, (signal, recorded, torque) in enumerate(zip(view.runs, runs, torques, strict=True)):
             place = ranges.runs + number  # what drifts goes on drifting
-            where = along(
-                signal, recorded, known.machine, present, ranges, place, torque, gap_rad=gap, filter_s=late,
-                besides=besides_of(known.coupled, members),
-            )  # fmt: skip
+            where = along(signal, recorded, known.machine, present, ranges, place, torque, None, None, *told)
             true = TrueTorque(signal, torque.nm - _beyond_belief(where, self.posterior))
             where = replace(where, true_torque=true)
             alongs.append(where)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import partial
 
@@ -24,10 +25,18 @@ from schwung.drivetrain.residual import (
 )
 from schwung.drivetrain.residual_plane import ON_LOAD as LOADED
 from schwung.drivetrain.residual_plane import Plane, planes_of
-from schwung.explain.weighing.along import Along
+from schwung.explain.weighing.along import Along, Beside, Drives
 from schwung.explain.weighing.joined import run_by_run
 from schwung.explain.weighing.late import acceleration_bent, beyond_bent, lagging
-from schwung.explain.weighing.present import changed
+from schwung.explain.weighing.present import (
+    Member,
+    besides_of,
+    changed,
+    drives_of,
+    filter_of,
+    gap_of,
+    held_late_of,
+)
 from schwung.explain.weighing.third_mass import stiffened, third_mass
 from schwung.innovations.effect import Effect
 from schwung.motion import Array
@@ -85,8 +94,12 @@ class Known:
             on_load = on_load - _further_mass(e, along)
         unnamed = self._unnamed(along)
         on_motor, on_load = on_motor + unnamed[0], on_load + unnamed[1]
-        coupled = self.coupled(along)
-        if self._drives:
+        coupled = self.bending(along)
+        there = along.present.coupling or self.machine.coupling
+        if self._drives and there is not None:
+            further, faster = self.driven(along)
+            pushed = there.stiffness_nm_rad * further + there.damping_nms * faster
+            coupled = coupled + along.contact[:, 0] * pushed
             on_motor = on_motor - _driven(e, along.angle)[1] * along.carried
         position, speed = _reported(e, along.angle, along.speed)
         if e.speed_delay_s > 0:
@@ -96,11 +109,29 @@ class Known:
             )
         return Effect(*(part[:, None] for part in (on_motor - coupled, on_load + coupled, position, speed)))
 
-    def coupled(self, along: Along) -> Array:
-        """What the coupling carries beside what a spring and a damper do (N·m), (n,)."""
-        return np.zeros_like(along.speed) if self.nothing else run_by_run(self._coupled)(along)
+    def told(self, members: Sequence[Member]) -> tuple[float, float, float, Drives, Beside]:
+        """What is known, and the members', as `along` takes it: gap, filter of the torque, how late a held injection
+        acts, what drives the coupling further, and what it carries beside spring and damper."""
+        return (
+            gap_of(self.effects.gap_rad, members),
+            filter_of(self.effects.torque_filter_s, members),
+            held_late_of(members),
+            drives_of(self.driven, members),
+            besides_of(self.bending, members),
+        )
 
-    def _coupled(self, along: Along) -> Array:
+    def driven(self, along: Along) -> tuple[Array, Array]:
+        """How much further than the motor turns the coupling is driven (rad), and how much faster (rad/s), (n,)."""
+        if not self._drives:
+            return np.zeros_like(along.speed), np.zeros_like(along.speed)
+        further, faster = _driven(self.effects, along.angle)
+        return further, faster * along.speed
+
+    def bending(self, along: Along) -> Array:
+        """What the coupling carries beside what a spring and a damper do (N·m), (n,)."""
+        return np.zeros_like(along.speed) if self.nothing else run_by_run(self._bending)(along)
+
+    def _bending(self, along: Along) -> Array:
         e = self.effects
         coupled = e.cubic_nm_rad3 * along.wound**3
         if e.hysteresis_nm > 0:
@@ -112,11 +143,6 @@ class Known:
         coupled = coupled + sum(
             (along.contact[:, 0] * one.at(along.wound, along.direction) for one in self.bent), 0.0
         )
-        there = along.present.coupling or self.machine.coupling
-        if self._drives and there is not None:
-            further, faster = _driven(e, along.angle)
-            pushed = there.stiffness_nm_rad * further + there.damping_nms * faster * along.speed
-            coupled = coupled + along.contact[:, 0] * pushed
         return np.asarray(coupled)
 
     @property
@@ -177,7 +203,7 @@ class Known:
     def dry(self, along: Along) -> Array:
         """The known dry friction, by its average over both ways (N·m), (n,)."""
         level = _dry_level(self.effects, along.angle, along.speed, along.share + 0.0 * along.speed)
-        level = level * along.direction
+        level = level * along.direction + self.effects.load_coulomb_nm * along.load_direction
         directed = [curve for curve in self.curves if curve.over not in ("run", "wind_up", *ON_LOAD)]
         return np.asarray(level - sum((c.at(*_where(c, along)) for c in directed), 0.0 * level))
 

@@ -10,7 +10,7 @@ import numpy as np
 
 from schwung.drivetrain.inertia import InertiaTable
 from schwung.drivetrain.machine import Load, Machine
-from schwung.explain.weighing.along import Along, Beside, Ranges
+from schwung.explain.weighing.along import Along, Beside, Drives, Ranges
 from schwung.explain.weighing.candidate import Candidate, Shape
 from schwung.motion import Array
 
@@ -122,12 +122,23 @@ def gap_of(known_rad: float, members: Sequence[Member]) -> float:
 
 def besides_of(known: Callable[[Along], Array], members: Sequence[Member]) -> Beside:
     """What the coupling carries beside a spring and a damper (N·m): what is `known`, and the members'."""
-    carried = [m for m in members if m.candidate.is_carried and np.any(m.coefficients)]
-    return known, *(partial(_carried, member) for member in carried)
+    bending = [m for m in members if m.candidate.tangent is not None and np.any(m.coefficients)]
+    return known, *(partial(_carried, member) for member in bending)
 
 
 def _carried(member: Member, along: Along) -> Array:
-    return member.candidate.carried(along, member.shape, member.coefficients)
+    _, on_load, _, _ = member.candidate.done(along, member.shape, member.coefficients).alone
+    return np.asarray(on_load + 0.0 * along.speed)
+
+
+def drives_of(known: Callable[[Along], tuple[Array, Array]], members: Sequence[Member]) -> Drives:
+    """How much further and faster the coupling is driven: as `known`, and by the members."""
+    return known, *(partial(_driven, m) for m in members if m.candidate.drives and np.any(m.coefficients))
+
+
+def _driven(member: Member, along: Along) -> tuple[Array, Array]:
+    assert member.candidate.drives is not None
+    return member.candidate.drives(along, member.shape, member.coefficients)
 
 
 def held_late_of(members: Sequence[Member]) -> float:

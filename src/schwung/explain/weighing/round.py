@@ -15,7 +15,7 @@ from schwung.explain.weighing.candidate import Candidate, Missed, Shape
 from schwung.explain.weighing.equations import Acting, equations_of, load_taken, together
 from schwung.explain.weighing.joined import Joined
 from schwung.explain.weighing.known import Known
-from schwung.explain.weighing.present import Member, besides_of, filter_of, gap_of, held_late_of, with_members
+from schwung.explain.weighing.present import Member, with_members
 from schwung.explain.weighing.true_torque import TrueTorque
 from schwung.explain.weighing.work import LINEARISED, NOISE, Work
 from schwung.innovations.effect import Effect, Passed, whiten
@@ -81,12 +81,7 @@ class View:
     def alongs(self, members: Sequence[Member]) -> list[Along]:
         """Every run's coordinates, with these members present."""
         present = with_members(self.known.machine, members, self.ranges)
-        told = (
-            gap_of(self.known.effects.gap_rad, members),
-            filter_of(self.known.effects.torque_filter_s, members),
-            held_late_of(members),
-            besides_of(self.known.coupled, members),
-        )
+        told = self.known.told(members)
         return [
             along(
                 run,
@@ -151,8 +146,8 @@ def _further(along: Along, member: Member, done: Acting) -> Acting:
 
 def _eased(along: Along, stiffer: Array) -> Acting:
     """A coupling that is so much stiffer, and damps so much more, (n, 2), in place of the torque of that."""
-    wound = stiffer[:, 0] * along.wound + stiffer[:, 1] * along.winding
-    return Acting(on_motor=wound, on_load=-wound, coupling=stiffer)
+    turned = np.sum(stiffer * along.turned, axis=1)
+    return Acting(on_motor=turned, on_load=-turned, coupling=stiffer)
 
 
 def _dry(along: Along, opposed: Array) -> float:

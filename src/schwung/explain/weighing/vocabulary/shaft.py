@@ -147,24 +147,25 @@ def shaft(
     def driven_about(along: Along, shape: Shape, errors: Array) -> tuple[Effect, Effect]:
         """Coefficients are a n, as of an encoder, of a wave or of two. The motor feels the coupling by the ratio that
         drives it."""
-        faster, pushed = further_by(along, shape, errors.size)
-        more, further, carried = column(faster @ errors), column(pushed @ errors), column(along.carried)
+        there, (further, faster) = along.present.coupling or coupling, further_by(along, shape, errors.size)
+        pushed = there.stiffness_nm_rad * further + there.damping_nms * faster * along.speed[:, None]
+        pushed = along.contact[:, :1] * pushed
+        more, pushes, carried = column(faster @ errors), column(pushed @ errors), column(along.carried)
         return (
             Effect(-(1 + more) * pushed - faster * carried, pushed),
-            Effect(-further - more * carried, further),
+            Effect(-pushes - more * carried, pushes),
         )
 
     def further_by(along: Along, shape: Shape, size: int) -> tuple[Array, Array]:
-        """By which ratio the coupling is driven faster, and which torque that winds up, for a unit of each."""
-        there = along.present.coupling or coupling
+        """How much further it drives the coupling for a unit of each, and by which ratio faster, (n, size)."""
         orders = [(1 + wave) * shape[0] for wave in range(size // 2)]
-        angle = np.hstack([_waves(along, order) / order for order in orders])
+        further = np.hstack([_waves(along, order) / order for order in orders])
         faster = np.hstack([_waves(along, order)[:, ::-1] * [1.0, -1.0] for order in orders])
-        pushed = there.stiffness_nm_rad * angle + there.damping_nms * faster * along.speed[:, None]
-        return faster, along.contact[:, :1] * pushed
+        return further, faster
 
-    def pushed_by(along: Along, shape: Shape, errors: Array) -> Array:
-        return further_by(along, shape, errors.size)[1] @ errors
+    def drives(along: Along, shape: Shape, errors: Array) -> tuple[Array, Array]:
+        further, faster = further_by(along, shape, errors.size)
+        return further @ errors, faster @ errors * along.speed
 
     def each_turn(shape: Shape) -> float:
         """Of a n what is a: a shaft is where it is told to be as closely as the peak torque winds it up."""
@@ -198,7 +199,7 @@ def shaft(
                   lambda c, s: {"order": s[0], "share": polar(c)[0], "phase_rad": polar(c)[1]},
                   shapes=grid(range(1, 15)), spacing=(0.25,), logarithmic=(False,), bounds=((0.5, 60.0),),
                   coordinate="position", tangent=over_angle_tangent, own=_PHASES, known_to=RIGHT_TO),
-        *(replace(error, bent=driven_about, drives=pushed_by, known_to=RIGHT_TO * wound, felt=each_turn)
+        *(replace(error, bent=driven_about, drives=drives, known_to=RIGHT_TO * wound, felt=each_turn)
           for errors in (transmission(2, _of_one), transmission(4, _of_both)) for error in errors),
         Candidate("backlash", play, (2 * share * wound, _OF_CONTACTS * damping),
                   lambda c, _: {"gap_rad": c[0]}, positive=(0, 1), least=(0.0, -b),
