@@ -117,6 +117,7 @@ def test_a_coupling_with_play() -> None:
     free = _steps(shaft._replace(stiffness=25.0, damping=0.01), inertia, 1e-3 / PARTS)
     torques = 8 * np.sin(np.arange(steps) / 6)[:, None] * np.array([1.0, -0.2, 1.0, -0.2, 0.01, 0.0])
     coupling = np.tile([shaft.stiffness, shaft.damping], (steps, 1))
+    driven = np.sin(np.arange(steps + 1) / 9)[:, None] * np.array([3e-4, 0.2])
     found = []
     for through in (play._through, plain.through):
         system = System(
@@ -126,7 +127,7 @@ def test_a_coupling_with_play() -> None:
             np.zeros((steps, 5)), np.zeros((steps, 2, 5)),
         )  # fmt: skip
         noise, inputs, contact = np.random.default_rng(5), whole[:, :, 4:].copy(), np.zeros((steps, 3))
-        through(system, pressed, free, torques, coupling, 5e-4, 0.5e-3 / PARTS, inputs, contact)
+        through(system, pressed, free, torques, coupling, driven, 5e-4, 0.5e-3 / PARTS, inputs, contact)
         made = system.transition, system.forcing, system.noise, system.open_contact, system.on_load
         found.append((*made, inputs, contact))
     _agree(found[1], found[0])

@@ -110,6 +110,7 @@ def _squares(run: Any, torques: Array, measured: Array, noise: Noise) -> Array:
         np.zeros(steps_count + 1), np.zeros((steps_count, 2)), measured, np.append(run.states[0], 0.0), torques,
     )  # fmt: skip
     coupling = np.array([SHAFT.stiffness, SHAFT.damping])
-    passed, _ = through_play(equations, steps, SHAFT, coupling, inertia, GAP_RAD, noise, run)
+    driven = np.zeros((steps_count + 1, 2))
+    passed, _ = through_play(equations, steps, SHAFT, coupling, inertia, driven, GAP_RAD, noise, run)
     found = kalman.filtered(problem_of(passed, noise, run))
     return np.asarray((found.error**2 / found.variance)[20:])

@@ -121,6 +121,7 @@ def through(
     free: Array,
     torques: Array,
     coupling: Array,
+    driven: Array,
     gap: float,
     middle: float,
     inputs: Array,
@@ -136,18 +137,22 @@ def through(
         acting = torques[k, :2] * (1 - share) + torques[k, 2:4] * share + torques[k, 4:] * parabola
         phi, onto, push, opened = np.eye(4), np.zeros((4, 4)), np.zeros(4), np.zeros(4)
         ratio = coupling[k, 1] / coupling[k, 0]
+        beside = driven[k] * (1 - share[:-1] - 0.5 / PARTS) + driven[k + 1] * (share[:-1] + 0.5 / PARTS)
         for part in range(PARTS):
             here = phi @ x[:4] + push - onto[:, 0] * x[4]
-            turning = here[1] - here[3]
+            further, faster = beside[part]
+            turning = here[1] - here[3] + faster
             since, moves, lifts = (2 * part + 1) * middle, 2 * turning * middle, ratio * turning
-            up, down = here[2] + min(lifts, 0.0), here[2] + max(lifts, 0.0)
+            begins = here[2] + further - faster * middle
+            up, down = begins + min(lifts, 0.0), begins + max(lifts, 0.0)
             variance = max(p[2, 2] + 2 * since * drifting + since * since * turned, 0.0)
             spread = max(float(np.sqrt(variance)), SUREST * gap)
             one, missing, open_one = touching(up, up + moves, gap / 2, spread)
             other, misses, open_other = touching(-down, -down - moves, gap / 2, spread)
             contact[k] += np.array([one + other, one - other, missing - misses]) / PARTS
             step = free[k] + (one + other) * (pressed[k] - free[k])
-            lacks = coupling[k, 0] * (missing - misses) * np.array([1.0, -1.0])
+            pushed = (one + other) * (coupling[k, 0] * further + coupling[k, 1] * faster)
+            lacks = (coupling[k, 0] * (missing - misses) - pushed) * np.array([1.0, -1.0])
             early, late = share[part, 0], share[part + 1, 0]
             push = step[:, :4] @ push + step[:, 4:6] @ (acting[part] + lacks)
             push += step[:, 6:8] @ (acting[part + 1] + lacks) + step[:, 8:] @ torques[k, 4:] / PARTS**2

@@ -38,6 +38,7 @@ def through_play(
     shaft: Shaft,
     coupling: Array,
     inertia: Array,
+    driven: Array,
     gap_rad: float,
     noise: Noise,
     run: Signals,
@@ -45,7 +46,8 @@ def through_play(
     """The equations of a run whose coupling has a gap (rad), from those of one without.
 
     `coupling`: stiffness and damping where it touches, (n − 1, 2), or (2,) where they are the same in all steps;
-    `inertia`: of the load in each step, (n − 1,).
+    `inertia`: of the load in each step, (n − 1,). `driven`: how much further the coupling is driven than the motor
+    turns, and how much faster (rad, rad/s), (n, 2); what that winds up is not in the equations yet.
     """
     part_s, count = run.step_s / PARTS, inertia.size
     free = shaft._replace(stiffness=LEAST_SHARE * shaft.stiffness, damping=LEAST_SHARE * shaft.damping)
@@ -65,7 +67,7 @@ def through_play(
     inputs, coupling = steps.inputs.copy(), np.ascontiguousarray(np.broadcast_to(coupling, (count, 2)))
     parts = (pressed.whole, Steps.of(free, inertia, part_s, slopes=False).whole)
     contact = np.zeros((count, 3))
-    _through(system, *parts, equations.torques, coupling, gap_rad, part_s / 2, inputs, contact)
+    _through(system, *parts, equations.torques, coupling, driven, gap_rad, part_s / 2, inputs, contact)
     passed = replace(
         equations,
         transition=system.transition,
@@ -137,6 +139,7 @@ def _through(
     free: Array,
     torques: Array,
     coupling: Array,
+    driven: Array,
     gap: float,
     middle: float,
     inputs: Array,
@@ -168,21 +171,26 @@ def _through(
                 here[a] = push[a] - onto[a, 0] * x[4]
                 for b in range(4):
                     here[a] += phi[a, b] * x[b]
-            turning = here[1] - here[3]
+            early = (part + 0.5) / PARTS
+            further = driven[k, 0] * (1 - early) + driven[k + 1, 0] * early
+            faster = driven[k, 1] * (1 - early) + driven[k + 1, 1] * early
+            turning = here[1] - here[3] + faster
             since = (2 * part + 1) * middle
             variance = p[2, 2] + 2 * since * drifting + since * since * turned
             spread = max(np.sqrt(max(variance, 0.0)), SUREST * gap)
             lifts = (
                 coupling[k, 1] / coupling[k, 0] * turning
             )  # a contact that lifts lets go where it would pull
-            up, down = here[2] + min(lifts, 0.0), here[2] + max(lifts, 0.0)
             moves = 2 * turning * middle
+            begins = here[2] + further - faster * middle
+            up, down = begins + min(lifts, 0.0), begins + max(lifts, 0.0)
             one, missing, open_one = touching(up, up + moves, gap / 2, spread)
             other, misses, open_other = touching(-down, -down - moves, gap / 2, spread)
             for a in range(4):
                 for b in range(10):
                     step[a, b] = free[k, a, b] + (one + other) * (pressed[k, a, b] - free[k, a, b])
             lacks = coupling[k, 0] * (missing - misses)
+            lacks -= (one + other) * (coupling[k, 0] * further + coupling[k, 1] * faster)
             contact[k, 0] += (one + other) / PARTS
             contact[k, 1] += (one - other) / PARTS
             contact[k, 2] += (missing - misses) / PARTS

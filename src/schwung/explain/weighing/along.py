@@ -177,8 +177,9 @@ class Along:
         coupling = self.present.coupling
         if self.gap_rad <= 0 or coupling is None:
             return 0.0
-        pressed = coupling.stiffness_nm_rad * (self.twist - np.sign(self.twist) * self.gap_rad / 2)
-        carried = self.touches_with(self.gap_rad) * (pressed + coupling.damping_nms * self.twist_speed)
+        apart, rate = self.apart.T
+        pressed = coupling.stiffness_nm_rad * (apart - np.sign(apart) * self.gap_rad / 2)
+        carried = self.touches_with(self.gap_rad) * (pressed + coupling.damping_nms * rate)
         return np.asarray(carried - self.run.quiet(carried))
 
     @cached_property
@@ -279,14 +280,12 @@ class Along:
 
     def touches_with(self, gap_rad: float) -> NDArray[np.bool_]:
         """Whether a coupling with a gap touches, as the states say it, (n,); without one it always does."""
-        coupling = self.present.coupling
+        coupling, (apart, rate) = self.present.coupling, self.apart.T
         if gap_rad <= 0 or coupling is None:
-            return np.ones(self.twist.shape, dtype=bool)
-        wound = np.abs(self.twist) - gap_rad / 2
-        push = (
-            coupling.stiffness_nm_rad * wound + coupling.damping_nms * np.sign(self.twist) * self.twist_speed
-        )
-        return (wound > 0) & (push > 0)
+            return np.ones(apart.shape, dtype=bool)
+        wound = np.abs(apart) - gap_rad / 2
+        push = coupling.stiffness_nm_rad * wound + coupling.damping_nms * np.sign(apart) * rate
+        return np.asarray((wound > 0) & (push > 0))
 
     @cached_property
     def contact(self) -> Array:
@@ -295,7 +294,7 @@ class Along:
             steps = np.concatenate([self.met[:1], self.met, self.met[-1:]])
             return np.asarray(steps[1:] + steps[:-1]) / 2
         touches = self.touches_with(self.gap_rad).astype(float)
-        side = touches * np.sign(self.twist)
+        side = touches * np.sign(self.apart[:, 0])
         return np.column_stack([touches, side, side * self.gap_rad / 2])
 
     @cached_property
@@ -311,14 +310,19 @@ class Along:
         return np.asarray(sum(every, np.zeros((self.speed.size, 2))))
 
     @cached_property
+    def apart(self) -> Array:
+        """How far the coupling's two sides are apart, gap and all, and how fast (rad, rad/s), (n, 2)."""
+        return np.column_stack([self.twist, self.twist_speed]) + self.driven
+
+    @cached_property
     def wound(self) -> Array:
         """How far the coupling is wound up beyond its gap (rad)."""
-        return np.asarray(self.turned[:, 0] + self.contact[:, 0] * self.driven[:, 0])
+        return np.asarray(self.contact[:, 0] * self.apart[:, 0] - self.contact[:, 2])
 
     @cached_property
     def winding(self) -> Array:
         """And how fast (rad/s)."""
-        return np.asarray(self.turned[:, 1] + self.contact[:, 0] * self.driven[:, 1])
+        return np.asarray(self.contact[:, 0] * self.apart[:, 1])
 
     def _heard(self, values: Array, which: int) -> Array:
         if self.gap_rad > 0:

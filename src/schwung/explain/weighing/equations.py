@@ -192,7 +192,9 @@ def equations_of(
         transition, forcing, driven, run.drive.sharp_nm2, apart, measured, begin, torques, on_load=on_load
     )
     if along.gap_rad > 0 and not shaft.rigid:
-        return through_play(equations, steps, shaft, coupling, middle, along.gap_rad, noise, run)
+        return through_play(
+            equations, steps, shaft, coupling, middle, along.driven, along.gap_rad, noise, run
+        )
     return equations, steps
 
 

@@ -98,8 +98,8 @@ class Known:
         there = along.present.coupling or self.machine.coupling
         if self._drives and there is not None:
             further, faster = self.driven(along)
-            pushed = there.stiffness_nm_rad * further + there.damping_nms * faster
-            coupled = coupled + along.contact[:, 0] * pushed
+            if along.gap_rad == 0:  # else that is the filter's, where it touches
+                coupled = coupled + there.stiffness_nm_rad * further + there.damping_nms * faster
             on_motor = on_motor - _driven(e, along.angle)[1] * along.carried
         position, speed = _reported(e, along.angle, along.speed)
         if e.speed_delay_s > 0:

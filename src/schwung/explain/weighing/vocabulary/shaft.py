@@ -102,10 +102,10 @@ def shaft(
 
     def lost(along: Along, gap: float) -> Array:
         """What a coupling with a gap carries less than one without (N·m)."""
-        there = along.present.coupling or coupling
-        whole = there.stiffness_nm_rad * along.twist + there.damping_nms * along.twist_speed
-        touched = there.stiffness_nm_rad * gap / 2 * np.sign(along.twist)
-        return np.where(along.touches_with(gap), touched, whole)
+        there, (apart, rate) = along.present.coupling or coupling, along.apart.T
+        whole = there.stiffness_nm_rad * apart + there.damping_nms * rate
+        touched = there.stiffness_nm_rad * gap / 2 * np.sign(apart)
+        return np.asarray(np.where(along.touches_with(gap), touched, whole))
 
     def play_about(along: Along, _shape: Shape, gap: Array) -> tuple[Effect, Effect]:
         """What a further opening takes where the coupling touches, and all that it takes."""
@@ -121,8 +121,8 @@ def shaft(
     @run_by_run
     def closing(along: Along, _shape: Shape) -> Array:
         """How fast a contact closes, over the fastest, −1…1: what it does then no stiffness and damping say exactly."""
-        fast = along.contact[:, 1] * along.twist_speed
-        return np.asarray(fast / max(float(np.max(np.abs(along.twist_speed))), 1e-12))
+        rate = along.apart[:, 1]
+        return np.asarray(along.contact[:, 1] * rate / max(float(np.max(np.abs(rate))), 1e-12))
 
     def cubic_tangent(along: Along, _shape: Shape, cubic: Array) -> Array:
         return np.stack([3 * cubic[0] * along.wound**2, 0 * along.wound], 1)
@@ -150,7 +150,9 @@ def shaft(
         there, (further, faster) = along.present.coupling or coupling, further_by(along, shape, errors.size)
         pushed = there.stiffness_nm_rad * further + there.damping_nms * faster * along.speed[:, None]
         pushed = along.contact[:, :1] * pushed
-        more, pushes, carried = column(faster @ errors), column(pushed @ errors), column(along.carried)
+        more, carried = column(faster @ errors), column(along.carried)
+        # whether a gap touches follows from what it pushes: that is the filter's
+        pushes = column(pushed @ errors) if along.gap_rad == 0 else 0 * more
         return (
             Effect(-(1 + more) * pushed - faster * carried, pushed),
             Effect(-pushes - more * carried, pushes),
