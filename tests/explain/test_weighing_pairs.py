@@ -81,7 +81,7 @@ def test_what_a_law_does_is_foreseen(name: str) -> None:
     assert missed(having(name), PLAIN) > 1.25
 
 
-#: Hysteresis behind a gap forgets what it held while it is free: that is not foreseen (1.9 times the noise).
+#: What hysteresis holds is back at once where a gap closes, within a step: that is not foreseen (1.9 times the noise).
 PAIRS = [names for names in combinations(TERMS, 2) if set(names) != {"backlash", "coupling_hysteresis"}]
 
 
