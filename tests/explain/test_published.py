@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -22,7 +23,7 @@ from schwung.explain.weighing.formula import formulas
 from schwung.explain.weighing.known import known
 from schwung.explain.weighing.learned import Found, learned, table
 from schwung.explain.weighing.publication import Published
-from schwung.explain.weighing.published import _possible, publish
+from schwung.explain.weighing.published import _possible, _Publishing, publish
 from schwung.explain.weighing.values import Parameter
 from schwung.explain.weighing.vocabulary import vocabulary
 
@@ -72,6 +73,20 @@ def test_what_makes_the_runs_kept_aside_less_likely_is_not_told() -> None:
     assert not found.machine.physics
     assert not any("coulomb_friction" in names for names, _ in found.runners_up)
     assert "coulomb friction makes the runs kept aside less likely" in "".join(found.notes)
+
+
+def test_a_cause_of_which_nothing_is_told_is_in_no_set() -> None:
+    """A transmission that other motions refute stood beside a coupling's curve with more than 99 %."""
+    sets = [(0.7, ("kinematic_error", "wind_up")), (0.2, ("backlash",)), (0.1, ("wind_up",))]
+    search = SimpleNamespace(
+        candidate=lambda pick: SimpleNamespace(name=pick, named=pick != "wind_up"),
+        shares=lambda: [(share, SimpleNamespace(picks=names)) for share, names in sets],
+    )
+    outcome = SimpleNamespace(disproved={"backlash"}, left_out={"kinematic_error", "backlash"})
+    publication = SimpleNamespace(
+        search=search, outcome=outcome, chosen=SimpleNamespace(set=SimpleNamespace(picks=("wind_up",)))
+    )
+    assert _Publishing._runners_up(publication) == ((("wind_up",), pytest.approx(0.8)),)  # type: ignore[arg-type]  # a stand-in
 
 
 @pytest.mark.long

@@ -333,7 +333,9 @@ class _Publishing:
         bare = all(self.search.candidate(pick).named for pick in self.chosen.set.picks)
         by = self.outcome.sure if bare else self.search
         sets = ((tuple(by.candidate(pick).name for pick in one.picks), share) for share, one in by.shares())
-        return merged((names, share) for names, share in sets if self.outcome.disproved.isdisjoint(names))
+        sets = (one for one in sets if self.outcome.disproved.isdisjoint(one[0]))
+        # of a cause of which nothing is told no set holds anything
+        return merged(([n for n in names if n not in self.outcome.left_out], share) for names, share in sets)
 
     def _proof(self, before: Judged, after: Judged) -> Proof | None:
         if not self.outcome.heldout:
