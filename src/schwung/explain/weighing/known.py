@@ -95,8 +95,9 @@ class Known:
         unnamed = self._unnamed(along)
         on_motor, on_load = on_motor + unnamed[0], on_load + unnamed[1]
         coupled = self.bending(along)
-        there = along.present.coupling or self.machine.coupling
-        if self._drives and there is not None:
+        if self._drives:
+            there = along.present.coupling
+            assert there is not None
             further, faster = self.driven(along)
             if along.gap_rad == 0:  # else that is the filter's, where it touches
                 coupled = coupled + there.stiffness_nm_rad * further + there.damping_nms * faster
