@@ -227,3 +227,18 @@ class TestSimulating:
         tiny = {"name": "extra_compliance", "inertia_kgm2": 1e-9, "stiffness_nm_rad": 1e9, "damping_nms": 0}
         with pytest.raises(InputError, match="too fast to simulate"):
             self._simulate(paper_machine(), tiny)
+
+
+@pytest.mark.parametrize(
+    ("name", "given", "meant"),
+    [
+        ("local_friction", "sharpnes", "sharpness"),
+        ("kinematic_error", "second_amplitude", "second_amplitude_rad"),
+    ],
+)
+def test_a_misspelled_key_is_told(tmp_path: Path, name: str, given: str, meant: str) -> None:
+    """It would have been left out, and another machine simulated than the one that was written down."""
+    with pytest.raises(
+        InputError, match=rf"physics\.{name}.* has {given}, which is no key of it.* Is it {meant}\?"
+    ):
+        load_machine(_file(tmp_path, {**_full(name), given: 2.0}))

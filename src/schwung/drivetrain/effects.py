@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from difflib import get_close_matches
 from typing import NamedTuple
 
 import numpy as np
@@ -286,6 +287,8 @@ _OF_COUPLING = (
     "load_side_friction",
 )
 
+#: Names of keys that are so much alike are one, misspelled.
+_ALIKE = 0.8
 #: Fields that several terms add to; the others are set by one term alone.
 _ADDED = ("coulomb_positive_nm", "coulomb_negative_nm", "viscous_nms", "offset_nm", "inertia_delta_kgm2")
 
@@ -332,6 +335,18 @@ def effects_of(terms: Sequence[PhysicsTerm]) -> Effects:
     return effects
 
 
+def _check_spelling(term: PhysicsTerm, keys: Mapping[str, Key]) -> None:
+    """A key that may be left out and is misspelled would be left out: what is kept beside a law may have any other
+    name."""
+    left_out = [name for name in keys if name not in term.parameters]
+    for name in term.parameters:
+        near = get_close_matches(name, left_out, 1, _ALIKE) if name not in keys else []
+        if near:
+            raise InputError(
+                f"physics.{term.name}", f"has {name}, which is no key of it", f"Is it {near[0]}?"
+            )
+
+
 def _fields(term: PhysicsTerm) -> dict[str, float]:
     law = law_of(term)
     keys = PHYSICS.get(law)
@@ -341,6 +356,7 @@ def _fields(term: PhysicsTerm) -> dict[str, float]:
         if "amplitude_nm" in term.parameters:
             raise InputError("physics.load_torque", "has amplitude_nm beside table", "Keep one of the two.")
         return {}
+    _check_spelling(term, keys)
     values: dict[str, float] = {}
     for name, key in keys.items():
         absent = key.optional is not None and name not in term.parameters
