@@ -1,6 +1,6 @@
 """Machines that another integrator moved, as recordings and as what is weighed of them."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 
 import numpy as np
 
@@ -15,6 +15,28 @@ from schwung.motion import Array
 from schwung.session.model import Run
 
 RATE_HZ = 2000.0
+TICK_S, TICKS = 62.5e-6, 16000
+
+
+def shaken(slope: Callable[[Array, float], Array]) -> tuple[Array, Array, Array]:
+    """Instants (n,), states (n, 4) and torque (n,) of a rotor that a spring and a damper hold, shaken at 40 Hz while it
+    is carried there and back, by Runge and Kutta; `slope`: of a state, angle and speed first, under a torque."""
+    time, state, states, torques = np.arange(TICKS) * TICK_S, np.zeros(4), [], []
+    for now in time:
+        wished = 1.5 * np.sin(2 * np.pi * 1.2 * max(now - 0.1, 0.0)) ** 2
+        held = 125.0 * (wished - state[0]) - 5.0 * state[1]
+        torque = held + 5.0 * np.sin(2 * np.pi * 40 * now) * min(now / 0.05, 1.0)
+        states.append(state)
+        torques.append(torque)
+        one = slope(state, torque)
+        two = slope(state + TICK_S / 2 * one, torque)
+        three = slope(state + TICK_S / 2 * two, torque)
+        four = slope(state + TICK_S * three, torque)
+        state = state + TICK_S / 6 * (one + 2 * two + 2 * three + four)
+    torque_nm = np.array(torques)
+    # the torque of a tick is held until the next: on average it belongs half a tick later
+    torque_nm[1:] = (torque_nm[1:] + torque_nm[:-1]) / 2
+    return time, np.array(states), torque_nm
 
 
 def sampled(number: int, time: Array, moved: Array, torque: Array, noise: Noise) -> Run:

@@ -5,6 +5,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 import pytest
+from integrated import TICK_S, shaken
 
 from schwung.drivetrain.machine import Coupling, Load, Machine, Motor
 from schwung.drivetrain.physics_term import PhysicsTerm
@@ -17,7 +18,7 @@ from schwung.innovations.likelihood import Noise
 from schwung.session.model import Run, Session
 
 ROTOR, LOAD, STIFFNESS, DAMPING, LOST = 0.02, 0.06, 8000.0, 1.0, 0.06
-TICK_S, EVERY, NOISE = 62.5e-6, 8, (2e-6, 0.015, 0.08)
+EVERY, NOISE = 8, (2e-6, 0.015, 0.08)
 ORDER, OFF, CUBIC = 8.0, 1e-3, 2e9
 
 
@@ -28,7 +29,7 @@ class Played(NamedTuple):
 
 
 def played(off: float, cubic: float) -> Played:
-    """A rotor that a spring and a damper hold, shaken at 40 Hz while it is carried there and back; Runge and Kutta."""
+    """A gear behind a transmission that is `off`, or a coupling that stiffens."""
 
     def between(angle: Any, speed: Any, load_angle: Any, load_speed: Any) -> Any:
         wound = angle + off * np.sin(ORDER * angle) - load_angle
@@ -40,22 +41,9 @@ def played(off: float, cubic: float) -> Played:
         lost = LOST * abs(carried) * np.tanh(state[1] / 0.01)
         return np.array([state[1], (torque - lost - ratio * carried) / ROTOR, state[3], carried / LOAD])
 
-    chance, time = np.random.default_rng(1), np.arange(16000) * TICK_S
-    state, rows = np.zeros(4), []
-    for now in time:
-        wished = 1.5 * np.sin(2 * np.pi * 1.2 * max(now - 0.1, 0.0)) ** 2
-        held = 125.0 * (wished - state[0]) - 5.0 * state[1]
-        torque = held + 5.0 * np.sin(2 * np.pi * 40 * now) * min(now / 0.05, 1.0)
-        rows.append((*state, torque, between(*state)[0]))
-        one = slope(state, torque)
-        two = slope(state + TICK_S / 2 * one, torque)
-        three = slope(state + TICK_S / 2 * two, torque)
-        four = slope(state + TICK_S * three, torque)
-        state = state + TICK_S / 6 * (one + 2 * two + 2 * three + four)
-    every = np.array(rows)
-    # the torque of a tick is held until the next: on average it belongs half a tick later
-    every[1:, 4] = (every[1:, 4] + every[:-1, 4]) / 2
-    every = every[::EVERY]
+    chance, (time, states, torques) = np.random.default_rng(1), shaken(slope)
+    carried = np.array([between(*state)[0] for state in states])
+    every = np.column_stack([states, torques, carried])[::EVERY]
     angle, speed, torque = (every[:, [0, 1, 4]] + chance.standard_normal((len(every), 3)) * np.array(NOISE)).T
     run = Run(
         role="reference", repeat=0, time_s=time[::EVERY], position_rad=angle, speed_rad_s=speed,

@@ -4,6 +4,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from integrated import TICK_S, shaken
 
 from schwung.drivetrain.machine import Coupling, Load, Machine, Motor
 from schwung.drivetrain.physics_term import PhysicsTerm
@@ -14,7 +15,7 @@ from schwung.innovations.likelihood import Noise
 from schwung.session.model import Run, Session
 
 ROTOR, LOAD, SOFT, STIFF, KINK, BELIEVED, DAMPING = 0.02, 0.06, 2000.0, 9000.0, 8e-4, 8000.0, 1.0
-TICK_S, EVERY, NOISE = 62.5e-6, 8, (2e-6, 0.015, 0.08)
+EVERY, NOISE = 8, (2e-6, 0.015, 0.08)
 
 
 def carried(wound: Any) -> Any:
@@ -30,22 +31,8 @@ def slope(state: np.ndarray, torque: float) -> np.ndarray:
 
 @pytest.fixture(scope="module")
 def session() -> Session:
-    """A rotor that a spring and a damper hold, shaken at 40 Hz while it is carried there and back; Runge and Kutta."""
-    chance, time = np.random.default_rng(1), np.arange(16000) * TICK_S
-    state, rows = np.zeros(4), []
-    for now in time:
-        wished = 1.5 * np.sin(2 * np.pi * 1.2 * max(now - 0.1, 0.0)) ** 2
-        held = 125.0 * (wished - state[0]) - 5.0 * state[1]
-        torque = held + 5.0 * np.sin(2 * np.pi * 40 * now) * min(now / 0.05, 1.0)
-        rows.append((state[0], state[1], torque))
-        one = slope(state, torque)
-        two = slope(state + TICK_S / 2 * one, torque)
-        three = slope(state + TICK_S / 2 * two, torque)
-        four = slope(state + TICK_S * three, torque)
-        state = state + TICK_S / 6 * (one + 2 * two + 2 * three + four)
-    played = np.array(rows)
-    # the torque of a tick is held until the next: on average it belongs half a tick later
-    played[1:, 2] = (played[1:, 2] + played[:-1, 2]) / 2
+    chance, (time, states, torques) = np.random.default_rng(1), shaken(slope)
+    played = np.column_stack([states[:, :2], torques])
     angle, speed, torque = (played + chance.standard_normal(played.shape) * np.array(NOISE)).T
     taken = slice(None, None, EVERY)
     run = Run(
