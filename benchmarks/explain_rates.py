@@ -18,6 +18,7 @@ from __future__ import annotations
 import argparse
 import tempfile
 import time
+import traceback
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -52,7 +53,8 @@ def answered(session: Session, machine: Machine) -> Answer:
     began = time.process_time()
     try:
         found = weigh(session, machine)
-    except Exception as error:  # the benchmark counts whatever goes wrong and goes on
+    except Exception as error:  # the benchmark counts whatever goes wrong, says where, and goes on
+        traceback.print_exc()
         return Answer({"failed": 1.0}, {}, f"failed: {error!r}"[:120], time.process_time() - began)
     proof = f"held out {found.proof.before:.2f} to {found.proof.after:.2f} σ" if found.proof else "no proof"
     return Answer(

@@ -55,11 +55,9 @@ class Grown:
         sure = search.tempered(ratio)
         for _ in range(_ASKED):
             kind = sure.kind(sure.shares()[0][1].picks)
-            one = search.table.get(kind)  # a search that its time ended once had none
-            if one is None or kind in search.kept or kind == search.kind(self.best.picks):
+            if kind in search.kept or kind == search.kind(self.best.picks) or search.data.work.late:
                 break
-            if search.data.work.late:
-                break
+            one = search.table[kind]
             _, gain = self.growth.rests.rest(search, one, self.best, at)
             search.note(kind, self.best.log + gain, one.log)
             sure = search.tempered(ratio)
