@@ -1,5 +1,6 @@
 """Repeats that share most of their noise, as they do an encoder's errors, or the rounding where nothing else is."""
 
+from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
 
@@ -19,13 +20,18 @@ OWN = 0.3
 COUNT = 2 * np.pi / 8000
 
 
-def _sharing(session: Session) -> Session:
-    """With each second run of a motion and injection a repeat that shares the first one's noise."""
+def _repeats(session: Session) -> Iterator[tuple[Run, Run]]:
+    """Every run, behind the first of its motion and injection."""
     firsts: dict[tuple[object, ...], Run] = {}
-    runs = []
     for run in session.runs:
         assert run.motion is not None
-        first = firsts.setdefault((run.role, run.motion.duration_s, run.excitation), run)
+        yield firsts.setdefault((run.role, run.motion.duration_s, run.excitation), run), run
+
+
+def _sharing(session: Session) -> Session:
+    """With each second run of a motion and injection a repeat that shares the first one's noise."""
+    runs = []
+    for first, run in _repeats(session):
         mixed = {
             name: getattr(first, name) + OWN * (getattr(run, name) - getattr(first, name))
             for name in ("position_rad", "speed_rad_s", "torque_nm")
@@ -60,11 +66,8 @@ def test_what_is_beside_it_keeps_its_name(tmp_path: Path) -> None:
 
 def _counted(session: Session) -> Session:
     """By an encoder of 8000 counts, the speed by how many came within 8 samples; repeats turn alike."""
-    firsts: dict[tuple[object, ...], Run] = {}
     runs = []
-    for run in session.runs:
-        assert run.motion is not None
-        first = firsts.setdefault((run.role, run.motion.duration_s, run.excitation), run)
+    for first, run in _repeats(session):
         angle = COUNT * np.round(first.position_rad / COUNT)
         before = np.concatenate([np.full(8, angle[0]), angle[:-8]])
         speed = (angle - before) * run.sample_rate_hz / 8
