@@ -9,7 +9,7 @@ from scipy.integrate import solve_ivp
 
 from schwung.drivetrain import Control, Coupling, InertiaTable, Load, Machine, Motor, simulate
 from schwung.errors import InputError
-from schwung.estimation import estimate
+from schwung.estimation import estimate, trajectory
 from schwung.estimation.bound import cramer_rao
 from schwung.estimation.trajectory_fit import fit
 from schwung.innovations import step_kernel
@@ -301,3 +301,19 @@ def test_a_torque_in_another_unit_is_an_error_or_a_verdict_never_a_traceback(rec
         verdict, said = "refused", str(error)
     assert verdict != "good"
     assert (verdict == "refused") == ("torque" in said)
+
+
+@pytest.mark.parametrize("runaway", [26.0, 900.0])
+def test_a_coupling_that_no_machine_has_is_refused_and_never_a_traceback(
+    recorded, machine, monkeypatch, runaway
+):
+    """As of a bus that stalled between its samples: a stiffness of 4e11 N·m/rad."""
+
+    def run_away(*given, **options):
+        found = fit(*given, **options)
+        found.parameters[found.model.layout.stiffness] = runaway
+        return found
+
+    monkeypatch.setattr(trajectory, "fit", run_away)
+    with pytest.raises(InputError, match=r"fits no coupling: .* times as stiff as the machine file"):
+        estimate(thinned(recorded(0.15), 4), machine, method="trajectory")

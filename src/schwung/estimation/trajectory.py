@@ -11,6 +11,7 @@ from __future__ import annotations
 from functools import partial
 
 import numpy as np
+from pydantic import ValidationError
 
 from schwung.drivetrain.inertia import InertiaTable
 from schwung.drivetrain.machine import Coupling, Machine
@@ -118,15 +119,28 @@ def _table(found: Fit, points: int, hidden: float = 0.0) -> tuple[InertiaTable, 
 
 
 def _as_found(found: Fit) -> Machine:
-    """The machine with the stiffness and damping that were found."""
+    """The machine with the stiffness and damping that were found.
+
+    Raises InputError where those are none that a machine file may hold: samples that belong to no one motion, as of a
+    bus that stalled, let a fit run away.
+    """
     believed, at = found.model.machine, found.model.layout
     if believed.coupling is None:
         return believed
-    stiffer, damped = np.exp(found.parameters[[at.stiffness, at.damping]])
-    coupling = Coupling(
-        stiffness_nm_rad=believed.coupling.stiffness_nm_rad * float(stiffer),
-        damping_nms=believed.coupling.damping_nms * float(damped),
-    )
+    with np.errstate(over="ignore"):
+        stiffer, damped = np.exp(found.parameters[[at.stiffness, at.damping]])
+    try:
+        coupling = Coupling(
+            stiffness_nm_rad=believed.coupling.stiffness_nm_rad * float(stiffer),
+            damping_nms=believed.coupling.damping_nms * float(damped),
+        )
+    except ValidationError:
+        raise InputError(
+            "session",
+            f"fits no coupling: it would be {stiffer:.2g} times as stiff as the machine file says and damp "
+            f"{damped:.2g} times as much",
+            "Record it anew, more slowly where samples came late; else check units, rotor inertia and stiffness.",
+        ) from None
     return believed.model_copy(update={"coupling": coupling})
 
 
