@@ -12,12 +12,14 @@ from scipy.interpolate import CubicSpline
 from schwung.innovations import kalman, kernel, plain, play, spline_kernel, step_kernel
 from schwung.innovations.contact import PARTS
 from schwung.innovations.splines import interpolated
-from schwung.innovations.values import Added, Shaft, System
+from schwung.innovations.values import Added, FurtherMass, Shaft, System
 from schwung.motion import Array
 
 SHAFTS = {
     "flexible": Shaft(0.012, 0.2, 0.1, 24963.0, 8.62, False),
     "rigid": Shaft(0.012, 0.2, 0.1, 0.0, 0.0, True),
+    "flexible, a mass behind": Shaft(0.012, 0.2, 0.1, 24963.0, 8.62, False, FurtherMass(0.02, 500.0, 0.04)),
+    "rigid, a mass behind": Shaft(0.012, 0.2, 0.1, 0.0, 0.0, True, FurtherMass(0.02, 500.0, 0.04)),
 }
 
 
@@ -42,7 +44,7 @@ def system(request: pytest.FixtureRequest) -> System:
     forcing = np.zeros((299, size + 1))
     forcing[:, :size] = stepped[:, :, size] * 10 * np.sin(np.arange(299) / 5)[:, None]
     noises = np.column_stack([-stepped[:, :, size + 2], np.ones(299)])
-    spread = np.array([*[1e-3, 0.1, 1e-3, 0.1][:size], 0.3])
+    spread = np.array([*[1e-3, 0.1, 1e-3, 0.1, 0.0, 0.0][:size], 0.3])
     measured = np.cumsum(noise.normal(size=(300, 2)), axis=0) * [1e-3, 0.1]
     apart = np.where(np.arange(299)[:, None] % 50 == [7, 9], 20.0, 0.0)
     on_load = np.zeros((299, 2, size + 1))
@@ -51,7 +53,7 @@ def system(request: pytest.FixtureRequest) -> System:
     else:
         on_load[:, :, :size] = np.swapaxes(stepped[:, :, [size + 1, size + 3]], 1, 2)
     opened = noise.normal(size=(0 if shaft.rigid else 299, size + 1)) * [
-        *[1e-6, 1e-3, 1e-6, 1e-3][:size],
+        *[1e-6, 1e-3, 1e-6, 1e-3, 0.0, 0.0][:size],
         0.0,
     ]
     return System(

@@ -67,6 +67,8 @@ class Effect:
 
 #: Columns that are whitened together: what is carried of them stays in the nearest memory.
 _TOGETHER = 32
+#: States for which a processor has registers: of motor, coupling and load, and the torque's error.
+_IN_REGISTERS = 5
 
 
 @dataclass(frozen=True, eq=False)
@@ -147,6 +149,11 @@ class Passed:
         """Smoothed ones, (n, s), and the torque's error (N·m) behind them."""
         return np.asarray(kernel.smoothed(self.equations.transition, self.result))
 
+    @property
+    def shaft_states(self) -> Array:
+        """Those of motor and load, (n, 2 or 4): what is behind the load is no more than follows from these."""
+        return np.ascontiguousarray(self.states[:, : self.run.states.shape[1]])
+
     def whitened(self, effects: Sequence[Effect]) -> Array:
         """Effects side by side as the innovations show them, (Σp, 2n): filtered alike, over their deviation."""
         rows = np.empty((sum(effect.count for effect in effects), self.samples))
@@ -157,11 +164,16 @@ class Passed:
         """Write what columns of one kind show to `rows` from [down, across] on; `sides`: of `Effect`, (n, p), in C's
         order, or (n, 0) for nothing."""
         acts = [side.shape[1] > 0 for side in sides]
+        four = sides[0], sides[1], sides[2], sides[3]
+        if self.result.state.shape[1] > _IN_REGISTERS:
+            transition, inputs = self.equations.transition, self.steps.inputs
+            kernel.responses_of_many(transition, self.result, inputs, four, rows, down, across)
+            return
         if sum(acts) == 1 and not any(acts[2:]):
             side = acts.index(True)
             kernel.responses_to_torque(self._loop, sides[side], side, rows, down, across)
             return
-        kernel.responses(self._loop, (sides[0], sides[1], sides[2], sides[3]), rows, down, across)
+        kernel.responses(self._loop, four, rows, down, across)
 
     @cached_property
     def _loop(self) -> Array:

@@ -1,7 +1,7 @@
 """Kalman's filter, the likelihood that it gives, and the smoother behind it, compiled.
 
-States have three or five entries. With their number known when it is compiled, a loop over them is none any more: the
-filter is three times as fast, and its numbers are the same to the last bit.
+States have three, five or seven entries. With their number known when it is compiled, a loop over them is none any
+more: the filter is three times as fast, and its numbers are the same to the last bit.
 """
 
 from __future__ import annotations
@@ -15,8 +15,8 @@ from schwung.innovations import plain
 from schwung.innovations.values import Filtered, System
 from schwung.motion import Array
 
-#: Of the rigid machine and of the flexible one: angles and speeds, and the torque's error.
-SIZES = (3, 5)
+#: Of the rigid machine, of the flexible one, and of that with a further mass: angles, speeds, the torque's error.
+SIZES = (3, 5, 7)
 
 
 @inlined

@@ -231,6 +231,63 @@ def responses(
             _turn(tile[: at + 2], rows, down, across + 2 * (k - k % TILE))
 
 
+@compiled_fastmath
+def _pushed(ahead: Array, torque: Array, inputs: Array, side: int, k: int) -> None:
+    """Add what torques (n, p) on motor (`side` 0) or load (1) do in step k to the states ahead; (n, 0): none."""
+    for i in range(inputs.shape[1]):
+        first, last = inputs[k, i, side], inputs[k, i, 2 + side]
+        for c in range(torque.shape[1]):
+            ahead[i, c] += first * torque[k, c] + last * torque[k + 1, c]
+
+
+@compiled_fastmath
+def _seen(x: Array, error: Array, k: int, seen: Array) -> None:
+    """What a sample shows of a state (p,): as it is reported, with an error (n, p), or (n, 0) for none."""
+    seen[:] = x
+    if error.shape[1] > 0:
+        seen += error[k]
+
+
+@compiled_fastmath
+def responses_of_many(
+    transition: Array,
+    result: Filtered,
+    inputs: Array,
+    parts: tuple[Array, Array, Array, Array],
+    rows: Array,
+    down: int,
+    across: int,
+) -> None:
+    """`responses` of any number of states, of which more than four have no place in registers."""
+    motor, load, angle, speed = parts
+    count, size = result.state.shape
+    number = max(motor.shape[1], load.shape[1], angle.shape[1], speed.shape[1])
+    x, ahead, seen = np.zeros((size, number)), np.zeros((size, number)), np.empty(number)
+    tile = np.empty((2 * TILE, number))
+    for k in range(count):
+        for m in range(2):
+            if m == 0:
+                _seen(x[0], angle, k, seen)
+            else:
+                _seen(x[1], speed, k, seen)
+            tile[2 * (k % TILE) + m] = seen / np.sqrt(result.variance[k, m])
+            for i in range(size):
+                x[i] -= result.gain[k, m, i] * seen
+        if k % TILE == TILE - 1 or k == count - 1:
+            _turn(tile[: 2 * (k % TILE) + 2], rows, down, across + 2 * (k - k % TILE))
+        if k == count - 1:
+            break
+        ahead[:] = 0.0
+        for i in range(size - 1):  # the torque's error, the last, is forgotten from step to step
+            for j in range(size):
+                factor = transition[k, i, j]
+                for c in range(number):
+                    ahead[i, c] += factor * x[j, c]
+        _pushed(ahead, motor, inputs, 0, k)
+        _pushed(ahead, load, inputs, 1, k)
+        x, ahead = ahead, x
+
+
 @compiled_or(plain.cholesky, fastmath=True)
 def cholesky(matrix: Array) -> Array:
     """Lower factor of a positive definite matrix (P, P); NaN where it is none. One thread, no wait for others."""

@@ -134,6 +134,7 @@ def problem_of(equations: Equations, noise: Noise, run: Signals) -> System:
     )
     shaft = [position, speed] if run.rigid else [position, speed, position, speed]
     size = equations.first.size
+    behind = [0.0] * (size - 1 - len(shaft))  # a further mass is at rest at first, as the motion begins
     return System(
         equations.transition,
         equations.forcing,
@@ -143,7 +144,7 @@ def problem_of(equations: Equations, noise: Noise, run: Signals) -> System:
         equations.measured,
         variances_of(noise, run),
         equations.first,
-        np.array([*shaft, np.sqrt(power[0])]),
+        np.array([*shaft, *behind, np.sqrt(power[0])]),
         np.zeros((0, size)) if equations.play is None else equations.play.open_contact,
         np.zeros((0, 2, size)) if equations.on_load is None else equations.on_load,
     )

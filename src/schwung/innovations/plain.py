@@ -27,7 +27,28 @@ def steps_of_each(shaft: Shaft, coupling: Array, inertia: Array, duration: float
 
 def _rates(shaft: Shaft, k: Array, b: Array, inertia: Array) -> tuple[Array, Array, Array]:
     """A (m, s, s) and B (m, s, 2) of dx/dt = Ax + B·torques, and the highest |eigenvalue| or more (m,)."""
-    size, rotor = 2 if shaft.rigid else 4, shaft.rotor_inertia
+    rates, inputs, fastest = _shaft_rates(shaft, k, b, inertia)
+    mass, size = shaft.further, rates.shape[1]
+    if mass.rate <= 0:
+        return rates, inputs, fastest
+    moved = inertia + shaft.rotor_inertia if shaft.rigid else inertia
+    load, ahead, back = (
+        size - 3,
+        slice(size - 2, size),
+        np.array([mass.rate**2, 2 * mass.ratio * mass.rate]),
+    )
+    rates[:, size - 2, size - 1] = 1.0
+    rates[:, load, ahead] = -mass.inertia * back / moved[:, None]
+    rates[:, size - 1] = rates[:, load]
+    rates[:, size - 1, ahead] -= back
+    inputs[:, size - 1] = inputs[:, load]
+    against = 1 + max(mass.inertia, 0.0) / moved
+    return rates, inputs, fastest + mass.rate * np.sqrt(against) + back[1] * against
+
+
+def _shaft_rates(shaft: Shaft, k: Array, b: Array, inertia: Array) -> tuple[Array, Array, Array]:
+    """The same of motor, coupling and load; of what is behind that, zeros."""
+    size, rotor = shaft.states, shaft.rotor_inertia
     rates, inputs = np.zeros((inertia.size, size, size)), np.zeros((inertia.size, size, 2))
     rates[:, 0, 1] = 1.0
     if shaft.rigid:

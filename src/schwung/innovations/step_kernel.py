@@ -1,9 +1,9 @@
 """Exact steps of the two-mass model, compiled.
 
 State of the flexible machine: motor angle, motor speed, wind-up θ_r − θ_l, load speed; of the rigid one: angle and
-speed. Over one sampling interval the load inertia stands still and the torques are parabolas; the step is then made of
-matrix exponentials, exact for any stiffness. With the number of states known when it is compiled, as in `kalman`, a
-step costs a tenth.
+speed; and of a further mass how far and how fast the load is turned ahead of it. Over one sampling interval the load
+inertia stands still and the torques are parabolas; the step is then made of matrix exponentials, exact for any
+stiffness. With the number of states known when it is compiled, as in `kalman`, a step costs a tenth.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ def steps_of_each(shaft: Shaft, coupling: Array, inertia: Array, duration: float
     """`steps` where the shaft's stiffness and damping, `coupling` (m, 2), differ from interval to interval; (1, 2): in
     none.
     """
-    return _STEPS[2 if shaft.rigid else 4](shaft, coupling, inertia, duration)
+    return _STEPS[shaft.states](shaft, coupling, inertia, duration)
 
 
 @inlined
@@ -45,10 +45,36 @@ def _product(left: Array, right: Array, result: Array, size: int, width: int) ->
 
 
 @inlined
-def _written(shaft: Shaft, k: float, b: float, inertia: float, rates: Array, inputs: Array) -> float:
+def _written(
+    shaft: Shaft, k: float, b: float, inertia: float, rates: Array, inputs: Array, size: int
+) -> float:
     """Write A (s, s) and B (s, 2) of dx/dt = Ax + B·(torque on motor, on load), zero before; the highest |eigenvalue|,
     or more.
     """
+    fastest = _shaft_written(shaft, k, b, inertia, rates, inputs)
+    mass = shaft.further
+    if mass.rate <= 0.0:
+        return float(fastest)
+    load, ahead = size - 3, size - 2
+    moved = inertia + shaft.rotor_inertia if shaft.rigid else inertia
+    spring, damper = mass.rate**2, 2.0 * mass.ratio * mass.rate
+    rates[ahead, ahead + 1] = 1.0
+    rates[load, ahead], rates[load, ahead + 1] = (
+        -mass.inertia * spring / moved,
+        -mass.inertia * damper / moved,
+    )
+    for j in range(size):
+        rates[ahead + 1, j] = rates[load, j]
+    rates[ahead + 1, ahead] -= spring
+    rates[ahead + 1, ahead + 1] -= damper
+    inputs[ahead + 1, 0], inputs[ahead + 1, 1] = inputs[load, 0], inputs[load, 1]
+    against = 1.0 + max(mass.inertia, 0.0) / moved
+    return float(fastest + mass.rate * np.sqrt(against) + damper * against)
+
+
+@inlined
+def _shaft_written(shaft: Shaft, k: float, b: float, inertia: float, rates: Array, inputs: Array) -> float:
+    """The same of motor, coupling and load."""
     rates[0, 1] = 1.0
     if shaft.rigid:
         total = shaft.rotor_inertia + inertia
@@ -114,7 +140,7 @@ def _steps_of(size: int) -> Callable[[Shaft, Array, Array, float], Array]:
         term, following = np.empty((size, size + 2)), np.empty((size, size + 2))
         for m in range(inertia.size):
             k, b = coupling[min(m, coupling.shape[0] - 1)]
-            fastest = _written(shaft, k, b, inertia[m], rates, inputs)
+            fastest = _written(shaft, k, b, inertia[m], rates, inputs, size)
             doublings = max(0, int(np.ceil(np.log2(max(fastest * duration / REACH, 1e-9)))))
             h = duration / 2**doublings
             _series(rates, inputs, h, whole, term, following, size)
@@ -133,5 +159,5 @@ def _steps_of(size: int) -> Callable[[Shaft, Array, Array, float], Array]:
     return exact_steps
 
 
-#: Of the rigid machine and of the flexible one.
-_STEPS = {size: _steps_of(size) for size in (2, 4)}
+#: Of the rigid machine and of the flexible one, and of that with a further mass.
+_STEPS = {size: _steps_of(size) for size in (2, 4, 6)}

@@ -10,6 +10,15 @@ from schwung.motion import Array
 TERMS, REACH = 10, 0.5
 
 
+class FurtherMass(NamedTuple):
+    """A mass behind the load on a spring of its own: its inertia, and its natural frequency (rad/s) and damping ratio
+    behind a load that is held; rate 0: there is none."""
+
+    inertia: float = 0.0
+    rate: float = 0.0
+    ratio: float = 0.0
+
+
 class Shaft(NamedTuple):
     """What does not change along a trajectory; SI."""
 
@@ -19,6 +28,12 @@ class Shaft(NamedTuple):
     stiffness: float
     damping: float
     rigid: bool
+    further: FurtherMass = FurtherMass()
+
+    @property
+    def states(self) -> int:
+        """Of motor and load, and of what is behind that."""
+        return (2 if self.rigid else 4) + (2 if self.further.rate > 0 else 0)
 
 
 class System(NamedTuple):

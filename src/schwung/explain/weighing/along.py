@@ -15,12 +15,14 @@ from schwung.innovations.held import corners
 from schwung.innovations.low_pass import heard
 from schwung.innovations.signals import Signals
 from schwung.innovations.splines import slopes
+from schwung.innovations.values import FurtherMass
 from schwung.motion import Array
 from schwung.session.model import Run
 
 #: Torques (N·m) along a run, (n,) each; angles (rad) and their rates (rad/s).
 Beside = tuple[Callable[["Along"], Array], ...]
 Drives = tuple[Callable[["Along"], tuple[Array, Array]], ...]
+_NONE_BEHIND = FurtherMass()
 #: Over which slopes by the angle are taken.
 DIFFERENCE_RAD = 1e-3
 #: Beyond so many times the speed at which it may stick, a shaft surely slides.
@@ -83,6 +85,9 @@ class Along:
     )
     drives: Drives = ()  # how much further the coupling is driven than the motor turns, and how much faster
     besides: Beside = ()  # what the coupling carries beside spring and damper (N·m)
+    further: FurtherMass = (
+        _NONE_BEHIND  # behind the load, known or present, where it is a state of the filter's
+    )
     met: Array | None = None  # `Play.contact` of each step, as the filter met it, (n − 1, 3); None: not known
 
     @property
@@ -399,13 +404,14 @@ def along(
     held_late: float = 0.0,
     drives: Drives = (),
     besides: Beside = (),
+    further: FurtherMass = _NONE_BEHIND,
 ) -> Along:
     """The coordinates of a run of a session; `kept`: those that were worked out for the same states; `loud`: see
-    `View.loud`; `gap_rad`, `filter_s`, `held_late`, `drives`, `besides`: see `Along`.
+    `View.loud`; `gap_rad`, `filter_s`, `held_late`, `drives`, `besides`, `further`: see `Along`.
     """
     starts = recorded.motion.start_time_s if recorded.motion is not None else 0.0
     begins, kept = float(starts or 0.0), {} if kept is None else kept
-    told = gap_rad, filter_s, held_late, drives, besides
+    told = gap_rad, filter_s, held_late, drives, besides, further
     return Along(run, machine, present, ranges, number, begins, true_torque, kept, loud, *told)
 
 

@@ -11,6 +11,7 @@ from scipy.special import log_ndtr, ndtr
 
 from schwung.explain.weighing.along import Along
 from schwung.innovations.effect import Effect
+from schwung.innovations.values import FurtherMass
 from schwung.motion import Array
 
 Shape = tuple[float, ...]
@@ -107,6 +108,9 @@ class Candidate:
         None  # what no file can say of it, in words: by coefficients, their deviations, shape and the torque's unit
     )
     swings: bool = False  # whether what it does to the load follows from how the load moves then
+    further: Callable[[Array, Shape], FurtherMass] | None = (
+        None  # the mass behind the load that the filter can carry as a state of its own
+    )
     each_run: bool = False  # its coefficients are each run's own, and say nothing of another
     known_to: float = (
         0.0  # size of its coefficients that the belief is usually off by: a smaller change is no finding

@@ -12,7 +12,7 @@ from schwung.explain.weighing.along import Along, inertia_of
 from schwung.innovations.likelihood import Equations, Noise
 from schwung.innovations.play import LEAST_SHARE, through_play
 from schwung.innovations.steps import WITHIN, Steps, bulge, height_of, sloping, smoothly, straight
-from schwung.innovations.values import Shaft
+from schwung.innovations.values import FurtherMass, Shaft
 from schwung.motion import Array
 
 #: Where the shaft may stick or turn, dry friction is anything within its own size: a variance of so many times its
@@ -67,8 +67,8 @@ def together(one: Array | float, other: Array | float) -> Array | float:
     return other if isinstance(one, float) and one == 0.0 else one + other
 
 
-def shaft_of(machine: Machine) -> Shaft:
-    """The coupling, and the inertias and frictions beside it."""
+def shaft_of(machine: Machine, further: FurtherMass) -> Shaft:
+    """The coupling, and the inertias and frictions beside it, and what is behind the load."""
     motor, coupling = machine.motor, machine.coupling
     k, b = (coupling.stiffness_nm_rad, coupling.damping_nms) if coupling else (0.0, 0.0)
     return Shaft(
@@ -78,6 +78,7 @@ def shaft_of(machine: Machine) -> Shaft:
         k,
         b,
         coupling is None,
+        further,
     )
 
 
@@ -155,7 +156,7 @@ def equations_of(
         ],
         axis=1,
     )
-    shaft, bent = shaft_of(machine), np.asarray(acting.coupling, dtype=float)
+    shaft, bent = shaft_of(machine, along.further), np.asarray(acting.coupling, dtype=float)
     whole = np.array([shaft.stiffness, shaft.damping])
     if bent.ndim:
         coupling = np.maximum(whole + (bent[1:] + bent[:-1]) / 2, LEAST_SHARE * whole)
@@ -187,7 +188,8 @@ def equations_of(
     if acting.dry_nm > 0 and not shaft.rigid:
         on_load = np.zeros((push.size - 1, 2, size + 1))
         on_load[:, :, :size] = np.swapaxes(steps.inputs[:, :, 1:4:2], 1, 2)
-    begin = np.append(run.states[0], 0.0)
+    begin = np.zeros(size + 1)
+    begin[: run.states.shape[1]] = run.states[0]
     equations = Equations(
         transition, forcing, driven, run.drive.sharp_nm2, apart, measured, begin, torques, on_load=on_load
     )

@@ -34,11 +34,13 @@ from schwung.explain.weighing.present import (
     changed,
     drives_of,
     filter_of,
+    further_of,
     gap_of,
     held_late_of,
 )
 from schwung.explain.weighing.third_mass import stiffened, third_mass
 from schwung.innovations.effect import Effect
+from schwung.innovations.values import FurtherMass
 from schwung.motion import Array
 
 #: A load that is none, over the motor's inertia: steps are worked out over its logarithm.
@@ -90,7 +92,7 @@ class Known:
             on_motor = on_motor - e.carried_share * np.abs(along.carried) * along.direction
         if e.load_coulomb_nm:
             on_load = on_load - e.load_coulomb_nm * along.load_direction
-        if e.third_inertia_kgm2 > 0:
+        if e.third_inertia_kgm2 > 0 and (self.further.rate == 0 or along.gap_rad > 0):
             on_load = on_load - _further_mass(e, along)
         unnamed = self._unnamed(along)
         on_motor, on_load = on_motor + unnamed[0], on_load + unnamed[1]
@@ -110,16 +112,23 @@ class Known:
             )
         return Effect(*(part[:, None] for part in (on_motor - coupled, on_load + coupled, position, speed)))
 
-    def told(self, members: Sequence[Member]) -> tuple[float, float, float, Drives, Beside]:
+    def told(self, members: Sequence[Member]) -> tuple[float, float, float, Drives, Beside, FurtherMass]:
         """What is known, and the members', as `along` takes it: gap, filter of the torque, how late a held injection
-        acts, what drives the coupling further, and what it carries beside spring and damper."""
+        acts, what drives the coupling further, what it carries beside spring and damper, and a further mass."""
         return (
             gap_of(self.effects.gap_rad, members),
             filter_of(self.effects.torque_filter_s, members),
             held_late_of(members),
             drives_of(self.driven, members),
             besides_of(self.bending, members),
+            further_of(self.further, self.effects.gap_rad, members),
         )
+
+    @property
+    def further(self) -> FurtherMass:
+        """The known mass behind the load, where it swings by the same laws all along."""
+        e = self.effects
+        return _behind(e) if e.third_inertia_kgm2 > 0 and e.third_speed_share == 0.0 else FurtherMass()
 
     def driven(self, along: Along) -> tuple[Array, Array]:
         """How much further than the motor turns the coupling is driven (rad), and how much faster (rad/s), (n,)."""
@@ -229,15 +238,19 @@ def _cut(e: Effects, asked: Array) -> Array:
     return np.clip(given, -e.torque_limit_nm, e.torque_limit_nm) - given
 
 
+def _behind(e: Effects) -> FurtherMass:
+    rate = float(np.sqrt(e.third_stiffness_nm_rad / e.third_inertia_kgm2))
+    return FurtherMass(e.third_inertia_kgm2, rate, e.third_damping_nms / (2 * rate * e.third_inertia_kgm2))
+
+
 def _further_mass(e: Effects, along: Along) -> Array:
     """What the known mass behind the load takes (N·m), (n,)."""
-    rate = float(np.sqrt(e.third_stiffness_nm_rad / e.third_inertia_kgm2))
-    ratio = e.third_damping_nms / (2 * rate * e.third_inertia_kgm2)
+    inertia, rate, ratio = _behind(e)
     if e.third_speed_share != 0.0:
         square = rate**2 + e.third_speed_share * along.load_speed**2
         found = stiffened(along.load_acceleration, square, ratio * rate, along.run.step_s)
-        return e.third_inertia_kgm2 * found
-    return e.third_inertia_kgm2 * third_mass(along.load_acceleration, rate, ratio, along.run.step_s)
+        return inertia * found
+    return inertia * third_mass(along.load_acceleration, rate, ratio, along.run.step_s)
 
 
 #: Curves that act on the load; the others on the motor.

@@ -12,6 +12,7 @@ from schwung.drivetrain.inertia import InertiaTable
 from schwung.drivetrain.machine import Load, Machine
 from schwung.explain.weighing.along import Along, Beside, Drives, Ranges
 from schwung.explain.weighing.candidate import Candidate, Shape
+from schwung.innovations.values import FurtherMass
 from schwung.motion import Array
 
 #: Points of an inertia over the angle; of a spindle's, which turns on and on, no more than so many.
@@ -139,6 +140,28 @@ def drives_of(known: Callable[[Along], tuple[Array, Array]], members: Sequence[M
 def _driven(member: Member, along: Along) -> tuple[Array, Array]:
     assert member.candidate.drives is not None
     return member.candidate.drives(along, member.shape, member.coefficients)
+
+
+def carried_by(known: FurtherMass, known_gap_rad: float, members: Sequence[Member]) -> Member | None:
+    """The one whose further mass is a state of the filter's; None: none, or the `known` one is.
+
+    What such a mass takes follows from the load's acceleration, and that from what it takes: of one that rings, each
+    round of the two would be further off. A coupling with a gap is passed in another way, without it.
+    """
+    if known.rate > 0 or gap_of(known_gap_rad, members) > 0:
+        return None
+    behind = (m for m in members if m.candidate.further is not None and m.coefficients[0] > 0)
+    return next(behind, None)
+
+
+def further_of(known: FurtherMass, known_gap_rad: float, members: Sequence[Member]) -> FurtherMass:
+    """The further mass that is a state of the filter's."""
+    if gap_of(known_gap_rad, members) > 0:
+        return FurtherMass()
+    carried = carried_by(known, known_gap_rad, members)
+    if carried is None or carried.candidate.further is None:
+        return known
+    return carried.candidate.further(carried.coefficients, carried.shape)
 
 
 def held_late_of(members: Sequence[Member]) -> float:

@@ -15,7 +15,7 @@ from schwung.explain.weighing.candidate import Candidate, Missed, Shape
 from schwung.explain.weighing.equations import Acting, equations_of, load_taken, together
 from schwung.explain.weighing.joined import Joined
 from schwung.explain.weighing.known import Known
-from schwung.explain.weighing.present import Member, with_members
+from schwung.explain.weighing.present import Member, carried_by, gap_of, with_members
 from schwung.explain.weighing.true_torque import TrueTorque
 from schwung.explain.weighing.work import LINEARISED, NOISE, Work
 from schwung.innovations.effect import Effect, Passed, whiten
@@ -78,6 +78,10 @@ class View:
         """Coordinates of each run, as they were asked for."""
         return [{"slowest": one} for one in self.slowest] or [{} for _ in self.runs]
 
+    def carried(self, members: Sequence[Member]) -> Member | None:
+        """The one whose further mass is a state of the filter's."""
+        return carried_by(self.known.further, self.known.effects.gap_rad, members)
+
     def alongs(self, members: Sequence[Member]) -> list[Along]:
         """Every run's coordinates, with these members present."""
         present = with_members(self.known.machine, members, self.ranges)
@@ -107,13 +111,13 @@ def acting(view: View, along: Along, members: Sequence[Member]) -> Acting:
 
 def acting_on_each(view: View, along: Joined, members: Sequence[Member]) -> tuple[Acting, list[Acting]]:
     """The same of several runs: together, where dry friction is not told, and of each."""
-    known = view.known
+    known, carried = view.known, view.carried(members)
     what = known.effect(along)
     total, opposed = Acting(*what.alone), known.dry(along)
     if known.bends:
         total += _eased(along, known.tangent(along))
     for member in members:
-        needless = member.candidate.of_machine and view.dry_nm is not None
+        needless = member is carried or (member.candidate.of_machine and view.dry_nm is not None)
         if needless or not np.any(member.coefficients):
             continue
         done = Acting(*member.candidate.done(along, member.shape, member.coefficients).alone)
@@ -176,9 +180,12 @@ class Linearised:
 
     @property
     def swings(self) -> bool:
-        """Whether a further mass, driven by the load, is present or known: what it does follows from what it does."""
-        there = any(m.candidate.swings and np.any(m.coefficients) for m in self.members)
-        return there or self.view.known.effects.third_inertia_kgm2 > 0
+        """Whether a further mass, driven by the load, is present or known that is no state of the filter's: what it
+        does follows from what it does."""
+        known, carried = self.view.known, self.view.carried(self.members)
+        there = any(m.candidate.swings and np.any(m.coefficients) and m is not carried for m in self.members)
+        gap_rad = gap_of(known.effects.gap_rad, self.members)
+        return there or (known.effects.third_inertia_kgm2 > 0 and (known.further.rate == 0 or gap_rad > 0))
 
     def beside(self, runs: Sequence[int]) -> Linearised:
         """Other runs about the same, with the states that it makes likely."""
@@ -343,16 +350,16 @@ def resmoothed_about(about: Linearised) -> View:
     """With the states that what is present makes likely, and the torque that drives the machine then.
 
     How the true torque changes stays what it is taken to be for all sets: the second derivative of what a set cannot do
-    would look like that. Of what a further mass does, half of the way is taken: near the load's own resonance the whole
-    leads past it, further each time.
+    would look like that. Of what a further mass does that is no state of the filter's, half of the way is taken: near
+    the load's own resonance the whole leads past it, further each time.
     """
     view = about.view
     runs, torques = list(view.runs), list(view.torques)
     for i, passed in about.passed.items():
-        states = passed.states[:, :-1]
+        states = passed.shaft_states
         if about.swings:
             states = runs[i].states + _OF_THE_WAY * (states - runs[i].states)
-        runs[i] = runs[i].about(np.ascontiguousarray(states))
+        runs[i] = runs[i].about(states)
         if view.noise_found:
             torques[i] = torques[i].with_driving(_without_noise(about, i))
     return replace(view, runs=tuple(runs), torques=tuple(torques))
@@ -380,9 +387,9 @@ def loud_about(about: Linearised) -> tuple[Sequence[Array], ...]:
     every = []
     for i, passed in sorted(about.passed.items()):
         run = about.view.runs[i]
-        states = passed.of_noise(about.noise, run, np.random.default_rng(i)).states
+        states = passed.of_noise(about.noise, run, np.random.default_rng(i)).shaft_states
         about.view.work.add(LINEARISED * passed.samples)
-        loads = run.about(np.ascontiguousarray(states[:, :-1])).load_acceleration
+        loads = run.about(states).load_acceleration
         still = np.zeros_like(loads)
         wound = (still, still) if run.rigid else (states[:, 2], states[:, 1] - states[:, 3])
         every.append([*(loudness(run.quiet(one)) for one in wound), loudness(loads)])

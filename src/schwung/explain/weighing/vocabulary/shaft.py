@@ -24,6 +24,7 @@ from schwung.explain.weighing.third_mass import third_mass
 from schwung.explain.weighing.vocabulary.hanging import hanging
 from schwung.explain.weighing.vocabulary.load import of_any_order, polar
 from schwung.innovations.effect import Effect
+from schwung.innovations.values import FurtherMass
 from schwung.motion import Array
 
 #: What a contact that opens and closes damps may differ by so much from what the coupling was believed to damp.
@@ -213,7 +214,7 @@ def shaft(
                   shapes=grid(2 * np.pi * _RESONANCES_HZ, _DAMPING_RATIOS), spacing=(0.06, 0.7),
                   logarithmic=(True, True), bounds=((2 * np.pi * 1, 2 * np.pi * of.band_hz), (0.005, 0.5)),
                   positive=(0,), coordinate="frequency", known_to=RIGHT_TO * inertia_kgm2, swings=True,
-                  limit="load_inertia", causes=2,
+                  further=lambda c, s: FurtherMass(float(c[0]), s[0], s[1]), limit="load_inertia", causes=2,
                   felt=lambda s: 1 / (2 * s[1])),  # at its resonance, where it is as if the load were so much heavier
         hanging(of, 3 * share * inertia_kgm2, RIGHT_TO * inertia_kgm2),
         Candidate("wind_up", over_wind_up, (torque_nm,) * curve.size, scales=LADDER, named=False,
