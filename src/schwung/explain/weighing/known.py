@@ -83,11 +83,12 @@ class Known:
         true = _driving(e, torque)
         if np.isfinite(e.torque_limit_nm):
             true = true + along.run.drive.asked(partial(_cut, e), along.filter_s)
+        if e.torque_lag_s > 0:
+            changes = _slope(e, torque) * along.torque_rate
+            true = true - e.torque_lag_s * lagging(along, changes, e.torque_lag_s)
         true = _faded(e, true, along)
         true = true * (1 + e.ripple_share * np.sin(e.ripple_order * along.angle + e.ripple_phase_rad))
         on_motor = on_motor + true - torque + e.torque_filter_s * along.reported_rate
-        if e.torque_lag_s > 0:
-            on_motor = on_motor - e.torque_lag_s * lagging(along, along.torque_rate, e.torque_lag_s)
         if e.carried_share:
             on_motor = on_motor - e.carried_share * np.abs(along.carried) * along.direction
         if e.load_coulomb_nm:
@@ -222,6 +223,13 @@ def _driving(e: Effects, asked: Array) -> Array:
     """What a motor gives of the torque that it is asked for, but for its limit."""
     drop = e.torque_drop * (np.abs(asked) / e.torque_drop_at_nm) ** e.torque_drop_order
     return np.asarray((e.torque_gain - drop) * asked)
+
+
+def _slope(e: Effects, asked: Array) -> Array:
+    """How much more of that it gives, its limit counted, for a torque more that it is asked for."""
+    drop = e.torque_drop * (np.abs(asked) / e.torque_drop_at_nm) ** e.torque_drop_order
+    slope = e.torque_gain - (1 + e.torque_drop_order) * drop
+    return np.where(np.abs(_driving(e, asked)) < e.torque_limit_nm, slope, 0.0)
 
 
 def _faded(e: Effects, given: Array, along: Along) -> Array:
