@@ -21,6 +21,7 @@ from schwung.session.model import Run
 
 #: Torques (N·m) along a run, (n,) each; angles (rad) and their rates (rad/s).
 Beside = tuple[Callable[["Along"], Array], ...]
+Passes = tuple[Callable[["Along"], Array], ...]
 Drives = tuple[Callable[["Along"], tuple[Array, Array]], ...]
 _NONE_BEHIND = FurtherMass()
 #: Over which slopes by the angle are taken.
@@ -88,6 +89,7 @@ class Along:
     further: FurtherMass = (
         _NONE_BEHIND  # behind the load, known or present, where it is a state of the filter's
     )
+    passes: Passes = ()  # what the motor gives more for a torque more that it is asked for, in parts; none: as much
     met: Array | None = None  # `Play.contact` of each step, as the filter met it, (n − 1, 3); None: not known
 
     @property
@@ -244,6 +246,12 @@ class Along:
     @property
     def torque_rate(self) -> Array:
         return self.reported_rate + self._injected[1][1]
+
+    @cached_property
+    def given_rate(self) -> Array:
+        """How the torque changes that a motor gives of what it is asked for: what a current loop lags behind."""
+        rate = self.torque_rate
+        return rate * np.asarray(sum(one(self) for one in self.passes)) if self.passes else rate
 
     @property
     def beyond_band(self) -> Array:
@@ -405,13 +413,14 @@ def along(
     drives: Drives = (),
     besides: Beside = (),
     further: FurtherMass = _NONE_BEHIND,
+    passes: Passes = (),
 ) -> Along:
     """The coordinates of a run of a session; `kept`: those that were worked out for the same states; `loud`: see
-    `View.loud`; `gap_rad`, `filter_s`, `held_late`, `drives`, `besides`, `further`: see `Along`.
+    `View.loud`; `gap_rad`, `filter_s`, `held_late`, `drives`, `besides`, `further`, `passes`: see `Along`.
     """
     starts = recorded.motion.start_time_s if recorded.motion is not None else 0.0
     begins, kept = float(starts or 0.0), {} if kept is None else kept
-    told = gap_rad, filter_s, held_late, drives, besides, further
+    told = gap_rad, filter_s, held_late, drives, besides, further, passes
     return Along(run, machine, present, ranges, number, begins, true_torque, kept, loud, *told)
 
 

@@ -111,6 +111,9 @@ class Candidate:
     further: Callable[[Array, Shape], FurtherMass] | None = (
         None  # the mass behind the load that the filter can carry as a state of its own
     )
+    passes: Callable[[Along, Shape, Array], Array] | None = (
+        None  # what the motor gives more for a torque more that it is asked for, (n,)
+    )
     each_run: bool = False  # its coefficients are each run's own, and say nothing of another
     known_to: float = (
         0.0  # size of its coefficients that the belief is usually off by: a smaller change is no finding

@@ -25,7 +25,7 @@ from schwung.drivetrain.residual import (
 )
 from schwung.drivetrain.residual_plane import ON_LOAD as LOADED
 from schwung.drivetrain.residual_plane import Plane, planes_of
-from schwung.explain.weighing.along import Along, Beside, Drives
+from schwung.explain.weighing.along import Along, Beside, Drives, Passes
 from schwung.explain.weighing.joined import run_by_run
 from schwung.explain.weighing.late import acceleration_bent, beyond_bent, lagging
 from schwung.explain.weighing.present import (
@@ -37,6 +37,7 @@ from schwung.explain.weighing.present import (
     further_of,
     gap_of,
     held_late_of,
+    passes_of,
 )
 from schwung.explain.weighing.third_mass import stiffened, third_mass
 from schwung.innovations.effect import Effect
@@ -113,9 +114,12 @@ class Known:
             )
         return Effect(*(part[:, None] for part in (on_motor - coupled, on_load + coupled, position, speed)))
 
-    def told(self, members: Sequence[Member]) -> tuple[float, float, float, Drives, Beside, FurtherMass]:
+    def told(
+        self, members: Sequence[Member]
+    ) -> tuple[float, float, float, Drives, Beside, FurtherMass, Passes]:
         """What is known, and the members', as `along` takes it: gap, filter of the torque, how late a held injection
-        acts, what drives the coupling further, what it carries beside spring and damper, and a further mass."""
+        acts, what drives the coupling further, what it carries beside spring and damper, a further mass, and what
+        becomes of a torque that is asked for."""
         return (
             gap_of(self.effects.gap_rad, members),
             filter_of(self.effects.torque_filter_s, members),
@@ -123,6 +127,7 @@ class Known:
             drives_of(self.driven, members),
             besides_of(self.bending, members),
             further_of(self.further, self.effects.gap_rad, members),
+            passes_of(self.passing, members),
         )
 
     @property
@@ -155,6 +160,15 @@ class Known:
             (along.contact[:, 0] * one.at(along.wound, along.direction) for one in self.bent), 0.0
         )
         return np.asarray(coupled)
+
+    def passing(self, along: Along) -> Array:
+        """How much more torque the motor gives for one more that it is asked for, (n,)."""
+        return np.ones_like(along.speed) if self.nothing else run_by_run(self._passing)(along)
+
+    def _passing(self, along: Along) -> Array:
+        e, asked = self.effects, along.torque
+        rippling = 1 + e.ripple_share * np.sin(e.ripple_order * along.angle + e.ripple_phase_rad)
+        return np.asarray(_slope(e, asked) * _left(e, _driving(e, asked), along) * rippling)
 
     @property
     def _drives(self) -> bool:
@@ -234,10 +248,15 @@ def _slope(e: Effects, asked: Array) -> Array:
 
 def _faded(e: Effects, given: Array, along: Along) -> Array:
     """What the motor's heat leaves of that."""
+    return given if e.torque_fade == 0.0 else np.asarray(given * _left(e, given, along))
+
+
+def _left(e: Effects, given: Array, along: Along) -> Array:
+    """The share of a torque that the motor's heat leaves."""
     if e.torque_fade == 0.0:
-        return given
+        return np.ones_like(given)
     heat = heated(given, e.torque_fade_at_nm, e.torque_fade_s, along.run.step_s, e.torque_fade_start)
-    return np.asarray(given * (1 - np.minimum(e.torque_fade * heat, 1.0)))
+    return np.asarray(1 - np.minimum(e.torque_fade * heat, 1.0))
 
 
 def _cut(e: Effects, asked: Array) -> Array:

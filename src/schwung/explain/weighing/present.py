@@ -10,7 +10,7 @@ import numpy as np
 
 from schwung.drivetrain.inertia import InertiaTable
 from schwung.drivetrain.machine import Load, Machine
-from schwung.explain.weighing.along import Along, Beside, Drives, Ranges
+from schwung.explain.weighing.along import Along, Beside, Drives, Passes, Ranges
 from schwung.explain.weighing.candidate import Candidate, Shape
 from schwung.innovations.values import FurtherMass
 from schwung.motion import Array
@@ -162,6 +162,16 @@ def further_of(known: FurtherMass, known_gap_rad: float, members: Sequence[Membe
     if carried is None or carried.candidate.further is None:
         return known
     return carried.candidate.further(carried.coefficients, carried.shape)
+
+
+def passes_of(known: Callable[[Along], Array], members: Sequence[Member]) -> Passes:
+    """What the motor gives more for a torque more that it is asked for: as `known`, and by the members."""
+    return known, *(partial(_passes, m) for m in members if m.candidate.passes and np.any(m.coefficients))
+
+
+def _passes(member: Member, along: Along) -> Array:
+    assert member.candidate.passes is not None
+    return member.candidate.passes(along, member.shape, member.coefficients)
 
 
 def held_late_of(members: Sequence[Member]) -> float:

@@ -68,7 +68,7 @@ def _twice(along: Along, values: Array, shape: Shape) -> Array:
 
 
 def _later(along: Along, shape: Shape) -> Effect:
-    rate = along.torque_rate
+    rate = along.given_rate
     return Effect(column(-lagging(along, rate, shape[0]) - _twice(along, rate, shape)))
 
 
@@ -114,7 +114,7 @@ def _filters(name: str, torque: Callable[[Along, Shape], Array]) -> Candidate:
 
 
 def _late_torque(along: Along, shape: Shape) -> Array:
-    return -lagging(along, along.torque_rate, shape[0])
+    return -lagging(along, along.given_rate, shape[0])
 
 
 def _early_torque(along: Along, _shape: Shape) -> Array:
@@ -135,9 +135,13 @@ def _clipped(along: Along, shape: Shape) -> Effect:
     return Effect(column(along.run.drive.asked(lambda nm: np.clip(nm, -limit, limit) - nm, along.filter_s)))
 
 
-def _ripple(along: Along, shape: Shape) -> Effect:
+def _turning(along: Along, shape: Shape) -> Array:
     turned = shape[0] * along.angle
-    return Effect(np.stack([along.torque * np.sin(turned), along.torque * np.cos(turned)], 1))
+    return np.stack([np.sin(turned), np.cos(turned)], 1)
+
+
+def _ripple(along: Along, shape: Shape) -> Effect:
+    return Effect(along.torque[:, None] * _turning(along, shape))
 
 
 def _misread(along: Along, order: float) -> tuple[Array, Array]:
@@ -173,14 +177,24 @@ def reporting(of: Ranges, share: float) -> list[Candidate]:
         return Effect(column(-((np.abs(along.torque) / peak) ** shape[0]) * along.torque))
 
     @run_by_run
-    def fade(along: Along, shape: Shape) -> Effect:
+    def hot(along: Along, shape: Shape) -> Array:
         """What it heats, what heat it starts with on average, and how much more each run does."""
-        asked, found = along.true_torque.asked_nm, np.zeros((along.speed.size, 2 + of.runs))
-        found[:, 0] = heated(asked, peak, shape[0], along.run.step_s)
+        found = np.zeros((along.speed.size, 2 + of.runs))
+        found[:, 0] = heated(along.true_torque.asked_nm, peak, shape[0], along.run.step_s)
         found[:, 1] = np.exp((along.time_s[0] - along.time_s) / shape[0])
         if along.number < of.runs:  # of a run that is yet to come it is the average
             found[:, 2 + along.number] = found[:, 1]
-        return Effect(-found * asked[:, None])
+        return found
+
+    @run_by_run
+    def fade(along: Along, shape: Shape) -> Effect:
+        return Effect(-hot(along, shape) * along.true_torque.asked_nm[:, None])
+
+    def dropped(along: Along, shape: Shape, coefficients: Array) -> Array:
+        return np.asarray(-coefficients[0] * (1 + shape[0]) * (np.abs(along.torque) / peak) ** shape[0])
+
+    def faded(along: Along, shape: Shape, coefficients: Array) -> Array:
+        return -hot(along, shape) @ coefficients
 
     def too_hot(coefficients: Array, _shape: Shape) -> bool:
         """Whether runs begin with more heat than the peak torque makes where it lasts: what differs then is no heat."""
@@ -188,7 +202,7 @@ def reporting(of: Ranges, share: float) -> list[Candidate]:
 
     return [
         Candidate("torque_constant", _gain, (share,), lambda c, _: {"gain": 1 + c[0]}, coordinate="torque",
-                  known_to=RIGHT_TO),
+                  known_to=RIGHT_TO, passes=lambda along, _, c: np.full_like(along.speed, c[0])),
         Candidate("torque_lag", _later, (DEFECT_S,), lambda c, _: {"time_constant_s": c[0]}, positive=(0,),
                   shapes=grid(BENDS_S, (0.0,)), spacing=(BEND_STEP_S, 1.0),
                   logarithmic=(False, False), bounds=((LEAST_BEND_S, MOST_BEND_S), ORDERS), endless=(1,),
@@ -207,21 +221,21 @@ def reporting(of: Ranges, share: float) -> list[Candidate]:
         Candidate("torque_constant_drop", drop, (share,),
                   lambda c, s: {"share_at_peak": c[0], "peak_nm": peak, "order": s[0]}, positive=(0,),
                   shapes=grid([0.5, 1.0, 2.0, 4.0]), spacing=(0.7,), logarithmic=(True,), bounds=((0.3, 10.0),),
-                  coordinate="torque"),
+                  coordinate="torque", passes=dropped),
         Candidate("torque_constant_fade", fade, (share * _HOT, *(share,) * (1 + of.runs)),
                   lambda c, s: {"share_at_peak": c[0], "peak_nm": peak, "time_constant_s": s[0],
                                 "start_heat": max(c[1] / max(c[0], _NO_SHARE), 0.0)},
                   positive=(0,), shapes=grid(of.longest_s * np.array(_HEATS)), spacing=(1.6,), logarithmic=(True,),
                   bounds=((of.longest_s * _HEATS[0], of.longest_s * _HEATS[-1]),), endless=(0,), coordinate="torque",
-                  none_of=too_hot),
+                  none_of=too_hot, passes=faded),
         Candidate("torque_ripple", _ripple, (share, share),
                   lambda c, s: {"order": s[0], "share": polar(c)[0], "phase_rad": polar(c)[1]},
                   shapes=grid(range(1, 15)), spacing=(0.25,), logarithmic=(False,), bounds=((0.5, 60.0),),
-                  coordinate="position"),
+                  coordinate="position", passes=lambda along, s, c: _turning(along, s) @ c),
         Candidate("torque_saturation", _clipped, (1.0,), lambda _, s: {"limit_nm": s[0]},
                   shapes=grid(peak * np.linspace(0.5, 0.97, 12)), spacing=(0.04 * peak,),
                   logarithmic=(False,), bounds=((0.2 * peak, 0.99 * peak),), positive=(0,),
-                  coordinate="torque"),
+                  coordinate="torque", passes=lambda along, s, c: -c[0] * (np.abs(along.torque) > s[0])),
         Candidate("encoder_eccentricity", lambda a, _: _harmonic(a, (1.0,)), (share * of.span_rad / 10,) * 2,
                   lambda c, _: dict(zip(("amplitude_rad", "phase_rad"), polar(c), strict=True)),
                   whole=lambda a, _, c: _harmonic_whole(a, (1.0,), c), coordinate="position"),
