@@ -31,6 +31,7 @@ from schwung.explain.weighing.late import acceleration_bent, beyond_bent, laggin
 from schwung.explain.weighing.present import (
     Member,
     besides_of,
+    carried_by,
     changed,
     drives_of,
     filter_of,
@@ -129,6 +130,17 @@ class Known:
             further_of(self.further, self.effects.gap_rad, members),
             passes_of(self.passing, members),
         )
+
+    def carried(self, members: Sequence[Member]) -> Member | None:
+        """The one whose further mass is a state of the filter's."""
+        return carried_by(self.further, self.effects.gap_rad, members)
+
+    def swings(self, members: Sequence[Member]) -> bool:
+        """Whether a further mass is known, or a member is one, that is no state of the filter's."""
+        carried, gap_rad = self.carried(members), gap_of(self.effects.gap_rad, members)
+        others = (m for m in members if m.candidate.swings and m is not carried)
+        known = self.effects.third_inertia_kgm2 > 0 and (self.further.rate == 0 or gap_rad > 0)
+        return known or any(bool(np.any(m.coefficients)) for m in others)
 
     @property
     def further(self) -> FurtherMass:

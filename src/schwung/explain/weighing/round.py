@@ -15,7 +15,7 @@ from schwung.explain.weighing.candidate import Candidate, Missed, Shape
 from schwung.explain.weighing.equations import Acting, equations_of, load_taken, together
 from schwung.explain.weighing.joined import Joined
 from schwung.explain.weighing.known import Known
-from schwung.explain.weighing.present import Member, carried_by, gap_of, with_members
+from schwung.explain.weighing.present import Member, with_members
 from schwung.explain.weighing.true_torque import TrueTorque
 from schwung.explain.weighing.work import LINEARISED, NOISE, Work
 from schwung.innovations.effect import Effect, Passed, whiten
@@ -78,10 +78,6 @@ class View:
         """Coordinates of each run, as they were asked for."""
         return [{"slowest": one} for one in self.slowest] or [{} for _ in self.runs]
 
-    def carried(self, members: Sequence[Member]) -> Member | None:
-        """The one whose further mass is a state of the filter's."""
-        return carried_by(self.known.further, self.known.effects.gap_rad, members)
-
     def alongs(self, members: Sequence[Member]) -> list[Along]:
         """Every run's coordinates, with these members present."""
         present = with_members(self.known.machine, members, self.ranges)
@@ -111,7 +107,7 @@ def acting(view: View, along: Along, members: Sequence[Member]) -> Acting:
 
 def acting_on_each(view: View, along: Joined, members: Sequence[Member]) -> tuple[Acting, list[Acting]]:
     """The same of several runs: together, where dry friction is not told, and of each."""
-    known, carried = view.known, view.carried(members)
+    known, carried = view.known, view.known.carried(members)
     what = known.effect(along)
     total, opposed = Acting(*what.alone), known.dry(along)
     if known.bends:
@@ -182,10 +178,7 @@ class Linearised:
     def swings(self) -> bool:
         """Whether a further mass, driven by the load, is present or known that is no state of the filter's: what it
         does follows from what it does."""
-        known, carried = self.view.known, self.view.carried(self.members)
-        there = any(m.candidate.swings and np.any(m.coefficients) and m is not carried for m in self.members)
-        gap_rad = gap_of(known.effects.gap_rad, self.members)
-        return there or (known.effects.third_inertia_kgm2 > 0 and (known.further.rate == 0 or gap_rad > 0))
+        return self.view.known.swings(self.members)
 
     def beside(self, runs: Sequence[int]) -> Linearised:
         """Other runs about the same, with the states that it makes likely."""
