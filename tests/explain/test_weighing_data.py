@@ -91,6 +91,22 @@ def test_memory_that_is_full_grows(data):
     assert gram[0, 1] == pytest.approx(gram[0, 0])
 
 
+def test_what_is_tempered_has_later_columns_of_its_own(data):
+    """Both are about the same rows: what the one asked for later was overwritten by what the other did."""
+    index = next(i for i, c in enumerate(data.candidates) if c.name == "local_friction")
+    other = data.tempered(4.0)
+    last = data.candidates[index].shapes[0][2]
+    shapes = [(place, 0.3, last) for place in (1.0, 2.0, 2.5, 1.5)]
+    asked = [
+        (one, one.append(index, shape, 0.0)) for shape, one in zip(shapes, [data, other] * 2, strict=True)
+    ]
+    for shape, (one, atom) in zip(shapes, asked, strict=True):
+        rows = data.about.whitened([(data.candidates[index], shape)], data.train).copy()
+        np.testing.assert_allclose(one.rows[atom.where], rows, rtol=1e-9)
+        both = np.append(np.arange(3), np.arange(atom.where.start, atom.where.stop))
+        np.testing.assert_allclose(one.at(both).gram[3:, :3], rows @ one.rows[:3].T / one.excess, rtol=1e-9)
+
+
 def test_a_refined_shape_is_better_than_its_neighbours(data):
     index, candidate = next((i, c) for i, c in enumerate(data.candidates) if c.name == "local_friction")
     usual = [

@@ -60,6 +60,8 @@ class Data:
     atoms: list[Atom] = field(default_factory=list)
     causes: list[tuple[slice, Cause]] = field(default_factory=list)  # behind all columns, in their order
     errors: dict[tuple[int, Shape], slice | None] = field(default_factory=dict)
+    #: How many rows are taken: by what was tempered as well, which is about the same ones and has later ones of its own.
+    taken: list[int] = field(default_factory=lambda: [0])
 
     @classmethod
     def of(
@@ -201,11 +203,12 @@ class Data:
     def _stored(self, causes: Sequence[Cause]) -> list[slice]:
         """Causes as columns behind all others."""
         wheres: list[slice] = []
-        first = self.width
+        first = self.taken[0]
         for candidate, _ in causes:
             begin = wheres[-1].stop if wheres else first
             wheres.append(slice(begin, begin + candidate.size))
         self._make_room(wheres[-1].stop)
+        self.taken[0] = wheres[-1].stop
         self.about.whiten(causes, self.train, self.rows[first:])
         self.causes += zip(wheres, causes, strict=True)
         new = self.rows[first : self.width]
@@ -221,6 +224,7 @@ class Data:
             return
         more = _ROOM * width - have
         known = self.statistics
+        self.taken = list(self.taken)
         self.rows = np.concatenate([self.rows, np.empty((more, self.rows.shape[1]))])
         self.met = np.pad(self.met, (0, more))
         self.statistics = Statistics(
