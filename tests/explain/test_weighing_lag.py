@@ -41,7 +41,7 @@ def test_the_law_of_a_late_torque_is_off_like_a_filter_of_another_order():
     time = np.arange(0.0, 0.5, STEP_S)
     rate = sum(np.sin(2 * np.pi * f * time) for f in (47.0, 80.0, 120.0))
     run = SimpleNamespace(step_s=STEP_S, band_hz=BAND_HZ, quiet=lambda values: values)
-    along = cast(Along, SimpleNamespace(run=run, torque_rate=rate))
+    along = cast(Along, SimpleNamespace(run=run, given_rate=rate))
     law = next(one for one in reporting(RANGES, 0.1) if one.name == "torque_lag")
     error = error_of(law)
     assert error is not None
