@@ -112,7 +112,7 @@ class Candidate:
         None  # the mass behind the load that the filter can carry as a state of its own
     )
     passes: Callable[[Along, Shape, Array], Array] | None = (
-        None  # what the motor gives more for a torque more that it is asked for, (n,)
+        None  # what the motor gives more for a torque more, (n,), where that is not always as much
     )
     each_run: bool = False  # its coefficients are each run's own, and say nothing of another
     known_to: float = (

@@ -202,7 +202,7 @@ def reporting(of: Ranges, share: float) -> list[Candidate]:
 
     return [
         Candidate("torque_constant", _gain, (share,), lambda c, _: {"gain": 1 + c[0]}, coordinate="torque",
-                  known_to=RIGHT_TO, passes=lambda along, _, c: np.full_like(along.speed, c[0])),
+                  known_to=RIGHT_TO),
         Candidate("torque_lag", _later, (DEFECT_S,), lambda c, _: {"time_constant_s": c[0]}, positive=(0,),
                   shapes=grid(BENDS_S, (0.0,)), spacing=(BEND_STEP_S, 1.0),
                   logarithmic=(False, False), bounds=((LEAST_BEND_S, MOST_BEND_S), ORDERS), endless=(1,),
