@@ -60,7 +60,7 @@ class Data:
     atoms: list[Atom] = field(default_factory=list)
     causes: list[tuple[slice, Cause]] = field(default_factory=list)  # behind all columns, in their order
     errors: dict[tuple[int, Shape], slice | None] = field(default_factory=dict)
-    #: How many rows are taken: by what was tempered as well, which is about the same ones and has later ones of its own.
+    #: How many rows are taken, those of what was tempered among them: it has these as well, and later ones of its own.
     taken: list[int] = field(default_factory=lambda: [0])
 
     @classmethod
