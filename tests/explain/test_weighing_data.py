@@ -1,6 +1,7 @@
 """Columns against the filter itself, their products against the columns, and a refined shape against its neighbours."""
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -13,6 +14,7 @@ from schwung.explain.weighing.candidate import Candidate
 from schwung.explain.weighing.curves import Curve, Plane
 from schwung.explain.weighing.data import Data
 from schwung.explain.weighing.equations import Acting, equations_of
+from schwung.explain.weighing.grown import Grown
 from schwung.explain.weighing.known import known
 from schwung.explain.weighing.offers import _neighbours, bending_instead, offered
 from schwung.explain.weighing.places import Acts
@@ -105,6 +107,31 @@ def test_what_is_tempered_has_later_columns_of_its_own(data):
         np.testing.assert_allclose(one.rows[atom.where], rows, rtol=1e-9)
         both = np.append(np.arange(3), np.arange(atom.where.start, atom.where.stop))
         np.testing.assert_allclose(one.at(both).gram[3:, :3], rows @ one.rows[:3].T / one.excess, rtol=1e-9)
+
+
+def test_a_set_that_fewer_samples_prefer_is_asked_whether_or_not_it_is_in_the_table(data):
+    """Of a search that its time ended it was not, and in place of an answer there was a KeyError."""
+    index = next(i for i, c in enumerate(data.candidates) if c.name == "local_friction")
+    search, asked = Search(data, (0, 1, 2)), []
+    best = search.score(())
+    near = next(i for i, a in enumerate(data.atoms) if a.candidate == index and abs(a.shape[0] - 2) < 0.2)
+    picks, tempered = (Pick(near, 1.0),), search.tempered
+
+    def forgotten(ratio):
+        sure = tempered(ratio)
+        search.table.pop(frozenset([index]), None)
+        return sure
+
+    def rest(_search, one, _start, _at):
+        asked.append(one.picks)
+        return None, -5.0
+
+    search.score(picks)
+    search.tempered = forgotten
+    growth = SimpleNamespace(rests=SimpleNamespace(rest=rest))
+    Grown(growth, SimpleNamespace(search=search, best=best, at=None), None).tempered(2.0)
+    assert asked == [picks]
+    assert search.kept[frozenset([index])] < -5.0
 
 
 def test_a_refined_shape_is_better_than_its_neighbours(data):
