@@ -1,7 +1,6 @@
 """Columns against the filter itself, their products against the columns, and a refined shape against its neighbours."""
 
 from dataclasses import replace
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -14,7 +13,6 @@ from schwung.explain.weighing.candidate import Candidate
 from schwung.explain.weighing.curves import Curve, Plane
 from schwung.explain.weighing.data import Data
 from schwung.explain.weighing.equations import Acting, equations_of
-from schwung.explain.weighing.grown import Grown
 from schwung.explain.weighing.known import known
 from schwung.explain.weighing.offers import _neighbours, bending_instead, offered
 from schwung.explain.weighing.places import Acts
@@ -109,29 +107,17 @@ def test_what_is_tempered_has_later_columns_of_its_own(data):
         np.testing.assert_allclose(one.at(both).gram[3:, :3], rows @ one.rows[:3].T / one.excess, rtol=1e-9)
 
 
-def test_a_set_that_fewer_samples_prefer_is_asked_whether_or_not_it_is_in_the_table(data):
-    """Of a search that its time ended it was not, and in place of an answer there was a KeyError."""
-    index = next(i for i, c in enumerate(data.candidates) if c.name == "local_friction")
-    search, asked = Search(data, (0, 1, 2)), []
-    best = search.score(())
-    near = next(i for i, a in enumerate(data.atoms) if a.candidate == index and abs(a.shape[0] - 2) < 0.2)
-    picks, tempered = (Pick(near, 1.0),), search.tempered
-
-    def forgotten(ratio):
-        sure = tempered(ratio)
-        search.table.pop(frozenset([index]), None)
-        return sure
-
-    def rest(_search, one, _start, _at):
-        asked.append(one.picks)
-        return None, -5.0
-
-    search.score(picks)
-    search.tempered = forgotten
-    growth = SimpleNamespace(rests=SimpleNamespace(rest=rest))
-    Grown(growth, SimpleNamespace(search=search, best=best, at=None), None).tempered(2.0)
-    assert asked == [picks]
-    assert search.kept[frozenset([index])] < -5.0
+def test_what_was_forgotten_is_not_remembered_by_fewer_samples(data):
+    """To size a curve its set is scored without it: a search that its time had ended told what it had forgotten there,
+    as if it had been at rest, or failed (KeyError)."""
+    numbers = {c.name: i for i, c in enumerate(data.candidates)}
+    law, curve = numbers["coulomb_friction"], numbers["position"]
+    search = Search(data, (0, 1, 2))
+    first = [next(i for i, a in enumerate(data.atoms) if a.candidate == index) for index in (law, curve)]
+    both = search.sized(search.score((Pick(first[0], 1.0), Pick(first[1], 1.0))))
+    assert frozenset([law]) in search.table
+    search.table = {search.kind(both.picks): both}
+    assert set(search.tempered(2.0).table) == set(search.table)
 
 
 def test_a_refined_shape_is_better_than_its_neighbours(data):

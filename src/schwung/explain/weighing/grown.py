@@ -54,11 +54,10 @@ class Grown:
         search, at = self.search, self.climbed.at
         sure = search.tempered(ratio)
         for _ in range(_ASKED):
-            likeliest = sure.shares()[0][1]
-            kind = sure.kind(likeliest.picks)
+            kind = sure.kind(sure.shares()[0][1].picks)
             if kind in search.kept or kind == search.kind(self.best.picks) or search.data.work.late:
                 break
-            one = search.table[kind] if kind in search.table else search.score(likeliest.picks)
+            one = search.table[kind]
             _, gain = self.growth.rests.rest(search, one, self.best, at)
             search.note(kind, self.best.log + gain, one.log)
             sure = search.tempered(ratio)

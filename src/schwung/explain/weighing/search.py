@@ -306,6 +306,8 @@ class Search:
                 break
             log = other.sized(other.score(one.picks)).log
             best = max(best, log + other.unkept(self.kind(one.picks)))
+        # to size a curve its set is scored without it, which may have been forgotten
+        other.table = {kind: one for kind, one in other.table.items() if kind in self.table}
         return other
 
     def note(self, kind: frozenset[int], at_rest: float, promised: float) -> None:
