@@ -150,6 +150,28 @@ class TestDefects:
         assert remedy in caught.value.remedy
         assert "\n" not in str(caught.value)
 
+    @pytest.mark.parametrize(
+        ("tables", "meant"),
+        [
+            ({"couplin": COUPLING}, "coupling"),
+            ({"laod": {"viscous_friction": 0, "inertia": 0.1}}, "load"),
+            ({"load": {"viscous_friction": 0, "inertia_kgm2": 0.1}}, "inertia"),
+            ({"motor": {**MOTOR, "rated_torqe": 100.0}}, "rated_torque"),
+            ({"Control": CONTROL}, "control"),
+            ({"efort": "current"}, "effort"),
+        ],
+    )
+    def test_a_misspelled_key_that_may_be_left_out(
+        self, tmp_path: Path, tables: dict[str, Any], meant: str
+    ) -> None:
+        """It would be left out without a word: a machine without its coupling is another one."""
+        with pytest.raises(InputError, match=rf"is no key of a machine file\. Is it {meant}\?"):
+            load_machine(_file(tmp_path, **tables))
+
+    def test_what_is_like_a_key_that_is_there_is_kept(self, tmp_path: Path) -> None:
+        path = _file(tmp_path, coupling=COUPLING, couplings="elastomer, size 19")
+        assert load_machine(path).model_extra == {"couplings": "elastomer, size 19"}
+
     def test_number_and_table_at_once(self, tmp_path: Path) -> None:
         (tmp_path / "j.csv").write_text("position_rad,inertia_kgm2\n0,0.05\n1,0.07\n")
         load = {"viscous_friction": 0.1, "inertia_table": "j.csv", "inertia": 0.1}
@@ -259,18 +281,17 @@ def machines(draw: st.DrawFn) -> Machine:
             peak_torque_nm=rotor * draw(_numbers(20, 1e7)),
         ),
         coupling=draw(
-            st.none()
-            | st.builds(Coupling, stiffness_nm_rad=_numbers(1e-3, 1e9), damping_nms=_numbers(0, 1e6))
+            st.none() | st.builds(Coupling, stiffness=_numbers(1e-3, 1e9), damping=_numbers(0, 1e6))
         ),
         load=Load(**load),
         control=draw(
             st.none()
             | st.builds(
                 Control,
-                position_gain_per_s=_numbers(0.1, 1e4),
-                speed_gain_nms=_numbers(1e-6, 1e6),
-                speed_integral_time_s=_numbers(1e-5, 5),
-                sample_rate_hz=_numbers(100, 1e6),
+                position_gain=_numbers(0.1, 1e4),
+                speed_gain=_numbers(1e-6, 1e6),
+                speed_integral_time=_numbers(1e-5, 5),
+                sample_rate=_numbers(100, 1e6),
             )
         ),
         physics=tuple(

@@ -288,7 +288,7 @@ _OF_COUPLING = (
 )
 
 #: Names of keys that are so much alike are one, misspelled.
-_ALIKE = 0.8
+ALIKE = 0.75
 #: Fields that several terms add to; the others are set by one term alone.
 _ADDED = ("coulomb_positive_nm", "coulomb_negative_nm", "viscous_nms", "offset_nm", "inertia_delta_kgm2")
 
@@ -340,7 +340,7 @@ def _check_spelling(term: PhysicsTerm, keys: Mapping[str, Key]) -> None:
     name."""
     left_out = [name for name in keys if name not in term.parameters]
     for name in term.parameters:
-        near = get_close_matches(name, left_out, 1, _ALIKE) if name not in keys else []
+        near = get_close_matches(name, left_out, 1, ALIKE) if name not in keys else []
         if near:
             raise InputError(
                 f"physics.{term.name}", f"has {name}, which is no key of it", f"Is it {near[0]}?"

@@ -9,8 +9,9 @@ from __future__ import annotations
 import tomllib
 from collections.abc import Mapping
 from dataclasses import replace
+from difflib import get_close_matches
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Any, Self
 
 import numpy as np
 import tomli_w
@@ -24,7 +25,7 @@ from pydantic import (
     model_validator,
 )
 
-from schwung.drivetrain.effects import check_physics
+from schwung.drivetrain.effects import ALIKE, check_physics
 from schwung.drivetrain.inertia import (
     InertiaTable,
     LoadTorqueTable,
@@ -73,6 +74,20 @@ class _Table(BaseModel):
         validate_by_name=True,
         alias_generator=AliasGenerator(validation_alias=_file_key, serialization_alias=_file_key),
     )
+
+    @model_validator(mode="after")
+    def _spelled(self) -> Self:
+        """What may be left out and is misspelled, or has its unit in the key, would be left out without a word."""
+        extra = self.model_extra or {}
+        given = self.model_fields_set - set(extra)
+        left_out = {_file_key(name) for name in type(self).model_fields if name not in given}
+        for name in extra:
+            near = get_close_matches(_file_key(name), left_out, 1, ALIKE)
+            if near:
+                table = type(self).__name__.lower()
+                place = name if table == "machine" else f"{table}.{name}"
+                raise InputError(place, "is no key of a machine file", f"Is it {near[0]}?")
+        return self
 
 
 def _positive(upper: float) -> Any:
