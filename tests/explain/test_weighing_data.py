@@ -14,7 +14,7 @@ from schwung.explain.weighing.curves import Curve, Plane
 from schwung.explain.weighing.data import Data
 from schwung.explain.weighing.equations import Acting, equations_of
 from schwung.explain.weighing.known import known
-from schwung.explain.weighing.offers import _neighbours, bending_instead, offered
+from schwung.explain.weighing.offers import _neighbours, bending_instead, instead_of_each, offered
 from schwung.explain.weighing.places import Acts
 from schwung.explain.weighing.present import Member
 from schwung.explain.weighing.refine import refined
@@ -187,6 +187,38 @@ def test_work_is_counted_and_ends_the_search(monkeypatch):
     found = weigh(session_of(stranger, 5, every=16, times=(0.25,)), belief_of(stranger))
     assert any("before all was tried" in note for note in found.notes)
     assert found.excess >= 1
+
+
+def test_what_only_promised_has_no_more_together_than_what_was_asked(data):
+    """Where no work is left to bring it to rest: else a name would be sure for what was not asked in its place."""
+    search = Search(data, (0, 1, 2))
+    for name in ("coulomb_friction", "local_friction", "torque_constant", "load_inertia"):
+        index = next(i for i, one in enumerate(data.candidates) if one.name == name)
+        search.score((Pick(search.first_atom(index), 1.0),))
+    start = sorted(search.table.values(), key=lambda one: one.log)[
+        1
+    ]  # three of them promise more, or as much
+    beyond = sum(one.log > start.log for one in search.table.values())
+    assert beyond == 2
+    assert next(share for share, one in search.shares() if one is start) < 0.3
+    search.resting = search.kind(start.picks)
+    search.doubt(start)
+    shares = {search.kind(one.picks): share for share, one in search.shares()}
+    own = shares.pop(search.kind(start.picks))
+    assert own == pytest.approx(0.5, abs=0.01)
+    assert sorted(shares.values())[1:] == pytest.approx([0.25, 0.25], abs=0.01)
+
+
+def test_what_may_stand_in_the_place_of_a_name_is_asked_first(data):
+    """One cause for one, and none beside it."""
+    search = Search(data, (0, 1, 2))
+    index = next(i for i, c in enumerate(data.candidates) if c.name == "torque_constant")
+    best = search.with_pick((), Pick(search.first_atom(index), 1.0))
+    before = set(search.table)
+    instead_of_each(search, best)
+    instead = set(search.table) - before - {frozenset()}
+    assert len(instead) > 1
+    assert all(len(kind) == 1 and index not in kind for kind in instead)
 
 
 def test_noise_is_what_repeats_do_not_share(view):

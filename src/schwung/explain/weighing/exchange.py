@@ -7,7 +7,7 @@ import numpy as np
 from schwung.compiled import IS_FAST
 from schwung.explain.weighing.offers import bending_instead, coupling_instead, numbers_beside
 from schwung.explain.weighing.resting import Rests
-from schwung.explain.weighing.search import TOLD, Scored, Search
+from schwung.explain.weighing.search import MOST, TOLD, Scored, Search
 from schwung.explain.weighing.sets import begun_from, members_of, timed, without_damping
 from schwung.explain.weighing.settling import Settled, settled, settled_beyond, smoothed
 
@@ -17,12 +17,14 @@ _TRIED = 3
 Worse = tuple[frozenset[int], int]
 
 
-def exchanged(rests: Rests, search: Search, start: Scored, at: Settled) -> tuple[Scored, Settled] | None:
+def exchanged(
+    rests: Rests, search: Search, start: Scored, at: Settled, most: int = MOST
+) -> tuple[Scored, Settled] | None:
     """What is more probable at rest than the set at hand, as it is with another late cause, as any set that was
-    visited, or without one of its names; None where nothing is."""
+    visited of so many causes at `most`, or without one of its names; None where nothing is."""
     return (
         _timed(rests, search, start, at)
-        or _instead(rests, search, start, at)
+        or _instead(rests, search, start, at, most)
         or _fewer(rests, search, start, at)
     )
 
@@ -181,14 +183,17 @@ def _fewer(rests: Rests, search: Search, start: Scored, at: Settled) -> tuple[Sc
     return None
 
 
-def _instead(rests: Rests, search: Search, start: Scored, at: Settled) -> tuple[Scored, Settled] | None:
+def _instead(
+    rests: Rests, search: Search, start: Scored, at: Settled, most: int
+) -> tuple[Scored, Settled] | None:
     """A visited set that is more probable than the one at hand at rest, too; what was only promised is noted, of
     all that promise to be worth telling.
     """
     for _ in range(_TRIED):
         if search.data.work.spent:
             break
-        rivals = [(one.log + search.unkept(kind), one) for kind, one in search.table.items()]
+        visited = [(kind, one) for kind, one in search.table.items() if len(one.picks) <= most]
+        rivals = [(one.log + search.unkept(kind), one) for kind, one in visited]
         untried = [
             pair for pair in rivals if search.kind(pair[1].picks) not in {search.resting, *search.kept}
         ]

@@ -27,6 +27,7 @@ from schwung.explain.weighing.exchange import (
 )
 from schwung.explain.weighing.offers import (
     inertia_beside,
+    instead_of_each,
     laws_instead,
     limits_instead,
     numbers_instead,
@@ -163,13 +164,10 @@ class Growth:
         while True:  # each round is likelier than the one before, or the last but for a look at the noise
             share = NOISE_SHARE + (1 - NOISE_SHARE) * (1 - _FURTHER ** (next(self.rounds) - 1))
             self.tell(f"Weighing causes beside {len(picks)} found" if picks else "Weighing causes", share)
-            search = self._search(at)
-            start = search.score(carried(search.data, picks))
-            search.resting = search.kind(start.picks)
-            start, at = resized(self.rests, search, start, at)
+            search, start, at = self._about(at, picks)
             picks = kept(search, start, at)
             if search.data.work.spent:
-                return Climbed(search, start, at)
+                return self._ended(search, start, at)
             if growing:
                 taken = self._grown(search, start, at)
                 if taken is not None:
@@ -195,13 +193,33 @@ class Growth:
             searched(search, start.picks)
             taken = exchanged(self.rests, search, start, at)
             if taken is None:
-                if search.data.work.spent:
-                    search.forget_beyond(start)
-                return Climbed(search, start, at)
+                return (
+                    self._ended(search, start, at) if search.data.work.spent else Climbed(search, start, at)
+                )
             start, at = taken
             if named and is_unnamed(search, start):
                 return Climbed(search, start, at, halfway=True)
             picks = kept(search, start, at)
+
+    def _about(self, at: Settled, picks: Shaped) -> tuple[Search, Scored, Settled]:
+        """All linearised about a set at rest, with its curves as large as they are likeliest there."""
+        search = self._search(at)
+        start = search.score(carried(search.data, picks))
+        search.resting = search.kind(start.picks)
+        return (search, *resized(self.rests, search, start, at))
+
+    def _ended(self, search: Search, start: Scored, at: Settled) -> Climbed:
+        """Where the work is over: what is left of it goes to what stands in the place of what was found, for that is
+        told, and nothing more is. Not of what all causes are asked about yet."""
+        if self.coarse or self.among is not None:
+            return Climbed(search, start, at)
+        with search.data.work.ending():
+            instead_of_each(search, start)
+            while taken := exchanged(self.rests, search, start, at, len(start.picks)):
+                search, start, at = self._about(taken[1], kept(search, *taken))
+                instead_of_each(search, start)
+        search.doubt(start)
+        return Climbed(search, start, at)
 
     def _grown(self, search: Search, start: Scored, at: Settled) -> tuple[Scored, Settled] | None:
         """The best set of one cause more at rest, or what stands for it there; None where none is more probable, or

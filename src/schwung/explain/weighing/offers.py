@@ -166,10 +166,21 @@ def _neighbours(search: Search, best: Scored) -> None:
         if gain > -HOPELESS and not search.data.work.spent:
             search.with_pick(best.picks, pick)
     for left in chain(combinations(best.picks, 1), combinations(best.picks, 2)):
-        others = tuple(other for other in best.picks if other not in left)
-        less = search.score(others)
         if search.data.work.spent:
             break
-        for gain, instead in search.additions(others)[: 2 * _LOOKED_AT]:
-            if less.log + gain > best.log - HOPELESS and not search.data.work.spent:
-                search.with_pick(others, instead)
+        _instead(search, best, left)
+
+
+def instead_of_each(search: Search, best: Scored) -> None:
+    """Whatever may be in the place of one is in the table, whether or not the work is over: that is soon done."""
+    for left in combinations(best.picks, 1):
+        _instead(search, best, left)
+
+
+def _instead(search: Search, best: Scored, left: Set) -> None:
+    """One in the place of some."""
+    others = tuple(other for other in best.picks if other not in left)
+    less = search.score(others)
+    for gain, instead in search.additions(others)[: 2 * _LOOKED_AT]:
+        if less.log + gain > best.log - HOPELESS:
+            search.with_pick(others, instead)

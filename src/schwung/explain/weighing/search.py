@@ -327,10 +327,16 @@ class Search:
         most = max((log for other, log in beyond.items() if other and np.isfinite(log)), default=0.0)
         return min(0.0, min(fewer, default=most if kind - self.resting else 0.0))
 
-    def forget_beyond(self, start: Scored) -> None:
-        """Sets that only promised more than one at rest, and that there was no work left for."""
+    def doubt(self, start: Scored) -> None:
+        """Of sets that promise more than one at rest, and that there was no work left to bring there, it is not known
+        which of them keep it: together they are as probable as that one, and each as any other of them.
+
+        The work being over says nothing for what was found: what might stand in its place is not asked.
+        """
         promised = {kind: one.log + self.unkept(kind) for kind, one in self.table.items()}
-        self.table = {kind: one for kind, one in self.table.items() if promised[kind] <= start.log}
+        beyond = [kind for kind, log in promised.items() if log > start.log]
+        for kind in beyond:
+            self.kept[kind] = start.log - float(np.log(len(beyond))) - self.table[kind].log
 
     def shares(self) -> list[tuple[float, Scored]]:
         """Every visited kind of set with its probability, the most probable first."""

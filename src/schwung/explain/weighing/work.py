@@ -25,8 +25,9 @@ R = TypeVar("R")
 MOST = 3e9
 #: Time of the processor (s) after which nothing more is tried either.
 SECONDS = 50.0
-#: All that is looked for apart may take so much more of both: 85 s, and hardly more than 90 with what was begun.
-APART = 0.7
+#: All that is looked for apart may take so much more of both, and what stands in the place of what was found where the
+#: search ended so much more again: 85 s, and hardly more than 90 with what was begun.
+APART, ENDING = 0.6, 0.1
 #: Beyond so many times that, sets are taken as far as they have come to rest, and no further formula is tried.
 _LATE, _LATE_S = 1.5, 1.1
 #: What else takes time, in whitened numbers: to linearise about a sample of angle or speed; to find the sizes of noise
@@ -68,17 +69,32 @@ class Work:
     @contextmanager
     def apart(self, share: float) -> Iterator[None]:
         """Within, so much more may be done, while all that is done so is not too much; it counts to nothing else."""
+        done, began = self.done, self.now()
+        numbers, time_s = self._usual
+        try:
+            with self._beyond(min(share, self._left)):
+                yield
+        finally:
+            used = max((self.done - done) / numbers, (self.now() - began) / time_s)
+            self._left = max(self._left - used, 0.0)
+
+    @contextmanager
+    def ending(self) -> Iterator[None]:
+        """Within, as much more may be done as is kept for where the search has ended."""
+        with self._beyond(ENDING):
+            yield
+
+    @contextmanager
+    def _beyond(self, share: float) -> Iterator[None]:
         most, seconds, hurried, done, began = self.most, self.seconds, self.hurried, self.done, self.now()
-        share = min(share, self._left)
         numbers, time_s = self._usual
         self.most = done + share * numbers
         self.seconds = began - self.began + (share * time_s if share else 0.0)
         try:
             yield
         finally:
-            further, later = self.done - done, self.now() - began
-            self.most, self.seconds, self.hurried = most + further, seconds + later, hurried
-            self._left = max(self._left - max(further / numbers, later / time_s), 0.0)
+            self.most, self.seconds = most + self.done - done, seconds + self.now() - began
+            self.hurried = hurried
 
     @contextmanager
     def within(self, share: float) -> Iterator[None]:
