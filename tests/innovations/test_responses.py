@@ -21,27 +21,29 @@ def test_torques_alone_are_whitened_as_beside_an_error_of_nothing(side: int) -> 
 
 
 @pytest.mark.parametrize("kind", range(4))
-def test_many_states_are_whitened_as_few_are(kind: int) -> None:
-    """Four states by both ways, and by one with two more that nothing moves; an effect on one of four things."""
+def test_six_states_are_whitened_as_the_filter_says(kind: int) -> None:
+    """Angle, then speed, is taken off all states in turn, and the step goes on from there; an effect on one of four."""
     chance, count = np.random.default_rng(kind), 75
-    transition = 0.3 * chance.standard_normal((count - 1, 5, 5))
-    transition[:, 4] = 0.0
-    inputs, gain = chance.standard_normal((count - 1, 4, 6)), 0.3 * chance.standard_normal((count, 2, 5))
-    variance, none = chance.uniform(0.5, 2, (count, 2)), np.zeros((count, 5))
-    result = Filtered(np.zeros((count, 2)), variance, gain, none, np.zeros((count, 5, 5)))
+    transition = 0.2 * chance.standard_normal((count - 1, 7, 7))
+    transition[:, 6] = 0.0
+    inputs, gain = chance.standard_normal((count - 1, 6, 4)), 0.3 * chance.standard_normal((count, 2, 7))
+    variance = chance.uniform(0.5, 2, (count, 2))
     parts = [np.empty((count, 0))] * 4
     parts[kind] = chance.standard_normal((count, 5))
-    expected, found, wide = (np.zeros((7, 160)) for _ in range(3))
-    kernel.responses(kernel.closed_loop(transition, result, inputs), tuple(parts), expected, 1, 4)
-    kernel.responses_of_many(transition, result, inputs, tuple(parts), found, 1, 4)
-    np.testing.assert_allclose(found, expected, rtol=1e-9, atol=1e-12)
+    motor, load, angle, speed = (part if part.shape[1] else np.zeros((count, 5)) for part in parts)
 
-    at = np.array([0, 1, 2, 3, 6])
-    larger = np.zeros((count - 1, 7, 7))
-    larger[:, at[:, None], at] = transition
-    gains, pushed = np.zeros((count, 2, 7)), np.zeros((count - 1, 6, 6))
-    gains[:, :, at], pushed[:, :4] = gain, inputs
-    result = Filtered(np.zeros((count, 2)), variance, gains, np.zeros((count, 7)), np.zeros((count, 7, 7)))
-    kernel.responses_of_many(larger, result, pushed, tuple(parts), wide, 1, 4)
-    np.testing.assert_allclose(wide, expected, rtol=1e-9, atol=1e-12)
+    expected, x = np.zeros((7, 160)), np.zeros((7, 5))
+    for k in range(count):
+        for m, error in enumerate((angle[k], speed[k])):
+            seen = x[m] + error
+            expected[1:6, 4 + 2 * k + m] = seen / np.sqrt(variance[k, m])
+            x = x - np.outer(gain[k, m], seen)
+        if k < count - 1:
+            x = transition[k] @ x
+            x[:6] += inputs[k] @ np.stack([motor[k], load[k], motor[k + 1], load[k + 1]])
+
+    found, still = np.zeros((7, 160)), np.zeros((count, 7))
+    result = Filtered(np.zeros((count, 2)), variance, gain, still, np.zeros((count, 7, 7)))
+    kernel.responses_of_six(transition, result, inputs, tuple(parts), found, 1, 4)
+    np.testing.assert_allclose(found, expected, rtol=1e-9, atol=1e-12)
     assert np.count_nonzero(expected) > 5 * 140

@@ -167,7 +167,7 @@ class Passed:
         four = sides[0], sides[1], sides[2], sides[3]
         if self.result.state.shape[1] > _IN_REGISTERS:
             transition, inputs = self.equations.transition, self.steps.inputs
-            kernel.responses_of_many(transition, self.result, inputs, four, rows, down, across)
+            kernel.responses_of_six(transition, self.result, inputs, four, rows, down, across)
             return
         if sum(acts) == 1 and not any(acts[2:]):
             side = acts.index(True)

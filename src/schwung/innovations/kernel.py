@@ -241,15 +241,21 @@ def _pushed(ahead: Array, torque: Array, inputs: Array, side: int, k: int) -> No
 
 
 @compiled_fastmath
-def _seen(x: Array, error: Array, k: int, seen: Array) -> None:
-    """What a sample shows of a state (p,): as it is reported, with an error (n, p), or (n, 0) for none."""
-    seen[:] = x
-    if error.shape[1] > 0:
-        seen += error[k]
+def _seen(x: Array, onto: float, angle: Array, speed: Array, k: int, seen: Array) -> None:
+    """What a sample's angle, and the speed beyond it, show of states (s, p), (2, p): as they are reported, with errors
+    (n, p), or (n, 0) for none. `onto`: what the angle's update does to the speed."""
+    for c in range(x.shape[1]):
+        seen[0, c] = x[0, c]
+    for c in range(angle.shape[1]):
+        seen[0, c] += angle[k, c]
+    for c in range(x.shape[1]):
+        seen[1, c] = x[1, c] - onto * seen[0, c]
+    for c in range(speed.shape[1]):
+        seen[1, c] += speed[k, c]
 
 
 @compiled_fastmath
-def responses_of_many(
+def responses_of_six(
     transition: Array,
     result: Filtered,
     inputs: Array,
@@ -258,31 +264,36 @@ def responses_of_many(
     down: int,
     across: int,
 ) -> None:
-    """`responses` of any number of states, of which more than four have no place in registers."""
+    """`responses` of six states and the torque's error. There is no place for so many in registers: one state after
+    another is worked out for all columns, with what the filter takes off as a part of the transition."""
     motor, load, angle, speed = parts
-    count, size = result.state.shape
+    count = result.state.shape[0]
     number = max(motor.shape[1], load.shape[1], angle.shape[1], speed.shape[1])
-    x, ahead, seen = np.zeros((size, number)), np.zeros((size, number)), np.empty(number)
+    x, ahead, seen = np.zeros((6, number)), np.zeros((6, number)), np.empty((2, number))
     tile = np.empty((2 * TILE, number))
     for k in range(count):
-        for m in range(2):
-            if m == 0:
-                _seen(x[0], angle, k, seen)
-            else:
-                _seen(x[1], speed, k, seen)
-            tile[2 * (k % TILE) + m] = seen / np.sqrt(result.variance[k, m])
-            for i in range(size):
-                x[i] -= result.gain[k, m, i] * seen
+        gain, at = result.gain[k], 2 * (k % TILE)
+        heavy, weighty = 1.0 / np.sqrt(result.variance[k, 0]), 1.0 / np.sqrt(result.variance[k, 1])
+        _seen(x, gain[0, 1], angle, speed, k, seen)
+        for c in range(number):
+            tile[at, c] = heavy * seen[0, c]
+        for c in range(number):
+            tile[at + 1, c] = weighty * seen[1, c]
         if k % TILE == TILE - 1 or k == count - 1:
-            _turn(tile[: 2 * (k % TILE) + 2], rows, down, across + 2 * (k - k % TILE))
+            _turn(tile[: at + 2], rows, down, across + 2 * (k - k % TILE))
         if k == count - 1:
             break
-        ahead[:] = 0.0
-        for i in range(size - 1):  # the torque's error, the last, is forgotten from step to step
-            for j in range(size):
-                factor = transition[k, i, j]
-                for c in range(number):
-                    ahead[i, c] += factor * x[j, c]
+        for i in range(6):
+            f = transition[k, i]
+            f0, f1, f2, f3, f4, f5 = f[0], f[1], f[2], f[3], f[4], f[5]
+            h, g = 0.0, 0.0
+            for j in range(7):
+                h -= f[j] * gain[0, j]
+                g -= f[j] * gain[1, j]
+            for c in range(number):
+                half = f0 * x[0, c] + f1 * x[1, c] + f2 * x[2, c]
+                rest = f3 * x[3, c] + f4 * x[4, c] + f5 * x[5, c]
+                ahead[i, c] = half + rest + h * seen[0, c] + g * seen[1, c]
         _pushed(ahead, motor, inputs, 0, k)
         _pushed(ahead, load, inputs, 1, k)
         x, ahead = ahead, x
