@@ -3,6 +3,7 @@
     python benchmarks/explain_rates.py --kind single --cases 24 --first 0
     python benchmarks/explain_rates.py --strangers
     python benchmarks/explain_rates.py --kind two --first 100 --cases 24 --tally sessions.jsonl
+    python benchmarks/explain_rates.py --kind three --first 640000 --cases 6 --share 0.25
     python benchmarks/explain_rates.py --read sessions.jsonl --picture docs/reliability.png
 
 Sealed sessions are drawn as benchmarks/explain.py draws them, which scores places and numbers besides. Of each: the
@@ -10,7 +11,8 @@ first name and whether it is right, wrong names with more than one half, how man
 held-out motion taken, with a name or without, and seconds of processor time. Where the vocabulary has a word for a
 foreign effect, that word is right. `--tally` adds a line for each answer to a file; `--read` prints rates and the
 calibration of the probabilities, with intervals (benchmarks/explain_tally.py), `--picture` draws them
-(benchmarks/reliability.py).
+(benchmarks/reliability.py). `--share` gives a session that share of the work that it may cost: what is
+told of a search that ends before all was tried has to be true as well.
 """
 
 from __future__ import annotations
@@ -29,7 +31,8 @@ from strangers import STRANGERS, belief_of, judged, session_of
 
 from schwung.drivetrain import load_machine
 from schwung.drivetrain.machine import Machine
-from schwung.explain.weighing.weigh import weigh
+from schwung.explain.weighing.weigh import posterior_of
+from schwung.explain.weighing.work import MOST, Work
 from schwung.session import read_session
 from schwung.session.model import Session
 from schwung_sim.sealed import CaseWishes, draw_case, write_case
@@ -48,11 +51,11 @@ class Answer:
     taken: float = 0.0  # share of the excess on held-out motion
 
 
-def answered(session: Session, machine: Machine) -> Answer:
-    """By `weigh`, whatever goes wrong."""
+def answered(session: Session, machine: Machine, share: float) -> Answer:
+    """By so much of the usual work, whatever goes wrong."""
     began = time.process_time()
     try:
-        found = weigh(session, machine)
+        found = posterior_of(session, machine, work=Work(share * MOST)).told
     except Exception as error:  # the benchmark counts whatever goes wrong, says where, and goes on
         traceback.print_exc()
         return Answer({"failed": 1.0}, {}, f"failed: {error!r}"[:120], time.process_time() - began)
@@ -86,7 +89,7 @@ def sealed(options: argparse.Namespace) -> None:
             session, machine = read_session(place / "session.h5"), load_machine(place / "machine.toml")
         truth = tuple(sorted({WORDS.get(effect.physics, effect.physics) for effect in case.effects}))
         print(f"{seed} {kind} {', '.join(truth) or 'nothing'}", flush=True)
-        answer = answered(session, machine)
+        answer = answered(session, machine, options.share)
         told = Told(options.kind, seed, truth, answer.names, answer.taken, answer.seconds, answer.said)
         if options.tally:
             write_tally(options.tally, told)
@@ -103,7 +106,7 @@ def strangers(options: argparse.Namespace) -> None:
             continue
         session, machine = session_of(stranger, seed=options.first + number), belief_of(stranger)
         print(stranger.name, flush=True)
-        answer = answered(session, machine)
+        answer = answered(session, machine, options.share)
         failed = answer.said.startswith("failed")
         words.append("failed" if failed else judged(stranger, answer.names, answer.curves))
         print(f"    {words[-1]} {line(answer)}", flush=True)
@@ -124,6 +127,7 @@ def main() -> None:
         help="names to hide, separated by commas (a stranger's: part of it); default: all",
     )
     parser.add_argument("--strangers", action="store_true", help="other laws, filters and noise instead")
+    parser.add_argument("--share", type=float, default=1.0, help="of the work that a session may cost")
     parser.add_argument("--tally", type=Path, help="file to which every answer is added")
     parser.add_argument("--read", type=Path, help="print such a file instead")
     parser.add_argument("--picture", type=Path, help="with --read: its reliability diagram, a PNG")

@@ -4,12 +4,13 @@ from itertools import count
 from threading import Thread  # noqa: TID251  (what a program beside us does)
 
 import pytest
+from sealed_sessions import drawn
 from strangers import Stranger, belief_of, session_of
 from threadpoolctl import threadpool_info, threadpool_limits
 
 from schwung.compiled import computing_s
 from schwung.explain.weighing.weigh import posterior_of
-from schwung.explain.weighing.work import Work, on_one_thread
+from schwung.explain.weighing.work import MOST, Work, on_one_thread
 
 DRY = Stranger("dry friction", ("coulomb_friction",), (0.8, 0.0, 0.0, 0.0))
 #: Whitened numbers that this session took on 2026-11-22, and what is no surprise.
@@ -50,6 +51,16 @@ def test_where_the_processors_time_is_spent_the_search_ends_and_says_so(recorded
     assert any("processor time was spent, before all was tried" in note for note in one.told.notes)
     assert one.view.work.done < 0.8 * TAKEN
     assert one.names == again.names
+
+
+@pytest.mark.long
+def test_a_search_that_ends_early_is_not_sure_of_what_came_first(tmp_path):
+    """A torque constant that fades was found before one that is off, which was not asked in its place: 0.997."""
+    session, machine, label = drawn(tmp_path, 640002, kind="three")
+    told = posterior_of(session, machine, work=Work(most=0.3 * MOST, now=lambda: 0.0)).told
+    assert any("the search ended before all was tried" in note for note in told.notes)
+    true = {effect["physics"] for effect in label["effects"]}
+    assert {one.name for one in told.names if one.probability > 0.5} <= true
 
 
 def test_time_that_is_left_changes_nothing():

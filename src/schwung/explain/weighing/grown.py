@@ -55,7 +55,9 @@ class Grown:
         sure = search.tempered(ratio)
         for _ in range(_ASKED):
             kind = sure.kind(sure.shares()[0][1].picks)
-            if kind in search.kept or kind == search.kind(self.best.picks) or search.data.work.late:
+            if kind in search.kept or kind == search.kind(self.best.picks):
+                break
+            if search.data.work.late and kind not in search.doubts:
                 break
             one = search.table[kind]
             _, gain = self.growth.rests.rest(search, one, self.best, at)

@@ -210,7 +210,7 @@ class Growth:
 
     def _ended(self, search: Search, start: Scored, at: Settled) -> Climbed:
         """Where the work is over: what is left of it goes to what stands in the place of what was found, for that is
-        told, and nothing more is. Not of what all causes are asked about yet."""
+        told, and then to what lines say of the rest. Not while other causes have yet to be asked."""
         if self.coarse or self.among is not None:
             return Climbed(search, start, at)
         with search.data.work.ending():
@@ -218,6 +218,7 @@ class Growth:
             while taken := exchanged(self.rests, search, start, at, len(start.picks)):
                 search, start, at = self._about(taken[1], kept(search, *taken))
                 instead_of_each(search, start)
+            searched(search, start.picks)
         search.doubt(start)
         return Climbed(search, start, at)
 

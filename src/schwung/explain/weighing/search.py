@@ -72,6 +72,9 @@ class Search:
     known: dict[Set, Scored] = field(default_factory=dict)
     closely: dict[tuple[Set, Pick], Scored] = field(default_factory=dict)  # what `with_pick` found
     kept: dict[frozenset[int], float] = field(default_factory=dict)  # at rest, less what was promised (log)
+    doubts: dict[frozenset[int], float] = field(
+        default_factory=dict
+    )  # not asked there, less what was promised
     asked: dict[frozenset[Pick], float] = field(default_factory=dict)  # at rest, less the set at hand (log)
     resting: frozenset[int] = frozenset()  # the kind of set that all is linearised about
     hidden: frozenset[int] = frozenset()  # candidates that are no further cause unless they are asked for
@@ -294,17 +297,19 @@ class Search:
         then, whatever size of its curves is best there.
         """
         other = Search(self.data.tempered(ratio), self.always, inexact=self.inexact / ratio)
-        other.kept, other.resting = {kind: log / ratio for kind, log in self.kept.items()}, self.resting
+        other.kept = {kind: log / ratio for kind, log in self.kept.items()}
+        other.doubts = {kind: log / ratio for kind, log in self.doubts.items()}
+        other.resting = self.resting
         upper = [
             ((one.log - self.prior(one.picks)) / ratio + other.prior(one.picks) + other.unkept(kind), one)
             for kind, one in self.table.items()
         ]
         best = -np.inf
         for most, one in sorted(upper, key=lambda pair: -pair[0]):
-            negligible = most + np.log(len(upper)) < best + np.log(TOLD / 100)
-            if negligible or (other.table and self.data.work.late):
+            if most + np.log(len(upper)) < best + np.log(TOLD / 100):
                 break
-            log = other.sized(other.score(one.picks)).log
+            found = other.score(one.picks)
+            log = (found if self.data.work.late else other.sized(found)).log
             best = max(best, log + other.unkept(self.kind(one.picks)))
         # to size a curve its set is scored without it, which may have been forgotten
         other.table = {kind: one for kind, one in other.table.items() if kind in self.table}
@@ -320,8 +325,9 @@ class Search:
         not kept of the same causes with fewer beside them, or else by whichever set with other causes kept the most.
         A cause that comes to nothing at rest says nothing of others.
         """
-        if kind in self.kept:
-            return self.kept[kind]
+        known = self.kept.get(kind, self.doubts.get(kind))
+        if known is not None:
+            return known
         beyond = {other - self.resting: log for other, log in self.kept.items()}
         fewer = [log for other, log in beyond.items() if frozenset() < other <= kind]
         most = max((log for other, log in beyond.items() if other and np.isfinite(log)), default=0.0)
@@ -334,9 +340,9 @@ class Search:
         The work being over says nothing for what was found: what might stand in its place is not asked.
         """
         promised = {kind: one.log + self.unkept(kind) for kind, one in self.table.items()}
-        beyond = [kind for kind, log in promised.items() if log > start.log]
-        for kind in beyond:
-            self.kept[kind] = start.log - float(np.log(len(beyond))) - self.table[kind].log
+        beyond = [kind for kind, log in promised.items() if log > start.log and kind != self.resting]
+        each = start.log - float(np.log(max(len(beyond), 1)))
+        self.doubts = {kind: each - self.table[kind].log for kind in beyond}
 
     def shares(self) -> list[tuple[float, Scored]]:
         """Every visited kind of set with its probability, the most probable first."""
