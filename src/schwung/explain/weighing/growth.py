@@ -214,10 +214,14 @@ class Growth:
         if self.coarse or self.among is not None:
             return Climbed(search, start, at)
         with search.data.work.ending():
-            instead_of_each(search, start)
-            while taken := exchanged(self.rests, search, start, at, len(start.picks)):
-                search, start, at = self._about(taken[1], kept(search, *taken))
+            while True:
+                # what one motion has of its own could be anything
+                search.hidden |= {i for i, c in enumerate(search.data.candidates) if c.of_motion}
                 instead_of_each(search, start)
+                taken = exchanged(self.rests, search, start, at, len(start.picks))
+                if taken is None:
+                    break
+                search, start, at = self._about(taken[1], kept(search, *taken))
             searched(search, start.picks)
         search.doubt(start)
         return Climbed(search, start, at)
