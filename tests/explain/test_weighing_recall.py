@@ -19,7 +19,9 @@ LATE, SOFT, BOTH = frozenset({1}), frozenset({2}), frozenset({1, 2})
 def recalled(promised: float, rested: float) -> Any:
     """A search about `LATE`, at rest at −10, after `SOFT` was brought to rest; the table holds what is promised."""
     table = {kind: SimpleNamespace(log=log) for kind, log in ((LATE, 40.0), (SOFT, promised), (BOTH, 36.0))}
-    search: Any = SimpleNamespace(table=table, kept={}, resting=LATE, kind=frozenset, prior=lambda _: 0.0)
+    search: Any = SimpleNamespace(
+        table=table, kept={}, doubts={}, resting=LATE, kind=frozenset, prior=lambda _: 0.0
+    )
     search.note = partial(Search.note, search)
     rests: Any = SimpleNamespace(rested={SOFT: ((), rested), LATE: ((), -10.0)})
     best: Any = SimpleNamespace(picks=(1,), log=40.0)
