@@ -18,6 +18,7 @@ class _Late:
     mine: int
     bend: int  # of what is usual of the same signal
     shared: int  # the filter that torque and speed share
+    gain: float  # true torque over reported: of that, what is late is so many times what it is told by
     ways: list[tuple[int, tuple[float, float]]]  # by how much a unit of each is torque and speed late
     apart: Array  # how late both are together, and how much the cause's later, by each of them (2, len(ways))
 
@@ -27,8 +28,8 @@ def as_told(search: Search, scored: Scored) -> Scored:
     share.
 
     How late each of them is, is known to microseconds; how much of that is usual, only how each bends says. What is
-    told bends as a file says it, and what is usual of that signal makes up for it. More late causes than one stay as
-    they are.
+    told bends as a file says it, and what is usual of that signal makes up for it. In a file the torque that is late is
+    the true one, of which a torque constant makes more than is reported. More late causes than one stay as they are.
     """
     late = _late(search, scored)
     if late is None:
@@ -36,7 +37,8 @@ def as_told(search: Search, scored: Scored) -> Scored:
     cause, shape = search.candidate(late.pick), search.data.atoms[late.pick.atom].shape
     exact = told_by(search, scored) @ scored.exact
     apart = exact[late.mine]
-    exact[late.bend] += scored.exact[late.mine] * shape[0] - apart * cause.bends_told * apart
+    bends = cause.bends_told * apart**2 * (late.gain if cause.late[0] else 1.0)
+    exact[late.bend] += scored.exact[late.mine] * shape[0] - bends
     return replace(scored, exact=exact)
 
 
@@ -55,16 +57,17 @@ def _late(search: Search, scored: Scored) -> _Late | None:
     always = [search.data.candidates[i] for i in search.always]
     starts = np.cumsum([0, *(candidate.size for candidate in always)])
     usual = [(int(at), one.late) for one, at in zip(always, starts, strict=False) if any(one.late)]
-    own = zip(scored.picks, slices(search, scored), strict=True)
-    named = [(pick, where.start) for pick, where in own if any(search.candidate(pick).late)]
+    own = [(pick, where.start) for pick, where in zip(scored.picks, slices(search, scored), strict=True)]
+    named = [(pick, at) for pick, at in own if any(search.candidate(pick).late)]
     shared = [at for at, late in usual if all(late)]
+    gain = 1 + sum(float(scored.exact[at]) for pick, at in own if search.name(pick) == "torque_constant")
     if len(named) != 1 or len(shared) != 1:
         return None
     ((pick, mine),) = named
     cause = search.candidate(pick)
-    ways = [*usual, (mine, cause.late)]
+    ways = [(at, (torque / gain, speed)) for at, (torque, speed) in (*usual, (mine, cause.late))]
     apart = np.linalg.solve(np.column_stack([(1.0, 1.0), cause.late]), np.array([way for _, way in ways]).T)
     if np.min(apart @ scored.exact[[at for at, _ in ways]]) < 0:
         return None
     bend = next(at + 1 for at, late in usual if np.abs(late).tolist() == np.abs(cause.late).tolist())
-    return _Late(pick, mine, bend, shared[0], ways, apart)
+    return _Late(pick, mine, bend, shared[0], gain, ways, apart)

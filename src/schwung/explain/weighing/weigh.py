@@ -48,7 +48,10 @@ from schwung.session.model import Session
 BAND_HZ, BEYOND_INJECTION = 160.0, 1.8
 #: Within this share of the peak speed the sign of a motion is smoothed; up to a few times that it is open.
 STICKING = 0.002
-_UNFINISHED = "the search ended before all was tried: what only promises more has as much of the probability as what was tried"
+_UNFINISHED = (
+    "the search ended before all was tried: "
+    "what only promises more has as much of the probability as what was tried"
+)
 _HURRIED = (
     "the search was ended when its processor time was spent, before all was tried: what only promises more has as much "
     "of the probability as what was, and a faster computer may find more"
