@@ -85,6 +85,20 @@ def test_what_is_looked_for_apart_has_a_limit_together():
     assert work.spent
 
 
+def test_what_is_kept_for_the_end_is_used_once():
+    """A search may end more than once: of a few runs' causes, and of laws alone."""
+    work = Work(most=1000.0, now=lambda: 0.0)
+    work.add(1001.0)
+    for enough in (False, True):
+        assert work.spent
+        with work.ending():
+            work.add(60.0)
+            assert work.spent == enough
+    assert work.spent
+    with work.apart(0.3):
+        assert not work.spent
+
+
 def test_room_is_used_again():
     work = Work()
     first = work.rows(3, 5)

@@ -60,7 +60,7 @@ class Work:
 
     def __post_init__(self) -> None:
         self.began = self.now()
-        self._usual, self._left = (self.most, self.seconds), APART
+        self._usual, self._apart, self._ending = (self.most, self.seconds), APART, ENDING
 
     def add(self, numbers: float) -> None:
         """Count."""
@@ -69,29 +69,26 @@ class Work:
     @contextmanager
     def apart(self, share: float) -> Iterator[None]:
         """Within, so much more may be done, while all that is done so is not too much; it counts to nothing else."""
-        done, began = self.done, self.now()
-        numbers, time_s = self._usual
-        try:
-            with self._beyond(min(share, self._left)):
-                yield
-        finally:
-            used = max((self.done - done) / numbers, (self.now() - began) / time_s)
-            self._left = max(self._left - used, 0.0)
+        with self._beyond(min(share, self._apart)) as used:
+            yield
+        self._apart = max(self._apart - used(), 0.0)
 
     @contextmanager
     def ending(self) -> Iterator[None]:
         """Within, as much more may be done as is kept for where the search has ended."""
-        with self._beyond(ENDING):
+        with self._beyond(self._ending) as used:
             yield
+        self._ending = max(self._ending - used(), 0.0)
 
     @contextmanager
-    def _beyond(self, share: float) -> Iterator[None]:
+    def _beyond(self, share: float) -> Iterator[Callable[[], float]]:
+        """Within, so much more may be done, which counts to nothing else; gives what share of the usual was used."""
         most, seconds, hurried, done, began = self.most, self.seconds, self.hurried, self.done, self.now()
         numbers, time_s = self._usual
         self.most = done + share * numbers
         self.seconds = began - self.began + (share * time_s if share else 0.0)
         try:
-            yield
+            yield lambda: max((self.done - done) / numbers, (self.now() - began) / time_s)
         finally:
             self.most, self.seconds = most + self.done - done, seconds + self.now() - began
             self.hurried = hurried
