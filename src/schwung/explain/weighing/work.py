@@ -24,12 +24,12 @@ R = TypeVar("R")
 #: Whitened numbers (one column at one sample of angle or speed) after which nothing more is tried.
 MOST = 3e9
 #: Time of the processor (s) after which nothing more is tried either.
-SECONDS = 50.0
+SECONDS = 45.0
 #: All that is looked for apart may take so much more of both, and what stands in the place of what was found where the
-#: search ended so much more again: 85 s, and hardly more than 90 with what was begun.
-APART, ENDING = 0.6, 0.1
-#: Beyond so many times that, sets are taken as far as they have come to rest, and no further formula is tried.
-_LATE, _LATE_S = 1.5, 1.1
+#: search ended so much more again: 81 s, and no more than 90 with what was begun and is told.
+APART, ENDING = 0.7, 0.1
+#: Beyond so much more, sets are taken as far as they have come to rest, and no further formula is tried.
+_LATE, _LATE_S = 0.5, 0.1
 #: What else takes time, in whitened numbers: to linearise about a sample of angle or speed; to find the sizes of noise
 #: from one; to score a set, for the set and for each of its columns cubed; and a product in a sum of products.
 LINEARISED, NOISE, SCORED, CUBED, PRODUCT = 100.0, 1000.0, 1e5, 0.01, 1 / 60
@@ -117,7 +117,9 @@ class Work:
     @property
     def late(self) -> bool:
         """Whether not even what was begun should be finished."""
-        return self.done > _LATE * self.most or self.overdue(_LATE_S)
+        numbers, time_s = self._usual
+        overdue = self.now() - self.began > self.seconds + _LATE_S * time_s
+        return self.done > self.most + _LATE * numbers or overdue
 
     def overdue(self, share: float) -> bool:
         """Whether this share of the time is over. Where all of it is, what asks ends the search."""
