@@ -195,7 +195,8 @@ def shaft(
         Candidate("coupling_damping", _damping, (10 * share * damping,),
                   lambda c, _: {"damping_nms": b + c[0]}, positive=(0,), least=(-b,),
                   coordinate="frequency", coupling=(0.0, 1.0, 0.0), known_to=RIGHT_TO * (damping + sprung)),
-        Candidate("nonlinear_stiffness", _cubic, (3 * share * k / wound**2,),
+        # how it bends is its kind, and no number that is off: rubber is as stiff again where it is wound up
+        Candidate("nonlinear_stiffness", _cubic, (k / wound**2,),
                   lambda c, _: {"cubic_nm_rad3": c[0]}, positive=(0,), coordinate="torque",
                   tangent=cubic_tangent, elsewhere=(k / wound**2,)),
         Candidate("stiffness_over_angle", over_angle, (3 * share, 3 * share),
