@@ -26,7 +26,7 @@ MOST = 3e9
 #: Time of the processor (s) after which nothing more is tried either.
 SECONDS = 45.0
 #: All that is looked for apart may take so much more of both, and what stands in the place of what was found where the
-#: search ended so much more again: 81 s, and no more than 90 with what was begun and is told.
+#: search ended so much more again: 81 s, and what was begun and is told.
 APART, ENDING = 0.7, 0.1
 #: Beyond so much more, sets are taken as far as they have come to rest, and no further formula is tried.
 _LATE, _LATE_S = 0.5, 0.1
