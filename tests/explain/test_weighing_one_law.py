@@ -8,7 +8,7 @@ import pytest
 
 from schwung.explain.weighing.data import Data
 from schwung.explain.weighing.inexact import alike
-from schwung.explain.weighing.one_law import one_law
+from schwung.explain.weighing.one_law import law_without_name, one_law
 from schwung.explain.weighing.search import Pick
 from schwung.explain.weighing.work import Work
 from schwung.innovations.statistics import Statistics
@@ -23,6 +23,7 @@ def odds(
     each_run: bool = False,
     shows: tuple[float, ...] = (1.0,) * 6,
     across: list[float] | None = None,
+    named: bool = True,
 ) -> float:
     """Of a column that acts by so much in each of six runs; they repeat some motions, and another column is beside.
 
@@ -53,7 +54,7 @@ def odds(
         candidate=lambda _: SimpleNamespace(scales=scales, deviations=(1.0,) * len(each), each_run=each_run),
     )
     scored: Any = SimpleNamespace(which=np.arange(len(rows)), deviations=np.ones(len(rows)))
-    return one_law(search, scored, LAW)
+    return (one_law if named else law_without_name)(search, scored, LAW)
 
 
 def test_the_same_in_every_motion_is_a_law() -> None:
@@ -69,6 +70,16 @@ def test_what_one_motion_alone_can_show_is_a_law_unless_another_denies_it() -> N
     """A torque that saturates does so in the fastest motion: that it acts so there by chance is as unlikely as any."""
     assert odds([0.5] * 6, shows=(1.0, 0, 0) * 2) == pytest.approx(3.4, abs=0.3)
     assert odds([0.5, 0, 0] * 2, shows=(1.0, 1.0, 0) * 2) < -3
+
+
+def test_a_curve_is_a_law_without_a_name_where_other_motions_have_it_and_not_where_they_only_do_not_deny_it() -> (
+    None
+):
+    """A curve takes any form, so that what one motion has of its own has it by no coincidence."""
+    assert odds([0.5] * 6, named=False) > 2
+    assert odds([0.5] * 6, named=False, shows=(1.0, 0, 0) * 2) < 0.5
+    assert odds([0.2, 1.5, 0.7] * 2, named=False) < -3
+    assert odds([0.5] * 6, named=False, motions=1) == -np.inf
 
 
 def test_a_law_is_right_to_a_per_cent_or_so() -> None:

@@ -31,6 +31,7 @@ class Cause:
     inertia: Callable[[], None] | None = None  # of an inertia, anything
     part_of: str = ""
     causes: int = 1
+    alike: float = -inf  # log odds that all motions have it alike
 
 
 @dataclass
@@ -72,6 +73,7 @@ def stands(*causes: Cause, besides: float = 0.0):
         lambda _search, _picks, pick: causes[pick.atom].taken or causes[pick.atom].worth,
         lambda _search, _best, _picks, pick: causes[pick.atom].told,
         besides,
+        lambda _search, _best, pick: causes[pick.atom].alike,
     )
 
 
@@ -87,6 +89,16 @@ def test_names_that_share_what_none_explains_all_fall():
     found = stands(Cause("gain", 6000.0), Cause("inertia", 2000.0), Cause("curve", 800.0, named=False))
     assert all(p < 0.5 for p in found.names.values())
     assert found.left > 8000
+
+
+@pytest.mark.parametrize(("alike", "stands_out"), [(-inf, False), (0.0, False), (20.0, True)])
+def test_a_curve_that_all_motions_have_alike_is_a_law_beside_which_names_stand(
+    alike: float, stands_out: bool
+):
+    """Friction over the root of the speed has no name, and cogging, a lag and a load beside it had none either."""
+    found = stands(Cause("cogging", 3000.0), Cause("curve", 800.0, named=False, alike=alike))
+    assert (found.names["cogging"] > 0.95) is stands_out
+    assert (found.names["cogging"] < 0.5) is not stands_out
 
 
 def test_a_small_name_beside_a_large_one_is_what_the_large_law_is_off_by():

@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from schwung.compiled import IS_FAST
 from schwung.explain.weighing.offers import bending_instead, coupling_instead, numbers_beside
+from schwung.explain.weighing.present import Member
 from schwung.explain.weighing.resting import Rests
 from schwung.explain.weighing.search import MOST, TOLD, Scored, Search
-from schwung.explain.weighing.sets import begun_from, members_of, timed, without_damping
+from schwung.explain.weighing.sets import begun_from, is_unnamed, members_of, timed, without_damping
 from schwung.explain.weighing.settling import Settled, settled, settled_beyond, smoothed
 
 #: Sets that are brought to rest before another round.
@@ -146,6 +149,21 @@ def curve_instead(rests: Rests, search: Search, start: Scored, at: Settled) -> t
         return one, tried
     search.note(search.kind(one.picks), start.log + gain, one.log)
     return None
+
+
+def curve_alone(
+    rests: Rests, search: Search, start: Scored, at: Settled, believed: Sequence[Member]
+) -> tuple[Scored, Settled] | None:
+    """The same in place of all that was found, at rest from the belief on, where something of it has no name: what was
+    found beside laws that no coupling has makes up for what they do wrong, and a curve beside it ends there."""
+    bent = coupling_instead(search, start.picks)
+    if bent is None or not is_unnamed(search, start) or search.data.work.spent:
+        return None
+    one = search.score(bent.picks[-1:])
+    begun = begun_from(believed, members_of(search, one, rests.candidates))
+    tried, gain = rests.noted(search, one, start, at, settled(at.about.view, begun, rests.weighing))
+    search.note(search.kind(one.picks), start.log + gain, one.log)
+    return (one, tried) if np.isfinite(gain) else None
 
 
 def resized(rests: Rests, search: Search, start: Scored, at: Settled) -> tuple[Scored, Settled]:

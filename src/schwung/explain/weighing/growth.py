@@ -19,6 +19,7 @@ from schwung.explain.weighing.data import Data
 from schwung.explain.weighing.exchange import (
     Worse,
     bent_otherwise,
+    curve_alone,
     curve_instead,
     exchanged,
     numbers_exchanged,
@@ -152,12 +153,24 @@ class Growth:
         found = self._climbed(at, picks, named=named, fresh=fresh)
         with found.search.data.work.apart(_BENT):
             # last of all: what is still missed, a curve takes as well as the law that would be found for it next
-            bent = None if self.bent else curve_instead(self.rests, found.search, found.best, found.at)
-            if bent is None:
-                return found
+            return found if self.bent else self._bent(found, named)
+
+    def _bent(self, found: Climbed, named: bool) -> Climbed:
+        """With a coupling that is a curve, where that is likelier: in place of what was found by which motor and load
+        give way, or of all of it, whatever is found beside it then."""
+        asked = self.rests, found.search, found.best, found.at
+        bent = curve_instead(*asked)
+        if bent is not None:
             self.bent = True
-            bent_as_found = self._climbed(bent[1], kept(found.search, *bent), named=named)
-            return replace(bent_as_found, beats_laws=not is_unnamed(found.search, found.best))
+            grown = self._climbed(bent[1], kept(found.search, *bent), named=named)
+            return replace(grown, beats_laws=not is_unnamed(found.search, found.best))
+        alone = curve_alone(*asked, self.believed)
+        if alone is None:
+            return found
+        self.memory = None  # what was found keeps its columns
+        grown = self._climbed(alone[1], kept(found.search, *alone), named=named)
+        self.bent = grown.log > found.log
+        return grown if self.bent else found
 
     def _climbed(self, at: Settled, picks: Shaped, *, named: bool = False, fresh: bool = False) -> Climbed:
         growing = True

@@ -33,6 +33,20 @@ def one_law(search: Search, scored: Scored, pick: Pick) -> float:
 
     ∞ where there is one motion alone, and for a law whose numbers are each run's own.
     """
+    return _alike(search, scored, pick, search.odds)
+
+
+def law_without_name(search: Search, scored: Scored, pick: Pick) -> float:
+    """Log odds that a curve of a set is a law that nobody has named: that all motions have it alike.
+
+    A curve has any form, so that what a motion has of its own has it by no coincidence; −∞ where there is one motion.
+    """
+    alike = _alike(search, scored, pick, 0.0)
+    return alike if np.isfinite(alike) else -np.inf
+
+
+def _alike(search: Search, scored: Scored, pick: Pick, coincidence: float) -> float:
+    """Log odds of one law; `coincidence`: that what a motion has of its own has this form (log odds)."""
     data, candidate, where = search.data, search.candidate(pick), search.data.atoms[pick.atom].where
     motions = motions_of_fitted(data)
     if len(motions) < 2 or candidate.each_run:
@@ -58,7 +72,7 @@ def one_law(search: Search, scored: Scored, pick: Pick) -> float:
         logs = [_log(joined, np.append(deviations, size * natural), beyond, share * whole) for size in sizes]
         return float(np.logaddexp.reduce(logs))
 
-    own = [averaged(parts) + len(parts) * search.odds for parts in (each, *([part] for part in each))]
+    own = [averaged(parts) + len(parts) * coincidence for parts in (each, *([part] for part in each))]
     law = np.logaddexp.reduce([nearly(share) for share in SHARES]) - np.log(len(SHARES))
     return float(law - np.logaddexp.reduce(own))
 

@@ -7,6 +7,9 @@ noise. Of a normal error of unknown size, of which one other is seen, a gain of 
 likelier by 1 + G/L (Cauchy's distribution), not by exp G. A name that falls by this counts to what is left, unless it
 is a part of one that stands: the inertia that changes over the angle may be another one everywhere.
 
+A curve that all motions have alike is a law that nobody has named, as surely as they have it: what has no name then is
+its formula, and names stand beside it as beside any law. What one motion alone shows, or each otherwise, is left.
+
 Beside curves, a name gains what it takes with the numbers that it has beside them: what is there for the little that a
 curve could not quite do would else be taken for all that the curve does.
 
@@ -29,7 +32,7 @@ from scipy.linalg import solve_triangular
 from scipy.special import expit
 
 from schwung.explain.weighing.candidate import RIGHT_TO, Candidate
-from schwung.explain.weighing.one_law import one_law
+from schwung.explain.weighing.one_law import law_without_name, one_law
 from schwung.explain.weighing.search import Pick, Scored, Search, Set
 from schwung.innovations.evidence import block_gains, weigh
 from schwung.innovations.statistics import Numbers, Statistics
@@ -144,44 +147,51 @@ def standing(
     takes: Callable[[Search, Set, Pick], float] = taken,
     told: Callable[[Search, Scored, Set, Pick], float] = taken_as_told,
     besides: float = 0.0,
+    alike: Of = law_without_name,
 ) -> Standing:
     """Of the best set's names; `repeated`: curves of what only repeats share; `law`: log odds of being one law;
     `larger`: probability of being no part of what is usual; `takes`: log evidence of the recording alone; `told`:
     of that, what the numbers take that it has beside what has no name; `besides`: what is left by laws that do not hold
-    elsewhere.
+    elsewhere; `alike`: log odds that a curve is a law, if without a name.
     """
     left = besides + sum(max(_gain(search, best, curve), 0.0) for curve in repeated)
-    picks = best.picks
+    picks, whole = best.picks, search.sized(best)
+    without_name: Set = ()
     for pick in picks:
         if not search.candidate(pick).named:
-            left, picks = left + max(_worth(search, picks, pick), 0.0), _without(picks, pick)
+            is_law = alike(search, whole, pick)
+            left += float(expit(-is_law)) * max(_worth(search, picks, pick), 0.0)
+            picks = _without(picks, pick)
+            without_name += (pick,) if is_law > 0 else ()
+    picks += without_name
     curves = len(picks) < len(best.picks)
     of_laws = RIGHT_TO**2 * max(_log(search, picks) - _log(search, ()), 0.0)
     left += of_laws
     names: dict[str, float] = {}
     # beside all others: what is left out as no finding is still there, and would be taken over by what is like it
-    large = {pick: larger(search, search.sized(search.score(picks)), pick) for pick in picks}
+    named = [pick for pick in picks if search.candidate(pick).named]
+    large = {pick: larger(search, search.sized(search.score(picks)), pick) for pick in named}
     usual = {search.candidate(pick).name: 1 - share for pick, share in large.items()}
-    while picks:
-        worth = {pick: _worth(search, picks, pick) for pick in picks}
+    while named := [pick for pick in picks if search.candidate(pick).named]:
+        worth = {pick: _worth(search, picks, pick) for pick in named}
         data = {pick: max(gain, takes(search, picks, pick)) for pick, gain in worth.items()}
         if curves:
             data = {pick: min(gain, max(told(search, best, picks, pick), 0.0)) for pick, gain in data.items()}
         here = search.sized(search.score(picks))
-        laws = {pick: law(search, here, pick) for pick in picks}
+        laws = {pick: law(search, here, pick) for pick in named}
         sure = {
             pick: _sure(search, gain, data[pick], left + _others(search, worth, pick))
             * float(expit(laws[pick]))
             * large[pick]
             for pick, gain in worth.items()
         }
-        own = min(picks, key=lambda pick: min(laws[pick], large[pick] - 0.5))
+        own = min(named, key=lambda pick: min(laws[pick], large[pick] - 0.5))
         if laws[own] < 0 or large[own] < 0.5:  # it says nothing about laws
             names[search.candidate(own).name], picks = sure[own], _without(picks, own)
             continue
-        weakest = min(picks, key=lambda pick: data[pick])
+        weakest = min(named, key=lambda pick: data[pick])
         if sure[weakest] > 0.5:
-            names |= {search.candidate(p).name: sure[p] for p in picks}
+            names |= {search.candidate(p).name: sure[p] for p in named}
             break
         names[search.candidate(weakest).name] = sure[weakest]
         picks = _without(picks, weakest)
