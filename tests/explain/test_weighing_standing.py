@@ -51,6 +51,9 @@ class Additive:
     def candidate(self, pick: Pick) -> Cause:
         return self.causes[pick.atom]
 
+    def index(self, pick: Pick) -> int:
+        return pick.atom
+
     def name(self, pick: Pick) -> str:
         return self.candidate(pick).name
 

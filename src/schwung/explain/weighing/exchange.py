@@ -138,7 +138,7 @@ def play_instead(
 def curve_instead(rests: Rests, search: Search, start: Scored, at: Settled) -> tuple[Scored, Settled] | None:
     """A coupling that is a curve in place of several causes that together do what it does (`coupling_instead`), where
     that is likelier at rest."""
-    one = coupling_instead(search, start.picks)
+    one = coupling_instead(search, start.picks, 1 if _misses_plainly(rests, at) else 2)
     if one is None or search.kind(one.picks) in rests.rested:
         return None
     tried, gain = rests.rest(search, one, start, at)
@@ -154,10 +154,12 @@ def curve_instead(rests: Rests, search: Search, start: Scored, at: Settled) -> t
 def curve_alone(
     rests: Rests, search: Search, start: Scored, at: Settled, believed: Sequence[Member]
 ) -> tuple[Scored, Settled] | None:
-    """The same in place of all that was found, at rest from the belief on, where something of it has no name: what was
-    found beside laws that no coupling has makes up for what they do wrong, and a curve beside it ends there."""
-    bent = coupling_instead(search, start.picks)
-    if bent is None or not is_unnamed(search, start) or search.data.work.spent:
+    """The same in place of all that was found, at rest from the belief on, where something of it has no name or is
+    plainly missed: what was found beside laws that no coupling has makes up for what they do wrong, and a curve beside
+    it ends there."""
+    plainly = _misses_plainly(rests, at)
+    bent = coupling_instead(search, start.picks, 1 if plainly else 2)
+    if bent is None or not (plainly or is_unnamed(search, start)) or search.data.work.spent:
         return None
     one = search.score(bent.picks[-1:])
     begun = begun_from(believed, members_of(search, one, rests.candidates))
@@ -174,6 +176,11 @@ def resized(rests: Rests, search: Search, start: Scored, at: Settled) -> tuple[S
         return start, at
     tried, gain = rests.rest(search, one, start, at)
     return (one, tried) if gain > 0 else (start, at)
+
+
+def _misses_plainly(rests: Rests, at: Settled) -> bool:
+    """Whether a set misses as much again as the noise is."""
+    return at.about.square(rests.train) > 2 * at.about.samples(rests.train)
 
 
 def _loses_all(rests: Rests, at: Settled, gain: float) -> bool:

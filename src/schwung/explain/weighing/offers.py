@@ -83,14 +83,14 @@ def numbers_beside(search: Search, picks: Set) -> list[Pick]:
     return [Pick(search.first_atom(i), 1.0) for i, c in every if c.is_number and i not in inside]
 
 
-def coupling_instead(search: Search, picks: Set) -> Scored | None:
+def coupling_instead(search: Search, picks: Set, least: int = 2) -> Scored | None:
     """A coupling that is a curve in place of several causes that are laws by which motor and load give way to each
-    other, or that have no name beside one; None where there are none."""
+    other, or that have no name beside one; None where there are none. `least`: so many of them."""
     every = [(pick, search.candidate(pick)) for pick in picks]
     laws = [pick for pick, cause in every if cause.yields]
     instead = {pick for pick, cause in every if cause.yields or not cause.named}
     curves = {i for i, c in enumerate(search.data.candidates) if c.instead_of_laws}
-    if not laws or len(instead) < 2 or any(cause.instead_of_laws for _, cause in every):
+    if not laws or len(instead) < least or any(cause.instead_of_laws for _, cause in every):
         return None
     others = tuple(pick for pick in picks if pick not in instead)
     return next((search.with_pick(others, pick) for _, pick in search.additions(others, curves)), None)

@@ -49,6 +49,9 @@ class Standing:
     usual: Mapping[str, float] = field(
         default_factory=dict
     )  # of its names: that they are as much as is usual
+    curves: Mapping[int, float] = field(
+        default_factory=dict
+    )  # log evidence of what is left to none of it, for it is a law without a name
 
     def of(self, search: Search, name: str) -> float:
         """The same of any name that was visited: of one that the best set does not hold, in the best that does."""
@@ -57,7 +60,10 @@ class Standing:
             best = max(sets, key=lambda one: one.log)
             pick = next(one for one in best.picks if search.name(one) == name)
             worth = _worth(search, best.picks, pick)
-            sure = _sure(search, worth, max(worth, taken(search, best.picks, pick)), self.left)
+            # what does nearly what a curve of the best set does is only like it
+            instead = set(self.curves) - set(map(search.index, best.picks))
+            left = self.left + sum(self.curves[curve] for curve in instead)
+            sure = _sure(search, worth, max(worth, taken(search, best.picks, pick)), left)
             return sure * float(expit(one_law(search, best, pick))) * finding(search, best, pick)
         return self.names[name]
 
@@ -156,14 +162,14 @@ def standing(
     """
     left = besides + sum(max(_gain(search, best, curve), 0.0) for curve in repeated)
     picks, whole = best.picks, search.sized(best)
-    without_name: Set = ()
+    without_name: dict[Pick, float] = {}
     for pick in picks:
         if not search.candidate(pick).named:
-            is_law = alike(search, whole, pick)
-            left += float(expit(-is_law)) * max(_worth(search, picks, pick), 0.0)
+            is_law, worth_of = alike(search, whole, pick), max(_worth(search, picks, pick), 0.0)
+            left += float(expit(-is_law)) * worth_of
             picks = _without(picks, pick)
-            without_name += (pick,) if is_law > 0 else ()
-    picks += without_name
+            without_name |= {pick: worth_of} if is_law > 0 else {}
+    picks += tuple(without_name)
     curves = len(picks) < len(best.picks)
     of_laws = RIGHT_TO**2 * max(_log(search, picks) - _log(search, ()), 0.0)
     left += of_laws
@@ -197,7 +203,8 @@ def standing(
         picks = _without(picks, weakest)
         if search.candidate(weakest).part_of not in map(search.name, picks):
             left += max(worth[weakest], 0.0)
-    return Standing(left, left - of_laws, names, usual)
+    laws_of = {search.index(pick): worth_of for pick, worth_of in without_name.items()}
+    return Standing(left, left - of_laws, names, usual, laws_of)
 
 
 def _others(search: Search, worth: Mapping[Pick, float], pick: Pick) -> float:
