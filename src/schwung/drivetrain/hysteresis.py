@@ -35,11 +35,11 @@ def yielding_rate(torque: float, stiffness: float, exponent: float, held: float,
 
 
 @compiled
-def yielded(wound: Array, over: float, exponent: float) -> Array:
-    """What it holds over what it yields at, −1…1, along wind-ups (rad), (n,), from nothing on; `over`: Z/κ (rad)."""
-    found = np.zeros_like(wound)
+def yielded(wound: Array, over: float, exponent: float, first: float = 0.0) -> Array:
+    """What it holds over what it yields at, −1…1, along wind-ups (rad), (n,), from `first` on; `over`: Z/κ (rad)."""
+    found = np.full_like(wound, first)
     longest = min(_STEP, _STEP_OF_EXPONENT / exponent)
-    held, side = 0.0, 1.0
+    held, side = abs(first), 1.0 if first >= 0.0 else -1.0
     for i in range(1, wound.size):
         way = side * (wound[i] - wound[i - 1]) / over
         if way < 0.0:  # it is unloaded, in proportion, and loaded the other way

@@ -13,6 +13,7 @@ from schwung.explain.weighing.candidate import RIGHT_TO, Candidate, Shape, grid
 from schwung.explain.weighing.curves import column
 from schwung.explain.weighing.joined import run_by_run
 from schwung.explain.weighing.known import Known
+from schwung.explain.weighing.vocabulary.slipping import SPRINGS, springs
 from schwung.innovations.effect import Effect
 from schwung.motion import Array
 
@@ -27,19 +28,13 @@ def _held(along: Along, shape: Shape) -> Array:
     return np.asarray(yielded(along.wound, *shape))
 
 
-#: Of laws of hysteresis there are many, which agree on little more than how much there is: springs that slip at so much
-#: of its wind-up may hold so many times the share that laws are else off by.
-_SLIPPING, _AT, _AS_MUCH = 20.0, (0.1, 0.3, 1.0, 3.0, 10.0), 10.0
-
-
 @run_by_run
 def _slips(along: Along, shape: Shape) -> Effect:
-    each = [along.contact[:, 0] * yielded(along.wound, at * shape[0], _SLIPPING) for at in _AT]
-    held = _AS_MUCH * np.stack(each, 1)
+    held = along.contact[:, :1] * springs(along.wound, shape[0])
     return Effect(-held, held)
 
 
-_OTHERS = Candidate("coupling_hysteresis, inexact", _slips, (1.0,) * len(_AT), named=False)
+_OTHERS = Candidate("coupling_hysteresis, inexact", _slips, (1.0,) * SPRINGS, named=False)
 
 
 def hysteresis(of: Ranges, coupling: Coupling, torque_nm: float, known: Known) -> Candidate:

@@ -16,6 +16,7 @@ from schwung.explain.weighing.along import Along, Ranges
 from schwung.explain.weighing.candidate import Candidate, Shape, grid
 from schwung.explain.weighing.joined import run_by_run
 from schwung.explain.weighing.known import Known
+from schwung.explain.weighing.vocabulary.slipping import SPRINGS, springs
 from schwung.innovations.effect import Effect
 from schwung.motion import Array
 
@@ -24,19 +25,6 @@ from schwung.motion import Array
 _SHORTEST_SHARE = 0.05
 
 
-def presliding(of: Ranges, torque_nm: float, known: Known) -> Candidate:
-    """The family's only one; `torque_nm`: a natural torque; `known`: whose friction no change makes negative."""
-    soonest = 0.5 * of.peak_acceleration_rad_s2 / of.band_hz**2
-    shortest = min(soonest, _SHORTEST_SHARE * of.span_rad)
-    return Candidate(
-        "presliding_friction", _effect, (torque_nm, torque_nm, 1.0), _keys,
-        shapes=grid(np.geomspace(shortest, of.span_rad, 10)), spacing=(0.3,), logarithmic=(True,),
-        bounds=((0.5 * shortest, 2 * of.span_rad),), positive=(0,), least=(-known.effects.presliding_nm,),
-        coordinate="travel", own=(_slid,),
-    )  # fmt: skip
-
-
-@run_by_run
 def _slid(along: Along, shape: Shape) -> Array:
     """How far the bristles are bent, from rest."""
     return np.asarray(bent(along.angle, shape[0], 0.0))
@@ -47,6 +35,29 @@ def _effect(along: Along, shape: Shape) -> Effect:
     sliding = _slid(along, shape)
     first = bent(along.angle, shape[0], 1.0) - sliding
     return Effect(-np.stack([sliding, first, first * along.resting_nm], 1))
+
+
+@run_by_run
+def _slips(along: Along, shape: Shape) -> Effect:
+    """What other laws of it do, of each of its coefficients."""
+    sliding = springs(along.angle, shape[0])
+    first = springs(along.angle, shape[0], 1.0) - sliding
+    return Effect(-np.hstack([sliding, first, first * along.resting_nm]))
+
+
+_OTHERS = Candidate("presliding_friction, inexact", _slips, (1.0,) * (3 * SPRINGS), named=False)
+
+
+def presliding(of: Ranges, torque_nm: float, known: Known) -> Candidate:
+    """The family's only one; `torque_nm`: a natural torque; `known`: whose friction no change makes negative."""
+    soonest = 0.5 * of.peak_acceleration_rad_s2 / of.band_hz**2
+    shortest = min(soonest, _SHORTEST_SHARE * of.span_rad)
+    return Candidate(
+        "presliding_friction", _effect, (torque_nm, torque_nm, 1.0), _keys,
+        shapes=grid(np.geomspace(shortest, of.span_rad, 10)), spacing=(0.3,), logarithmic=(True,),
+        bounds=((0.5 * shortest, 2 * of.span_rad),), positive=(0,), least=(-known.effects.presliding_nm,),
+        coordinate="travel", others=_OTHERS,
+    )  # fmt: skip
 
 
 def _keys(coefficients: Array, shape: Shape) -> Mapping[str, float]:
