@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 from sealed_sessions import fewer
-from strangers import Stranger, belief_of, session_of
+from strangers import STRANGERS, Stranger, belief_of, session_of
 
 from schwung.drivetrain.physics_term import PhysicsTerm
 from schwung.drivetrain.presliding import bent
@@ -64,6 +64,14 @@ def test_a_stranger_that_bends_is_named():
     named = next(one for one in found.names if one.name == "presliding_friction").parameters
     assert named["torque_nm"].value == pytest.approx(1.2, rel=0.1)
     assert found.probability("load_torque") < 0.5
+
+
+@pytest.mark.long
+def test_what_another_law_does_beyond_ours_is_no_load_by_direction():
+    """Strokes of one place begin at one angle each way, so that it follows from angle and direction as well: 0.78."""
+    hidden = STRANGERS[7]
+    found = weigh(session_of(hidden, 5, every=8, times=(0.25, 0.4)), belief_of(hidden))
+    assert {one.name for one in found.names if one.probability > 0.5} == {"presliding_friction"}
 
 
 def test_what_is_found_beside_what_is_believed_is_one_term():
