@@ -78,6 +78,11 @@ def test_filter_and_sensitivities(system: System) -> None:
     _agree(found, compiled)
     np.testing.assert_allclose(kalman.deviance(system), plain.deviance(system), rtol=1e-9)
     _agree(kernel.smoothed(system.transition, compiled), plain.smoothed(system.transition, compiled))
+    adjoints = kernel.adjoints(system.transition, compiled)
+    _agree(adjoints, plain.adjoints(system.transition, compiled))
+    # the first state is foreseen, and what samples say of it moves it as what adds to a step
+    first = system.first - system.spread**2 * adjoints[0]
+    np.testing.assert_allclose(kernel.smoothed(system.transition, compiled)[0], first, rtol=1e-6, atol=1e-9)
     size, random = system.first.size - 1, np.random.default_rng(5)
     torque, share = random.normal(size=(300, 6)), random.normal(size=(299, 4))
     torque[::3, 2:] = torque[1::3, :3] = share[::2, 1:] = 0.0  # splines are, but for a few entries

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from schwung.drivetrain.machine import Machine
-from schwung.innovations.likelihood import Noise, torque_errors
+from schwung.innovations.likelihood import Noise, torque_errors, variances_of
 from schwung.innovations.signals import picked_signals_of, signals_of
 from schwung.session.model import Run
 
@@ -104,3 +106,18 @@ def test_errors_of_recorded_samples_are_in_a_step_what_the_model_says(machine: M
     assert np.var(means) == pytest.approx(float(at_samples[0] / 2 + alone[0]), rel=0.1)
     shared = float(np.mean(means[1:] * means[:-1]))
     assert shared == pytest.approx(float(at_samples[0] / 4), abs=0.05 * float(np.var(means)))
+
+
+def test_a_count_that_stays_tells_what_one_sample_of_it_does(machine: Machine) -> None:
+    """At rest no motion of less than a count shows, and all samples together told of one that there is none."""
+    run = _recorded(np.zeros(8000))
+    count = 1e-4
+    run = replace(run, position_rad=count * np.round(run.position_rad / count))
+    run.position_rad[4000:4400] = run.position_rad[4000]
+    signals = signals_of(run, machine, 160.0)
+    noise = Noise(1.0, 1.0, count / 12**0.5)
+    resting = variances_of(noise, signals)[4000:4400, 0]
+    assert 1 / np.sum(1 / resting) == pytest.approx(noise.position_rad**2, rel=0.02)
+    moving = variances_of(noise, signals)[100:300, 0]
+    assert np.median(moving) == pytest.approx(noise.position_rad**2)
+    assert not np.any(signals_of(_recorded(np.zeros(8000)), machine, 160.0).unmoved_rad2)

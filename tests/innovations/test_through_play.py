@@ -72,7 +72,7 @@ def test_bounces_are_foreseen_as_surely_as_they_come() -> None:
     torques = np.column_stack([reported[:-1], none, reported[1:], none, none, none])
     run: Any = SimpleNamespace(
         step_s=STEP_S, time_s=time, states=states, position_rad=measured[:, 0], rigid=False,
-        speed_measured=True, load_nm=reported, drive=SimpleNamespace(every=1),
+        speed_measured=True, unmoved_rad2=0.0, load_nm=reported, drive=SimpleNamespace(every=1),
     )  # fmt: skip
     squares = _squares(run, torques, measured, NOISE)
     assert np.mean(squares) < 1.5

@@ -149,6 +149,19 @@ class Passed:
         """Smoothed ones, (n, s), and the torque's error (N·m) behind them."""
         return np.asarray(kernel.smoothed(self.equations.transition, self.result))
 
+    @cached_property
+    def torque_error_nm(self) -> Array:
+        """By how much more torque is reported than acts at each sample (N·m), (n,): the state, and what the steps
+        beside it have of their own."""
+        apart = torque_errors(self.noise, self.run)[1] * 2 + self.equations.apart[:, 0]
+        if not np.any(apart):
+            return np.asarray(self.states[:, -1])
+        ahead = kernel.adjoints(self.equations.transition, self.result)[1:, :-1]
+        ends = (self.equations.transition[:, :-1, -1], self.equations.noise[:, :-1])
+        start, end = (-apart * np.einsum("ks,ks->k", one, ahead) for one in ends)
+        own = np.append(start, end[-1]) + np.concatenate([start[:1], end])
+        return np.asarray(self.states[:, -1] + own / 2)
+
     @property
     def shaft_states(self) -> Array:
         """Those of motor and load, (n, 2 or 4): what is behind the load is no more than follows from these."""

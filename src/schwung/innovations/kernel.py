@@ -38,6 +38,25 @@ def smoothed(transition: Array, result: Filtered) -> Array:
     return states
 
 
+@compiled_or(plain.adjoints)
+def adjoints(transition: Array, result: Filtered) -> Array:
+    """What all samples from each on say of the state that is foreseen there, (n, s): what adds v to a step is
+    −variance·v·adjoint of the sample after it."""
+    count, size = result.state.shape
+    found = np.zeros((count, size))
+    for k in range(count - 1, -1, -1):
+        if k < count - 1:
+            for j in range(size):
+                for i in range(size):
+                    found[k, i] += transition[k, j, i] * found[k + 1, j]
+        for m in range(1, -1, -1):
+            onto = 0.0
+            for i in range(size):
+                onto += result.gain[k, m, i] * found[k, i]
+            found[k, m] -= onto + result.error[k, m] / result.variance[k, m]
+    return found
+
+
 @compiled_fastmath
 def _one_step_on(x: Array, ahead: Array, phi: Array, added: Added, k: int) -> None:
     """`ahead` becomes Φ x and what the parameters add to step k, (s, c + p)."""

@@ -154,6 +154,7 @@ def variances_of(noise: Noise, run: Signals) -> Array:
     """Of the errors of angle and speed at each sample, (n, 2): what it was taken late or early by, too."""
     even = [noise.position_rad, noise.speed_rad_s if run.speed_measured else _untold(run)]
     variances = np.tile(np.square(even), (run.time_s.size, 1))
+    variances[:, 0] += run.unmoved_rad2
     if noise.jitter_s > 0:
         variances += (noise.jitter_s * run.rates[:, :2]) ** 2
     return variances

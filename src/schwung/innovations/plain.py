@@ -230,6 +230,18 @@ def smoothed(transition: Array, result: Filtered) -> Array:
     return states
 
 
+def adjoints(transition: Array, result: Filtered) -> Array:
+    """As `kernel.adjoints`."""
+    count, size = result.state.shape
+    found = np.zeros((count, size))
+    for k in range(count - 1, -1, -1):
+        if k < count - 1:
+            found[k] = transition[k].T @ found[k + 1]
+        for m in range(1, -1, -1):
+            found[k, m] -= float(result.gain[k, m] @ found[k]) + result.error[k, m] / result.variance[k, m]
+    return found
+
+
 def whitened(transition: Array, result: Filtered, added: Added) -> Array:
     """As `kernel.whitened`."""
     count, size = result.state.shape

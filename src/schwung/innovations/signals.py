@@ -195,6 +195,16 @@ class Signals:
         other.__dict__.update({name: self.__dict__[name] for name in _STATELESS if name in self.__dict__})
         return other
 
+    @cached_property
+    def unmoved_rad2(self) -> Array:
+        """What the variance of the angle's error is more where its count stays, (n,): a motion of less than a count
+        does not show, however often it is sampled, so that all samples of one stay tell what one does."""
+        if not self.count_rad:
+            return np.zeros_like(self.position_rad)
+        stays = np.flatnonzero(np.diff(self.position_rad) != 0)
+        lengths = np.diff(np.concatenate([[-1], stays, [self.position_rad.size - 1]]))
+        return np.asarray(np.repeat(lengths - 1, lengths) * self.count_rad**2 / 12)
+
     @property
     def load_angle_rad(self) -> Array:
         return self.position_rad if self.rigid else self.states[:, 0] - self.states[:, 2]

@@ -116,7 +116,7 @@ def _run(view: View, passed: Passed, along: Along, run: int) -> Shown:
     return Shown(
         run=run,
         along=along,
-        missed_nm=-passed.states[:, -1],
+        missed_nm=-passed.torque_error_nm,
         innovations=passed.innovations if view.runs[run].speed_measured else passed.innovations[::2],
         logs=np.add.reduceat(logs, np.arange(0, logs.size, stretch)),
     )

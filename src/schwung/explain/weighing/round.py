@@ -188,7 +188,7 @@ class Linearised:
         """What is missed in one of the runs."""
         excitation = self.view.recorded[run].excitation
         injected = () if excitation is None else tuple(excitation.lines_hz.tolist())
-        missed, along = -self.passed[run].states[:, -1], self.alongs[run]
+        missed, along = -self.passed[run].torque_error_nm, self.alongs[run]
         return Missed(missed, along.angle, self.view.runs[run].step_s, injected, along)
 
     def samples(self, runs: Sequence[int]) -> int:
@@ -370,7 +370,7 @@ def _without_noise(about: Linearised, number: int) -> Array:
     """The torque of a run (N·m), (n,), as far as it moves the machine and can be heard."""
     run, noise = about.view.runs[number], about.noise
     size = float(np.sqrt(noise.torque_nm**2 + np.mean((noise.torque_share * run.load_nm) ** 2)))
-    reported = run.drive.smooth_nm - about.passed[number].states[:, -1]
+    reported = run.drive.smooth_nm - about.passed[number].torque_error_nm
     return np.asarray(heard(reported, size / np.sqrt(run.drive.every)) + run.drive.injected_nm)
 
 

@@ -41,7 +41,7 @@ def as_missed_by(session: Session, machine: Machine, twin: Session) -> Session:
     span = max(of.span_rad, 1e-12)
     noise = Noise(NATURAL * of.peak_torque_nm, _CLOSELY * of.peak_speed_rad_s, _CLOSELY * span)
     about = at_rest(view, (), noise)
-    asked = [np.asarray(about.passed[number].states[:, -1]) for number in range(len(runs))]
+    asked = [np.asarray(about.passed[number].torque_error_nm) for number in range(len(runs))]
     corrected = (
         replace(run, torque_nm=run.torque_nm - beyond)
         for run, beyond in zip(session.runs, asked, strict=True)
