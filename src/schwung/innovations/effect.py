@@ -152,8 +152,8 @@ class Passed:
     @cached_property
     def torque_error_nm(self) -> Array:
         """By how much more torque is reported than acts at each sample (N·m), (n,): the state, and what the steps
-        beside it have of their own."""
-        apart = torque_errors(self.noise, self.run)[1] * 2 + self.equations.apart[:, 0]
+        beside it have of their own. What dry friction leaves open within a step is none of it."""
+        apart = 2 * torque_errors(self.noise, self.run)[1]
         if not np.any(apart):
             return np.asarray(self.states[:, -1])
         ahead = kernel.adjoints(self.equations.transition, self.result)[1:, :-1]
