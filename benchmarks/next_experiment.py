@@ -85,6 +85,15 @@ class Room:
         axis.energise(True)
         return cls(drawn, name, axis, _setting(drawn), chance)
 
+    @classmethod
+    def sound(cls, seed: int) -> Room:
+        """The machine of a seed that conceals nothing."""
+        chance = np.random.default_rng([seed, 97])
+        drawn = _careful(draw_machine(chance))
+        axis = PlayedAxis(make_plant(drawn, {}, seed), drawn.settings, seed)
+        axis.energise(True)
+        return cls(drawn, "", axis, _setting(drawn), chance)
+
     def record(self, wishes: Wishes) -> list[Run]:
         """What the machine makes of some wishes."""
         return [self.play(planned) for planned in self.setting.plan(wishes).runs()]

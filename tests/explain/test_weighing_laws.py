@@ -3,7 +3,6 @@
 from pathlib import Path
 
 import pytest
-from next_experiment import Room, weighed_session
 from sealed_sessions import drawn
 
 from schwung.explain.weighing.weigh import weigh
@@ -66,14 +65,3 @@ def test_work_apart_counts_to_nothing_else() -> None:
     now[0] = 15.0
     assert work.spent
     assert work.hurried
-
-
-@pytest.mark.long
-@pytest.mark.parametrize(("seed", "names"), [(70013, {"load_torque"}), (70019, set())])
-def test_what_passes_most_of_what_is_asked_for_is_no_saturation(seed: int, names: set[str]) -> None:
-    """One careful stroke with a large sine: a limit of which 4 % and 35 % were clipped had 0.92 and 0.77."""
-    room = Room.drawn_by(seed)
-    assert room is not None
-    runs = [run for _ in range(2) for run in room.record(room.setting.done)]
-    told = weighed_session(runs, room).told
-    assert {one.name for one in told.names if one.probability > 0.5} == names

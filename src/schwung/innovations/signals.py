@@ -31,7 +31,7 @@ PER_BAND, PER_SWING, PER_PIECE = 11.0, 4.0, 2.0
 FINEST = 1e-9
 #: Half the length of the filter before samples are left out, in the remaining ones; β of its taps' Kaiser window.
 _HALF, _TAPS = 6, 6.0
-_EDGE = 60  # fewer samples than this are not worth a filter
+SHORTEST = 60  # fewer samples than this are not worth a filter
 
 
 #: Weights that guess a sample by its neighbours' cubic; what misses by more than so many times the usual is sharp.
@@ -237,7 +237,7 @@ class Signals:
     def quiet(self, values: Array) -> Array:
         """Signals (n, …) without what lies above the band, without lag."""
         edge = 2 * self.band_hz * self.step_s
-        return values if edge >= WIDEST or values.shape[0] <= _EDGE else low_passed(values, edge, 4)
+        return values if edge >= WIDEST or values.shape[0] <= SHORTEST else low_passed(values, edge, 4)
 
     def speed_at(self, delay_s: float, derivative: int = 0) -> Array:
         """The believed motor speed `delay_s` before each sample, or its derivative, (n,)."""
@@ -352,7 +352,7 @@ def _spare(run: Run, machine: Machine, band_hz: float, pieces_hz: float) -> int:
     swing = machine.coupling.stiffness_nm_rad / machine.motor.inertia_kgm2 if machine.coupling else 0.0
     needed = max(PER_BAND * band_hz, PER_SWING * np.sqrt(swing) / (2 * np.pi), PER_PIECE * pieces_hz)
     every = int(run.sample_rate_hz / needed)
-    return 1 if run.is_held or len(run) < (_EDGE + 2 * _HALF) * every else every
+    return 1 if run.is_held or len(run) < (SHORTEST + 2 * _HALF) * every else every
 
 
 def _taps(every: int) -> Array:

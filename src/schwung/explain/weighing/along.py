@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from schwung.drivetrain.machine import Machine
-from schwung.explain.weighing.true_torque import TrueTorque
+from schwung.explain.weighing.true_torque import TrueTorque, seems_clipped
 from schwung.innovations.held import corners
 from schwung.innovations.low_pass import heard
 from schwung.innovations.signals import Signals
@@ -46,6 +46,7 @@ class Ranges:
     one_motion: bool = False  # whether all runs repeat one
     unrepeated: bool = False  # whether no run repeats another
     wound_rad: float = 0.0  # how far a coupling was wound up, where a curve over that is drawn
+    seems_clipped: tuple[tuple[float, float], ...] = ((0.0, 0.0),)  # by noise, see there
 
     @property
     def span_rad(self) -> float:
@@ -440,4 +441,5 @@ def ranges_of(runs: list[Signals], sticking: float, band_hz: float) -> Ranges:
         sticking_rad_s=sticking * speed,
         runs=len(runs),
         band_hz=band_hz,
+        seems_clipped=seems_clipped(runs),
     )

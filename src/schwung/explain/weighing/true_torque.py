@@ -1,13 +1,16 @@
-"""The torque of a run as causes see it: without its noise, what of it drives the machine, and how both change."""
+"""The torque of a run as causes see it: without its noise, what of it drives the machine, and how both change; and what
+noise alone seems to do."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
 
-from schwung.innovations.signals import Signals
+from schwung.innovations.low_pass import low_passed
+from schwung.innovations.signals import SHORTEST, WIDEST, Signals
 from schwung.innovations.splines import slopes
 from schwung.motion import Array
 
@@ -70,3 +73,31 @@ class TrueTorque:
         found = slopes(rough - self.run.quiet(rough), self.run.step_s)
         found[[0, -1]] = 0.0
         return found
+
+
+#: Limits that are looked at, up to the peak.
+_LIMITS = 200
+
+
+def seems_clipped(runs: Sequence[Signals]) -> tuple[tuple[float, float], ...]:
+    """Limits of the torque (N·m), rising, and what share of all that is reported beyond them noise alone makes seem
+    clipped.
+
+    Samples beyond a limit that is hardly passed are those whose noise is large, and the machine moves as if that was
+    not there: of n of them, σ² n over the sum of the squares beyond. What is beyond the band is noise; where there is
+    no such, none is known.
+    """
+    every, power = [], []
+    for run in runs:
+        edge = 2 * run.band_hz * run.step_s / run.drive.every
+        nm = run.drive.recorded_nm if run.drive.every > 1 else run.drive.whole_nm
+        every.append(np.abs(nm))
+        if edge < WIDEST and nm.size > SHORTEST:
+            power.append(float(np.mean((nm - low_passed(nm, edge, 4)) ** 2)) / (1 - edge))
+    asked = np.concatenate(every)
+    found = []
+    for limit in np.linspace(0.0, float(np.max(asked)), _LIMITS, endpoint=False):
+        beyond = asked[asked > limit] - limit
+        noise = float(np.mean(power)) * beyond.size if power else 0.0
+        found.append((float(limit), noise / max(float(beyond @ beyond), 1e-300)))
+    return tuple(found)

@@ -135,12 +135,6 @@ def _clipped(along: Along, shape: Shape) -> Effect:
     return Effect(column(along.run.drive.asked(lambda nm: np.clip(nm, -limit, limit) - nm, along.filter_s)))
 
 
-def _passes(share: Array, _shape: Shape) -> bool:
-    """Whether less than half of what is asked for beyond the limit is clipped: that is nearer to no limit than to one,
-    and a file's limit passes nothing."""
-    return bool(share[0] < 0.5)
-
-
 def _turning(along: Along, shape: Shape) -> Array:
     turned = shape[0] * along.angle
     return np.stack([np.sin(turned), np.cos(turned)], 1)
@@ -206,6 +200,12 @@ def reporting(of: Ranges, share: float) -> list[Candidate]:
         """Whether runs begin with more heat than the peak torque makes where it lasts: what differs then is no heat."""
         return bool(np.max(np.abs(coefficients[1] + coefficients[2:]), initial=0.0) > coefficients[0])
 
+    def passes_more(clipped: Array, shape: Shape) -> bool:
+        """Whether less than half of what is asked for beyond the limit is clipped, but for what noise makes seem so:
+        that is nearer to no limit than to one, and a file's limit passes nothing."""
+        limits, shares = np.transpose(of.seems_clipped)
+        return bool(clipped[0] - np.interp(shape[0], limits, shares) < 0.5)
+
     return [
         Candidate("torque_constant", _gain, (share,), lambda c, _: {"gain": 1 + c[0]}, coordinate="torque",
                   known_to=RIGHT_TO),
@@ -242,7 +242,7 @@ def reporting(of: Ranges, share: float) -> list[Candidate]:
                   shapes=grid(peak * np.linspace(0.5, 0.97, 12)), spacing=(0.04 * peak,),
                   logarithmic=(False,), bounds=((0.2 * peak, 0.99 * peak),), positive=(0,),
                   coordinate="torque", passes=lambda along, s, c: -c[0] * (np.abs(along.torque) > s[0]),
-                  none_of=_passes),
+                  none_of=passes_more),
         Candidate("encoder_eccentricity", lambda a, _: _harmonic(a, (1.0,)), (share * of.span_rad / 10,) * 2,
                   lambda c, _: dict(zip(("amplitude_rad", "phase_rad"), polar(c), strict=True)),
                   whole=lambda a, _, c: _harmonic_whole(a, (1.0,), c), coordinate="position"),
