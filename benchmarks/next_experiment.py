@@ -1,11 +1,14 @@
 """How many motions does it take until one name has 95 %: the motion that `--next` chooses, or any within the limits?
 
     python benchmarks/next_experiment.py --machines 12 --first 0 --minutes 15
+    python benchmarks/next_experiment.py --sound --machines 100
 
 Machines are drawn as sealed sessions draw them (sim/). Each conceals an effect that its first session, a careful stroke
 made twice without and twice with an injected sine, does not tell from others: a machine counts where what was
 concealed is among the rivals and no set is likelier than 0.9. Both ways go on from there, with the same candidates and
 limits. Counted are the motions until one set of names has 95 %, the budget where none does.
+
+`--sound`: machines that conceal nothing, and the names that their first session has all the same.
 """
 
 from __future__ import annotations
@@ -16,6 +19,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
+from explain_tally import interval_of_rate
 
 from schwung.commissioning.commission import Wishes
 from schwung.commissioning.experiments import (
@@ -34,6 +38,7 @@ from schwung.drivetrain import FeedForward
 from schwung.drivetrain.inertia import InertiaTable
 from schwung.drivetrain.machine import Control, Coupling, Load, Machine, Motor
 from schwung.explain.weighing.experiment import Rivals
+from schwung.explain.weighing.publication import NAMED
 from schwung.explain.weighing.weigh import Posterior, posterior_of
 from schwung.session.model import Run, Session
 from schwung_sim.errors import BenchError
@@ -255,7 +260,13 @@ def main() -> None:
     parser.add_argument("--machines", type=int, default=12, help="confused ones, at most")
     parser.add_argument("--first", type=int, default=0, help="seed of the first")
     parser.add_argument("--minutes", type=float, default=15.0, help="of processor time, at most")
+    parser.add_argument(
+        "--sound", action="store_true", help="machines that conceal nothing: count false names"
+    )
     options = parser.parse_args()
+    if options.sound:
+        false_names(range(options.first, options.first + options.machines), options.minutes)
+        return
     began, ways, seed, looked = time.process_time(), [], options.first, 0
     while len(ways) < options.machines and time.process_time() - began < 60 * options.minutes:
         seed += 1
@@ -285,6 +296,27 @@ def main() -> None:
     print(f"{len(ways)} confused of {looked} machines, {(time.process_time() - began) / 60:.1f} min")
     if ways:
         summary(ways)
+
+
+def false_names(seeds: range, minutes: float) -> None:
+    """Names of more than one half that a careful stroke shows of sound machines, and their rate with 95 %."""
+    began, looked, wrong = time.process_time(), 0, 0
+    for seed in seeds:
+        if time.process_time() - began > 60 * minutes:
+            break
+        try:
+            room = Room.sound(seed)
+            told = weighed_session(
+                [run for _ in range(2) for run in room.record(room.setting.done)], room
+            ).told
+        except BenchError:
+            continue
+        named = [f"{one.name} {one.probability:.2f}" for one in told.names if one.probability > NAMED]
+        looked, wrong = looked + 1, wrong + bool(named)
+        if named:
+            print(f"{seed}: {', '.join(named)}", flush=True)
+    low, high = interval_of_rate(wrong, looked)
+    print(f"{wrong} of {looked} sound machines have a name ({100 * low:.1f} … {100 * high:.1f} %)")
 
 
 def summary(ways: list[list[Way]]) -> None:
