@@ -168,9 +168,16 @@ class Growth:
         if alone is None:
             return found
         self.memory = None  # what was found keeps its columns
+        before = self.rests
         grown = self._climbed(alone[1], kept(found.search, *alone), named=named)
-        self.bent = grown.log > found.log
-        return grown if self.bent else found
+        log = found.log
+        if self.rests.wide is not before.wide:  # the noise was looked at on the way
+            log = self.rests.settled(found.at.about.view, found.at.members).log + found.prior
+        self.bent = grown.log > log
+        if self.bent:
+            return grown
+        self.rests = before  # what was found is about that noise
+        return found
 
     def _climbed(self, at: Settled, picks: Shaped, *, named: bool = False, fresh: bool = False) -> Climbed:
         growing = True
