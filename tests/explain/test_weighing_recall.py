@@ -7,6 +7,7 @@ from typing import Any, cast
 import pytest
 
 from schwung.explain.weighing import growth as growth_module
+from schwung.explain.weighing import resting
 from schwung.explain.weighing.candidate import Candidate
 from schwung.explain.weighing.grown import _from_few, _or_laws
 from schwung.explain.weighing.growth import Growth
@@ -137,3 +138,47 @@ def test_a_coupling_that_is_a_curve_is_compared_about_one_noise(
     assert growth._bent(found, False) is (grown if bends else found)
     assert growth.rests is (after if bends else before)
     assert growth.bent is bends
+
+
+class _AtRest:
+    """Sets at rest about `LATE`: how much likelier each is, and by chance."""
+
+    rests: Any
+    search: Any
+
+    def __init__(self, monkeypatch: pytest.MonkeyPatch, rested: dict[frozenset[int], float]) -> None:
+        monkeypatch.setattr(resting, "goes_otherwise", lambda _: True)
+        monkeypatch.setattr(resting, "carried", lambda _, picks: picks)
+        monkeypatch.setattr(resting, "kept", lambda _, best, __: best.picks)
+        monkeypatch.setattr(Rests, "leaves", lambda *_: False)
+        monkeypatch.setattr(
+            Rests, "rest", lambda _, __, one, ___, at: (one.picks, rested[frozenset(one.picks)] - at.log)
+        )
+        self.search = SimpleNamespace(
+            kind=frozenset, prior=lambda _: 0.0, score=lambda picks: SimpleNamespace(picks=picks)
+        )
+        self.search.data = SimpleNamespace(work=SimpleNamespace(spent=False))
+        self.rests = Rests((), (), cast(Any, None))
+        self.rests.rested = {kind: (tuple(kind), log) for kind, log in rested.items()}
+
+
+def test_what_is_likelier_by_chance_alone_gives_way_at_last(monkeypatch: pytest.MonkeyPatch) -> None:
+    at_rest = _AtRest(monkeypatch, {LATE: -10.0, SOFT: -25.0, BOTH: -14.0})
+    chance = {(2,): -18.0, (1, 2): 6.0}
+    monkeypatch.setattr(Rests, "by_chance", lambda _, tried, __: chance[tried])
+    best: Any = SimpleNamespace(picks=(1,))
+    at: Any = SimpleNamespace(log=-10.0, about=None)
+    one, tried, log = at_rest.rests.alike(at_rest.search, best, at)
+    assert (one.picks, tried, log) == ((2,), (2,), -7.0)
+    assert {kind: log for kind, (_, log) in at_rest.rests.rested.items()} == {
+        LATE: -10.0,
+        SOFT: -7.0,
+        BOTH: -20.0,
+    }
+
+
+def test_what_is_far_less_likely_is_not_asked_again(monkeypatch: pytest.MonkeyPatch) -> None:
+    at_rest = _AtRest(monkeypatch, {SOFT: -200.0})
+    best: Any = SimpleNamespace(picks=(1,))
+    at: Any = SimpleNamespace(log=-10.0, about=None)
+    assert at_rest.rests.alike(at_rest.search, best, at) == (best, at, -10.0)

@@ -342,3 +342,16 @@ def driven(transition: Array, forcing: Array, values: Array) -> Array:
             for j in range(states.shape[1]):
                 states[k, i] += transition[i, j] * states[k - 1, j]
     return states
+
+
+@compiled
+def moved(transition: Array, forcing: Array, first: Array) -> Array:
+    """States (n, s) of x⁺ = transition·x + forcing in each of n − 1 steps, from the first on."""
+    states = np.empty((forcing.shape[0] + 1, first.size))
+    states[0] = first
+    for k in range(forcing.shape[0]):
+        for i in range(first.size):
+            states[k + 1, i] = forcing[k, i]
+            for j in range(first.size):
+                states[k + 1, i] += transition[k, i, j] * states[k, j]
+    return states

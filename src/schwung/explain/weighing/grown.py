@@ -128,11 +128,10 @@ def grown(growth: Growth, view: View) -> Grown:
     """The sets of a session."""
     nothing = growth.nothing(view)
     found = _from_few(growth, view, nothing) if growth.has_few else _from_nothing(growth, view, nothing)
-    climbed = found.climbed
-    found.growth.rests.recall(climbed.search, climbed.best, climbed.log)
+    climbed = found.growth.alike(found.climbed)
     if found.growth.rests.wide is not growth.rests.wide:
         nothing = found.growth.nothing(view)
-    return Grown(found.growth, found.climbed, nothing)
+    return Grown(found.growth, climbed, nothing)
 
 
 def _from_nothing(growth: Growth, view: View, nothing: Settled) -> _Found:

@@ -221,6 +221,15 @@ class Growth:
                 return Climbed(search, start, at, halfway=True)
             picks = kept(search, start, at)
 
+    def alike(self, climbed: Climbed) -> Climbed:
+        """The same, or what is likelier but for chance; with all that came to rest beside it, as probable as so."""
+        search, best, at = climbed.search, climbed.best, climbed.at
+        one, other, log = self.rests.alike(search, best, at)
+        if one is not best:
+            search, best, at = self._about(other, kept(search, one, other))
+        self.rests.recall(search, best, log)
+        return replace(climbed, search=search, best=best, at=at)
+
     def _about(self, at: Settled, picks: Shaped) -> tuple[Search, Scored, Settled]:
         """All linearised about a set at rest, with its curves as large as they are likeliest there."""
         search = self._search(at)

@@ -7,6 +7,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
+from schwung.explain.weighing.alike import goes_otherwise, misses_less
 from schwung.explain.weighing.balance import balanced
 from schwung.explain.weighing.candidate import RIGHT_TO, Candidate
 from schwung.explain.weighing.present import Member, moves
@@ -131,6 +132,34 @@ class Rests:
     def least(self, search: Search, one: Scored, start: Scored, at: Settled) -> float:
         """What a set has to be at rest to be as probable as the one at hand (log)."""
         return at.log + search.prior(start.picks) - search.prior(one.picks)
+
+    def by_chance(self, one: Settled, other: Settled) -> float:
+        """How much more evidence one set at rest has than another (log) by the noise of the torque alone; nothing where
+        one of them misses more than noise."""
+        if not np.isfinite(one.log) or self.leaves(one) or self.leaves(other):
+            return 0.0
+        plain = other.about.square(self.train) - one.about.square(self.train)
+        return (plain - misses_less(one.about, other.about, self.train)) / (2 * self.wide.excess)
+
+    def alike(self, search: Search, best: Scored, at: Settled) -> tuple[Scored, Settled, float]:
+        """The likeliest of all that came to rest about as likely, but for what each owes to chance, and how probable it
+        is so (log): until then sets are compared with what they miss of the torque's noise."""
+        here = at.log + search.prior(best.picks)
+        if self.leaves(at) or not goes_otherwise(at.about):
+            return best, at, here
+        found, top = (best, at), 0.0
+        for kind, (_, log) in sorted(self.rested.items(), key=lambda item: -item[1][1]):
+            if kind == search.kind(best.picks) or log < here - HOPELESS or search.data.work.spent:
+                continue
+            one = search.score(carried(search.data, self.rested[kind][0]))
+            tried, gain = self.rest(search, one, best, at)
+            chance = self.by_chance(tried, at)
+            picks, at_rest = self.rested[kind]
+            self.rested[kind] = picks, at_rest - chance
+            if gain - chance > top:
+                found, top = (one, tried), gain - chance
+        self.rested[search.kind(best.picks)] = kept(search, best, at), here
+        return (*found, here + top)
 
     def noted(
         self, search: Search, one: Scored, start: Scored, at: Settled, tried: Settled
