@@ -81,11 +81,12 @@ _LIMITS = 200
 
 def seems_clipped(runs: Sequence[Signals]) -> tuple[tuple[float, float], ...]:
     """Limits of the torque (N·m), rising, and what share of all that is reported beyond them noise alone makes seem
-    clipped.
+    clipped, at most (two standard deviations).
 
     Samples beyond a limit that is hardly passed are those whose noise is large, and the machine moves as if that was
-    not there: of n of them, σ² n over the sum of the squares beyond. What is beyond the band is noise; where there is
-    no such, none is known.
+    not there: of n of them s = σ² n / Σ b², of what each is beyond by, with a variance of s (1 + s) / n (Stein's lemma
+    for Σ e b of a normal noise e, and its square). What is beyond the band is noise; where there is no such, none is
+    known.
     """
     every, power = [], []
     for run in runs:
@@ -99,5 +100,6 @@ def seems_clipped(runs: Sequence[Signals]) -> tuple[tuple[float, float], ...]:
     for limit in np.linspace(0.0, float(np.max(asked)), _LIMITS, endpoint=False):
         beyond = asked[asked > limit] - limit
         noise = float(np.mean(power)) * beyond.size if power else 0.0
-        found.append((float(limit), noise / max(float(beyond @ beyond), 1e-300)))
+        share = noise / max(float(beyond @ beyond), 1e-300)
+        found.append((float(limit), share + 2 * float(np.sqrt(share * (1 + share) / beyond.size))))
     return tuple(found)
