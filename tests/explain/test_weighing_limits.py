@@ -20,9 +20,10 @@ def test_what_passes_most_of_what_is_asked_for_is_no_saturation(seed: int, names
 
 
 @pytest.mark.long
-@pytest.mark.parametrize("seed", [73005, 73036, 73055])
+@pytest.mark.parametrize("seed", [73005, 73036, 73055, 80000])
 def test_noise_at_the_peak_is_no_saturation(seed: int) -> None:
-    """Nothing is hidden; samples beyond the limit were those whose noise is large: 0.91, 0.99, 1.00."""
+    """Nothing is hidden; samples beyond the limit were those whose noise is large: 0.91, 0.99, 1.00, 1.00 (of sixteen
+    samples)."""
     room = Room.sound(seed)
     assert _named(room) == set()
 
