@@ -163,7 +163,9 @@ def test_the_demo_commissions_and_says_where_the_report_lies(
     assert code == 0
     told = json.loads(out)  # nothing was hidden in it: names are listed from 2 % on, told from one half
     assert told["verdict"] == "consistent"
-    assert [one for one in told["names"] + told["unnamed"] if one["in_file"] or one["probability"] > 0.25] == []
+    assert [
+        one for one in told["names"] + told["unnamed"] if one["in_file"] or one["probability"] > 0.25
+    ] == []
     assert told["runners_up"][0]["names"] == []
     code, _, err = invoke(capsys, "demo", "--out", str(tmp_path / "d"))
     assert code == 2

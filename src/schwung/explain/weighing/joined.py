@@ -7,7 +7,7 @@ sample (filters, bristles, a further mass), or has a number of its own in each r
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, field, fields
 from functools import cached_property, wraps
 from typing import Any, Concatenate, ParamSpec, TypeVar, cast
 
@@ -37,11 +37,12 @@ class Joined(Along):
     """
 
     parts: Sequence[Along] = ()
+    turning: dict[float, Array] = field(default_factory=dict)  # by their orders: what turns with the angle
 
     @classmethod
     def of(cls, parts: Sequence[Along]) -> Joined:
         """These runs, of which there is one at least."""
-        own = {field.name: getattr(parts[0], field.name) for field in fields(Along)}
+        own = {each.name: getattr(parts[0], each.name) for each in fields(Along)}
         return cls(**{**own, "kept": {}, "met": None}, parts=tuple(parts))
 
     @cached_property

@@ -23,6 +23,7 @@ from schwung.explain.weighing.candidate import LADDER, RIGHT_TO, Candidate, Shap
 from schwung.explain.weighing.curves import BentCurve, Curve, column
 from schwung.explain.weighing.vocabulary.friction import SHARP, bump
 from schwung.explain.weighing.vocabulary.line import finest_order
+from schwung.explain.weighing.vocabulary.turning import turning
 from schwung.innovations.effect import Effect
 from schwung.motion import Array
 
@@ -89,13 +90,12 @@ def _during(along: Along, shape: Shape) -> Array:
 
 
 def _cogging(along: Along, shape: Shape) -> Effect:
-    return Effect(np.stack([np.sin(shape[0] * along.angle), np.cos(shape[0] * along.angle)], 1))
+    return Effect(turning(along, shape[0]))
 
 
 def _cogging_twice(along: Along, shape: Shape) -> Effect:
     """Teeth are no sine: with a wave of twice the order."""
-    first, second = shape[0] * along.angle, 2 * shape[0] * along.angle
-    return Effect(np.stack([np.sin(first), np.cos(first), np.sin(second), np.cos(second)], 1))
+    return Effect(np.concatenate([turning(along, shape[0]), turning(along, 2 * shape[0])], axis=1))
 
 
 def _both_waves(coefficients: Array, shape: Shape) -> dict[str, float]:

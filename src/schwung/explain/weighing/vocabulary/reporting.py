@@ -22,6 +22,7 @@ from schwung.explain.weighing.curves import column
 from schwung.explain.weighing.joined import run_by_run
 from schwung.explain.weighing.late import acceleration_bent, beyond_bent, lagging
 from schwung.explain.weighing.vocabulary.load import of_any_order, polar
+from schwung.explain.weighing.vocabulary.turning import turning
 from schwung.innovations.effect import Effect
 from schwung.innovations.splines import slopes
 from schwung.motion import Array
@@ -135,20 +136,14 @@ def _clipped(along: Along, shape: Shape) -> Effect:
     return Effect(column(along.run.drive.asked(lambda nm: np.clip(nm, -limit, limit) - nm, along.filter_s)))
 
 
-def _turning(along: Along, shape: Shape) -> Array:
-    turned = shape[0] * along.angle
-    return np.stack([np.sin(turned), np.cos(turned)], 1)
-
-
 def _ripple(along: Along, shape: Shape) -> Effect:
-    return Effect(along.torque[:, None] * _turning(along, shape))
+    return Effect(along.torque[:, None] * turning(along, shape[0]))
 
 
 def _misread(along: Along, order: float) -> tuple[Array, Array]:
     """Of the angle sin and cos nθ over n, and of the speed what goes with that, (n, 2) each."""
-    turned = order * along.angle
-    sine, cosine = np.sin(turned), np.cos(turned)
-    return np.stack([sine, cosine], 1) / order, np.stack([cosine * along.speed, -sine * along.speed], 1)
+    waves = turning(along, order)
+    return waves / order, waves[:, ::-1] * (along.speed[:, None] * [1.0, -1.0])
 
 
 def _harmonic(along: Along, shape: Shape) -> Effect:
@@ -237,7 +232,7 @@ def reporting(of: Ranges, share: float) -> list[Candidate]:
         Candidate("torque_ripple", _ripple, (share, share),
                   lambda c, s: {"order": s[0], "share": polar(c)[0], "phase_rad": polar(c)[1]},
                   shapes=grid(range(1, 15)), spacing=(0.25,), logarithmic=(False,), bounds=((0.5, 60.0),),
-                  coordinate="position", passes=lambda along, s, c: _turning(along, s) @ c),
+                  coordinate="position", passes=lambda along, s, c: turning(along, s[0]) @ c),
         Candidate("torque_saturation", _clipped, (1.0,), lambda _, s: {"limit_nm": s[0]},
                   shapes=grid(peak * np.linspace(0.5, 0.97, 12)), spacing=(0.04 * peak,),
                   logarithmic=(False,), bounds=((0.2 * peak, 0.99 * peak),), positive=(0,),

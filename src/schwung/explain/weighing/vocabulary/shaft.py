@@ -23,6 +23,7 @@ from schwung.explain.weighing.joined import run_by_run
 from schwung.explain.weighing.third_mass import third_mass
 from schwung.explain.weighing.vocabulary.hanging import hanging
 from schwung.explain.weighing.vocabulary.load import of_any_order, polar
+from schwung.explain.weighing.vocabulary.turning import turning
 from schwung.innovations.effect import Effect
 from schwung.innovations.values import FurtherMass
 from schwung.motion import Array
@@ -57,14 +58,8 @@ def _damping(along: Along, _shape: Shape) -> Effect:
     return between(column(along.winding))
 
 
-def _waves(along: Along, order: float) -> Array:
-    """Sine and cosine of so many times the motor's angle, (n, 2)."""
-    turned = order * along.angle
-    return np.stack([np.sin(turned), np.cos(turned)], 1)
-
-
 #: A wave is none but for its harmonics: what gives by a sine is as stiff as one over that.
-_PHASES = tuple(lambda along, shape, which=which: _waves(along, shape[0])[:, which] for which in (0, 1))
+_PHASES = tuple(lambda along, shape, which=which: turning(along, shape[0])[:, which] for which in (0, 1))
 
 
 def _of_one(errors: Array, shape: Shape) -> dict[str, float]:
@@ -143,7 +138,7 @@ def shaft(
 
     def over_angle(along: Along, shape: Shape) -> Effect:
         there = along.present.coupling or coupling
-        return between(there.stiffness_nm_rad * along.wound[:, None] * _waves(along, shape[0]))
+        return between(there.stiffness_nm_rad * along.wound[:, None] * turning(along, shape[0]))
 
     def driven_about(along: Along, shape: Shape, errors: Array) -> tuple[Effect, Effect]:
         """Coefficients are a n, as of an encoder, of a wave or of two. The motor feels the coupling by the ratio that
@@ -162,8 +157,9 @@ def shaft(
     def further_by(along: Along, shape: Shape, size: int) -> tuple[Array, Array]:
         """How much further it drives the coupling for a unit of each, and by which ratio faster, (n, size)."""
         orders = [(1 + wave) * shape[0] for wave in range(size // 2)]
-        further = np.hstack([_waves(along, order) / order for order in orders])
-        faster = np.hstack([_waves(along, order)[:, ::-1] * [1.0, -1.0] for order in orders])
+        waves = [turning(along, order) for order in orders]
+        further = np.concatenate([wave / order for wave, order in zip(waves, orders, strict=True)], axis=1)
+        faster = np.concatenate([wave[:, ::-1] * [1.0, -1.0] for wave in waves], axis=1)
         return further, faster
 
     def drives(along: Along, shape: Shape, errors: Array) -> tuple[Array, Array]:
@@ -182,7 +178,7 @@ def shaft(
 
     def over_angle_tangent(along: Along, shape: Shape, shares: Array) -> Array:
         there = along.present.coupling or coupling
-        stiffer = there.stiffness_nm_rad * (_waves(along, shape[0]) @ shares)
+        stiffer = there.stiffness_nm_rad * (turning(along, shape[0]) @ shares)
         return np.stack([stiffer, 0 * stiffer], 1)
 
     return [
