@@ -16,6 +16,7 @@ import numpy as np
 from schwung.innovations import kalman, kernel
 from schwung.innovations.likelihood import Equations, Noise, problem_of, torque_errors, variances_of
 from schwung.innovations.signals import Signals
+from schwung.innovations.statistics import Columns
 from schwung.innovations.steps import Steps
 from schwung.innovations.values import Filtered
 from schwung.motion import Array
@@ -173,7 +174,7 @@ class Passed:
         whiten([self], effects, rows)
         return rows
 
-    def respond(self, sides: Sequence[Array], rows: Array, down: int, across: int) -> None:
+    def respond(self, sides: Sequence[Array], rows: Columns | Array, down: int, across: int) -> None:
         """Write what columns of one kind show to `rows` from [down, across] on; `sides`: of `Effect`, (n, p), in C's
         order, or (n, 0) for nothing."""
         acts = [side.shape[1] > 0 for side in sides]
@@ -193,7 +194,9 @@ class Passed:
         return np.asarray(kernel.closed_loop(self.equations.transition, self.result, self.steps.inputs))
 
 
-def whiten(passed: Sequence[Passed], effects: Iterable[Effect], rows: Array, across: int = 0) -> None:
+def whiten(
+    passed: Sequence[Passed], effects: Iterable[Effect], rows: Columns | Array, across: int = 0
+) -> None:
     """Write effects along some runs, one behind another, as their innovations show them to `rows` (≥ Σp,
     ≥ across + Σ2n, in C's order) from [0, across] on."""
     at, waiting, alike = 0, 0, None
@@ -209,7 +212,9 @@ def whiten(passed: Sequence[Passed], effects: Iterable[Effect], rows: Array, acr
         _respond(passed, group, rows, at, across)
 
 
-def _respond(passed: Sequence[Passed], group: list[Effect], rows: Array, down: int, across: int) -> None:
+def _respond(
+    passed: Sequence[Passed], group: list[Effect], rows: Columns | Array, down: int, across: int
+) -> None:
     """Of effects of one kind."""
     nothing = np.empty((sum(one.result.error.shape[0] for one in passed), 0))
     sides = [nothing] * 4

@@ -6,6 +6,7 @@ import numpy as np
 
 from schwung.compiled import compiled, compiled_fastmath, compiled_or
 from schwung.innovations import plain
+from schwung.innovations.statistics import STRETCH, Columns
 from schwung.innovations.values import Added, Filtered
 from schwung.motion import Array
 
@@ -157,7 +158,7 @@ def _push(
 
 
 @compiled_fastmath
-def _turn(tile: Array, rows: Array, down: int, across: int) -> None:
+def _turn(tile: Array, rows: Columns | Array, down: int, across: int) -> None:
     """Write the transpose of `tile` to `rows` from [down, across] on."""
     for i in range(tile.shape[1]):
         for j in range(tile.shape[0]):
@@ -165,7 +166,9 @@ def _turn(tile: Array, rows: Array, down: int, across: int) -> None:
 
 
 @compiled_fastmath
-def responses_to_torque(packed: Array, torque: Array, side: int, rows: Array, down: int, across: int) -> None:
+def responses_to_torque(
+    packed: Array, torque: Array, side: int, rows: Columns | Array, down: int, across: int
+) -> None:
     """`responses` of columns that are torques (n, p) on motor (`side` 0) or load (1) alone, as most are.
 
     What the filter takes off is part of the transition then, and what is carried is gone through once a sample.
@@ -198,7 +201,7 @@ def responses_to_torque(packed: Array, torque: Array, side: int, rows: Array, do
 
 @compiled_fastmath
 def responses(
-    packed: Array, parts: tuple[Array, Array, Array, Array], rows: Array, down: int, across: int
+    packed: Array, parts: tuple[Array, Array, Array, Array], rows: Columns | Array, down: int, across: int
 ) -> None:
     """Write to `rows`, from [down, across] on, what p columns do to the innovations over their deviation, (p, 2n).
 
@@ -279,7 +282,7 @@ def responses_of_six(
     result: Filtered,
     inputs: Array,
     parts: tuple[Array, Array, Array, Array],
-    rows: Array,
+    rows: Columns | Array,
     down: int,
     across: int,
 ) -> None:
@@ -316,6 +319,36 @@ def responses_of_six(
         _pushed(ahead, motor, inputs, 0, k)
         _pushed(ahead, load, inputs, 1, k)
         x, ahead = ahead, x
+
+
+@compiled_or(plain.products, fastmath=True)
+def products(one: Columns | Array, other: Columns) -> Array:
+    """Sums of products of columns (p, n) with others (q, n), (p, q), to all figures that they are kept to.
+
+    Four at once, a stretch after another: what is asked for again is in the nearest memory then.
+    """
+    count, found = one.shape[0], np.zeros((one.shape[0], other.shape[0]))
+    for start in range(0, one.shape[1], STRETCH):
+        stop = min(start + STRETCH, one.shape[1])
+        for j in range(other.shape[0]):
+            for i in range(0, count - 3, 4):
+                a, b, c, d = 0.0, 0.0, 0.0, 0.0
+                for k in range(start, stop):
+                    x = np.float64(other[j, k])
+                    a += one[i, k] * x
+                    b += one[i + 1, k] * x
+                    c += one[i + 2, k] * x
+                    d += one[i + 3, k] * x
+                found[i, j] += a
+                found[i + 1, j] += b
+                found[i + 2, j] += c
+                found[i + 3, j] += d
+            for i in range(count - count % 4, count):
+                a = 0.0
+                for k in range(start, stop):
+                    a += one[i, k] * np.float64(other[j, k])
+                found[i, j] += a
+    return found
 
 
 @compiled_or(plain.cholesky, fastmath=True)

@@ -11,6 +11,11 @@ from schwung.motion import Array
 
 #: Of columns.
 Numbers = NDArray[np.intp]
+#: Columns, one a row, as they are kept: there may be gigabytes of them, and what they are worked out from is known to
+#: fewer figures.
+Columns = NDArray[np.float32]
+#: Samples of which their sums of products are worked out at once.
+STRETCH = 4096
 
 
 @dataclass(frozen=True, eq=False)

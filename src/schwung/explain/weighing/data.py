@@ -17,8 +17,9 @@ from schwung.explain.weighing.inexact import error_of
 from schwung.explain.weighing.present import Member
 from schwung.explain.weighing.round import Cause, Linearised, target_of
 from schwung.explain.weighing.work import CUBED, PRODUCT, SCORED, Work
+from schwung.innovations import kernel
 from schwung.innovations.evidence import Beyond
-from schwung.innovations.statistics import Numbers, Statistics
+from schwung.innovations.statistics import Columns, Numbers, Statistics
 from schwung.motion import Array
 
 #: Room for so many times the columns of the vocabulary, for refined shapes and the errors of laws.
@@ -53,7 +54,7 @@ class Data:
     candidates: Sequence[Candidate]
     train: Sequence[int]
     excess: float
-    rows: Array  # (room, Σ2n)
+    rows: Columns  # (room, Σ2n)
     target: Array  # (Σ2n,)
     statistics: Statistics  # all columns; of two of different causes only where they have `met`
     met: NDArray[np.bool_]
@@ -71,7 +72,7 @@ class Data:
         candidates: Sequence[Candidate],
         train: Sequence[int],
         excess: float,
-        memory: Array | None = None,
+        memory: Columns | None = None,
         among: frozenset[int] | None = None,
     ) -> Data:
         """Whiten every shape of every candidate, or of those `among` them; into the `memory` of a former round, which
@@ -84,7 +85,7 @@ class Data:
             for shape in (c.shapes if c.sought is None else c.sought(missed))
         ]
         room = _ROOM * sum(candidates[index].size for index, _ in every)
-        rows = np.empty((room, about.samples(train))) if memory is None else memory
+        rows = np.empty((room, about.samples(train)), dtype=np.float32) if memory is None else memory
         room = rows.shape[0]
         target = target_of(about, members, train)
         empty = Statistics(
@@ -160,13 +161,13 @@ class Data:
         """
         size = where.stop - where.start
         cross, gram, slope = np.zeros((which.size, size)), np.zeros((size, size)), np.zeros(size)
-        stretches, segments = self.about.stretches(self.train), _segments(which)
+        stretches = self.about.stretches(self.train)
         for place in places:
             stretch = stretches[place]
-            mine = self.rows[where, stretch]
-            cross += np.concatenate([self.rows[segment, stretch] @ mine.T for segment in segments])
-            gram += mine @ mine.T
-            slope += mine @ self.target[stretch]
+            mine, others = (np.ascontiguousarray(self.rows[each, stretch]) for each in (where, which))
+            cross += kernel.products(others, mine)
+            gram += kernel.products(mine, mine)
+            slope += kernel.products(self.target[None, stretch], mine)[0]
             self.work.add(PRODUCT * mine.size * (which.size + size))
         return cross / self.excess, gram / self.excess, slope / self.excess
 
@@ -212,10 +213,10 @@ class Data:
         self.about.whiten(causes, self.train, self.rows[first:])
         self.causes += zip(wheres, causes, strict=True)
         new = self.rows[first : self.width]
-        self.statistics.slope[first : self.width] = new @ self.target / self.excess
+        self.statistics.slope[first : self.width] = kernel.products(self.target[None], new)[0] / self.excess
         for where in wheres:
             mine = self.rows[where]
-            self._note(where, where, mine @ mine.T)
+            self._note(where, where, kernel.products(mine, mine))
         return wheres
 
     def _make_room(self, width: int) -> None:
@@ -225,7 +226,7 @@ class Data:
         more = _ROOM * width - have
         known = self.statistics
         self.taken = list(self.taken)
-        self.rows = np.concatenate([self.rows, np.empty((more, self.rows.shape[1]))])
+        self.rows = np.concatenate([self.rows, np.empty((more, self.rows.shape[1]), dtype=np.float32)])
         self.met = np.pad(self.met, (0, more))
         self.statistics = Statistics(
             np.pad(known.gram, (0, more)), np.pad(known.slope, (0, more)), known.square, known.count
@@ -241,10 +242,10 @@ class Data:
             for other in _segments(np.sort(lone)) if lone.size else ():
                 self._note(mine, other, self._products(self.rows[mine], other))
 
-    def _products(self, rows: Array, where: slice) -> Array:
+    def _products(self, rows: Columns | Array, where: slice) -> Array:
         """Of some rows with those of columns."""
         self.work.add(PRODUCT * rows.size * (where.stop - where.start))
-        return rows @ self.rows[where].T
+        return np.asarray(kernel.products(rows, self.rows[where]))
 
     def _note(self, one: Numbers | slice, other: slice, products: Array) -> None:
         """Keep products of columns (one, other)."""

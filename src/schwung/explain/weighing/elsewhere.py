@@ -38,7 +38,7 @@ def holding(search: Search, best: Scored, named: Collection[str]) -> Scored:
 def missed_elsewhere(search: Search, scored: Scored) -> float:
     """Sum of squares of the innovations of each motion, about the coefficients that the others give; of two or more."""
     data = search.data
-    rows, wheres = data.rows[scored.which], data.about.stretches(data.train)
+    rows, wheres = data.rows[scored.which].astype(np.float64), data.about.stretches(data.train)
     parts = []
     for group in _kept_apart(data):
         where = np.concatenate([np.arange(wheres[i].start, wheres[i].stop) for i in group])

@@ -54,7 +54,7 @@ from schwung.explain.weighing.settling import (
 )
 from schwung.explain.weighing.taken import Held
 from schwung.explain.weighing.wide import wide_fit
-from schwung.motion import Array
+from schwung.innovations.statistics import Columns
 
 #: How far off the noise may be, once it was found (log).
 KNOWN = 0.3
@@ -103,7 +103,7 @@ class Growth:
     rests: Rests
     always: tuple[int, ...]  # candidates that are in every set
     held: Held
-    memory: Array | None = None
+    memory: Columns | None = None
     #: Counts rounds of linearising, with those of the others that were made of it: progress never goes back.
     rounds: Iterator[int] = field(default_factory=lambda: count(1))
     among: frozenset[int] | None = None  # candidates that are looked at; None: all

@@ -22,6 +22,7 @@ from schwung.innovations.effect import Effect, Passed, whiten
 from schwung.innovations.likelihood import Noise, likely_noise, unshared_deviance_of
 from schwung.innovations.low_pass import heard, loudness
 from schwung.innovations.signals import Signals
+from schwung.innovations.statistics import Columns
 from schwung.motion import Array
 from schwung.session.model import Run
 
@@ -204,7 +205,7 @@ class Linearised:
         ends = np.cumsum([self.passed[run].samples for run in runs]).tolist()
         return [slice(start, end) for start, end in zip([0, *ends[:-1]], ends, strict=True)]
 
-    def whiten(self, causes: Iterable[Cause], runs: Sequence[int], rows: Array) -> None:
+    def whiten(self, causes: Iterable[Cause], runs: Sequence[int], rows: Columns | Array) -> None:
         """Write causes as the innovations of some runs show them, one run behind another, to `rows` (Σp, Σ2n)."""
         causes, across = list(causes), 0
         for some in self._few_samples(runs):
@@ -216,7 +217,7 @@ class Linearised:
         self.view.work.add(self.samples(runs) * sum(candidate.size for candidate, _ in causes))
 
     def _whiten_hold(
-        self, causes: Sequence[Cause], runs: Sequence[int], joined: Joined, rows: Array, across: int
+        self, causes: Sequence[Cause], runs: Sequence[int], joined: Joined, rows: Columns | Array, across: int
     ) -> None:
         """The same of what is held and taken later: where in a step it is taken, no torque at samples says."""
         downs = np.cumsum([0, *(candidate.size for candidate, _ in causes)]).tolist()
