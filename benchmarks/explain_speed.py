@@ -4,7 +4,7 @@
 
 What has a plain answer is recorded on benchmarks/strangers.py's machine (six motion times, every second of 8000 ticks a
 second), the rest with the motions and long rests of benchmarks/long_session.py. Of each session the processor seconds
-of `weigh`; a short session before pays for compiling. `--profile` says where it spends them.
+of `weigh`, and the most memory until then; a short session before pays for compiling. `--profile` says where it spends them.
 """
 
 from __future__ import annotations
@@ -12,6 +12,7 @@ from __future__ import annotations
 import argparse
 import cProfile
 import pstats
+import resource
 import time
 from collections.abc import Callable, Mapping
 
@@ -98,7 +99,8 @@ def main() -> None:
             continue
         began = time.process_time()
         found = weigh(recorded, machine)
-        print(f"{name:11}{time.process_time() - began:6.1f} s of {limit:.0f} s: {told(found)}", flush=True)
+        took, most = time.process_time() - began, resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 2**20
+        print(f"{name:11}{took:6.1f} s of {limit:.0f} s, {most:.1f} GiB: {told(found)}", flush=True)
 
 
 if __name__ == "__main__":
