@@ -4,7 +4,8 @@
 
 What has a plain answer is recorded on benchmarks/strangers.py's machine (six motion times, every second of 8000 ticks a
 second), the rest with the motions and long rests of benchmarks/long_session.py. Of each session the processor seconds
-of `weigh`, and the most memory until then; a short session before pays for compiling. `--profile` says where it spends them.
+of `weigh`, and the most memory until then; a short session before pays for compiling. `--profile` says where it spends
+the seconds.
 """
 
 from __future__ import annotations

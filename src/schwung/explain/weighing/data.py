@@ -23,7 +23,7 @@ from schwung.innovations.statistics import Columns, Numbers, Statistics
 from schwung.motion import Array
 
 #: Room for so many times the columns of the vocabulary, for refined shapes and the errors of laws.
-_ROOM = 2
+_ROOM = 1.25
 
 
 @dataclass(frozen=True, eq=False)
@@ -84,7 +84,7 @@ class Data:
             if among is None or index in among
             for shape in (c.shapes if c.sought is None else c.sought(missed))
         ]
-        room = _ROOM * sum(candidates[index].size for index, _ in every)
+        room = int(_ROOM * sum(candidates[index].size for index, _ in every))
         rows = np.empty((room, about.samples(train)), dtype=np.float32) if memory is None else memory
         room = rows.shape[0]
         target = target_of(about, members, train)
@@ -223,7 +223,7 @@ class Data:
         have = self.rows.shape[0]
         if width <= have:
             return
-        more = _ROOM * width - have
+        more = int(_ROOM * width) - have
         known = self.statistics
         self.taken = list(self.taken)
         self.rows = np.concatenate([self.rows, np.empty((more, self.rows.shape[1]), dtype=np.float32)])
