@@ -6,7 +6,8 @@
 Machines are drawn as sealed sessions draw them (sim/). Each conceals an effect that its first session, a careful stroke
 made twice without and twice with an injected sine, does not tell from others: a machine counts where what was
 concealed is among the rivals and no set is likelier than 0.9. Both ways go on from there, with the same candidates and
-limits. Counted are the motions until one set of names has 95 %, the budget where none does.
+limits. Counted are the motions until one set of names has 95 % and all of its names stand out from what has none, the
+budget where none does.
 
 `--sound`: machines that conceal nothing, and the names that their first session has all the same.
 """
@@ -26,6 +27,7 @@ from schwung.commissioning.experiments import (
     SURE,
     Experiment,
     Setting,
+    faint,
     injections,
     next_experiments,
     strokes,
@@ -231,7 +233,7 @@ class Way:
 
 def gone(first: list[Run], start: Rivals, room: Room, choose: Choice) -> Way:
     """Motions after the first session until one set has 95 %."""
-    runs, rivals, steps, promised = list(first), start, [], 0.0
+    runs, rivals, steps, promised, weak = list(first), start, [], 0.0, ""
     motions = 0
     while motions < BUDGET and rivals.best < SURE:
         experiment = choose(rivals, room)
@@ -241,13 +243,17 @@ def gone(first: list[Run], start: Rivals, room: Room, choose: Choice) -> Way:
         promised = promised or experiment.gain.expected
         runs += room.record(experiment.wishes)
         motions += experiment.motions
-        rivals = Rivals.of(weighed_session(runs, room))
+        posterior = weighed_session(runs, room)
+        rivals = Rivals.of(posterior)
+        weak = faint(posterior.told, rivals.rivals)
         w = experiment.wishes
         steps.append(
             f"{w.distance_rad:.2f} rad {w.duration_s:.2f} s {w.amplitude_nm or 0:.3g} N·m {w.frequency_hz or 0:.0f} Hz"
             f" (expected {experiment.gain.expected:.2f}) → {told_apart(rivals.rivals)}"
         )
-    settled = rivals.best >= SURE
+    if rivals.best >= SURE and weak:
+        steps.append(weak)
+    settled = rivals.best >= SURE and not weak
     right = rivals.rivals[0].names == (room.hidden,)
     return Way(motions if settled else BUDGET, settled, right, promised, "; ".join(steps))
 

@@ -12,7 +12,7 @@ import pytest
 from commissioning_drive import CREEP_PLAYS, DeskDrive, Silence, believed_machine
 
 from schwung.commissioning import LimitWishes, Prepared, Wishes, experiments, until_explained
-from schwung.commissioning.experiments import Experiment, Setting, injections, strokes, told_apart
+from schwung.commissioning.experiments import Experiment, Setting, faint, injections, strokes, told_apart
 from schwung.commissioning.limits import Limits, limits_of, tighter
 from schwung.commissioning.plan import make_plan
 from schwung.commissioning.plan_file import read_plan, write_plan
@@ -22,6 +22,8 @@ from schwung.commissioning.until_explained import UntilExplained, record_until_e
 from schwung.drivetrain import FeedForward, InertiaTable
 from schwung.errors import InputError, InterruptedByUser, NodeLostError, RefusedError
 from schwung.explain.weighing.experiment import Gain, Rival, Rivals
+from schwung.explain.weighing.values import Named, Unnamed, Weighed
+from schwung.innovations.likelihood import Noise
 from schwung.session import Run, read_session
 
 WISHES = Wishes(distance_rad=np.pi, duration_s=0.25, repeats=1)
@@ -88,7 +90,7 @@ def test_where_all_limits_are_tiny_there_is_no_motion() -> None:
 
 
 def test_where_nothing_is_confused_none_is_looked_for() -> None:
-    one = Rivals(None, (Rival(("cogging",), 1.0),), (), ())  # type: ignore[arg-type]
+    one = Rivals(None, (Rival(("cogging",), 1.0),), np.ones((1, 1)), (), ())  # type: ignore[arg-type]
     assert experiments.next_experiments(one, setting()) == []
 
 
@@ -102,6 +104,32 @@ def test_what_is_common_is_told_beside() -> None:
     both = Rival(("cogging", "load_inertia"), 0.7), Rival(("load_inertia",), 0.3)
     assert told_apart(both) == "cogging 0.70 / nothing more 0.30 (beside load_inertia)"
     assert told_apart((Rival((), 1.0),)) == "nothing 1.00"
+
+
+def _weighed(names: dict[str, float], unnamed: float = 0.0) -> Weighed:
+    named = tuple(Named(name, p, {}) for name, p in names.items())
+    curves = (Unnamed("position", unnamed, 0.4),) if unnamed else ()
+    return Weighed(named, curves, Noise(1.0, 1.0, 1.0), 1.0, None)
+
+
+@pytest.mark.parametrize(
+    ("likeliest", "names", "unnamed", "said"),
+    [
+        (("cogging",), {"cogging": 0.97}, 0.9, ""),
+        (
+            ("cogging",),
+            {"cogging": 0.4},
+            0.9,
+            "cogging stands out from what no name describes with 0.40 only",
+        ),
+        ((), {}, 0.0, ""),
+        ((), {}, 0.9, "what follows position has no name, and is there with 0.90"),
+    ],
+)
+def test_an_answer_that_leads_is_none_beside_what_it_leaves(
+    likeliest: tuple[str, ...], names: dict[str, float], unnamed: float, said: str
+) -> None:
+    assert faint(_weighed(names, unnamed), (Rival(likeliest, 0.99),)) == said
 
 
 def test_a_plan_survives_its_file(tmp_path: Path) -> None:

@@ -14,7 +14,7 @@ def rivals_of(monkeypatch, seen, sets, shares):
     """Rivals with these predictions, along a motion of which XᵀX is `seen`."""
     monkeypatch.setattr(Rivals, "_seen", lambda self, runs: seen)
     names = tuple(Rival((f"name {i}",), p) for i, p in enumerate(shares))
-    return Rivals(None, names, tuple(sets), ())
+    return Rivals(None, names, np.diag(shares), tuple(sets), ())
 
 
 def of_one(column, mean, deviation=1e-9):
@@ -48,6 +48,16 @@ def test_rivals_that_predict_the_same_are_not_told_apart(monkeypatch):
     seen = 1e4 * np.ones((2, 2))
     gain = rivals_of(monkeypatch, seen, (of_one(0, 2.0), of_one(1, 2.0)), (0.6, 0.4)).gain(())
     assert gain.information < 0.02
+
+
+def test_sets_that_give_one_answer_need_not_be_told_apart(monkeypatch):
+    """Three sets that any motion tells apart, two of them one answer: what counts is which answer it is."""
+    monkeypatch.setattr(Rivals, "_seen", lambda self, runs: np.eye(3))
+    shares = np.array([[0.3, 0.4, 0.0], [0.0, 0.0, 0.3]])
+    answers = Rival(("one",), 0.7), Rival(("other",), 0.3)
+    sets = tuple(of_one(i, 30.0) for i in range(3))
+    gain = Rivals(None, answers, shares, sets, ()).gain(())
+    assert gain.information == pytest.approx(-0.3 * np.log(0.3) - 0.7 * np.log(0.7), rel=1e-6)
 
 
 def test_the_predictive_likelihood_is_that_of_the_normal_recording():

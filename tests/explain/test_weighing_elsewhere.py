@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from schwung.explain.weighing.elsewhere import holding, missed_elsewhere
+from schwung.explain.weighing.elsewhere import foretold, holding
 from schwung.explain.weighing.search import Pick
 
 SAMPLES, RUNS, NAMES = 400, 6, ("law", "one motion's", "name")
@@ -70,5 +70,19 @@ def test_one_run_refutes_nothing() -> None:
 def test_of_one_motion_each_run_is_predicted_by_the_others() -> None:
     one = Recorded()
     one.data.about.view.recorded = [SimpleNamespace(motion=None, extra={})] * RUNS
-    with_law, without = (missed_elsewhere(one, Scored(picks)) for picks in ((Pick(0, 1.0),), ()))  # type: ignore[arg-type]
-    assert without - with_law == pytest.approx(0.3**2 * RUNS * SAMPLES, rel=0.2)
+    with_law, without = (foretold(one, Scored(picks)) for picks in ((Pick(0, 1.0),), ()))  # type: ignore[arg-type]
+    gained = with_law.plainly - without.plainly
+    assert gained.size == RUNS
+    assert np.sum(gained) == pytest.approx(0.3**2 * RUNS * SAMPLES / 2, rel=0.2)
+
+
+@pytest.mark.parametrize(("also_there", "is_refuted"), [(0.0, False), (1.0, True)])
+def test_a_motion_where_no_other_was_refutes_nothing(also_there: float, is_refuted: bool) -> None:
+    """A curve of two modes, of which other motions show the sum and the first one only one, or the sum as well."""
+    away = Recorded()
+    data, first = away.data, np.arange(RUNS * SAMPLES) < 2 * SAMPLES
+    data.rows[1] = np.where(first, also_there, 1.0) * data.rows[0]
+    data.target = np.where(first, -0.7, 0.3) * data.rows[0] + data.rows[2]
+    whole, fewer = (foretold(away, Scored(picks)) for picks in ((Pick(0, 1.0), Pick(1, 1.0)), ()))  # type: ignore[arg-type]
+    assert whole.plainly[0] < fewer.plainly[0] - 20  # about their mean alone, it is worse
+    assert (whole.gains_by_leaving(fewer) > 0) == is_refuted

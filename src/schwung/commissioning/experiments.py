@@ -136,11 +136,15 @@ def told_apart(rivals: Sequence[Rival]) -> str:
 
 
 def faint(weighed: Weighed, rivals: Sequence[Rival]) -> str:
-    """Names of the likeliest set that hardly stand out from what has no name, in words; empty: none. No motion that
-    tells names apart helps there."""
+    """Names of the likeliest set that hardly stand out from what has no name, in words; or that it holds no name, where
+    something was found that has none. Empty: neither. No motion that tells names apart helps there."""
+    likeliest = rivals[0].names
+    if not likeliest and weighed.unnamed and weighed.unnamed[0].probability > 1 - SURE:
+        first = weighed.unnamed[0]
+        return f"what follows {first.coordinate} has no name, and is there with {first.probability:.2f}"
     said = [
         f"{name} stands out from what no name describes with {weighed.probability(name):.2f} only"
-        for name in rivals[0].names
+        for name in likeliest
         if not name.startswith(UNNAMED) and weighed.probability(name) < SURE
     ]
     return " and ".join(said)

@@ -79,10 +79,10 @@ class Curve:
     modes: Array
 
     @classmethod
-    def over(cls, low: float, high: float, reach: float, count: int = 33) -> Curve:
+    def over(cls, low: float, high: float, reach: float, count: int = 33, least: float = 1e-3) -> Curve:
         """Between two ends; `reach` as a share of the range."""
         points = np.linspace(low, high, count)
-        return cls(points, curve_modes(points, reach * (high - low)))
+        return cls(points, curve_modes(points, reach * (high - low), least=least))
 
     @property
     def size(self) -> int:

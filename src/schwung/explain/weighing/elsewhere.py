@@ -3,11 +3,15 @@
 Evidence counts whatever a curve takes of the runs at hand; of a thing that only one motion shows, and that is no law of
 the curve's coordinate, it takes much there, and adds an error to every other motion. So each motion in turn is left out
 of the fitted runs and predicted with the coefficients that the others give; what makes that worse is no finding.
+
+For a cause counts what its coefficients foretell; against it only as far as the others were sure of these: of places
+where none of the others was, a curve foretells nothing, and what it is there speaks of no error.
 """
 
 from __future__ import annotations
 
 from collections.abc import Collection
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -16,6 +20,7 @@ from schwung.explain.weighing.repeated import motions_of
 from schwung.explain.weighing.search import Scored, Search
 from schwung.innovations.evidence import weigh
 from schwung.innovations.statistics import Statistics
+from schwung.motion import Array
 
 
 def holding(search: Search, best: Scored, named: Collection[str]) -> Scored:
@@ -25,29 +30,46 @@ def holding(search: Search, best: Scored, named: Collection[str]) -> Scored:
     """
     if len(_kept_apart(search.data)) < 2:
         return best
-    while True:
-        doubted = [pick for pick in best.picks if search.name(pick) not in named]
-        missed = missed_elsewhere(search, best) if doubted else 0.0
+    while doubted := [pick for pick in best.picks if search.name(pick) not in named]:
+        whole = foretold(search, best)
         fewer = [search.score(tuple(p for p in best.picks if p != pick)) for pick in doubted]
-        gains = [missed - missed_elsewhere(search, one) for one in fewer]
-        if not gains or max(gains) <= 0:
+        gains = [whole.gains_by_leaving(foretold(search, one)) for one in fewer]
+        if max(gains) <= 0:
             return best
         best = fewer[int(np.argmax(gains))]
+    return best
 
 
-def missed_elsewhere(search: Search, scored: Scored) -> float:
-    """Sum of squares of the innovations of each motion, about the coefficients that the others give; of two or more."""
+@dataclass(frozen=True, eq=False)
+class Foretold:
+    """Log likelihoods of each motion as the others foretell it, (m,), but for what is alike for all sets: about their
+    coefficients alone, and with what they leave open of these."""
+
+    plainly: Array
+    openly: Array
+
+    def gains_by_leaving(self, fewer: Foretold) -> float:
+        """How much likelier all are as a set foretells them that lacks a cause."""
+        plainly, openly = fewer.plainly - self.plainly, fewer.openly - self.openly
+        return float(np.sum(np.where(plainly < 0, plainly, np.clip(openly, 0.0, plainly))))
+
+
+def foretold(search: Search, scored: Scored) -> Foretold:
+    """Of a set; of two motions or more."""
     data = search.data
     rows, wheres = data.rows[scored.which].astype(np.float64), data.about.stretches(data.train)
     parts = []
     for group in _kept_apart(data):
         where = np.concatenate([np.arange(wheres[i].start, wheres[i].stop) for i in group])
         parts.append(Statistics.of(rows[:, where].T, data.target[where]).tempered(data.excess))
-    total = 0.0
+    everything = weigh(sum(parts[1:], parts[0]), scored.deviations).log_evidence
+    plainly, openly = [], []
     for left in parts:
         others = [part for part in parts if part is not left]
-        total += left.missed(weigh(sum(others[1:], others[0]), scored.deviations).coefficients)
-    return total
+        found = weigh(sum(others[1:], others[0]), scored.deviations)
+        plainly.append(-0.5 * left.missed(found.coefficients))
+        openly.append(everything - found.log_evidence)
+    return Foretold(np.array(plainly), np.array(openly))
 
 
 def _kept_apart(data: Data) -> list[list[int]]:

@@ -22,9 +22,11 @@ from schwung.explain.weighing.candidate import Candidate, Shape
 from schwung.explain.weighing.data import Atom
 from schwung.explain.weighing.equations import equations_of
 from schwung.explain.weighing.present import with_members
+from schwung.explain.weighing.publication import NAMED
 from schwung.explain.weighing.round import Cause, Linearised, View, acting, resmoothed
 from schwung.explain.weighing.search import Scored, slices
 from schwung.explain.weighing.sharpness import covariance_of
+from schwung.explain.weighing.standing import finding
 from schwung.explain.weighing.true_torque import TrueTorque
 from schwung.explain.weighing.weigh import Posterior
 from schwung.explain.weighing.work import Work
@@ -53,7 +55,7 @@ class Gain:
 
 @dataclass(frozen=True)
 class Rival:
-    """A set that is still likely: its names, and "… unnamed" for its curves."""
+    """An answer that is still likely: its names, without what is no more than usual, and "… unnamed" for its curves."""
 
     names: tuple[str, ...]
     probability: float
@@ -70,10 +72,11 @@ class _Set:
 
 @dataclass(frozen=True, eq=False)
 class Rivals:
-    """The sets that are still likely, and how each predicts a motion."""
+    """The answers that are still likely, and how each set of causes that gives one predicts a motion."""
 
     posterior: Posterior
     rivals: tuple[Rival, ...]
+    _shares: Array  # of each set, in the row of the rival that it is, (rivals, sets)
     _sets: tuple[_Set, ...]
     _causes: tuple[Cause, ...] = field(repr=False)
 
@@ -110,8 +113,13 @@ class Rivals:
             whole[root.shape[0] :, root.shape[0] :] = np.eye(len(bends))
             mean = np.concatenate([found.coefficients, np.zeros(len(bends))])
             sets.append(_Set(np.concatenate(mine), mean, whole))
-        rivals = tuple(Rival(_names(posterior, scored), p / total) for p, scored in shares)
-        return cls(posterior, rivals, tuple(sets), tuple(causes))
+        answers: dict[tuple[str, ...], Array] = {}
+        for number, (p, scored) in enumerate(shares):
+            row = answers.setdefault(_names(posterior, scored), np.zeros(len(shares)))
+            row[number] = p / total
+        order = sorted(answers.items(), key=lambda one: -float(one[1].sum()))
+        rivals = tuple(Rival(names, float(row.sum())) for names, row in order)
+        return cls(posterior, rivals, np.stack([row for _, row in order]), tuple(sets), tuple(causes))
 
     @property
     def best(self) -> float:
@@ -128,7 +136,8 @@ class Rivals:
         if self.settled:
             return Gain(0.0, self.best)
         seen = self._seen(runs)
-        prior = np.array([rival.probability for rival in self.rivals])
+        prior, before = self._shares.sum(axis=0), self._shares.sum(axis=1)
+        answer = self._shares > 0
         chance = np.random.default_rng(1)  # the same draws for every motion: they are compared
         shaking = np.linalg.cholesky(seen + 1e-12 * np.diag(np.maximum(np.diag(seen), 1e-12)))
         weighers = [_Weigher.of(one, seen) for one in self._sets]
@@ -139,11 +148,11 @@ class Rivals:
             slopes = seen[:, one.which] @ coefficients + shaking @ noise
             logs = np.stack([weigher.log(slopes) for weigher in weighers]) + np.log(prior)[:, None]
             after = np.exp(logs - np.max(logs, axis=0))
-            after /= after.sum(axis=0)
+            after = answer @ (after / after.sum(axis=0))
             entropy = -np.sum(after * np.log(np.maximum(after, 1e-300)), axis=0)
             information -= share * float(np.mean(entropy))
             expected += share * float(np.mean(np.max(after, axis=0)))
-        information -= float(np.sum(prior * np.log(prior)))
+        information -= float(np.sum(before * np.log(before)))
         return Gain(max(information, 0.0), max(expected, self.best))
 
     def _seen(self, runs: Sequence[Run]) -> Array:
@@ -212,7 +221,8 @@ class _Weigher:
 
 
 def _names(posterior: Posterior, scored: Scored) -> tuple[str, ...]:
-    candidates = [posterior.sure.candidate(pick) for pick in scored.picks]
+    search = posterior.sure
+    candidates = [search.candidate(pick) for pick in scored.picks if finding(search, scored, pick) > NAMED]
     return tuple(sorted(c.name if c.named else UNNAMED + c.coordinate for c in candidates))
 
 

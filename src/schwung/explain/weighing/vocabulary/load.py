@@ -218,6 +218,8 @@ def load(of: Ranges, torque_nm: float, machine: Machine) -> list[Candidate]:
     varies = bool(np.ptp(inertia) > _VARIES * np.mean(inertia))
     steep = float(np.sqrt(np.mean(np.gradient(inertia, max(of.span_rad, 1e-9) / (inertia.size - 1)) ** 2)))
     angle = Curve.over(of.low_rad, of.high_rad, 0.3)
+    # as fine as what has no name, and without edges cut off: what a named curve could not do would be without a name
+    fine = Curve.over(of.low_rad, of.high_rad, 0.15, 65, least=1e-4)
     masses = BentCurve.over(of.low_rad, of.high_rad, 0.3)  # its slope is felt, too
     events = [
         shape
@@ -254,17 +256,22 @@ def load(of: Ranges, torque_nm: float, machine: Machine) -> list[Candidate]:
         folded = angle.folded_by_direction(along.load_angle, along.load_direction, coefficients)
         return Effect(on_load=folded)
 
-    def over_angle(along: Along, _shape: Shape, coefficients: Array) -> Effect:
-        return Effect(on_load=angle.folded(coefficients).at(along.load_angle))
+    def load_torque(curve: Curve) -> Candidate:
+        def whole(along: Along, _shape: Shape, coefficients: Array) -> Effect:
+            return Effect(on_load=curve.folded(coefficients).at(along.load_angle))
+
+        return Candidate(
+            "load_torque", lambda a, _: Effect(on_load=curve.at(a.load_angle)), (torque_nm,) * curve.size,
+            scales=LADDER, coordinate="position", family="load", cases=frozenset({"end_spring"}), whole=whole,
+        )  # fmt: skip
 
     step = DIFFERENCE_RAD
     found: list[Candidate] = [
         Candidate("load_torque", _gravity, natural,
                   lambda c, _: dict(zip(("amplitude_nm", "phase_rad"), polar(c), strict=True)),
                   coordinate="position", family="load"),
-        Candidate("load_torque", lambda a, _: Effect(on_load=angle.at(a.load_angle)),
-                  (torque_nm,) * angle.size, scales=LADDER, coordinate="position", family="load",
-                  cases=frozenset({"end_spring"}), whole=over_angle),
+        load_torque(angle),
+        load_torque(fine),
         *end_spring(of, torque_nm),
         Candidate("torque_offset", _offset, natural[:1], lambda c, _: {"torque_nm": c[0]},
                   coordinate="direction"),
