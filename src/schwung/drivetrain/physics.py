@@ -48,18 +48,11 @@ def dry_friction(e: Effects, angle: float, speed: float, share: float) -> float:
 
 
 @inlined
-def motor_torque(
-    e: Effects, angle: float, speed: float, time: float, phase: float, share: float, smoothing: float
-) -> float:
-    """What friction and disturbances add to the motor's torque (N·m; positive accelerates).
-
-    `time`: since the run began (s); `phase`: of the periodic disturbance then (rad); `smoothing`: speed within which
-    dry friction changes sign (rad/s).
-    """
+def smooth_torque(e: Effects, angle: float, speed: float, time: float, phase: float, share: float) -> float:
+    """The same but dry friction; `time`: since the run began (s); `phase`: of the periodic disturbance then (rad)."""
     torque = e.offset_nm - (e.viscous_nms + e.drag_nms2 * abs(speed)) * speed
     torque += share * (e.offset_drift_nm - e.viscous_drift_nms * speed)
     torque -= 0.5 * e.viscous_difference_nms * abs(speed)
-    torque -= dry_friction(e, angle, speed, share) * float(np.tanh(speed / smoothing))
     if e.cogging_amplitude_nm != 0.0:
         torque += e.cogging_amplitude_nm * np.sin(e.cogging_order * angle + e.cogging_phase_rad)
     if e.cogging_second_nm != 0.0:
@@ -67,6 +60,18 @@ def motor_torque(
     if e.periodic_amplitude_nm != 0.0:
         torque += e.periodic_amplitude_nm * np.sin(2.0 * np.pi * e.periodic_frequency_hz * time + phase)
     return torque
+
+
+@inlined
+def motor_torque(
+    e: Effects, angle: float, speed: float, time: float, phase: float, share: float, smoothing: float
+) -> float:
+    """What friction and disturbances add to the motor's torque (N·m; positive accelerates).
+
+    `smoothing`: speed within which dry friction changes sign (rad/s); the rest as `smooth_torque` takes it.
+    """
+    rubbing = dry_friction(e, angle, speed, share) * float(np.tanh(speed / smoothing))
+    return smooth_torque(e, angle, speed, time, phase, share) - rubbing
 
 
 @inlined

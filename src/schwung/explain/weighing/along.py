@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from schwung.drivetrain.machine import Machine
+from schwung.explain.weighing.sticking import direction, on_average, slowest
 from schwung.explain.weighing.true_torque import TrueTorque, seems_clipped
 from schwung.innovations.held import corners
 from schwung.innovations.low_pass import heard
@@ -143,17 +144,15 @@ class Along:
     @property
     @_kept
     def slowest(self) -> Array:
-        """Of motor and load, without its sign, where each is slowest within each step (rad/s), (n − 1, 2): 0 where it
-        turns; ∞ of a load that is one with the motor."""
-        both = np.column_stack([self.speed, self.load_speed])
-        slowest = np.where(both[:-1] * both[1:] > 0, np.minimum(np.abs(both[:-1]), np.abs(both[1:])), 0.0)
-        return np.where([False, self.run.rigid], np.inf, slowest)
+        """`sticking.slowest` of motor and load; ∞ of a load that is one with the motor."""
+        speeds = np.column_stack([self.speed, self.load_speed])
+        return np.where([False, self.run.rigid], np.inf, slowest(speeds, self._on_average))
 
     @property
     @_kept
     def direction(self) -> Array:
         """Of the motor's motion, −1…1."""
-        return np.tanh(self.speed / self.ranges.sticking_rad_s)
+        return direction(self._on_average[:, 0], self.ranges.sticking_rad_s)
 
     @cached_property
     def moves(self) -> NDArray[np.bool_]:
@@ -164,7 +163,12 @@ class Along:
     @property
     @_kept
     def load_direction(self) -> Array:
-        return np.tanh(self.load_speed / self.ranges.sticking_rad_s)
+        return direction(self._on_average[:, 1], self.ranges.sticking_rad_s)
+
+    @property
+    @_kept
+    def _on_average(self) -> Array:
+        return on_average(np.column_stack([self.angle, self.load_angle]), self.run.step_s)
 
     def _rate(self, values: Array) -> Array:
         return slopes(self.run.quiet(values), self.run.step_s)

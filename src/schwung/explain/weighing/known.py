@@ -14,7 +14,7 @@ from schwung.drivetrain.fade import heated
 from schwung.drivetrain.hysteresis import left_of, yielded
 from schwung.drivetrain.inertia import LoadTorqueTable
 from schwung.drivetrain.machine import Coupling, Load, Machine
-from schwung.drivetrain.physics import driven, dry_friction, encoder_off, load_torque, motor_torque
+from schwung.drivetrain.physics import driven, dry_friction, encoder_off, load_torque, smooth_torque
 from schwung.drivetrain.presliding import bent
 from schwung.drivetrain.residual import (
     Residual,
@@ -73,8 +73,8 @@ class Known:
         if along.number < len(self.phases_rad):  # of a run that is yet to come, the file's is as good as any
             e = e._replace(periodic_phase_rad=self.phases_rad[along.number])
         on_motor, on_load = _torques(
-            e, along.angle, along.load_angle, along.speed, along.time_s, along.motion_time_s,
-            along.share, along.ranges.sticking_rad_s,
+            e, along.angle, along.load_angle, along.speed, along.direction, along.time_s, along.motion_time_s,
+            along.share,
         )  # fmt: skip
         if self.table is not None:
             on_load = on_load + self.table.at(along.load_angle)
@@ -324,14 +324,15 @@ def _torques(
     angle: Array,
     load_angle: Array,
     speed: Array,
+    direction: Array,
     time: Array,
     motion_time: Array,
     share: float,
-    smoothing: float,
 ) -> tuple[Array, Array]:
     on_motor, on_load = np.empty_like(angle), np.empty_like(angle)
     for i in range(angle.size):
-        on_motor[i] = motor_torque(e, angle[i], speed[i], time[i], e.periodic_phase_rad, share, smoothing)
+        rubbing = dry_friction(e, angle[i], np.copysign(speed[i], direction[i]), share) * direction[i]
+        on_motor[i] = smooth_torque(e, angle[i], speed[i], time[i], e.periodic_phase_rad, share) - rubbing
         on_load[i] = load_torque(e, load_angle[i], motion_time[i])
     return on_motor, on_load
 
