@@ -294,26 +294,41 @@ class Search:
         than a hundredth of what is told then.
 
         ∫ p^(1/r) π ≤ (∫ p π)^(1/r), for the root is concave: so a set's log evidence, over r, is the most that it has
-        then, whatever size of its curves is best there.
+        then, whatever size of its curves is best there. How large a law is, is known by then: what is more than natural
+        would be less unlikely as two names' in parts.
         """
         other = Search(self.data.tempered(ratio), self.always, inexact=self.inexact / ratio)
         other.kept = {kind: log / ratio for kind, log in self.kept.items()}
         other.doubts = {kind: log / ratio for kind, log in self.doubts.items()}
         other.resting = self.resting
-        upper = [
-            ((one.log - self.prior(one.picks)) / ratio + other.prior(one.picks) + other.unkept(kind), one)
-            for kind, one in self.table.items()
-        ]
+        upper = []
+        for kind, one in self.table.items():
+            unlikely, large = self._as_large(one)
+            most = (one.log + unlikely - self.prior(one.picks)) / ratio + other.prior(one.picks)
+            upper.append((most + other.unkept(kind), large))
         best = -np.inf
-        for most, one in sorted(upper, key=lambda pair: -pair[0]):
+        for most, large in sorted(upper, key=lambda pair: -pair[0]):
             if most + np.log(len(upper)) < best + np.log(TOLD / 100):
                 break
-            found = other.score(one.picks)
+            found = other.score(large)
             log = (found if self.data.work.late else other.sized(found)).log
-            best = max(best, log + other.unkept(self.kind(one.picks)))
+            best = max(best, log + other.unkept(self.kind(large)))
         # to size a curve its set is scored without it, which may have been forgotten
         other.table = {kind: one for kind, one in other.table.items() if kind in self.table}
         return other
+
+    def _as_large(self, one: Scored) -> tuple[float, Set]:
+        """How unlikely (log) more than natural sizes of a set's laws are, and its picks with laws as large as found."""
+        unlikely, large = 0.0, []
+        for pick, where in zip(one.picks, slices(self, one), strict=True):
+            candidate = self.candidate(pick)
+            over = float(np.max(np.abs(one.exact[where]) / (pick.scale * np.array(candidate.deviations))))
+            if len(candidate.scales) > 1 or over < 1:
+                large.append(pick)
+                continue
+            unlikely += 0.5 * over**2
+            large.append(Pick(pick.atom, pick.scale * over))
+        return unlikely, tuple(large)
 
     def note(self, kind: frozenset[int], at_rest: float, promised: float) -> None:
         """How probable a set is at rest (log), and how probable it was by the linear model: of what is worth nothing
