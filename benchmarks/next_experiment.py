@@ -2,6 +2,7 @@
 
     python benchmarks/next_experiment.py --machines 12 --first 0 --minutes 15
     python benchmarks/next_experiment.py --sound --machines 100
+    python benchmarks/next_experiment.py --rubbing --machines 40 --first 84000
 
 Machines are drawn as sealed sessions draw them (sim/). Each conceals an effect that its first session, a careful stroke
 made twice without and twice with an injected sine, does not tell from others: a machine counts where what was
@@ -9,14 +10,15 @@ concealed is among the rivals and no set is likelier than 0.9. Both ways go on f
 limits. Counted are the motions until one set of names has 95 % and all of its names stand out from what has none, the
 budget where none does.
 
-`--sound`: machines that conceal nothing, and the names that their first session has all the same.
+`--sound`: machines that conceal nothing, and the names that their first session has all the same. `--rubbing`: machines
+of whose torque dry friction takes most, so that they stick wherever they rest, and what their first session names.
 """
 
 from __future__ import annotations
 
 import argparse
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -57,6 +59,11 @@ HIDDEN = (
     "coulomb_friction", "stribeck_friction", "local_friction", "viscous_friction", "quadratic_drag", "load_torque",
     "load_event", "cogging", "load_inertia", "torque_constant", "torque_lag", "measurement_delay",
 )  # fmt: skip
+#: What machines conceal that stick wherever they rest, of which strengths.
+RUBBING, STUCK = (
+    ("coulomb_friction", "stribeck_friction", "asymmetric_friction", "local_friction"),
+    (20.0, 200.0),
+)
 #: Of the floor, drawn evenly in the logarithm; and what the likeliest set may have at most for a machine to count.
 STRENGTHS, CONFUSED = (3.0, 20.0), 0.9
 #: The first stroke, over the one that the machine is for, in the longest time: whoever knows little begins carefully.
@@ -77,12 +84,14 @@ class Room:
     chance: np.random.Generator
 
     @classmethod
-    def drawn_by(cls, seed: int) -> Room | None:
-        """The machine of a seed; None where it cannot conceal what it should."""
+    def drawn_by(
+        cls, seed: int, hidden: Sequence[str] = HIDDEN, strengths: tuple[float, float] = STRENGTHS
+    ) -> Room | None:
+        """The machine of a seed that conceals one of these; None where it cannot."""
         chance = np.random.default_rng([seed, 97])
         drawn = _careful(draw_machine(chance))
-        name = HIDDEN[seed % len(HIDDEN)]
-        size = float(np.exp(chance.uniform(*np.log(STRENGTHS)))) * floor_nm(drawn)
+        name = hidden[seed % len(hidden)]
+        size = float(np.exp(chance.uniform(*np.log(strengths)))) * floor_nm(drawn)
         silent = play_runs(drawn, TwoMassPlant(drawn.drive, drawn.profile, seed=seed), seed)
         effect = hide(seed, chance, drawn, name, size, silent)
         if effect is None:
@@ -100,6 +109,10 @@ class Room:
         axis = PlayedAxis(make_plant(drawn, {}, seed), drawn.settings, seed)
         axis.energise(True)
         return cls(drawn, "", axis, _setting(drawn), chance)
+
+    def first(self) -> list[Run]:
+        """The first session: a careful stroke twice without and twice with an injected sine."""
+        return [run for _ in range(2) for run in self.record(self.setting.done)]
 
     def record(self, wishes: Wishes) -> list[Run]:
         """What the machine makes of some wishes."""
@@ -269,9 +282,11 @@ def main() -> None:
     parser.add_argument(
         "--sound", action="store_true", help="machines that conceal nothing: count false names"
     )
+    parser.add_argument("--rubbing", action="store_true", help="machines that stick: count their names")
     options = parser.parse_args()
-    if options.sound:
-        false_names(range(options.first, options.first + options.machines), options.minutes)
+    if options.sound or options.rubbing:
+        seeds = range(options.first, options.first + options.machines)
+        after_one_stroke(seeds, options.minutes, rubbing=options.rubbing)
         return
     began, ways, seed, looked = time.process_time(), [], options.first, 0
     while len(ways) < options.machines and time.process_time() - began < 60 * options.minutes:
@@ -280,7 +295,7 @@ def main() -> None:
             room = Room.drawn_by(seed)
             if room is None:
                 continue
-            first = [run for _ in range(2) for run in room.record(room.setting.done)]
+            first = room.first()
             start = Rivals.of(weighed_session(first, room))
         except BenchError:
             continue
@@ -304,25 +319,34 @@ def main() -> None:
         summary(ways)
 
 
-def false_names(seeds: range, minutes: float) -> None:
-    """Names of more than one half that a careful stroke shows of sound machines, and their rate with 95 %."""
-    began, looked, wrong = time.process_time(), 0, 0
+def after_one_stroke(seeds: Sequence[int], minutes: float, *, rubbing: bool) -> None:
+    """Names of more than one half that a careful stroke shows of sound machines, or of such that stick, and how often
+    one is wrong, or what is concealed is named, with 95 %."""
+    began, looked, wrong, right = time.process_time(), 0, 0, 0
     for seed in seeds:
         if time.process_time() - began > 60 * minutes:
             break
         try:
-            room = Room.sound(seed)
-            told = weighed_session(
-                [run for _ in range(2) for run in room.record(room.setting.done)], room
-            ).told
+            room = Room.drawn_by(seed, RUBBING, STUCK) if rubbing else Room.sound(seed)
+            if room is None:
+                continue
+            told = weighed_session(room.first(), room).told
         except BenchError:
             continue
-        named = [f"{one.name} {one.probability:.2f}" for one in told.names if one.probability > NAMED]
-        looked, wrong = looked + 1, wrong + bool(named)
-        if named:
-            print(f"{seed}: {', '.join(named)}", flush=True)
+        named = {one.name: one.probability for one in told.names if one.probability > NAMED}
+        looked, right = looked + 1, right + (room.hidden in named)
+        wrong += bool(named.keys() - {room.hidden})
+        if named or rubbing:
+            said = ", ".join(f"{name} {p:.2f}" for name, p in named.items()) or "nothing"
+            print(f"{seed}{' hides ' + room.hidden if rubbing else ''}: {said}", flush=True)
+    kind = "machines that stick" if rubbing else "sound machines"
+    if rubbing:
+        low, high = interval_of_rate(right, looked)
+        print(
+            f"{right} of {looked} {kind} have the name of what they conceal ({100 * low:.1f} … {100 * high:.1f} %)"
+        )
     low, high = interval_of_rate(wrong, looked)
-    print(f"{wrong} of {looked} sound machines have a name ({100 * low:.1f} … {100 * high:.1f} %)")
+    print(f"{wrong} of {looked} {kind} have a wrong name ({100 * low:.1f} … {100 * high:.1f} %)")
 
 
 def summary(ways: list[list[Way]]) -> None:

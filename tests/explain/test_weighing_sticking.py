@@ -1,8 +1,8 @@
 """Which way a shaft goes and where it sticks, by its angles; and friction of a shaft that sticks, by its name."""
 
-import next_experiment
 import numpy as np
 import pytest
+from next_experiment import RUBBING, STUCK, Room, weighed_session
 
 from schwung.explain.weighing.sticking import direction, on_average, slowest
 
@@ -51,21 +51,12 @@ def test_where_a_shaft_turns_within_a_step_that_is_slow() -> None:
     ("seed", "name"),
     [(84001, "stribeck_friction"), (84002, "asymmetric_friction"), (84004, "coulomb_friction")],
 )
-def test_friction_that_is_most_of_the_torque_has_its_name(
-    seed: int, name: str, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_friction_that_is_most_of_the_torque_has_its_name(seed: int, name: str) -> None:
     """A third of the stroke at rest, stuck, each time with another torque that winds up; then it breaks away."""
-    monkeypatch.setattr(
-        next_experiment,
-        "HIDDEN",
-        ("coulomb_friction", "stribeck_friction", "asymmetric_friction", "local_friction"),
-    )
-    monkeypatch.setattr(next_experiment, "STRENGTHS", (20.0, 200.0))
-    room = next_experiment.Room.drawn_by(seed)
+    room = Room.drawn_by(seed, RUBBING, STUCK)
     assert room is not None
     assert room.hidden == name
-    runs = [run for _ in range(2) for run in room.record(room.setting.done)]
-    told = next_experiment.weighed_session(runs, room).told
+    told = weighed_session(room.first(), room).told
     assert told.names[0].name == name
     assert told.names[0].probability > 0.5
     assert all(one.probability < 0.5 for one in told.names[1:])
