@@ -47,6 +47,9 @@ class Recorded:
     def name(self, pick: Pick) -> str:
         return NAMES[pick.atom]
 
+    def candidate(self, pick: Pick) -> Any:
+        return SimpleNamespace(is_law=pick.atom == 2)
+
     def held(self, *named: str) -> set[str]:
         every: Any = Scored(tuple(Pick(number, 1.0) for number in range(3)))
         return {self.name(pick) for pick in holding(self, every, named).picks}  # type: ignore[arg-type]
@@ -85,4 +88,5 @@ def test_a_motion_where_no_other_was_refutes_nothing(also_there: float, is_refut
     data.target = np.where(first, -0.7, 0.3) * data.rows[0] + data.rows[2]
     whole, fewer = (foretold(away, Scored(picks)) for picks in ((Pick(0, 1.0), Pick(1, 1.0)), ()))  # type: ignore[arg-type]
     assert whole.plainly[0] < fewer.plainly[0] - 20  # about their mean alone, it is worse
-    assert (whole.gains_by_leaving(fewer) > 0) == is_refuted
+    assert (whole.gains_by_leaving(fewer, curve=True) > 0) == is_refuted
+    assert whole.gains_by_leaving(fewer, curve=False) > whole.gains_by_leaving(fewer, curve=True) - 1e-9

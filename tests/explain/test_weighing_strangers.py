@@ -32,10 +32,11 @@ def test_friction_over_the_angle_beside_another_inertia_over_it() -> None:
 
 @pytest.mark.long
 def test_play_beside_a_load_that_is_a_third_off_is_no_stronger_torque() -> None:
-    """Alone, a torque 30 % too large takes twice of what the load does; beside play, nothing of it."""
+    """Alone, a torque 30 % too large takes twice of what the load does; beside play, nothing of it. Its speed is
+    reported 0.25 ms late, which is about as much as is usual."""
     found = named(draw_hidden(500, every=8), 500)
     assert "backlash" in found
-    assert set(found) <= {"backlash", "load_inertia", "inertia_profile"}
+    assert set(found) <= {"backlash", "load_inertia", "inertia_profile", "measurement_delay"}
 
 
 @pytest.mark.long

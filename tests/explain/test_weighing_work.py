@@ -38,7 +38,7 @@ def test_where_work_is_spent_the_search_ends_and_says_so(recorded, monkeypatch):
     posterior = posterior_of(*recorded)
     told = posterior.told
     assert any("the search ended before all was tried" in note for note in told.notes)
-    assert posterior.view.work.done < 0.8 * TAKEN
+    assert posterior.view.work.done < 0.85 * TAKEN  # what was begun is ended
 
 
 @pytest.mark.long

@@ -4,8 +4,9 @@ Evidence counts whatever a curve takes of the runs at hand; of a thing that only
 the curve's coordinate, it takes much there, and adds an error to every other motion. So each motion in turn is left out
 of the fitted runs and predicted with the coefficients that the others give; what makes that worse is no finding.
 
-For a cause counts what its coefficients foretell; against it only as far as the others were sure of these: of places
-where none of the others was, a curve foretells nothing, and what it is there speaks of no error.
+For a cause counts what its coefficients foretell. Against a law counts that as well, against a curve as far as the
+others were sure of it: a law says something of every motion, but of places where none of the others was a curve
+foretells nothing, and what it is there speaks of no error.
 """
 
 from __future__ import annotations
@@ -33,7 +34,10 @@ def holding(search: Search, best: Scored, named: Collection[str]) -> Scored:
     while doubted := [pick for pick in best.picks if search.name(pick) not in named]:
         whole = foretold(search, best)
         fewer = [search.score(tuple(p for p in best.picks if p != pick)) for pick in doubted]
-        gains = [whole.gains_by_leaving(foretold(search, one)) for one in fewer]
+        gains = [
+            whole.gains_by_leaving(foretold(search, one), curve=not search.candidate(pick).is_law)
+            for pick, one in zip(doubted, fewer, strict=True)
+        ]
         if max(gains) <= 0:
             return best
         best = fewer[int(np.argmax(gains))]
@@ -48,9 +52,11 @@ class Foretold:
     plainly: Array
     openly: Array
 
-    def gains_by_leaving(self, fewer: Foretold) -> float:
-        """How much likelier all are as a set foretells them that lacks a cause."""
+    def gains_by_leaving(self, fewer: Foretold, *, curve: bool) -> float:
+        """How much likelier all are as a set foretells them that lacks a law, or a curve."""
         plainly, openly = fewer.plainly - self.plainly, fewer.openly - self.openly
+        if not curve:
+            return float(np.sum(plainly))
         return float(np.sum(np.where(plainly < 0, plainly, np.clip(openly, 0.0, plainly))))
 
 
