@@ -85,7 +85,7 @@ class Data:
             for shape in (c.shapes if c.sought is None else c.sought(missed))
         ]
         room = int(_ROOM * sum(candidates[index].size for index, _ in every))
-        rows = np.empty((room, about.samples(train)), dtype=np.float32) if memory is None else memory
+        rows = about.view.work.columns(room, about.samples(train)) if memory is None else memory
         room = rows.shape[0]
         target = target_of(about, members, train)
         empty = Statistics(

@@ -89,7 +89,7 @@ class _Found:
         """About the noise that it leaves in all runs; `nothing`, where that is likelier there."""
         climbed = self.climbed
         if climbed.log <= nothing.log:
-            return replace(self, climbed=replace(climbed, at=nothing, best=climbed.search.score(())))
+            climbed = replace(climbed, at=nothing, best=climbed.search.score(()))
         best, at = self.growth.renewed(climbed.search, climbed.best, climbed.at)
         return replace(self, climbed=replace(climbed, at=at, best=best), fresh=True)
 

@@ -16,6 +16,7 @@ import numpy as np
 from threadpoolctl import threadpool_limits
 
 from schwung.compiled import computing_s
+from schwung.innovations.statistics import Columns
 from schwung.motion import Array
 
 P = ParamSpec("P")
@@ -136,3 +137,10 @@ class Work:
             self.scratch = np.empty(0)
             self.scratch = np.empty(count * samples)
         return self.scratch[: count * samples].reshape(count, samples)
+
+    def columns(self, count: int, samples: int) -> Columns:
+        """Room (count, samples) for columns that are kept; in place of the other, where that is smaller: what was
+        touched already is soon touched again."""
+        if self.scratch.nbytes < count * samples * np.dtype(np.float32).itemsize:
+            self.scratch = np.empty(0)
+        return np.empty((count, samples), dtype=np.float32)
