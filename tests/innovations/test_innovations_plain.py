@@ -46,7 +46,7 @@ def system(request: pytest.FixtureRequest) -> System:
     noises = np.column_stack([-stepped[:, :, size + 2], np.ones(299)])
     spread = np.array([*[1e-3, 0.1, 1e-3, 0.1, 0.0, 0.0][:size], 0.3])
     measured = np.cumsum(noise.normal(size=(300, 2)), axis=0) * [1e-3, 0.1]
-    apart = np.where(np.arange(299)[:, None] % 50 == [7, 9], 20.0, 0.0)
+    apart = np.where(np.arange(299)[:, None] % 50 == [7, 9, 11], 20.0, 0.0)
     on_load = np.zeros((299, 2, size + 1))
     if shaft.rigid:
         apart[:, 1], on_load = 0.0, on_load[:0]
@@ -129,7 +129,7 @@ def test_a_coupling_with_play() -> None:
     for through in (play._through, plain.through):
         system = System(
             np.zeros((steps, 5, 5)), np.zeros((steps, 5)), np.ones((steps, 5)), np.full(steps, 0.01),
-            np.zeros((steps, 2)), np.cumsum(noise.normal(size=(steps + 1, 2)), axis=0) * [0.0, 1e-6],
+            np.zeros((steps, 3)), np.cumsum(noise.normal(size=(steps + 1, 2)), axis=0) * [0.0, 1e-6],
             np.tile([1e-8, 1e-4], (steps + 1, 1)), np.zeros(5), np.array([1e-3, 0.1, 1e-3, 0.1, 0.1]),
             np.zeros((steps, 5)), np.zeros((steps, 2, 5)),
         )  # fmt: skip

@@ -154,13 +154,13 @@ class Passed:
     def torque_error_nm(self) -> Array:
         """By how much more torque is reported than acts at each sample (N·m), (n,): the state, and what the steps
         beside it have of their own. What dry friction leaves open within a step is none of it."""
-        apart = 2 * torque_errors(self.noise, self.run)[1]
-        if not np.any(apart):
+        alone = torque_errors(self.noise, self.run)[1]
+        if not np.any(alone):
             return np.asarray(self.states[:, -1])
         ahead = kernel.adjoints(self.equations.transition, self.result)[1:, :-1]
-        ends = (self.equations.transition[:, :-1, -1], self.equations.noise[:, :-1])
-        start, end = (-apart * np.einsum("ks,ks->k", one, ahead) for one in ends)
-        own = np.append(start, end[-1]) + np.concatenate([start[:1], end])
+        along = self.equations.transition[:, :-1, -1] + self.equations.noise[:, :-1]
+        step = -alone * np.einsum("ks,ks->k", along, ahead)
+        own = np.append(step, step[-1]) + np.concatenate([step[:1], step])
         return np.asarray(self.states[:, -1] + own / 2)
 
     @property

@@ -37,10 +37,26 @@ def _outer(p: Array, one: Array, power: float, size: int) -> None:
 
 
 @inlined
+def _set_apart(system: System, k: int, p: Array, along: Array, size: int) -> None:
+    """Add to p what torques do that act within step k alone."""
+    phi, noise, apart = system.transition, system.noise, system.apart[k]
+    if apart[0] > 0.0:
+        _outer(p, phi[k, :, size - 1], apart[0], size - 1)
+        _outer(p, noise[k], apart[0], size - 1)
+    if apart[1] > 0.0:
+        _outer(p, system.on_load[k, 0], apart[1], size - 1)
+        _outer(p, system.on_load[k, 1], apart[1], size - 1)
+    if apart[2] > 0.0:
+        for i in range(size - 1):
+            along[i] = phi[k, i, size - 1] + noise[k, i]
+        _outer(p, along, apart[2], size - 1)
+
+
+@inlined
 def carried(system: System, k: int, x: Array, p: Array, ahead: Array, half: Array, size: int) -> None:
-    """x and p over step k: Φ x + forcing; Φ p Φᵀ + noise·noiseᵀ·power, `apart` of what torques at its ends do, and
+    """x and p over step k: Φ x + forcing; Φ p Φᵀ + noise·noiseᵀ·power, what torques do that are the step's alone, and
     what an open contact does."""
-    phi, noise, power, apart = system.transition, system.noise, system.power[k], system.apart[k]
+    phi, noise, power = system.transition, system.noise, system.power[k]
     for i in range(size):
         ahead[i] = system.forcing[k, i]
         for j in range(size):
@@ -59,12 +75,7 @@ def carried(system: System, k: int, x: Array, p: Array, ahead: Array, half: Arra
             p[j, i] = p[i, j]
     if system.open_contact.shape[0] > 0:
         _outer(p, system.open_contact[k], 1.0, size)
-    if apart[0] > 0.0:
-        _outer(p, phi[k, :, size - 1], apart[0], size - 1)
-        _outer(p, noise[k], apart[0], size - 1)
-    if apart[1] > 0.0:
-        _outer(p, system.on_load[k, 0], apart[1], size - 1)
-        _outer(p, system.on_load[k, 1], apart[1], size - 1)
+    _set_apart(system, k, p, ahead, size)
 
 
 @inlined

@@ -128,10 +128,7 @@ def problem_of(equations: Equations, noise: Noise, run: Signals) -> System:
     speed = 0.1 * float(np.ptp(run.states[:, 1])) + noise.speed_rad_s
     position = 1e-3 * float(np.ptp(run.position_rad)) + noise.position_rad
     power, alone = torque_errors(noise, run)
-    power, apart = (
-        power + equations.slack,
-        equations.apart + np.column_stack([2 * alone, np.zeros_like(alone)]),
-    )
+    power, apart = power + equations.slack, np.column_stack([equations.apart, alone])
     shaft = [position, speed] if run.rigid else [position, speed, position, speed]
     size = equations.first.size
     behind = [0.0] * (size - 1 - len(shaft))  # a further mass is at rest at first, as the motion begins

@@ -105,7 +105,8 @@ def filtered(system: System) -> Filtered:
     added[:, :, :size] = system.noise[:, :, None] * (system.noise * system.power[:, None])[:, None, :]
     on_motor = [system.transition[:, :-1, size - 1], system.noise[:, :-1]]
     on_load = [system.on_load[:, end, :-1] for end in range(2) if system.on_load.size]
-    for apart, each in zip(system.apart.T, (on_motor, on_load), strict=True):
+    along = [on_motor[0] + on_motor[1]]
+    for apart, each in zip(system.apart.T, (on_motor, on_load, along), strict=True):
         for ends in each:
             added[:, :-1, : size - 1] += ends[:, :, None] * (ends * apart[:, None])[:, None, :]
     for one in (system.open_contact,) if system.open_contact.size else ():
@@ -203,6 +204,7 @@ def _carried(system: System, k: int, x: Array, p: Array) -> tuple[Array, Array]:
     added += system.apart[k, 0] * (np.outer(last, last) + np.outer(torque, torque))
     if system.on_load.size:
         added += system.apart[k, 1] * (system.on_load[k].T @ system.on_load[k])
+    added += system.apart[k, 2] * np.outer(last + torque, last + torque)
     if system.open_contact.size:
         added += np.outer(system.open_contact[k], system.open_contact[k])
     return phi @ x + system.forcing[k], phi @ p @ phi.T + added

@@ -143,9 +143,29 @@ class Drive:
         late = np.zeros_like(mean)
         return Between(mean - tilt + bend, mean + tilt + bend, -1.5 * bend, late, late)
 
-    def taken(self, late_s: float) -> Between:
-        """The same where the drive takes a held injection so much later than it was sent."""
-        whole = self.undelayed
+    def within_steps(self, true_nm: Array) -> Between:
+        """The same, bent within a step as the torque without its noise (n,) is: what noise bends there between samples
+        acts on no machine, and is no torque that was reported at one. Where several samples are in a step, their mean
+        counts; where the torque is sharp, only they say how.
+        """
+        raw, noise, step = self.undelayed, self.whole_nm - true_nm, float(self.time_s[1] - self.time_s[0])
+        soft = np.maximum(self.sharp_nm2[1:], self.sharp_nm2[:-1]) == 0
+        if self.every < 2:
+            bent = -step / 8 * np.diff(slopes(noise, step))
+            return replace(raw, bulge_nm=raw.bulge_nm - np.where(soft, bent, 0.0))
+        bulge = -step / 8 * np.diff(slopes(true_nm, step))
+        ends = true_nm[:-1], true_nm[1:]
+        further = (raw.start_nm + raw.end_nm - ends[0] - ends[1]) / 2 + 2 / 3 * (raw.bulge_nm - bulge)
+        return replace(
+            raw,
+            start_nm=np.where(soft, ends[0] + further, raw.start_nm),
+            end_nm=np.where(soft, ends[1] + further, raw.end_nm),
+            bulge_nm=np.where(soft, bulge, raw.bulge_nm),
+        )
+
+    def taken(self, late_s: float, whole: Between) -> Between:
+        """The torque over the steps where the drive takes a held injection so much later than it was sent; `whole`:
+        where it takes it at once."""
         if late_s == 0 or not self.held.is_any:
             return whole
         start, end, bulge = (self.held.over_steps(late_s) - self.held.over_steps(0.0)).T

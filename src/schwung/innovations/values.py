@@ -39,15 +39,15 @@ class Shaft(NamedTuple):
 class System(NamedTuple):
     """x⁺ = Φx + forcing + noise·w, of which the first two states are measured; the last is the torque's error.
 
-    Where `apart` is not 0, a step has torque at its start and at its end of which the steps beside it have nothing: on
-    the motor, on the load.
+    Where `apart` is not 0, a step has torque of which the steps beside it have nothing: on the motor at its start and
+    at its end, on the load likewise, and on the motor all along it.
     """
 
     transition: Array  # (n − 1, s, s)
     forcing: Array  # (n − 1, s)
     noise: Array  # (n − 1, s)
     power: Array  # (n − 1,) variance of w
-    apart: Array  # (n − 1, 2) that of a step's own torques, on the motor and on the load, (N·m)²
+    apart: Array  # (n − 1, 3) that of a step's own torques, on the motor, on the load, and all along, (N·m)²
     measured: Array  # (n, 2)
     variances: Array  # (n, 2) of the measurements
     first: Array  # (s,) the state at first, and how well it is known

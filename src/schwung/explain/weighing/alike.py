@@ -16,7 +16,6 @@ from schwung.explain.weighing.round import Linearised
 from schwung.innovations import kalman, kernel
 from schwung.innovations.effect import Passed
 from schwung.innovations.likelihood import problem_of
-from schwung.innovations.splines import slopes
 from schwung.motion import Array
 
 
@@ -41,9 +40,8 @@ def _in_run(one: Linearised, other: Linearised, run: int) -> float:
     mine, theirs = first.equations.transition, second.equations.transition
     if mine.shape == theirs.shape and np.array_equal(mine, theirs):
         return plain
-    torque = one.view.torques[run]
-    noise = torque.run.drive.whole_nm - torque.nm
-    apart = _reads(first, noise) - _reads(second, noise)
+    noise = one.view.torques[run].noise_nm
+    apart = _reads(first, *noise) - _reads(second, *noise)
     shown = [_shown(each, apart) for each in (first, second)]
     by_first = float(np.sum((first.innovations + shown[0]) ** 2)) - misses[0]
     by_second = misses[1] - float(np.sum((second.innovations - shown[1]) ** 2))
@@ -51,17 +49,13 @@ def _in_run(one: Linearised, other: Linearised, run: int) -> float:
     return alike if np.isfinite(alike) else plain
 
 
-def _reads(passed: Passed, noise: Array) -> Array:
+def _reads(passed: Passed, start: Array, end: Array, height: Array) -> Array:
     """How much more of angle and speed (n, 2) a machine reports than was, from its first state on driven by the torque
-    without its noise (n,)."""
+    without its noise: at the start and at the end of each step, and the height of a parabola between, (n − 1,)."""
     equations, size = passed.equations, passed.states.shape[1] - 1
     transition, last = equations.transition, equations.noise[:, :size]
-    forcing = (
-        equations.forcing[:, :size] + transition[:, :size, size] * noise[:-1, None] + last * noise[1:, None]
-    )
-    if passed.run.drive.every < 2:  # the cubic through the samples bends with their noise
-        bends = -passed.run.step_s / 8 * np.diff(slopes(noise, passed.run.step_s))
-        forcing = forcing - passed.steps.inputs[:, :size, 4] * bends[:, None]
+    forcing = equations.forcing[:, :size] + transition[:, :size, size] * start[:, None] + last * end[:, None]
+    forcing = forcing - passed.steps.inputs[:, :size, 4] * height[:, None]
     moved = kernel.moved(transition[:, :size, :size], forcing, passed.states[0, :size])
     return np.asarray(moved[:, :2] - equations.measured)
 

@@ -10,12 +10,12 @@ from functools import cached_property
 import numpy as np
 
 from schwung.innovations.low_pass import low_passed
-from schwung.innovations.signals import SHORTEST, WIDEST, Signals
+from schwung.innovations.signals import SHORTEST, WIDEST, Between, Signals
 from schwung.innovations.splines import slopes
 from schwung.motion import Array
 
 #: Of a `TrueTorque`, what is not worked out again about another set.
-_CHANGES = ("asked_nm", "rate", "sharp_rate", "bend", "beyond_band")
+_CHANGES = ("within_steps", "asked_nm", "rate", "sharp_rate", "bend", "beyond_band")
 
 
 @dataclass(frozen=True, eq=False)
@@ -36,6 +36,25 @@ class TrueTorque:
         other = replace(self, driving_nm=nm)
         other.__dict__.update({name: self.__dict__[name] for name in _CHANGES if name in self.__dict__})
         return other
+
+    @cached_property
+    def within_steps(self) -> Between:
+        """As it was sampled, but for what noise bends between samples."""
+        return self.run.drive.within_steps(self.nm)
+
+    @property
+    def noise_nm(self) -> tuple[Array, Array, Array]:
+        """What of that is noise, at the start and at the end of each step, and the height of a parabola between,
+        (n − 1,) each."""
+        drive, whole = self.run.drive, self.within_steps
+        quiet = self.nm - drive.injected_nm
+        bends = -self.run.step_s / 8 * np.diff(slopes(quiet, self.run.step_s))
+        start, end, height = drive.held.over_steps(0.0).T
+        return (
+            whole.start_nm - start - quiet[:-1],
+            whole.end_nm - end - quiet[1:],
+            whole.bulge_nm - height - bends,
+        )
 
     @cached_property
     def quiet_nm(self) -> Array:
