@@ -10,7 +10,7 @@ from schwung.explain.weighing.known import known
 from schwung.explain.weighing.round import View
 from schwung.explain.weighing.true_torque import TrueTorque
 from schwung.innovations.likelihood import Noise
-from schwung.innovations.signals import signals_of
+from schwung.innovations.signals import picked_signals_of
 from schwung.motion import Array
 from schwung.session.model import Run
 
@@ -39,14 +39,16 @@ def shaken(slope: Callable[[Array, float], Array]) -> tuple[Array, Array, Array]
     return time, np.array(states), torque_nm
 
 
-def sampled(number: int, time: Array, moved: Array, torque: Array, noise: Noise) -> Run:
+def sampled(
+    number: int, time: Array, moved: Array, torque: Array, noise: Noise, rate_hz: float = RATE_HZ
+) -> Run:
     """A run with noise; `moved`: angle and speed of the motor in the first two of its rows."""
     sizes = (noise.position_rad, noise.speed_rad_s, noise.torque_nm)
     noisy = sizes * np.random.default_rng(number).standard_normal((time.size, 3))
     return Run(
         role="reference",
         repeat=number,
-        sample_rate_hz=RATE_HZ,
+        sample_rate_hz=rate_hz,
         time_s=time,
         position_rad=moved[0] + noisy[:, 0],
         speed_rad_s=moved[1] + noisy[:, 1],
@@ -55,8 +57,8 @@ def sampled(number: int, time: Array, moved: Array, torque: Array, noise: Noise)
 
 
 def view_of(recorded: Sequence[Run], machine: Machine) -> View:
-    """What is weighed of them."""
-    runs = [signals_of(run, machine, 160.0) for run in recorded]
+    """What is weighed of them, of as many samples as say all there is."""
+    runs = [picked_signals_of(run, machine, 160.0) for run in recorded]
     of = ranges_of(runs, 0.002, 160.0)
     torques = tuple(TrueTorque(run, run.drive.whole_nm) for run in runs)
     return View(recorded, tuple(runs), known(machine, of.low_rad, of.high_rad), of, torques, dry_nm=0.0)

@@ -363,7 +363,8 @@ def torques_about(about: Linearised) -> tuple[TrueTorque, ...]:
     """The torque of each run without what is noise of it."""
     torques = list(about.view.torques)
     for i in about.passed:
-        torques[i] = TrueTorque(about.view.runs[i], _without_noise(about, i))
+        as_sampled = about.view.torques[i].as_sampled
+        torques[i] = TrueTorque(about.view.runs[i], _without_noise(about, i), as_sampled=as_sampled)
     return tuple(torques)
 
 

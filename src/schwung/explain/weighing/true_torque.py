@@ -23,6 +23,9 @@ class TrueTorque:
     """Of one run, as far as it is known (N·m, (n,)): the reported one but for its noise, which would else explain
     itself; a held injection as if it was taken at once.
 
+    Noise is what a filter does not foresee. Where it is the sensor's, it bends nothing between samples; where it stands
+    for contacts that are faster than samples tell, the torque bends as it was sampled.
+
     `driving_nm`: what drives the machine with what is present. What is missed is no part of it: if it were, a scale of
     the torque would make all of the equation smaller, and with it what is missed.
     """
@@ -30,6 +33,7 @@ class TrueTorque:
     run: Signals
     nm: Array
     driving_nm: Array | None = None
+    as_sampled: bool = True  # whether it bends between samples as what is reported does; else as it does itself
 
     def with_driving(self, nm: Array) -> TrueTorque:
         """The same about something else; how the torque changes is not worked out again."""
@@ -39,8 +43,9 @@ class TrueTorque:
 
     @cached_property
     def within_steps(self) -> Between:
-        """As it was sampled, but for what noise bends between samples."""
-        return self.run.drive.within_steps(self.nm)
+        """What is reported, over the steps between samples."""
+        drive = self.run.drive
+        return drive.undelayed if self.as_sampled else drive.within_steps(self.nm)
 
     @property
     def noise_nm(self) -> tuple[Array, Array, Array]:

@@ -93,7 +93,7 @@ def wide_fit(
         members, view, torques = _nearer(about, members, found.coefficients - present, train)
         if moved < _SETTLED or number == passes - 1 or view.work.spent or view.work.overdue(_TIME):
             break
-        view = replace(view, torques=torques)
+        view = _bending(replace(view, torques=torques), members, noise, few_of(train))
     rest = target - found.coefficients @ rows
     beyond = max(1.0, unshared_by_neighbours(rest, about.stretches(train)))
     noise, excess = noise.times(float(np.sqrt(beyond))), excess_of(rows, rest, about, train) / beyond
@@ -110,6 +110,18 @@ def _begun(view: View, members: Sequence[Member], noise: Noise, train: Sequence[
     aside = [run for run in range(len(view.runs)) if run not in train]
     begun = resmoothed(view, members, noise, aside) if aside else view
     return begun if finite(begun) else view
+
+
+def _bending(view: View, members: Sequence[Member], noise: Noise, few: Sequence[int]) -> View:
+    """With torques that bend between samples as what is reported does, or as they do themselves: as a few runs are
+    likelier."""
+    found = []
+    for as_sampled in (True, False):
+        torques = tuple(replace(torque, as_sampled=as_sampled) for torque in view.torques)
+        seen = replace(view, torques=torques)
+        about = linearised(seen, members, noise, None, few)
+        found.append((sum(float(np.sum(about.passed[run].deviances)) for run in few), seen))
+    return min(found, key=lambda each: each[0])[1]
 
 
 def _sticking(wide: Wide, view: View, members: Sequence[Member], train: Sequence[int]) -> tuple[Array, ...]:
