@@ -163,9 +163,10 @@ def settled_elsewhere(
     for start in starts:
         if best is not None and at.about.view.work.spent:
             break
+        # none is left for what another is worth: from far off, the best promised less on its way than others were
         found = settled(at.about.view, [*members, start], first, here.log + least)
-        if found.log - here.log > least:
-            best, least = found, found.log - here.log
+        if found.log > (here.log + least if best is None else best.log):
+            best = found
     if best is None or in_all == 1:
         return best
     return settled(at.about.view, best.members, weighing)

@@ -33,7 +33,9 @@ class TrueTorque:
     run: Signals
     nm: Array
     driving_nm: Array | None = None
-    as_sampled: bool = True  # whether it bends between samples as what is reported does; else as it does itself
+    as_sampled: bool = (
+        True  # whether it bends between samples as what is reported does; else as it does itself
+    )
 
     def with_driving(self, nm: Array) -> TrueTorque:
         """The same about something else; how the torque changes is not worked out again."""
