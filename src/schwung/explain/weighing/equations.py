@@ -144,10 +144,8 @@ def equations_of(
     run, machine = along.run, along.present
     load = load_taken(along, acting) if load is None else load
     push = np.broadcast_to(np.asarray(acting.on_motor, dtype=float), run.time_s.shape)
-    motor, middle = (
-        run.drive.taken(along.held_late * run.step_s, along.true_torque.within_steps),
-        load.inertia,
-    )
+    motor = run.drive.taken(along.held_late * run.step_s, along.true_torque.within_steps)
+    middle = load.inertia
     torques = np.stack(
         [
             motor.start_nm + push[:-1],
