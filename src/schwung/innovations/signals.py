@@ -13,7 +13,7 @@ from scipy.interpolate import CubicSpline
 from schwung.drivetrain.machine import Machine
 from schwung.innovations.held import Held
 from schwung.innovations.low_pass import low_passed
-from schwung.innovations.splines import interpolated, slopes
+from schwung.innovations.splines import bends, interpolated, slopes
 from schwung.motion import Array
 from schwung.session.model import Run
 
@@ -151,9 +151,8 @@ class Drive:
         raw, noise, step = self.undelayed, self.whole_nm - true_nm, float(self.time_s[1] - self.time_s[0])
         soft = np.maximum(self.sharp_nm2[1:], self.sharp_nm2[:-1]) == 0
         if self.every < 2:
-            bent = -step / 8 * np.diff(slopes(noise, step))
-            return replace(raw, bulge_nm=raw.bulge_nm - np.where(soft, bent, 0.0))
-        bulge = -step / 8 * np.diff(slopes(true_nm, step))
+            return replace(raw, bulge_nm=raw.bulge_nm - np.where(soft, bends(noise, step), 0.0))
+        bulge = bends(true_nm, step)
         ends = true_nm[:-1], true_nm[1:]
         further = (raw.start_nm + raw.end_nm - ends[0] - ends[1]) / 2 + 2 / 3 * (raw.bulge_nm - bulge)
         return replace(

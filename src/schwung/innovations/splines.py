@@ -16,6 +16,11 @@ def slopes(values: Array, step: float) -> Array:
     return np.asarray(spline_kernel.spline_slopes(_flat(values), step)).reshape(values.shape)
 
 
+def bends(values: Array, step: float) -> Array:
+    """Height of that spline over the straight line in the middle between values (n,), (n − 1,)."""
+    return np.asarray(-step / 8 * np.diff(slopes(values, step)))
+
+
 def interpolated(values: Array, start: float, step: float, places: Array, derivative: int = 0) -> Array:
     """The same spline through values (n, …) from `start` on, or its `derivative` up to the second, at places (m,),
     (m, …)."""

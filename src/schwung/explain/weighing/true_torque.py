@@ -11,7 +11,7 @@ import numpy as np
 
 from schwung.innovations.low_pass import low_passed
 from schwung.innovations.signals import SHORTEST, WIDEST, Between, Signals
-from schwung.innovations.splines import slopes
+from schwung.innovations.splines import bends, slopes
 from schwung.motion import Array
 
 #: Of a `TrueTorque`, what is not worked out again about another set.
@@ -55,12 +55,11 @@ class TrueTorque:
         (n − 1,) each."""
         drive, whole = self.run.drive, self.within_steps
         quiet = self.nm - drive.injected_nm
-        bends = -self.run.step_s / 8 * np.diff(slopes(quiet, self.run.step_s))
         start, end, height = drive.held.over_steps(0.0).T
         return (
             whole.start_nm - start - quiet[:-1],
             whole.end_nm - end - quiet[1:],
-            whole.bulge_nm - height - bends,
+            whole.bulge_nm - height - bends(quiet, self.run.step_s),
         )
 
     @cached_property
