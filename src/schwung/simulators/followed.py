@@ -20,8 +20,9 @@ from numpy.typing import NDArray
 
 from schwung.errors import InputError
 from schwung.motion import Array
+from schwung.session.derived import speed_is_derived
 from schwung.session.model import Run, Session
-from schwung.simulators.noise import Noise, nothing_new, reported_noise
+from schwung.simulators.noise import Noise, reported_noise
 from schwung.simulators.spectrum import ORDER, Spectrum
 from schwung.simulators.speed_filter import SpeedFilter, speed_filter
 
@@ -155,7 +156,7 @@ def _speed_filter(runs: Sequence[Run], noise: Noise, band_hz: float) -> SpeedFil
     if any("speed_origin" in run.extra for run in runs):
         return SpeedFilter()
     found = speed_filter(runs, [_jumps(run) for run in runs], band_hz, noise.position_rad, noise.speed_rad_s)
-    if any(nothing_new(run) for run in runs):
+    if speed_is_derived(runs):
         found = replace(found, delay_s=0.0)
     return replace(found, bend_s2=0.0) if any(run.is_held for run in runs) else found
 

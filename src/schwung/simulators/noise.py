@@ -1,4 +1,4 @@
-"""What each reported channel has beyond the motion: noise by differences, and whether a speed says anything new."""
+"""What each reported channel has beyond the motion: noise by differences."""
 
 from __future__ import annotations
 
@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from schwung.motion import Array
+from schwung.session.derived import speed_is_derived
 from schwung.session.model import Run
 
 _DIFFERENCES = 6
@@ -48,18 +49,11 @@ def reported_noise(runs: Sequence[Run]) -> Noise:
         return float(np.median([_differences_noise(getattr(run, name)) for run in runs]))
 
     position, torque = max(of("position_rad"), 1e-12), max(of("torque_nm"), 1e-12)
-    speed = np.inf if any(_derived(run) for run in runs) else max(of("speed_rad_s"), 1e-12)
+    nothing_new = speed_is_derived(runs) or any(_worse(run) for run in runs)
+    speed = np.inf if nothing_new else max(of("speed_rad_s"), 1e-12)
     return Noise(position, speed, torque)
 
 
-def _derived(run: Run) -> bool:
-    """Whether a run's speed is worked out from its angle, or is worse than what could be."""
-    return nothing_new(run) or run.extra.get("speed_source") == "position" or run.is_held
-
-
-def nothing_new(run: Run) -> bool:
-    """Whether a run's speed says what its angle says: by its own word, or being the difference of two angles."""
-    if "speed_origin" in run.extra:
-        return True
-    difference = np.diff(run.position_rad) * run.sample_rate_hz
-    return _roughness(run.speed_rad_s[1:] - difference) < 0.5 * _roughness(difference)
+def _worse(run: Run) -> bool:
+    """Whether a run's speed is worse than what its angle gives."""
+    return run.extra.get("speed_source") == "position" or run.is_held

@@ -45,6 +45,7 @@ from schwung.explain.weighing.weigh import Posterior, parameters_of, posterior_o
 from schwung.explain.weighing.work import on_one_thread
 from schwung.explain.weighing.written import read_back
 from schwung.explain.words import unit_on
+from schwung.session.derived import speed_is_derived
 from schwung.session.effort import require_alike
 from schwung.session.imports import repeats
 from schwung.session.model import Session
@@ -358,6 +359,11 @@ class _Publishing:
                 "repeats are the same to the count, so that the noise is what no smooth curve explains"
                 if repeated
                 else "no motion was repeated, so that the noise is what no smooth curve explains: record repeats"
+            )
+        runs = self.session.runs
+        if speed_is_derived(runs) and not any("speed_origin" in run.extra for run in runs):
+            notes.append(
+                "the drive makes the speed of the angle, whose errors it has: the angle alone was asked"
             )
         if any(self.search.candidate(pick).of_motion for pick in self.chosen.set.picks):
             notes.append(_OF_MOTION)

@@ -43,7 +43,7 @@ def motions_of(runs: Sequence[Run]) -> list[list[int]]:
 def telling_noise(session: Session) -> list[tuple[int, ...]]:
     """Runs of each motion and injection whose noise shows in what they do not share.
 
-    Repeats most of whose samples are the same to the last count share the rounding, too: where noise is smaller than a
+    Repeats most of whose samples move the same to the last count share the rounding, too: where noise is smaller than a
     count, it is rounding that is noise, and copies of one run, as a simulation makes them, show none at all.
     """
     runs = session.runs
@@ -83,11 +83,10 @@ def _lasting(one: Run, other: Run) -> Lasting:
 
 
 def _copied(one: Run, other: Run) -> bool:
-    """Whether most samples of two runs are the same in every signal."""
+    """Whether most samples of two runs are the same in angle and speed."""
     length = min(len(one), len(other))
-    same = np.ones(length, dtype=bool)
-    for name in ("position_rad", "speed_rad_s", "torque_nm"):
-        same &= getattr(one, name)[:length] == getattr(other, name)[:length]
+    same = one.position_rad[:length] == other.position_rad[:length]
+    same &= one.speed_rad_s[:length] == other.speed_rad_s[:length]
     return bool(2 * np.count_nonzero(same) > length)
 
 

@@ -42,6 +42,7 @@ from schwung.innovations.likelihood import first_noise
 from schwung.innovations.signals import Signals, picked_signals_of
 from schwung.innovations.statistics import Statistics
 from schwung.motion import Array
+from schwung.session.derived import speed_is_derived
 from schwung.session.model import Session
 
 #: What causes show within (Hz); injections above widen it.
@@ -218,11 +219,11 @@ def band_of(session: Session) -> float:
 
 def signals_as_measured(session: Session, machine: Machine) -> list[Signals]:
     """Every run with all its samples; of a speed that was made of the angle, errors are not its own."""
-    band = band_of(session)
+    band, derived = band_of(session), speed_is_derived(session.runs)
     return [
         replace(
             picked_signals_of(run, machine, band),
-            speed_measured="speed_origin" not in run.extra and bool(np.ptp(run.speed_rad_s)),
+            speed_measured=not derived and bool(np.ptp(run.speed_rad_s)),
         )
         for run in session.runs
     ]

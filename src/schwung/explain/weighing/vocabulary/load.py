@@ -5,6 +5,7 @@ spring at an end −T max(θ_l − p, 0)/r, r from p to the last angle that was 
     cogging a sin nθ + b cos nθ, or with a wave of 2n besides
 inertia −(δJ α + ½ δJ' ω²): δJ constant, ∝ J, J(θ_l + shift) − J(θ_l), or any curve; α, ω of the load
 direction-dependent load T(θ_l) where it moves forward, another backward
+payload −δJ_r α, of run r
 """
 
 from __future__ import annotations
@@ -21,6 +22,7 @@ from schwung.drivetrain.machine import Machine
 from schwung.explain.weighing.along import DIFFERENCE_RAD, Along, Ranges, inertia_of
 from schwung.explain.weighing.candidate import LADDER, RIGHT_TO, Candidate, Shape, grid
 from schwung.explain.weighing.curves import BentCurve, Curve, column
+from schwung.explain.weighing.joined import run_by_run
 from schwung.explain.weighing.vocabulary.friction import SHARP, bump
 from schwung.explain.weighing.vocabulary.line import finest_order
 from schwung.explain.weighing.vocabulary.turning import turning
@@ -179,6 +181,35 @@ def _between_points(off: PPoly, along: Along, _shape: Shape) -> Effect:
     return Effect(on_load=column(-taken))
 
 
+def _payload(of: Ranges, deviation_kgm2: float, least_kgm2: float, known_to_kgm2: float) -> Candidate:
+    """An inertia that is another in each run: what is carried was changed. A file says the mean."""
+
+    @run_by_run
+    def effect(along: Along, _shape: Shape) -> Effect:
+        found = np.zeros((along.speed.size, of.runs))
+        if along.number < of.runs:  # what a run that is yet to come carries is not known
+            found[:, along.number] = -along.load_acceleration
+        return Effect(on_load=found)
+
+    @run_by_run
+    def heavier(along: Along, _shape: Shape, coefficients: Array) -> Array:
+        added = coefficients[along.number] if along.number < of.runs else 0.0
+        return np.full(along.speed.size, added)
+
+    return Candidate(
+        "load_inertia", effect, (deviation_kgm2,) * of.runs, lambda c, _: {"delta_kgm2": _mean_found(c)},
+        positive=tuple(range(of.runs)), least=(least_kgm2,) * of.runs, coordinate="acceleration",
+        known_to=known_to_kgm2, products=np.eye(of.runs) / of.runs, heavier=heavier, each_run=True,
+        unsaid=lambda c, *_: f"what each run has: {', '.join(f'{each:+.3g}' for each in c)} kg·m²",
+    )  # fmt: skip
+
+
+def _mean_found(coefficients: Array) -> float:
+    """Of the runs that were fitted: of the others nothing is found."""
+    found = coefficients[coefficients != 0]
+    return float(np.mean(found)) if found.size else 0.0
+
+
 def of_any_order(
     of: Ranges,
     name: str,
@@ -292,6 +323,7 @@ def load(of: Ranges, torque_nm: float, machine: Machine) -> list[Candidate]:
         Candidate("load_inertia", of_inertia(constant, step), (share * mass,),
                   lambda c, _: {"delta_kgm2": c[0]}, positive=(0,), least=(-float(inertia.min()),),
                   coordinate="acceleration", inertia=constant, known_to=RIGHT_TO * mass, part_of="inertia_profile"),
+        _payload(of, share * mass, -float(inertia.min()), RIGHT_TO * mass),
         Candidate("inertia_profile", of_inertia(profile, 1e-4 * of.span_rad), (1.0,) * masses.size,
                   scales=tuple(s * share for s in LADDER), coordinate="position", inertia=profile,
                   known_to=RIGHT_TO, products=masses.modes.T @ masses.modes / masses.points.size),
