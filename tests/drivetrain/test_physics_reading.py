@@ -170,7 +170,7 @@ def test_a_rigid_machine_has_no_coupling_to_learn_about(tmp_path: Path, name: st
         simulate(rigid, motion.demand(time), time)
 
 
-@pytest.mark.parametrize("name", sorted(CONTRACT.keys() - {"coulomb_friction", "asymmetric_friction",
+@pytest.mark.parametrize("name", sorted(CONTRACT.keys() - {"coulomb_friction", "asymmetric_friction", "quadratic_drag",
                                                             "viscous_friction", "torque_offset"}))  # fmt: skip
 def test_what_does_not_add_may_be_given_once(tmp_path: Path, name: str) -> None:
     with pytest.raises(InputError, match="given twice"):
@@ -183,6 +183,12 @@ def test_frictions_and_offsets_add() -> None:
     assert found.coulomb_positive_nm == found.coulomb_negative_nm == 0.75
     assert found.stribeck_rise_nm == 0.0  # breakaway equals Coulomb here
     assert found.offset_nm == 0.5
+
+
+def test_friction_of_the_motor_and_of_the_load_are_each_their_own() -> None:
+    terms = [{"coefficient_nms2": 0.1}, {"load_coefficient_nms2": 0.2}, {"load_coefficient_nms2": 0.3}]
+    found = effects_of([PhysicsTerm.model_validate({"name": "quadratic_drag", **term}) for term in terms])
+    assert (found.drag_nms2, found.load_drag_nms2) == (0.1, 0.5)
 
 
 def test_two_tables() -> None:

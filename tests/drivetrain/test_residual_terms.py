@@ -100,6 +100,14 @@ CASES: dict[str, tuple[dict[str, Any], Acts]] = {
         {"name": "viscous_drift", "change_nms": 0.4},
         lambda s, t: -0.4 * SHARE * s.speed_rad_s,
     ),
+    "viscosity behind the coupling": (
+        {"name": "viscous_friction", "load_coefficient_nms": 0.3},
+        lambda s, t: -0.3 * s.load_speed_rad_s,
+    ),
+    "a fan": (
+        {"name": "quadratic_drag", "load_coefficient_nms2": 0.02},
+        lambda s, t: -0.02 * np.abs(s.load_speed_rad_s) * s.load_speed_rad_s,
+    ),
     "drift of the offset": (
         {"name": "offset_drift", "change_nm": 6.0},
         lambda s, t: np.full(t.size, 6.0 * SHARE),

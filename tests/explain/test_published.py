@@ -124,6 +124,8 @@ def believing(*terms: dict[str, Any]) -> Machine:
     ("had", "new", "is_now"),
     [
         ({"name": "coulomb_friction", "torque_nm": 1.0}, {"torque_nm": 0.5}, {"torque_nm": 1.5}),
+        ({"name": "quadratic_drag", "coefficient_nms2": 0.3}, {"load_coefficient_nms2": 0.2},
+         {"coefficient_nms2": 0.3, "load_coefficient_nms2": 0.2}),
         ({"name": "coupling_stiffness", "stiffness_nm_rad": 9e3}, {"stiffness_nm_rad": 8e3}, {"stiffness_nm_rad": 8e3}),
         ({"name": "torque_constant", "gain": 1.1}, {"gain": 0.95}, {"gain": 1.05}),
         ({"name": "load_inertia", "scale": 1.1, "delta_kgm2": 0.01}, {"scale": 1.2},

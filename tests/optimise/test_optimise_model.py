@@ -104,6 +104,8 @@ def test_learned_curves_are_planned_with() -> None:
          "table": np.stack([x, 5 * np.sin(x), -7 * np.cos(x)], 1).tolist()},
         {"name": "load_side_friction", "torque_nm": 4.0},
         {"name": "viscous_drift", "change_nms": 0.2},
+        {"name": "viscous_friction", "load_coefficient_nms": 0.1},
+        {"name": "quadratic_drag", "load_coefficient_nms2": 0.01},
         {"name": "end_spring", "stiffness_nm_rad": 15.0, "position_rad": 1.4},
     )  # fmt: skip
     machine = PAPER.model_copy(update={"physics": tuple(PhysicsTerm.model_validate(one) for one in terms)})

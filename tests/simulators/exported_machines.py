@@ -107,6 +107,8 @@ CURVES = (
 )  # fmt: skip
 BEHIND = (
     PhysicsTerm(name="load_side_friction", torque_nm=2.0),
+    PhysicsTerm(name="viscous_friction", load_coefficient_nms=0.15),
+    PhysicsTerm(name="quadratic_drag", load_coefficient_nms2=0.004),
     PhysicsTerm(
         name="residual", coordinate="wind_up", table=[[-2e-3, -9.0], [0.0, 0.0], [1e-3, 2.0], [2e-3, 8.0]]
     ),

@@ -36,8 +36,10 @@ class Effects(NamedTuple):
         0.0  # so many time constants of its settling are in the session; 0: it drifts evenly
     )
     viscous_nms: float = 0.0
+    load_viscous_nms: float = 0.0  # behind the coupling
     viscous_difference_nms: float = 0.0  # of the viscous coefficient, positive direction minus negative
     drag_nms2: float = 0.0
+    load_drag_nms2: float = 0.0  # behind the coupling
     viscous_drift_nms: float = 0.0  # of the viscous coefficient, from first run to last
     offset_drift_nm: float = 0.0  # of the offset likewise
     carried_share: float = 0.0  # friction over the torque that the shaft carries
@@ -159,7 +161,10 @@ PHYSICS: Mapping[str, Mapping[str, Key]] = {
         "coefficient_difference_nms": Key("viscous_difference_nms", "N·m·s/rad", optional=0.0),
     },
     "friction_over_angle": {},
-    "viscous_friction": {"coefficient_nms": Key("viscous_nms", "N·m·s/rad")},
+    "viscous_friction": {
+        "coefficient_nms": Key("viscous_nms", "N·m·s/rad", optional=0.0),
+        "load_coefficient_nms": Key("load_viscous_nms", "N·m·s/rad", optional=0.0),
+    },
     "viscous_drift": {"change_nms": Key("viscous_drift_nms", "N·m·s/rad")},
     "load_dependent_friction": {"share": Key("carried_share", "", _NOT_NEGATIVE, highest=0.9)},
     "load_side_friction": {"torque_nm": Key("load_coulomb_nm", "N·m", _NOT_NEGATIVE)},
@@ -167,7 +172,10 @@ PHYSICS: Mapping[str, Mapping[str, Key]] = {
         "torque_nm": Key("presliding_nm", "N·m", _NOT_NEGATIVE),
         "stiffness_nm_rad": Key("presliding_stiffness_nm_rad", "N·m/rad", _POSITIVE),
     },
-    "quadratic_drag": {"coefficient_nms2": Key("drag_nms2", "N·m·s²/rad²")},
+    "quadratic_drag": {
+        "coefficient_nms2": Key("drag_nms2", "N·m·s²/rad²", optional=0.0),
+        "load_coefficient_nms2": Key("load_drag_nms2", "N·m·s²/rad²", optional=0.0),
+    },
     "local_friction": {
         "torque_nm": Key("local_friction_nm", "N·m"),
         "centre_rad": Key("local_centre_rad", "rad"),
@@ -290,7 +298,16 @@ _OF_COUPLING = (
 #: Names of keys that are so much alike are one, misspelled.
 ALIKE = 0.75
 #: Fields that several terms add to; the others are set by one term alone.
-_ADDED = ("coulomb_positive_nm", "coulomb_negative_nm", "viscous_nms", "offset_nm", "inertia_delta_kgm2")
+_ADDED = (
+    "coulomb_positive_nm",
+    "coulomb_negative_nm",
+    "viscous_nms",
+    "load_viscous_nms",
+    "drag_nms2",
+    "load_drag_nms2",
+    "offset_nm",
+    "inertia_delta_kgm2",
+)
 
 
 def check_physics(terms: Sequence[PhysicsTerm], rigid: bool) -> None:
@@ -357,6 +374,12 @@ def _fields(term: PhysicsTerm) -> dict[str, float]:
             raise InputError("physics.load_torque", "has amplitude_nm beside table", "Keep one of the two.")
         return {}
     _check_spelling(term, keys)
+    if keys and all(key.optional is not None and name not in term.parameters for name, key in keys.items()):
+        first, *others = keys
+        instead = "".join(f", or {name}" for name in others)
+        raise InputError(
+            f"physics.{term.name}", f"{first} is missing", f"Give it as a finite number{instead}."
+        )
     values: dict[str, float] = {}
     for name, key in keys.items():
         absent = key.optional is not None and name not in term.parameters

@@ -114,7 +114,7 @@ def _rates(machine: Learned, state: Masses, torque: float, time: float) -> Masse
     inertia, slope = value_and_slope(plant.inertia, state.load_angle)
     load = value_and_slope(plant.load_torque, state.load_angle)[0]
     load += value_and_slope(machine.load_table, state.load_angle)[0]
-    load += load_torque(e, state.load_angle, time - machine.leaves_rest)
+    load += load_torque(e, state.load_angle, state.load_speed, time - machine.leaves_rest)
     load -= plant.load_friction * state.load_speed + 0.5 * slope * state.load_speed**2
     third = 0.0
     if e.third_inertia_kgm2 > 0.0:

@@ -75,9 +75,10 @@ def motor_torque(
 
 
 @inlined
-def load_torque(e: Effects, angle: float, motion_time: float) -> float:
-    """What acts on the load (N·m): a torque over its angle, springs at its ends, one event at a time in the motion."""
-    torque = 0.0
+def load_torque(e: Effects, angle: float, speed: float, motion_time: float) -> float:
+    """What acts on the load (N·m): viscous friction and drag, a torque over its angle, springs at its ends, one event
+    at a time in the motion."""
+    torque = -(e.load_viscous_nms + e.load_drag_nms2 * abs(speed)) * speed
     if e.end_high_nm_rad != 0.0:
         torque -= e.end_high_nm_rad * max(angle - e.end_high_rad, 0.0)
     if e.end_low_nm_rad != 0.0:

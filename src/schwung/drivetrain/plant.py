@@ -181,7 +181,7 @@ def learned_rest(machine: learned.Learned, read_angle: float) -> tuple[learned.M
             table += kernel.value_and_slope(machine.curves.acceleration, 0.0)[0]
         if machine.curves.any_plane:
             table += sheet_at(machine.curves.position_speed, angle, 0.0)
-        return table + physics.load_torque(e, angle, -np.inf)
+        return table + physics.load_torque(e, angle, 0.0, -np.inf)
 
     def pull(angle: float) -> float:
         """What would turn the load from this angle on (N·m)."""
@@ -266,10 +266,12 @@ def substeps(machine: Machine, plant: kernel.Plant, period: float, top_speed: fl
     )
     dry = _dry_level(e, share) + e.carried_share * machine.motor.peak_torque_nm
     behind = e.load_coulomb_nm + (curves["load_position"].highest_nm if "load_position" in curves else 0.0)
+    behind /= SMOOTHING_RAD_S
+    behind += max(e.load_viscous_nms, 0.0) + 2.0 * abs(e.load_drag_nms2) * top_speed
     directed = (one for over, one in curves.items() if over not in (*residual.UNDIRECTED, "load_position"))
     rubbing += (dry + sum(one.highest_nm for one in directed)) / SMOOTHING_RAD_S
     rubbing += share * max(e.viscous_drift_nms, 0.0)
-    rubbing = max(rubbing / moved, behind / SMOOTHING_RAD_S / lightest)
+    rubbing = max(rubbing / moved, behind / lightest)
     for pair, plane in planes_of(machine.physics).items():
         if "speed" in pair:
             rubbing += plane.steepest(pair.index("speed")) / lightest

@@ -39,6 +39,7 @@ from schwung.innovations.signals import LAGS, Signals, load_angle_range, signals
 from schwung.innovations.splines import Basis
 from schwung.innovations.steps import no_such_machine
 from schwung.motion import Array
+from schwung.session.derived import speed_is_derived
 from schwung.session.model import Run
 
 T = TypeVar("T")
@@ -251,7 +252,10 @@ def _model_of(recorded: Sequence[Run], machine: Machine, rotary: bool) -> tuple[
     basis = Basis(low, high, pieces)
     peak_speed = max(float(np.max(np.abs(run.states[:, 1]))) for run in whole)
     passing = peak_speed * pieces / max(high - low, 1e-12)
-    runs = tuple(signals_of(run, machine, band, passing) for run in recorded)
+    derived = speed_is_derived(recorded)
+    runs = tuple(
+        replace(signals_of(run, machine, band, passing), speed_measured=not derived) for run in recorded
+    )
     return Model(machine, Layout(basis, basis), STICKING * peak_speed), runs
 
 

@@ -84,7 +84,7 @@ def _follow(
             ratio = 1.0
             shaft = inertia * acceleration[at] + 0.5 * slope * x[1] ** 2 + body.load_friction * x[1]
             shaft -= value_and_slope(body.load_torque, x[0])[0] + value_and_slope(machine.load_table, x[0])[0]
-            shaft -= physics.load_torque(e, x[0], 0.5 * step * at) + _directed_load(machine, x[0], x[1])
+            shaft -= physics.load_torque(e, x[0], x[1], 0.5 * step * at) + _directed_load(machine, x[0], x[1])
         else:
             turned, ratio = physics.driven(e, angle[at])
             shaft = physics.coupling_torque(
@@ -126,7 +126,7 @@ def _follow(
             on_load += (
                 value_and_slope(body.load_torque, y[0])[0] + value_and_slope(machine.load_table, y[0])[0]
             )
-            on_load += physics.load_torque(e, y[0], time + share) + _directed_load(machine, y[0], y[1])
+            on_load += physics.load_torque(e, y[0], y[1], time + share) + _directed_load(machine, y[0], y[1])
             on_load -= body.load_friction * y[1] + 0.5 * slope * y[1] ** 2
             k[stage, 2], k[stage, 3] = y[3], 0.0
             if e.third_inertia_kgm2 > 0.0:

@@ -82,8 +82,9 @@ class Model:
 
     def load_needs(self, angle: Any, speed: Any) -> Any:
         """Torque (N·m) that the load takes at a speed (rad/s) without accelerating: ½J'ω², friction, its own torque."""
+        e, size = self.effects, np.sqrt(speed**2 + self.smooth_rad_s**2)
         own, sign = self.load_torque.at(angle), np.tanh(speed / self.smooth_rad_s)
-        own -= self.effects.load_coulomb_nm * sign
+        own -= e.load_coulomb_nm * sign + (e.load_viscous_nms + e.load_drag_nms2 * size) * speed
         if "load_position" in self.curves:
             own += self.curves["load_position"].at(angle, sign)
         return self.inertia_slope.at(angle) / 2 * speed**2 + self.load_friction_nms * speed - own

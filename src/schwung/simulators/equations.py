@@ -295,6 +295,8 @@ def _outside(told: Exported, here: frozenset[str]) -> str:
     if told.has("residual_position_speed_plane"):
         parts.append("plane_value(residual_position_speed_plane, load_angle, load_speed)")
     resisted = " - load_coulomb_nm*load_way" if "load_coulomb_nm" in here else ""
+    resisted += " - load_viscous_nms*load_speed" if "load_viscous_nms" in here else ""
+    resisted += " - load_drag_nms2*abs(load_speed)*load_speed" if "load_drag_nms2" in here else ""
     resisted += " - end_high_nm_rad*max(load_angle - end_high_rad, 0)" if "end_high_nm_rad" in here else ""
     return (" + ".join(parts) or "0") + resisted
 

@@ -73,8 +73,8 @@ class Known:
         if along.number < len(self.phases_rad):  # of a run that is yet to come, the file's is as good as any
             e = e._replace(periodic_phase_rad=self.phases_rad[along.number])
         on_motor, on_load = _torques(
-            e, along.angle, along.load_angle, along.speed, along.direction, along.time_s, along.motion_time_s,
-            along.share,
+            e, along.angle, along.load_angle, along.speed, along.load_speed, along.direction, along.time_s,
+            along.motion_time_s, along.share,
         )  # fmt: skip
         if self.table is not None:
             on_load = on_load + self.table.at(along.load_angle)
@@ -324,6 +324,7 @@ def _torques(
     angle: Array,
     load_angle: Array,
     speed: Array,
+    load_speed: Array,
     direction: Array,
     time: Array,
     motion_time: Array,
@@ -333,7 +334,7 @@ def _torques(
     for i in range(angle.size):
         rubbing = dry_friction(e, angle[i], np.copysign(speed[i], direction[i]), share) * direction[i]
         on_motor[i] = smooth_torque(e, angle[i], speed[i], time[i], e.periodic_phase_rad, share) - rubbing
-        on_load[i] = load_torque(e, load_angle[i], motion_time[i])
+        on_load[i] = load_torque(e, load_angle[i], load_speed[i], motion_time[i])
     return on_motor, on_load
 
 

@@ -104,9 +104,9 @@ def _listed(value: Any) -> Any:
 _SUMS = {
     "coulomb_friction": ("torque_nm",),
     "asymmetric_friction": ("torque_positive_nm", "torque_negative_nm"),
-    "viscous_friction": ("coefficient_nms",),
+    "viscous_friction": ("coefficient_nms", "load_coefficient_nms"),
     "viscous_drift": ("change_nms",),
-    "quadratic_drag": ("coefficient_nms2",),
+    "quadratic_drag": ("coefficient_nms2", "load_coefficient_nms2"),
     "friction_drift": ("change_nm",),
     "load_dependent_friction": ("share",),
     "load_side_friction": ("torque_nm",),
@@ -170,7 +170,8 @@ def _merged(law: str, had: Mapping[str, Any], new: Mapping[str, Any]) -> _Parame
     alike, summed = _SHAPED.get(law, ((), _SUMS.get(law, ())))
     if not _same(law, alike, had, new) or (law == "friction_drift" and had.get("settling", 0.0) != 0.0):
         return None
-    return {key: had[key] + new[key] for key in summed} or _changed(law, had, new)
+    given = [key for key in summed if key in had or key in new]
+    return {key: had.get(key, 0.0) + new.get(key, 0.0) for key in given} or _changed(law, had, new)
 
 
 def _changed(law: str, had: Mapping[str, Any], new: Mapping[str, Any]) -> _Parameters | None:

@@ -215,6 +215,7 @@ static Masses rates(const double *p, Masses s, double torque, double time) {
     const Point inertia = load_inertia(p, s.load_angle);
     double load = load_torque(p, s.load_angle, time - p[MOTION_START_S]);
     load -= p[LOAD_VISCOUS_FRICTION_NMS] * s.load_speed + 0.5 * inertia.slope * s.load_speed * s.load_speed;
+    load -= (p[LOAD_VISCOUS_NMS] + p[LOAD_DRAG_NMS2] * fabs(s.load_speed)) * s.load_speed;
     Masses r = {s.motor_speed, 0.0, s.load_speed, 0.0, s.third_speed, 0.0, 0.0, 0.0, 0.0};
     double driving = torque;
     if (p[TORQUE_FADE] != 0.0) {
@@ -340,8 +341,9 @@ static double steps_needed(const Machine *m, double duration) {
     rubbing += p[SESSION_SHARE] * larger(p[VISCOUS_DRIFT_NMS], 0.0);
     dry += HIGHEST(RESIDUAL_POSITION) + HIGHEST(RESIDUAL_SPEED) + HIGHEST(RESIDUAL_TORQUE) + HIGHEST(RESIDUAL_RUN);
     dry += p[CARRIED_SHARE] * fabs(p[TORQUE]);
-    const double behind = HIGHEST(RESIDUAL_LOAD_POSITION) + p[LOAD_COULOMB_NM];
-    rubbing = larger((rubbing + dry / p[SMOOTHING_RAD_S]) / mass, behind / p[SMOOTHING_RAD_S] / lightest);
+    double behind = (HIGHEST(RESIDUAL_LOAD_POSITION) + p[LOAD_COULOMB_NM]) / p[SMOOTHING_RAD_S];
+    behind += larger(p[LOAD_VISCOUS_NMS], 0.0) + 2.0 * fabs(p[LOAD_DRAG_NMS2]) * speed;
+    rubbing = larger((rubbing + dry / p[SMOOTHING_RAD_S]) / mass, behind / lightest);
     rubbing += steepest(&RESIDUAL_POSITION_SPEED_PLANE[0][0], HIGH(RESIDUAL_POSITION_SPEED_PLANE),
                         WIDE(RESIDUAL_POSITION_SPEED_PLANE)) / lightest;
     if (p[TORQUE_FADE] > 0.0) rubbing = larger(rubbing, 1.0 / p[TORQUE_FADE_S]);

@@ -3,7 +3,7 @@
 coulomb −F d        asymmetric −F₊ (1 + d)/2 + F₋ (1 − d)/2       viscous −b ω        drag −c |ω| ω
 stribeck −(F + ΔF e^{−|ω/ω_S|ⁿ}) d        local −F d · bump(θ)        over the angle −F(θ) d
 drift −ΔF d · share of the session, as it settles        load-dependent −s |C| d, C what the shaft carries
-behind it −F d_l
+behind it −F d_l        and there −b ω_l        −c |ω_l| ω_l
 """
 
 from __future__ import annotations
@@ -92,13 +92,26 @@ def _behind(along: Along, _shape: Shape) -> Effect:
     return Effect(on_load=column(-along.load_direction))
 
 
+def _viscous_behind(along: Along, _shape: Shape) -> Effect:
+    return Effect(on_load=column(-along.load_speed))
+
+
+def _drag_behind(along: Along, _shape: Shape) -> Effect:
+    return Effect(on_load=column(-np.abs(along.load_speed) * along.load_speed))
+
+
 def friction(of: Ranges, torque_nm: float, rigid: bool, known: Known) -> list[Candidate]:
     """The family; `torque_nm`: a natural torque; `known`: whose frictions no change makes negative."""
     speed, span = of.peak_speed_rad_s, min(of.span_rad, 2 * np.pi)
     natural, viscous = torque_nm, torque_nm / speed
     e, plain = known.effects, known.machine
     ahead, back = e.coulomb_positive_nm, e.coulomb_negative_nm
-    rubbing = e.viscous_nms + plain.motor.viscous_friction_nms + plain.load.viscous_friction_nms
+    rubbing = (
+        e.viscous_nms
+        + plain.motor.viscous_friction_nms
+        + plain.load.viscous_friction_nms
+        + e.load_viscous_nms
+    )
     slowest = OPEN * of.sticking_rad_s
     angle = Curve.over(of.low_rad, of.high_rad, 0.3)
     level = Curve(angle.points, np.concatenate([np.ones((angle.points.size, 1)), angle.modes], 1))
@@ -141,9 +154,17 @@ def friction(of: Ranges, torque_nm: float, rigid: bool, known: Known) -> list[Ca
         Candidate("load_dependent_friction", _gear_loss, (NATURAL,), lambda c, _: {"share": c[0]},
                   positive=(0,), coordinate="torque"),
     ]  # fmt: skip
-    if not rigid:
-        found.append(
-            Candidate("load_side_friction", _behind, (natural,), lambda c, _: {"torque_nm": c[0]},
-                      positive=(0,), coordinate="direction")
-        )  # fmt: skip
-    return found
+    return found if rigid else [*found, *_on_load(natural, viscous, viscous / speed, known)]
+
+
+def _on_load(dry: float, viscous: float, drag: float, known: Known) -> list[Candidate]:
+    """The same behind the coupling; natural sizes. Viscous friction and drag have one name, on whichever side."""
+    e, plain = known.effects, known.machine.load.viscous_friction_nms
+    return [
+        Candidate("load_side_friction", _behind, (dry,), lambda c, _: {"torque_nm": c[0]},
+                  positive=(0,), coordinate="direction"),
+        Candidate("viscous_friction", _viscous_behind, (viscous,), lambda c, _: {"load_coefficient_nms": c[0]},
+                  positive=(0,), least=(-plain - e.load_viscous_nms,), coordinate="speed"),
+        Candidate("quadratic_drag", _drag_behind, (drag,), lambda c, _: {"load_coefficient_nms2": c[0]},
+                  positive=(0,), least=(-e.load_drag_nms2,), coordinate="speed"),
+    ]  # fmt: skip
