@@ -182,32 +182,35 @@ def _between_points(off: PPoly, along: Along, _shape: Shape) -> Effect:
 
 
 def _payload(of: Ranges, deviation_kgm2: float, least_kgm2: float, known_to_kgm2: float) -> Candidate:
-    """An inertia that is another in each run: what is carried was changed. A file says the mean."""
+    """An inertia that is another in each run: what is carried was changed. A file says what they share."""
+    runs = of.runs
 
     @run_by_run
     def effect(along: Along, _shape: Shape) -> Effect:
-        found = np.zeros((along.speed.size, of.runs))
-        if along.number < of.runs:  # what a run that is yet to come carries is not known
-            found[:, along.number] = -along.load_acceleration
+        found = np.zeros((along.speed.size, 1 + runs))
+        found[:, 0] = -along.load_acceleration
+        if along.number < runs:  # what a run that is yet to come carries besides is not known
+            found[:, 1 + along.number] = found[:, 0]
         return Effect(on_load=found)
 
     @run_by_run
     def heavier(along: Along, _shape: Shape, coefficients: Array) -> Array:
-        added = coefficients[along.number] if along.number < of.runs else 0.0
-        return np.full(along.speed.size, added)
+        own = coefficients[1 + along.number] if along.number < runs else 0.0
+        return np.full(along.speed.size, coefficients[0] + own)
 
     return Candidate(
-        "load_inertia", effect, (deviation_kgm2,) * of.runs, lambda c, _: {"delta_kgm2": _mean_found(c)},
-        positive=tuple(range(of.runs)), least=(least_kgm2,) * of.runs, coordinate="acceleration",
-        known_to=known_to_kgm2, products=np.eye(of.runs) / of.runs, heavier=heavier, each_run=True,
-        unsaid=lambda c, *_: f"what each run has: {', '.join(f'{each:+.3g}' for each in c)} kg·m²",
+        "load_inertia", effect, (deviation_kgm2,) * (1 + runs), lambda c, _: {"delta_kgm2": c[0]},
+        positive=(0,), least=(least_kgm2,), coordinate="acceleration", known_to=known_to_kgm2,
+        products=np.eye(1 + runs) / runs, heavier=heavier, each_run=True,
+        unsaid=lambda c, *_: f"what each run has of it: {_run_by_run(c)} kg·m²",
     )  # fmt: skip
 
 
-def _mean_found(coefficients: Array) -> float:
-    """Of the runs that were fitted: of the others nothing is found."""
-    found = coefficients[coefficients != 0]
-    return float(np.mean(found)) if found.size else 0.0
+def _run_by_run(coefficients: Array) -> str:
+    """What each run that was fitted has, alike in their digits."""
+    own = {run: coefficients[0] + each for run, each in enumerate(coefficients[1:]) if each != 0}
+    digits = max(1 - int(np.floor(np.log10(max(map(abs, own.values()), default=1.0)))), 0)
+    return ", ".join(f"run {run} {round(each, digits) + 0.0:+.{digits}f}" for run, each in own.items())
 
 
 def of_any_order(
