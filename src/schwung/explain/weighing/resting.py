@@ -126,8 +126,9 @@ class Rests:
         return bool(at.about.square(self.train) > FAR**2 * at.about.samples(self.train))
 
     def leaves(self, at: Settled) -> bool:
-        """Whether a set misses more than noise."""
-        return at.about.square(self.train) > at.about.samples(self.train)
+        """Whether a set misses more than noise does by chance (two standard deviations)."""
+        samples = at.about.samples(self.train)
+        return at.about.square(self.train) > samples + 2 * float(np.sqrt(2 * samples))
 
     def least(self, search: Search, one: Scored, start: Scored, at: Settled) -> float:
         """What a set has to be at rest to be as probable as the one at hand (log)."""
@@ -149,10 +150,12 @@ class Rests:
             return best, at, here
         found, top = (best, at), 0.0
         for kind, (_, log) in sorted(self.rested.items(), key=lambda item: -item[1][1]):
-            if kind == search.kind(best.picks) or log < here - HOPELESS or search.data.work.spent:
+            if kind == search.kind(best.picks) or search.data.work.spent:
                 continue
             one = search.score(carried(search.data, self.rested[kind][0]))
-            tried, gain = self.rest(search, one, best, at)
+            if max(log - here, one.log - best.log) < -HOPELESS:
+                continue
+            tried, gain = self.rest(search, one, best, at, -HOPELESS)
             chance = self.by_chance(tried, at)
             picks, at_rest = self.rested[kind]
             self.rested[kind] = picks, at_rest - chance
