@@ -55,6 +55,7 @@ class Operation:
     onwards: bool = False  # each stroke from where the last one ended, and none back
     every: int = 5  # steps of the plant in a sample
     rounded_nm: float = 0.0  # the reported torque
+    rounded_rad_s: float = 0.0  # the reported speed
     counts: int = 0  # of the encoder in a turn; the speed is that of the angle between ticks, filtered
     late: bool = False  # whether that is late, which may be told
 
@@ -74,6 +75,11 @@ OPERATIONS = (
               stroke_rad=np.pi / 2),
     Operation("logged at 500 Hz, dry friction", ("coulomb_friction",), dry_nm=(0.4, 0.4), every=40),
     Operation("torque in steps of 0.1, dry friction", ("coulomb_friction",), dry_nm=(0.4, 0.4), rounded_nm=0.1),
+    Operation("speed in steps of 1/min, nothing hidden", rounded_rad_s=np.pi / 30),
+    Operation("speed in steps of 1/min, dry friction", ("coulomb_friction",), dry_nm=(0.4, 0.4),
+              rounded_rad_s=np.pi / 30),
+    Operation("an encoder of 18 bits, speed in steps of 1/min, dry friction", ("coulomb_friction",), late=True,
+              dry_nm=(0.4, 0.4), counts=2**18, rounded_rad_s=np.pi / 30, every=20),
     Operation("no injection, dry friction", ("coulomb_friction",), dry_nm=(0.4, 0.4), phases=(None, None, None)),
     Operation("no repeat, dry friction", ("coulomb_friction",), dry_nm=(0.4, 0.4), times_s=UNREPEATED, phases=(0.0,)),
     Operation("no injection, load 6 % heavier", ("load_inertia",), ("motor_inertia",), heavier=(1.06,),
@@ -198,6 +204,9 @@ def session_of(operation: Operation, seed: int) -> Session:
             torque = torque + noise[:, 2]
             if operation.rounded_nm:
                 torque = np.round(torque / operation.rounded_nm) * operation.rounded_nm
+            speed = rows[::every, 1] + noise[:, 1]
+            if operation.rounded_rad_s:
+                speed = np.round(speed / operation.rounded_rad_s) * operation.rounded_rad_s
             runs.append(
                 Run(
                     role="reference" if sine is None else "excited",
@@ -205,7 +214,7 @@ def session_of(operation: Operation, seed: int) -> Session:
                     sample_rate_hz=1 / (every * STEP_S),
                     time_s=time_s[::every],
                     position_rad=rows[::every, 0] + noise[:, 0],
-                    speed_rad_s=rows[::every, 1] + noise[:, 1],
+                    speed_rad_s=speed,
                     torque_nm=torque,
                     torque_added_nm=_averaged(added, every),
                     motion=motion,

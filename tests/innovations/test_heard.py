@@ -12,7 +12,7 @@ from schwung.explain.weighing.known import known
 from schwung.explain.weighing.true_torque import TrueTorque
 from schwung.innovations.effect import Passed
 from schwung.innovations.likelihood import Noise
-from schwung.innovations.low_pass import heard, loudness, low_passed
+from schwung.innovations.low_pass import heard, loudness, low_passed, surely_heard
 from schwung.innovations.signals import signals_of
 
 NOISE = Noise(0.05, 1e-2, 2e-6, 0.01)
@@ -53,11 +53,16 @@ def test_a_regressor_that_is_heard_does_not_meet_its_own_noise() -> None:
     np.testing.assert_allclose(heard(line, 1e-9), line, atol=1e-6)
 
 
-def test_of_what_is_only_noise_next_to_nothing_is_heard() -> None:
-    """A loud slow signal: beyond it, averages that are above the noise by chance kept 0.15 of it."""
+def test_of_what_is_only_noise_next_to_nothing_is_surely_heard() -> None:
+    """A loud slow signal: beyond it, averages that are above the noise by chance keep 0.15 of it."""
     count, kept = 4000, []
     slow = 10 * np.sin(2 * np.pi * 3.0 * np.arange(count) / count) ** 3
     for number in range(8):
         noise = np.random.default_rng(number).standard_normal(count)
-        kept.append(float((heard(slow + noise, 1.0) - slow) @ noise) / count)
-    assert np.mean(kept) < 0.07
+        kept.append(
+            [float((each(slow + noise, 1.0) - slow) @ noise) / count for each in (heard, surely_heard)]
+        )
+    likely, surely = np.mean(kept, axis=0)
+    assert likely > 0.1
+    assert surely < 0.07
+    np.testing.assert_allclose(surely_heard(slow, 1e-9), slow, atol=1e-6)

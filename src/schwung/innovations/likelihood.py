@@ -269,14 +269,16 @@ def likely_noise(
     """
     # a simulation's runs have no noise: below this the filter's own rounding would be told; repeats may share that of
     # what was recorded
-    finest = max(FINEST * span_rad, _COUNTED * max(_rounding(run.count_rad) for run in runs))
+    speed_shows = any(run.speed_measured for run in runs)
+    # where the angle alone tells, it is as noisy as rounding makes it in motion: at rest, a count stays, none shows
+    counted = _COUNTED if speed_shows else 1.0
+    finest = max(FINEST * span_rad, counted * max(_rounding(run.count_rad) for run in runs))
     least_nm = FINEST * max(float(np.ptp(run.load_nm)) for run in runs)
     least_rad_s = max(
         max(FINEST * float(np.ptp(run.speed_rad_s)), _COUNTED * _rounding(count_of(run.speed_rad_s)))
         for run in runs
     )
     usual = float(np.sqrt(np.mean(np.concatenate([run.load_nm for run in runs]) ** 2))) if whole else 0.0
-    speed_shows = any(run.speed_measured for run in runs)
 
     def noise_of(place: Array) -> Noise:
         torque, speed, position = (float(v) for v in np.exp(place[:3]))

@@ -99,9 +99,7 @@ def heard(values: Array, noise: float | Array) -> Array:
     """What is expected of a signal (n,) in noise (Wiener): at each frequency the share of the power about it that is
     not noise's. `noise`: its deviation, where it is white, or its `loudness` (n − 2,).
 
-    Used as a regressor, a noisy signal meets its own noise in what it shall explain; its expectation does not. Where
-    there is nothing but noise, half of the averages are above it by chance: at each frequency there is as often nothing
-    as a signal of any loudness up to the loudest that there is.
+    Used as a regressor, a noisy signal meets its own noise in what it shall explain; its expectation does not.
     """
     if values.size < 4 * _BROADLY:
         return values
@@ -109,8 +107,19 @@ def heard(values: Array, noise: float | Array) -> Array:
     # of each of the unnormalised sines
     loud = 2 * (values.size - 1) * noise**2 if isinstance(noise, float) else noise
     power = np.maximum(_averaged(sines**2, _BESIDE), 1e-300)
-    over = np.log(np.maximum(power, 1e-300)) - np.log(np.maximum(loud, 1e-300))
+    return _from_sines(line, sines * np.clip(1 - loud / power, 0.0, 1.0))
+
+
+def surely_heard(values: Array, noise: float) -> Array:
+    """The same of what is surely more than white noise. Of nothing but noise, half of the averages are above it by
+    chance: at each frequency there is as often nothing as a signal of any loudness up to the loudest that there is.
+    """
+    if values.size < 4 * _BROADLY:
+        return values
+    line, sines = _in_sines(values)
+    power = np.maximum(_averaged(sines**2, _BESIDE), 1e-300)
     at, odds, left = _signals()
+    over = np.maximum(np.log(power) - np.log(max(2 * (values.size - 1) * noise**2, 1e-300)), at[0])
     open_to = np.log(max(float(np.max(over)), 1.0))
     there = expit(np.interp(over, at, odds) - open_to)
     return _from_sines(line, sines * there * (1 - np.interp(over, at, left) * np.exp(-over)))
@@ -118,7 +127,7 @@ def heard(values: Array, noise: float | Array) -> Array:
 
 @lru_cache(maxsize=1)
 def _signals() -> tuple[Array, Array, Array]:
-    """Of the logarithm of a power over the noise's, averaged as `heard` does, (k,): log odds that there is a signal,
+    """Of the logarithm of a power over the noise's, averaged as they are heard, (k,): log odds that there is a signal,
     but for how far its loudness is open (log), and how much of the noise's power is then expected to be in it.
 
     Of a power of 1 + s the average of m sines is a gamma distribution; with u = 1/(1 + s) anywhere in its logarithm

@@ -12,10 +12,12 @@ from dataclasses import replace
 
 import numpy as np
 
-from schwung.explain.weighing.round import Linearised
+from schwung.explain.weighing.round import Linearised, torque_noise
+from schwung.explain.weighing.true_torque import TrueTorque
 from schwung.innovations import kalman, kernel
 from schwung.innovations.effect import Passed
 from schwung.innovations.likelihood import problem_of
+from schwung.innovations.low_pass import surely_heard
 from schwung.motion import Array
 
 
@@ -40,13 +42,19 @@ def _in_run(one: Linearised, other: Linearised, run: int) -> float:
     mine, theirs = first.equations.transition, second.equations.transition
     if mine.shape == theirs.shape and np.array_equal(mine, theirs):
         return plain
-    noise = one.view.torques[run].noise_nm
+    noise = _surely(one, run).noise_nm
     apart = _reads(first, *noise) - _reads(second, *noise)
     shown = [_shown(each, apart) for each in (first, second)]
     by_first = float(np.sum((first.innovations + shown[0]) ** 2)) - misses[0]
     by_second = misses[1] - float(np.sum((second.innovations - shown[1]) ** 2))
     alike = (by_first + by_second) / 2
     return alike if np.isfinite(alike) else plain
+
+
+def _surely(about: Linearised, run: int) -> TrueTorque:
+    """The torque of a run as far as it is surely no noise: what is left of that would meet itself in what is missed."""
+    torque, injected = about.view.torques[run], about.view.runs[run].drive.injected_nm
+    return replace(torque, nm=surely_heard(torque.nm - injected, torque_noise(about, run)) + injected)
 
 
 def _reads(passed: Passed, start: Array, end: Array, height: Array) -> Array:

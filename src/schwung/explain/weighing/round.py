@@ -370,10 +370,16 @@ def torques_about(about: Linearised) -> tuple[TrueTorque, ...]:
 
 def _without_noise(about: Linearised, number: int) -> Array:
     """The torque of a run (N·m), (n,), as far as it moves the machine and can be heard."""
+    drive = about.view.runs[number].drive
+    reported = drive.smooth_nm - about.passed[number].torque_error_nm
+    return np.asarray(heard(reported, torque_noise(about, number)) + drive.injected_nm)
+
+
+def torque_noise(about: Linearised, number: int) -> float:
+    """Standard deviation of the torque's error at each sample of a run that is taken (N·m)."""
     run, noise = about.view.runs[number], about.noise
-    size = float(np.sqrt(noise.torque_nm**2 + np.mean((noise.torque_share * run.load_nm) ** 2)))
-    reported = run.drive.smooth_nm - about.passed[number].torque_error_nm
-    return np.asarray(heard(reported, size / np.sqrt(run.drive.every)) + run.drive.injected_nm)
+    power = noise.torque_nm**2 + np.mean((noise.torque_share * run.load_nm) ** 2)
+    return float(np.sqrt(power / run.drive.every))
 
 
 def loud_about(about: Linearised) -> tuple[Sequence[Array], ...]:
