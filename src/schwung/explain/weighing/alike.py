@@ -12,8 +12,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from schwung.explain.weighing.round import Linearised, torque_noise
-from schwung.explain.weighing.true_torque import TrueTorque
+from schwung.explain.weighing.round import Linearised
+from schwung.explain.weighing.true_torque import TrueTorque, torque_noise
 from schwung.innovations import kalman, kernel
 from schwung.innovations.effect import Passed
 from schwung.innovations.likelihood import problem_of
@@ -53,8 +53,11 @@ def _in_run(one: Linearised, other: Linearised, run: int) -> float:
 
 def _surely(about: Linearised, run: int) -> TrueTorque:
     """The torque of a run as far as it is surely no noise: what is left of that would meet itself in what is missed."""
-    torque, injected = about.view.torques[run], about.view.runs[run].drive.injected_nm
-    return replace(torque, nm=surely_heard(torque.nm - injected, torque_noise(about, run)) + injected)
+    torque, signals = about.view.torques[run], about.view.runs[run]
+    injected = signals.drive.injected_nm
+    return replace(
+        torque, nm=surely_heard(torque.nm - injected, torque_noise(signals, about.noise)) + injected
+    )
 
 
 def _reads(passed: Passed, start: Array, end: Array, height: Array) -> Array:

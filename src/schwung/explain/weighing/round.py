@@ -16,7 +16,7 @@ from schwung.explain.weighing.equations import Acting, equations_of, load_taken,
 from schwung.explain.weighing.joined import Joined
 from schwung.explain.weighing.known import Known
 from schwung.explain.weighing.present import Member, with_members
-from schwung.explain.weighing.true_torque import TrueTorque
+from schwung.explain.weighing.true_torque import TrueTorque, torque_noise
 from schwung.explain.weighing.work import LINEARISED, NOISE, Work
 from schwung.innovations.effect import Effect, Passed, whiten
 from schwung.innovations.likelihood import Noise, likely_noise, unshared_deviance_of
@@ -372,14 +372,7 @@ def _without_noise(about: Linearised, number: int) -> Array:
     """The torque of a run (N·m), (n,), as far as it moves the machine and can be heard."""
     drive = about.view.runs[number].drive
     reported = drive.smooth_nm - about.passed[number].torque_error_nm
-    return np.asarray(heard(reported, torque_noise(about, number)) + drive.injected_nm)
-
-
-def torque_noise(about: Linearised, number: int) -> float:
-    """Standard deviation of the torque's error at each sample of a run that is taken (N·m)."""
-    run, noise = about.view.runs[number], about.noise
-    power = noise.torque_nm**2 + np.mean((noise.torque_share * run.load_nm) ** 2)
-    return float(np.sqrt(power / run.drive.every))
+    return np.asarray(heard(reported, torque_noise(about.view.runs[number], about.noise)) + drive.injected_nm)
 
 
 def loud_about(about: Linearised) -> tuple[Sequence[Array], ...]:

@@ -9,6 +9,7 @@ from functools import cached_property
 
 import numpy as np
 
+from schwung.innovations.likelihood import Noise
 from schwung.innovations.low_pass import low_passed
 from schwung.innovations.signals import SHORTEST, WIDEST, Between, Signals
 from schwung.innovations.splines import bends, slopes
@@ -98,6 +99,12 @@ class TrueTorque:
         found = slopes(rough - self.run.quiet(rough), self.run.step_s)
         found[[0, -1]] = 0.0
         return found
+
+
+def torque_noise(run: Signals, noise: Noise) -> float:
+    """Standard deviation of the torque's error at each sample of a run that is taken (N·m)."""
+    power = noise.torque_nm**2 + np.mean((noise.torque_share * run.load_nm) ** 2)
+    return float(np.sqrt(power / run.drive.every))
 
 
 #: Limits that are looked at, up to the peak.
