@@ -1,5 +1,7 @@
 """What a motion is expected to tell, against formulas of its own, and of a session that was weighed."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from scipy.stats import multivariate_normal, norm
@@ -90,3 +92,17 @@ def test_of_a_weighed_session():
     slower = session_of(hidden, 6, every=8, times=(0.9,)).runs[:1]
     if not rivals.settled:
         assert rivals.gain(slower).information >= 0.0
+
+
+@pytest.mark.long
+def test_a_speed_that_tells_nothing_now_tells_nothing_next_time():
+    hidden = Stranger("dry friction", ("coulomb_friction",), (0.8, 0.0, 0.0, 0.0))
+    session = fewer(session_of(hidden, 5, every=8, times=(0.25,)), 1)
+    derived = replace(
+        session,
+        runs=tuple(replace(run, extra={**run.extra, "speed_origin": "derived"}) for run in session.runs),
+    )
+    posterior = posterior_of(derived, belief_of(hidden), heldout=())
+    planned = session_of(hidden, 6, every=8, times=(0.9,)).runs[:1]
+    (next_time,) = Rivals.of(posterior)._along(planned).view.runs
+    assert not next_time.speed_measured

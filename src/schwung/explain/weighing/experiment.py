@@ -165,7 +165,11 @@ class Rivals:
         data = self.posterior.sure.data
         about, members = data.about, data.members
         known, ranges = about.view.known, about.view.ranges
-        signals = tuple(picked_signals_of(run, known.machine, ranges.band_hz) for run in runs)
+        as_now = about.view.runs[0].speed_measured
+        signals = tuple(
+            replace(picked_signals_of(run, known.machine, ranges.band_hz), speed_measured=as_now)
+            for run in runs
+        )
         torques = tuple(TrueTorque(run, run.drive.whole_nm) for run in signals)
         view: View = replace(
             about.view,

@@ -198,10 +198,17 @@ def _payload(of: Ranges, deviation_kgm2: float, least_kgm2: float, known_to_kgm2
         own = coefficients[1 + along.number] if along.number < runs else 0.0
         return np.full(along.speed.size, coefficients[0] + own)
 
+    def none(coefficients: Array, _shape: Shape) -> bool:
+        """Whether the runs carry alike, or one of them less than nothing."""
+        own = coefficients[1:][coefficients[1:] != 0]  # of runs that were fitted
+        if not own.size:
+            return False
+        return bool(np.ptp(own) <= known_to_kgm2 or coefficients[0] + np.min(own) <= least_kgm2)
+
     return Candidate(
         "load_inertia", effect, (deviation_kgm2,) * (1 + runs), lambda c, _: {"delta_kgm2": c[0]},
         positive=(0,), least=(least_kgm2,), coordinate="acceleration", known_to=known_to_kgm2,
-        products=np.eye(1 + runs) / runs, heavier=heavier, each_run=True,
+        products=np.eye(1 + runs) / runs, heavier=heavier, each_run=True, none_of=none,
         unsaid=lambda c, *_: f"what each run has of it: {_run_by_run(c)} kg·m²",
     )  # fmt: skip
 
