@@ -150,12 +150,12 @@ class Rests:
             return best, at, here
         found, top = (best, at), 0.0
         for kind, (_, log) in sorted(self.rested.items(), key=lambda item: -item[1][1]):
-            if kind == search.kind(best.picks) or search.data.work.spent:
-                continue
+            if kind == search.kind(best.picks) or np.isneginf(log) or search.data.work.spent:
+                continue  # what ended at a bound of its shapes ends there again
             one = search.score(carried(search.data, self.rested[kind][0]))
             if max(log - here, one.log - best.log) < -HOPELESS:
                 continue
-            tried, gain = self.rest(search, one, best, at, -HOPELESS)
+            tried, gain = self.rest(search, one, best, at, -HOPELESS, everywhere=False)
             chance = self.by_chance(tried, at)
             picks, at_rest = self.rested[kind]
             self.rested[kind] = picks, at_rest - chance
