@@ -82,9 +82,9 @@ def test_what_is_known_of_it_is_no_longer_missed():
     angle = np.linspace(0.5, 4.5, 50)
     nothing = np.zeros(50)
     along = SimpleNamespace(
-        angle=angle, load_angle=angle, speed=nothing, load_speed=nothing, time_s=nothing, motion_time_s=nothing, share=0.0,
-        number=0, ranges=RANGES, run=SimpleNamespace(drive=SimpleNamespace(whole_nm=nothing)), reported_rate=nothing,
-        direction=nothing, wound=nothing,
+        angle=angle, load_angle=angle, speed=nothing, load_speed=nothing, time_s=nothing, motion_time_s=nothing,
+        share=0.0, number=0, ranges=RANGES, run=SimpleNamespace(drive=SimpleNamespace(whole_nm=nothing)),
+        reported_rate=nothing, direction=nothing, wound=nothing,
     )  # fmt: skip
     found = known(machine(spring()), 0.5, 4.5).effect(along).on_load[:, 0]
     np.testing.assert_allclose(found, -STIFFNESS * np.maximum(angle - POSITION, 0.0), atol=1e-12)

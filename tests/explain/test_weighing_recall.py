@@ -1,7 +1,8 @@
 """Of sets that explain the same, each is weighed by what it was worth at rest."""
 
+from collections.abc import Mapping
 from functools import partial
-from types import SimpleNamespace
+from types import MappingProxyType, SimpleNamespace
 from typing import Any, cast
 
 import pytest
@@ -146,16 +147,25 @@ class _AtRest:
     rests: Any
     search: Any
 
-    def __init__(self, monkeypatch: pytest.MonkeyPatch, rested: dict[frozenset[int], float]) -> None:
+    def __init__(
+        self,
+        monkeypatch: pytest.MonkeyPatch,
+        rested: dict[frozenset[int], float],
+        promised: Mapping[frozenset[int], float] = MappingProxyType({}),
+    ) -> None:
         monkeypatch.setattr(resting, "goes_otherwise", lambda _: True)
         monkeypatch.setattr(resting, "carried", lambda _, picks: picks)
         monkeypatch.setattr(resting, "kept", lambda _, best, __: best.picks)
         monkeypatch.setattr(Rests, "leaves", lambda *_: False)
         monkeypatch.setattr(
-            Rests, "rest", lambda _, __, one, ___, at: (one.picks, rested[frozenset(one.picks)] - at.log)
+            Rests,
+            "rest",
+            lambda _, __, one, ___, at, *____, **_____: (one.picks, rested[frozenset(one.picks)] - at.log),
         )
         self.search = SimpleNamespace(
-            kind=frozenset, prior=lambda _: 0.0, score=lambda picks: SimpleNamespace(picks=picks)
+            kind=frozenset,
+            prior=lambda _: 0.0,
+            score=lambda picks: SimpleNamespace(picks=picks, log=promised.get(frozenset(picks), -200.0)),
         )
         self.search.data = SimpleNamespace(work=SimpleNamespace(spent=False))
         self.rests = Rests((), (), cast(Any, None))
@@ -166,7 +176,7 @@ def test_what_is_likelier_by_chance_alone_gives_way_at_last(monkeypatch: pytest.
     at_rest = _AtRest(monkeypatch, {LATE: -10.0, SOFT: -25.0, BOTH: -14.0})
     chance = {(2,): -18.0, (1, 2): 6.0}
     monkeypatch.setattr(Rests, "by_chance", lambda _, tried, __: chance[tried])
-    best: Any = SimpleNamespace(picks=(1,))
+    best: Any = SimpleNamespace(picks=(1,), log=0.0)
     at: Any = SimpleNamespace(log=-10.0, about=None)
     one, tried, log = at_rest.rests.alike(at_rest.search, best, at)
     assert (one.picks, tried, log) == ((2,), (2,), -7.0)
@@ -179,6 +189,18 @@ def test_what_is_likelier_by_chance_alone_gives_way_at_last(monkeypatch: pytest.
 
 def test_what_is_far_less_likely_is_not_asked_again(monkeypatch: pytest.MonkeyPatch) -> None:
     at_rest = _AtRest(monkeypatch, {SOFT: -200.0})
-    best: Any = SimpleNamespace(picks=(1,))
+    best: Any = SimpleNamespace(picks=(1,), log=0.0)
     at: Any = SimpleNamespace(log=-10.0, about=None)
     assert at_rest.rests.alike(at_rest.search, best, at) == (best, at, -10.0)
+
+
+def test_what_promises_as_much_is_asked_however_far_off_it_came_to_rest(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """By the chance of the torque's noise alone, sets that predict the same are a hundred apart and more."""
+    at_rest = _AtRest(monkeypatch, {SOFT: -120.0, BOTH: float("-inf")}, {SOFT: 2.0, BOTH: 3.0})
+    monkeypatch.setattr(Rests, "by_chance", lambda *_: -113.0)
+    best: Any = SimpleNamespace(picks=(1,), log=0.0)
+    at: Any = SimpleNamespace(log=-10.0, about=None)
+    one, _, log = at_rest.rests.alike(at_rest.search, best, at)
+    assert (one.picks, log) == ((2,), -7.0)

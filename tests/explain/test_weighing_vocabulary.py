@@ -26,7 +26,11 @@ def candidates():
         PhysicsTerm(name="viscous_friction", coefficient_nms=0.01),
     )
     machine = belief_of(STRANGERS[0]).model_copy(update={"physics": terms})
-    return {c.name: c for c in vocabulary(RANGES, known(machine, 0.0, 4.0))}
+    found = vocabulary(RANGES, known(machine, 0.0, 4.0))
+    plain = {
+        c.name: c for c in reversed(found) if c.name in ("viscous_friction", "quadratic_drag", "load_inertia")
+    }
+    return {c.name: c for c in found} | plain
 
 
 @pytest.mark.parametrize(

@@ -239,8 +239,9 @@ class Candidate:
         with torque or acceleration, which hardly change there."""
         over = self.coordinate.split(", ")
         shown = self.of_machine or self.tangent is not None or self.name == "torque_ripple"
-        shown = shown or any(one in over for one in ("acceleration", "torque", "frequency"))
-        return shown and not self.each_run and not self.name.startswith("usual")
+        shown = shown or any(one in over for one in ("acceleration", "torque"))
+        shown = shown or ("frequency" in over and not self.each_run)
+        return shown and not self.name.startswith("usual")
 
     def unbent(self, shape: Shape, coefficients: Array) -> tuple[float, float, float]:
         """How many deviations its shape is off what is natural, and that by its coefficient and by its shape."""
