@@ -129,6 +129,46 @@ def test_who_catches_up_has_heard_what_came(room: Room, waiting: int) -> None:
         reader.close()
 
 
+def test_who_catches_up_on_a_full_bus_is_not_kept_from_going_on() -> None:
+    """Each frame takes as long to read as the next one takes to come: a motion's feeder waited here until it was late.
+
+    A stamp is the kernel's; those that an adapter makes by a clock of its own say nothing, and nobody goes by them.
+    """
+
+    class Full(can.BusABC):
+        def __init__(self) -> None:
+            self.sent = 0
+            super().__init__(channel="full")
+
+        def send(self, msg: can.Message, timeout: float | None = None) -> None: ...
+
+        def recv(self, timeout: float | None = None) -> can.Message | None:
+            self.sent += 1
+            message = frame(self.sent & 0x7FF)
+            message.timestamp = time.time() - (0.05 if self.sent <= 20 else 0.0)  # 20 that wait
+            return message
+
+        def _recv_internal(self, timeout: float | None) -> tuple[can.Message | None, bool]:
+            return None, True
+
+    came = list[int]()
+
+    def receive(message: can.Message) -> None:
+        time.sleep(0.001)
+        came.append(message.arbitration_id)
+
+    clock, bus = WallClock(), Full()
+    reader = clock.read(bus, receive, pytest.fail)
+    try:
+        before = clock.now()
+        reader.catch_up()
+        assert clock.now() - before < 0.8
+        assert len(came) > 20
+    finally:
+        reader.close()
+        bus.shutdown()
+
+
 def test_failures_of_the_bus_are_handed_over_and_reading_goes_on() -> None:
     clock = WallClock()
 

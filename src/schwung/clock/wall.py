@@ -113,11 +113,13 @@ class _ReaderThread(_Thread):
     def __init__(self, bus: can.BusABC, receive: Receive, failed: Failed) -> None:
         self._bus, self._receive, self._failed = bus, receive, failed
         self._asked, self._caught_up = threading.Event(), threading.Event()
+        self._asked_s = math.inf
         super().__init__(self._read, "schwung bus reader")
 
     def catch_up(self) -> None:
         if threading.current_thread() is not self._thread:
             self._caught_up.clear()
+            self._asked_s = time.time()
             self._asked.set()
             self._caught_up.wait(_WAITED_FOR_S)
 
@@ -141,6 +143,7 @@ class _ReaderThread(_Thread):
                     Exception
                 ) as error:  # a mistake of ours: who moves an axis hears of it, and of the frames to come
                     self._failed(error)
-            elif asked:
+            # One that came later, where the kernel stamps them: on a full bus there may be no instant without a frame.
+            if asked and (message is None or message.timestamp > self._asked_s):
                 self._asked.clear()
                 self._caught_up.set()

@@ -157,6 +157,7 @@ class Exchange:
         leaps = setpoint is not None and self._would_leap(setpoint)
         if leaps or now - self._turn_s > period_s + SILENT_S:
             self.link.catch_up()
+            now = self.link.clock.now()  # it listened: that was no hold-up
         self._turn_s = now
         if leaps and setpoint is not None:
             self.refuse_leap(setpoint)
