@@ -32,6 +32,7 @@ from schwung.explain.weighing.offers import (
     laws_instead,
     limits_instead,
     numbers_instead,
+    numbers_together,
     offered,
     searched,
 )
@@ -77,7 +78,7 @@ class Climbed:
     search: Search
     best: Scored
     at: Settled
-    halfway: bool = False  # whether it was left because something has no name
+    cut: bool = False  # whether its work was over before all was tried
     beats_laws: bool = False  # whether it holds a coupling that is a curve, in place of laws alone at rest
 
     @property
@@ -193,7 +194,7 @@ class Growth:
                 if taken is not None:
                     start, at = taken
                     if named and is_unnamed(search, start):
-                        return Climbed(search, start, at, halfway=True)
+                        return Climbed(search, start, at)
                     shared = not search.candidate(start.picks[-1]).each_run
                     fresh = self.unrepeated and self._is_loud(at)
                     start, at = self.renewed(search, start, at) if fresh else (start, at)
@@ -218,7 +219,7 @@ class Growth:
                 )
             start, at = taken
             if named and is_unnamed(search, start):
-                return Climbed(search, start, at, halfway=True)
+                return Climbed(search, start, at)
             picks = kept(search, start, at)
 
     def alike(self, climbed: Climbed) -> Climbed:
@@ -293,10 +294,12 @@ class Growth:
         """What a few runs are made of, at rest in all: a few cost less, so that more is tried there, and have fewer
         maxima of the likelihood on the way. `work`: within which they are asked."""
         some = replace(self.afresh(self.among), rests=self.rests.of_few(), memory=None, coarse=True)
+        refused = view.work.refused
         with work:
             found = some.climbed(some.nothing(view), ())
+        cut = view.work.refused > refused
         self.gained, self.worse, self.bent = some.gained, some.worse, some.bent
-        return replace(found, at=self.rests.settled(view, found.at.members))
+        return replace(found, at=self.rests.settled(view, found.at.members), cut=cut)
 
     def renewed(self, search: Search, start: Scored, at: Settled) -> tuple[Scored, Settled]:
         """A set at rest about the noise that it leaves: until then it was looked for about something less likely.
@@ -396,6 +399,9 @@ class Growth:
         # of much that is missed any curve promises more than a law keeps
         laws = [one for one in likelier if search.candidate(one.picks[-1]).is_law][:_LAWS_TRIED]
         promising = [*likelier[:_TRIED], *laws]
+        together = numbers_together(search, start.picks)
+        if together is not None and all(together.log > one.log for one in (start, *likelier)):
+            promising.append(together)
         # without numba a gap costs a hundred times as much: there a line has to promise something
         opening = [one for one in offers if IS_FAST and search.candidate(one.picks[-1]).opens][:1]
         # what is far off is missed by something else as well: where no line promises anything, nothing is

@@ -83,6 +83,19 @@ def numbers_beside(search: Search, picks: Set) -> list[Pick]:
     return [Pick(search.first_atom(i), 1.0) for i, c in every if c.is_number and i not in inside]
 
 
+def numbers_together(search: Search, picks: Set) -> Scored | None:
+    """The two changes of the belief's numbers more that promise most, where they do together what neither does alone:
+    of an inertia and a torque constant that are both off, either hides the other. None: no two do."""
+    beside, without = numbers_beside(search, picks), search.score(picks).log
+    alone = {pick: max(search.score((*picks, pick)).log - without, 0.0) for pick in beside}
+    found: Scored | None = None
+    for one, other in combinations(beside, 2):
+        both = search.score((*picks, one, other))
+        if both.log - without > alone[one] + alone[other] and (found is None or both.log > found.log):
+            found = both
+    return found
+
+
 def coupling_instead(search: Search, picks: Set, least: int = 2) -> Scored | None:
     """A coupling that is a curve in place of several causes that are laws by which motor and load give way to each
     other, or that have no name beside one; None where there are none. `least`: so many of them."""
