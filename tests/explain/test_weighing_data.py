@@ -18,6 +18,7 @@ from schwung.explain.weighing.offers import (
     _neighbours,
     bending_instead,
     instead_of_each,
+    numbers_beside,
     numbers_together,
     offered,
 )
@@ -76,15 +77,26 @@ def _searched(gain: float, share: float) -> Search:
 
 
 def test_two_numbers_are_offered_where_either_hides_the_other():
-    """Torque that is reported too small, of a load that is believed too light by as much: only together they tell much.
+    """Torque that is reported too large, of a load that is believed too heavy by as much: only together they tell much.
     Of a load that is lighter still each of them alone takes most of what is missed."""
-    search = _searched(0.95, 0.95)
+    search = _searched(1.15, 1.177)
     none, both = search.score(()).log, numbers_together(search, ())
     assert both is not None
+    assert {search.candidate(pick).name for pick in both.picks} == {"torque_constant", "load_inertia"}
     alone = [search.score((pick,)).log - none for pick in both.picks]
-    assert len(alone) == 2
     assert both.log - none > sum(alone) + HOPELESS
     assert numbers_together(_searched(0.9, 0.85), ()) is None
+
+
+def test_hardly_any_inertia_with_hardly_any_torque_is_not_offered():
+    """The tight spot is hardly missed then: a motor without inertia, with a fifth less torque, promised most."""
+    search = _searched(0.95, 0.95)
+    every = {search.candidate(pick).name: pick for pick in numbers_beside(search, ())}
+    null, both = (
+        search.score((every["torque_constant"], every["motor_inertia"])),
+        numbers_together(search, ()),
+    )
+    assert both is None or null.log > both.log + HOPELESS
 
 
 @pytest.mark.parametrize("side", ["on_motor", "on_load", "position", "speed"])

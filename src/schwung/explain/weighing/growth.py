@@ -399,7 +399,8 @@ class Growth:
         # of much that is missed any curve promises more than a law keeps
         laws = [one for one in likelier if search.candidate(one.picks[-1]).is_law][:_LAWS_TRIED]
         promising = [*likelier[:_TRIED], *laws]
-        together = numbers_together(search, start.picks)
+        # of a rigid machine the one inertia and the torque's scale are the same but for what is missed
+        together = None if at.about.view.runs[0].rigid else numbers_together(search, start.picks)
         if together is not None and all(together.log > one.log for one in (start, *likelier)):
             promising.append(together)
         # without numba a gap costs a hundred times as much: there a line has to promise something
