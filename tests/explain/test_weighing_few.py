@@ -7,8 +7,7 @@ import pytest
 from sealed_sessions import drawn
 
 from schwung.explain.weighing.published import publish
-from schwung.explain.weighing.weigh import posterior_of, weigh
-from schwung.explain.weighing.work import MOST, Work
+from schwung.explain.weighing.weigh import weigh
 
 
 @pytest.mark.long
@@ -44,15 +43,3 @@ def test_two_numbers_that_are_off_of_which_either_hides_the_other(tmp_path: Path
     found = weigh(session, machine)
     assert {one.name for one in found.names if one.probability > 0.9} == hidden
     assert not [one for one in found.unnamed if one.probability > 0.1]
-
-
-@pytest.mark.long
-def test_what_is_not_asked_to_its_end_in_a_few_runs_is_not_preferred_to_laws(tmp_path: Path) -> None:
-    """An inertia over the angle and two curves more stood where the work of a few runs was over, and laws were asked
-    with them: kinematic_error and torque_ripple, 0.98 and more each, of an eccentric encoder."""
-    session, machine, label = drawn(tmp_path, 952028, 2, kind="three", level="clear")
-    hidden = {effect["physics"] for effect in label["effects"]}
-    told = posterior_of(session, machine, work=Work(most=0.4 * MOST, now=lambda: 0.0)).told
-    assert {one.name for one in told.names if one.probability > 0.5} == hidden - {
-        "measurement_delay"
-    }  # it is faint

@@ -20,7 +20,7 @@ from schwung.explain.weighing.sets import is_unnamed
 from schwung.explain.weighing.settling import Settled
 
 #: Of the work, what all causes may take in a few runs; and what laws alone may take beside it, each time.
-_FEW, _LAWS = 0.7, 0.4
+_FEW, _LAWS = 0.3, 0.4
 #: Sets that are asked at rest whether they are as likely as fewer samples say.
 _ASKED = 3
 
@@ -143,13 +143,12 @@ def _from_nothing(growth: Growth, view: View, nothing: Settled) -> _Found:
 
 def _from_few(growth: Growth, view: View, nothing: Settled) -> _Found:
     """From what all causes make of a few runs; or laws alone, where those leave something without a name, or laws
-    without curves, where they name a curve, or were not asked to their end: those are far fewer."""
+    without curves, where they name a curve."""
     every, laws = growth.afresh(), growth.afresh(growth.laws)
     # as recorded, no shaft is wound up: what bends it much in a few runs did not come to rest in all from there
     view = nothing.about.view
     few = _Found(every, every.by_few(view, view.work.within(_FEW)))
-    alone = None
-    if few.climbed.cut or (few.named and not few.without_curves):
+    if few.named and not few.without_curves:
         plain = growth.afresh(growth.without_curves)
         alone = _Found(plain, plain.by_few(view, view.work.apart(_LAWS)))
         if alone.climbed.log > few.climbed.log - HOPELESS:
@@ -158,8 +157,7 @@ def _from_few(growth: Growth, view: View, nothing: Settled) -> _Found:
                 return _or_laws(found, view)
     if few.named or few.climbed.beats_laws:
         return _or_laws(few.renewed(nothing).further(), view)
-    if alone is None:
-        alone = _Found(laws, laws.by_few(view, view.work.apart(_LAWS)))
+    alone = _Found(laws, laws.by_few(view, view.work.apart(_LAWS)))
     if alone.climbed.log <= few.climbed.log:
         return _or_laws(few.renewed(nothing).further(), view)
     alone = alone.renewed(nothing)

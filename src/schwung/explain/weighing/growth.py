@@ -78,7 +78,6 @@ class Climbed:
     search: Search
     best: Scored
     at: Settled
-    cut: bool = False  # whether its work was over before all was tried
     beats_laws: bool = False  # whether it holds a coupling that is a curve, in place of laws alone at rest
 
     @property
@@ -294,12 +293,10 @@ class Growth:
         """What a few runs are made of, at rest in all: a few cost less, so that more is tried there, and have fewer
         maxima of the likelihood on the way. `work`: within which they are asked."""
         some = replace(self.afresh(self.among), rests=self.rests.of_few(), memory=None, coarse=True)
-        refused = view.work.refused
         with work:
             found = some.climbed(some.nothing(view), ())
-        cut = view.work.refused > refused
         self.gained, self.worse, self.bent = some.gained, some.worse, some.bent
-        return replace(found, at=self.rests.settled(view, found.at.members), cut=cut)
+        return replace(found, at=self.rests.settled(view, found.at.members))
 
     def renewed(self, search: Search, start: Scored, at: Settled) -> tuple[Scored, Settled]:
         """A set at rest about the noise that it leaves: until then it was looked for about something less likely.
@@ -402,7 +399,7 @@ class Growth:
         # of a rigid machine the one inertia and the torque's scale are the same but for what is missed
         together = None if at.about.view.runs[0].rigid else numbers_together(search, start.picks)
         if together is not None and all(together.log > one.log for one in (start, *likelier)):
-            promising.append(together)
+            promising.append(search.score(together.picks))
         # without numba a gap costs a hundred times as much: there a line has to promise something
         opening = [one for one in offers if IS_FAST and search.candidate(one.picks[-1]).opens][:1]
         # what is far off is missed by something else as well: where no line promises anything, nothing is

@@ -92,13 +92,14 @@ def numbers_together(search: Search, picks: Set) -> Scored | None:
     of an inertia and a torque constant that are both off, either hides the other. None: no two do.
 
     Of numbers that could be naturally so far off: hardly any inertia with hardly any torque misses nothing either,
-    whatever was left out.
+    whatever was left out. So what such sets promise is in no table.
     """
-    beside, without = numbers_beside(search, picks), search.score(picks).log
-    alone = {pick: max(search.score((*picks, pick)).log - without, 0.0) for pick in beside}
+    apart = Search(search.data, search.always, inexact=search.inexact)
+    beside, without = numbers_beside(search, picks), apart.score(picks).log
+    alone = {pick: max(apart.score((*picks, pick)).log - without, 0.0) for pick in beside}
     found: Scored | None = None
     for one, other in combinations(beside, 2):
-        both = search.score((*picks, one, other))
+        both = apart.score((*picks, one, other))
         off = both.exact[-2:] / [search.candidate(pick).deviations[0] for pick in (one, other)]
         much = both.log - without > alone[one] + alone[other] and bool(np.all(np.abs(off) < _NATURALLY))
         if much and (found is None or both.log > found.log):

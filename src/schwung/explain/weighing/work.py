@@ -25,10 +25,10 @@ R = TypeVar("R")
 #: Whitened numbers (one column at one sample of angle or speed) after which nothing more is tried.
 MOST = 3e9
 #: Time of the processor (s) after which nothing more is tried either.
-SECONDS = 50.0
+SECONDS = 45.0
 #: All that is looked for apart may take so much more of both, and what stands in the place of what was found where the
-#: search ended so much more again: 80 s, and what was begun and is told.
-APART, ENDING = 0.5, 0.1
+#: search ended so much more again: 81 s, and what was begun and is told.
+APART, ENDING = 0.7, 0.1
 #: Beyond so much more, sets are taken as far as they have come to rest, and no further formula is tried.
 _LATE, _LATE_S = 0.5, 0.1
 #: What else takes time, in whitened numbers: to linearise about a sample of angle or speed; to find the sizes of noise
@@ -58,7 +58,6 @@ class Work:
     done: float = 0.0
     scratch: Array = field(default_factory=lambda: np.empty(0))
     hurried: bool = False  # whether it was the time that ended the search
-    refused: int = 0  # how often something was not tried since there was enough of it
 
     def __post_init__(self) -> None:
         self.began = self.now()
@@ -114,9 +113,7 @@ class Work:
     @property
     def spent(self) -> bool:
         """Whether there was enough of it."""
-        spent = self.done > self.most or self.overdue(1.0)
-        self.refused += spent
-        return spent
+        return self.done > self.most or self.overdue(1.0)
 
     @property
     def late(self) -> bool:
