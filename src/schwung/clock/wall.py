@@ -143,8 +143,8 @@ class _ReaderThread(_Thread):
                     Exception
                 ) as error:  # a mistake of ours: who moves an axis hears of it, and of the frames to come
                     self._failed(error)
-            # One that came later ends it: on a full bus there may be no instant without a frame. A stamp that is still to
-            # come is by another clock than the kernel's, and says nothing.
+            # One that came later ends it: on a full bus there may be no instant without a frame. A stamp that is still
+            # to come is by another clock than the kernel's, and says nothing.
             if asked and (message is None or self._asked_s < message.timestamp <= time.time()):
                 self._asked.clear()
                 self._caught_up.set()
