@@ -49,13 +49,17 @@ def system(request: pytest.FixtureRequest) -> System:
     apart = np.where(np.arange(299)[:, None] % 50 == [7, 9, 11], 20.0, 0.0)
     on_load = np.zeros((299, 2, size + 1))
     if shaft.rigid:
-        apart[:, 1], on_load = 0.0, on_load[:0]
+        apart[:, 1] = 0.0
     else:
         on_load[:, :, :size] = np.swapaxes(stepped[:, :, [size + 1, size + 3]], 1, 2)
-    opened = noise.normal(size=(0 if shaft.rigid else 299, size + 1)) * [
-        *[1e-6, 1e-3, 1e-6, 1e-3, 0.0, 0.0][:size],
-        0.0,
-    ]
+    opened = (
+        (0.0 if shaft.rigid else 1.0)
+        * noise.normal(size=(299, size + 1))
+        * [
+            *[1e-6, 1e-3, 1e-6, 1e-3, 0.0, 0.0][:size],
+            0.0,
+        ]
+    )
     return System(
         transition, forcing, noises, np.full(299, 0.1), apart, measured,
         noise.uniform(0.5, 2, (300, 2)) * [1e-10, 1e-4],

@@ -1,7 +1,7 @@
-"""Kalman's filter, the likelihood that it gives, and the smoother behind it, compiled.
+"""Kalman's filter and the likelihood that it gives, compiled.
 
 States have three, five or seven entries. With their number known when it is compiled, a loop over them is none any
-more: the filter is three times as fast, and its numbers are the same to the last bit.
+more: the filter is three times as fast, and of the five that most machines have so again, see `five_states`.
 """
 
 from __future__ import annotations
@@ -11,12 +11,13 @@ from collections.abc import Callable
 import numpy as np
 
 from schwung.compiled import compiled_or, inlined
-from schwung.innovations import plain
+from schwung.innovations import five_states, plain
+from schwung.innovations.five_states import angle_updated, speed_updated
 from schwung.innovations.values import Filtered, System
 from schwung.motion import Array
 
-#: Of the rigid machine, of the flexible one, and of that with a further mass: angles, speeds, the torque's error.
-SIZES = (3, 5, 7)
+#: Of the rigid machine, and of the flexible one with a further mass: angles, speeds, the torque's error.
+SIZES = (3, 7)
 
 
 @inlined
@@ -56,25 +57,28 @@ def _set_apart(system: System, k: int, p: Array, along: Array, size: int) -> Non
 def carried(system: System, k: int, x: Array, p: Array, ahead: Array, half: Array, size: int) -> None:
     """x and p over step k: Φ x + forcing; Φ p Φᵀ + noise·noiseᵀ·power, what torques do that are the step's alone, and
     what an open contact does."""
-    phi, noise, power = system.transition, system.noise, system.power[k]
-    for i in range(size):
-        ahead[i] = system.forcing[k, i]
+    phi, noise, power, last = system.transition, system.noise, system.power[k], size - 1
+    for i in range(last):
+        moved = system.forcing[k, i]
         for j in range(size):
-            ahead[i] += phi[k, i, j] * x[j]
-    for i in range(size):
+            moved += phi[k, i, j] * x[j]
+        ahead[i] = moved
+        for j in range(size):
+            onto = 0.0
+            for c in range(size):
+                onto += phi[k, i, c] * p[c, j]
+            half[i, j] = onto
+    for i in range(last):
         x[i] = ahead[i]
-        for j in range(size):
-            half[i, j] = 0.0
-            for c in range(size):
-                half[i, j] += phi[k, i, c] * p[c, j]
-    for i in range(size):
         for j in range(i + 1):
-            p[i, j] = noise[k, i] * noise[k, j] * power
+            both = noise[k, i] * noise[k, j] * power
             for c in range(size):
-                p[i, j] += half[i, c] * phi[k, j, c]
-            p[j, i] = p[i, j]
-    if system.open_contact.shape[0] > 0:
-        _outer(p, system.open_contact[k], 1.0, size)
+                both += half[i, c] * phi[k, j, c]
+            p[i, j] = p[j, i] = both
+    x[last] = system.forcing[k, last]
+    for i in range(size):
+        p[i, last] = p[last, i] = noise[k, i] * noise[k, last] * power
+    _outer(p, system.open_contact[k], 1.0, size)
     _set_apart(system, k, p, ahead, size)
 
 
@@ -100,11 +104,8 @@ def updated(
             gain[m, i], row[i] = p[i, m] / spreads[m], p[m, i]
         for i in range(size):
             x[i] += gain[m, i] * errors[m]
-            for j in range(size):
-                p[i, j] -= gain[m, i] * row[j]
-        for i in range(size):  # Joseph's form, cheaply: symmetric and with its smallest entry exact
-            for j in range(i):
-                p[i, j] = p[j, i] = (p[i, j] + p[j, i]) / 2
+            for j in range(i + 1):
+                p[i, j] = p[j, i] = p[i, j] - gain[m, i] * row[j]
         p[m, m] = max(gain[m, m] * variances[k, m], 1e-300)
 
 
@@ -162,8 +163,43 @@ def _deviance_of(size: int) -> Callable[[System], tuple[float, float]]:
     return kalman_deviance
 
 
-_FILTERS = {size: _filter_of(size) for size in SIZES}
-_DEVIANCES = {size: _deviance_of(size) for size in SIZES}
+@compiled_or(plain.filtered)
+def _filter_of_five(system: System) -> Filtered:
+    measured, variances = system.measured, system.variances
+    count = measured.shape[0]
+    errors, spreads = np.empty((count, 2)), np.empty((count, 2))
+    gains = np.empty((count, 2, 5))
+    states, covariances = np.empty((count, 5)), np.empty((count, 5, 5))
+    x, p = five_states.begun(system)
+    for k in range(count):
+        if k > 0:
+            x, p = five_states.carried(system, k - 1, x, p)
+        x, p, errors[k, 0], spreads[k, 0], gain = angle_updated(x, p, measured[k, 0], variances[k, 0])
+        five_states.kept(gain, gains[k, 0])
+        x, p, errors[k, 1], spreads[k, 1], gain = speed_updated(x, p, measured[k, 1], variances[k, 1])
+        five_states.kept(gain, gains[k, 1])
+        five_states.kept(x, states[k])
+        five_states.kept_whole(p, covariances[k])
+    return Filtered(errors, spreads, gains, states, covariances)
+
+
+@compiled_or(plain.deviance)
+def _deviance_of_five(system: System) -> tuple[float, float]:
+    measured, variances = system.measured, system.variances
+    x, p = five_states.begun(system)
+    logs = squares = 0.0
+    for k in range(measured.shape[0]):
+        if k > 0:
+            x, p = five_states.carried(system, k - 1, x, p)
+        x, p, error, spread, _ = angle_updated(x, p, measured[k, 0], variances[k, 0])
+        x, p, late, wide, _ = speed_updated(x, p, measured[k, 1], variances[k, 1])
+        logs += np.log(spread) + np.log(wide)
+        squares += error * error / spread + late * late / wide
+    return logs, squares
+
+
+_FILTERS = {size: _filter_of(size) for size in SIZES} | {5: _filter_of_five}
+_DEVIANCES = {size: _deviance_of(size) for size in SIZES} | {5: _deviance_of_five}
 
 
 def filtered(system: System) -> Filtered:

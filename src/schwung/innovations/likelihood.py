@@ -142,8 +142,8 @@ def problem_of(equations: Equations, noise: Noise, run: Signals) -> System:
         variances_of(noise, run),
         equations.first,
         np.array([*shaft, *behind, np.sqrt(power[0])]),
-        np.zeros((0, size)) if equations.play is None else equations.play.open_contact,
-        np.zeros((0, 2, size)) if equations.on_load is None else equations.on_load,
+        np.zeros_like(equations.forcing) if equations.play is None else equations.play.open_contact,
+        np.zeros((len(apart), 2, size)) if equations.on_load is None else equations.on_load,
     )
 
 

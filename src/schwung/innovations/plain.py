@@ -104,13 +104,12 @@ def filtered(system: System) -> Filtered:
     added = np.empty((count - 1, size, size + 1))
     added[:, :, :size] = system.noise[:, :, None] * (system.noise * system.power[:, None])[:, None, :]
     on_motor = [system.transition[:, :-1, size - 1], system.noise[:, :-1]]
-    on_load = [system.on_load[:, end, :-1] for end in range(2) if system.on_load.size]
+    on_load = [system.on_load[:, end, :-1] for end in range(2)]
     along = [on_motor[0] + on_motor[1]]
     for apart, each in zip(system.apart.T, (on_motor, on_load, along), strict=True):
         for ends in each:
             added[:, :-1, : size - 1] += ends[:, :, None] * (ends * apart[:, None])[:, None, :]
-    for one in (system.open_contact,) if system.open_contact.size else ():
-        added[:, :, :size] += one[:, :, None] * one[:, None, :]
+    added[:, :, :size] += system.open_contact[:, :, None] * system.open_contact[:, None, :]
     added[:, :, size] = system.forcing
     measured, variances = system.measured.tolist(), system.variances.tolist()
     here = np.column_stack([np.diag(system.spread**2), system.first])
@@ -189,8 +188,7 @@ def through(
         system.forcing[k, :4], system.transition[k, :4, :4], inputs[k, :, :4] = push, phi, onto
         system.transition[k, :4, 4], system.noise[k, :4] = -onto[:, 0], -onto[:, 2]
         system.open_contact[k, :4] = opened
-        if system.on_load.size:
-            system.on_load[k, :, :4] = onto[:, 1::2].T
+        system.on_load[k, :, :4] = onto[:, 1::2].T
         x, p = _carried(system, k, x, p)
         _updated(system, k + 1, x, p)
 
@@ -202,11 +200,9 @@ def _carried(system: System, k: int, x: Array, p: Array) -> tuple[Array, Array]:
     torque = np.append(noise[:-1], 0.0)
     added = system.power[k] * np.outer(noise, noise)
     added += system.apart[k, 0] * (np.outer(last, last) + np.outer(torque, torque))
-    if system.on_load.size:
-        added += system.apart[k, 1] * (system.on_load[k].T @ system.on_load[k])
+    added += system.apart[k, 1] * (system.on_load[k].T @ system.on_load[k])
     added += system.apart[k, 2] * np.outer(last + torque, last + torque)
-    if system.open_contact.size:
-        added += np.outer(system.open_contact[k], system.open_contact[k])
+    added += np.outer(system.open_contact[k], system.open_contact[k])
     return phi @ x + system.forcing[k], phi @ p @ phi.T + added
 
 

@@ -17,7 +17,8 @@ import numpy as np
 from schwung.compiled import compiled_or, inlined
 from schwung.innovations import plain
 from schwung.innovations.contact import PARTS, SUREST, touching
-from schwung.innovations.kalman import begun, carried, deviance, updated
+from schwung.innovations.five_states import angle_updated, begun, carried, speed_updated
+from schwung.innovations.kalman import deviance
 from schwung.innovations.likelihood import Equations, Noise, Play, problem_of
 from schwung.innovations.signals import Signals
 from schwung.innovations.steps import Steps
@@ -27,9 +28,11 @@ from schwung.motion import Array
 #: A coupling that carries nothing within its play still has this share of its stiffness.
 LEAST_SHARE = 1e-3
 
-#: Φ (4, 4) up to a part of a step, what units of torque at its ends do (4, 4), what its torques do (4,), and what that
-#: of the coupling does which its wind-up leaves open (4,).
-_Parts = tuple[Array, Array, Array, Array]
+#: Of motor and load, or of a part's start and its end.
+_Pair = tuple[float, float]
+#: A state's row of a part of a step: Φ (4), what units of torque at its start, at its end and of the height of a
+#: parabola between do, on motor and load each (6).
+_Row = tuple[float, float, float, float, float, float, float, float, float, float]
 
 
 def through_play(
@@ -80,56 +83,64 @@ def through_play(
 
 
 @inlined
-def _torque(torques: Array, side: int, share: float) -> float:
-    """On motor (`side` 0) or load (1), so much of a step on: straight from start to end, with a parabola on top."""
-    straight = torques[side] * (1 - share) + torques[2 + side] * share
-    return float(straight + 4 * share * (1 - share) * torques[4 + side])
+def _torque(torques: Array, k: int, side: int, share: float) -> float:
+    """On motor (`side` 0) or load (1), so much of step k on: straight from start to end, with a parabola on top."""
+    straight = torques[k, side] * (1 - share) + torques[k, 2 + side] * share
+    return float(straight + 4 * share * (1 - share) * torques[k, 4 + side])
 
 
 @inlined
-def _further(step: Array, before: _Parts, after: _Parts) -> None:
-    """Φ and what torques do, one part of a step further: by Φ of the part, and what was added to `after` within it."""
-    phi, onto, push, opened = before
-    new_phi, new_onto, new_push, new_opened = after
-    for a in range(4):
-        for b in range(4):
-            new_phi[a, b] = 0.0
-        for c in range(4):
-            factor = step[a, c]
-            new_push[a] += factor * push[c]
-            new_opened[a] += factor * opened[c]
-            for b in range(4):
-                new_phi[a, b] += factor * phi[c, b]
-                new_onto[a, b] += factor * onto[c, b]
+def _row(free: Array, pressed: Array, k: int, a: int, share: float) -> _Row:
+    """Row a of a part of step k, of a coupling that touches for so much of it."""
+    return (
+        free[k, a, 0] + share * (pressed[k, a, 0] - free[k, a, 0]),
+        free[k, a, 1] + share * (pressed[k, a, 1] - free[k, a, 1]),
+        free[k, a, 2] + share * (pressed[k, a, 2] - free[k, a, 2]),
+        free[k, a, 3] + share * (pressed[k, a, 3] - free[k, a, 3]),
+        free[k, a, 4] + share * (pressed[k, a, 4] - free[k, a, 4]),
+        free[k, a, 5] + share * (pressed[k, a, 5] - free[k, a, 5]),
+        free[k, a, 6] + share * (pressed[k, a, 6] - free[k, a, 6]),
+        free[k, a, 7] + share * (pressed[k, a, 7] - free[k, a, 7]),
+        free[k, a, 8] + share * (pressed[k, a, 8] - free[k, a, 8]),
+        free[k, a, 9] + share * (pressed[k, a, 9] - free[k, a, 9]),
+    )
+
+
+@inlined
+def _along(row: _Row, a: float, b: float, c: float, d: float) -> float:
+    """What four states become of one."""
+    return row[0] * a + row[1] * b + row[2] * c + row[3] * d
 
 
 @inlined
 def _within(
-    step: Array, torques: Array, span: tuple[float, float], lacks: float, unknown: float, after: _Parts
-) -> None:
-    """What torques do within a part of a step: those of the step, units at its start and its end, and as much in the
-    coupling as is `unknown` there."""
+    row: _Row, first: _Pair, last: _Pair, bulges: _Pair, span: _Pair, unknown: float
+) -> tuple[float, float, float, float, float, float]:
+    """What torques do to a state within a part of a step, on motor and load: units at the step's start and at its end,
+    those that act, `first` and `last`, and as much in the coupling as is `unknown` there."""
+    motor, load, motors, loads = row[4], row[5], row[6], row[7]
     early, late = span
-    _, new_onto, new_push, new_opened = after
-    first = _torque(torques, 0, early) + lacks, _torque(torques, 1, early) - lacks
-    last = _torque(torques, 0, late) + lacks, _torque(torques, 1, late) - lacks
-    height = (late - early) ** 2
-    for a in range(4):
-        new_push[a] = 0.0
-        new_opened[a] = unknown * (step[a, 5] + step[a, 7] - step[a, 4] - step[a, 6])
-        for side in range(2):
-            start, end, bulge = step[a, 4 + side], step[a, 6 + side], step[a, 8 + side]
-            new_push[a] += start * first[side] + end * last[side] + bulge * height * torques[4 + side]
-            new_onto[a, side] = start * (1 - early) + end * (1 - late)
-            new_onto[a, 2 + side] = start * early + end * late
+    pushed = motor * first[0] + motors * last[0] + row[8] * bulges[0]
+    pushed += load * first[1] + loads * last[1] + row[9] * bulges[1]
+    return (
+        motor * (1 - early) + motors * (1 - late),
+        load * (1 - early) + loads * (1 - late),
+        motor * early + motors * late,
+        load * early + loads * late,
+        pushed,
+        unknown * (load + loads - motor - motors),
+    )
 
 
 @inlined
-def _held(system: System, k: int, onto: Array) -> None:
-    """What torques on the load do in step k, where what holds it is open."""
-    if system.on_load.shape[0] > 0:
-        for a in range(4):
-            system.on_load[k, 0, a], system.on_load[k, 1, a] = onto[a, 1], onto[a, 3]
+def _add(done: Array, a: int, more: tuple[float, float, float, float, float, float]) -> None:
+    """More to a row's last six."""
+    done[a, 4] += more[0]
+    done[a, 5] += more[1]
+    done[a, 6] += more[2]
+    done[a, 7] += more[3]
+    done[a, 8] += more[4]
+    done[a, 9] += more[5]
 
 
 @compiled_or(plain.through)
@@ -149,34 +160,29 @@ def _through(
 
     `pressed`, `free`: steps of a part, where it touches and where not; `middle`: half of a part (s).
     """
-    count, size = system.measured.shape[0], 5
-    x, p = np.empty(size), np.empty((size, size))
-    gain, row, ahead, lower = np.empty((2, size)), np.empty(size), np.empty(size), np.empty((size, size))
-    before = (np.empty((4, 4)), np.empty((4, 4)), np.empty(4), np.empty(4))
-    phi, onto, push, opened = before
-    after = (np.empty((4, 4)), np.empty((4, 4)), np.empty(4), np.empty(4))
-    step, here = np.empty((4, 10)), np.empty(4)
-    errors, spreads = np.empty(2), np.empty(2)
-    begun(system, x, p, size)
-    updated(system, 0, x, p, gain, row, errors, spreads, size)
+    count, measured, variances = system.measured.shape[0], system.measured, system.variances
+    # up to a part of the step: Φ, what units of torque at the step's ends do, its torques, and what is open
+    done, here = np.empty((4, 10)), np.empty(4)
+    x, p = begun(system)
     for k in range(count - 1):
-        drifting = p[2, 1] - p[2, 3]  # covariance of the wind-up and its rate; and the variance of that
-        turned = p[1, 1] + p[3, 3] - 2 * p[1, 3]
-        onto[:, :], push[:], opened[:] = 0.0, 0.0, 0.0
+        x, p, _, _, _ = angle_updated(x, p, measured[k, 0], variances[k, 0])
+        x, p, _, _, _ = speed_updated(x, p, measured[k, 1], variances[k, 1])
+        (x0, x1, x2, x3, x4), (_, _, p11, _, p21, p22, _, p31, p32, p33, _, _, _, _, _) = x, p
+        drifting = p21 - p32  # covariance of the wind-up and its rate; and the variance of that
+        turned = p11 + p33 - 2 * p31
         for a in range(4):
-            for b in range(4):
-                phi[a, b] = 1.0 if a == b else 0.0
+            for b in range(10):
+                done[a, b] = 1.0 if a == b else 0.0
         for part in range(PARTS):
             for a in range(4):  # the torque's error is a state as well: it acts as torque on the motor does
-                here[a] = push[a] - onto[a, 0] * x[4]
-                for b in range(4):
-                    here[a] += phi[a, b] * x[b]
+                here[a] = done[a, 0] * x0 + done[a, 1] * x1 + done[a, 2] * x2 + done[a, 3] * x3
+                here[a] += done[a, 8] - done[a, 4] * x4
             early = (part + 0.5) / PARTS
             further = driven[k, 0] * (1 - early) + driven[k + 1, 0] * early
             faster = driven[k, 1] * (1 - early) + driven[k + 1, 1] * early
             turning = here[1] - here[3] + faster
             since = (2 * part + 1) * middle
-            variance = p[2, 2] + 2 * since * drifting + since * since * turned
+            variance = p22 + 2 * since * drifting + since * since * turned
             spread = max(np.sqrt(max(variance, 0.0)), SUREST * gap)
             lifts = (
                 coupling[k, 1] / coupling[k, 0] * turning
@@ -186,26 +192,31 @@ def _through(
             up, down = begins + min(lifts, 0.0), begins + max(lifts, 0.0)
             one, missing, open_one = touching(up, up + moves, gap / 2, spread)
             other, misses, open_other = touching(-down, -down - moves, gap / 2, spread)
-            for a in range(4):
-                for b in range(10):
-                    step[a, b] = free[k, a, b] + (one + other) * (pressed[k, a, b] - free[k, a, b])
+            touches = one + other
             lacks = coupling[k, 0] * (missing - misses)
-            lacks -= (one + other) * (coupling[k, 0] * further + coupling[k, 1] * faster)
-            contact[k, 0] += (one + other) / PARTS
+            lacks -= touches * (coupling[k, 0] * further + coupling[k, 1] * faster)
+            contact[k, 0] += touches / PARTS
             contact[k, 1] += (one - other) / PARTS
             contact[k, 2] += (missing - misses) / PARTS
             unknown = coupling[k, 0] * np.sqrt(open_one**2 + open_other**2)
-            _within(step, torques[k], (part / PARTS, (part + 1) / PARTS), lacks, unknown, after)
-            _further(step, before, after)
-            for a in range(4):  # number by number: an array in another's place takes seconds more to compile
-                push[a], opened[a] = after[2][a], after[3][a]
-                for b in range(4):
-                    phi[a, b], onto[a, b] = after[0][a, b], after[1][a, b]
+            span = part / PARTS, (part + 1) / PARTS
+            first = _torque(torques, k, 0, span[0]) + lacks, _torque(torques, k, 1, span[0]) - lacks
+            last = _torque(torques, k, 0, span[1]) + lacks, _torque(torques, k, 1, span[1]) - lacks
+            bulges = torques[k, 4] / PARTS**2, torques[k, 5] / PARTS**2
+            one_row, two_row = _row(free, pressed, k, 0, touches), _row(free, pressed, k, 1, touches)
+            three_row, four_row = _row(free, pressed, k, 2, touches), _row(free, pressed, k, 3, touches)
+            for b in range(10):
+                each = done[0, b], done[1, b], done[2, b], done[3, b]
+                done[0, b], done[1, b] = _along(one_row, *each), _along(two_row, *each)
+                done[2, b], done[3, b] = _along(three_row, *each), _along(four_row, *each)
+            _add(done, 0, _within(one_row, first, last, bulges, span, unknown))
+            _add(done, 1, _within(two_row, first, last, bulges, span, unknown))
+            _add(done, 2, _within(three_row, first, last, bulges, span, unknown))
+            _add(done, 3, _within(four_row, first, last, bulges, span, unknown))
         for a in range(4):
-            system.forcing[k, a], system.open_contact[k, a] = push[a], opened[a]
-            system.transition[k, a, 4], system.noise[k, a] = -onto[a, 0], -onto[a, 2]
+            system.forcing[k, a], system.open_contact[k, a] = done[a, 8], done[a, 9]
+            system.on_load[k, 0, a], system.on_load[k, 1, a] = done[a, 5], done[a, 7]
+            system.transition[k, a, 4], system.noise[k, a] = -done[a, 4], -done[a, 6]
             for b in range(4):
-                system.transition[k, a, b], inputs[k, a, b] = phi[a, b], onto[a, b]
-        _held(system, k, onto)
-        carried(system, k, x, p, ahead, lower, size)
-        updated(system, k + 1, x, p, gain, row, errors, spreads, size)
+                system.transition[k, a, b], inputs[k, a, b] = done[a, b], done[a, 4 + b]
+        x, p = carried(system, k, x, p)

@@ -37,7 +37,8 @@ class Shaft(NamedTuple):
 
 
 class System(NamedTuple):
-    """x⁺ = Φx + forcing + noise·w, of which the first two states are measured; the last is the torque's error.
+    """x⁺ = Φx + forcing + noise·w, of which the first two states are measured; the last is the torque's error,
+    which is forgotten from step to step: its row of Φ is zero.
 
     Where `apart` is not 0, a step has torque of which the steps beside it have nothing: on the motor at its start and
     at its end, on the load likewise, and on the motor all along it.
@@ -52,10 +53,8 @@ class System(NamedTuple):
     variances: Array  # (n, 2) of the measurements
     first: Array  # (s,) the state at first, and how well it is known
     spread: Array  # (s,)
-    open_contact: (
-        Array  # (n − 1, s) a deviation of what a coupling with a gap may carry besides; (0, s): it has none
-    )
-    on_load: Array  # (n − 1, 2, s) what units of torque on the load at a step's start and end do; (0, 2, s): untold
+    open_contact: Array  # (n − 1, s) a deviation of what a coupling with a gap may carry besides
+    on_load: Array  # (n − 1, 2, s) what units of torque on the load at a step's start and end do; 0, where none is open
 
 
 class Filtered(NamedTuple):

@@ -20,4 +20,4 @@ def turning(along: Along, order: float) -> Array:
 
 def _turning(angle: Array, order: float) -> Array:
     turned = order * angle
-    return np.stack([np.sin(turned), np.cos(turned)], 1)
+    return np.stack([np.sin(turned), np.cos(turned)]).T
