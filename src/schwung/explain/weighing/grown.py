@@ -16,7 +16,7 @@ from schwung.explain.weighing.data import Data
 from schwung.explain.weighing.growth import Climbed, Growth
 from schwung.explain.weighing.round import View
 from schwung.explain.weighing.search import HOPELESS, Scored, Search
-from schwung.explain.weighing.sets import is_unnamed
+from schwung.explain.weighing.sets import Shaped, is_unnamed
 from schwung.explain.weighing.settling import Settled
 
 #: Of the work, what all causes may take in a few runs; and what laws alone may take beside it, each time.
@@ -154,32 +154,43 @@ def _from_few(growth: Growth, view: View, nothing: Settled) -> _Found:
         if alone.climbed.log > few.climbed.log - HOPELESS:
             found = alone.renewed(nothing).further()
             if found.beats(few):
-                return _or_laws(found, view)
+                return _or_laws(found, view, alone)
     if few.named or few.climbed.beats_laws:
-        return _or_laws(few.renewed(nothing).further(), view)
+        return _or_laws(few.renewed(nothing).further(), view, few if few.named else None)
     alone = _Found(laws, laws.by_few(view, view.work.apart(_LAWS)))
     if alone.climbed.log <= few.climbed.log:
-        return _or_laws(few.renewed(nothing).further(), view)
-    alone = alone.renewed(nothing)
+        return _or_laws(few.renewed(nothing).further(), view, alone)
+    of_laws, alone = alone, alone.renewed(nothing)
     beside = alone.further(named=True)
     if beside.named:
         return beside
     found = few.renewed(nothing).further()
     if not found.named and alone.beats(found):
         return beside.further()
-    return _or_laws(found, view)
+    return _or_laws(found, view, of_laws)
 
 
-def _or_laws(found: _Found, view: View) -> _Found:
+def _or_laws(found: _Found, view: View, few: _Found | None = None) -> _Found:
     """What was found, where all of it has a name or is known to be likelier than laws alone; or from those in all
-    runs, where they are likelier."""
-    return found if found.named or found.climbed.beats_laws else _or_else(found, found.growth.laws, view)
+    runs, where they are likelier; `few`: what laws make of a few runs, None: they were not asked."""
+    if found.named or found.climbed.beats_laws:
+        return found
+    return _or_else(found, found.growth.laws, view, few)
 
 
-def _or_else(found: _Found, among: frozenset[int], view: View) -> _Found:
-    """What was found, or, where that is likelier, what all causes make of what these alone do, grown from nothing."""
+def _begun(laws: Growth, nothing: Settled, few: _Found | None) -> tuple[Settled, Shaped]:
+    """What laws make of a few runs, at rest about the noise at hand, or nothing, where that is likelier."""
+    if few is None:
+        return nothing, ()
+    at = laws.rests.settled(few.climbed.at.about.view, few.climbed.at.members)
+    return (at, few.climbed.picks) if at.log > nothing.log else (nothing, ())
+
+
+def _or_else(found: _Found, among: frozenset[int], view: View, few: _Found | None = None) -> _Found:
+    """What was found, or, where that is likelier, what all causes make of what these alone do, grown from what they
+    make of a few runs, or from nothing."""
     # what was found keeps its columns
     laws = replace(found.growth.afresh(among), rival=found.climbed.log, memory=None)
     with view.work.apart(_LAWS):
-        alone = _Found(laws, laws.climbed(laws.nothing(view), ()))
+        alone = _Found(laws, laws.climbed(*_begun(laws, laws.nothing(view), few)))
     return alone.further() if alone.beats(found) else found
