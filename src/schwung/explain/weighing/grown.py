@@ -159,27 +159,27 @@ def _from_few(growth: Growth, view: View, nothing: Settled) -> _Found:
         return _or_laws(few.renewed(nothing).further(), view, few if few.named else None)
     alone = _Found(laws, laws.by_few(view, view.work.apart(_LAWS)))
     if alone.climbed.log <= few.climbed.log:
-        return _or_laws(few.renewed(nothing).further(), view, alone)
-    of_laws, alone = alone, alone.renewed(nothing)
+        return _or_laws(few.renewed(nothing).further(), view)
+    alone = alone.renewed(nothing)
     beside = alone.further(named=True)
     if beside.named:
         return beside
     found = few.renewed(nothing).further()
     if not found.named and alone.beats(found):
         return beside.further()
-    return _or_laws(found, view, of_laws)
+    return _or_laws(found, view)
 
 
 def _or_laws(found: _Found, view: View, few: _Found | None = None) -> _Found:
     """What was found, where all of it has a name or is known to be likelier than laws alone; or from those in all
-    runs, where they are likelier; `few`: what laws make of a few runs, None: they were not asked."""
+    runs, where they are likelier; `few`: laws that are likeliest in a few runs, None: there are none."""
     if found.named or found.climbed.beats_laws:
         return found
     return _or_else(found, found.growth.laws, view, few)
 
 
 def _begun(laws: Growth, nothing: Settled, few: _Found | None) -> tuple[Settled, Shaped]:
-    """What laws make of a few runs, at rest about the noise at hand, or nothing, where that is likelier."""
+    """Those of a few runs at rest about the noise at hand, or nothing, where that is likelier."""
     if few is None:
         return nothing, ()
     at = laws.rests.settled(few.climbed.at.about.view, few.climbed.at.members)
@@ -187,8 +187,8 @@ def _begun(laws: Growth, nothing: Settled, few: _Found | None) -> tuple[Settled,
 
 
 def _or_else(found: _Found, among: frozenset[int], view: View, few: _Found | None = None) -> _Found:
-    """What was found, or, where that is likelier, what all causes make of what these alone do, grown from what they
-    make of a few runs, or from nothing."""
+    """What was found, or, where that is likelier, what all causes make of what these alone do, grown from those that
+    are likeliest in a few runs, or from nothing: where a curve was likelier there, they are what it is not."""
     # what was found keeps its columns
     laws = replace(found.growth.afresh(among), rival=found.climbed.log, memory=None)
     with view.work.apart(_LAWS):
