@@ -14,12 +14,19 @@ from schwung.explain.weighing.curves import Curve, Plane
 from schwung.explain.weighing.data import Data
 from schwung.explain.weighing.equations import Acting, equations_of
 from schwung.explain.weighing.known import known
-from schwung.explain.weighing.offers import _neighbours, bending_instead, instead_of_each, offered
+from schwung.explain.weighing.offers import (
+    _neighbours,
+    bending_instead,
+    instead_of_each,
+    numbers_beside,
+    numbers_together,
+    offered,
+)
 from schwung.explain.weighing.places import Acts
 from schwung.explain.weighing.present import Member
 from schwung.explain.weighing.refine import refined
-from schwung.explain.weighing.search import Pick, Search, slices
-from schwung.explain.weighing.sets import members_of
+from schwung.explain.weighing.search import HOPELESS, Pick, Search, slices
+from schwung.explain.weighing.sets import absent, members_of
 from schwung.explain.weighing.sharpness import covariance_of
 from schwung.explain.weighing.standing import taken_as_told
 from schwung.explain.weighing.true_torque import TrueTorque
@@ -51,6 +58,45 @@ def data(view):
     members = [Member(c, c.shapes[0], np.zeros(c.size), np.array(c.deviations)) for c in candidates[:3]]
     about = rounds.linearised(view, members, first_noise(view.runs), None)
     return Data.of(about, members, candidates, (0, 1, 3), 2.0)
+
+
+def _searched(gain: float, share: float) -> Search:
+    """About a belief of whose torque so much is reported, and which knows of so much of the load."""
+    session, machine = session_of(SPOT, 5, every=8, times=(0.25,)), belief_of(SPOT)
+    load = machine.load.model_copy(update={"inertia_kgm2": share * machine.load.inertia_kgm2})
+    machine = machine.model_copy(update={"load": load})
+    recorded = tuple(replace(run, torque_nm=gain * run.torque_nm) for run in session.runs)
+    runs = tuple(signals_of(run, machine, 160.0, 0.0) for run in recorded)
+    of = ranges_of(list(runs), 0.002, 160.0)
+    torques = tuple(TrueTorque(run, run.drive.smooth_nm) for run in runs)
+    view = rounds.View(recorded, runs, known(machine, of.low_rad, of.high_rad), of, torques)
+    candidates = vocabulary(view.ranges, view.known)
+    members = [absent(candidate) for candidate in candidates[:3]]
+    about = rounds.at_rest(view, members, first_noise(view.runs))
+    return Search(Data.of(about, members, candidates, (0, 1, 3), 2.0), (0, 1, 2))
+
+
+def test_two_numbers_are_offered_where_either_hides_the_other():
+    """Torque that is reported too large, of a load that is believed too heavy by as much: only together they tell much.
+    Of a load that is lighter still each of them alone takes most of what is missed."""
+    search = _searched(1.15, 1.177)
+    none, both = search.score(()).log, numbers_together(search, ())
+    assert both is not None
+    assert {search.candidate(pick).name for pick in both.picks} == {"torque_constant", "load_inertia"}
+    alone = [search.score((pick,)).log - none for pick in both.picks]
+    assert both.log - none > sum(alone) + HOPELESS
+    assert numbers_together(_searched(0.9, 0.85), ()) is None
+
+
+def test_hardly_any_inertia_with_hardly_any_torque_is_not_offered():
+    """The tight spot is hardly missed then: a motor without inertia, with a fifth less torque, promised most."""
+    search = _searched(0.95, 0.95)
+    every = {search.candidate(pick).name: pick for pick in numbers_beside(search, ())}
+    null, both = (
+        search.score((every["torque_constant"], every["motor_inertia"])),
+        numbers_together(search, ()),
+    )
+    assert both is None or null.log > both.log + HOPELESS
 
 
 @pytest.mark.parametrize("side", ["on_motor", "on_load", "position", "speed"])

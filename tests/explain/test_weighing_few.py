@@ -31,3 +31,15 @@ def test_two_laws_that_one_curve_with_a_name_does_together(runs: int, tmp_path: 
     assert hidden == {"encoder_eccentricity", "load_inertia"}
     found = weigh(replace(session, runs=session.runs[:runs]), machine)
     assert {one.name for one in found.names if one.probability > 0.5} == hidden
+
+
+@pytest.mark.long
+def test_two_numbers_that_are_off_of_which_either_hides_the_other(tmp_path: Path) -> None:
+    """Of a larger torque constant and a heavier load alone neither promised as much as a transmission's error did:
+    three curves over the position were told, and in more runs three wrong names."""
+    session, machine, label = drawn(tmp_path, 952044, 2, kind="three", level="clear")
+    hidden = {effect["physics"] for effect in label["effects"]}
+    assert hidden == {"coulomb_friction", "load_inertia", "torque_constant"}
+    found = weigh(session, machine)
+    assert {one.name for one in found.names if one.probability > 0.9} == hidden
+    assert not [one for one in found.unnamed if one.probability > 0.1]

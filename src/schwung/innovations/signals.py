@@ -39,7 +39,7 @@ _GUESS, _SHARP = np.array([-1.0, 4.0, 0.0, 4.0, -1.0]) / 6, 3.0
 
 
 #: What is worked out of a run's signals and does not depend on its states.
-_STATELESS = ("load_nm", "_injected")
+_STATELESS = ("load_nm", "unmoved_rad2", "_injected")
 #: So many times of a held injection's are kept.
 _TIMES = 4
 

@@ -144,20 +144,19 @@ def _from_nothing(growth: Growth, view: View, nothing: Settled) -> _Found:
 def _from_few(growth: Growth, view: View, nothing: Settled) -> _Found:
     """From what all causes make of a few runs; or laws alone, where those leave something without a name, or laws
     without curves, where they name a curve."""
-    every, laws = growth.afresh(), growth.afresh(growth.laws)
+    every, plain = growth.afresh(), growth.afresh(growth.without_curves)
     # as recorded, no shaft is wound up: what bends it much in a few runs did not come to rest in all from there
     view = nothing.about.view
     few = _Found(every, every.by_few(view, view.work.within(_FEW)))
-    if few.named and not few.without_curves:
-        plain = growth.afresh(growth.without_curves)
-        alone = _Found(plain, plain.by_few(view, view.work.apart(_LAWS)))
+    if few.without_curves or few.climbed.beats_laws:
+        return _or_laws(few.renewed(nothing).further(), view, few if few.named else None)
+    alone = _Found(plain, plain.by_few(view, view.work.apart(_LAWS)))
+    if few.named:
         if alone.climbed.log > few.climbed.log - HOPELESS:
             found = alone.renewed(nothing).further()
             if found.beats(few):
                 return _or_laws(found, view, alone)
-    if few.named or few.climbed.beats_laws:
-        return _or_laws(few.renewed(nothing).further(), view, few if few.named else None)
-    alone = _Found(laws, laws.by_few(view, view.work.apart(_LAWS)))
+        return _or_laws(few.renewed(nothing).further(), view, few)
     if alone.climbed.log <= few.climbed.log:
         return _or_laws(few.renewed(nothing).further(), view)
     alone = alone.renewed(nothing)

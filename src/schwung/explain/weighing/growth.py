@@ -32,6 +32,7 @@ from schwung.explain.weighing.offers import (
     laws_instead,
     limits_instead,
     numbers_instead,
+    numbers_together,
     offered,
     searched,
 )
@@ -77,7 +78,6 @@ class Climbed:
     search: Search
     best: Scored
     at: Settled
-    halfway: bool = False  # whether it was left because something has no name
     beats_laws: bool = False  # whether it holds a coupling that is a curve, in place of laws alone at rest
 
     @property
@@ -193,7 +193,7 @@ class Growth:
                 if taken is not None:
                     start, at = taken
                     if named and is_unnamed(search, start):
-                        return Climbed(search, start, at, halfway=True)
+                        return Climbed(search, start, at)
                     shared = not search.candidate(start.picks[-1]).each_run
                     fresh = self.unrepeated and self._is_loud(at)
                     start, at = self.renewed(search, start, at) if fresh else (start, at)
@@ -219,7 +219,7 @@ class Growth:
                 )
             start, at = taken
             if named and is_unnamed(search, start):
-                return Climbed(search, start, at, halfway=True)
+                return Climbed(search, start, at)
             picks = kept(search, start, at)
 
     def alike(self, climbed: Climbed) -> Climbed:
@@ -397,6 +397,10 @@ class Growth:
         # of much that is missed any curve promises more than a law keeps
         laws = [one for one in likelier if search.candidate(one.picks[-1]).is_law][:_LAWS_TRIED]
         promising = [*likelier[:_TRIED], *laws]
+        # of a rigid machine the one inertia and the torque's scale are the same but for what is missed
+        together = None if at.about.view.runs[0].rigid else numbers_together(search, start.picks)
+        if together is not None and all(together.log > one.log for one in (start, *likelier)):
+            promising.append(search.score(together.picks))
         # without numba a gap costs a hundred times as much: there a line has to promise something
         opening = [one for one in offers if IS_FAST and search.candidate(one.picks[-1]).opens][:1]
         # what is far off is missed by something else as well: where no line promises anything, nothing is

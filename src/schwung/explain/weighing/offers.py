@@ -7,6 +7,8 @@ from __future__ import annotations
 
 from itertools import chain, combinations
 
+import numpy as np
+
 from schwung.explain.weighing.search import HOPELESS, MOST, Pick, Scored, Search, Set
 
 #: The best so many candidates are looked at closely wherever one is added.
@@ -14,6 +16,8 @@ _LOOKED_AT = 3
 #: So many laws are among those.
 _LAWS = 2
 _ROUNDS = 4
+#: By so many deviations at most two numbers that hide each other may be off.
+_NATURALLY = 3.0
 
 
 def offered(search: Search, picks: Set, without: frozenset[int] = frozenset()) -> list[Scored]:
@@ -81,6 +85,26 @@ def numbers_beside(search: Search, picks: Set) -> list[Pick]:
     inside = search.kind(picks)
     every = enumerate(search.data.candidates)
     return [Pick(search.first_atom(i), 1.0) for i, c in every if c.is_number and i not in inside]
+
+
+def numbers_together(search: Search, picks: Set) -> Scored | None:
+    """The two changes of the belief's numbers more that promise most, where they do together what neither does alone:
+    of an inertia and a torque constant that are both off, either hides the other. None: no two do.
+
+    Of numbers that could be naturally so far off: hardly any inertia with hardly any torque misses nothing either,
+    whatever was left out. So what such sets promise is in no table.
+    """
+    apart = Search(search.data, search.always, inexact=search.inexact)
+    beside, without = numbers_beside(search, picks), apart.score(picks).log
+    alone = {pick: max(apart.score((*picks, pick)).log - without, 0.0) for pick in beside}
+    found: Scored | None = None
+    for one, other in combinations(beside, 2):
+        both = apart.score((*picks, one, other))
+        off = both.exact[-2:] / [search.candidate(pick).deviations[0] for pick in (one, other)]
+        much = both.log - without > alone[one] + alone[other] and bool(np.all(np.abs(off) < _NATURALLY))
+        if much and (found is None or both.log > found.log):
+            found = both
+    return found
 
 
 def coupling_instead(search: Search, picks: Set, least: int = 2) -> Scored | None:
