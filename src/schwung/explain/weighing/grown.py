@@ -1,9 +1,9 @@
 """From where sets are grown: from what all causes, or laws alone, make of a few runs, or from nothing in all.
 
 A pair of laws explains together what one curve does: beside the curve neither is missed, and none takes its place; so
-where a curve with a name is found in a few runs, laws without curves are looked for as well. And laws take what they
-can of what is none of them. So where something without a name is found, laws alone are looked for as well; and where
-something without a name is found beside those, all is looked for from nothing. The likelier counts.
+where a curve is found in a few runs, with a name or without, laws without curves are looked for as well. And laws take
+what they can of what is none of them. So where something without a name is found in all runs, laws alone, and curves
+with names, are looked for as well. The likelier counts.
 """
 
 from __future__ import annotations
@@ -142,8 +142,7 @@ def _from_nothing(growth: Growth, view: View, nothing: Settled) -> _Found:
 
 
 def _from_few(growth: Growth, view: View, nothing: Settled) -> _Found:
-    """From what all causes make of a few runs; or laws alone, where those leave something without a name, or laws
-    without curves, where they name a curve."""
+    """From what all causes make of a few runs; or laws without curves, where that holds a curve."""
     every, plain = growth.afresh(), growth.afresh(growth.without_curves)
     # as recorded, no shaft is wound up: what bends it much in a few runs did not come to rest in all from there
     view = nothing.about.view
@@ -152,11 +151,7 @@ def _from_few(growth: Growth, view: View, nothing: Settled) -> _Found:
         return _or_laws(few.renewed(nothing).further(), view, few if few.named else None)
     alone = _Found(plain, plain.by_few(view, view.work.apart(_LAWS)))
     if few.named:
-        if alone.climbed.log > few.climbed.log - HOPELESS:
-            found = alone.renewed(nothing).further()
-            if found.beats(few):
-                return _or_laws(found, view, alone)
-        return _or_laws(few.renewed(nothing).further(), view, few)
+        return _or_without_curves(few, alone, view, nothing)
     if alone.climbed.log <= few.climbed.log:
         return _or_laws(few.renewed(nothing).further(), view)
     alone = alone.renewed(nothing)
@@ -167,6 +162,15 @@ def _from_few(growth: Growth, view: View, nothing: Settled) -> _Found:
     if not found.named and alone.beats(found):
         return beside.further()
     return _or_laws(found, view)
+
+
+def _or_without_curves(few: _Found, alone: _Found, view: View, nothing: Settled) -> _Found:
+    """What comes of names of a few runs, or of laws without curves, where those are likelier in all."""
+    if alone.climbed.log > few.climbed.log - HOPELESS:
+        found = alone.renewed(nothing).further()
+        if found.beats(few):
+            return _or_laws(found, view, alone)
+    return _or_laws(few.renewed(nothing).further(), view, few)
 
 
 def _or_laws(found: _Found, view: View, few: _Found | None = None) -> _Found:
