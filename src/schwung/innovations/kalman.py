@@ -109,7 +109,9 @@ def updated(
         p[m, m] = max(gain[m, m] * variances[k, m], 1e-300)
 
 
-def _filter_of(size: int) -> Callable[[System], Filtered]:
+def filter_of(size: int) -> Callable[[System], Filtered]:
+    """The filter of so many states, in arrays."""
+
     @compiled_or(plain.filtered)
     def kalman_filter(system: System) -> Filtered:
         count = system.measured.shape[0]
@@ -132,7 +134,9 @@ def _filter_of(size: int) -> Callable[[System], Filtered]:
     return kalman_filter
 
 
-def _deviance_of(size: int) -> Callable[[System], tuple[float, float]]:
+def deviance_of(size: int) -> Callable[[System], tuple[float, float]]:
+    """`deviance` of so many states, in arrays."""
+
     @compiled_or(plain.deviance)
     def kalman_deviance(system: System) -> tuple[float, float]:
         measured, variances = system.measured, system.variances
@@ -198,8 +202,8 @@ def _deviance_of_five(system: System) -> tuple[float, float]:
     return logs, squares
 
 
-_FILTERS = {size: _filter_of(size) for size in SIZES} | {5: _filter_of_five}
-_DEVIANCES = {size: _deviance_of(size) for size in SIZES} | {5: _deviance_of_five}
+_FILTERS = {size: filter_of(size) for size in SIZES} | {5: _filter_of_five}
+_DEVIANCES = {size: deviance_of(size) for size in SIZES} | {5: _deviance_of_five}
 
 
 def filtered(system: System) -> Filtered:

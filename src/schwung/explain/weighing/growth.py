@@ -201,8 +201,8 @@ class Growth:
                     if fresh or shared or self.coarse or at.about.view.ranges.one_motion:
                         continue
                     # it was noise, for repeats do not share it; where all repeat one motion, nothing else tells noise
-                # of what a few runs are made of, what stands in a name's place is told by all; not of laws alone, which all
-                # are not asked for where a curve was likelier
+                # of what a few runs are made of, what stands in a name's place is told by all; of laws alone by those,
+                # for where a curve is likelier, all are not asked for them again in time
                 few_tell = self.coarse and self.among is None and not is_unnamed(search, start)
                 if few_tell or self._is_hopeless(search, start, at):
                     return Climbed(search, start, at)
