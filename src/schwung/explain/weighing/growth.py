@@ -397,10 +397,12 @@ class Growth:
         # of much that is missed any curve promises more than a law keeps
         laws = [one for one in likelier if search.candidate(one.picks[-1]).is_law][:_LAWS_TRIED]
         promising = [*likelier[:_TRIED], *laws]
-        # of a rigid machine the one inertia and the torque's scale are the same but for what is missed
-        together = None if at.about.view.runs[0].rigid else numbers_together(search, start.picks)
-        if together is not None and all(together.log > one.log for one in (start, *likelier)):
-            promising.append(search.score(together.picks))
+        # of a rigid machine the inertia and the torque's scale are the same but for what is missed; beside a curve two
+        # numbers do what that lacks
+        rigid = at.about.view.runs[0].rigid
+        together = None if rigid or is_unnamed(search, start) else numbers_together(search, start.picks)
+        if together is not None and all(together[1] > one.log for one in (start, *likelier)):
+            promising.append(search.score(together[0]))
         # without numba a gap costs a hundred times as much: there a line has to promise something
         opening = [one for one in offers if IS_FAST and search.candidate(one.picks[-1]).opens][:1]
         # what is far off is missed by something else as well: where no line promises anything, nothing is

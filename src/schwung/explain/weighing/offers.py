@@ -10,6 +10,7 @@ from itertools import chain, combinations
 import numpy as np
 
 from schwung.explain.weighing.search import HOPELESS, MOST, Pick, Scored, Search, Set
+from schwung.innovations.evidence import block_gains
 
 #: The best so many candidates are looked at closely wherever one is added.
 _LOOKED_AT = 3
@@ -87,24 +88,40 @@ def numbers_beside(search: Search, picks: Set) -> list[Pick]:
     return [Pick(search.first_atom(i), 1.0) for i, c in every if c.is_number and i not in inside]
 
 
-def numbers_together(search: Search, picks: Set) -> Scored | None:
-    """The two changes of the belief's numbers more that promise most, where they do together what neither does alone:
-    of an inertia and a torque constant that are both off, either hides the other. None: no two do.
+def numbers_together(search: Search, picks: Set) -> tuple[Set, float] | None:
+    """A set with the two changes of the belief's numbers more that promise most, and what it promises (log), where they
+    do together what neither does alone: of an inertia and a torque constant that are both off, either hides the other.
+    None: no two do.
 
     Of numbers that could be naturally so far off: hardly any inertia with hardly any torque misses nothing either,
-    whatever was left out. So what such sets promise is in no table.
+    whatever was left out.
     """
-    apart = Search(search.data, search.always, inexact=search.inexact)
-    beside, without = numbers_beside(search, picks), apart.score(picks).log
-    alone = {pick: max(apart.score((*picks, pick)).log - without, 0.0) for pick in beside}
-    found: Scored | None = None
-    for one, other in combinations(beside, 2):
-        both = apart.score((*picks, one, other))
-        off = both.exact[-2:] / [search.candidate(pick).deviations[0] for pick in (one, other)]
-        much = both.log - without > alone[one] + alone[other] and bool(np.all(np.abs(off) < _NATURALLY))
-        if much and (found is None or both.log > found.log):
-            found = both
-    return found
+    beside = numbers_beside(search, picks)
+    if len(beside) < 2:
+        return None
+    beyond, without = search.data.beyond(*search.columns(picks)), search.score(picks).log
+    columns = np.array([search.data.atoms[pick.atom].where.start for pick in beside])
+    sizes = np.array([search.candidate(pick).deviations[0] for pick in beside])
+    own = search.data.at(columns).gram
+    across = beyond.across[:, columns]
+    gram, slope = (own - across.T @ across) * np.outer(sizes, sizes), beyond.slope[columns] * sizes
+    ones, pairs = np.ones(2), np.array(list(combinations(range(len(beside)), 2)))
+    alone = block_gains(np.diagonal(gram)[:, None, None], slope[:, None], ones[:1], [1.0])[:, 0]
+    blocks = gram[pairs[:, :, None], pairs[:, None, :]]
+    both = block_gains(blocks, slope[pairs], ones, [1.0])[:, 0] + 2 * search.handicap
+    more = both - np.sum(np.maximum(alone[pairs] + search.handicap, 0.0), axis=1)
+    known = np.linalg.inv(blocks + np.eye(2))
+    off, spread = (known @ slope[pairs][:, :, None])[:, :, 0], np.sqrt(np.diagonal(known, axis1=1, axis2=2))
+    best: tuple[Set, float] | None = None
+    for where in np.flatnonzero((more > 0) & np.all(np.abs(off) < _NATURALLY, axis=1)).tolist():
+        promised = without + float(both[where])
+        for place, each, unsure in zip(pairs[where], off[where], spread[where], strict=True):
+            size = sizes[place : place + 1]
+            promised += search.candidate(beside[place]).allowed(each * size, unsure * size, size)
+        if best is None or promised > best[1]:
+            one, other = pairs[where]
+            best = (*picks, beside[one], beside[other]), promised
+    return best
 
 
 def coupling_instead(search: Search, picks: Set, least: int = 2) -> Scored | None:
