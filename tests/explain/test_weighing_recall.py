@@ -65,7 +65,7 @@ def test_few_runs_begin_where_the_belief_comes_to_rest() -> None:
         seen.append(view)
         raise Seen
 
-    growth: Any = SimpleNamespace(afresh=lambda *_: SimpleNamespace(by_few=by_few), laws=())
+    growth: Any = SimpleNamespace(afresh=lambda *_: SimpleNamespace(by_few=by_few))
     work = SimpleNamespace(within=lambda _: None)
     nothing: Any = SimpleNamespace(about=SimpleNamespace(view=SimpleNamespace(work=work)))
     with pytest.raises(Seen):

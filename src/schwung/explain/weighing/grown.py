@@ -143,12 +143,13 @@ def _from_nothing(growth: Growth, view: View, nothing: Settled) -> _Found:
 
 def _from_few(growth: Growth, view: View, nothing: Settled) -> _Found:
     """From what all causes make of a few runs; or laws without curves, where that holds a curve."""
-    every, plain = growth.afresh(), growth.afresh(growth.without_curves)
+    every = growth.afresh()
     # as recorded, no shaft is wound up: what bends it much in a few runs did not come to rest in all from there
     view = nothing.about.view
     few = _Found(every, every.by_few(view, view.work.within(_FEW)))
     if few.without_curves or few.climbed.beats_laws:
         return _or_laws(few.renewed(nothing).further(), view, few if few.named else None)
+    plain = growth.afresh(growth.without_curves)
     alone = _Found(plain, plain.by_few(view, view.work.apart(_LAWS)))
     if few.named:
         return _or_without_curves(few, alone, view, nothing)
