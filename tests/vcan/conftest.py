@@ -83,12 +83,12 @@ Bench("two-mass", interface="socketcan", channel="{channel}", clock="{request.pa
 
 
 @pytest.fixture
-def open_bus(vcan_channel: str) -> Iterator[Callable[[], can.BusABC]]:
-    """Opens python-can buses on the interface, with room for 5000 unread frames each; closes them all."""
+def open_bus_on() -> Iterator[Callable[[str], can.BusABC]]:
+    """Opens python-can buses on an interface, with room for 5000 unread frames each; closes them all."""
     buses: list[can.BusABC] = []
 
-    def opened() -> can.BusABC:
-        bus = can.Bus(interface="socketcan", channel=vcan_channel)
+    def opened(channel: str) -> can.BusABC:
+        bus = can.Bus(interface="socketcan", channel=channel)
         buses.append(bus)
         assert isinstance(bus, SocketcanBus)
         for option in (socket.SO_RCVBUF, SO_RCVBUFFORCE):
@@ -99,6 +99,12 @@ def open_bus(vcan_channel: str) -> Iterator[Callable[[], can.BusABC]]:
     yield opened
     for bus in buses:
         bus.shutdown()
+
+
+@pytest.fixture
+def open_bus(vcan_channel: str, open_bus_on: Callable[[str], can.BusABC]) -> Callable[[], can.BusABC]:
+    """The same, on the test's own interface."""
+    return lambda: open_bus_on(vcan_channel)
 
 
 @pytest.fixture
