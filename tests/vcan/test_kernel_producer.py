@@ -214,7 +214,11 @@ def _hangs_while_it_plays(channel: str, heard: Heard, way: int) -> tuple[float, 
         tool.join(20)
         # What it told to stop itself goes out at once, and without end: the guard comes later, then silence.
         stopped = any(_word(m) == cia402.QUICK_STOP for m in heard.sent if m.timestamp < hung_s + GUARD_S)
-        return str(told.recv()) if stopped else (hung_s, back_s, switched_off)
+        return (
+            (str(told.recv()) if told.poll(1) else "it told nothing")
+            if stopped
+            else (hung_s, back_s, switched_off)
+        )
     finally:
         tool.kill()
         tool.join()
@@ -235,6 +239,7 @@ def test_a_program_that_hangs_for_a_second_leaves_a_drive_that_stays_stopped(
         if not isinstance(went, str):
             break
         measured("a program that ended before it hung", went)
+        assert "this program was held up" in went  # that is the computer's to avoid, all else is ours
     else:
         pytest.skip(f"{GOES} times it had ended before it could be made to hang, the last time since: {went}")
     hung_s, back_s, switched_off = went
@@ -247,9 +252,8 @@ def test_a_program_that_hangs_for_a_second_leaves_a_drive_that_stays_stopped(
     due = targets[0] + np.rint(stroke(LONG, FAST_HZ).position_rad / resolution_rad)
     first = np.argmin(np.abs(due[: LONG // 2] - went_by[0]))
     off = due[first : first + went_by.size] - went_by
-    assert np.ptp(off) <= 1, (
-        "a stretch was repeated, or left out"
-    )  # of where it stands, the last bit may be another
+    # The axis may stand a count beside what was held.
+    assert np.ptp(off) <= 1, "a stretch was repeated, or left out"
     assert _target(sent[stop]) == targets[-1]
     silent = [m for m in frames if sent[stop].timestamp + 0.05 < m.timestamp < back_s]
     assert [m for m in silent if m.arbitration_id in (RPDO, SYNC_ID)] == []
