@@ -43,3 +43,15 @@ def test_two_numbers_that_are_off_of_which_either_hides_the_other(tmp_path: Path
     found = weigh(session, machine)
     assert {one.name for one in found.names if one.probability > 0.9} == hidden
     assert not [one for one in found.unnamed if one.probability > 0.1]
+
+
+@pytest.mark.long
+def test_three_causes_two_of_which_a_few_runs_know_beside_curves(tmp_path: Path) -> None:
+    """An event and play were known beside curves over position, speed and the inertia; laws that began from nothing
+    ended elsewhere, so that five curves were told, and no name."""
+    session, machine, label = drawn(tmp_path, 952060, 2, kind="three", level="clear")
+    hidden = {effect["physics"] for effect in label["effects"]}
+    assert hidden == {"backlash", "load_event", "quadratic_drag"}
+    found = weigh(session, machine)
+    assert {one.name for one in found.names if one.probability > 0.9} == hidden
+    assert not [one for one in found.unnamed if one.probability > 0.1]

@@ -76,7 +76,7 @@ def test_a_hum_found_in_few_runs_is_in_the_set_at_rest_and_in_what_is_scored(
     stranger = Stranger("hum, dry friction", (), (0.8, 0.0, 0.0, 0.0), hum=(0.3, HERTZ))
 
     def grown(growth: Growth, view: View) -> None:
-        climbed = replace(growth, coarse=True).climbed(growth.nothing(view), ())
+        climbed = replace(growth, every=growth.rests.train).climbed(growth.nothing(view), ())
         scored = [climbed.search.candidate(pick).name for pick in climbed.best.picks]
         assert sorted(scored) == ["coulomb_friction", "periodic_disturbance"]
         assert [member.candidate.name for member in climbed.at.members[-2:]] == scored

@@ -7,8 +7,10 @@ import pytest
 from sealed_sessions import drawn
 from strangers import STIFFNESS, Stranger, belief_of, session_of
 
-from schwung.explain.weighing.growth import Growth
+from schwung.explain.weighing import growth
+from schwung.explain.weighing.asked import further
 from schwung.explain.weighing.published import publish
+from schwung.explain.weighing.resting import Rests
 from schwung.explain.weighing.search import Scored, Search
 from schwung.explain.weighing.settling import Settled
 from schwung.explain.weighing.weigh import weigh
@@ -62,14 +64,13 @@ def test_a_coupling_that_is_four_times_as_stiff_here_as_there_has_its_order(
     """To first order about an even stiffness twice the true order takes ten times as much: five causes stood for it,
     none of them with a name."""
     session, machine, label = drawn(tmp_path, 315507, 2, kind="foreign")
-    further = Growth._further
 
-    def first(growth: Growth, search: Search, start: Scored, at: Settled) -> None:
-        found = further(growth, search, start, at)
+    def first(rests: Rests, search: Search, start: Scored, at: Settled, gained: dict[int, float]) -> None:
+        found = further(rests, search, start, at, gained)
         assert found is not None
         raise _Found(found[1].members[-1])
 
-    monkeypatch.setattr(Growth, "_further", first)
+    monkeypatch.setattr(growth, "further", first)
     with pytest.raises(_Found) as found:
         weigh(session, machine)
     (member,), (hidden,) = found.value.args, label["effects"]

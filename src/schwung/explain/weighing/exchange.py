@@ -135,6 +135,12 @@ def play_instead(
     return None
 
 
+def may_bend(rests: Rests, search: Search, start: Scored, at: Settled) -> bool:
+    """Whether there is anything in whose place `curve_instead` or `curve_alone` may be."""
+    least = 1 if _misses_plainly(rests, at) else 2
+    return coupling_instead(search, start.picks, least) is not None
+
+
 def curve_instead(rests: Rests, search: Search, start: Scored, at: Settled) -> tuple[Scored, Settled] | None:
     """A coupling that is a curve in place of several causes that together do what it does (`coupling_instead`), where
     that is likelier at rest."""
@@ -152,14 +158,20 @@ def curve_instead(rests: Rests, search: Search, start: Scored, at: Settled) -> t
 
 
 def curve_alone(
-    rests: Rests, search: Search, start: Scored, at: Settled, believed: Sequence[Member]
+    rests: Rests,
+    search: Search,
+    start: Scored,
+    at: Settled,
+    believed: Sequence[Member],
+    *,
+    bends: bool = False,
 ) -> tuple[Scored, Settled] | None:
     """The same in place of all that was found, at rest from the belief on, where something of it has no name or is
-    plainly missed: what was found beside laws that no coupling has makes up for what they do wrong, and a curve beside
-    it ends there."""
+    plainly missed, or it `bends`, as is known by then: what was found beside laws that no coupling has makes up for
+    what they do wrong, and a curve beside it ends there."""
     plainly = _misses_plainly(rests, at)
     bent = coupling_instead(search, start.picks, 1 if plainly else 2)
-    if bent is None or not (plainly or is_unnamed(search, start)) or search.data.work.spent:
+    if bent is None or not (bends or plainly or is_unnamed(search, start)) or search.data.work.spent:
         return None
     one = search.score(bent.picks[-1:])
     begun = begun_from(believed, members_of(search, one, rests.candidates))

@@ -16,7 +16,7 @@ from schwung.explain.weighing.data import Data
 from schwung.explain.weighing.growth import Climbed, Growth
 from schwung.explain.weighing.round import View
 from schwung.explain.weighing.search import HOPELESS, Scored, Search
-from schwung.explain.weighing.sets import Shaped, is_unnamed
+from schwung.explain.weighing.sets import is_unnamed
 from schwung.explain.weighing.settling import Settled
 
 #: Of the work, what all causes may take in a few runs; and what laws alone may take beside it, each time.
@@ -88,8 +88,12 @@ class _Found:
     def renewed(self, nothing: Settled) -> _Found:
         """About the noise that it leaves in all runs; `nothing`, where that is likelier there."""
         climbed = self.climbed
-        if climbed.log <= nothing.log:
+        if climbed.fresh and self.growth.rests.misses(climbed.at):
+            nothing = self.growth.nothing(nothing.about.view)
+        if climbed.at.about.noise is nothing.about.noise and climbed.log <= nothing.log:
             climbed = replace(climbed, at=nothing, best=climbed.search.score(()))
+        if climbed.fresh:
+            return replace(self, climbed=climbed, fresh=True)
         best, at = self.growth.renewed(climbed.search, climbed.best, climbed.at)
         return replace(self, climbed=replace(climbed, at=at, best=best), fresh=True)
 
@@ -99,6 +103,14 @@ class _Found:
         at, picks = self.climbed.at, self.climbed.picks
         climbed = growth.climbed(at, picks, named=named, fresh=self.fresh)
         return _Found(growth, replace(climbed, beats_laws=climbed.beats_laws or self.climbed.beats_laws))
+
+    def is_beyond(self, laws: _Found) -> bool:
+        """Whether it grew from these laws, beside which no other gained enough to be of use, and is so much likelier
+        that nothing makes up for it."""
+        kind = laws.climbed.search.kind(laws.climbed.best.picks)
+        gained = self.growth.rests.named.get(kind, np.inf)
+        same = laws.climbed.at.about.noise is self.growth.rests.wide.noise
+        return same and gained < HOPELESS and self.climbed.log > laws.climbed.log + HOPELESS
 
     def about(self, other: _Found) -> Climbed:
         """At rest about another's noise."""
@@ -130,7 +142,7 @@ def grown(growth: Growth, view: View) -> Grown:
     found = _from_few(growth, view, nothing) if growth.has_few else _from_nothing(growth, view, nothing)
     climbed = found.growth.alike(found.climbed)
     if found.growth.rests.wide is not growth.rests.wide:
-        nothing = found.growth.nothing(view)
+        nothing = found.growth.nothing(nothing.about.view)
     return Grown(found.growth, climbed, nothing)
 
 
@@ -148,13 +160,15 @@ def _from_few(growth: Growth, view: View, nothing: Settled) -> _Found:
     view = nothing.about.view
     few = _Found(every, every.by_few(view, view.work.within(_FEW)))
     if few.without_curves or few.climbed.beats_laws:
-        return _or_laws(few.renewed(nothing).further(), view, few if few.named else None)
-    plain = growth.afresh(growth.without_curves)
-    alone = _Found(plain, plain.by_few(view, view.work.apart(_LAWS)))
+        few = few.renewed(nothing)
+        return _or_laws(few.further(), view, few if few.named else None)
+    alone = _without_curves(every, few, view)
     if few.named:
         return _or_without_curves(few, alone, view, nothing)
-    if alone.climbed.log <= few.climbed.log:
-        return _or_laws(few.renewed(nothing).further(), view)
+    if not alone.climbed.log > few.about(alone).log:
+        found = few.renewed(nothing).further()
+        # what is far from likely in a few runs is so in all
+        return found if alone.climbed.hopeless else _or_laws(found, view, alone)
     alone = alone.renewed(nothing)
     beside = alone.further(named=True)
     if beside.named:
@@ -162,32 +176,38 @@ def _from_few(growth: Growth, view: View, nothing: Settled) -> _Found:
     found = few.renewed(nothing).further()
     if not found.named and alone.beats(found):
         return beside.further()
-    return _or_laws(found, view)
+    return _or_laws(found, view, alone)
+
+
+def _without_curves(every: Growth, few: _Found, view: View) -> _Found:
+    """Laws without curves in a few runs, grown from nothing, or, where that is not enough, from those that were found
+    beside a curve there: they may be right, or what makes up for what the curve does wrong."""
+    laws = every.afresh(every.without_curves)
+    alone = _Found(laws, laws.by_few(view, view.work.apart(_LAWS), few.climbed))
+    if alone.climbed.log > few.about(alone).log:
+        return alone
+    laws = every.afresh(every.without_curves)
+    beside = _Found(laws, laws.by_few(view, view.work.apart(_LAWS), few.climbed, few.climbed))
+    return beside if beside.climbed.log > alone.about(beside).log else alone
 
 
 def _or_without_curves(few: _Found, alone: _Found, view: View, nothing: Settled) -> _Found:
     """What comes of names of a few runs, or of laws without curves, where those are likelier in all."""
-    if alone.climbed.log > few.climbed.log - HOPELESS:
-        found = alone.renewed(nothing).further()
+    if alone.climbed.log > few.about(alone).log - HOPELESS:
+        alone = alone.renewed(nothing)
+        found = alone.further()
         if found.beats(few):
             return _or_laws(found, view, alone)
-    return _or_laws(few.renewed(nothing).further(), view, few)
+    few = few.renewed(nothing)
+    return _or_laws(few.further(), view, few)
 
 
 def _or_laws(found: _Found, view: View, few: _Found | None = None) -> _Found:
     """What was found, where all of it has a name or is known to be likelier than laws alone; or from those in all
     runs, where they are likelier; `few`: laws that are likeliest in a few runs, None: there are none."""
-    if found.named or found.climbed.beats_laws:
+    if found.named or found.climbed.beats_laws or (few is not None and found.is_beyond(few)):
         return found
     return _or_else(found, found.growth.laws, view, few)
-
-
-def _begun(laws: Growth, nothing: Settled, few: _Found | None) -> tuple[Settled, Shaped]:
-    """Those of a few runs at rest about the noise at hand, or nothing, where that is likelier."""
-    if few is None:
-        return nothing, ()
-    at = laws.rests.settled(few.climbed.at.about.view, few.climbed.at.members)
-    return (at, few.climbed.picks) if at.log > nothing.log else (nothing, ())
 
 
 def _or_else(found: _Found, among: frozenset[int], view: View, few: _Found | None = None) -> _Found:
@@ -196,5 +216,5 @@ def _or_else(found: _Found, among: frozenset[int], view: View, few: _Found | Non
     # what was found keeps its columns
     laws = replace(found.growth.afresh(among), rival=found.climbed.log, memory=None)
     with view.work.apart(_LAWS):
-        alone = _Found(laws, laws.climbed(*_begun(laws, laws.nothing(view), few)))
+        alone = _Found(laws, laws.climbed(*laws.begun(view, None if few is None else few.climbed)))
     return alone.further() if alone.beats(found) else found

@@ -6,15 +6,14 @@ floors of a wrong stiffness a late torque explains, to first order, more than th
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
-from contextlib import AbstractContextManager
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass, field, replace
 from itertools import count
 
 import numpy as np
 
-from schwung.compiled import IS_FAST
-from schwung.explain.weighing.candidate import RIGHT_TO
+from schwung.explain.weighing.asked import further
 from schwung.explain.weighing.data import Data
 from schwung.explain.weighing.exchange import (
     Worse,
@@ -22,18 +21,14 @@ from schwung.explain.weighing.exchange import (
     curve_alone,
     curve_instead,
     exchanged,
+    may_bend,
     numbers_exchanged,
     play_instead,
     resized,
 )
+from schwung.explain.weighing.its_noise import KNOWN, about_its_noise
 from schwung.explain.weighing.offers import (
-    inertia_beside,
     instead_of_each,
-    laws_instead,
-    limits_instead,
-    numbers_instead,
-    numbers_together,
-    offered,
     searched,
 )
 from schwung.explain.weighing.present import Member
@@ -43,22 +38,18 @@ from schwung.explain.weighing.search import HOPELESS, MOST, Scored, Search
 from schwung.explain.weighing.sets import (
     Shaped,
     absent,
+    bends,
     carried,
-    everything,
     is_unnamed,
     kept,
 )
 from schwung.explain.weighing.settling import (
     Settled,
-    own_noise,
-    smoothed,
 )
 from schwung.explain.weighing.taken import Held
-from schwung.explain.weighing.wide import wide_fit
+from schwung.explain.weighing.wide import Wide
 from schwung.innovations.statistics import Columns
 
-#: How far off the noise may be, once it was found (log).
-KNOWN = 0.3
 #: Told what is being done, and the share that is done.
 Progress = Callable[[str, float], None]
 #: The share of the work that the noise takes, and what of the rest is left after each round.
@@ -79,6 +70,8 @@ class Climbed:
     best: Scored
     at: Settled
     beats_laws: bool = False  # whether it holds a coupling that is a curve, in place of laws alone at rest
+    fresh: bool = False  # whether the noise was looked at since anything was found
+    hopeless: bool = False  # whether it was left for what it stands in for, which is so much likelier
 
     @property
     def log(self) -> float:
@@ -89,6 +82,11 @@ class Climbed:
     def prior(self) -> float:
         """How probable so many causes were (log)."""
         return self.search.prior(self.best.picks)
+
+    @property
+    def bends(self) -> bool:
+        """Whether its coupling is a curve."""
+        return bends(self.search, self.best)
 
     @property
     def picks(self) -> Shaped:
@@ -109,13 +107,16 @@ class Growth:
     among: frozenset[int] | None = None  # candidates that are looked at; None: all
     bent: bool = False  # whether the coupling is known to be none of its laws, but a curve over its wind-up
     unrepeated: bool = False  # whether no run repeats another: then noise is what a set leaves
-    coarse: bool = False  # whether these are a few runs, by which no noise can be told
+    every: Sequence[int] = ()  # where these are a few runs: all of them, for by a few no noise can be told
     rival: float | None = None  # log probability, about the noise at hand, of what these causes stand in for
     believed: tuple[Member, ...] = ()  # what is always there, as it is where nothing else is
     unasked: float = 0.0  # what was gained (log) since it was asked where a bus's torque is taken
+    left: float = 1.0  # what was left, over noise, when that was last looked for; 1: or more
     tell: Progress = lambda _text, _share: None
     #: What each candidate that no line leads to gained (log) when it was last asked.
     gained: dict[int, float] = field(default_factory=dict)
+    #: The belief at rest, about each noise in the runs that it was asked in.
+    nothings: dict[tuple[Wide, tuple[int, ...]], Settled] = field(default_factory=dict)
     #: What is not exchanged again.
     worse: set[Worse] = field(default_factory=set)
 
@@ -140,7 +141,11 @@ class Growth:
 
     def nothing(self, view: View) -> Settled:
         """The belief with what is always there; from then on it is known what that misses."""
-        at = self._nearest(self.rests.settled(view, [absent(self.rests.candidates[i]) for i in self.always]))
+        asked = self.rests.wide, tuple(self.rests.train)
+        if asked not in self.nothings:
+            alone = [absent(self.rests.candidates[i]) for i in self.always]
+            self.nothings[asked] = self._nearest(self.rests.settled(view, alone))
+        at = self.nothings[asked]
         self.rests, self.believed = self.rests.beside(at.about), at.members
         return at
 
@@ -153,33 +158,63 @@ class Growth:
         found = self._climbed(at, picks, named=named, fresh=fresh)
         with found.search.data.work.apart(_BENT):
             # last of all: what is still missed, a curve takes as well as the law that would be found for it next
-            return found if self.bent else self._bent(found, named)
+            return found if self.bent or found.hopeless else self._bent(found, named)
 
-    def _bent(self, found: Climbed, named: bool) -> Climbed:
-        """With a coupling that is a curve, where that is likelier: in place of what was found by which motor and load
-        give way, or of all of it, whatever is found beside it then."""
+    def _bent(self, found: Climbed, named: bool, only: bool = False) -> Climbed:
+        """With a coupling that is a curve, where that is likelier: in place of all that was found, whatever is found
+        beside it then, or of that by which motor and load give way. A few runs are asked first, where they are not all:
+        they cost less. `only`: whether it is left where it is no curve any more.
+        """
         asked = self.rests, found.search, found.best, found.at
-        bent = curve_instead(*asked)
-        if bent is not None:
-            self.bent = True
-            grown = self._climbed(bent[1], kept(found.search, *bent), named=named)
-            return replace(grown, beats_laws=not is_unnamed(found.search, found.best))
-        alone = curve_alone(*asked, self.believed)
-        if alone is None:
+        if not may_bend(*asked):
             return found
         self.memory = None  # what was found keeps its columns
-        before = self.rests
-        grown = self._climbed(alone[1], kept(found.search, *alone), named=named)
-        log = found.log
+        if self.has_few:
+            some = self._of_few()
+            here = some.rests.settled(found.at.about.view, found.at.members)
+            few = Climbed(*some._about(here, found.picks))
+            bent = some._bent(few, named=False, only=True)
+            if not bent.bends:
+                return found
+            at = self.rests.settled(bent.at.about.view, bent.at.members)
+            grown = self._likelier(found, at, bent.picks, named)
+            return found if grown is found else replace(grown, beats_laws=bent.beats_laws)
+        instead = curve_instead(*asked)
+        rival = found if instead is None else Climbed(found.search, *instead)
+        beats_laws = instead is not None and not is_unnamed(found.search, found.best)
+        # what was found beside laws that no coupling has makes up for what they do wrong
+        alone = curve_alone(*asked, self.believed, bends=instead is not None)
+        if alone is not None:
+            grown = self._likelier(rival, alone[1], kept(found.search, *alone), named, only)
+            if grown is not rival:
+                return replace(grown, beats_laws=True) if beats_laws else grown
+        if instead is None:
+            return found
+        self.bent = True
+        grown = self._climbed(instead[1], kept(found.search, *instead), named=named)
+        return replace(grown, beats_laws=beats_laws)
+
+    def _likelier(
+        self, found: Climbed, at: Settled, picks: Shaped, named: bool, only: bool = False
+    ) -> Climbed:
+        """What grows from a coupling that is a curve, or what was found, where that is likelier."""
+        before, rival = self.rests, self.rival
+        self.rival = found.log
+        grown = self._climbed(at, picks, named=named, bent=only)
+        log, self.rival = found.log, rival
         if self.rests.wide is not before.wide:  # the noise was looked at on the way
             log = self.rests.settled(found.at.about.view, found.at.members).log + found.prior
+            self.rival = None
         self.bent = grown.log > log
         if self.bent:
             return grown
-        self.rests = before  # what was found is about that noise
+        self.rests, self.rival = before, rival  # what was found is about that noise
         return found
 
-    def _climbed(self, at: Settled, picks: Shaped, *, named: bool = False, fresh: bool = False) -> Climbed:
+    def _climbed(
+        self, at: Settled, picks: Shaped, *, named: bool = False, fresh: bool = False, bent: bool = False
+    ) -> Climbed:
+        """`bent`: whether it is left where a coupling that is a curve, of which it begins, is none any more."""
         growing = True
         while True:  # each round is likelier than the one before, or the last but for a look at the noise
             share = NOISE_SHARE + (1 - NOISE_SHARE) * (1 - _FURTHER ** (next(self.rounds) - 1))
@@ -187,25 +222,31 @@ class Growth:
             search, start, at = self._about(at, picks)
             picks = kept(search, start, at)
             if search.data.work.spent:
-                return self._ended(search, start, at)
+                return replace(self._ended(search, start, at), fresh=fresh)
             if growing:
+                before = at.log + search.prior(start.picks)
                 taken = self._grown(search, start, at)
                 if taken is not None:
                     start, at = taken
-                    if named and is_unnamed(search, start):
+                    if self._is_hopeless(search, start, at, before):
+                        return Climbed(search, start, at, hopeless=True)
+                    if (named and is_unnamed(search, start)) or (bent and not bends(search, start)):
                         return Climbed(search, start, at)
                     shared = not search.candidate(start.picks[-1]).each_run
-                    fresh = self.unrepeated and self._is_loud(at)
-                    start, at = self.renewed(search, start, at) if fresh else (start, at)
+                    loud = self._is_loud(at)
+                    with search.data.work.besides() if self.every else nullcontext():
+                        start, at = self.renewed(search, start, at) if loud else (start, at)
+                    # of what repeats do not share little is changed by what they do, until they leave much less
+                    fresh = loud or (fresh and shared and not self.unrepeated)
                     picks = kept(search, start, at)
-                    if fresh or shared or self.coarse or at.about.view.ranges.one_motion:
+                    if loud or shared or self.coarse or at.about.view.ranges.one_motion:
                         continue
                     # it was noise, for repeats do not share it; where all repeat one motion, nothing else tells noise
                 # of what a few runs are made of, what stands in a name's place is told by all; of laws alone by those,
                 # for where a curve is likelier, all are not asked for them again in time
                 few_tell = self.coarse and self.among is None and not is_unnamed(search, start)
                 if few_tell or self._is_hopeless(search, start, at):
-                    return Climbed(search, start, at)
+                    return Climbed(search, start, at, fresh=fresh, hopeless=not few_tell)
                 if not fresh and not self.coarse:
                     start, at = self.renewed(search, start, at)
                     picks, fresh = kept(search, start, at), True
@@ -215,7 +256,9 @@ class Growth:
             taken = exchanged(self.rests, search, start, at)
             if taken is None:
                 return (
-                    self._ended(search, start, at) if search.data.work.spent else Climbed(search, start, at)
+                    self._ended(search, start, at)
+                    if search.data.work.spent
+                    else Climbed(search, start, at, fresh=fresh)
                 )
             start, at = taken
             if named and is_unnamed(search, start):
@@ -260,7 +303,7 @@ class Growth:
         """The best set of one cause more at rest, or what stands for it there; None where none is more probable, or
         what a few runs gain by it is so little that all have to tell it."""
         before = at.log + search.prior(start.picks)
-        taken = self._further(search, start, at)
+        taken = further(self.rests, search, start, at, self.gained)
         if taken is None:
             return None
         coarsely = self.coarse and not is_unnamed(search, start)
@@ -272,38 +315,82 @@ class Growth:
         start, at = play_instead(self.rests, search, start, at, self.worse) or (start, at)
         return start, self._nearest(at, at.log + search.prior(start.picks) - before)
 
-    def _is_hopeless(self, search: Search, best: Scored, at: Settled) -> bool:
-        """Whether what grew in place of something is so much less probable that no exchange makes up for it.
+    def _is_hopeless(self, search: Search, best: Scored, at: Settled, before: float = np.inf) -> bool:
+        """Whether what grew in place of something is so much less probable that no exchange makes up for it; nor as
+        many causes as there may be, were each worth what the last was, `before` which it was so probable (log).
 
         Where noise is what a set leaves, they are compared about the larger one: what was d (log) about the smaller one
         is d / (1 + 2d/n) there, of n samples.
         """
         if self.rival is None:
             return False
-        behind = self.rival - at.log - search.prior(best.picks)
+        here = at.log + search.prior(best.picks)
+        behind = self.rival - here
         if self.unrepeated and behind > 0:
             behind /= 1 + 2 * behind * self.rests.wide.excess / at.about.samples(self.rests.train)
-        return behind > HOPELESS
+        return behind > HOPELESS + (MOST - len(best.picks)) * max(here - before, 0.0)
+
+    @property
+    def coarse(self) -> bool:
+        """Whether these are a few runs."""
+        return bool(self.every)
 
     @property
     def has_few(self) -> bool:
         """Whether a few runs are not all, and repeats tell what is noise in them."""
         return not self.unrepeated and len(few_of(self.rests.train)) < len(self.rests.train)
 
-    def by_few(self, view: View, work: AbstractContextManager[None]) -> Climbed:
+    def _of_few(self) -> Growth:
+        """The same in a few runs."""
+        return replace(self, rests=self.rests.of_few(), memory=None, every=self.rests.train)
+
+    def by_few(
+        self,
+        view: View,
+        work: AbstractContextManager[None],
+        rival: Climbed | None = None,
+        beside: Climbed | None = None,
+    ) -> Climbed:
         """What a few runs are made of, at rest in all: a few cost less, so that more is tried there, and have fewer
-        maxima of the likelihood on the way. `work`: within which they are asked."""
-        some = replace(self.afresh(self.among), rests=self.rests.of_few(), memory=None, coarse=True)
+        maxima of the likelihood on the way. `work`: within which they are asked; `rival`: what they
+        stand in for; `beside`: a set, with what is looked for of which it begins.
+        """
+        some = self.afresh(self.among)._of_few()
         with work:
-            found = some.climbed(some.nothing(view), ())
+            if rival is not None:
+                there = some.rests.settled(rival.at.about.view, rival.at.members)
+                some.rival = there.log + rival.prior
+            found = some.climbed(*some.begun(view, beside), fresh=rival is not None and rival.fresh)
         self.gained, self.worse, self.bent = some.gained, some.worse, some.bent
-        return replace(found, at=self.rests.settled(view, found.at.members))
+        if some.rests.wide is not self.rests.wide:
+            self.rests, self.left = self.rests.about(some.rests.wide), some.left
+        return replace(found, at=self.rests.settled(found.at.about.view, found.at.members))
+
+    def begun(self, view: View, found: Climbed | None) -> tuple[Settled, Shaped]:
+        """What was found of the causes that are looked for, at rest about the noise at hand, or nothing, where that is
+        likelier, or nothing was found."""
+        if found is None:
+            return self.nothing(view), ()
+        search, members, own = found.search, found.at.members, found.best.picks
+        stay = [i for i, pick in enumerate(own) if self.among is None or search.index(pick) in self.among]
+        if len(stay) == len(own) and self._knows(found.at):
+            return found.at, found.picks
+        nothing, first = self.nothing(view), len(members) - len(own)
+        begun = [*members[:first], *(members[first + i] for i in stay)]
+        at = self.rests.settled(found.at.about.view, begun)
+        return (at, tuple(found.picks[i] for i in stay)) if at.log > nothing.log else (nothing, ())
+
+    def _knows(self, at: Settled) -> bool:
+        """Whether a set is at rest about the noise at hand in the runs at hand."""
+        return at.about.noise is self.rests.wide.noise and set(self.rests.train) == set(at.about.passed)
 
     def renewed(self, search: Search, start: Scored, at: Settled) -> tuple[Scored, Settled]:
         """A set at rest about the noise that it leaves: until then it was looked for about something less likely.
         Without what ends at a bound of its shapes there, for with that none is worth anything."""
-        self._renew(at)
+        self.rival = None  # sets are compared about one and the same noise
+        self.rests, at = about_its_noise(self.rests, at, self.every, self.believed, self.unrepeated)
         found = self.rests.settled(at.about.view, at.members)
+        self.left = min(self._left(found), 1.0)
         own = found.members[len(found.members) - len(start.picks) :]
         ends = [m.candidate.at_end(m.shape, m.coefficients) for m in own]
         if not any(ends):
@@ -323,11 +410,13 @@ class Growth:
         return self.held.nearest(at, self.rests.weighing)
 
     def _is_loud(self, at: Settled) -> bool:
-        """Whether a set leaves so much less than the noise is that it has not been known until now: about that nothing
-        small can be told."""
-        return bool(
-            at.about.square(self.rests.train) < np.exp(-2 * KNOWN) * at.about.samples(self.rests.train)
-        )
+        """Whether a set leaves so much less than the noise is, or than was left when that was looked for, that it has
+        not been known until now: about that nothing small can be told."""
+        return self._left(at) < float(np.exp(-2 * KNOWN)) * self.left
+
+    def _left(self, at: Settled) -> float:
+        """What a set leaves, over what noise does."""
+        return at.about.square(self.rests.train) / at.about.samples(self.rests.train)
 
     def _search(self, at: Settled) -> Search:
         present = {
@@ -347,101 +436,3 @@ class Growth:
         # it does what any of its laws does, which are asked first
         hidden = frozenset() if self.bent else frozenset(i for i, c in enumerate(linear) if c.instead_of_laws)
         return Search(data, self.always, inexact=self.rests.inexact, hidden=hidden)
-
-    def _further(self, search: Search, start: Scored, at: Settled) -> tuple[Scored, Settled] | None:
-        """The best set of one cause more, or of a law in place of a curve, at rest; None where none is more probable
-        than the one at hand.
-        """
-        if len(start.picks) >= MOST:
-            return None
-        best, top = self._in_place(search, start, at)
-        if top > HOPELESS:
-            return best
-        lines, beyond = self._asked(search, start, at)
-        # a number of the belief costs least, and what is hopeless beside it costs little
-        numbers = [one for one in lines if search.candidate(one.picks[-1]).is_number]
-        asked = list(dict.fromkeys((*numbers, *(one for one in lines if one not in beyond), *beyond)))
-        for one in asked:
-            last = self.gained.get(search.index(one.picks[-1]), np.inf) if one in beyond else np.inf
-            # what a cause takes beside more is seldom more: it is not asked again for less than there is already
-            fruitless = best is not None and last <= top
-            if best is not None and ((fruitless and one not in lines) or search.data.work.spent):
-                continue
-            everywhere = one in beyond and not fruitless
-            tried, gain = self.rests.rest(search, one, start, at, top, everywhere=everywhere)
-            if everywhere:
-                self.gained[search.index(one.picks[-1])] = gain
-            if everywhere or one not in beyond:
-                search.asked[frozenset(one.picks)] = gain
-            if np.isneginf(gain):  # what came to its end is what it is in its limit
-                asked += [limit for limit in limits_instead(search, one.picks) if limit not in asked]
-            if gain > top:
-                best, top = (one, tried), gain
-        if best is None or not self.rests.misses(at) or not self.rests.leaves(best[1]):
-            return best
-        for one in lines:
-            if search.candidate(one.picks[-1]).bends_by_shape and not search.data.work.spent:
-                found = self.rests.in_each_shape(search, one, start, at, top)
-                if found is not None:
-                    best, top = (found[0], found[1]), found[2]
-        return best
-
-    def _asked(self, search: Search, start: Scored, at: Settled) -> tuple[dict[Scored, None], list[Scored]]:
-        """Sets of one cause more, or of a law in place of a curve, that are brought to rest: those that a line promises
-        something of, and those that no line leads to."""
-        offers = sorted(offered(search, start.picks), key=lambda one: -one.log)
-        likelier = [one for one in offers if one.log > start.log]
-        # what one motion has of its own could be anything: first all that another motion would show as well
-        shared = [one for one in likelier if not search.candidate(one.picks[-1]).of_motion]
-        likelier = shared or likelier
-        # of much that is missed any curve promises more than a law keeps
-        laws = [one for one in likelier if search.candidate(one.picks[-1]).is_law][:_LAWS_TRIED]
-        promising = [*likelier[:_TRIED], *laws]
-        # of a rigid machine the inertia and the torque's scale are the same but for what is missed; beside a curve two
-        # numbers do what that lacks
-        rigid = at.about.view.runs[0].rigid
-        together = None if rigid or is_unnamed(search, start) else numbers_together(search, start.picks)
-        if together is not None and all(together[1] > one.log for one in (start, *likelier)):
-            promising.append(search.score(together[0]))
-        # without numba a gap costs a hundred times as much: there a line has to promise something
-        opening = [one for one in offers if IS_FAST and search.candidate(one.picks[-1]).opens][:1]
-        # what is far off is missed by something else as well: where no line promises anything, nothing is
-        elsewhere = [one for one in offers if search.candidate(one.picks[-1]).elsewhere and promising]
-        if not self.rests.misses(at):  # what little of the coupling bends about such a set, a line leads to
-            elsewhere = [one for one in elsewhere if search.candidate(one.picks[-1]).tangent is None]
-        beside = laws_instead(search, start.picks)
-        if self.rests.misses(at):  # of a load that is unknown, anything that is missed is a line
-            beside += inertia_beside(search, start.picks)
-        lines = dict.fromkeys((*promising, *(one for one in beside if one.log > start.log)))
-        beyond = [*(one for one in opening if one not in lines), *elsewhere]
-        return lines, beyond
-
-    def _in_place(
-        self, search: Search, start: Scored, at: Settled
-    ) -> tuple[tuple[Scored, Settled] | None, float]:
-        """A number of the belief in place of another, or of a cause what it is in its limit, at rest, and what that
-        gains (log): it needs no cause more, so that where it is much, it comes before all that do."""
-        best, top = None, 0.0
-        for one in (*numbers_instead(search, start.picks), *limits_instead(search, start.picks)):
-            if one.log <= start.log or search.data.work.spent:
-                continue
-            tried, gain = self.rests.rest(search, one, start, at, top)
-            search.asked[frozenset(one.picks)] = gain
-            if gain > top:
-                best, top = (one, tried), gain
-        return best, top
-
-    def _renew(self, at: Settled) -> None:
-        """Look for the noise again about what is present: far from the truth, noise had to be taken for what a linear
-        model could not do. Sets are compared about one and the same, so that none has been at rest about the new one.
-        """
-        self.rival = None
-        if self.unrepeated:  # of everything that may be there, something fits any noise
-            noise = own_noise(at, self.rests.weighing)
-            noise = replace(noise, torque_share=max(noise.torque_share, RIGHT_TO))
-            self.rests = self.rests.about(replace(self.rests.wide, noise=noise))
-        else:
-            members = everything(self.rests.candidates, at.members)
-            noise = self.rests.wide.noise
-            self.rests = self.rests.about(wide_fit(at.about.view, members, noise, self.rests.train, KNOWN))
-        self.rests = self.rests.beside(smoothed(at.about.view, self.believed, self.rests.weighing))

@@ -13,7 +13,7 @@ from schwung.explain.weighing.candidate import RIGHT_TO, Candidate
 from schwung.explain.weighing.present import Member, moves
 from schwung.explain.weighing.round import FAR, Linearised, View, few_of
 from schwung.explain.weighing.search import HOPELESS, Scored, Search
-from schwung.explain.weighing.sets import Shaped, begun_from, carried, kept, key_of, members_of
+from schwung.explain.weighing.sets import Shaped, begun_from, carried, is_unnamed, kept, key_of, members_of
 from schwung.explain.weighing.settling import Settled, Weighing, settled, settled_beyond, settled_elsewhere
 from schwung.explain.weighing.wide import Wide
 
@@ -29,12 +29,14 @@ class Rests:
     inexact: float = 0.0
     #: Kinds of sets that came to rest: their best shapes and sizes, and log probability.
     rested: dict[frozenset[int], tuple[Shaped, float]] = field(default_factory=dict)
+    #: What a cause with a name gained most (log) beside such kinds of sets.
+    named: dict[frozenset[int], float] = field(default_factory=dict)
     #: Kinds of sets whose late cause was begun where what is usual says.
     timed: set[frozenset[int]] = field(default_factory=set)
 
     def afresh(self) -> Rests:
         """Before anything came to rest."""
-        return replace(self, rested={}, timed=set())
+        return replace(self, rested={}, named={}, timed=set())
 
     def of_few(self) -> Rests:
         """In a few of its runs."""
@@ -174,6 +176,12 @@ class Rests:
         if kind not in self.rested or self.rested[kind][1] < log:
             self.rested[kind] = kept(search, one, tried), log
         return tried, tried.log + search.prior(one.picks) - at.log - search.prior(start.picks)
+
+    def note_named(self, search: Search, start: Scored, one: Scored, gain: float) -> None:
+        """Keep in mind what a set gained on the one that it was made of, where all of it has a name."""
+        if not is_unnamed(search, one):
+            kind = search.kind(start.picks)
+            self.named[kind] = max(gain, self.named.get(kind, 0.0))
 
     def recall(self, search: Search, best: Scored, here: float) -> None:
         """Weigh sets that were at rest by what they were worth there: about another set, a linear model may show little

@@ -31,6 +31,11 @@ def is_unnamed(search: Search, one: Scored) -> bool:
     return any(not search.candidate(pick).named for pick in one.picks)
 
 
+def bends(search: Search, one: Scored) -> bool:
+    """Whether a set holds a coupling that is a curve, in place of its laws."""
+    return any(search.candidate(pick).instead_of_laws for pick in one.picks)
+
+
 def begun_from(present: Sequence[Member], members: Sequence[Member]) -> list[Member]:
     """The members with the coefficients that they have in a set at rest, or none: what a linear model promises far from
     it may be no machine at all."""
