@@ -99,6 +99,30 @@ def test_what_is_kept_for_the_end_is_used_once():
         assert not work.spent
 
 
+def test_what_all_runs_are_asked_besides_is_no_part_of_what_a_few_may_take():
+    work = Work(most=100.0, seconds=1e9)
+    with work.within(0.3):
+        work.add(20.0)
+        with work.besides():
+            work.add(50.0)
+        work.add(9.0)
+        assert not work.spent
+        work.add(2.0)
+        assert work.spent
+    assert not work.spent
+    work.add(20.0)
+    assert work.spent  # but of all that may be done it is
+
+
+def test_what_is_looked_for_apart_takes_no_more_for_what_is_asked_besides():
+    work = Work(most=100.0, seconds=1e9)
+    with work.apart(0.3):
+        with work.besides():
+            work.add(20.0)
+        work.add(11.0)
+        assert work.spent
+
+
 def test_room_is_used_again():
     work = Work()
     first = work.rows(3, 5)

@@ -113,11 +113,12 @@ class _Found:
         return same and gained < HOPELESS and self.climbed.log > laws.climbed.log + HOPELESS
 
     def about(self, other: _Found) -> Climbed:
-        """At rest about another's noise."""
-        if self.growth.rests.wide is other.growth.rests.wide:
-            return self.climbed
-        view, members = self.climbed.at.about.view, self.climbed.at.members
-        return replace(self.climbed, at=other.growth.rests.settled(view, members))
+        """At rest about another's noise, and as probable as there so many causes are."""
+        climbed, rests = self.climbed, other.growth.rests
+        search = replace(climbed.search, inexact=rests.inexact)
+        if self.growth.rests.wide is rests.wide:
+            return replace(climbed, search=search)
+        return replace(climbed, search=search, at=rests.settled(climbed.at.about.view, climbed.at.members))
 
     def beats(self, other: _Found) -> bool:
         """Whether laws alone are likelier than another set about the same noise; which of them is less likely is noted

@@ -43,9 +43,7 @@ from schwung.explain.weighing.sets import (
     is_unnamed,
     kept,
 )
-from schwung.explain.weighing.settling import (
-    Settled,
-)
+from schwung.explain.weighing.settling import Settled, smoothed
 from schwung.explain.weighing.taken import Held
 from schwung.explain.weighing.wide import Wide
 from schwung.innovations.statistics import Columns
@@ -364,7 +362,10 @@ class Growth:
         self.gained, self.worse, self.bent = some.gained, some.worse, some.bent
         if some.rests.wide is not self.rests.wide:
             self.rests, self.left = self.rests.about(some.rests.wide), some.left
-        return replace(found, at=self.rests.settled(found.at.about.view, found.at.members))
+            self.rests = self.rests.beside(smoothed(view, self.believed, self.rests.weighing))
+        # causes cost more where all runs miss more
+        search = replace(found.search, inexact=self.rests.inexact)
+        return replace(found, search=search, at=self.rests.settled(found.at.about.view, found.at.members))
 
     def begun(self, view: View, found: Climbed | None) -> tuple[Settled, Shaped]:
         """What was found of the causes that are looked for, at rest about the noise at hand, or nothing, where that is

@@ -62,6 +62,7 @@ class Work:
     def __post_init__(self) -> None:
         self.began = self.now()
         self._usual, self._apart, self._ending = (self.most, self.seconds), APART, ENDING
+        self._whole = self._usual  # of which a share may be asked for
 
     def add(self, numbers: float) -> None:
         """Count."""
@@ -88,29 +89,34 @@ class Work:
         numbers, time_s = self._usual
         self.most = done + share * numbers
         self.seconds = began - self.began + (share * time_s if share else 0.0)
+        whole, self._whole = self._whole, (self.most, self.seconds)
         try:
             yield lambda: max((self.done - done) / numbers, (self.now() - began) / time_s)
         finally:
+            self._whole = whole
             self.most, self.seconds = most + self.done - done, seconds + self.now() - began
             self.hurried = hurried
 
     @contextmanager
     def besides(self) -> Iterator[None]:
-        """Within, what is done is not of the share that is asked for, but of all that may be done."""
+        """Within, what is done is not of the share that is asked for, but of all of which it is one."""
         done, began = self.done, self.now()
         yield
-        self.most += self.done - done
-        self.seconds += self.now() - began
+        most, seconds = self._whole
+        self.most = max(self.most, min(self.most + self.done - done, most))
+        self.seconds = max(self.seconds, min(self.seconds + self.now() - began, seconds))
 
     @contextmanager
     def within(self, share: float) -> Iterator[None]:
         """Within, no more than so much more may be done; what was left of it may be done after it."""
         most, seconds, hurried = self.most, self.seconds, self.hurried
+        whole, self._whole = self._whole, (most, seconds)
         self.most = min(most, self.done + share * most)
         self.seconds = min(seconds, self.now() - self.began + share * seconds)
         try:
             yield
         finally:
+            self._whole = whole
             self.most, self.seconds, self.hurried = most, seconds, hurried
 
     @property
