@@ -10,10 +10,10 @@ import pytest
 from schwung.explain.weighing import growth as growth_module
 from schwung.explain.weighing import resting
 from schwung.explain.weighing.candidate import Candidate
-from schwung.explain.weighing.grown import _from_few, _or_laws
+from schwung.explain.weighing.grown import _Found, _from_few, _or_laws, _without_curves
 from schwung.explain.weighing.growth import Growth
 from schwung.explain.weighing.resting import Rests
-from schwung.explain.weighing.search import Search
+from schwung.explain.weighing.search import Pick, Search
 from schwung.innovations.effect import Effect
 
 LATE, SOFT, BOTH = frozenset({1}), frozenset({2}), frozenset({1, 2})
@@ -172,6 +172,43 @@ def test_a_set_is_left_where_four_more_causes_like_the_last_would_not_do(
     at: Any = SimpleNamespace(log=-2990.0)
     assert growth._is_hopeless(search, best, at, -3000.0 - gained) is hopeless
     assert growth._is_hopeless(search, best, at)
+
+
+def test_what_is_compared_pays_the_same_for_each_cause() -> None:
+    """A cause costs more where the belief misses more: what was found in all runs paid eighteen times for each cause
+    what its rival paid in a few, and so the rival, too, was grown again in all."""
+    data: Any = SimpleNamespace(candidates=_causes(), atoms=[SimpleNamespace(candidate=1, refined=None)])
+    cheap, dear = Search(data, (0,), inexact=30.0), Search(data, (0,), inexact=550.0)
+    best: Any = SimpleNamespace(picks=(Pick(0, 1.0),))
+    at: Any = SimpleNamespace(log=-100.0)
+    rests: Any = SimpleNamespace(wide="one and the same", inexact=550.0)
+    growth: Any = SimpleNamespace(rests=rests)
+    few = _Found(growth, growth_module.Climbed(cheap, best, at))
+    found = _Found(growth, growth_module.Climbed(dear, best, at))
+    assert few.about(found).log == found.climbed.log
+    assert few.climbed.log - found.climbed.log == pytest.approx(520.0)
+
+
+@pytest.mark.parametrize(
+    ("from_nothing", "beside", "begun", "taken"),
+    [(-9.0, -5.0, ["nothing"], "nothing"), (-30.0, -8.0, ["nothing", "few"], "few")],
+)
+def test_laws_begin_beside_a_curve_where_none_from_nothing_does_as_well(
+    from_nothing: float, beside: float, begun: list[str], taken: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    asked = []
+
+    def by_few(_view: object, _work: object, _rival: object, start: Any = None) -> Any:
+        asked.append("nothing" if start is None else "few")
+        return SimpleNamespace(log=from_nothing if start is None else beside, begun=asked[-1])
+
+    every: Any = SimpleNamespace(without_curves=frozenset(), afresh=lambda _: SimpleNamespace(by_few=by_few))
+    few: Any = SimpleNamespace(climbed="few", about=lambda _: SimpleNamespace(log=-10.0))
+    view: Any = SimpleNamespace(work=SimpleNamespace(apart=lambda _: None))
+    monkeypatch.setattr(_Found, "about", lambda self, _: self.climbed)
+    found = _without_curves(every, few, view)
+    assert asked == begun
+    assert cast(Any, found.climbed).begun == taken
 
 
 class _AtRest:

@@ -340,7 +340,8 @@ class Growth:
 
     def _of_few(self) -> Growth:
         """The same in a few runs."""
-        return replace(self, rests=self.rests.of_few(), memory=None, every=self.rests.train)
+        few, train = self.rests.of_few(), self.rests.train
+        return replace(self, rests=few, memory=None, every=train, gained={}, worse=set())
 
     def by_few(
         self,
