@@ -202,6 +202,11 @@ class TestDefects:
     def test_missing_and_directory(self, tmp_path: Path) -> None:
         with pytest.raises(InputError, match="no such file"):
             load_machine(tmp_path / "none.toml")
+        load = {"viscous_friction": 0.1, "inertia_table": "measured.csv"}
+        with pytest.raises(
+            InputError, match=r"measured\.csv: .* \(load\.inertia_table in machine\.toml names it\)"
+        ):
+            load_machine(_file(tmp_path, load=load))
         with pytest.raises(InputError, match="is a directory"):
             load_machine(tmp_path)
 

@@ -364,7 +364,11 @@ def _read_tables(load: dict[str, Any], path: Path) -> None:
             continue
         if not isinstance(load[key], str) or not load[key]:
             raise InputError(f"{path}: load.{key}", f"is {load[key]!r}", "Give the name of a CSV file.")
-        load[key] = read(path.parent / load[key])
+        try:
+            load[key] = read(path.parent / load[key])
+        except InputError as error:
+            problem = f"{error.problem} (load.{key} in {path.name} names it)"
+            raise InputError(error.place, problem, error.remedy) from None
 
 
 _MODELS: Mapping[str, type[BaseModel]] = {
