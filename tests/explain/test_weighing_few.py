@@ -34,24 +34,21 @@ def test_two_laws_that_one_curve_with_a_name_does_together(runs: int, tmp_path: 
 
 
 @pytest.mark.long
-def test_two_numbers_that_are_off_of_which_either_hides_the_other(tmp_path: Path) -> None:
-    """Of a larger torque constant and a heavier load alone neither promised as much as a transmission's error did:
-    three curves over the position were told, and in more runs three wrong names."""
-    session, machine, label = drawn(tmp_path, 952044, 2, kind="three", level="clear")
-    hidden = {effect["physics"] for effect in label["effects"]}
-    assert hidden == {"coulomb_friction", "load_inertia", "torque_constant"}
+@pytest.mark.parametrize(
+    ("seed", "causes"),
+    [
+        # of a larger torque constant and a heavier load alone neither promised as much as a transmission's error did:
+        # three curves over the position were told, and in more runs three wrong names
+        (952044, {"coulomb_friction", "load_inertia", "torque_constant"}),
+        # an event and play were known beside curves over position, speed and the inertia; laws that began from nothing
+        # ended elsewhere, so that five curves were told, and no name
+        (952060, {"backlash", "load_event", "quadratic_drag"}),
+    ],
+    ids=["two numbers that hide each other", "laws beside curves"],
+)
+def test_three_causes_that_curves_stood_for(seed: int, causes: set[str], tmp_path: Path) -> None:
+    session, machine, label = drawn(tmp_path, seed, 2, kind="three", level="clear")
+    assert {effect["physics"] for effect in label["effects"]} == causes
     found = weigh(session, machine)
-    assert {one.name for one in found.names if one.probability > 0.9} == hidden
-    assert not [one for one in found.unnamed if one.probability > 0.1]
-
-
-@pytest.mark.long
-def test_three_causes_two_of_which_a_few_runs_know_beside_curves(tmp_path: Path) -> None:
-    """An event and play were known beside curves over position, speed and the inertia; laws that began from nothing
-    ended elsewhere, so that five curves were told, and no name."""
-    session, machine, label = drawn(tmp_path, 952060, 2, kind="three", level="clear")
-    hidden = {effect["physics"] for effect in label["effects"]}
-    assert hidden == {"backlash", "load_event", "quadratic_drag"}
-    found = weigh(session, machine)
-    assert {one.name for one in found.names if one.probability > 0.9} == hidden
+    assert {one.name for one in found.names if one.probability > 0.9} == causes
     assert not [one for one in found.unnamed if one.probability > 0.1]
