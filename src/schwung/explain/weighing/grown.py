@@ -120,6 +120,10 @@ class _Found:
             return replace(climbed, search=search)
         return replace(climbed, search=search, at=rests.settled(climbed.at.about.view, climbed.at.members))
 
+    def or_else(self, other: _Found) -> _Found:
+        """This, or another set, where that is likelier about the same noise in a few runs."""
+        return other if other.about(self).log > self.climbed.log else self
+
     def beats(self, other: _Found) -> bool:
         """Whether laws alone are likelier than another set about the same noise; which of them is less likely is noted
         as such."""
@@ -181,15 +185,15 @@ def _from_few(growth: Growth, view: View, nothing: Settled) -> _Found:
 
 
 def _without_curves(every: Growth, few: _Found, view: View) -> _Found:
-    """Laws without curves in a few runs, grown from nothing, or, where that is not enough, from those that were found
-    beside a curve there: they may be right, or what makes up for what the curve does wrong."""
-    laws = every.afresh(every.without_curves)
-    alone = _Found(laws, laws.by_few(view, view.work.apart(_LAWS), few.climbed))
-    if alone.climbed.log > few.about(alone).log:
-        return alone
-    laws = every.afresh(every.without_curves)
-    beside = _Found(laws, laws.by_few(view, view.work.apart(_LAWS), few.climbed, few.climbed))
-    return beside if beside.climbed.log > alone.about(beside).log else alone
+    """Laws without curves in a few runs, the likelier of what grows from those that were found beside a curve there,
+    for they may be right, and of what grows from nothing, for they may make up for what the curve does wrong."""
+    likeliest: _Found | None = None
+    for beside in few.climbed, None:
+        laws, rival = every.afresh(every.without_curves), few if likeliest is None else likeliest.or_else(few)
+        alone = _Found(laws, laws.by_few(view, view.work.apart(_LAWS), rival.climbed, beside))
+        likeliest = alone if likeliest is None else likeliest.or_else(alone)
+    assert likeliest is not None
+    return likeliest
 
 
 def _or_without_curves(few: _Found, alone: _Found, view: View, nothing: Settled) -> _Found:
