@@ -7,6 +7,7 @@ import pytest
 from scipy.interpolate import CubicSpline
 from strangers import STRANGERS, Stranger, belief_of, session_of
 
+from schwung.explain.weighing import offers
 from schwung.explain.weighing import round as rounds
 from schwung.explain.weighing.along import ranges_of
 from schwung.explain.weighing.candidate import Candidate
@@ -99,6 +100,24 @@ def test_hardly_any_inertia_with_hardly_any_torque_is_not_offered():
         numbers_together(search, ()),
     )
     assert both is None or null.log > both[1] + HOPELESS
+
+
+def test_what_a_set_grows_into_without_a_cause_is_asked_once(data, monkeypatch):
+    """A refined shape made a set likelier: everything was grown again from what it is without each of its causes."""
+    search, grown, added_by_one = Search(data, (0, 1, 2)), [], offers._added
+
+    def added(of, start, without=frozenset()):
+        grown.append((of.kind(start.picks), without))
+        return added_by_one(of, start, without)
+
+    monkeypatch.setattr(offers, "_added", added)
+    spot = offers.searched(search, ())
+    assert list(map(search.name, spot.picks)) == ["local_friction"]
+    before = len(grown)
+    monkeypatch.setattr(search, "shaped", lambda one, _: replace(one, log=min(one.log + 1.0, spot.log + 2.5)))
+    offers.searched(search, spot.picks)
+    own = search.kind(spot.picks)
+    assert grown[before:] == [(own, frozenset()), (frozenset(), own)]
 
 
 @pytest.mark.parametrize("side", ["on_motor", "on_load", "position", "speed"])

@@ -190,24 +190,39 @@ def test_what_is_compared_pays_the_same_for_each_cause() -> None:
 
 
 @pytest.mark.parametrize(
-    ("from_nothing", "beside", "begun", "taken"),
-    [(-9.0, -5.0, ["nothing"], "nothing"), (-30.0, -8.0, ["nothing", "few"], "few")],
+    ("beside", "from_nothing", "leaves", "begun", "taken"),
+    [
+        (-5.0, -4.0, False, ["few"], "few"),
+        (-5.0, -4.0, True, ["few", "nothing"], "nothing"),
+        (-8.0, -30.0, True, ["few", "nothing"], "few"),
+    ],
 )
-def test_laws_begin_beside_a_curve_where_none_from_nothing_does_as_well(
-    from_nothing: float, beside: float, begun: list[str], taken: str, monkeypatch: pytest.MonkeyPatch
+def test_laws_from_nothing_are_asked_where_those_beside_a_curve_leave_more_than_noise(
+    beside: float,
+    from_nothing: float,
+    leaves: bool,
+    begun: list[str],
+    taken: str,
+    monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    asked = []
+    asked, rivals = [], []
 
-    def by_few(_view: object, _work: object, _rival: object, start: Any = None) -> Any:
+    def by_few(_view: object, _work: object, rival: Any, start: Any = None) -> Any:
         asked.append("nothing" if start is None else "few")
-        return SimpleNamespace(log=from_nothing if start is None else beside, begun=asked[-1])
+        rivals.append(rival.log)
+        return SimpleNamespace(log=from_nothing if start is None else beside, begun=asked[-1], at=None)
 
-    every: Any = SimpleNamespace(without_curves=frozenset(), afresh=lambda _: SimpleNamespace(by_few=by_few))
-    few: Any = SimpleNamespace(climbed="few", about=lambda _: SimpleNamespace(log=-10.0))
+    rests = SimpleNamespace(leaves=lambda _: leaves)
+    every: Any = SimpleNamespace(
+        without_curves=frozenset(), afresh=lambda _: SimpleNamespace(by_few=by_few, rests=rests)
+    )
+    few: Any = SimpleNamespace(climbed=SimpleNamespace(log=-10.0))
+    few.about = lambda _: few.climbed
     view: Any = SimpleNamespace(work=SimpleNamespace(apart=lambda _: None))
     monkeypatch.setattr(_Found, "about", lambda self, _: self.climbed)
     found = _without_curves(every, few, view)
     assert asked == begun
+    assert rivals == [-10.0, max(-10.0, beside)][: len(begun)]
     assert cast(Any, found.climbed).begun == taken
 
 

@@ -185,15 +185,18 @@ def _from_few(growth: Growth, view: View, nothing: Settled) -> _Found:
 
 
 def _without_curves(every: Growth, few: _Found, view: View) -> _Found:
-    """Laws without curves in a few runs, the likelier of what grows from those that were found beside a curve there,
-    for they may be right, and of what grows from nothing, for they may make up for what the curve does wrong."""
-    likeliest: _Found | None = None
-    for beside in few.climbed, None:
-        laws, rival = every.afresh(every.without_curves), few if likeliest is None else likeliest.or_else(few)
-        alone = _Found(laws, laws.by_few(view, view.work.apart(_LAWS), rival.climbed, beside))
-        likeliest = alone if likeliest is None else likeliest.or_else(alone)
-    assert likeliest is not None
-    return likeliest
+    """Laws without curves in a few runs, grown from those that were found beside a curve there, for they may be right;
+    where those leave more than noise, they may make up for what the curve does wrong: the likelier of what grows so and
+    from nothing."""
+
+    def asked(rival: _Found, beside: Climbed | None) -> _Found:
+        laws = every.afresh(every.without_curves)
+        return _Found(laws, laws.by_few(view, view.work.apart(_LAWS), rival.climbed, beside))
+
+    alone = asked(few, few.climbed)
+    if not alone.growth.rests.leaves(alone.climbed.at):
+        return alone
+    return alone.or_else(asked(alone.or_else(few), None))
 
 
 def _or_without_curves(few: _Found, alone: _Found, view: View, nothing: Settled) -> _Found:

@@ -163,14 +163,18 @@ def bending_instead(search: Search, picks: Set) -> list[Scored]:
 
 
 def searched(search: Search, start: Set) -> Scored:
-    """Search from a set; then drop and exchange until nothing is better."""
+    """Search from a set; then drop and exchange until nothing is better. What comes of a set without one of its causes
+    is not asked again for other shapes of the same."""
     best = _added(search, search.score(start))
+    dropped: set[tuple[frozenset[int], int]] = set()
     for _ in range(_ROUNDS):
         before = best.log
         for pick in best.picks:
-            if search.data.work.spent:
-                break
             others = tuple(other for other in best.picks if other != pick)
+            asked = search.kind(others), search.index(pick)
+            if asked in dropped or search.data.work.spent:
+                continue
+            dropped.add(asked)
             less = search.sized(search.score(others))
             best = max(best, less, _added(search, less, frozenset({search.index(pick)})), key=lambda s: s.log)
         for place, pick in enumerate(best.picks):
