@@ -6,11 +6,12 @@
     python benchmarks/explain_rates.py --kind three --first 640000 --cases 6 --share 0.25
     python benchmarks/explain_rates.py --read sessions.jsonl --picture docs/reliability.png
 
-Sealed sessions are drawn as benchmarks/explain.py draws them, which scores places and numbers besides. Of each: the
-first name and whether it is right, wrong names with more than one half, how many sessions have 80 % of the excess on
-held-out motion taken, with a name or without, and seconds of processor time. Where the vocabulary has a word for a
-foreign effect, that word is right. `--tally` adds a line for each answer to a file; `--read` prints rates and the
-calibration of the probabilities, with intervals (benchmarks/explain_tally.py), `--picture` draws them
+Sealed sessions are drawn as benchmarks/explain.py draws them, and explained as `schwung explain` does. Of each: the
+first name and whether it is right, wrong names with more than one half, whether the first coordinate that the mismatch
+follows is right, how many intervals of 95 % hold their number (benchmarks/explain_truth.py), how many sessions have
+80 % of the excess on held-out motion taken, with a name or without, and seconds of processor time. Where the vocabulary
+has a word for a foreign effect, that word is right. `--tally` adds a line for each answer to a file; `--read` prints
+rates and the calibration of the probabilities, with intervals (benchmarks/explain_tally.py), `--picture` draws them
 (benchmarks/reliability.py). `--share` gives a session that share of the work that it may cost: what is
 told of a search that ends before all was tried has to be true as well.
 """
@@ -21,9 +22,12 @@ import argparse
 import tempfile
 import time
 import traceback
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Any
 
+from explain_score import score_document
 from explain_tally import Told, printed, read_tally, write_tally
 from explain_truth import WORDS
 from reliability import write_reliability
@@ -31,11 +35,11 @@ from strangers import STRANGERS, belief_of, judged, session_of
 
 from schwung.drivetrain import load_machine
 from schwung.drivetrain.machine import Machine
-from schwung.explain.weighing.weigh import posterior_of
+from schwung.explain.weighing.published import publish
 from schwung.explain.weighing.work import MOST, Work
 from schwung.session import read_session
 from schwung.session.model import Session
-from schwung_sim.sealed import CaseWishes, draw_case, write_case
+from schwung_sim.sealed import CaseWishes, draw_case, read_labels, write_case
 
 KINDS = ("single", "weak", "gross", "two", "three", "none", "foreign")
 
@@ -49,23 +53,25 @@ class Answer:
     said: str
     seconds: float
     taken: float = 0.0  # share of the excess on held-out motion
+    document: Mapping[str, Any] | None = None  # explanation.json; None: it failed
 
 
 def answered(session: Session, machine: Machine, share: float) -> Answer:
     """By so much of the usual work, whatever goes wrong."""
     began = time.process_time()
     try:
-        found = posterior_of(session, machine, work=Work(share * MOST)).told
+        found = publish(session, machine, work=Work(share * MOST))
     except Exception as error:  # the benchmark counts whatever goes wrong, says where, and goes on
         traceback.print_exc()
         return Answer({"failed": 1.0}, {}, f"failed: {error!r}"[:120], time.process_time() - began)
     proof = f"held out {found.proof.before:.2f} to {found.proof.after:.2f} σ" if found.proof else "no proof"
     return Answer(
-        {one.name: one.probability for one in found.names},
-        {one.coordinate: one.probability for one in reversed(found.unnamed)},
+        {one.physics: one.probability for one in found.names},
+        {one.coordinate: one.probability for one in reversed(found.curves)},
         f"excess {found.excess:.1f}, {proof}",
         time.process_time() - began,
         found.proof.taken if found.proof else 0.0,
+        found.to_json(),
     )
 
 
@@ -87,10 +93,15 @@ def sealed(options: argparse.Namespace) -> None:
             write_case(case, Path(folder), "0000")
             place = Path(folder) / "sessions" / "0000"
             session, machine = read_session(place / "session.h5"), load_machine(place / "machine.toml")
+            (label,) = read_labels(Path(folder))
         truth = tuple(sorted({WORDS.get(effect.physics, effect.physics) for effect in case.effects}))
         print(f"{seed} {kind} {', '.join(truth) or 'nothing'}", flush=True)
         answer = answered(session, machine, options.share)
         told = Told(options.kind, seed, truth, answer.names, answer.taken, answer.seconds, answer.said)
+        if answer.document is not None:
+            score = score_document(label, answer.document, answer.seconds)
+            held = [one for *_, one in score.parameters if one is not None]
+            told = replace(told, placed=score.coordinate_right, held=(sum(held), len(held)))
         if options.tally:
             write_tally(options.tally, told)
         print(f"    {'right' if told.right else 'WRONG'} {line(answer)}", flush=True)

@@ -83,10 +83,19 @@ def score_case(label: Mapping[str, Any], folder: Path) -> CaseScore:
         error = folder / "error.txt"
         text = error.read_text(encoding="utf-8").strip() if error.exists() else "was not run"
         return CaseScore(*base, "", [], [], seconds, error=text.splitlines()[-1])
-    document = json.loads((folder / "explanation.json").read_text(encoding="utf-8"))
+    return score_document(
+        label, json.loads((folder / "explanation.json").read_text(encoding="utf-8")), seconds
+    )
+
+
+def score_document(label: Mapping[str, Any], document: Mapping[str, Any], seconds: float) -> CaseScore:
+    """The same of what is in an explanation.json."""
     findings = [one for one in document["names"] if one["probability"] is None or one["probability"] > _NAMED]
     score = CaseScore(
-        *base,
+        label["case"],
+        label["kind"],
+        [WORDS.get(effect["physics"], effect["physics"]) for effect in label["effects"]],
+        label["strength"],
         document["verdict"],
         [finding["physics"] for finding in findings],
         [finding["indistinguishable_from"] for finding in findings],

@@ -26,7 +26,8 @@ _DRAWS = 2000
 
 @dataclass(frozen=True)
 class Told:
-    """A session: what is hidden, names with their probabilities, share of the held-out excess taken, seconds."""
+    """A session: what is hidden, names with their probabilities, share of the held-out excess taken, seconds; whether
+    the first coordinate is right, and how many intervals hold their number, of how many."""
 
     kind: str
     seed: int
@@ -35,6 +36,8 @@ class Told:
     taken: float
     seconds: float
     said: str = ""
+    placed: bool | None = None
+    held: tuple[int, int] = (0, 0)
 
     @property
     def likely(self) -> list[str]:
@@ -78,7 +81,8 @@ def write_tally(file: Path, told: Told) -> None:
 def read_tally(file: Path) -> list[Told]:
     """All sessions of a file."""
     rows = [json.loads(line) for line in file.read_text(encoding="utf-8").splitlines() if line]
-    return [Told(**{**row, "truth": tuple(row["truth"])}) for row in rows]
+    pairs = dict.fromkeys(("truth", "held"), tuple)
+    return [Told(**{key: pairs.get(key, lambda v: v)(value) for key, value in row.items()}) for row in rows]
 
 
 def bins_of(sessions: Sequence[Told]) -> list[Bin]:
@@ -134,7 +138,11 @@ def printed(sessions: Sequence[Told]) -> str:
             f"{MOST_OF_IT:.0%} of the excess taken": [one.taken >= MOST_OF_IT for one in mine],
         }
         rates = ", ".join(f"{what} {_rate(sum(which), count)}" for what, which in parts.items())
+        if placed := [one.placed for one in mine if one.placed is not None]:
+            rates += f", right coordinate first {_rate(sum(placed), len(placed))}"
         lines.append(f"{kind:8} {rates}, {seconds[count // 2]:.0f} s, worst {seconds[-1]:.0f} s")
+    held, intervals = (sum(one.held[i] for one in sessions) for i in (0, 1))
+    lines.append(f"intervals of 95 % that hold their number: {_rate(held, intervals)}" if intervals else "")
     lines.append("")
     for one in bins_of(sessions):
         lines.append(

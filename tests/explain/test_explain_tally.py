@@ -1,5 +1,7 @@
 """Rates and calibration of weighed sessions."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from explain_tally import (
@@ -43,6 +45,7 @@ def test_names_that_are_true_as_often_as_they_say_are_calibrated():
 
 def test_a_tally_is_read_as_it_was_written(tmp_path):
     file, sessions = tmp_path / "tally.jsonl", [told(cogging=0.995), told("none", (), backlash=0.2)]
+    sessions[0] = replace(sessions[0], placed=True, held=(2, 3))
     for one in sessions:
         write_tally(file, one)
     assert read_tally(file) == sessions
@@ -55,6 +58,15 @@ def test_each_kind_has_its_rates():
     assert lines[0].startswith("single   right 1/1")
     assert lines[1].startswith("weak     right 0/1")
     assert lines[-1].endswith("2 sessions")
+
+
+def test_places_and_intervals_are_counted_where_there_are_some():
+    one = told(cogging=0.995)
+    assert "coordinate" not in printed([one])
+    assert "intervals" not in printed([one])
+    lines = printed([replace(one, placed=True, held=(2, 3)), replace(one, placed=False, held=(1, 1))])
+    assert "right coordinate first 1/2 (9 to 91 %)" in lines
+    assert "intervals of 95 % that hold their number: 3/4 (30 to 95 %)" in lines
 
 
 def test_the_reliability_diagram_shows_every_bin_and_its_count(tmp_path):

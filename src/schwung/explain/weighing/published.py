@@ -42,7 +42,7 @@ from schwung.explain.weighing.search import Pick, Search
 from schwung.explain.weighing.twin import as_missed_by
 from schwung.explain.weighing.values import Parameter, Proof, Weighed
 from schwung.explain.weighing.weigh import Posterior, parameters_of, posterior_of
-from schwung.explain.weighing.work import on_one_thread
+from schwung.explain.weighing.work import Work, on_one_thread
 from schwung.explain.weighing.written import read_back
 from schwung.explain.words import unit_on
 from schwung.session.derived import speed_is_derived
@@ -73,13 +73,18 @@ _NEEDLESS = (
 
 
 def publish(
-    session: Session, machine: Machine, *, twin: Session | None = None, progress: Progress | None = None
+    session: Session,
+    machine: Machine,
+    *,
+    twin: Session | None = None,
+    progress: Progress | None = None,
+    work: Work | None = None,
 ) -> Published:
     """Weigh what a belief leaves out of a session, and make of it what is published.
 
     `twin`: what a simulator did along the very runs, for which the machine stands in. `progress`: told what is being
-    done, and the share that is done, 0…1. Raises InputError where the session cannot be what it says (units, signs,
-    wraps), or where the inertia is unknown.
+    done, and the share that is done, 0…1. `work`: that may be done; None: the usual. Raises InputError where the
+    session cannot be what it says (units, signs, wraps), or where the inertia is unknown.
     """
     tell = progress or (lambda _text, _share: None)
     tell("Looking at the recordings", 0.0)
@@ -92,6 +97,7 @@ def publish(
         session,
         smooth(machine),
         tell=lambda text, share: tell(text, 0.02 + (_SEARCH - 0.02) * share),
+        work=work,
         steady=doubts.steady,
     )
     notes = (*doubts.notes, _STEADY) if doubts.steady else doubts.notes
