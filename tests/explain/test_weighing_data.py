@@ -26,6 +26,7 @@ from schwung.explain.weighing.offers import (
 from schwung.explain.weighing.places import Acts
 from schwung.explain.weighing.present import Member
 from schwung.explain.weighing.refine import refined
+from schwung.explain.weighing.repeated import _curve
 from schwung.explain.weighing.search import HOPELESS, Pick, Search, slices
 from schwung.explain.weighing.sets import absent, members_of
 from schwung.explain.weighing.sharpness import covariance_of
@@ -142,6 +143,16 @@ def test_products_are_those_of_the_columns_whenever_they_met(data):
     deviations = np.ones(which.size)
     every = data.beyond(which, deviations)
     np.testing.assert_allclose(every.data.gram[which], rows @ columns.T / 2.0, rtol=1e-9, atol=1e-9)
+
+
+def test_what_acts_in_some_runs_alone_has_no_products_in_others(data, view):
+    """Of a curve of its own for each motion, the runs of all others were worked out as well: nothing, at length."""
+    which = np.concatenate([np.arange(4), np.arange(40, 60)])
+    curve = _curve(view.recorded, [0, 3], 1.0)
+    everywhere, own = data.beside(which, [(curve, ())]), data.beside(which, [(curve, ())], [0, 3])
+    for one, other in zip(everywhere, own, strict=True):
+        np.testing.assert_allclose(one, other, rtol=1e-6, atol=1e-9 * np.max(np.abs(one)))
+    assert np.any(own[2])
 
 
 def test_memory_that_is_full_grows(data):

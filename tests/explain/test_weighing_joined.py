@@ -71,7 +71,7 @@ def test_every_cause_does_to_joined_runs_what_it_does_to_each(view, gap_rad):
     """Whoever adds one that goes from sample to sample, or has numbers of each run's own, says so (`run_by_run`)."""
     parts = [replace(part, gap_rad=gap_rad) for part in view.alongs(())]
     joined, chance = Joined.of(parts), np.random.default_rng(3)
-    candidates = [*vocabulary(view.ranges, view.known), *repeated(view.recorded, 1.0)]
+    candidates = [*vocabulary(view.ranges, view.known), *(one.curve for one in repeated(view.recorded, 1.0))]
     for one in candidates:
         shape = _shape(one, -1)
         coefficients = chance.uniform(0.1, 1.0, one.size) * one.deviations

@@ -148,12 +148,22 @@ class Data:
         self.work.add(SCORED + CUBED * which.size**2 * (which.size + own.size))
         return np.asarray(beyond.gains([slice(which.size, both.slope.size)], own, scales)[0])
 
-    def beside(self, which: Numbers, causes: Sequence[Cause]) -> tuple[Array, Array, Array]:
-        """Of causes that are no atoms yet: their cross products with a set's columns, their own, and their slope."""
-        added = self.about.whitened(causes, self.train)
-        cross = np.concatenate([self._products(added, segment) for segment in _segments(which)], axis=1)
+    def beside(
+        self, which: Numbers, causes: Sequence[Cause], runs: Sequence[int] | None = None
+    ) -> tuple[Array, Array, Array]:
+        """Of causes that are no atoms yet: their cross products with a set's columns, their own, and their slope;
+        `runs`: in which of the fitted ones alone they act, None: in all."""
+        added, target = self.about.whitened(causes, self.train if runs is None else runs), self.target
+        if runs is None:
+            cross = np.concatenate([self._products(added, segment) for segment in _segments(which)], axis=1)
+        else:
+            stretches = dict(zip(self.train, self.about.stretches(self.train), strict=True))
+            own = np.concatenate([self.rows[which, stretches[run]] for run in runs], axis=1)
+            target = np.concatenate([self.target[stretches[run]] for run in runs])
+            cross = kernel.products(added, own)
+            self.work.add(PRODUCT * own.size * added.shape[0])
         self.work.add(PRODUCT * added.size * added.shape[0])
-        return cross / self.excess, added @ added.T / self.excess, added @ self.target / self.excess
+        return cross / self.excess, added @ added.T / self.excess, added @ target / self.excess
 
     def within(self, which: Numbers, where: slice, places: Sequence[int]) -> tuple[Array, Array, Array]:
         """Of a cause's columns on some of the fitted runs alone: their cross products with a set's columns, their own,

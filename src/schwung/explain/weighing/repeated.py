@@ -8,6 +8,7 @@ from what is left to these curves.
 from __future__ import annotations
 
 from collections.abc import Hashable, Sequence
+from dataclasses import dataclass
 from functools import partial
 from itertools import combinations
 
@@ -96,9 +97,19 @@ def curve_over_time(longest_s: float) -> Curve:
     return Curve.over(0.0, longest_s, alike / longest_s, 1 + round(2 * longest_s / alike))
 
 
-def repeated(runs: Sequence[Run], torque_nm: float) -> list[Candidate]:
+@dataclass(frozen=True, eq=False)
+class Shared:
+    """What the runs of a motion have in common, and which they are: nothing acts in others."""
+
+    curve: Candidate
+    runs: Sequence[int]
+
+
+def repeated(runs: Sequence[Run], torque_nm: float) -> list[Shared]:
     """A curve for each motion of several runs; `torque_nm`: a natural torque."""
-    return [_curve(runs, numbers, torque_nm) for numbers in motions_of(runs) if len(numbers) > 1]
+    return [
+        Shared(_curve(runs, numbers, torque_nm), numbers) for numbers in motions_of(runs) if len(numbers) > 1
+    ]
 
 
 def _curve(runs: Sequence[Run], numbers: Sequence[int], torque_nm: float) -> Candidate:

@@ -31,8 +31,9 @@ import numpy as np
 from scipy.linalg import solve_triangular
 from scipy.special import expit
 
-from schwung.explain.weighing.candidate import RIGHT_TO, Candidate
+from schwung.explain.weighing.candidate import RIGHT_TO
 from schwung.explain.weighing.one_law import law_without_name, one_law
+from schwung.explain.weighing.repeated import Shared
 from schwung.explain.weighing.search import Pick, Scored, Search, Set
 from schwung.innovations.evidence import block_gains, weigh
 from schwung.innovations.statistics import Numbers, Statistics
@@ -147,7 +148,7 @@ def _held(search: Search, scored: Scored, fixed: Numbers, to: Array) -> float:
 def standing(
     search: Search,
     best: Scored,
-    repeated: Sequence[Candidate],
+    repeated: Sequence[Shared],
     law: Of,
     larger: Of = finding,
     takes: Callable[[Search, Set, Pick], float] = taken,
@@ -160,7 +161,7 @@ def standing(
     of that, what the numbers take that it has beside what has no name; `besides`: what is left by laws that do not hold
     elsewhere; `alike`: log odds that a curve is a law, if without a name.
     """
-    left = besides + sum(max(_gain(search, best, curve), 0.0) for curve in repeated)
+    left = besides + sum(max(_gain(search, best, shared), 0.0) for shared in repeated)
     picks, whole = best.picks, search.sized(best)
     without_name: dict[Pick, float] = {}
     for pick in picks:
@@ -245,10 +246,14 @@ def _log(search: Search, picks: Set) -> float:
     return search.sized(search.score(picks)).log
 
 
-def _gain(search: Search, best: Scored, curve: Candidate) -> float:
-    """Log evidence that what only repeats share adds to a set."""
-    known = weigh(search.data.at(best.which), best.deviations)
-    cross, gram, slope = search.data.beside(best.which, [(curve, ())])
+def _gain(search: Search, best: Scored, shared: Shared) -> float:
+    """Log evidence that what only repeats share adds to a set; 0 where none of them is fitted."""
+    data, curve = search.data, shared.curve
+    runs = [run for run in shared.runs if run in data.train]
+    if not runs:
+        return 0.0
+    known = weigh(data.at(best.which), best.deviations)
+    cross, gram, slope = data.beside(best.which, [(curve, ())], runs)
     across = solve_triangular(known.factor, (cross * best.deviations).T, lower=True, check_finite=False)
     beyond = (gram - across.T @ across)[None], (slope - cross @ known.coefficients)[None]
     return float(np.max(block_gains(*beyond, np.array(curve.deviations), curve.scales)))
