@@ -279,6 +279,20 @@ def test_coordinates_that_the_session_cannot_separate_come_both_and_the_better_f
     assert found[0].share_of_energy >= found[1].share_of_energy
 
 
+def test_of_coordinates_that_do_as_well_the_simplest_is_named():
+    """Dry friction that eases where the axis is slow: a curve over the speed takes the last of it, too."""
+    residuals, _ = session(4, ratio=1.0)
+    eased = [
+        replace(one, residual_nm=one.residual_nm + 30 * np.tanh(20 * one.speed_rad_s / np.max(one.speed_rad_s)))
+        for one in residuals
+    ]  # fmt: skip
+    first, other = locate(eased, "rotary")[:2]
+    assert (first.coordinate, other.coordinate) == ("direction", "speed")
+    assert first.share_of_energy < other.share_of_energy
+    assert "cannot tell that from the direction" in other.text
+    assert "cannot tell" not in first.text
+
+
 def test_a_ripple_of_a_linear_axis_is_located_over_position():
     residuals, _ = session(6, ratio=1.0)
     metres = [
