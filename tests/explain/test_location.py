@@ -165,7 +165,7 @@ def session(seed, *effects, ratio=10.0, rho=0.6, runs=16, distance=None, measure
                 noise,
                 considered,
                 1.0,
-                injected=run % 2 == 1,
+                injected_hz=(machine.excited_hz,) if run % 2 else (),
             )
         )
         for effect in effects:
@@ -184,10 +184,7 @@ def session(seed, *effects, ratio=10.0, rho=0.6, runs=16, distance=None, measure
     for made in forms.values():
         used = np.concatenate([form[one.considered] for form, one in zip(made, raw, strict=True)])
         size = ratio / np.sqrt(np.mean(used**2))
-        raw = [
-            replace(one, residual_nm=one.residual_nm + size * form)
-            for form, one in zip(made, raw, strict=True)
-        ]
+        raw = [replace(one, missed=one.missed + size * form) for form, one in zip(made, raw, strict=True)]
     return raw, machine
 
 
@@ -249,15 +246,19 @@ def test_what_only_answers_an_injection_goes_with_no_frequency_of_the_machine():
     """It goes with whatever the injection moves; a hum is there without one."""
     residuals, machine = session(12, ratio=1.0)
     shaken = [
-        replace(one, residual_nm=one.residual_nm + 3 * one.injected * np.sin(2 * np.pi * machine.excited_hz
-                * np.arange(one.residual_nm.size) / RATE_HZ + run))
+        replace(one, missed=one.missed + 3 * bool(one.injected_hz) * np.sin(2 * np.pi * machine.excited_hz
+                * np.arange(one.missed.size) / RATE_HZ + run))
         for run, one in enumerate(residuals)
     ]  # fmt: skip
     assert "frequency" not in named(shaken)
-    assert named([replace(one, injected=True) for one in shaken])[0] == "frequency"
+    assert named([replace(one, injected_hz=(5.0,)) for one in shaken])[0] == "frequency"
+    for harmonic in (1, 3):
+        every = [replace(one, injected_hz=(machine.excited_hz / harmonic,)) for one in shaken]
+        assert "frequency" not in named(every)
     humming, _ = session(12, "periodic", ratio=3.0)
-    few = [one for one in humming if one.injected or one.run == 0]
+    few = [one for one in humming if one.injected_hz or one.run == 0]
     assert named(few)[0] == "frequency"
+    assert named([replace(one, injected_hz=(machine.excited_hz,)) for one in few])[0] == "frequency"
 
 
 def test_a_tight_spot_that_comes_back_every_turn_is_one_place():
@@ -279,18 +280,14 @@ def test_coordinates_that_the_session_cannot_separate_come_both_and_the_better_f
     assert found[0].share_of_energy >= found[1].share_of_energy
 
 
-def test_of_coordinates_that_do_as_well_the_simplest_is_named():
-    """Dry friction that eases where the axis is slow: a curve over the speed takes the last of it, too."""
+def test_of_coordinates_that_do_nearly_as_well_the_simplest_is_named():
+    """Dry friction that eases where the axis is slow: a curve over the speed takes the last hundredth of it, too."""
     residuals, _ = session(4, ratio=1.0)
     eased = [
-        replace(one, residual_nm=one.residual_nm + 30 * np.tanh(20 * one.speed_rad_s / np.max(one.speed_rad_s)))
+        replace(one, missed=one.missed + 30 * np.tanh(20 * one.speed_rad_s / np.max(one.speed_rad_s)))
         for one in residuals
     ]  # fmt: skip
-    first, other = locate(eased, "rotary")[:2]
-    assert (first.coordinate, other.coordinate) == ("direction", "speed")
-    assert first.share_of_energy < other.share_of_energy
-    assert "cannot tell that from the direction" in other.text
-    assert "cannot tell" not in first.text
+    assert named(eased) == ["direction"]
 
 
 def test_a_ripple_of_a_linear_axis_is_located_over_position():
@@ -301,7 +298,7 @@ def test_a_ripple_of_a_linear_axis_is_located_over_position():
             position_rad=one.position_rad / 20,
             speed_rad_s=one.speed_rad_s / 20,
             acceleration_rad_s2=one.acceleration_rad_s2 / 20,
-            residual_nm=one.residual_nm + 3 * np.sin(2 * np.pi * one.position_rad / 20 / 0.0025),
+            missed=one.missed + 3 * np.sin(2 * np.pi * one.position_rad / 20 / 0.0025),
         )
         for one in residuals
     ]
@@ -314,7 +311,7 @@ def test_nothing_to_look_at_gives_nothing():
     still = [replace(one, considered=np.zeros_like(one.considered)) for one in residuals]
     assert locate([], "rotary") == ()
     assert locate(still, "rotary") == ()
-    silent = [replace(one, residual_nm=np.zeros_like(one.residual_nm)) for one in residuals]
+    silent = [replace(one, missed=np.zeros_like(one.missed)) for one in residuals]
     assert locate(silent, "rotary") == ()
 
 

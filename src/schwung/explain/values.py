@@ -15,6 +15,8 @@ Verdict = Literal["consistent", "explained", "partly_explained", "unexplained"]
 Coordinate = Literal[
     "position", "speed", "direction", "acceleration", "torque", "time_in_motion", "frequency", "run"
 ]
+#: What of a recording a model misses.
+Signal = Literal["torque", "speed"]
 
 
 @dataclass(frozen=True)
@@ -27,6 +29,7 @@ class Located:
     share_of_energy: float  # 0…1
     p_value: float
     text: str
+    of: Signal = "torque"
 
     def to_json(self) -> dict[str, Any]:
         """For explanation.json."""
@@ -37,6 +40,7 @@ class Located:
             "share_of_energy": self.share_of_energy,
             "p_value": self.p_value,
             "text": self.text,
+            "of": self.of,
         }
 
 

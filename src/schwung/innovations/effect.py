@@ -164,6 +164,11 @@ class Passed:
         return np.asarray(self.states[:, -1] + own / 2)
 
     @property
+    def speed_error_rad_s(self) -> Array:
+        """By how much more the speed is reported than follows at each sample (rad/s), (n,)."""
+        return np.asarray(self.equations.measured[:, 1] - self.states[:, 1])
+
+    @property
     def shaft_states(self) -> Array:
         """Those of motor and load, (n, 2 or 4): what is behind the load is no more than follows from these."""
         return np.ascontiguousarray(self.states[:, : self.run.states.shape[1]])

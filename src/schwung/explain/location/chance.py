@@ -43,7 +43,7 @@ class Null:
 def permuted(samples: Samples, remainder: Array, draws: int = DRAWS) -> NDArray[np.float32]:
     """Draws (n, draws), float32: every run shifted circularly by a lag of its own, with a sign of its own."""
     chance = np.random.default_rng(SEED)
-    allowed = (FLOOR_MARGIN * samples.noise_nm) ** 2 * remainder.size
+    allowed = (FLOOR_MARGIN * samples.noise) ** 2 * remainder.size
     scale = np.sqrt(min(1.0, allowed / max(float(remainder @ remainder), 1e-300)))
     result = np.empty((draws, remainder.size), dtype=np.float32)
     for start, end in samples.bounds:

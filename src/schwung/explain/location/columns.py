@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from schwung.explain.values import Coordinate
+from schwung.explain.values import Coordinate, Signal
 from schwung.motion import Array
 from schwung.session.model import Axis
 
@@ -28,7 +28,8 @@ BUMPS = (1.5, 2.0, 3.0, 4.0, 6.0, 8.0, 11.0, 15.0, 20.0)  # half widths in hats
 class Residual:
     """What the belief misses in one run, on a uniform grid, with the coordinates it may depend on; arrays (n,).
 
-    `considered`: samples to use (standstill and edges are False). `noise_nm`: standard deviation of a sample's noise.
+    `missed`: torque (N·m), or reported speed (rad/s), as `of` says; `noise`: standard deviation of a sample's, alike.
+    `considered`: samples to use (standstill and edges are False). `injected_hz`: frequencies of an injected torque.
     On a linear axis: m, m/s, m/s², N.
     """
 
@@ -39,10 +40,11 @@ class Residual:
     speed_rad_s: Array
     acceleration_rad_s2: Array
     torque_nm: Array
-    residual_nm: Array
+    missed: Array
     considered: NDArray[np.bool_]
-    noise_nm: float
-    injected: bool = False  # a torque was
+    noise: float
+    injected_hz: tuple[float, ...] = ()
+    of: Signal = "torque"
 
 
 @dataclass(frozen=True, eq=False)
@@ -59,12 +61,13 @@ class Samples:
     speed: Array
     sign: Array
     acceleration: Array
-    jerk: Array
+    acceleration_rates: Array  # (n, 2) its first and second derivative
     torque: Array
-    torque_rate: Array
+    torque_rates: Array
     residual: Array
-    noise_nm: float
-    injected: NDArray[np.bool_]  # (runs,) those with an injection
+    noise: float
+    injected_hz: tuple[tuple[float, ...], ...]  # of each run
+    of: Signal
 
     def values(self, coordinate: Coordinate) -> Array:
         """The coordinate's value at each sample (n,); frequency has none and gives time on the run's grid."""
@@ -95,7 +98,7 @@ def gather(residuals: Sequence[Residual]) -> Samples | None:
     return Samples(
         owner=np.repeat(np.arange(len(used)), sizes),
         bounds=tuple((int(end - size), int(end)) for end, size in zip(ends, sizes, strict=True)),
-        grid_s=joined([np.arange(one.residual_nm.size) / one.rate_hz for one in used]),
+        grid_s=joined([np.arange(one.missed.size) / one.rate_hz for one in used]),
         rate_hz=used[0].rate_hz,
         run=np.repeat([float(one.run) for one in used], sizes),
         time_s=joined([one.time_in_motion_s for one in used]),
@@ -103,13 +106,20 @@ def gather(residuals: Sequence[Residual]) -> Samples | None:
         speed=joined([one.speed_rad_s for one in used]),
         sign=np.sign(joined([one.speed_rad_s for one in used])),
         acceleration=joined([one.acceleration_rad_s2 for one in used]),
-        jerk=joined([np.gradient(one.acceleration_rad_s2) * one.rate_hz for one in used]),
+        acceleration_rates=joined([_rates(one.acceleration_rad_s2, one.rate_hz) for one in used]),
         torque=joined([one.torque_nm for one in used]),
-        torque_rate=joined([np.gradient(one.torque_nm) * one.rate_hz for one in used]),
-        residual=joined([one.residual_nm for one in used]),
-        noise_nm=float(np.sqrt(np.mean([one.noise_nm**2 for one in used]))),
-        injected=np.array([one.injected for one in used]),
+        torque_rates=joined([_rates(one.torque_nm, one.rate_hz) for one in used]),
+        residual=joined([one.missed for one in used]),
+        noise=float(np.sqrt(np.mean([one.noise**2 for one in used]))),
+        injected_hz=tuple(one.injected_hz for one in used),
+        of=used[0].of,
     )
+
+
+def _rates(values: Array, rate_hz: float) -> Array:
+    """First and second derivative (n, 2)."""
+    first = np.gradient(values) * rate_hz
+    return np.stack([first, np.gradient(first) * rate_hz], axis=1)
 
 
 @dataclass(frozen=True, eq=False)
@@ -237,7 +247,7 @@ def dictionary(samples: Samples, axis: Axis) -> Dictionary:
     """The columns and shapes for a session's samples."""
     build = _Builder(samples)
     sign, speed = samples.sign, _scaled(samples.speed)
-    acceleration, torque = _scaled(samples.acceleration), _scaled(samples.torque)
+    torque = _scaled(samples.torque)
 
     level, dry = build.add(np.ones_like(sign)), build.add(sign)
     build.pick("direction", "dry", [dry], 1)
@@ -258,10 +268,8 @@ def dictionary(samples: Samples, axis: Axis) -> Dictionary:
     build.pick("speed", "curve", range(odd, odd + 8), 8)
     build.pick("speed", "curve", range(odd, even + 8), 16)
 
-    _inertia(build, acceleration, samples, axis)
-    proportional, rate = build.add(torque), build.add(_scaled(samples.torque_rate))
-    build.pick("torque", "proportional", [proportional], 1)
-    build.pick("torque", "rate", [rate], 1.5)
+    _inertia(build, samples, axis)
+    _answers(build, "torque", samples.torque, samples.torque_rates)
     for limit in (0.4, 0.5, 0.6, 0.7, 0.8, 0.9, 0.95):
         above = build.add(np.sign(torque) * np.maximum(np.abs(torque) - limit, 0) / (1 - limit))
         build.pick("torque", "large", [above], 2)
@@ -276,10 +284,19 @@ def dictionary(samples: Samples, axis: Axis) -> Dictionary:
     return build.done()
 
 
-def _inertia(build: _Builder, acceleration: Array, samples: Samples, axis: Axis) -> None:
+def _answers(build: _Builder, coordinate: Coordinate, values: Array, rates: Array) -> None:
+    """What goes with values as they are, late, and as a coupling that they wind up and shake answers them."""
+    proportional = build.add(_scaled(values))
+    late, bent = (build.add(_scaled(rate)) for rate in rates.T)
+    build.pick(coordinate, "proportional", [proportional], 1)
+    build.pick(coordinate, "rate", [late], 1.5)
+    build.pick(coordinate, "answer", [proportional, late], 2.5)
+    build.pick(coordinate, "answer", [proportional, late, bent], 4)
+
+
+def _inertia(build: _Builder, samples: Samples, axis: Axis) -> None:
     """Inertia that is off evenly, or over position (J a + ½ J' ω²) in waves of the range or the turn; or late."""
-    build.pick("acceleration", "proportional", [build.add(acceleration)], 1)
-    build.pick("acceleration", "rate", [build.add(_scaled(samples.jerk))], 1.5)
+    _answers(build, "acceleration", samples.acceleration, samples.acceleration_rates)
     reach = float(np.ptp(samples.position))
     if reach <= 0:
         return

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -19,6 +20,7 @@ HIGHEST_ORDER = 130.0  # per turn
 FINEST = 400.0  # periods over the visited range, on a linear axis
 MEDIAN_WORTH = 0.5  # what a median knows of a level, in mean values of as many
 FEWEST = 3.0  # periods over the visited range
+HIGHEST_RATE = 0.45  # of the sampling rate
 FEWEST_IN_TIME = 5.0  # periods in a run; slower ones have no spectrum below them to be judged by
 
 
@@ -85,30 +87,35 @@ class Comb:
 def frequency_line(samples: Samples, remainder: Array) -> tuple[Line, float] | None:
     """The strongest line in time, its phase free in every run, and its p-value against the spectrum around it.
 
-    Sought in runs without injection, where there are any. The sum over the runs of their periodograms follows χ² with
-    two degrees of freedom per run, times the noise's spectrum, for which the median beside the peak stands.
+    Sought in runs without injection, where there are any; otherwise beside what was injected and its harmonics. The
+    sum over the runs of their periodograms follows χ² with two degrees of freedom per run, times the noise's spectrum,
+    for which the median beside the peak stands.
     """
     spans = [samples.grid_s[end - 1] - samples.grid_s[start] for start, end in samples.bounds]
     lowest = FEWEST_IN_TIME / float(np.median(spans))
     longest = max(int(samples.grid_s[end - 1] * samples.rate_hz) + 2 for _, end in samples.bounds)
     size = 1 << int(np.ceil(np.log2(2 * longest)))
-    frequency = np.fft.rfftfreq(size, 1 / samples.rate_hz)
+    frequency: Array = np.fft.rfftfreq(size, 1 / samples.rate_hz).astype(np.float64)
+    width = max(round(size / longest), 1)  # bins of one independent frequency
+    allowed = (frequency >= lowest) & (frequency <= HIGHEST_RATE * samples.rate_hz)
+    # what only runs with an injection have is their answer to that, and no frequency of the machine's
+    plain = np.array([not lines for lines in samples.injected_hz])
+    if not np.any(plain):
+        remainder = remainder - _answered(samples, remainder)
+        allowed &= ~_answers(samples, frequency, width * frequency[1])
+    if np.count_nonzero(allowed) < 20:
+        return None
     powers = np.zeros((len(samples.bounds), frequency.size))
     for held, (start, end) in zip(powers, samples.bounds, strict=True):
         row = np.zeros(longest)
         row[np.round(samples.grid_s[start:end] * samples.rate_hz).astype(np.int64)] = remainder[start:end]
         held[:] = np.abs(np.fft.rfft(row, size)) ** 2 * 2 / (end - start)
-    # what only runs with an injection have is their answer to that, and no frequency of the machine's
-    alone = powers[~samples.injected] if not np.all(samples.injected) else powers
+    alone = powers[plain] if np.any(plain) else powers
     power, degrees = alone.sum(axis=0), 2 * alone.shape[0]
-    allowed = np.flatnonzero((frequency >= lowest) & (frequency <= 0.45 * samples.rate_hz))
-    if allowed.size < 20:
-        return None
-    peak = int(allowed[np.argmax(power[allowed])])
-    width = max(round(size / longest), 1)  # bins of one independent frequency
+    peak = int(np.argmax(np.where(allowed, power, 0.0)))
     height, others = _level(power, peak, width)
     level = height / float(chi2.median(degrees))
-    tries = 2 * allowed.size / width
+    tries = 2 * np.count_nonzero(allowed) / width
     ratio = power[peak] / (degrees * level) if level > 0 else 0.0
     p_value = min(1.0, tries * float(f_law.sf(ratio, degrees, MEDIAN_WORTH * others * degrees)))
     place = _top(frequency, power, peak)
@@ -119,6 +126,31 @@ def frequency_line(samples: Samples, remainder: Array) -> tuple[Line, float] | N
         columns[start:end, 2 * i + 1] = np.sin(angle[start:end])
     gain = float(np.sum(powers[:, peak])) - columns.shape[1] * level
     return Line(place, gain, columns, Shape("frequency", "line", np.eye(columns.shape[1]), 6.0)), p_value
+
+
+def _harmonics(lines: Sequence[float], highest_hz: float) -> list[float]:
+    """Injected frequencies and their harmonics (Hz)."""
+    return [line * harmonic for line in lines for harmonic in range(1, int(highest_hz / line) + 1)]
+
+
+def _answered(samples: Samples, remainder: Array) -> Array:
+    """What of each run's remainder goes with an injected frequency or a harmonic of it (n,)."""
+    answer = np.zeros_like(remainder)
+    for lines, (start, end) in zip(samples.injected_hz, samples.bounds, strict=True):
+        waves = np.outer(samples.grid_s[start:end], _harmonics(lines, HIGHEST_RATE * samples.rate_hz)) * TURN
+        columns = np.concatenate([np.cos(waves), np.sin(waves)], axis=1)
+        answer[start:end] = columns @ np.linalg.lstsq(columns, remainder[start:end])[0]
+    return answer
+
+
+def _answers(samples: Samples, frequency: Array, resolved_hz: float) -> NDArray[np.bool_]:
+    """Frequencies that cannot be told from those (bins,)."""
+    lines = sorted({line for lines in samples.injected_hz for line in lines})
+    near = [
+        np.abs(frequency - answer) <= resolved_hz
+        for answer in _harmonics(lines, HIGHEST_RATE * samples.rate_hz)
+    ]
+    return np.asarray(np.any(near, axis=0))
 
 
 def _level(power: Array, peak: int, width: int) -> tuple[float, float]:

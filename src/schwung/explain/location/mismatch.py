@@ -1,21 +1,21 @@
 """Where the mismatch is: how much of the residual's energy follows from which coordinate, and on which interval.
 
-The residual is predicted jointly (additively) from shapes of eight coordinates; a coordinate's share is its part of the
-joint prediction, so that what several coordinates could predict is credited to the simplest that does. Every coordinate
-is tested beyond the others by permutation (chance.py), with its best shape sought in every draw.
+The residual is predicted jointly (additively) from shapes of eight coordinates; a coordinate's share is what it
+predicts beyond those that earn more for their price, so that what several could predict is credited to the simplest
+that does. Every coordinate is tested beyond the others by permutation (chance.py), with its best shape sought in every
+draw.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import numpy as np
 
 from schwung.explain.location.columns import Residual, dictionary, gather
 from schwung.explain.location.interval import interval_of
 from schwung.explain.location.lines import Comb
-from schwung.explain.location.search import COORDINATES, LEAST_SHARE, SIGNIFICANT, Search
+from schwung.explain.location.search import COORDINATES, DEAR, LEAST_SHARE, SIGNIFICANT, Search
 from schwung.explain.location.space import Space
 from schwung.explain.location.words import sentence, unit_of
 from schwung.explain.values import Coordinate, Located
@@ -29,9 +29,8 @@ EQUAL = 0.01  # of a coordinate's gain: another one that misses no more than thi
 def locate(residuals: Sequence[Residual], axis: Axis, *, surely: bool = True) -> tuple[Located, ...]:
     """The coordinates that the residual follows significantly, by share; empty where it is noise.
 
-    A coordinate that this session cannot tell from a named one comes with it, its text says so; of those the simplest
-    is named, as the speed predicts all that its sign does. Not `surely`: where none is significant, the one that comes
-    closest, its text says that, too.
+    A coordinate that this session cannot tell from a named one comes with it, its text says so. Not `surely`: where
+    none is significant, the one that comes closest, its text says that, too.
     """
     search = _searched(residuals, axis)
     if search is None:
@@ -41,29 +40,18 @@ def locate(residuals: Sequence[Residual], axis: Axis, *, surely: bool = True) ->
     if not surely and not kept and tested:
         kept = [min(tested, key=lambda coordinate: tested[coordinate])]
     search.chosen = [i for i in search.chosen if search.space.shapes[i].coordinate in kept]
-    found: list[tuple[float, list[Located]]] = []
+    credit, found = _credited(search), list[Located]()
     for coordinate in kept:
         mine = _of(search, coordinate)
         contribution = search.space.contribution(search.chosen, mine)
-        share = float(contribution @ search.samples.residual) / search.space.energy
+        share = sum(credit[i] for i in mine) / search.space.energy
         p_value = tested[coordinate]
         if share < LEAST_SHARE and p_value < SIGNIFICANT:
             continue
         interval = _interval(search, coordinate, mine, contribution)
-        own = _Follows(coordinate, interval, min(share, 1.0), sum(search.space.shapes[i].price for i in mine))
-        alike = sorted([own, *_twins(search, own, mine)], key=lambda one: one.price)
-        found.append((own.share, _located(search, alike, p_value, axis)))
-    return tuple(_once([one for _, each in sorted(found, key=lambda pair: -pair[0]) for one in each]))
-
-
-@dataclass(frozen=True)
-class _Follows:
-    """A coordinate that the residual follows, on which interval, by which share, and at which price."""
-
-    coordinate: Coordinate
-    interval: tuple[float, float]
-    share: float
-    price: float
+        found.append(_located(search, coordinate, interval, min(share, 1.0), p_value, axis, None))
+        found.extend(_twins(search, coordinate, mine, min(share, 1.0), p_value, axis))
+    return tuple(_once(sorted(found, key=lambda one: -one.share_of_energy)))
 
 
 def _searched(residuals: Sequence[Residual], axis: Axis) -> Search | None:
@@ -87,6 +75,18 @@ def _tested(search: Search) -> dict[Coordinate, float]:
         for coordinate, mine in parts.items()
         if mine
     }
+
+
+def _credited(search: Search) -> dict[int, float]:
+    """Energy that each chosen shape predicts beyond those before it, the one that earns most for its price first."""
+    space, credit, left = search.space, dict[int, float](), search.space.energy
+    asked = np.isin(np.arange(len(space.shapes)), search.chosen)
+    while len(credit) < len(search.chosen):
+        earned = search.earned(space.beyond(list(credit)).gains(space.products, asked), left, DEAR)
+        first = max((i for i in search.chosen if i not in credit), key=lambda i: earned[i])
+        before, left = left, space.energy - space.explained([*credit, first])
+        credit[first] = before - left
+    return credit
 
 
 def _interval(
@@ -122,21 +122,24 @@ def _interval(
     return interval_of(values, contribution, held=0.9)
 
 
-def _twins(search: Search, own: _Follows, mine: list[int]) -> list[_Follows]:
+def _twins(
+    search: Search, coordinate: Coordinate, mine: list[int], share: float, p_value: float, axis: Axis
+) -> list[Located]:
     """Coordinates that would do as well with a shape no richer, given the rest."""
     space = search.space
     others = [i for i in search.chosen if i not in mine]
-    explained = space.explained(search.chosen) - space.explained(others)
+    own = space.explained(search.chosen) - space.explained(others)
+    price = sum(space.shapes[i].price for i in mine)
     gains = space.beyond(others).gains(space.products)
-    slack = max(EQUAL * explained, 6 * search.samples.noise_nm**2)
+    slack = max(EQUAL * own, 6 * search.samples.noise**2)
     found = []
     for other in COORDINATES:
-        if other in (own.coordinate, "frequency") or _of(search, other):
+        if other in (coordinate, "frequency") or _of(search, other):
             continue
         fit = [
             i
             for i, shape in enumerate(space.shapes)
-            if shape.coordinate == other and shape.price <= own.price and gains[i] >= explained - slack
+            if shape.coordinate == other and shape.price <= price and gains[i] >= own - slack
         ]
         if not fit:
             continue
@@ -147,30 +150,27 @@ def _twins(search: Search, own: _Follows, mine: list[int]) -> list[_Follows]:
             if other not in ("run", "direction")
             else _interval(search, other, [best], contribution)
         )
-        less = own.share * float(min(gains[best] / explained, 1.0)) * (1 - 1e-9)
-        found.append(_Follows(other, interval, less, space.shapes[best].price))
+        less = share * min(gains[best] / own, 1.0) * (1 - 1e-9)
+        found.append(_located(search, other, interval, less, p_value, axis, coordinate))
     return found
 
 
-def _located(search: Search, alike: Sequence[_Follows], p_value: float, axis: Axis) -> list[Located]:
-    """Coordinates that this session cannot tell from one another, the first of them named, as values."""
-    found = []
-    for one in alike:
-        values = search.samples.values(one.coordinate)
-        visited = (float(np.min(values)), float(np.max(values)))
-        interval, share = (float(one.interval[0]), float(one.interval[1])), float(one.share)
-        every = (search.space.shapes[i] for i in search.chosen)
-        shapes = [shape for shape in every if shape.coordinate == one.coordinate]
-        each_turn = bool(shapes) and all(
-            shape.bump is not None and shape.period is not None for shape in shapes
-        )
-        twin = None if one is alike[0] else alike[0].coordinate
-        text = sentence(one.coordinate, interval, visited, share, axis, twin, each_turn)
-        if p_value >= SIGNIFICANT:
-            text += f" This may be chance (p {p_value:.2g}); nothing else stands out more."
-        unit = unit_of(one.coordinate, axis)
-        found.append(Located(one.coordinate, interval, unit, share, float(p_value), text))
-    return found
+def _located(
+    search: Search, coordinate: Coordinate, interval: tuple[float, float], share: float, p_value: float,
+    axis: Axis, twin: Coordinate | None,
+) -> Located:  # fmt: skip
+    values = search.samples.values(coordinate)
+    visited = (float(np.min(values)), float(np.max(values)))
+    interval, share = (float(interval[0]), float(interval[1])), float(share)
+    shapes = [
+        shape for shape in (search.space.shapes[i] for i in search.chosen) if shape.coordinate == coordinate
+    ]
+    each_turn = bool(shapes) and all(shape.bump is not None and shape.period is not None for shape in shapes)
+    of = search.samples.of
+    text = sentence(coordinate, interval, visited, share, axis, twin, each_turn, of)
+    if p_value >= SIGNIFICANT:
+        text += f" This may be chance (p {p_value:.2g}); nothing else stands out more."
+    return Located(coordinate, interval, unit_of(coordinate, axis), share, float(p_value), text, of)
 
 
 def _once(found: Sequence[Located]) -> list[Located]:

@@ -58,12 +58,16 @@ class Search:
         """What the chosen shapes leave of the residual (n,)."""
         return self.samples.residual - self.space.contribution(chosen, chosen)
 
-    def _scores(self, gains: Array, left: float, toll: float) -> Array:
-        """Gain less what the shapes' free numbers cost; -inf where it is too little to be named. `left`: energy."""
-        noise = self.samples.noise_nm**2
+    def earned(self, gains: Array, left: float, toll: float) -> Array:
+        """Gain of each shape less what its free numbers cost, (shapes,). `left`: energy."""
+        noise = self.samples.noise**2
         prices = np.array([shape.price for shape in self.space.shapes])
         structure = max(left - noise * self.samples.residual.size, 0.0)
-        scores = gains - prices * (toll * structure + NOISE_PRICE * noise)
+        return np.asarray(gains - prices * (toll * structure + NOISE_PRICE * noise))
+
+    def _scores(self, gains: Array, left: float, toll: float) -> Array:
+        """The same; -inf where it is too little to be named."""
+        scores = self.earned(gains, left, toll)
         return np.where((gains >= LEAST_SHARE * self.space.energy) & (scores > 0), scores, -np.inf)
 
     def _grow(self, toll: float) -> bool:
@@ -153,12 +157,12 @@ class Search:
                 self.line_p[len(self.space.shapes) - 1] = p_value
 
     def _swap(self) -> bool:
-        """Let every shape be replaced by a better one, given the others."""
+        """Let every shape be replaced by a better one, given the others: by no curve for little more than it takes."""
         changed = False
         for one in list(self.chosen):
             others = [i for i in self.chosen if i != one]
             left = self.space.energy - self.space.explained(others)
-            scores = self._scores(self.space.beyond(others).gains(self.space.products), left, CHEAP)
+            scores = self._scores(self.space.beyond(others).gains(self.space.products), left, DEAR)
             scores[others] = -np.inf
             best = int(np.argmax(scores))
             if best != one and np.isfinite(scores[best]) and scores[best] > scores[one]:

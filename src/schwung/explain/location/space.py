@@ -122,7 +122,7 @@ class Beyond:
         cleared: Array = products - self.taken @ (self.weights.T @ products)
         return cleared
 
-    def gains(self, products: Array, which: Array | None = None) -> Array:
+    def gains(self, products: Array, which: NDArray[np.bool_] | None = None) -> Array:
         """Energy that each shape predicts beyond the chosen ones: (shapes[, draws]); 0 for those not asked."""
         space = self.space
         left = self.products(products)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from schwung.explain.values import Coordinate
+from schwung.explain.values import Coordinate, Signal
 from schwung.session.model import Axis
 
 _UNITS: dict[Coordinate, tuple[str, str]] = {
@@ -34,29 +34,32 @@ def unit_of(coordinate: Coordinate, axis: Axis) -> str:
 
 def sentence(
     coordinate: Coordinate, interval: tuple[float, float], visited: tuple[float, float], share: float, axis: Axis,
-    twin: Coordinate | None = None, each_turn: bool = False,
+    twin: Coordinate | None = None, each_turn: bool = False, of: Signal = "torque",
 ) -> str:  # fmt: skip
-    """What a drive engineer reads; `twin`: what this one cannot be told from; `each_turn`: the place comes back."""
+    """What a drive engineer reads; `twin`: what this one cannot be told from; `each_turn`: the place comes back; `of`:
+    what is missed."""
     lo, hi = interval
     unit = unit_of(coordinate, axis)
-    part = f"{100 * share:.0f} %"
+    part = f"{100 * share:.0f} % of what the belief misses"
+    if of == "speed":
+        part += " of the reported speed"
     force = "force" if axis == "linear" and coordinate == "torque" else _NAMES[coordinate]
     everywhere = hi - lo >= 0.98 * (visited[1] - visited[0])
     if coordinate == "direction":
         where = (
             "in both directions" if lo < hi else f"in the {'positive' if lo > 0 else 'negative'} direction"
         )
-        text = f"{where[0].upper()}{where[1:]}, {part} of what the belief misses goes with the direction of motion"
+        text = f"{where[0].upper()}{where[1:]}, {part} goes with the direction of motion"
     elif coordinate == "frequency":
-        text = f"Near {0.5 * (lo + hi):.4g} Hz, {part} of what the belief misses is a vibration of fixed frequency"
+        text = f"Near {0.5 * (lo + hi):.4g} Hz, {part} is a vibration of fixed frequency"
     elif coordinate == "run":
-        text = f"From run {lo:.0f} to run {hi:.0f}, {part} of what the belief misses changes with the run's number"
+        text = f"From run {lo:.0f} to run {hi:.0f}, {part} changes with the run's number"
     elif coordinate == "time_in_motion" and not everywhere:
-        text = f"Between {lo:.4g} and {hi:.4g} s after the start, {part} of what the belief misses"
+        text = f"Between {lo:.4g} and {hi:.4g} s after the start, {part}"
     elif everywhere:
-        text = f"Over the whole range of {force}, {part} of what the belief misses follows from {force}"
+        text = f"Over the whole range of {force}, {part} follows from {force}"
     else:
-        text = f"Between {lo:.4g} and {hi:.4g} {unit} of {force}, {part} of what the belief misses"
+        text = f"Between {lo:.4g} and {hi:.4g} {unit} of {force}, {part}"
     if each_turn:
         text += ", again in every turn"
     if twin is not None:

@@ -23,6 +23,7 @@ from schwung.explain.weighing.sets import members_of
 from schwung.explain.weighing.settling import smoothed
 from schwung.explain.weighing.weigh import Posterior
 from schwung.innovations.effect import Passed
+from schwung.innovations.likelihood import power_of, variances_of
 from schwung.motion import Array
 
 #: Deviations beyond which a difference is no chance, of 19 in 20.
@@ -33,11 +34,15 @@ _STRETCH_S = 0.02
 
 @dataclass(frozen=True, eq=False)
 class Shown:
-    """A run as a machine explains it: torque that it misses (N·m), smoothed, and likelihood (log) by stretches."""
+    """A run as a machine explains it: torque and speed that it misses, smoothed, and likelihood (log) by stretches."""
 
     run: int
     along: Along
     missed_nm: Array  # (n,)
+    torque_noise_nm: Array  # deviations of its noise (n,)
+    missed_rad_s: Array | None  # reported speed that it misses, (n,); None: not measured
+    speed_noise_rad_s: Array
+    injected_hz: tuple[float, ...]
     innovations: Array  # (2n,) over their deviations; (n,) where no speed was measured
     logs: Array  # (stretches,)
 
@@ -113,11 +118,16 @@ def _run(view: View, passed: Passed, along: Along, run: int) -> Shown:
     error, variance = passed.result.error, passed.result.variance
     logs = -0.5 * np.sum(error**2 / variance + np.log(variance), axis=1)
     stretch = max(round(_STRETCH_S / view.runs[run].step_s), 1)
+    measured, excitation = view.runs[run].speed_measured, view.recorded[run].excitation
     return Shown(
         run=run,
         along=along,
         missed_nm=-passed.torque_error_nm,
-        innovations=passed.innovations if view.runs[run].speed_measured else passed.innovations[::2],
+        torque_noise_nm=np.sqrt(power_of(passed.noise, passed.run) / passed.run.drive.every),
+        missed_rad_s=passed.speed_error_rad_s if measured else None,
+        speed_noise_rad_s=np.sqrt(variances_of(passed.noise, passed.run)[:, 1]),
+        injected_hz=() if excitation is None else tuple(excitation.lines_hz.tolist()),
+        innovations=passed.innovations if measured else passed.innovations[::2],
         logs=np.add.reduceat(logs, np.arange(0, logs.size, stretch)),
     )
 

@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from schwung.explain.location import Residual, interval_of, locate, unit_of
-from schwung.explain.values import Located, Overlay
+from schwung.explain.values import Located, Overlay, Signal
 from schwung.explain.weighing.along import Along
 from schwung.explain.weighing.candidate import Candidate, Shape
 from schwung.explain.weighing.judged import Shown
@@ -79,6 +79,7 @@ def _asked(run: Shown) -> Array:
 
 #: An interval that is a larger part of what was visited is all of it.
 _EVERYWHERE = 0.98
+_SIGNALS: tuple[Signal, ...] = ("torque", "speed")
 _VALUES = ("position", "speed", "acceleration", "torque", "time_in_motion")
 
 
@@ -118,8 +119,11 @@ def with_places(
         return found
 
     def missed(runs: Sequence[Shown], surely: bool) -> tuple[Located, ...]:
-        every = [_residual(run, found.noise.torque_nm, band_hz) for run in runs]
-        return locate(every, found.axis, surely=surely)
+        located = (
+            locate([_residual(run, of, band_hz) for run in runs], found.axis, surely=surely)
+            for of in _by_what_is_missed(runs)
+        )
+        return next(filter(None, located), ())
 
     left = found.in_file and verdict != "explained"
     return replace(
@@ -129,10 +133,31 @@ def with_places(
     )
 
 
-def _residual(run: Shown, noise_nm: float, band_hz: float) -> Residual:
+def _by_what_is_missed(runs: Sequence[Shown]) -> list[Signal]:
+    """Torque and reported speed, first that of which more is missed over its noise: the squares of both are what makes
+    the runs unlikely. A speed that is reported late goes with no torque."""
+
+    def square(of: Signal) -> float:
+        each = (np.divide(*_missed(run, of))[run.along.moves] for run in runs)
+        return float(sum(np.sum(one**2) for one in each))
+
+    told = all(run.missed_rad_s is not None for run in runs)
+    return sorted(_SIGNALS[: 1 + told], key=square, reverse=True)
+
+
+def _missed(run: Shown, of: Signal) -> tuple[Array, Array]:
+    """What is missed of a signal (N·m or rad/s), and its noise's deviations, (n,) each."""
+    if of == "speed":
+        assert run.missed_rad_s is not None
+        return run.missed_rad_s, run.speed_noise_rad_s
+    return _asked(run), run.torque_noise_nm
+
+
+def _residual(run: Shown, of: Signal, band_hz: float) -> Residual:
     along, step = run.along, run.along.run.step_s
     every = max(1, int(1 / (_PER_PERIOD * band_hz * step)))
     at = slice(None, None, every)
+    missed, noise = _missed(run, of)
     return Residual(
         run=run.run,
         rate_hz=1 / (step * every),
@@ -141,10 +166,11 @@ def _residual(run: Shown, noise_nm: float, band_hz: float) -> Residual:
         speed_rad_s=along.speed[at],
         acceleration_rad_s2=along.acceleration[at],
         torque_nm=along.torque[at],
-        residual_nm=along.run.quiet(_asked(run))[at],
+        missed=along.run.quiet(missed)[at],
         considered=along.moves[at],
-        noise_nm=noise_nm,
-        injected=bool(np.any(along.run.drive.injected_nm)),
+        noise=float(np.sqrt(np.mean(noise**2))),
+        injected_hz=run.injected_hz,
+        of=of,
     )
 
 
