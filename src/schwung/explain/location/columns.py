@@ -20,6 +20,7 @@ from schwung.session.model import Axis
 
 TURN = 2 * np.pi
 PLACES = 80  # hats over the visited positions, with and without the sign of speed
+LIMITS = np.arange(0.3, 0.99, 0.02)  # of the largest torque, from which on it may be off
 INSTANTS = 100  # hats over the time in motion
 BUMPS = (1.5, 2.0, 3.0, 4.0, 6.0, 8.0, 11.0, 15.0, 20.0)  # half widths in hats
 
@@ -270,7 +271,7 @@ def dictionary(samples: Samples, axis: Axis) -> Dictionary:
 
     _inertia(build, samples, axis)
     _answers(build, "torque", samples.torque, samples.torque_rates)
-    for limit in (0.4, 0.5, 0.6, 0.7, 0.8, 0.9, 0.95):
+    for limit in LIMITS:
         above = build.add(np.sign(torque) * np.maximum(np.abs(torque) - limit, 0) / (1 - limit))
         build.pick("torque", "large", [above], 2)
 

@@ -13,6 +13,7 @@ from schwung.explain.weighing.along import Along
 from schwung.explain.weighing.candidate import Candidate, Shape
 from schwung.explain.weighing.judged import Shown
 from schwung.explain.weighing.publication import Published, Where
+from schwung.innovations.signals import Signals
 from schwung.motion import Array
 from schwung.session.model import Axis
 
@@ -153,6 +154,13 @@ def _missed(run: Shown, of: Signal) -> tuple[Array, Array]:
     return _asked(run), run.torque_noise_nm
 
 
+def _heard(run: Signals) -> float:
+    """How much of white noise is within the band, mean square."""
+    pulse = np.zeros_like(run.time_s)
+    pulse[pulse.size // 2] = 1.0
+    return float(np.sum(run.quiet(pulse) ** 2))
+
+
 def _residual(run: Shown, of: Signal, band_hz: float) -> Residual:
     along, step = run.along, run.along.run.step_s
     every = max(1, int(1 / (_PER_PERIOD * band_hz * step)))
@@ -168,7 +176,7 @@ def _residual(run: Shown, of: Signal, band_hz: float) -> Residual:
         torque_nm=along.torque[at],
         missed=along.run.quiet(missed)[at],
         considered=along.moves[at],
-        noise=float(np.sqrt(np.mean(noise**2))),
+        noise=float(np.sqrt(np.mean(noise**2) * _heard(along.run))),
         injected_hz=run.injected_hz,
         of=of,
     )
