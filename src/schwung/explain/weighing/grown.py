@@ -15,14 +15,12 @@ import numpy as np
 from schwung.explain.weighing.data import Data
 from schwung.explain.weighing.growth import Climbed, Growth
 from schwung.explain.weighing.round import View
-from schwung.explain.weighing.search import HOPELESS, Scored, Search
+from schwung.explain.weighing.search import HOPELESS, TOLD, Scored, Search
 from schwung.explain.weighing.sets import is_unnamed
 from schwung.explain.weighing.settling import Settled
 
 #: Of the work, what all causes may take in a few runs; and what laws alone may take beside it, each time.
 _FEW, _LAWS = 0.3, 0.4
-#: Sets that are asked at rest whether they are as likely as fewer samples say.
-_ASKED = 3
 
 
 @dataclass(frozen=True, eq=False)
@@ -49,21 +47,20 @@ class Grown:
         return self.climbed.best
 
     def tempered(self, ratio: float) -> Search:
-        """All sets as so many times fewer samples tell them apart, the likeliest of them at rest: far from the most
-        probable one, a line promises what may be nothing."""
+        """All sets as so many times fewer samples tell them apart, those of them at rest that are worth telling: far
+        from the most probable one, a line promises what may be nothing."""
         search, at = self.search, self.climbed.at
-        sure = search.tempered(ratio)
-        for _ in range(_ASKED):
-            kind = sure.kind(sure.shares()[0][1].picks)
-            if kind in search.kept or kind == search.kind(self.best.picks):
-                break
-            if search.data.work.late and kind not in search.doubts:
-                break
+        known = {search.kind(self.best.picks), *search.kept}
+        while True:
+            sure = search.tempered(ratio)
+            likely = (sure.kind(one.picks) for share, one in sure.shares() if share > TOLD)
+            kind = next((kind for kind in likely if kind not in known), None)
+            if kind is None or (search.data.work.late and kind not in search.doubts):
+                return sure
             one = search.table[kind]
             _, gain = self.growth.rests.rest(search, one, self.best, at)
             search.note(kind, self.best.log + gain, one.log)
-            sure = search.tempered(ratio)
-        return sure
+            known.add(kind)
 
 
 @dataclass(frozen=True, eq=False)
