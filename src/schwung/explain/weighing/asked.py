@@ -42,7 +42,9 @@ def further(
         last = gained.get(search.index(one.picks[-1]), np.inf) if one in beyond else np.inf
         # what a cause takes beside more is seldom more: it is not asked again for less than there is already
         fruitless = best is not None and last <= top
-        if best is not None and ((fruitless and one not in lines) or search.data.work.spent):
+        # nor is what no line leads to, where something leaves but noise
+        nothing_left = best is not None and one in beyond and not rests.leaves(best[1])
+        if nothing_left or (best is not None and ((fruitless and one not in lines) or search.data.work.spent)):
             continue
         everywhere = one in beyond and not fruitless
         tried, gain = rests.rest(search, one, start, at, top, everywhere=everywhere)
