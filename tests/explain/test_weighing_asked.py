@@ -1,0 +1,74 @@
+"""What is brought to rest, among all that could be: it costs most of the time."""
+
+from types import SimpleNamespace
+from typing import Any, NamedTuple
+
+import numpy as np
+import pytest
+
+from schwung.explain.weighing import asked
+from schwung.explain.weighing.grown import Grown
+
+LINE, ELSEWHERE = "line", "elsewhere"
+
+
+class Picked(NamedTuple):
+    """A set."""
+
+    picks: tuple[str, ...]
+
+
+@pytest.mark.parametrize(("leaves", "brought"), [(True, [LINE, ELSEWHERE]), (False, [LINE])])
+def test_what_no_line_leads_to_is_asked_where_something_is_left(
+    monkeypatch: pytest.MonkeyPatch, leaves: bool, brought: list[str]
+) -> None:
+    line, beyond = Picked((LINE,)), Picked((ELSEWHERE,))
+    monkeypatch.setattr(asked, "_in_place", lambda *_: (None, 0.0))
+    monkeypatch.setattr(asked, "_asked", lambda *_: ({line: None}, [beyond]))
+    monkeypatch.setattr(asked, "is_unnamed", lambda *_: False)
+    seen: list[str] = []
+
+    def rest(_search: Any, one: Any, *_: Any, **__: Any) -> tuple[str, float]:
+        seen.append(one.picks[0])
+        return f"at rest with {one.picks[0]}", 400.0 if one is line else 20.0
+
+    candidate = SimpleNamespace(is_number=False, bends_by_shape=False)
+    search: Any = SimpleNamespace(
+        kind=frozenset, candidate=lambda _: candidate, index=str, asked={},
+        data=SimpleNamespace(work=SimpleNamespace(spent=False)),
+    )  # fmt: skip
+    rests: Any = SimpleNamespace(
+        named={}, rest=rest, leaves=lambda _: leaves, misses=lambda _: False, note_named=lambda *_: None
+    )
+    found = asked.further(rests, search, Picked(()), SimpleNamespace(), {})  # type: ignore[arg-type]
+    assert found == (line, f"at rest with {LINE}")
+    assert seen == brought
+
+
+def test_each_set_that_would_be_told_is_at_rest_first() -> None:
+    """Five sets with a further mass promised more than the hum that was found, and ended at their bounds: three of
+    them were asked, and the fourth was told."""
+    promised = {frozenset({i}): 10.0 - i for i in range(5)} | {frozenset({9}): 0.0, frozenset({8}): -30.0}
+    kept: dict[frozenset[int], float] = {}
+
+    def tempered(_ratio: float) -> Any:
+        logs = {kind: log + kept.get(kind, 0.0) for kind, log in promised.items()}
+        whole = float(np.log(np.sum(np.exp(list(logs.values())))))
+        order = sorted(logs, key=lambda kind: -logs[kind])
+        shares = [(float(np.exp(logs[kind] - whole)), SimpleNamespace(picks=tuple(kind))) for kind in order]
+        return SimpleNamespace(kind=frozenset, shares=lambda: shares)
+
+    def note(kind: frozenset[int], at_rest: float, before: float) -> None:
+        kept[kind] = at_rest - before
+
+    search: Any = SimpleNamespace(
+        tempered=tempered, kind=frozenset, kept=kept, doubts={}, note=note,
+        table={kind: SimpleNamespace(picks=tuple(kind), log=log) for kind, log in promised.items()},
+        data=SimpleNamespace(work=SimpleNamespace(late=False)),
+    )  # fmt: skip
+    rests = SimpleNamespace(rest=lambda *_: (None, -np.inf))
+    climbed = SimpleNamespace(search=search, best=SimpleNamespace(picks=(9,), log=0.0), at=None)
+    found: Any = Grown(SimpleNamespace(rests=rests), climbed, None)  # type: ignore[arg-type]
+    (share, best), *_ = found.tempered(10.0).shares()
+    assert (best.picks, share) == ((9,), pytest.approx(1.0))
+    assert set(kept) == {frozenset({i}) for i in range(5)}  # what would not be told is left
