@@ -109,7 +109,7 @@ def test_what_is_common_is_told_beside() -> None:
 def _weighed(names: dict[str, float], unnamed: float = 0.0) -> Weighed:
     named = tuple(Named(name, p, {}) for name, p in names.items())
     curves = (Unnamed("position", unnamed, 0.4),) if unnamed else ()
-    return Weighed(named, curves, Noise(1.0, 1.0, 1.0), 1.0, None)
+    return Weighed(named, curves, Noise(1.0, 1.0, 1.0), 1.0)
 
 
 @pytest.mark.parametrize(

@@ -44,7 +44,7 @@ def test_a_belief_that_has_it_misses_nothing():
     stranger = Stranger("mesh", ("kinematic_error",), mesh=(amplitude, order))
     term = PhysicsTerm(name="kinematic_error", order=order, amplitude_rad=amplitude, phase_rad=1.0)
     session, machine = session_of(stranger, 5, every=8, times=(0.25,)), belief_of(stranger)
-    assert weigh(session, machine).proof.before > 1.2
-    found = weigh(session, machine.model_copy(update={"physics": (term,)}))
-    assert all(one.probability < 0.5 for one in (*found.names, *found.unnamed))
+    assert publish(session, machine).proof.before > 1.2
+    found = publish(session, machine.model_copy(update={"physics": (term,)}))
+    assert all(one.probability < 0.5 for one in (*found.names, *found.curves))
     assert found.proof.before == pytest.approx(1.0, abs=0.1)

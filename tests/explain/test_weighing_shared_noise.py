@@ -9,6 +9,7 @@ import pytest
 from sealed_sessions import drawn
 from strangers import STRANGERS, belief_of, session_of
 
+from schwung.explain.weighing.published import publish
 from schwung.explain.weighing.weigh import weigh
 from schwung.explain.weighing.wide import unshared_by_neighbours
 from schwung.session import Session
@@ -49,9 +50,9 @@ def test_shared_noise_has_no_name_and_no_curve(seed: int, tmp_path: Path) -> Non
     they missed 1.18 times the noise, and those that were fitted 0.9.
     """
     session, belief, _ = drawn(tmp_path, seed, 2, kind="none")
-    found = weigh(_sharing(session), belief)
+    found = publish(_sharing(session), belief)
     assert not found.names
-    assert not found.unnamed
+    assert not found.curves
     assert found.excess < 10
     assert found.proof is not None
     assert found.proof.before == pytest.approx(1.0, abs=0.12)
@@ -78,9 +79,9 @@ def _counted(session: Session) -> Session:
 @pytest.mark.long
 def test_what_repeats_are_rounded_to_is_noise_as_well() -> None:
     """A sound machine. Hardly a speed bends, since most samples are the same count: 5 times the noise was missed."""
-    found = weigh(_counted(session_of(STRANGERS[0], 5, times=(0.25, 0.4))), belief_of(STRANGERS[0]))
-    assert {one.name for one in found.names if one.probability > 0.5} <= {"measurement_delay"}
-    assert all(one.probability < 0.5 or one.like == "measurement_delay" for one in found.unnamed)
+    found = publish(_counted(session_of(STRANGERS[0], 5, times=(0.25, 0.4))), belief_of(STRANGERS[0]))
+    assert {one.physics for one in found.names if one.probability > 0.5} <= {"measurement_delay"}
+    assert all(one.probability < 0.5 or one.like == "measurement_delay" for one in found.curves)
     assert found.proof is not None
     assert found.proof.after < 1.25
     assert found.noise.speed_rad_s > 0.2 * COUNT * 500

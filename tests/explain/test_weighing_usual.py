@@ -5,7 +5,7 @@ from pathlib import Path
 import pytest
 from sealed_sessions import drawn
 
-from schwung.explain.weighing.weigh import weigh
+from schwung.explain.weighing.published import publish
 
 
 @pytest.mark.long
@@ -15,11 +15,12 @@ def test_a_crank_that_is_half_a_degree_off_is_one_where_a_quiet_recording_shows_
     """10 mrad change the inertia by less than 0.3 %; 1.5 σ were missed, and nothing was said to take it."""
     session, belief, label = drawn(tmp_path, 307212)
     (effect,) = label["effects"]
-    found = weigh(session, belief)
-    assert [one.name for one in found.names if one.probability > 0.5] == ["inertia_profile_shift"]
+    found = publish(session, belief)
+    assert [one.physics for one in found.names if one.probability > 0.5] == ["inertia_profile_shift"]
     (named,) = found.names
     told = named.parameters["shift_rad"]
-    assert told.low < effect["parameters"]["shift_rad"] < told.high
+    assert told.ci95 is not None
+    assert told.ci95[0] < effect["parameters"]["shift_rad"] < told.ci95[1]
     assert found.proof is not None
     assert found.proof.before > 1.4
     assert found.proof.after < 1.02

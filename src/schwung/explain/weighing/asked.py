@@ -44,7 +44,9 @@ def further(
         fruitless = best is not None and last <= top
         # nor is what no line leads to, where something leaves but noise
         nothing_left = best is not None and one in beyond and not rests.leaves(best[1])
-        if nothing_left or (best is not None and ((fruitless and one not in lines) or search.data.work.spent)):
+        if nothing_left or (
+            best is not None and ((fruitless and one not in lines) or search.data.work.spent)
+        ):
             continue
         everywhere = one in beyond and not fruitless
         tried, gain = rests.rest(search, one, start, at, top, everywhere=everywhere)

@@ -181,21 +181,6 @@ class Data:
             self.work.add(PRODUCT * mine.size * (which.size + size))
         return cross / self.excess, gram / self.excess, slope / self.excess
 
-    def aside(self, which: Numbers, runs: Sequence[int]) -> Statistics:
-        """Of a set's columns on runs that are not fitted."""
-        starts = {where.start: cause for where, cause in self.causes}
-        causes = [starts[column] for column in which.tolist() if column in starts]
-        about = self.about.beside(runs)
-        target = target_of(about, self.members, runs)
-        return Statistics.of(about.whitened(causes, runs).T, target, about.measured(runs)).tempered(
-            self.excess
-        )
-
-    def of_each_run(self, which: Numbers) -> NDArray[np.bool_]:
-        """Which of some columns are one run's own."""
-        own = [where for where, (candidate, _) in self.causes if candidate.each_run]
-        return np.array([any(where.start <= column < where.stop for where in own) for column in which])
-
     def append(self, index: int, shape: Shape, refined: float, spread: Shape = ()) -> Atom:
         """Make a shape an atom."""
         (where,) = self._stored([(self.candidates[index], shape)])

@@ -9,6 +9,7 @@ with names, are looked for as well. The likelier counts.
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 
@@ -29,7 +30,7 @@ class Grown:
 
     growth: Growth  # that came to it
     climbed: Climbed
-    nothing: Settled  # the belief with what is always there
+    view: View  # of the belief, with what is always there at rest
 
     @property
     def search(self) -> Search:
@@ -45,6 +46,11 @@ class Grown:
     def best(self) -> Scored:
         """The most probable set."""
         return self.climbed.best
+
+    @cached_property
+    def nothing(self) -> Settled:
+        """The belief with what is always there, about the noise that was found."""
+        return self.growth.nothing(self.view)
 
     def tempered(self, ratio: float) -> Search:
         """All sets as so many times fewer samples tell them apart, those of them at rest that are worth telling: far
@@ -143,9 +149,7 @@ def grown(growth: Growth, view: View) -> Grown:
     nothing = growth.nothing(view)
     found = _from_few(growth, view, nothing) if growth.has_few else _from_nothing(growth, view, nothing)
     climbed = found.growth.alike(found.climbed)
-    if found.growth.rests.wide is not growth.rests.wide:
-        nothing = found.growth.nothing(nothing.about.view)
-    return Grown(found.growth, climbed, nothing)
+    return Grown(found.growth, climbed, nothing.about.view)
 
 
 def _from_nothing(growth: Growth, view: View, nothing: Settled) -> _Found:

@@ -76,7 +76,6 @@ class Weighed:
     unnamed: tuple[Unnamed, ...]
     noise: Noise
     excess: float  # the likelihood is tempered by it: colour of the noise, and physics that has no name
-    proof: Proof | None
     notes: tuple[str, ...] = ()
 
     def probability(self, name: str) -> float:

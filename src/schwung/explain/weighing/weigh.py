@@ -8,7 +8,6 @@ from functools import cached_property, partial
 from itertools import count
 
 import numpy as np
-from numpy.typing import NDArray
 
 from schwung.drivetrain.machine import Machine
 from schwung.explain.kept_aside import kept_aside
@@ -21,11 +20,10 @@ from schwung.explain.weighing.growth import NOISE_SHARE, Growth, Progress
 from schwung.explain.weighing.known import known
 from schwung.explain.weighing.one_law import one_law
 from schwung.explain.weighing.phases import phased
-from schwung.explain.weighing.present import Member
 from schwung.explain.weighing.publication import NAMED
 from schwung.explain.weighing.repeated import motions_of, repeated, telling_noise
 from schwung.explain.weighing.resting import Rests
-from schwung.explain.weighing.round import Linearised, View, target_of
+from schwung.explain.weighing.round import View
 from schwung.explain.weighing.search import TOLD, Pick, Scored, Search, slices
 from schwung.explain.weighing.sets import everything
 from schwung.explain.weighing.sharpness import covariance_of
@@ -33,14 +31,12 @@ from schwung.explain.weighing.standing import Standing, is_plain, standing
 from schwung.explain.weighing.taken import Held, TakenLater, taken_later
 from schwung.explain.weighing.told import as_told
 from schwung.explain.weighing.true_torque import TrueTorque
-from schwung.explain.weighing.values import Named, Parameter, Proof, Unnamed, Weighed
+from schwung.explain.weighing.values import Named, Parameter, Unnamed, Weighed
 from schwung.explain.weighing.vocabulary import vocabulary
 from schwung.explain.weighing.wide import wide_fit
 from schwung.explain.weighing.work import Work, on_one_thread
-from schwung.innovations.evidence import weigh as weigh_columns
 from schwung.innovations.likelihood import first_noise
 from schwung.innovations.signals import Signals, picked_signals_of
-from schwung.innovations.statistics import Statistics
 from schwung.motion import Array
 from schwung.session.derived import speed_is_derived
 from schwung.session.model import Session
@@ -230,7 +226,7 @@ def signals_as_measured(session: Session, machine: Machine) -> list[Signals]:
 
 
 def _told(posterior: Posterior) -> Weighed:
-    outcome, sure, likely, heldout = posterior.grown, posterior.sure, posterior.names, posterior.heldout
+    outcome, sure, likely = posterior.grown, posterior.sure, posterior.names
     search, data = outcome.search, outcome.data
     names = {c.name: likely[c.name] for c in data.candidates if c.named and likely.get(c.name, 0.0) >= TOLD}
     told = [
@@ -243,7 +239,6 @@ def _told(posterior: Posterior) -> Weighed:
         unnamed=_unnamed(search, likely, posterior.left_out, posterior.stands.usual),
         noise=data.about.noise,
         excess=data.excess * posterior.stands.tempering,
-        proof=_proof(outcome, posterior.holding, heldout) if heldout else None,
         notes=(
             *posterior.notes,
             *(
@@ -366,38 +361,3 @@ def _rms(search: Search, name: str) -> float:
         each = (np.mean((side + 0.0 * along.speed) ** 2) for side in (motor, load, motor + load))
         total.append(max(each))
     return float(np.sqrt(np.mean(total)))
-
-
-def _proof(outcome: Grown, best: Scored, heldout: Sequence[int]) -> Proof:
-    """A set's and the bare belief's predictions of the motions kept aside, each linearised about itself."""
-    data, (which, deviations) = outcome.data, outcome.search.columns(best.picks)
-    own = data.of_each_run(which)
-    log, after = _predicted(data.at(which), data.aside(which, heldout), deviations, own)
-    bare, members = outcome.nothing.about, outcome.nothing.members
-    seen, aside = (
-        _statistics(about, members, runs).tempered(data.excess)
-        for about, runs in ((bare, data.train), (bare.beside(heldout), heldout))
-    )
-    plain = np.concatenate([m.deviations for m in members])
-    belief, before = _predicted(seen, aside, plain, np.zeros(plain.size, dtype=bool))
-    return Proof(tuple(heldout), (log - belief) / aside.count, before, after)
-
-
-def _predicted(
-    seen: Statistics, aside: Statistics, deviations: Array, own: NDArray[np.bool_]
-) -> tuple[float, float]:
-    """Log predictive likelihood of runs aside, and what is missed there over the noise (root mean square).
-
-    `own`: coefficients that are one run's own, as the phase of what no motion sets off: those it has to tell itself.
-    """
-    fitted, both = weigh_columns(seen, deviations), weigh_columns(seen + aside, deviations)
-    told = np.where(own, both.coefficients, fitted.coefficients)
-    missed = float(np.sqrt(max(aside.missed(told), 0.0) / aside.count))
-    return both.log_evidence - fitted.log_evidence, missed
-
-
-def _statistics(about: Linearised, members: Sequence[Member], runs: Sequence[int]) -> Statistics:
-    """Of the members' columns on some runs."""
-    target = target_of(about, members, runs)
-    rows = about.whitened([(m.candidate.about(m.coefficients), m.shape) for m in members], runs)
-    return Statistics.of(rows.T, target, about.measured(runs))
