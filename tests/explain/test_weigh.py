@@ -69,12 +69,14 @@ def test_what_is_published_is_proven_on_motions_that_were_not_fitted():
     assert proof.before > 2
 
 
+@pytest.mark.long
 def test_nothing_is_missed_where_nothing_is_hidden():
     proof = publish(recorded(STRANGERS[0]), belief_of(STRANGERS[0])).proof
     assert proof is not None
     assert proof.after == pytest.approx(1.0, abs=0.1)
 
 
+@pytest.mark.long
 def test_probabilities_are_shares(both):
     assert all(0 <= one.probability <= 1 + 1e-9 for one in (*both.names, *both.unnamed))
     assert both.excess >= 1

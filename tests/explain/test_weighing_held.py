@@ -74,6 +74,7 @@ def test_no_step_leads_past_a_sample(late_by_half: Posterior) -> None:
     assert places == pytest.approx([0.3, 0.2, 1e-6, -1e-6, -0.2, -1e-6, 1e-6, 0.1])
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     ("share", "low", "high"),
     [(-1e-6, -2e-3, -1e-6), (0.0, 0.0, 2e-3), (0.3, 0.299, 0.301), (0.8, 0.799, 0.801)],
