@@ -14,7 +14,6 @@ from schwung.drivetrain import Control, InertiaTable, Machine
 from schwung.explain.values import Quantity
 from schwung.explain.weighing.publication import Published
 from schwung.explain.weighing.published import publish
-from schwung.explain.weighing.weigh import weigh
 from schwung.session import Session
 from schwung_sim.plants import Plant, make_plant
 from schwung_sim.plants.crank_kernel import MOTOR
@@ -150,10 +149,10 @@ def test_the_weight_of_a_rod_that_mujoco_knows_and_two_masses_do_not(tmp_path: P
 @pytest.mark.long
 def test_an_inertia_that_the_belief_only_guessed_is_found(sound: Session) -> None:
     """One name, and no curves that take its part: a table's corners were some N·m in its slope."""
-    found = weigh(sound, guessed_machine())
-    likely = [one.name for one in found.names if one.probability > 0.5]
+    found = publish(sound, guessed_machine())
+    likely = [one.physics for one in found.names if one.probability > 0.5]
     assert likely == ["inertia_profile"]
-    assert not [one for one in found.unnamed if one.probability > 0.5 and one.torque_nm > 0.1]
+    assert not [one for one in found.curves if one.probability > 0.5 and one.torque_nm > 0.1]
     assert found.proof is not None
     assert found.proof.before > 20
     assert found.proof.after < 1.5

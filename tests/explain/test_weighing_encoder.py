@@ -11,6 +11,7 @@ from schwung.drivetrain.inertia import InertiaTable, LoadTorqueTable
 from schwung.drivetrain.machine import Load
 from schwung.drivetrain.physics_term import PhysicsTerm
 from schwung.explain.weighing.along import Along
+from schwung.explain.weighing.published import publish
 from schwung.explain.weighing.weigh import weigh
 
 
@@ -42,8 +43,8 @@ def test_a_belief_that_has_it_misses_nothing():
     phase = 1.0 + order * amplitude * np.sin(1.0)
     term = PhysicsTerm(name="encoder_harmonic", order=order, amplitude_rad=amplitude, phase_rad=phase)
     session = session_of(stranger, 5, every=8, times=(0.25,))
-    found = weigh(session, belief_of(stranger).model_copy(update={"physics": (term,)}))
-    assert all(one.probability < 0.5 for one in (*found.names, *found.unnamed))
+    found = publish(session, belief_of(stranger).model_copy(update={"physics": (term,)}))
+    assert all(one.probability < 0.5 for one in (*found.names, *found.curves))
     assert found.proof is not None
     assert found.proof.before == pytest.approx(1.0, abs=0.1)
 

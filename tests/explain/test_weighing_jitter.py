@@ -7,7 +7,7 @@ import pytest
 from scipy.interpolate import CubicSpline
 from strangers import STRANGERS, belief_of, session_of
 
-from schwung.explain.weighing.weigh import weigh
+from schwung.explain.weighing.published import publish
 
 
 def taken_unevenly(session, deviation_s, seed=3):
@@ -30,7 +30,7 @@ def taken_unevenly(session, deviation_s, seed=3):
 def test_uneven_sampling_is_noise_of_its_own(deviation_s):
     """As one noise of the angle for rest and motion alike, fast runs kept aside missed 1.2 times as much."""
     session = taken_unevenly(session_of(STRANGERS[0], 5, every=4, times=(0.25, 0.4)), deviation_s)
-    found = weigh(session, belief_of(STRANGERS[0]))
+    found = publish(session, belief_of(STRANGERS[0]))
     assert not [one for one in found.names if one.probability > 0.5]
     assert found.noise.jitter_s == pytest.approx(deviation_s, rel=0.1)
     assert found.noise.position_rad < 1e-5
