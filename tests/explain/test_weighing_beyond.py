@@ -26,7 +26,7 @@ def test_it_is_asked_first_and_last_and_never_for_less_than_there_is(monkeypatch
         return found
 
     monkeypatch.setattr(Rests, "rest", noted)
-    stranger = Stranger("hum, dry friction", (), (0.8, 0.0, 0.0, 0.0), hum=(0.3, 71.3))
+    stranger = Stranger("dry friction, inertia", (), (0.8, 0.0, 0.0, 0.0), believed_scale=0.95)
     found = weigh(fewer(session_of(stranger, 5, every=8, times=(0.25, 0.4)), 1), belief_of(stranger))
     assert {name.name for name in found.names if name.probability > 0.9} >= {"coulomb_friction"}
 
