@@ -7,11 +7,11 @@ from html.parser import HTMLParser
 
 import numpy as np
 import pytest
-from probability_samples import answer
+from probability_samples import RUN, answer
 
 from schwung.drivetrain import paper_machine
 from schwung.drivetrain.residual_plane import Plane
-from schwung.explain.values import Quantity
+from schwung.explain.values import Located, Quantity
 from schwung.explain.weighing.publication import Curve, Name, merged
 from schwung.explain.weighing.values import Lasting
 from schwung.explain.words import told_apart_by
@@ -87,6 +87,15 @@ def test_pictures_stand_behind_what_was_found_and_before_the_rest():
     assert "Friction that is a spring before it slides" in titles
     assert text.count("<svg") == 9
     assert "−40" in text or "-40" in text
+
+
+def test_a_speed_that_is_missed_is_drawn_where_that_is_what_is_missed():
+    late = Located("acceleration", (-400.0, 400.0), "rad/s²", 1.0, 1e-9, "All of it.", "speed")
+    missed = replace(RUN, speed_before_rad_s=4e-4 * RUN.acceleration_rad_s2, speed_after_rad_s=0 * RUN.time_s)
+    of_speed = replace(answer(), mismatch=(late,), overlays=(missed,))
+    assert "The reported speed" in Titles(shown(of_speed)).found
+    for other in (replace(answer(), overlays=(missed,)), replace(of_speed, overlays=(RUN,))):
+        assert "The reported speed" not in Titles(shown(other)).found
 
 
 def test_what_cannot_be_drawn_does_not_break_the_page():

@@ -69,3 +69,6 @@ class Overlay:
     terms_nm: Mapping[str, Array]  # what each named term changes in it
     considered: NDArray[np.bool_]  # whether the sample is compared (not at standstill, nor at the edges)
     motion_time_s: Array | None = None  # since the demand left rest; None: not known
+    #: Reported speed beyond what follows from the belief, and from the same with the named physics; None: not measured.
+    speed_before_rad_s: Array | None = None
+    speed_after_rad_s: Array | None = None

@@ -9,11 +9,12 @@ from pathlib import Path
 
 from schwung.drivetrain.effects import PHYSICS
 from schwung.drivetrain.machine import Machine
+from schwung.explain.values import Overlay
 from schwung.explain.weighing.publication import NAMED, Curve, Published, Where, over_words, percent
 from schwung.explain.words import told_apart_by, words_of
 from schwung.quantities import sentences_of
 from schwung.report.content import Units, units_of
-from schwung.report.figures_explanation import judged, map_figure, overlay_figure, shown_overlay
+from schwung.report.figures_explanation import judged, map_figure, overlay_figure, shown_overlay, speed_figure
 from schwung.report.figures_probabilities import (
     curve_figure,
     plane_figure,
@@ -272,6 +273,14 @@ def _set_text(names: Sequence[str], of: Published) -> str:
 # ------------------------------------------------------------------------------------------- pictures
 
 
+def _speed_picture(of: Published, shown: Overlay, units: Units) -> Iterator[Picture]:
+    """What the reported speed misses, where the mismatch is one of that: the torque shows nothing of it."""
+    figure = speed_figure(shown, of.noise.speed_rad_s, units, named=bool(of.in_file))
+    if figure is not None and any(one.of == "speed" for one in of.mismatch):
+        caption = f"Run {shown.run}. What is missed is the reported speed, not the {units.torque_word}."
+        yield Picture("reported_speed", "The reported speed", caption, figure)
+
+
 def explanation_pictures(content: ExplanationContent) -> Iterator[Picture]:
     """Every picture for which there is something to show, in reading order."""
     of, units = content.published, content.units
@@ -294,6 +303,7 @@ def explanation_pictures(content: ExplanationContent) -> Iterator[Picture]:
         yield Picture(
             "before_after", "Before and after" if named else "Measured and believed", caption, figure
         )
+        yield from _speed_picture(of, shown, units)
     if runs and of.verdict != "consistent":
         yield Picture(
             "map", "Where it is missing", MAP, map_figure(runs, of.noise.torque_nm, units, named=named)

@@ -89,6 +89,30 @@ def overlay_figure(
     return figure
 
 
+@in_style
+def speed_figure(overlay: Overlay, noise_rad_s: float, units: Units, *, named: bool = True) -> Figure | None:
+    """One run: what the reported speed is beyond what follows, by the belief and with the named physics; None where no
+    speed was measured.
+
+    `noise_rad_s`: its standard deviation.
+    """
+    before, after = overlay.speed_before_rad_s, overlay.speed_after_rad_s
+    if before is None or after is None:
+        return None
+    before, after = (np.where(compared(overlay), values, np.nan) for values in (before, after))
+    figure = new_figure(2.8)
+    (axes,) = figure.axes
+    curve(axes, overlay.time_s, before, EXCITED, label="belief", width=1.2)
+    if named:
+        curve(axes, overlay.time_s, after, GOOD, label="belief + physics", width=1.0)
+    axes.axhspan(-2 * noise_rad_s, 2 * noise_rad_s, color=GRID.light, linewidth=0, zorder=0.5)
+    _reach(axes, (before, after) if named else (before,), 3 * noise_rad_s)
+    axes.set_title(f"Reported minus expected speed, {units.speed} · grey: ± 2 × noise")
+    axes.set_xlabel("time, s")
+    key(axes)
+    return figure
+
+
 def _reach(axes: Axes, signals: Sequence[Array], least: float) -> None:
     """Symmetric limits that hold all but single spikes."""
     sizes = [np.abs(signal[np.isfinite(signal)]) for signal in signals]

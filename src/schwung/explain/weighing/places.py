@@ -218,4 +218,6 @@ def _overlay(before: Shown, after: Shown, causes: Sequence[Acts], heldout: bool)
         terms_nm={name: taken for name, taken in terms.items() if taken is not None},
         considered=along.moves,
         motion_time_s=along.motion_time_s,
+        speed_before_rad_s=before.missed_rad_s,
+        speed_after_rad_s=after.missed_rad_s,
     )
