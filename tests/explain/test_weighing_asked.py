@@ -45,10 +45,13 @@ def test_what_no_line_leads_to_is_asked_where_something_is_left(
     assert seen == brought
 
 
-def test_each_set_that_would_be_told_is_at_rest_first() -> None:
+@pytest.mark.parametrize("spent", [False, True])
+def test_each_set_that_would_be_told_is_at_rest_first(spent: bool) -> None:
     """Five sets with a further mass promised more than the hum that was found, and ended at their bounds: three of
     them were asked, and the fourth was told."""
     promised = {frozenset({i}): 10.0 - i for i in range(5)} | {frozenset({9}): 0.0, frozenset({8}): -30.0}
+    rival = frozenset({7})
+    promised |= {rival: -2.0}
     kept: dict[frozenset[int], float] = {}
 
     def tempered(_ratio: float) -> Any:
@@ -64,11 +67,12 @@ def test_each_set_that_would_be_told_is_at_rest_first() -> None:
     search: Any = SimpleNamespace(
         tempered=tempered, kind=frozenset, kept=kept, doubts={}, note=note,
         table={kind: SimpleNamespace(picks=tuple(kind), log=log) for kind, log in promised.items()},
-        data=SimpleNamespace(work=SimpleNamespace(late=False)),
+        data=SimpleNamespace(work=SimpleNamespace(late=False, spent=spent)),
     )  # fmt: skip
     rests = SimpleNamespace(rest=lambda *_: (None, -np.inf))
     climbed = SimpleNamespace(search=search, best=SimpleNamespace(picks=(9,), log=0.0), at=None)
     found: Any = Grown(SimpleNamespace(rests=rests), climbed, None)  # type: ignore[arg-type]
     (share, best), *_ = found.tempered(10.0).shares()
-    assert (best.picks, share) == ((9,), pytest.approx(1.0))
-    assert set(kept) == {frozenset({i}) for i in range(5)}  # what would not be told is left
+    assert (best.picks, share) == ((9,), pytest.approx(1.0 if not spent else 1 / (1 + np.exp(-2.0))))
+    # what would not be told is left; of what is not the likeliest, where the work is over
+    assert set(kept) == {frozenset({i}) for i in range(5)} | (set() if spent else {rival})

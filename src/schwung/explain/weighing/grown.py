@@ -53,14 +53,15 @@ class Grown:
         return self.growth.nothing(self.view)
 
     def tempered(self, ratio: float) -> Search:
-        """All sets as so many times fewer samples tell them apart, those of them at rest that are worth telling: far
-        from the most probable one, a line promises what may be nothing."""
+        """All sets as so many times fewer samples tell them apart, those of them at rest that are worth telling, or the
+        likeliest alone where the work is over: far from the most probable one, a line promises what may be nothing."""
         search, at = self.search, self.climbed.at
         known = {search.kind(self.best.picks), *search.kept}
         while True:
             sure = search.tempered(ratio)
-            likely = (sure.kind(one.picks) for share, one in sure.shares() if share > TOLD)
-            kind = next((kind for kind in likely if kind not in known), None)
+            told = [sure.kind(one.picks) for share, one in sure.shares() if share > TOLD]
+            asked = told[:1] if search.data.work.spent else told
+            kind = next((kind for kind in asked if kind not in known), None)
             if kind is None or (search.data.work.late and kind not in search.doubts):
                 return sure
             one = search.table[kind]
