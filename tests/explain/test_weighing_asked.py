@@ -40,7 +40,8 @@ def test_what_no_line_leads_to_is_asked_where_something_is_left(
     rests: Any = SimpleNamespace(
         named={}, rest=rest, leaves=lambda _: leaves, misses=lambda _: False, note_named=lambda *_: None
     )
-    found = asked.further(rests, search, Picked(()), SimpleNamespace(), {})  # type: ignore[arg-type]
+    start: Any = Picked(())
+    found = asked.further(rests, search, start, at=rests, gained={})
     assert found == (line, f"at rest with {LINE}")
     assert seen == brought
 
@@ -69,9 +70,9 @@ def test_each_set_that_would_be_told_is_at_rest_first(spent: bool) -> None:
         table={kind: SimpleNamespace(picks=tuple(kind), log=log) for kind, log in promised.items()},
         data=SimpleNamespace(work=SimpleNamespace(late=False, spent=spent)),
     )  # fmt: skip
-    rests = SimpleNamespace(rest=lambda *_: (None, -np.inf))
-    climbed = SimpleNamespace(search=search, best=SimpleNamespace(picks=(9,), log=0.0), at=None)
-    found: Any = Grown(SimpleNamespace(rests=rests), climbed, None)  # type: ignore[arg-type]
+    growth: Any = SimpleNamespace(rests=SimpleNamespace(rest=lambda *_: (None, -np.inf)))
+    climbed: Any = SimpleNamespace(search=search, best=SimpleNamespace(picks=(9,), log=0.0), at=None)
+    found: Any = Grown(growth, climbed, view=search)
     (share, best), *_ = found.tempered(10.0).shares()
     assert (best.picks, share) == ((9,), pytest.approx(1.0 if not spent else 1 / (1 + np.exp(-2.0))))
     # what would not be told is left; of what is not the likeliest, where the work is over
