@@ -143,20 +143,3 @@ def test_a_coupling_with_play() -> None:
         found.append((*made, inputs, contact))
     _agree(found[1], found[0])
     assert 0.1 < np.mean(found[0][-1][:, 0]) < 0.9
-
-
-@pytest.mark.parametrize(("count", "samples"), [(1, 3), (4, 4096), (7, 5000)])
-def test_products_of_columns_have_all_figures_that_the_columns_have(count: int, samples: int) -> None:
-    """Also where the columns are nearly one: a sum in single precision would tell them apart by its rounding."""
-    random = np.random.default_rng(7)
-    shared = random.normal(size=samples)
-    one, other = (
-        (shared + 1e-4 * random.normal(size=(size, samples))).astype(np.float32) for size in (count, 3)
-    )
-    expected = one.astype(float) @ other.astype(float).T
-    products: list[Callable[..., Any]] = [plain.products, kernel.products]
-    for each in products:
-        np.testing.assert_allclose(each(one, other), expected, rtol=1e-12)
-        np.testing.assert_allclose(
-            each(shared[None], other), shared[None] @ other.astype(float).T, rtol=1e-12
-        )

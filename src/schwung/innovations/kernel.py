@@ -6,7 +6,7 @@ import numpy as np
 
 from schwung.compiled import compiled, compiled_fastmath, compiled_or
 from schwung.innovations import plain
-from schwung.innovations.statistics import STRETCH, Columns
+from schwung.innovations.statistics import Columns
 from schwung.innovations.values import Added, Filtered
 from schwung.motion import Array
 
@@ -319,36 +319,6 @@ def responses_of_six(
         _pushed(ahead, motor, inputs, 0, k)
         _pushed(ahead, load, inputs, 1, k)
         x, ahead = ahead, x
-
-
-@compiled_or(plain.products, fastmath=True)
-def products(one: Columns | Array, other: Columns) -> Array:
-    """Sums of products of columns (p, n) with others (q, n), (p, q), to all figures that they are kept to.
-
-    Four at once, a stretch after another: what is asked for again is in the nearest memory then.
-    """
-    count, found = one.shape[0], np.zeros((one.shape[0], other.shape[0]))
-    for start in range(0, one.shape[1], STRETCH):
-        stop = min(start + STRETCH, one.shape[1])
-        for j in range(other.shape[0]):
-            for i in range(0, count - 3, 4):
-                a, b, c, d = 0.0, 0.0, 0.0, 0.0
-                for k in range(start, stop):
-                    x = np.float64(other[j, k])
-                    a += one[i, k] * x
-                    b += one[i + 1, k] * x
-                    c += one[i + 2, k] * x
-                    d += one[i + 3, k] * x
-                found[i, j] += a
-                found[i + 1, j] += b
-                found[i + 2, j] += c
-                found[i + 3, j] += d
-            for i in range(count - count % 4, count):
-                a = 0.0
-                for k in range(start, stop):
-                    a += one[i, k] * np.float64(other[j, k])
-                found[i, j] += a
-    return found
 
 
 @compiled_or(plain.cholesky, fastmath=True)

@@ -5,7 +5,6 @@ from __future__ import annotations
 import numpy as np
 
 from schwung.innovations.contact import PARTS, SUREST, touching
-from schwung.innovations.statistics import STRETCH, Columns
 from schwung.innovations.values import REACH, TERMS, Added, Filtered, Shaft, System
 from schwung.motion import Array
 
@@ -288,14 +287,3 @@ def spline_rows(low: float, step: float, pieces: int, places: Array) -> tuple[Ar
     outside = np.flatnonzero(whole != at)
     value[outside] += ((whole - at) * step)[outside, None] * slope[outside]
     return value, slope
-
-
-def products(one: Columns | Array, other: Columns) -> Array:
-    """`kernel.products`: a stretch after another, for what is made longer should not be all of it."""
-    found = np.zeros((one.shape[0], other.shape[0]))
-    for start in range(0, one.shape[1], STRETCH):
-        first, second = (
-            columns[:, start : start + STRETCH].astype(np.float64, copy=False) for columns in (one, other)
-        )
-        found += first @ second.T
-    return found

@@ -14,8 +14,9 @@ Numbers = NDArray[np.intp]
 #: Columns, one a row, as they are kept: there may be gigabytes of them, and what they are worked out from is known to
 #: fewer figures.
 Columns = NDArray[np.float32]
-#: Samples of which their sums of products are worked out at once.
-STRETCH = 4096
+#: Sums of products are worked out of so many columns at once, and of so many of their numbers: they are made longer for
+#: it, and what was made longer is to be in the near memory yet when it is multiplied.
+_COLUMNS, _NUMBERS = 64, 2**18
 
 
 @dataclass(frozen=True, eq=False)
@@ -53,6 +54,24 @@ class Statistics:
         """Sum of squares of y − Xβ."""
         bent = coefficients @ self.gram @ coefficients
         return float(self.square - 2 * self.slope @ coefficients + bent)
+
+
+def products(one: Columns | Array, other: Columns) -> Array:
+    """Sums of products of columns (p, n) with others (q, n), (p, q), to all figures that they are kept to.
+
+    Those of columns that run away are no numbers, the others are.
+    """
+    found = np.zeros((one.shape[0], other.shape[0]))
+    at_once = min(_COLUMNS, other.shape[0])
+    stretch = max(_NUMBERS // max(one.shape[0], at_once, 1), 1)
+    for start in range(0, one.shape[1], stretch):
+        span = slice(start, start + stretch)
+        mine = one[:, span].astype(np.float64, copy=False)
+        for first in range(0, other.shape[0], _COLUMNS):
+            some = slice(first, first + _COLUMNS)
+            with np.errstate(invalid="ignore", over="ignore"):
+                found[:, some] += mine @ other[some, span].astype(np.float64).T
+    return found
 
 
 def colour(rows: Array, rest: Array, stretch: int) -> Array:

@@ -17,9 +17,8 @@ from schwung.explain.weighing.inexact import error_of
 from schwung.explain.weighing.present import Member
 from schwung.explain.weighing.round import Cause, Linearised, target_of
 from schwung.explain.weighing.work import CUBED, PRODUCT, SCORED, Work
-from schwung.innovations import kernel
 from schwung.innovations.evidence import Beyond
-from schwung.innovations.statistics import Columns, Numbers, Statistics
+from schwung.innovations.statistics import Columns, Numbers, Statistics, products
 from schwung.motion import Array
 
 #: Room for so many times the columns of the vocabulary, for refined shapes and the errors of laws.
@@ -160,7 +159,7 @@ class Data:
             stretches = dict(zip(self.train, self.about.stretches(self.train), strict=True))
             own = np.concatenate([self.rows[which, stretches[run]] for run in runs], axis=1)
             target = np.concatenate([self.target[stretches[run]] for run in runs])
-            cross = kernel.products(added, own)
+            cross = products(added, own)
             self.work.add(PRODUCT * own.size * added.shape[0])
         self.work.add(PRODUCT * added.size * added.shape[0])
         return cross / self.excess, added @ added.T / self.excess, added @ target / self.excess
@@ -175,9 +174,9 @@ class Data:
         for place in places:
             stretch = stretches[place]
             mine, others = (np.ascontiguousarray(self.rows[each, stretch]) for each in (where, which))
-            cross += kernel.products(others, mine)
-            gram += kernel.products(mine, mine)
-            slope += kernel.products(self.target[None, stretch], mine)[0]
+            cross += products(others, mine)
+            gram += products(mine, mine)
+            slope += products(self.target[None, stretch], mine)[0]
             self.work.add(PRODUCT * mine.size * (which.size + size))
         return cross / self.excess, gram / self.excess, slope / self.excess
 
@@ -208,10 +207,10 @@ class Data:
         self.about.whiten(causes, self.train, self.rows[first:])
         self.causes += zip(wheres, causes, strict=True)
         new = self.rows[first : self.width]
-        self.statistics.slope[first : self.width] = kernel.products(self.target[None], new)[0] / self.excess
+        self.statistics.slope[first : self.width] = products(self.target[None], new)[0] / self.excess
         for where in wheres:
             mine = self.rows[where]
-            self._note(where, where, kernel.products(mine, mine))
+            self._note(where, where, products(mine, mine))
         return wheres
 
     def _make_room(self, width: int) -> None:
@@ -240,7 +239,7 @@ class Data:
     def _products(self, rows: Columns | Array, where: slice) -> Array:
         """Of some rows with those of columns."""
         self.work.add(PRODUCT * rows.size * (where.stop - where.start))
-        return np.asarray(kernel.products(rows, self.rows[where]))
+        return products(rows, self.rows[where])
 
     def _note(self, one: Numbers | slice, other: slice, products: Array) -> None:
         """Keep products of columns (one, other)."""
