@@ -135,6 +135,26 @@ def test_a_column_is_what_the_filter_makes_of_its_cause(view, side):
         np.testing.assert_allclose(column[i], change, atol=2e-3 * np.max(np.abs(change)))
 
 
+def test_columns_do_not_depend_on_what_they_are_whitened_with(view):
+    """A few of one kind and another go together, many of one kind by themselves."""
+    noise, chance = first_noise(view.runs), np.random.default_rng(2)
+    sides = ["on_motor", "speed", "position", "on_load", "on_motor", "on_motor", "speed", "speed", "on_load"]
+    sizes = [1, 1, 2, 1, 2, 20, 1, 9, 25]
+    passed = Passed.of(*equations_of(view.alongs(())[0], Acting(), noise), noise, view.runs[0])
+    count = passed.samples // 2
+    effects = [
+        Effect(**{side: chance.standard_normal((count, size))})
+        for side, size in zip(sides, sizes, strict=True)
+    ]
+    effects.append(
+        Effect(on_motor=chance.standard_normal((count, 1)), on_load=chance.standard_normal((count, 1)))
+    )
+    alone = np.concatenate([passed.whitened([effect]) for effect in effects])
+    together = passed.whitened(effects)
+    np.testing.assert_allclose(together, alone, rtol=1e-9, atol=1e-9 * np.max(np.abs(alone)))
+    assert np.all(np.any(together, axis=1))
+
+
 def test_products_are_those_of_the_columns_whenever_they_met(data):
     which = np.concatenate([np.arange(4), np.arange(40, 60), [data.width - 1]])
     rows, columns = data.rows[which].astype(float), data.rows[: data.width].astype(float)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from schwung.innovations.statistics import products
+from schwung.innovations.statistics import products, products_with
 
 
 @pytest.mark.parametrize(
@@ -43,3 +43,13 @@ def test_nothing_has_products_with_nothing() -> None:
     none, some = np.empty((0, 100), dtype=np.float32), np.ones((2, 100), dtype=np.float32)
     assert products(none, some).shape == (0, 2)
     assert products(some, none).shape == (2, 0)
+
+
+@pytest.mark.parametrize(("count", "samples"), [(1, 300_000), (90, 7000)])
+def test_those_with_a_target_are_the_same(count: int, samples: int) -> None:
+    """As of columns with one another and with a column that is the target."""
+    random = np.random.default_rng(9)
+    columns, target = random.normal(size=(count, samples)).astype(np.float32), random.normal(size=samples)
+    gram, slope = products_with(target, columns)
+    np.testing.assert_allclose(gram, products(columns, columns), rtol=1e-12, atol=1e-9)
+    np.testing.assert_allclose(slope, products(target[None], columns)[0], rtol=1e-12, atol=1e-9)

@@ -68,6 +68,8 @@ class Effect:
 
 #: Columns that are whitened together: what is carried of them stays in the nearest memory.
 _TOGETHER = 32
+#: So few are whitened together whatever they act on: what each sample takes by itself is more than they do.
+_FEW = 8
 #: States for which a processor has registers: of motor, coupling and load, and the torque's error.
 _IN_REGISTERS = 5
 
@@ -204,15 +206,18 @@ def whiten(
 ) -> None:
     """Write effects along some runs, one behind another, as their innovations show them to `rows` (≥ Σp,
     ≥ across + Σ2n, in C's order) from [0, across] on."""
-    at, waiting, alike = 0, 0, None
+    at, waiting = 0, 0
     group: list[Effect] = []
+    alike: tuple[bool, ...] = ()  # what all in the group act on; nothing: on one thing and another
     for effect in effects:
         kind, count = effect.kind, effect.count
-        if group and (waiting + count > _TOGETHER or kind != alike):
+        few = waiting + count <= _FEW
+        if group and (waiting + count > _TOGETHER or not (few or kind == alike)):
             _respond(passed, group, rows, at, across)
             at, waiting, group = at + waiting, 0, []
+        alike = kind if not group or kind == alike else ()
         group.append(effect)
-        waiting, alike = waiting + count, kind
+        waiting += count
     if group:
         _respond(passed, group, rows, at, across)
 
@@ -220,13 +225,19 @@ def whiten(
 def _respond(
     passed: Sequence[Passed], group: list[Effect], rows: Columns | Array, down: int, across: int
 ) -> None:
-    """Of effects of one kind."""
-    nothing = np.empty((sum(one.result.error.shape[0] for one in passed), 0))
-    sides = [nothing] * 4
-    for which, acts in enumerate(group[0].kind):
-        if acts:
-            each = [part for effect in group if (part := effect.parts[which]) is not None]
-            sides[which] = np.ascontiguousarray(each[0] if len(each) == 1 else np.concatenate(each, axis=1))
+    """Of effects that are whitened together."""
+    samples = sum(one.result.error.shape[0] for one in passed)
+    sides = [np.empty((samples, 0))] * 4
+    for which in range(4):
+        each = [effect.parts[which] for effect in group]
+        if any(part is not None for part in each):
+            columns = [
+                np.zeros((samples, effect.count)) if part is None else part
+                for part, effect in zip(each, group, strict=True)
+            ]
+            sides[which] = np.ascontiguousarray(
+                columns[0] if len(columns) == 1 else np.concatenate(columns, axis=1)
+            )
     first = 0
     for one in passed:
         last = first + one.result.error.shape[0]

@@ -74,6 +74,19 @@ def products(one: Columns | Array, other: Columns) -> Array:
     return found
 
 
+def products_with(target: Array, columns: Columns) -> tuple[Array, Array]:
+    """Sums of products of columns (p, n) with one another, (p, p), and with a target (n,), (p,); see `products`."""
+    gram, slope = np.zeros((columns.shape[0],) * 2), np.zeros(columns.shape[0])
+    stretch = max(_NUMBERS // max(columns.shape[0], 1), 1)
+    for start in range(0, target.size, stretch):
+        span = slice(start, start + stretch)
+        mine = columns[:, span].astype(np.float64)
+        with np.errstate(invalid="ignore", over="ignore"):
+            gram += mine @ mine.T
+            slope += mine @ target[span]
+    return gram, slope
+
+
 def colour(rows: Array, rest: Array, stretch: int) -> Array:
     """How much more the columns' scores vary over stretches than with white noise, (P,), ≥ 0.
 

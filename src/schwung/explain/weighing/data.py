@@ -18,11 +18,12 @@ from schwung.explain.weighing.present import Member
 from schwung.explain.weighing.round import Cause, Linearised, target_of
 from schwung.explain.weighing.work import CUBED, PRODUCT, SCORED, Work
 from schwung.innovations.evidence import Beyond
-from schwung.innovations.statistics import Columns, Numbers, Statistics, products
+from schwung.innovations.statistics import Columns, Numbers, Statistics, products, products_with
 from schwung.motion import Array
 
-#: Room for so many times the columns of the vocabulary, for refined shapes and the errors of laws.
-_ROOM = 1.25
+#: Room for so many times the columns of the vocabulary, for refined shapes and the errors of laws: in the statistics,
+#: and in the rows, of which those that nothing is written to take no memory.
+_ROOM, _ROWS = 1.25, 2.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -83,9 +84,9 @@ class Data:
             if among is None or index in among
             for shape in (c.shapes if c.sought is None else c.sought(missed))
         ]
-        room = int(_ROOM * sum(candidates[index].size for index, _ in every))
-        rows = about.view.work.columns(room, about.samples(train)) if memory is None else memory
-        room = rows.shape[0]
+        width = sum(candidates[index].size for index, _ in every)
+        rows = about.view.work.columns(int(_ROWS * width), about.samples(train)) if memory is None else memory
+        room = int(_ROOM * width)
         target = target_of(about, members, train)
         empty = Statistics(
             np.zeros((room, room)), np.zeros(room), float(target @ target) / excess, target.size / excess
@@ -173,10 +174,9 @@ class Data:
         stretches = self.about.stretches(self.train)
         for place in places:
             stretch = stretches[place]
-            mine, others = (np.ascontiguousarray(self.rows[each, stretch]) for each in (where, which))
-            cross += products(others, mine)
-            gram += products(mine, mine)
-            slope += products(self.target[None, stretch], mine)[0]
+            mine, others = self.rows[where, stretch], self.rows[which, stretch]
+            own, pulled = products_with(self.target[stretch], mine)
+            cross, gram, slope = cross + products(others, mine), gram + own, slope + pulled
             self.work.add(PRODUCT * mine.size * (which.size + size))
         return cross / self.excess, gram / self.excess, slope / self.excess
 
@@ -206,21 +206,21 @@ class Data:
         self.taken[0] = wheres[-1].stop
         self.about.whiten(causes, self.train, self.rows[first:])
         self.causes += zip(wheres, causes, strict=True)
-        new = self.rows[first : self.width]
-        self.statistics.slope[first : self.width] = products(self.target[None], new)[0] / self.excess
         for where in wheres:
-            mine = self.rows[where]
-            self._note(where, where, products(mine, mine))
+            gram, slope = products_with(self.target, self.rows[where])
+            self.statistics.slope[where] = slope / self.excess
+            self._note(where, where, gram)
         return wheres
 
     def _make_room(self, width: int) -> None:
-        have = self.rows.shape[0]
-        if width <= have:
+        have, known = self.rows.shape[0], self.statistics
+        if width > have:
+            self.taken = list(self.taken)
+            more = int(_ROWS * width) - have
+            self.rows = np.concatenate([self.rows, np.empty((more, self.rows.shape[1]), dtype=np.float32)])
+        if width <= known.slope.size:
             return
-        more = int(_ROOM * width) - have
-        known = self.statistics
-        self.taken = list(self.taken)
-        self.rows = np.concatenate([self.rows, np.empty((more, self.rows.shape[1]), dtype=np.float32)])
+        more = int(_ROOM * width) - known.slope.size
         self.met = np.pad(self.met, (0, more))
         self.statistics = Statistics(
             np.pad(known.gram, (0, more)), np.pad(known.slope, (0, more)), known.square, known.count
