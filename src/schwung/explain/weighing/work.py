@@ -33,7 +33,7 @@ APART, ENDING = 0.7, 0.1
 _LATE, _LATE_S = 0.5, 0.1
 #: What else takes time, in whitened numbers: to linearise about a sample of angle or speed; to find the sizes of noise
 #: from one; to score a set, for the set and for each of its columns cubed; and a product in a sum of products.
-LINEARISED, NOISE, SCORED, CUBED, PRODUCT = 100.0, 1000.0, 1e5, 0.01, 1 / 60
+LINEARISED, NOISE, SCORED, CUBED, PRODUCT = 100.0, 1000.0, 1e5, 0.01, 1 / 100
 
 
 def on_one_thread(function: Callable[P, R]) -> Callable[P, R]:
