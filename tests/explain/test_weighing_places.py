@@ -71,3 +71,12 @@ def test_it_is_where_more_is_missed_over_its_noise(
 def test_without_a_measured_speed_it_is_the_torque() -> None:
     first = located(late_s=LATE_S, dry_nm=1.0, measured=False)[0]
     assert (first.of, first.coordinate) == ("torque", "direction")
+
+
+def test_who_misses_it_is_said() -> None:
+    """What the file leaves is no longer what the belief misses."""
+    before, after = ([shown(seed, 0.0, dry_nm) for seed in range(6)] for dry_nm in (5.0, 1.0))
+    told: Any = Told(verdict="partly_explained")
+    found = with_places(told, before, after, 160.0)
+    assert "what the belief misses" in found.mismatch[0].text
+    assert "what the file misses" in found.remainder[0].text

@@ -17,6 +17,8 @@ Coordinate = Literal[
 ]
 #: What of a recording a model misses.
 Signal = Literal["torque", "speed"]
+#: Which model misses it.
+Model = Literal["the belief", "the file"]
 
 
 @dataclass(frozen=True)

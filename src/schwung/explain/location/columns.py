@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from schwung.explain.values import Coordinate, Signal
+from schwung.explain.values import Coordinate, Model, Signal
 from schwung.motion import Array
 from schwung.session.model import Axis
 
@@ -27,9 +27,10 @@ BUMPS = (1.5, 2.0, 3.0, 4.0, 6.0, 8.0, 11.0, 15.0, 20.0)  # half widths in hats
 
 @dataclass(frozen=True, eq=False)
 class Residual:
-    """What the belief misses in one run, on a uniform grid, with the coordinates it may depend on; arrays (n,).
+    """What a model misses in one run, on a uniform grid, with the coordinates it may depend on; arrays (n,).
 
-    `missed`: torque (N·m), or reported speed (rad/s), as `of` says; `noise`: standard deviation of a sample's, alike.
+    `missed`: torque (N·m), or reported speed (rad/s), as `of` says, by whom says `by`; `noise`: standard deviation of a
+    sample's, alike.
     `considered`: samples to use (standstill and edges are False). `injected_hz`: frequencies of an injected torque.
     On a linear axis: m, m/s, m/s², N.
     """
@@ -46,6 +47,7 @@ class Residual:
     noise: float
     injected_hz: tuple[float, ...] = ()
     of: Signal = "torque"
+    by: Model = "the belief"
 
 
 @dataclass(frozen=True, eq=False)
@@ -69,6 +71,7 @@ class Samples:
     noise: float
     injected_hz: tuple[tuple[float, ...], ...]  # of each run
     of: Signal
+    by: Model
 
     def values(self, coordinate: Coordinate) -> Array:
         """The coordinate's value at each sample (n,); frequency has none and gives time on the run's grid."""
@@ -114,6 +117,7 @@ def gather(residuals: Sequence[Residual]) -> Samples | None:
         noise=float(np.sqrt(np.mean([one.noise**2 for one in used]))),
         injected_hz=tuple(one.injected_hz for one in used),
         of=used[0].of,
+        by=used[0].by,
     )
 
 

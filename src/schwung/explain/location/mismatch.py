@@ -167,7 +167,7 @@ def _located(
     ]
     each_turn = bool(shapes) and all(shape.bump is not None and shape.period is not None for shape in shapes)
     of = search.samples.of
-    text = sentence(coordinate, interval, visited, share, axis, twin, each_turn, of)
+    text = sentence(coordinate, interval, visited, share, axis, twin, each_turn, of, search.samples.by)
     if p_value >= SIGNIFICANT:
         text += f" This may be chance (p {p_value:.2g}); nothing else stands out more."
     return Located(coordinate, interval, unit_of(coordinate, axis), share, float(p_value), text, of)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from schwung.explain.values import Coordinate, Signal
+from schwung.explain.values import Coordinate, Model, Signal
 from schwung.session.model import Axis
 
 _UNITS: dict[Coordinate, tuple[str, str]] = {
@@ -34,13 +34,13 @@ def unit_of(coordinate: Coordinate, axis: Axis) -> str:
 
 def sentence(
     coordinate: Coordinate, interval: tuple[float, float], visited: tuple[float, float], share: float, axis: Axis,
-    twin: Coordinate | None = None, each_turn: bool = False, of: Signal = "torque",
+    twin: Coordinate | None = None, each_turn: bool = False, of: Signal = "torque", by: Model = "the belief",
 ) -> str:  # fmt: skip
     """What a drive engineer reads; `twin`: what this one cannot be told from; `each_turn`: the place comes back; `of`:
-    what is missed."""
+    what is missed; `by`: by which model."""
     lo, hi = interval
     unit = unit_of(coordinate, axis)
-    part = f"{100 * share:.0f} % of what the belief misses"
+    part = f"{100 * share:.0f} % of what {by} misses"
     if of == "speed":
         part += " of the reported speed"
     force = "force" if axis == "linear" and coordinate == "torque" else _NAMES[coordinate]

@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from schwung.explain.location import Residual, interval_of, locate, unit_of
-from schwung.explain.values import Located, Overlay, Signal
+from schwung.explain.values import Located, Model, Overlay, Signal
 from schwung.explain.weighing.along import Along
 from schwung.explain.weighing.candidate import Candidate, Shape
 from schwung.explain.weighing.judged import Shown
@@ -119,9 +119,9 @@ def with_places(
     if verdict == "consistent":
         return found
 
-    def missed(runs: Sequence[Shown], surely: bool) -> tuple[Located, ...]:
+    def missed(runs: Sequence[Shown], by: Model, surely: bool) -> tuple[Located, ...]:
         located = (
-            locate([_residual(run, of, band_hz) for run in runs], found.axis, surely=surely)
+            locate([_residual(run, of, by, band_hz) for run in runs], found.axis, surely=surely)
             for of in _by_what_is_missed(runs)
         )
         return next(filter(None, located), ())
@@ -129,8 +129,8 @@ def with_places(
     left = found.in_file and verdict != "explained"
     return replace(
         found,
-        mismatch=missed(before, verdict != "unexplained"),
-        remainder=missed(after, True) if left else (),
+        mismatch=missed(before, "the belief", verdict != "unexplained"),
+        remainder=missed(after, "the file", True) if left else (),
     )
 
 
@@ -161,7 +161,7 @@ def _heard(run: Signals) -> float:
     return float(np.sum(run.quiet(pulse) ** 2))
 
 
-def _residual(run: Shown, of: Signal, band_hz: float) -> Residual:
+def _residual(run: Shown, of: Signal, by: Model, band_hz: float) -> Residual:
     along, step = run.along, run.along.run.step_s
     every = max(1, int(1 / (_PER_PERIOD * band_hz * step)))
     at = slice(None, None, every)
@@ -179,6 +179,7 @@ def _residual(run: Shown, of: Signal, band_hz: float) -> Residual:
         noise=float(np.sqrt(np.mean(noise**2) * _heard(along.run))),
         injected_hz=run.injected_hz,
         of=of,
+        by=by,
     )
 
 
