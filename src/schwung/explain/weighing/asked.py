@@ -6,6 +6,7 @@ import numpy as np
 
 from schwung.compiled import IS_FAST
 from schwung.explain.weighing.offers import (
+    across_instead,
     inertia_beside,
     laws_instead,
     limits_instead,
@@ -106,11 +107,15 @@ def _in_place(
     rests: Rests, search: Search, start: Scored, at: Settled
 ) -> tuple[tuple[Scored, Settled] | None, float]:
     """A number of the belief in place of another, or of a cause what it is in its limit, at rest, and what that
-    gains (log): it needs no cause more, so that where it is much, it comes before all that do."""
+    gains (log): it needs no cause more, so that where it is much, it comes before all that do. Where more than noise is
+    left, friction on the other side of the coupling, too: of what rings in a gap no line says on which it is."""
     best, top = None, 0.0
-    for one in (*numbers_instead(search, start.picks), *limits_instead(search, start.picks)):
-        if one.log <= start.log or search.data.work.spent:
-            continue
+    lines = [*numbers_instead(search, start.picks), *limits_instead(search, start.picks)]
+    across = across_instead(search, start.picks) if rests.leaves(at) else []
+    across = [one for one in across if search.kind(one.picks) not in rests.rested]
+    for one in (*across, *(one for one in lines if one.log > start.log)):
+        if search.data.work.spent:
+            break
         tried, gain = rests.rest(search, one, start, at, top)
         search.asked[frozenset(one.picks)] = gain
         if gain > top:

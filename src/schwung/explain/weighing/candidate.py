@@ -78,6 +78,7 @@ class Candidate:
     family: str = ""  # of which a set holds one at most: each is a case of another
     cases: frozenset[str] = frozenset()  # names that are cases of this one: a set holds it or them
     limit: str = ""  # a name that it comes to in its limit: it is that, and something more
+    behind: str = ""  # a name that it has on the motor: it is that behind the coupling
     causes: int = 1  # as which it counts beforehand: near its limit nothing tells it from that
     own: tuple[Callable[[Along, Shape], Array], ...] = ()  # that its law may be off over, −1…1; none: by name
     others: Candidate | None = None  # what other laws of it do, in place of that

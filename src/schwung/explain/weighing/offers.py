@@ -88,6 +88,18 @@ def numbers_beside(search: Search, picks: Set) -> list[Pick]:
     return [Pick(search.first_atom(i), 1.0) for i, c in every if c.is_number and i not in inside]
 
 
+def across_instead(search: Search, picks: Set) -> list[Scored]:
+    """In place of each friction the same on the other side of the coupling."""
+    asked, found = {atom.candidate for atom in search.data.atoms}, []
+    for pick in picks:
+        own, others = search.candidate(pick), tuple(other for other in picks if other != pick)
+        for index, there in enumerate(search.data.candidates):
+            alike = there.name == own.behind if own.behind else there.behind == own.name
+            if alike and bool(there.behind) != bool(own.behind) and index in asked:
+                found.append(search.score((*others, Pick(search.first_atom(index), 1.0))))
+    return found
+
+
 def numbers_together(search: Search, picks: Set) -> tuple[Set, float] | None:
     """A set with the two changes of the belief's numbers more that promise most, and what it promises (log), where they
     do together what neither does alone: of an inertia and a torque constant that are both off, either hides the other.

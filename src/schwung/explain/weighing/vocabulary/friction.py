@@ -162,9 +162,9 @@ def _on_load(dry: float, viscous: float, drag: float, known: Known) -> list[Cand
     e, plain = known.effects, known.machine.load.viscous_friction_nms
     return [
         Candidate("load_side_friction", _behind, (dry,), lambda c, _: {"torque_nm": c[0]},
-                  positive=(0,), coordinate="direction"),
+                  positive=(0,), coordinate="direction", behind="coulomb_friction"),
         Candidate("viscous_friction", _viscous_behind, (viscous,), lambda c, _: {"load_coefficient_nms": c[0]},
-                  positive=(0,), least=(-plain - e.load_viscous_nms,), coordinate="speed"),
+                  positive=(0,), least=(-plain - e.load_viscous_nms,), coordinate="speed", behind="viscous_friction"),
         Candidate("quadratic_drag", _drag_behind, (drag,), lambda c, _: {"load_coefficient_nms2": c[0]},
-                  positive=(0,), least=(-e.load_drag_nms2,), coordinate="speed"),
+                  positive=(0,), least=(-e.load_drag_nms2,), coordinate="speed", behind="quadratic_drag"),
     ]  # fmt: skip
