@@ -46,6 +46,46 @@ def test_what_no_line_leads_to_is_asked_where_something_is_left(
     assert seen == brought
 
 
+@pytest.mark.parametrize(
+    ("leaves", "rested", "brought"),
+    [
+        (True, set(), ["across", "promises"]),
+        (True, {frozenset({"across"})}, ["promises"]),
+        (False, set(), ["promises"]),
+    ],
+)
+def test_friction_across_the_coupling_is_asked_whatever_a_line_promises(
+    monkeypatch: pytest.MonkeyPatch, leaves: bool, rested: set[frozenset[str]], brought: list[str]
+) -> None:
+    """Once, and where more than noise is left."""
+
+    class Promised(Picked):
+        @property
+        def log(self) -> float:
+            return {"across": -300.0, "promises": 5.0, "less": -1.0}.get(self.picks[0], 0.0)
+
+    across, promises, less = (Promised((name,)) for name in ("across", "promises", "less"))
+    monkeypatch.setattr(asked, "across_instead", lambda *_: [across])
+    monkeypatch.setattr(asked, "numbers_instead", lambda *_: [promises, less])
+    monkeypatch.setattr(asked, "limits_instead", lambda *_: [])
+    seen: list[str] = []
+
+    def rest(_search: Any, one: Any, *_: Any) -> tuple[str, float]:
+        seen.append(one.picks[0])
+        return "at rest", 400.0 if one is across else 3.0
+
+    search: Any = SimpleNamespace(
+        kind=frozenset, asked={}, data=SimpleNamespace(work=SimpleNamespace(spent=False))
+    )
+    rests: Any = SimpleNamespace(rest=rest, rested=rested, leaves=lambda _: leaves)
+    start: Any = Promised(("start",))
+    best, gain = asked._in_place(rests, search, start, rests)
+    assert seen == brought
+    assert (best, gain) == (
+        ((across, "at rest"), 400.0) if "across" in brought else ((promises, "at rest"), 3.0)
+    )
+
+
 @pytest.mark.parametrize("spent", [False, True])
 def test_each_set_that_would_be_told_is_at_rest_first(spent: bool) -> None:
     """Five sets with a further mass promised more than the hum that was found, and ended at their bounds: three of

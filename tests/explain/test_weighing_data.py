@@ -17,6 +17,7 @@ from schwung.explain.weighing.equations import Acting, equations_of
 from schwung.explain.weighing.known import known
 from schwung.explain.weighing.offers import (
     _neighbours,
+    across_instead,
     bending_instead,
     instead_of_each,
     numbers_beside,
@@ -101,6 +102,21 @@ def test_hardly_any_inertia_with_hardly_any_torque_is_not_offered():
         numbers_together(search, ()),
     )
     assert both is None or null.log > both[1] + HOPELESS
+
+
+def test_friction_is_on_either_side_of_the_coupling(data):
+    """Each of the three has one on the other side, by its name or another; what is no friction has none."""
+    search = Search(data, (0, 1, 2))
+    sides = {(c.name, bool(c.behind)): i for i, c in reversed(list(enumerate(data.candidates)))}
+    dry, behind = sides["coulomb_friction", False], sides["load_side_friction", True]
+    drag, its = sides["quadratic_drag", False], sides["quadratic_drag", True]
+    cogging = sides["cogging", False]
+    picks = tuple(Pick(search.first_atom(i), 1.0) for i in (drag, behind, cogging))
+    found = [search.kind(one.picks) for one in across_instead(search, picks)]
+    assert found == [frozenset({its, behind, cogging}), frozenset({drag, dry, cogging})]
+    few = Data.of(data.about, data.members, data.candidates, (0, 1, 3), 2.0, None, frozenset({0, 1, 2, drag}))
+    alone = Search(few, (0, 1, 2))
+    assert across_instead(alone, (Pick(alone.first_atom(drag), 1.0),)) == []  # it is not asked for here
 
 
 def test_what_a_set_grows_into_without_a_cause_is_asked_once(data, monkeypatch):
