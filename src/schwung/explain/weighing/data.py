@@ -241,9 +241,9 @@ class Data:
         self.work.add(PRODUCT * rows.size * (where.stop - where.start))
         return products(rows, self.rows[where])
 
-    def _note(self, one: Numbers | slice, other: slice, products: Array) -> None:
+    def _note(self, one: Numbers | slice, other: slice, found: Array) -> None:
         """Keep products of columns (one, other)."""
-        gram, met, tempered = self.statistics.gram, self.met, products / self.excess
+        gram, met, tempered = self.statistics.gram, self.met, found / self.excess
         gram[one, other], gram[other, one] = tempered, tempered.T
         met[one, other] = met[other, one] = True
 

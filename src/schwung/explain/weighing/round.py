@@ -294,15 +294,15 @@ def linearised(
     noise: Noise,
     reach: float | None,
     runs: Sequence[int] | None = None,
+    telling: Sequence[int] | None = None,
 ) -> Linearised:
     """Filter some runs (None: all) with these members present; `reach`: how far off the noise may be (log), None: keep
-    it. It is found from some of them: the others may be about states of former members.
+    it. It is found from some of those that are `telling` it (None: any): others may be about states of former members.
     """
     alongs = view.alongs(members)
     runs = range(len(alongs)) if runs is None else runs
-    groups = [[i for i in group if i in runs] for group in view.repeats]
-    pairs = few_of([group for group in groups if len(group) > 1])
-    few = [] if reach is None else [i for pair in pairs for i in pair[:2]] or few_of(list(runs))
+    pairs = few_of(repeated_among(view, telling or runs))
+    few = [] if reach is None else [i for pair in pairs for i in pair[:2]] or few_of(list(telling or runs))
     asked = sorted({*runs, *few})
     joined = Joined.of([alongs[i] for i in asked])
     act, each = acting_on_each(view, joined, members)
@@ -325,6 +325,11 @@ def linearised(
         alongs[i] = alongs[i] if play is None else replace(alongs[i], met=play.contact)
     view.work.add(LINEARISED * sum(one.samples for one in passed.values()))
     return Linearised(view, alongs, passed, noise, members, unlikely)
+
+
+def repeated_among(view: View, runs: Sequence[int]) -> list[list[int]]:
+    """Those of some runs that repeat one another, by motion and injection."""
+    return [some for group in view.repeats if len(some := [i for i in group if i in runs]) > 1]
 
 
 def few_of(every: Sequence[T]) -> list[T]:

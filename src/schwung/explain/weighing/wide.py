@@ -19,6 +19,7 @@ from schwung.explain.weighing.round import (
     finite,
     linearised,
     loud_about,
+    repeated_among,
     resmoothed,
     resmoothed_about,
     torques_about,
@@ -71,14 +72,16 @@ def wide_fit(
     off the noise may be (log).
 
     Where repeats are likelier about the former states, what was found about those holds: curves that cancel one another
-    may make them differ by more than their noise.
+    may make them differ by more than their noise. What each run has of its own is known of those alone that are fitted:
+    of the others it would be noise.
     """
     members, least = list(candidates), np.inf
+    telling = train if any(m.candidate.each_run for m in members) else range(len(view.runs))
     view = _begun(replace(view, dry_nm=None, slowest=()), members, noise, train)
     view = at_rest(view, members, noise).view
-    passes = _PASSES_OF_REPEATS if any(len(group) > 1 for group in view.repeats) else _PASSES
+    passes = _PASSES_OF_REPEATS if repeated_among(view, telling) else _PASSES
     for number in range(passes):
-        latest = linearised(view, members, noise, reach)
+        latest = linearised(view, members, noise, reach, telling=telling)
         if latest.unlikely > least:
             break
         about, least = latest, latest.unlikely
