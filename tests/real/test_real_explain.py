@@ -9,14 +9,17 @@ from __future__ import annotations
 from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
 import pytest
 from real_recordings import RealRecordings, emps_machine, hsm150_machine, pendulum_machine
 
 from schwung.drivetrain import Load, Machine, load_machine, write_machine
 from schwung.drivetrain.physics_term import PhysicsTerm
 from schwung.explain.free_run import free_runs
+from schwung.explain.measured import smooth
+from schwung.explain.weighing.judged import judged
 from schwung.explain.weighing.published import publish
-from schwung.explain.weighing.weigh import signals_as_measured
+from schwung.explain.weighing.weigh import posterior_of, signals_as_measured
 from schwung.explain.weighing.work import Work
 from schwung.report.explanation import tables
 from schwung.session import Run, Session
@@ -24,6 +27,15 @@ from schwung.session import Run, Session
 LIGHTER_KG = 5.1
 #: Published of EMPS: N·s/m, N, N.
 VISCOUS, COULOMB, OFFSET = 203.5034, 20.3935, -3.1648
+PUBLISHED = emps_machine().model_copy(
+    update={
+        "physics": (
+            PhysicsTerm(name="viscous_friction", coefficient_nms=VISCOUS),
+            PhysicsTerm(name="coulomb_friction", torque_nm=COULOMB),
+            PhysicsTerm(name="torque_offset", torque_nm=-OFFSET),
+        )
+    }
+)
 #: Work after which nothing more is tried: there has to be an answer then, too.
 ENOUGH = 6e7
 
@@ -90,12 +102,7 @@ def test_a_speed_that_was_made_of_the_position_is_no_measurement(recordings: Rea
 @pytest.mark.long
 def test_the_published_model_of_emps_runs_free_as_was_published(recordings: RealRecordings) -> None:
     """Baselines: 5.2 to 5.5 mm RMS over the record (Janot, Gautier, Brunot 2019)."""
-    terms = (
-        PhysicsTerm(name="viscous_friction", coefficient_nms=VISCOUS),
-        PhysicsTerm(name="coulomb_friction", torque_nm=COULOMB),
-        PhysicsTerm(name="torque_offset", torque_nm=-OFFSET),
-    )
-    (published,) = free_runs(emps_machine().model_copy(update={"physics": terms}), recordings.emps)
+    (published,) = free_runs(PUBLISHED, recordings.emps)
     assert published.duration_s == pytest.approx(24.841)
     assert published.position_rms_rad == pytest.approx(5.3e-3, abs=0.4e-3)
 
@@ -126,5 +133,22 @@ def test_emps_says_which_laws_it_is_like_and_runs_free(recordings: RealRecording
     assert laws["load_inertia"]["delta_kgm2"].value == pytest.approx(LIGHTER_KG, rel=0.3)
     (driven,) = free_runs(found.machine, recordings.emps)
     assert driven.position_rms_rad < 4e-3
-    (elsewhere,) = free_runs(found.machine, recordings.emps_pulses)  # of another motion, never seen
-    assert elsewhere.position_rms_rad < 1.1e-2  # 10.1 mm, that of the published model is 8.4 mm
+    _holds_where_pulses_push_it(found.machine, recordings.emps_pulses)
+
+
+def _holds_where_pulses_push_it(machine: Machine, pulses: Session) -> None:
+    """Another record, never seen, with pulses of force: no more force is missed than by the published laws.
+
+    Driven by its force alone it may go astray further than they do: a mean force that is 0.1 N off, against a viscous
+    friction of 200 N·s/m, is 12 mm after 25 s, 7 mm rms; and of this record cycles differ by as much in what the
+    published laws miss of them in the mean.
+    """
+    outcome = posterior_of(pulses, PUBLISHED, work=Work(most=1.0))
+    ours, theirs = (judged(outcome, smooth(each), ()).fitted for each in (machine, PUBLISHED))
+    for mine, published in zip(ours, theirs, strict=True):
+        moves = mine.along.moves
+        assert np.std(mine.missed_nm[moves]) < np.std(published.missed_nm[moves])
+    of_theirs = [float(np.mean(shown.missed_nm[shown.along.moves])) for shown in theirs]
+    assert max(of_theirs) - min(of_theirs) > 0.1
+    (elsewhere,), (published_elsewhere,) = free_runs(machine, pulses), free_runs(PUBLISHED, pulses)
+    assert elsewhere.position_rms_rad < published_elsewhere.position_rms_rad + 0.1 / VISCOUS * 25 / 3**0.5

@@ -32,9 +32,8 @@ APART, ENDING = 0.7, 0.1
 #: Beyond so much more, sets are taken as far as they have come to rest, and no further formula is tried.
 _LATE, _LATE_S = 0.5, 0.1
 #: What else takes time, in whitened numbers: to linearise about a sample of angle or speed; to find the sizes of noise
-#: from one; to score a set, for the set and for each of its columns cubed; and a product in a sum of products, which is
-#: counted dearly: by what it takes, a hundredth, of one motion alone (EMPS) curves are sought that hold in no other.
-LINEARISED, NOISE, SCORED, CUBED, PRODUCT = 100.0, 1000.0, 1e5, 0.01, 1 / 60
+#: from one; to score a set, for the set and for each of its columns cubed; and a product in a sum of products.
+LINEARISED, NOISE, SCORED, CUBED, PRODUCT = 100.0, 1000.0, 1e5, 0.01, 0.01
 
 
 def on_one_thread(function: Callable[P, R]) -> Callable[P, R]:
